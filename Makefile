@@ -1,0 +1,55 @@
+# Every target makes what it needs: an environment in .venv and, in it, this package with the extras of the target.
+
+PYTHON ?= python3
+VENV ?= .venv
+PY := $(VENV)/bin/python
+
+extras_test := [test,jax]
+extras_lint := [dev]
+extras_docs := [docs]
+
+.PHONY: help study artery test lint docs clean
+
+help:
+	@echo "make study    the simulated sheep-aorta study: a table, figures and netCDF files in results/"
+	@echo "make artery   the same for a measured pulmonary artery, control against hypertensive"
+	@echo "make test     the whole test suite, on two processes"
+	@echo "make lint     ruff and mypy"
+	@echo "make docs     the documentation, in docs/_build/html"
+	@echo "make clean    remove what the other targets made, except $(VENV) and results/"
+
+study: $(VENV)/.ready-study
+	$(PY) examples/sheep_aorta.py
+
+artery: $(VENV)/.ready-study
+	$(PY) examples/pulmonary_hypertension.py
+
+# Two processes with one thread each; the tests of one file share its fitted results, so they stay together.
+test: $(VENV)/.ready-test
+	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadfile
+
+lint: $(VENV)/.ready-lint
+	$(PY) -m ruff check
+	$(PY) -m ruff format --check
+	$(PY) -m mypy
+
+# The reference pages are written anew, so that none outlives its name.
+docs: $(VENV)/.ready-docs
+	rm -rf docs/generated
+	$(PY) -m sphinx -W --keep-going -b html docs docs/_build/html
+
+clean:
+	rm -rf docs/_build docs/gallery docs/generated docs/sg_execution_times.rst dist .pytensor .ci/venv .ci/*.log
+	rm -rf .pytest_cache .mypy_cache .ruff_cache
+	find pymc_hyperelastic tests examples docs -name __pycache__ -prune -exec rm -rf {} +
+
+# A stamp for each set of extras; older than pyproject.toml, it is made again.
+$(VENV)/.ready-%: pyproject.toml | $(PY)
+	@echo "Installing pymc_hyperelastic$(extras_$*) in $(VENV)"
+	@$(PY) -m pip install --quiet --disable-pip-version-check --editable ".$(extras_$*)"
+	@touch $@
+
+$(PY):
+	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 12))" || \
+	{ echo "'$(PYTHON)' is not Python 3.12 or newer; name one that is: make PYTHON=/path/to/python3.13"; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }

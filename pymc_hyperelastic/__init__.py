@@ -1,0 +1,62 @@
+"""Bayesian models of inflated hyperelastic tubes.
+
+Inflation curves of soft tubes go in; probability distributions of material parameters, class
+evidences and class probabilities come out, as ordinary PyMC models and ArviZ results.
+"""
+
+from importlib.metadata import version
+
+from pymc_hyperelastic.classification import classify, fit_classes, kl_divergence
+from pymc_hyperelastic.data import inflation_data, select
+from pymc_hyperelastic.datasets import list_datasets, load_dataset
+from pymc_hyperelastic.likelihood import balanced_slope_weight, inflation_likelihood
+from pymc_hyperelastic.models import (
+    criscione_model,
+    inflation_model,
+    ogden_model,
+    power_law_neo_hookean_model,
+    predict_pressure,
+)
+from pymc_hyperelastic.pressure import PressureIntegral, inflation_pressure, inflation_stiffness
+from pymc_hyperelastic.smc import BatchedSMC, Estimate, log_evidence, sample_smc
+from pymc_hyperelastic.strain_energy import (
+    CriscioneType,
+    Ogden,
+    Parameter,
+    PowerLawNeoHookean,
+    StrainEnergy,
+)
+from pymc_hyperelastic.units import mmHg
+
+__version__ = version("pymc-hyperelastic")
+
+# In the order in which a study uses them.
+__all__ = [
+    "load_dataset",
+    "list_datasets",
+    "inflation_data",
+    "select",
+    "mmHg",
+    "StrainEnergy",
+    "Parameter",
+    "PowerLawNeoHookean",
+    "Ogden",
+    "CriscioneType",
+    "PressureIntegral",
+    "inflation_pressure",
+    "inflation_stiffness",
+    "balanced_slope_weight",
+    "inflation_likelihood",
+    "inflation_model",
+    "power_law_neo_hookean_model",
+    "ogden_model",
+    "criscione_model",
+    "sample_smc",
+    "BatchedSMC",
+    "log_evidence",
+    "Estimate",
+    "predict_pressure",
+    "fit_classes",
+    "classify",
+    "kl_divergence",
+]

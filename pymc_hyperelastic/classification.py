@@ -1,0 +1,353 @@
+"""Fit classes of inflation experiments, and classify new ones by their marginal likelihood."""
+
+import json
+import warnings
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+import pymc as pm
+import xarray as xr
+from pymc.progress_bar import create_simple_progress
+from scipy.special import softmax
+
+from pymc_hyperelastic.data import tests_at
+from pymc_hyperelastic.likelihood import inflation_likelihood, likelihood_inputs
+from pymc_hyperelastic.models import inflation_model
+from pymc_hyperelastic.results import inflation_data_of, model_settings_of
+from pymc_hyperelastic.smc import BatchedFunction, Estimate, log_evidence, sample_smc
+from pymc_hyperelastic.strain_energy import StrainEnergy
+
+__all__ = ["classify", "fit_classes", "kl_divergence"]
+
+
+def fit_classes(
+    energy: StrainEnergy,
+    classes: Mapping[str, xr.Dataset],
+    *,
+    sigma: Any,
+    slope_weight: Any,
+    priors: dict[str, Any] | None = None,
+    draws: int = 2000,
+    chains: int = 4,
+    random_seed: Any = None,
+    progressbar: bool = True,
+) -> xr.DataTree:
+    """Sample the posterior of each class from its training experiments.
+
+    All models are built, and so all input is checked, before the first is sampled.
+
+    Parameters
+    ----------
+    energy : StrainEnergy
+        The material, such as ``ph.Ogden()``.
+    classes : dict of str to xarray.Dataset
+        Training data of each class by its name.
+    sigma, slope_weight, priors
+        See :func:`pymc_hyperelastic.inflation_model`; they hold for all classes.
+    draws, chains, random_seed, progressbar
+        See :func:`pymc_hyperelastic.sample_smc`. After an interrupt the classes already fitted are
+        returned.
+
+    Returns
+    -------
+    xarray.DataTree
+        One child a class, each with posterior, evidence, training data and settings. It can be
+        saved with ``classes.to_netcdf(path)`` and read with ``xarray.open_datatree(path)``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there are no classes, or anything is wrong with the data, priors or numbers.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> classes = ph.fit_classes(
+    ...     ph.Ogden(),
+    ...     {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")},
+    ...     sigma=5 * ph.mmHg,
+    ...     slope_weight=3.0,
+    ...     draws=500,
+    ...     chains=2,
+    ...     random_seed=1,
+    ...     progressbar=False,
+    ... )
+    >>> list(classes.children)
+    ['C1', 'C2']
+    """
+    if not isinstance(classes, Mapping) or not classes:
+        raise ValueError(f"classes must be a dict of names to training data; got {classes!r}")
+    models = {}
+    for name, data in classes.items():
+        if not isinstance(name, str) or not name or "/" in name:
+            raise ValueError(f"a class is named by text without '/'; got {name!r}")
+        try:
+            models[name] = inflation_model(
+                energy, data, sigma=sigma, slope_weight=slope_weight, priors=priors
+            )
+            models[name].study.attrs()
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"class {name!r}: {error}") from error
+
+    parameters = [rv.name for rv in next(iter(models.values())).free_RVs]
+    seed = np.random.SeedSequence(random_seed)
+    fitted = {}
+    for (name, model), class_seed in zip(
+        models.items(), seed.generate_state(len(models)).tolist(), strict=True
+    ):
+        try:
+            fitted[name] = sample_smc(
+                model, draws, chains, class_seed, progressbar, var_names=parameters
+            )
+        except KeyboardInterrupt:
+            if not fitted:
+                raise
+            warnings.warn(f"interrupted: only {list(fitted)} are fitted", stacklevel=2)
+            break
+        except ValueError as error:
+            raise ValueError(f"class {name!r}: {error}") from error
+    tree = xr.DataTree.from_dict({})
+    for name, result in fitted.items():
+        tree[name] = result
+    tree.attrs["random_seed"] = json.dumps(seed.entropy)
+    return tree
+
+
+def classify(
+    new_data: xr.Dataset,
+    classes: xr.DataTree,
+    *,
+    by: Literal["test", "specimen"] = "test",
+    class_prior: Mapping[str, float] | None = None,
+    random_seed: Any = None,
+    progressbar: bool = True,
+) -> xr.Dataset:
+    r"""Probability of each class for new experiments.
+
+    .. math:: P(C | D) = \frac{P(D | C) P(C)}{\sum_{C'} P(D | C') P(C')}, \qquad
+        P(D | C) = \int P(D | θ) P(θ | C) \, dθ
+
+    ``P(θ | C)`` is the class's posterior. The integral is taken by tempering the likelihood of the
+    new data into the stored particles of the class: nothing is fitted again.
+
+    Parameters
+    ----------
+    new_data : xarray.Dataset
+        New inflation data; they must not be among the training data.
+    classes : xarray.DataTree
+        Result of :func:`fit_classes`, perhaps read from a file.
+    by : {"test", "specimen"}
+        What is classified: each experiment by itself, or all experiments on a specimen together.
+    class_prior : dict of str to float, optional
+        Probability of each class beforehand; equal when missing.
+    random_seed : int, optional
+        The same seed gives the same result.
+    progressbar : bool
+        Whether to show progress. After an interrupt what is not yet known is NaN.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``class_probability``, ``class_probability_se``, ``log_evidence`` and ``log_evidence_se``,
+        each (test, class_label) in the order of the data, or (specimen, class_label).
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the data are unsound, `classes` are not fitted classes of one model, or `class_prior` is
+        not a probability of each class.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> classes = ph.fit_classes(
+    ...     ph.Ogden(),
+    ...     {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")},
+    ...     sigma=5 * ph.mmHg,
+    ...     slope_weight=3.0,
+    ...     draws=500,
+    ...     chains=2,
+    ...     random_seed=1,
+    ...     progressbar=False,
+    ... )
+    >>> new = ph.select(data, specimen="S4", experiment=3)
+    >>> result = ph.classify(new, classes, random_seed=2, progressbar=False)
+    >>> result["class_probability"].idxmax("class_label").values
+    array(['C2'], dtype='<U2')
+    """
+    if by not in ("test", "specimen"):
+        raise ValueError(f"by must be 'test' or 'specimen', not {by!r}")
+    names = list(classes.children)
+    settings = _common_settings(classes)
+    prior = _class_prior(class_prior, names)
+    likelihood_inputs(
+        new_data, sigma=settings["sigma"], slope_weight=settings["slope_weight"]
+    )  # checks all new data before the first is classified
+
+    if by == "test":
+        units = [[test] for test in range(new_data.sizes["test"])]
+    else:
+        specimen = new_data["specimen"].values
+        units = [np.flatnonzero(specimen == s).tolist() for s in dict.fromkeys(specimen.tolist())]
+    value = np.full((len(units), len(names)), np.nan)
+    error = value.copy()
+    seeds = np.random.SeedSequence(random_seed).generate_state(value.size).reshape(value.shape)
+    tasks = [(i, j) for i in range(len(units)) for j in range(len(names))]
+    progress = create_simple_progress(progressbar)
+    with progress:
+        bar = progress.add_task("Classifying", completed=0, total=len(tasks))
+        try:
+            for i, j in tasks:
+                fitted = classes[names[j]]
+                model = _class_with_new_data(fitted, tests_at(new_data, units[i]), settings)
+                value[i, j], error[i, j] = _bridge(fitted, model, int(seeds[i, j]))
+                progress.advance(bar)
+        except KeyboardInterrupt:
+            warnings.warn("interrupted: experiments not yet classified are NaN", stacklevel=2)
+
+    probability = softmax(value + np.log(prior), axis=1)
+    # Delta method: dp_c = p_c Σ_j (δ_cj − p_j) d ln Z_j.
+    weight = np.eye(len(names)) - probability[:, None, :]
+    probability_error = probability * np.sqrt(np.einsum("icj,ij->ic", weight**2, error**2))
+    first = [unit[0] for unit in units]
+    labels = ("specimen", "experiment", "group") if by == "test" else ("specimen", "group")
+    return xr.Dataset(
+        {
+            "class_probability": ((by, "class_label"), probability),
+            "class_probability_se": ((by, "class_label"), probability_error),
+            "log_evidence": ((by, "class_label"), value),
+            "log_evidence_se": ((by, "class_label"), error),
+        },
+        {"class_label": names} | {label: (by, new_data[label].values[first]) for label in labels},
+        {
+            "strain_energy": settings["energy"].name,
+            "class_prior": json.dumps(dict(zip(names, prior.tolist(), strict=True))),
+        },
+    )
+
+
+def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
+    r"""Kullback-Leibler divergence of the posterior of one class from that of another, in nats.
+
+    .. math:: KL = \int P(θ | C_1) \ln \frac{P(θ | C_1)}{P(θ | C_2)} \, dθ
+
+    Both densities are known with their normalisers, the evidences, so that the integral is a mean
+    over the particles of the first class; no density is estimated.
+
+    Parameters
+    ----------
+    classes : xarray.DataTree
+        Result of :func:`fit_classes`.
+    first, second : str
+        Names of the classes. The divergence is not symmetric.
+
+    Returns
+    -------
+    Estimate
+        The pair (value, standard error).
+
+    Raises
+    ------
+    ValueError
+        If a class is unknown or the classes are not of one model.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> classes = ph.fit_classes(
+    ...     ph.Ogden(),
+    ...     {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")},
+    ...     sigma=5 * ph.mmHg,
+    ...     slope_weight=3.0,
+    ...     draws=500,
+    ...     chains=2,
+    ...     random_seed=1,
+    ...     progressbar=False,
+    ... )
+    >>> ph.kl_divergence(classes, "C1", "C2").value > 100
+    True
+    """
+    for name in (first, second):
+        if name not in classes.children:
+            raise ValueError(f"there is no class {name!r}; there are {list(classes.children)}")
+    settings = _common_settings(classes)
+    particles = classes[first]["unconstrained_posterior"].to_dataset()
+    log_posteriors, variance = [], 0.0
+    for name in (first, second):
+        model = inflation_model(data=inflation_data_of(classes[name]), **settings)
+        values = [particles[v.name].values.ravel() for v in model.value_vars]
+        log_joint = BatchedFunction.of_model(model, [model.logp()], model.initial_point(), {})
+        evidence = log_evidence(classes[name])
+        log_posteriors.append(log_joint(np.stack(values, axis=1))[0] - evidence.value)
+        variance += evidence.standard_error**2
+    difference = log_posteriors[0] - log_posteriors[1]
+    variance += np.var(difference) / difference.size
+    if first == second:
+        variance = 0.0
+    return Estimate(float(np.mean(difference)), float(np.sqrt(variance)))
+
+
+def _bridge(fitted: xr.DataTree, model: pm.Model, random_seed: int) -> Estimate:
+    """Evidence of the Potential ``new``, with the class's posterior as prior."""
+    particles = fitted["unconstrained_posterior"].to_dataset()
+    start = [
+        {name: particles[name].values[chain] for name in particles.data_vars}
+        for chain in range(particles.sizes["chain"])
+    ]
+    tree = sample_smc(
+        model,
+        particles.sizes["draw"],
+        len(start),
+        random_seed,
+        progressbar=False,
+        start=start,
+        var_names=[],
+        tempered=["new"],
+    )
+    return log_evidence(tree)
+
+
+def _class_with_new_data(
+    fitted: xr.DataTree, new_data: xr.Dataset, settings: dict[str, Any]
+) -> pm.Model:
+    model = inflation_model(data=inflation_data_of(fitted), **settings)
+    with model:
+        energy = settings["energy"]
+        noise = {
+            name: model[name] if name in model.named_vars else settings[name]
+            for name in ("sigma", "slope_weight")
+        }
+        parameters = {name: model[name] for name in energy.parameter_names}
+        inflation_likelihood("new", energy, new_data, parameters, **noise)
+    return model
+
+
+def _common_settings(classes: xr.DataTree) -> dict[str, Any]:
+    """Settings of the classes' model, which has to be one, or evidences cannot be compared."""
+    if not isinstance(classes, xr.DataTree) or not classes.children:
+        raise ValueError("classes must be the result of ph.fit_classes; here are no classes")
+    first = next(iter(classes.children.values()))
+    for name, fitted in classes.children.items():
+        for key in ("strain_energy", "priors", "noise"):
+            mine, theirs = fitted.attrs.get(key), first.attrs.get(key)
+            if mine != theirs:
+                raise ValueError(
+                    f"class {name!r} was fitted with {key} {mine}, others with {theirs}: evidences "
+                    "can only be compared under one strain energy, one prior and one noise"
+                )
+    return model_settings_of(first)
+
+
+def _class_prior(class_prior: Mapping[str, float] | None, names: list[str]) -> np.ndarray:
+    if class_prior is None:
+        return np.full(len(names), 1 / len(names))
+    if set(class_prior) != set(names):
+        raise ValueError(f"class_prior names {sorted(class_prior)}, but the classes are {names}")
+    prior = np.array([class_prior[name] for name in names], float)
+    if not np.all(prior >= 0) or not np.isclose(prior.sum(), 1):
+        raise ValueError(f"class_prior must hold probabilities that add up to 1; got {class_prior}")
+    return prior

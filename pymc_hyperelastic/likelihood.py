@@ -1,0 +1,294 @@
+"""The slope-augmented likelihood of inflation curves."""
+
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import pymc as pm
+import pytensor
+import pytensor.tensor as pt
+import xarray as xr
+from pytensor.graph.basic import Variable
+from pytensor.tensor.variable import TensorVariable
+from scipy.linalg import cholesky_banded, eigvals_banded
+
+from pymc_hyperelastic.data import check_inflation_data, describe_test, points_of
+from pymc_hyperelastic.pressure import PressureIntegral
+from pymc_hyperelastic.strain_energy.base import StrainEnergy
+
+__all__ = [
+    "balanced_slope_weight",
+    "inflation_likelihood",
+    "likelihood_inputs",
+    "log_likelihood",
+    "tube_response",
+]
+
+# kPa, and kPa/mm: far beyond any tube; squares and gradients of smaller numbers do not overflow.
+_LARGEST_RESPONSE = 1e30
+
+
+def inflation_likelihood(
+    name: str,
+    energy: StrainEnergy,
+    data: xr.Dataset,
+    parameters: dict[str, Any],
+    *,
+    sigma: Any,
+    slope_weight: Any,
+) -> TensorVariable:
+    r"""Add the likelihood of inflation curves to the PyMC model of the context, as a Potential.
+
+    With ``Δp`` the model's pressures minus the measured ones, ``Δs`` its stiffnesses minus the
+    central differences ``(p[i+1] − p[i−1])/(r[i+1] − r[i−1])`` at the interior points of each
+    test, and ``D`` the matrix of these differences,
+
+    .. math::
+
+        \ln L = -\frac{|Δp|^2}{σ^2} - \frac{β}{σ^2} |Δs|^2
+            - \frac{N}{2} \ln(π σ^2) + \frac12 \ln\det(I + β D^T D).
+
+    The first two terms are the paper's. The others do not depend on the material: they normalise
+    the likelihood as a density of the pressures, so that evidences are absolute and ``σ`` and
+    ``β`` can be inferred. There is no factor ½ with ``σ``, which is ``√2`` standard deviations.
+    Where the pressure of a parameter overflows, the log-likelihood is ``−inf`` and its gradient 0.
+
+    Parameters
+    ----------
+    name : str
+        Name of the Potential.
+    energy : StrainEnergy
+        The material.
+    data : xarray.Dataset
+        Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
+    parameters : dict of str to tensor_like
+        The material parameters by name: random variables, expressions or numbers.
+    sigma : tensor_like
+        The paper's ``σ``, kPa; a number or a random variable.
+    slope_weight : tensor_like
+        The paper's ``β``, mm²; a number or a random variable. With the number 0 slopes play no
+        part. See :func:`balanced_slope_weight`.
+
+    Returns
+    -------
+    TensorVariable
+        The Potential, a scalar.
+
+    Raises
+    ------
+    TypeError
+        If the parameters are not those of the strain energy, or no model is in context.
+    ValueError
+        If `sigma` or `slope_weight` is an impossible number, or a test has too few points or
+        repeated radii for a slope.
+
+    Examples
+    --------
+    >>> import pymc as pm, pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> with pm.Model():
+    ...     stiffness = pm.Gamma("stiffness", 2, 0.1)
+    ...     potential = ph.inflation_likelihood(
+    ...         "curves",
+    ...         ph.Ogden(),
+    ...         data,
+    ...         {"mu": stiffness, "alpha": 6.0},
+    ...         sigma=5 * ph.mmHg,
+    ...         slope_weight=1.0,
+    ...     )
+    """
+    pm.modelcontext(None)
+    inputs = {
+        key: pytensor.shared(value, name=f"{name}_{key}", shape=(None,) * value.ndim)
+        for key, value in likelihood_inputs(data, sigma=sigma, slope_weight=slope_weight).items()
+    }
+    return pm.Potential(
+        name, log_likelihood(energy, inputs, parameters, sigma=sigma, slope_weight=slope_weight)
+    )
+
+
+def likelihood_inputs(data: xr.Dataset, *, sigma: Any, slope_weight: Any) -> dict[str, np.ndarray]:
+    """Arrays by which the data enter :func:`log_likelihood`.
+
+    They are kept apart from its expression, so that one compiled expression serves all data.
+    """
+    check_inflation_data(data)
+    check_noise(sigma, slope_weight)
+    inputs = {key: data[key].values.astype(float) for key in ("radius", "pressure")} | {
+        key: data[key].values.astype(float)[data["test"].values]
+        for key in ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
+    }
+    if _without_slopes(slope_weight):
+        return inputs
+    inputs["interior"] = central_differences(data)[0]
+    inputs["slope"] = measured_slopes(data)
+    if isinstance(slope_weight, Variable):
+        inputs["squared_singular_values"] = squared_singular_values(data)
+    else:
+        inputs["half_log_determinant"] = np.array(half_log_determinant(data, slope_weight))
+    return inputs
+
+
+def log_likelihood(
+    energy: StrainEnergy,
+    inputs: dict[str, Any],
+    parameters: dict[str, Any],
+    *,
+    sigma: Any,
+    slope_weight: Any,
+) -> TensorVariable:
+    """Log-likelihood of :func:`inflation_likelihood` as an expression of arrays and parameters."""
+    pressure, stiffness = tube_response(energy, inputs, parameters)
+    possible = (pt.abs(pressure) < _LARGEST_RESPONSE) & (pt.abs(stiffness) < _LARGEST_RESPONSE)
+    # Replaced before the squares: otherwise the gradient of the rejected branch would be 0 * inf.
+    pressure, stiffness = (pt.where(possible, x, 0.0) for x in (pressure, stiffness))
+
+    misfit = pt.sum((pressure - inputs["pressure"]) ** 2)
+    log_density = -inputs["pressure"].shape[0] / 2 * pt.log(np.pi * pt.square(sigma))
+    if "slope" in inputs:
+        slope_misfit = pt.sum((stiffness[inputs["interior"]] - inputs["slope"]) ** 2)
+        misfit += slope_weight * slope_misfit
+        if "half_log_determinant" in inputs:
+            log_density += inputs["half_log_determinant"]
+        else:
+            log_density += pt.sum(pt.log1p(slope_weight * inputs["squared_singular_values"])) / 2
+    return pt.where(pt.all(possible), log_density - misfit / pt.square(sigma), -np.inf)
+
+
+def tube_response(
+    energy: StrainEnergy, inputs: dict[str, Any], parameters: dict[str, Any]
+) -> list[TensorVariable]:
+    """Pressure and stiffness of the material at every measured point."""
+    if set(parameters) != set(energy.parameter_names):
+        raise TypeError(
+            f"{energy.name} has the parameters {list(energy.parameter_names)}, but "
+            f"{sorted(parameters)} were given"
+        )
+    return PressureIntegral(strain_energy=energy)(
+        *(
+            inputs[key]
+            for key in ("radius", "inner_radius", "outer_radius", "axial_stretch", "opening_angle")
+        ),
+        *(parameters[name] for name in energy.parameter_names),
+    )
+
+
+def balanced_slope_weight(data: xr.Dataset) -> float:
+    r"""Slope weight ``β`` at which errors of slope and of pressure weigh alike.
+
+    .. math:: β = \frac{\sum_i p_i^2}{\sum_i s_i^2}
+
+    with the measured pressures ``p`` and their central differences ``s``: a model whose pressures
+    and slopes are all wrong by the same fraction is penalised equally for both.
+
+    Use one value for all classes (that of all data together): evidences under different
+    likelihoods cannot be compared.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Inflation data.
+
+    Returns
+    -------
+    float
+        ``β`` in mm².
+
+    Raises
+    ------
+    ValueError
+        If a test has too few points or repeated radii for a slope, or all pressures are equal.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> round(ph.balanced_slope_weight(ph.load_dataset("simulated_sheep_aorta")), 2)
+    3.2
+    """
+    check_inflation_data(data)
+    slope = measured_slopes(data)
+    if not np.any(slope):
+        raise ValueError("all slopes of the measured pressures are zero: no balance exists")
+    return float(np.sum(data["pressure"].values ** 2) / np.sum(slope**2))
+
+
+def measured_slopes(data: xr.Dataset) -> np.ndarray:
+    """Central differences of the measured pressures at the interior points, kPa/mm."""
+    interior, difference = central_differences(data)
+    pressure = data["pressure"].values
+    return difference * (pressure[interior + 1] - pressure[interior - 1])
+
+
+def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Interior points of every test, and the factor ``1/(r[i+1] − r[i−1])`` at each.
+
+    Raises
+    ------
+    ValueError
+        If a test has fewer than three points, or the two neighbours of a point share one radius.
+    """
+    interior, difference = [], []
+    radius = data["radius"].values
+    for test in range(data.sizes["test"]):
+        points = points_of(data, test)
+        rows = np.arange(points.start + 1, points.stop - 1)
+        if not rows.size:
+            raise ValueError(
+                f"{describe_test(data, test)} has {points.stop - points.start} point(s), but the "
+                "slope term needs at least 3: drop the experiment or set slope_weight=0"
+            )
+        step = radius[rows + 1] - radius[rows - 1]
+        if not np.all(step):
+            first = rows[np.flatnonzero(step == 0)[0]]
+            labels = data["row"].values if "row" in data.coords else np.arange(radius.size)
+            raise ValueError(
+                f"{describe_test(data, test)}: radius repeats at rows {labels[first - 1]} and "
+                f"{labels[first + 1]} ({radius[first - 1]:.6g} mm); the slope term needs distinct "
+                "neighbouring radii: drop one or set slope_weight=0"
+            )
+        interior.append(rows)
+        difference.append(1 / step)
+    return np.concatenate(interior), np.concatenate(difference)
+
+
+def half_log_determinant(data: xr.Dataset, slope_weight: float) -> float:
+    """``½ ln det(I + β DᵀD)``, of a matrix with two bands."""
+    bands = slope_weight * _gram_bands(*central_differences(data), data.sizes["obs"])
+    bands[-1] += 1.0
+    return float(np.sum(np.log(cholesky_banded(bands)[-1])))
+
+
+def squared_singular_values(data: xr.Dataset) -> np.ndarray:
+    """Eigenvalues of ``DᵀD``, test by test; with them the determinant is known for every ``β``."""
+    bands = _gram_bands(*central_differences(data), data.sizes["obs"])
+    tests = (points_of(data, test) for test in range(data.sizes["test"]))
+    # Rounding may leave the zero eigenvalues slightly negative.
+    return np.concatenate([eigvals_banded(bands[:, points]) for points in tests]).clip(min=0)
+
+
+def _gram_bands(interior: np.ndarray, difference: np.ndarray, size: int) -> np.ndarray:
+    """``DᵀD`` in SciPy's upper banded form; the row of ``D`` at ``i`` has ``∓d`` at ``i ∓ 1``."""
+    bands = np.zeros((3, size))
+    np.add.at(bands[2], interior - 1, difference**2)
+    np.add.at(bands[2], interior + 1, difference**2)
+    bands[0, interior + 1] = -(difference**2)
+    return bands
+
+
+def check_noise(sigma: Any, slope_weight: Any) -> None:
+    """Raise if `sigma` or `slope_weight` is an impossible number."""
+    expected = {
+        "sigma": "a positive number of kPa (5 mmHg is 5 * ph.mmHg)",
+        "slope_weight": "a number of mm², 0 to leave the slopes out",
+    }
+    for name, value in (("sigma", sigma), ("slope_weight", slope_weight)):
+        if isinstance(value, Variable):
+            continue
+        if isinstance(value, bool) or not isinstance(value, Real):
+            raise TypeError(f"{name} is {value!r}; expected {expected[name]}, or a distribution")
+        if not np.isfinite(value) or value < 0 or (name == "sigma" and value == 0):
+            raise ValueError(f"{name} is {value}; expected {expected[name]}")
+
+
+def _without_slopes(slope_weight: Any) -> bool:
+    return not isinstance(slope_weight, Variable) and slope_weight == 0

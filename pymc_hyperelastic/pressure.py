@@ -1,0 +1,294 @@
+"""Pressure and stiffness of an inflated thick-walled tube: one Op for every strain energy."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytensor.tensor as pt
+from pytensor.graph.basic import Apply, Variable
+from pytensor.graph.replace import _vectorize_node
+from pytensor.tensor.symbolic import TensorSymbolicOp
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.strain_energy.base import StrainEnergy, elementwise_derivative
+from pymc_hyperelastic.tube import hoop_elongation, opening_factor
+
+__all__ = ["PressureIntegral", "inflation_pressure", "inflation_stiffness"]
+
+
+class PressureIntegral(TensorSymbolicOp):
+    r"""Pressure of an inflated tube, and its derivative by the internal radius.
+
+    With the wall coordinate ``s = ln R`` and the elongation ``δ`` of
+    :func:`~pymc_hyperelastic.tube.hoop_elongation`
+
+    .. math::
+
+        p(a) = \int_{\ln A}^{\ln B} \frac{T}{1 + δ} \, ds, \qquad
+        \frac{dp}{da} = \int_{\ln A}^{\ln B}
+            \left(\frac12 \frac{∂T}{∂\ln λ_θ} - T\right)
+            \frac{2 k λ_z a}{R^2 (1 + δ)^2} \, ds, \qquad
+        T = \frac{∂\hat W}{∂\ln λ_θ} = σ_{θθ} - σ_{rr},
+
+    which is ``p = ∫ (∂Ŵ/∂λθ)/(λz r) dR`` in other variables. Both integrands are smooth, also at
+    zero pressure and for ``a < A``.
+
+    Inputs are internal radius ``a``, inner radius ``A``, outer radius ``B`` (mm), axial stretch,
+    opening angle (rad), then the parameters in the order of the strain energy; they broadcast
+    against each other. Outputs are pressure (kPa) and stiffness (kPa/mm) in the broadcast shape.
+
+    Attributes
+    ----------
+    strain_energy : StrainEnergy
+        The material.
+    order : int, default 32
+        Nodes of the Gauss-Legendre rule. In ``ln R`` the response of the common laws is nearly
+        exponential, and 32 nodes reach a relative error of 1e-12 or better wherever ``B/A ≤ 2.5``,
+        ``0.8 ≤ λz ≤ 1.9``, ``Φ ≤ 160°``, ``0.6 A ≤ a ≤ 1.7 A`` and the default priors' range of
+        parameters; the tests compare with adaptive quadrature there.
+    """
+
+    __props__ = ("strain_energy", "order")
+    # Inlined when compiled, value and gradient share their common terms: two to four times faster.
+    inline = True
+
+    def __init__(
+        self,
+        input_types: Any = None,
+        *,
+        strain_energy: StrainEnergy,
+        order: int = 32,
+        **kwargs: Any,
+    ) -> None:
+        if not isinstance(strain_energy, StrainEnergy):
+            raise TypeError(
+                f"a strain energy such as ph.Ogden() is needed, not {strain_energy!r}"
+                + (" (call the class)" if isinstance(strain_energy, type) else "")
+            )
+        kwargs.setdefault("name", f"PressureIntegral[{strain_energy!r}]")
+        super().__init__(input_types, strain_energy=strain_energy, order=order, **kwargs)
+
+    def build_inner_graph(self, *inputs: TensorVariable) -> list[Variable]:
+        """Gauss-Legendre quadrature over a last axis, which the sums remove."""
+        inputs = pt.broadcast_arrays(*(pt.expand_dims(x, -1) for x in inputs))
+        internal_radius, inner_radius, outer_radius, axial_stretch, opening_angle, *values = inputs
+        node, weight = gauss_legendre(self.order)
+
+        log_ratio = pt.log(outer_radius / inner_radius)
+        radius = inner_radius * pt.exp(node * log_ratio)
+        weight = weight * log_ratio
+        delta = hoop_elongation(
+            internal_radius,
+            radius,
+            inner_radius=inner_radius,
+            axial_stretch=axial_stretch,
+            opening_angle=opening_angle,
+        )
+        k = opening_factor(opening_angle)
+        log_axial = pt.log(axial_stretch)
+        log_hoop = (pt.log(k) - log_axial + pt.log1p(delta)) / 2
+
+        parameters = dict(zip(self.strain_energy.parameter_names, values, strict=True))
+        stress = self.strain_energy.stress_difference(log_hoop, log_axial, **parameters)
+        slope = elementwise_derivative(stress, log_hoop)
+
+        pressure = (weight * stress / (1 + delta)).sum(axis=-1)
+        stretching = 2 * k * axial_stretch * internal_radius / (radius * (1 + delta)) ** 2
+        stiffness = (weight * (slope / 2 - stress) * stretching).sum(axis=-1)
+        return [pressure, stiffness]
+
+    def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
+        """Gradient by every input: the same rule, differentiated under the integral.
+
+        Where pressure overflows no gradient exists. Zero is returned there, so that a likelihood
+        that rejects such pressures has the gradient zero and not NaN.
+        """
+        gradients = super().pullback(inputs, outputs, cotangents)
+        return [
+            pt.where(pt.isfinite(g), g, 0.0) if isinstance(g, TensorVariable) else g
+            for g in gradients
+        ]
+
+
+@_vectorize_node.register(PressureIntegral)
+def _vectorize_pressure_integral(
+    op: PressureIntegral, node: Apply, *inputs: TensorVariable
+) -> Apply:
+    """Broadcast batch dimensions from the left; the Op needs no loop over them."""
+    core_ndim = node.outputs[0].type.ndim
+    aligned = []
+    for core, batched in zip(node.inputs, inputs, strict=True):
+        batch_ndim = batched.type.ndim - core.type.ndim
+        missing = range(batch_ndim, batch_ndim + core_ndim - core.type.ndim)
+        aligned.append(pt.expand_dims(batched, tuple(missing)))
+    return PressureIntegral(strain_energy=op.strain_energy, order=op.order)(*aligned)[0].owner
+
+
+def inflation_pressure(
+    energy: StrainEnergy,
+    internal_radius: Any,
+    *,
+    inner_radius: Any,
+    outer_radius: Any,
+    axial_stretch: Any = 1.0,
+    opening_angle: Any = 0.0,
+    **parameters: Any,
+) -> TensorVariable:
+    r"""Internal pressure that holds a tube at the given internal radius.
+
+    .. math:: p(a) = \int_A^B \frac{∂\hat W/∂λ_θ}{λ_z r} \, dR
+
+    See :class:`PressureIntegral` for the rule and its accuracy. Every argument may be a number, an
+    array or a random variable; they broadcast against each other.
+
+    Parameters
+    ----------
+    energy : StrainEnergy
+        The material, such as ``ph.Ogden()``.
+    internal_radius : tensor_like
+        Current internal radius ``a``, mm.
+    inner_radius, outer_radius : tensor_like
+        Reference radii ``A < B``, mm.
+    axial_stretch : tensor_like, default 1
+        Axial stretch ``λz``.
+    opening_angle : tensor_like, default 0
+        Opening angle ``Φ`` of the cut ring, radians.
+    **parameters : tensor_like
+        The material parameters by name; moduli in kPa.
+
+    Returns
+    -------
+    TensorVariable
+        Pressure in kPa, in the broadcast shape.
+
+    Raises
+    ------
+    TypeError
+        If a material parameter is missing or unknown.
+    ValueError
+        If a number given as geometry is impossible (``outer_radius <= inner_radius``, say).
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> p = ph.inflation_pressure(
+    ...     ph.Ogden(), [7.0, 8.0, 9.0], inner_radius=7.0, outer_radius=9.0, mu=6.0, alpha=8.0
+    ... )
+    >>> (p.eval() / ph.mmHg).round(2)
+    array([ 0.  , 51.  , 107.59])
+    """
+    return _tube_response(
+        energy,
+        internal_radius,
+        inner_radius,
+        outer_radius,
+        axial_stretch,
+        opening_angle,
+        parameters,
+    )[0]
+
+
+def inflation_stiffness(
+    energy: StrainEnergy,
+    internal_radius: Any,
+    *,
+    inner_radius: Any,
+    outer_radius: Any,
+    axial_stretch: Any = 1.0,
+    opening_angle: Any = 0.0,
+    **parameters: Any,
+) -> TensorVariable:
+    r"""Stiffness ``dp/da`` of a tube: derivative of its pressure by the internal radius.
+
+    It governs the local speed of the pulse wave. Arguments are those of :func:`inflation_pressure`.
+
+    Returns
+    -------
+    TensorVariable
+        Stiffness in kPa/mm, in the broadcast shape.
+
+    Raises
+    ------
+    TypeError
+        If a material parameter is missing or unknown.
+    ValueError
+        If a number given as geometry is impossible.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> s = ph.inflation_stiffness(
+    ...     ph.Ogden(), 8.0, inner_radius=7.0, outer_radius=9.0, mu=6.0, alpha=8.0
+    ... )
+    >>> round(float(s.eval()), 3)
+    7.021
+    """
+    return _tube_response(
+        energy,
+        internal_radius,
+        inner_radius,
+        outer_radius,
+        axial_stretch,
+        opening_angle,
+        parameters,
+    )[1]
+
+
+def _tube_response(
+    energy: StrainEnergy,
+    internal_radius: Any,
+    inner_radius: Any,
+    outer_radius: Any,
+    axial_stretch: Any,
+    opening_angle: Any,
+    parameters: dict[str, Any],
+) -> list[TensorVariable]:
+    """Pressure and stiffness from one application of the Op."""
+    op = PressureIntegral(strain_energy=energy)
+    names = energy.parameter_names
+    if set(parameters) != set(names):
+        raise TypeError(
+            f"{energy.name} has the parameters {list(names)}, but {sorted(parameters)} were given"
+        )
+    geometry = (internal_radius, inner_radius, outer_radius, axial_stretch, opening_angle)
+    _check_geometry(*geometry)
+    return op(*geometry, *(parameters[name] for name in names))
+
+
+def _check_geometry(
+    internal_radius: Any,
+    inner_radius: Any,
+    outer_radius: Any,
+    axial_stretch: Any,
+    opening_angle: Any,
+) -> None:
+    """Raise for impossible numbers; random variables have no value to look at yet."""
+    values = {
+        "internal_radius": internal_radius,
+        "inner_radius": inner_radius,
+        "outer_radius": outer_radius,
+        "axial_stretch": axial_stretch,
+    }
+    known = {k: np.asarray(v, float) for k, v in values.items() if not isinstance(v, Variable)}
+    for name, value in known.items():
+        if not np.all(value > 0):
+            raise ValueError(f"{name} must be positive; got {value}")
+    if {"inner_radius", "outer_radius"} <= set(known) and not np.all(
+        known["outer_radius"] > known["inner_radius"]
+    ):
+        raise ValueError(
+            f"outer_radius must exceed inner_radius; got {known['outer_radius']} and "
+            f"{known['inner_radius']}"
+        )
+    if not isinstance(opening_angle, Variable) and not np.all(np.abs(opening_angle) < 2 * np.pi):
+        raise ValueError(
+            f"opening_angle is in radians and below 2π; got {opening_angle} (from degrees: "
+            "np.deg2rad(angle))"
+        )
+
+
+@cache
+def gauss_legendre(order: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights of the Gauss-Legendre rule on [0, 1]."""
+    node, weight = np.polynomial.legendre.leggauss(order)
+    return (node + 1) / 2, weight / 2

@@ -1,0 +1,144 @@
+"""What is stored, and under which names: ArviZ's schema, in a DataTree that netCDF can hold.
+
+ArviZ calls the schema InferenceData; its container is :class:`xarray.DataTree`. A sampled model
+has the groups
+
+``posterior``, ``unconstrained_posterior`` : (chain, draw)
+    The variables, and the particles on the scale on which they were moved.
+``sample_stats`` : (chain, stage)
+    What each stage of tempering did; NaN where a chain had fewer stages.
+``evidence`` : (chain)
+    ``log_evidence`` and ``log_evidence_se`` of each chain.
+``observed_data``, ``constant_data`` : (obs), (test)
+    The measured pressures, and the rest of the inflation data (fitted classes only).
+
+and attributes from which the model can be built again.
+"""
+
+import json
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+import pymc as pm
+import xarray as xr
+from arviz_base import dict_to_dataset
+from numpy.typing import NDArray
+from pymc.backends.arviz import coords_and_dims_for_inferencedata
+
+from pymc_hyperelastic.priors import is_inferred, prior_from_record, prior_to_record
+from pymc_hyperelastic.strain_energy import StrainEnergy
+
+__all__ = ["Study", "inflation_data_of", "model_settings_of", "sampling_tree"]
+
+Array = NDArray[np.float64]
+
+_PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy")
+
+
+@dataclass(frozen=True)
+class Study:
+    """What a model of inflation curves was made from."""
+
+    energy: StrainEnergy
+    data: xr.Dataset
+    priors: dict[str, Any]
+    noise: dict[str, Any]
+
+    def groups(self) -> dict[str, xr.Dataset]:
+        """The inflation data, divided as ArviZ does."""
+        return {
+            "observed_data": self.data[["pressure"]].reset_coords(drop=True),
+            "constant_data": self.data.drop_vars("pressure"),
+        }
+
+    def attrs(self) -> dict[str, str]:
+        """All that is needed to build the model again, as text.
+
+        Raises
+        ------
+        ValueError
+            If a prior cannot be written down.
+        """
+        units = {"sigma": "kPa", "slope_weight": "mm2"}
+        units |= {p.name: p.unit for p in self.energy.parameters}
+        priors = {name: prior_to_record(name, prior) for name, prior in self.priors.items()}
+        noise = {
+            name: prior_to_record(name, value) if is_inferred(value) else float(value)
+            for name, value in self.noise.items()
+        }
+        return {
+            "strain_energy": self.energy.name,
+            "units": json.dumps(units),
+            "priors": json.dumps(priors),
+            "noise": json.dumps(noise),
+        }
+
+
+def sampling_tree(
+    model: pm.Model,
+    posterior: dict[str, Array],
+    unconstrained: dict[str, Array],
+    stats: list[dict[str, list]],
+    settings: dict[str, Any],
+    random_seed: Any,
+) -> xr.DataTree:
+    """Collect what sampling gave: arrays by (chain, draw), and one dict of stages a chain."""
+    coords, dims = coords_and_dims_for_inferencedata(model)
+    stages = max(len(chain["beta"]) for chain in stats)
+    padded = {name: np.full((len(stats), stages), np.nan) for name in stats[0]}
+    for name, values in padded.items():
+        for row, chain in zip(values, stats, strict=True):
+            row[: len(chain[name])] = chain[name]
+    evidence = {
+        "log_evidence": np.array([chain["log_marginal_likelihood"][-1] for chain in stats]),
+        "log_evidence_se": np.sqrt([chain["log_evidence_variance"][-1] for chain in stats]),
+    }
+    study = getattr(model, "study", None)
+    tree = xr.DataTree.from_dict(
+        (study.groups() if study else {})
+        | {
+            "posterior": dict_to_dataset(posterior, coords=coords, dims=dims),
+            "unconstrained_posterior": dict_to_dataset(unconstrained),
+            "sample_stats": dict_to_dataset(padded, sample_dims=["chain", "stage"]),
+            "evidence": dict_to_dataset(evidence, sample_dims=["chain"]),
+        }
+    )
+    tree["sample_stats"].attrs.update(settings)
+    tree.attrs["versions"] = json.dumps({name: version(name) for name in _PACKAGES})
+    tree.attrs["random_seed"] = json.dumps(random_seed)
+    if study:
+        try:
+            tree.attrs |= study.attrs()
+        except ValueError:
+            # Sampling a model with a prior of one's own is fine; it cannot serve as a stored class,
+            # which `fit_classes` checks before it samples.
+            tree.attrs["strain_energy"] = study.energy.name
+    return tree
+
+
+def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:
+    """Inflation data with which the model was fitted."""
+    return xr.merge([tree["observed_data"].to_dataset(), tree["constant_data"].to_dataset()])
+
+
+def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
+    """Settings of :func:`pymc_hyperelastic.inflation_model`, but for the data.
+
+    Raises
+    ------
+    ValueError
+        If the tree is not a fitted class, or its strain energy is not defined here.
+    """
+    if "priors" not in tree.attrs:
+        raise ValueError("this result does not say from which model it came; see ph.fit_classes")
+    noise = {
+        name: value if isinstance(value, float) else prior_from_record(value)
+        for name, value in json.loads(tree.attrs["noise"]).items()
+    }
+    priors = {
+        name: prior_from_record(record) for name, record in json.loads(tree.attrs["priors"]).items()
+    }
+    energy = StrainEnergy.from_name(tree.attrs["strain_energy"])
+    return {"energy": energy, "priors": priors, **noise}

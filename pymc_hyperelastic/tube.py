@@ -1,0 +1,184 @@
+r"""Kinematics of an incompressible thick-walled tube that is opened, stretched and inflated.
+
+The reference tube has inner radius ``A`` and outer radius ``B``. A cut ring that springs open by
+the angle ``Φ`` enters through the opening factor ``k = 2π/(2π − Φ)``. At axial stretch ``λz`` and
+internal radius ``a`` the material circle of radius ``R`` has the current radius
+
+.. math:: r(R)^2 = a^2 + \frac{R^2 - A^2}{k λ_z}, \qquad
+    λ_θ = \frac{k r}{R}, \qquad λ_r = \frac{1}{λ_θ λ_z}.
+
+Every function uses nothing but arithmetic, so numbers, NumPy arrays, xarray objects and PyTensor
+variables all pass through. Lengths share one unit (mm inside this package), angles are radians.
+"""
+
+from math import pi
+from typing import Any
+
+__all__ = [
+    "current_radius",
+    "first_invariant",
+    "hoop_elongation",
+    "inflation_constant",
+    "internal_radius_from_outer_radius",
+    "internal_radius_from_volume",
+    "opening_factor",
+    "second_invariant",
+    "stretches",
+]
+
+
+def opening_factor(opening_angle: Any) -> Any:
+    """Ratio ``k = 2π/(2π − Φ)`` by which closing a cut ring multiplies its angles.
+
+    Examples
+    --------
+    >>> opening_factor(0.0)
+    1.0
+    """
+    return 2 * pi / (2 * pi - opening_angle)
+
+
+def hoop_elongation(
+    internal_radius: Any,
+    radius: Any,
+    *,
+    inner_radius: Any,
+    axial_stretch: Any = 1.0,
+    opening_angle: Any = 0.0,
+) -> Any:
+    r"""Excess ``δ`` of the squared hoop stretch over that of the unloaded tube (``k = 1``).
+
+    .. math:: δ(R) = \frac{k λ_z a^2 - A^2}{R^2}, \qquad λ_θ^2 = \frac{k}{λ_z} (1 + δ)
+
+    With ``k = 1`` an isotropic tube carries no pressure at ``δ = 0``. The difference of squares is
+    factored, so that ``δ`` keeps all its digits when ``a`` is close to ``A``, where measured curves
+    start.
+
+    Parameters
+    ----------
+    internal_radius : number, array or TensorVariable
+        Current internal radius ``a``, mm.
+    radius : number, array or TensorVariable
+        Reference radius ``R`` of the material circle, mm.
+    inner_radius, axial_stretch, opening_angle : number, array or TensorVariable
+        Reference inner radius ``A`` (mm), axial stretch ``λz`` and opening angle ``Φ`` (rad).
+
+    Examples
+    --------
+    >>> hoop_elongation(2.0, 1.0, inner_radius=1.0)
+    3.0
+    """
+    scaled = (opening_factor(opening_angle) * axial_stretch) ** 0.5 * internal_radius
+    return (scaled - inner_radius) * (scaled + inner_radius) / radius**2
+
+
+def current_radius(
+    radius: Any,
+    internal_radius: Any,
+    *,
+    inner_radius: Any,
+    axial_stretch: Any = 1.0,
+    opening_angle: Any = 0.0,
+) -> Any:
+    """Radius ``r(R)`` to which the material circle of reference radius ``R`` moves (wall map).
+
+    Examples
+    --------
+    >>> current_radius(2.0, 1.5, inner_radius=1.0)
+    2.29128784747792
+    """
+    k = opening_factor(opening_angle)
+    return (internal_radius**2 + (radius**2 - inner_radius**2) / (k * axial_stretch)) ** 0.5
+
+
+def stretches(
+    radius: Any,
+    internal_radius: Any,
+    *,
+    inner_radius: Any,
+    axial_stretch: Any = 1.0,
+    opening_angle: Any = 0.0,
+) -> tuple[Any, Any, Any]:
+    """Principal stretches ``(λr, λθ, λz)`` at reference radius ``R``; their product is one.
+
+    Examples
+    --------
+    >>> radial, hoop, axial = stretches(1.0, 1.25, inner_radius=1.0, axial_stretch=1.6)
+    >>> radial, hoop, axial
+    (0.5, 1.25, 1.6)
+    """
+    r = current_radius(
+        radius,
+        internal_radius,
+        inner_radius=inner_radius,
+        axial_stretch=axial_stretch,
+        opening_angle=opening_angle,
+    )
+    hoop = opening_factor(opening_angle) * r / radius
+    return 1 / (hoop * axial_stretch), hoop, axial_stretch
+
+
+def first_invariant(radial: Any, hoop: Any, axial: Any) -> Any:
+    """First invariant ``I₁ = λr² + λθ² + λz²`` of the right Cauchy-Green tensor.
+
+    Examples
+    --------
+    >>> first_invariant(1.0, 1.0, 1.0)
+    3.0
+    """
+    return radial**2 + hoop**2 + axial**2
+
+
+def second_invariant(radial: Any, hoop: Any, axial: Any) -> Any:
+    """Second invariant ``I₂ = λr²λθ² + λθ²λz² + λz²λr²`` of the right Cauchy-Green tensor.
+
+    Examples
+    --------
+    >>> second_invariant(1.0, 1.0, 1.0)
+    3.0
+    """
+    return (radial * hoop) ** 2 + (hoop * axial) ** 2 + (axial * radial) ** 2
+
+
+def inflation_constant(internal_radius: Any, *, inner_radius: Any, axial_stretch: Any = 1.0) -> Any:
+    """Constant ``c = (a² − A²/λz)/2`` of the paper's wall map ``r² = R²/λz + 2c`` (``Φ = 0``).
+
+    Examples
+    --------
+    >>> inflation_constant(2.0, inner_radius=1.0)
+    1.5
+    """
+    return (internal_radius**2 - inner_radius**2 / axial_stretch) / 2
+
+
+def internal_radius_from_outer_radius(
+    current_outer_radius: Any,
+    *,
+    inner_radius: Any,
+    outer_radius: Any,
+    axial_stretch: Any = 1.0,
+    opening_angle: Any = 0.0,
+) -> Any:
+    """Internal radius ``a`` from the measured outer radius ``ro``: the wall keeps its volume.
+
+    ``a² = ro² − (B² − A²)/(k λz)``; for a measured outer diameter pass half of it.
+
+    Examples
+    --------
+    >>> internal_radius_from_outer_radius(2.0, inner_radius=1.0, outer_radius=2.0)
+    1.0
+    """
+    k = opening_factor(opening_angle)
+    wall = (outer_radius - inner_radius) * (outer_radius + inner_radius) / (k * axial_stretch)
+    return (current_outer_radius**2 - wall) ** 0.5
+
+
+def internal_radius_from_volume(volume: Any, length: Any) -> Any:
+    """Internal radius ``a = √(V/(π ℓ))`` of a lumen of volume ``V`` (mm³) and current length ``ℓ``.
+
+    Examples
+    --------
+    >>> round(internal_radius_from_volume(volume=1000.0, length=20.0), 6)
+    3.989423
+    """
+    return (volume / (pi * length)) ** 0.5

@@ -1,0 +1,492 @@
+"""A table becomes inflation data, or one error says where and why not."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from pymc_hyperelastic.data import (
+    COORDINATES,
+    VARIABLES,
+    check_inflation_data,
+    describe_test,
+    inflation_data,
+    points_of,
+    select,
+)
+from pymc_hyperelastic.units import mmHg
+
+# Pint's factor for a unit may differ from ours in the last bit.
+ROUNDING = 1e-15
+
+GEOMETRY = {"inner_radius": 7.0, "outer_radius": 9.0}
+
+
+def good_frame() -> pd.DataFrame:
+    """Two specimens, three tests of two points, rows labelled 10 to 15."""
+    return pd.DataFrame(
+        {
+            "group": ["C1", "C1", "C1", "C1", "C2", "C2"],
+            "specimen": ["S1", "S1", "S1", "S1", "S2", "S2"],
+            "experiment": [1, 1, 2, 2, 1, 1],
+            "radius": [7.2, 8.0, 7.3, 8.1, 7.1, 7.6],
+            "pressure": [10.0, 60.0, 12.0, 65.0, 11.0, 90.0],
+            "A": 7.0,
+            "B": 9.0,
+            "stretch": 1.2,
+            "angle": 60.0,
+        },
+        index=range(10, 16),
+    )
+
+
+def changed(column: str, row: int, value: object) -> pd.DataFrame:
+    """Build the good frame with one value replaced."""
+    frame = good_frame()
+    frame[column] = frame[column].astype(object)
+    frame.loc[row, column] = value
+    return frame
+
+
+def build(frame: object = None, **arguments: object) -> xr.Dataset:
+    frame = good_frame() if frame is None else frame
+    return inflation_data(frame, **{**GEOMETRY, **arguments})
+
+
+def with_values(name: str, values: object) -> xr.Dataset:
+    """Build good data, then replace a variable behind the builder's back."""
+    data = build()
+    return data.assign({name: (data[name].dims, values, data[name].attrs)})
+
+
+# Each row: what is wrong, a call that does it, the error, and fragments that its message must hold.
+S1E2 = "specimen 'S1', experiment 2"
+BAD_DATA = [
+    ("no frame", lambda: build([1, 2]), TypeError, ["pandas DataFrame", "list"]),
+    (
+        "no radius column",
+        lambda: build(good_frame().rename(columns={"radius": "r"})),
+        ValueError,
+        ["no column 'radius'", "'r'", "'pressure'"],
+    ),
+    (
+        "a column twice",
+        lambda: build(good_frame().rename(columns={"A": "pressure"})),
+        ValueError,
+        ["more than one column 'pressure'"],
+    ),
+    ("no rows", lambda: build(good_frame().iloc[:0]), ValueError, ["no rows"]),
+    (
+        "no specimen",
+        lambda: build(changed("specimen", 12, None)),
+        ValueError,
+        ["row 12", "specimen is missing"],
+    ),
+    (
+        "blank experiment",
+        lambda: build(changed("experiment", 13, " ")),
+        ValueError,
+        ["row 13", "experiment is missing"],
+    ),
+    (
+        "no group",
+        lambda: build(changed("group", 13, np.nan)),
+        ValueError,
+        ["row 13", "group is missing"],
+    ),
+    (
+        "nan radius",
+        lambda: build(changed("radius", 13, np.nan)),
+        ValueError,
+        [S1E2, "row 13", "radius is missing"],
+    ),
+    (
+        "infinite radius",
+        lambda: build(changed("radius", 13, np.inf)),
+        ValueError,
+        [S1E2, "row 13", "radius is inf", "finite"],
+    ),
+    (
+        "missing pressure",
+        lambda: build(changed("pressure", 12, pd.NA)),
+        ValueError,
+        [S1E2, "row 12", "pressure is missing"],
+    ),
+    (
+        "infinite pressure",
+        lambda: build(changed("pressure", 12, -np.inf)),
+        ValueError,
+        [S1E2, "row 12", "pressure is -inf"],
+    ),
+    (
+        "decimal comma",
+        lambda: build(changed("pressure", 12, "12,5")),
+        ValueError,
+        [S1E2, "row 12", "pressure is '12,5', not a number"],
+    ),
+    (
+        "text in radius",
+        lambda: build(changed("radius", 10, "7.2 mm")),
+        ValueError,
+        ["specimen 'S1', experiment 1", "row 10", "radius is '7.2 mm', not a number"],
+    ),
+    (
+        "truth value in radius",
+        lambda: build(changed("radius", 10, True)),
+        ValueError,
+        ["row 10", "radius is True, not a number"],
+    ),
+    (
+        "dates for pressures",
+        lambda: build(good_frame().assign(pressure=pd.Timestamp("2020-01-01"))),
+        ValueError,
+        ["row 10", "pressure is Timestamp", "not a number"],
+    ),
+    (
+        "zero radius",
+        lambda: build(changed("radius", 13, 0.0)),
+        ValueError,
+        [S1E2, "row 13", "radius is 0 mm", "positive"],
+    ),
+    (
+        "negative radius",
+        lambda: build(changed("radius", 13, -8.1)),
+        ValueError,
+        [S1E2, "row 13", "radius is -8.1 mm", "positive"],
+    ),
+    (
+        "zero inner radius",
+        lambda: build(inner_radius=0),
+        ValueError,
+        ["specimen 'S1', experiment 1", "inner_radius is 0 mm", "positive"],
+    ),
+    (
+        "nan inner radius",
+        lambda: build(inner_radius=np.nan),
+        ValueError,
+        ["specimen 'S1', experiment 1", "inner_radius is nan mm", "finite"],
+    ),
+    (
+        "no wall",
+        lambda: build(outer_radius=7.0),
+        ValueError,
+        ["outer_radius is 7 mm", "more than inner_radius"],
+    ),
+    (
+        "inside out in one test",
+        lambda: build(good_frame().assign(B=[9.0, 9.0, 6.0, 6.0, 9.0, 9.0]), outer_radius="B"),
+        ValueError,
+        [S1E2, "outer_radius is 6 mm", "more than inner_radius"],
+    ),
+    (
+        "no axial stretch",
+        lambda: build(axial_stretch=0.0),
+        ValueError,
+        ["axial_stretch is 0;", "positive"],
+    ),
+    (
+        "degrees for radians",
+        lambda: build(opening_angle="angle"),
+        ValueError,
+        ["opening_angle is 60 rad", 'angle_unit="deg"'],
+    ),
+    (
+        "a full turn",
+        lambda: build(opening_angle=360.0, angle_unit="deg"),
+        ValueError,
+        ["opening_angle is 6.28319 rad"],
+    ),
+    (
+        "a full turn back",
+        lambda: build(opening_angle=-360.0, angle_unit="deg"),
+        ValueError,
+        ["opening_angle is -6.28319 rad"],
+    ),
+    (
+        "unknown geometry column",
+        lambda: build(inner_radius="a0"),
+        ValueError,
+        ["inner_radius='a0'", "no such column", "'A', 'B'"],
+    ),
+    (
+        "missing geometry",
+        lambda: build(changed("A", 13, np.nan), inner_radius="A"),
+        ValueError,
+        [S1E2, "row 13", "A is missing"],
+    ),
+    (
+        "text in geometry",
+        lambda: build(changed("stretch", 13, "x"), axial_stretch="stretch"),
+        ValueError,
+        [S1E2, "row 13", "stretch is 'x', not a number"],
+    ),
+    (
+        "geometry changes",
+        lambda: build(changed("A", 13, 7.5), inner_radius="A"),
+        ValueError,
+        [S1E2, "row 13", "inner_radius is 7.5, but 7.0", "experiment label"],
+    ),
+    (
+        "group changes",
+        lambda: build(changed("group", 13, "C2")),
+        ValueError,
+        [S1E2, "row 13", "group is 'C2', but 'C1'"],
+    ),
+    (
+        "truth value for geometry",
+        lambda: build(axial_stretch=True),
+        TypeError,
+        ["axial_stretch is True", "number or the name of a column"],
+    ),
+    (
+        "list for geometry",
+        lambda: build(outer_radius=[9.0]),
+        TypeError,
+        ["outer_radius is [9.0]", "number or the name of a column"],
+    ),
+    (
+        "unknown unit",
+        lambda: build(pressure_unit="mmhg"),
+        ValueError,
+        ["pressure_unit='mmhg'", "not a known unit", "'mmHg'"],
+    ),
+    (
+        "pressure in mm",
+        lambda: build(pressure_unit="mm"),
+        ValueError,
+        ["pressure_unit='mm'", "does not measure pressure", "'kPa'"],
+    ),
+    (
+        "radius in kPa",
+        lambda: build(radius_unit="kPa"),
+        ValueError,
+        ["radius_unit='kPa'", "does not measure length", "'um'"],
+    ),
+    (
+        "angle in mm",
+        lambda: build(angle_unit="mm"),
+        ValueError,
+        ["angle_unit='mm'", "does not measure angle", "'deg'"],
+    ),
+    (
+        "unknown specimen",
+        lambda: select(build(), specimen="S9"),
+        ValueError,
+        ["no specimen 'S9'", "'S1', 'S2'"],
+    ),
+    (
+        "unknown experiment",
+        lambda: select(build(), experiment=[1, 7]),
+        ValueError,
+        ["no experiment 7", "1, 2"],
+    ),
+    (
+        "nothing left",
+        lambda: select(build(), specimen="S1", group="C2"),
+        ValueError,
+        [
+            "no test with specimen=['S1'], group=['C2']",
+            "group 'C1', specimen 'S1', experiment 1, 2",
+        ],
+    ),
+    ("nothing asked for", lambda: select(build(), specimen=[]), ValueError, ["specimen=[]"]),
+    ("frame for data", lambda: check_inflation_data(good_frame()), TypeError, ["inflation_data("]),
+    (
+        "dropped variable",
+        lambda: check_inflation_data(build().drop_vars("opening_angle")),
+        ValueError,
+        ["lack 'opening_angle'", "'test'"],
+    ),
+    (
+        "wrong dimension",
+        lambda: check_inflation_data(build().assign(inner_radius=("obs", [7.0] * 6))),
+        ValueError,
+        ["'inner_radius' has dimensions ('obs',)", "('test',)"],
+    ),
+    (
+        "other unit",
+        lambda: check_inflation_data(
+            build().assign(pressure=build()["pressure"].assign_attrs(units="mmHg"))
+        ),
+        ValueError,
+        ["'pressure' is in 'mmHg'", "'kPa'"],
+    ),
+    (
+        "text in data",
+        lambda: check_inflation_data(with_values("radius", ["a"] * 6)),
+        ValueError,
+        ["'radius' must hold numbers"],
+    ),
+    (
+        "nan in data",
+        lambda: check_inflation_data(with_values("pressure", [1, 2, 3, np.nan, 5, 6])),
+        ValueError,
+        [S1E2, "row 13", "pressure is nan kPa", "finite"],
+    ),
+    (
+        "nan in data without rows",
+        lambda: check_inflation_data(
+            with_values("pressure", [1, 2, np.nan, 4, 5, 6]).drop_vars("row")
+        ),
+        ValueError,
+        [S1E2, "point 2", "pressure is nan kPa"],
+    ),
+    (
+        "scattered points",
+        lambda: check_inflation_data(with_values("test", [0, 0, 1, 2, 1, 2])),
+        ValueError,
+        [S1E2, "row 14", "stand together"],
+    ),
+    (
+        "empty test",
+        lambda: check_inflation_data(with_values("test", [0, 0, 0, 0, 2, 2])),
+        ValueError,
+        [S1E2, "no points", "select()"],
+    ),
+    (
+        "test that is not there",
+        lambda: check_inflation_data(with_values("test", [0, 0, 1, 1, 2, 3])),
+        ValueError,
+        ["from 0 to 3", "3 tests"],
+    ),
+    (
+        "tests that are not counted",
+        lambda: check_inflation_data(with_values("test", [0.0, 0, 1, 1, 2, 2])),
+        ValueError,
+        ["'test' must hold integers", "float64"],
+    ),
+    (
+        "no points",
+        lambda: check_inflation_data(build().isel(obs=slice(0, 0))),
+        ValueError,
+        ["no points"],
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "fragments"), [row[1:] for row in BAD_DATA], ids=[row[0] for row in BAD_DATA]
+)
+def test_bad_data(call, error, fragments):
+    """Each kind of bad input raises one error that names the place and what was expected."""
+    with pytest.raises(error) as raised:
+        call()
+    message = str(raised.value)
+    assert not [fragment for fragment in fragments if fragment not in message], message
+
+
+def test_layout():
+    """The Dataset has the documented variables, each with its dimension, unit and name."""
+    data = build(pressure_unit="mmHg")
+    assert dict(data.sizes) == {"obs": 6, "test": 3}
+    assert set(data.data_vars) == set(VARIABLES)
+    assert set(data.coords) == set(COORDINATES)
+    for name, (dimension, units, long_name) in {**VARIABLES, **COORDINATES}.items():
+        assert data[name].dims == (dimension,)
+        assert data[name].attrs == {"units": units, "long_name": long_name}
+    assert data["specimen"].values.tolist() == ["S1", "S1", "S2"]
+    assert data["experiment"].values.tolist() == [1, 2, 1]
+    assert data["group"].values.tolist() == ["C1", "C1", "C2"]
+    assert data["row"].values.tolist() == list(range(10, 16))
+    np.testing.assert_allclose(data["pressure"], good_frame()["pressure"] * mmHg, rtol=ROUNDING)
+
+
+def test_units_and_columns_reach_the_geometry():
+    """Lengths follow radius_unit, angles angle_unit, and a column serves as well as a number."""
+    lengths = ["radius", "A", "B"]
+    frame = good_frame()
+    frame[lengths] *= 1000
+    from_columns = build(
+        frame,
+        inner_radius="A",
+        outer_radius="B",
+        axial_stretch="stretch",
+        opening_angle="angle",
+        radius_unit="um",
+        angle_unit="deg",
+    )
+    from_numbers = build(axial_stretch=1.2, opening_angle=np.pi / 3)
+    xr.testing.assert_allclose(from_columns, from_numbers, rtol=ROUNDING)
+
+
+def test_scattered_rows_are_gathered():
+    """Tests come in order of first appearance, their points together and in the frame's order."""
+    frame = good_frame().loc[[14, 10, 12, 11, 15, 13]]
+    data = build(frame)
+    assert data["specimen"].values.tolist() == ["S2", "S1", "S1"]
+    assert data["row"].values.tolist() == [14, 15, 10, 11, 12, 13]
+    assert data["test"].values.tolist() == [0, 0, 1, 1, 2, 2]
+    assert data["radius"].values.tolist() == [7.1, 7.6, 7.2, 8.0, 7.3, 8.1]
+
+
+def test_labels_are_plain():
+    """Integers stay integers in experiment, what a spreadsheet made float too; the rest is text."""
+    frame = good_frame().drop(columns="group")
+    frame["specimen"] = [7, 7, 7, 7, 8, 8]
+    frame["experiment"] = frame["experiment"].astype(float)
+    data = build(frame)
+    assert data["specimen"].values.tolist() == ["7", "7", "8"]
+    assert data["experiment"].dtype.kind == "i"
+    assert data["group"].values.tolist() == ["all"] * 3
+    assert select(data, specimen=7).sizes["test"] == 2
+
+    frame["experiment"] = ["low", "low", "high", "high", "low", "low"]
+    data = build(frame.set_index(pd.Index(list("abcdef"))))
+    assert data["experiment"].values.tolist() == ["low", "high", "low"]
+    assert data["row"].values.tolist() == list("abcdef")
+
+
+def test_numbers_may_come_as_text():
+    """A column that was read as text because of its neighbours is still numbers."""
+    frame = good_frame()
+    frame["pressure"] = frame["pressure"].astype(str)
+    xr.testing.assert_identical(build(frame), build())
+
+
+def test_frame_is_left_alone():
+    """Building data changes nothing in the user's frame."""
+    frame = good_frame()
+    build(frame, inner_radius="A")
+    pd.testing.assert_frame_equal(frame, good_frame())
+
+
+def test_select_keeps_order_and_renumbers():
+    """Selected tests keep the data's order, and their points follow them."""
+    data = build()
+    chosen = select(data, specimen=["S2", "S1"], experiment=1)
+    check_inflation_data(chosen)
+    assert chosen["specimen"].values.tolist() == ["S1", "S2"]
+    assert chosen["row"].values.tolist() == [10, 11, 14, 15]
+    assert chosen["test"].values.tolist() == [0, 0, 1, 1]
+    assert chosen["test"].attrs == data["test"].attrs
+    xr.testing.assert_identical(select(data), data)
+    xr.testing.assert_identical(select(data, experiment=np.int64(2)), select(data, experiment="2"))
+
+
+def test_names_and_points_of_a_test():
+    """A test's name and its points can be found from its position."""
+    data = build()
+    assert describe_test(data, 2) == "specimen 'S2', experiment 1"
+    assert [points_of(data, i) for i in range(3)] == [slice(0, 2), slice(2, 4), slice(4, 6)]
+    with pytest.raises(IndexError, match="no test 3"):
+        points_of(data, 3)
+
+
+def test_netcdf_round_trip(tmp_path):
+    """A saved Dataset comes back identical and passes the check: labels, integers, attributes."""
+    data = build(pressure_unit="mmHg")
+    data.to_netcdf(tmp_path / "data.nc", engine="h5netcdf")
+    loaded = xr.load_dataset(tmp_path / "data.nc", engine="h5netcdf")
+    check_inflation_data(loaded)
+    xr.testing.assert_identical(loaded, data)
+    assert loaded["experiment"].dtype.kind == "i"
+    assert select(loaded, specimen="S2").sizes == {"obs": 2, "test": 1}
+
+
+def test_datatree_round_trip(tmp_path):
+    """Data inside a tree of results survive the file too."""
+    data = build()
+    tree = xr.DataTree.from_dict({"/C1/inflation_data": data})
+    tree.to_netcdf(tmp_path / "tree.nc", engine="h5netcdf")
+    loaded = xr.load_datatree(tmp_path / "tree.nc", engine="h5netcdf")
+    xr.testing.assert_identical(loaded["C1/inflation_data"].to_dataset(), data)

@@ -1,0 +1,563 @@
+"""The pressure integral: its numbers, its gradients, and the places where it runs."""
+
+from functools import cache
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import oracles
+import pytensor
+import pytensor.tensor as pt
+import pytest
+from problems import LAWS, PROBLEMS
+from pytensor.graph.replace import vectorize_graph
+from pytensor.graph.traversal import ancestors
+from pytensor.tensor.blockwise import Blockwise
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic import PressureIntegral, inflation_pressure, inflation_stiffness
+
+# Compiles in a second, for graphs that are evaluated once. What users run is the default mode.
+FAST = "FAST_COMPILE"
+
+# What the package promises against adaptive quadrature.
+PRESSURE_TOLERANCE = 1e-9
+STIFFNESS_TOLERANCE = 1e-7
+# At zero pressure a relative error has no meaning. There the pressure may be what a relative error
+# of 1e-12 of the radius makes of it, a thousandth of what the table's A(1 + 1e-9) resolves; the
+# oracle itself, differences of step 1e-15, tells pressures below 1e-25 of that scale not from 0.
+ZERO_PRESSURE_RADIUS_ERROR = 1e-12
+ORACLE_RESOLUTION = 1e-25
+# Second derivatives divide by small numbers where first ones do, once more.
+GRADIENT_TOLERANCE = 1e-7
+# Two formulas for one integral with the same nodes: rounding, with exponents up to 60.
+IDENTITY_TOLERANCE = 1e-12
+# Linkers call other sinh and exp, which may differ in the last digit. The gradient by an input is a
+# sum that may cancel; its rounding is that of the output over the input's size.
+BACKEND_TOLERANCE = 1e-12
+# Promised accuracy of the rule of default order: anywhere, and where measured curves lie (a >= A).
+QUADRATURE_TOLERANCE = 1e-10
+QUADRATURE_TOLERANCE_INFLATED = 1e-12
+
+
+class Response(NamedTuple):
+    """Pressure and stiffness of a batch of problems, and the gradient of each by every input."""
+
+    pressure: np.ndarray
+    stiffness: np.ndarray
+    pressure_gradient: np.ndarray
+    stiffness_gradient: np.ndarray
+
+
+@cache
+def compiled_response(law, mode):
+    """One function a law and a linker; two weights choose whose gradient comes back."""
+    energy = LAWS[law].strain_energy
+    inputs = pt.dvectors(5 + len(energy.parameters))
+    pressure, stiffness = PressureIntegral(strain_energy=energy)(*inputs)
+    weights = pt.dscalars(2)
+    cost = weights[0] * pressure.sum() + weights[1] * stiffness.sum()
+    gradient = pt.stack(pytensor.grad(cost, inputs))
+    return pytensor.function([*inputs, *weights], [pressure, stiffness, gradient], mode=mode)
+
+
+@cache
+def response(law, mode="NUMBA"):
+    """Everything that the Op says about all problems of a law."""
+    function = compiled_response(law, mode)
+    columns = [
+        np.array(column)
+        for column in zip(*(p.inputs.values() for p in problems_of(law)), strict=True)
+    ]
+    pressure, stiffness, pressure_gradient = function(*columns, 1.0, 0.0)
+    _, _, stiffness_gradient = function(*columns, 0.0, 1.0)
+    return Response(*map(np.asarray, (pressure, stiffness, pressure_gradient, stiffness_gradient)))
+
+
+def problems_of(law):
+    return [problem for problem in PROBLEMS if problem.law == law]
+
+
+def test_table_covers_what_is_promised():
+    """At least 64 problems reach every end of the documented range, for every law."""
+    assert len(PROBLEMS) >= 64
+    assert len({problem.name for problem in PROBLEMS}) == len(PROBLEMS)
+    for law in LAWS:
+        table = problems_of(law)
+        growth = {p.internal_radius / p.inner_radius for p in table}
+        assert {1.0, 1 + 1e-9, 1 - 1e-9, 1.7} <= {round(g, 12) for g in growth}
+        assert min(growth) <= 0.6
+        assert {0.8, 1.0, 1.9} <= {p.axial_stretch for p in table}
+        assert {0.0, 160.0} <= {p.opening_angle for p in table}
+        assert {1.05, 2.5} <= {round(p.outer_radius / p.inner_radius, 12) for p in table}
+    special = {0.0, 1e-12, -1e-12, 25.0, -25.0}
+    assert special <= {p.parameters["alpha"] for p in problems_of("Ogden")}
+    assert special | {20.0} <= {p.parameters["b"] for p in problems_of("CriscioneType")}
+    assert {0.3, 1.0, 30.0} <= {p.parameters["n"] for p in problems_of("PowerLawNeoHookean")}
+
+
+CASES = [
+    pytest.param(problem, index, id=problem.name)
+    for law in LAWS
+    for index, problem in enumerate(problems_of(law))
+]
+
+
+@pytest.mark.parametrize(("problem", "index"), CASES)
+def test_problem_agrees_with_adaptive_quadrature(problem, index):
+    """Pressure and stiffness have a small relative error, also where pressure is all but zero."""
+    exact_pressure, exact_stiffness = problem.exact(), problem.exact("internal_radius")
+    scale = abs(exact_stiffness) * problem.inner_radius
+    at_zero = abs(exact_pressure) <= ORACLE_RESOLUTION * scale
+    allowed = (
+        ZERO_PRESSURE_RADIUS_ERROR * scale if at_zero else PRESSURE_TOLERANCE * abs(exact_pressure)
+    )
+    values = response(problem.law)
+    assert abs(values.pressure[index] - exact_pressure) <= allowed
+    assert abs(values.stiffness[index] - exact_stiffness) <= STIFFNESS_TOLERANCE * abs(
+        exact_stiffness
+    )
+
+
+def test_tube_at_rest_carries_exactly_no_pressure():
+    """At a = A, without axial stretch or cut, the pressure is 0 and not merely small."""
+    for law in LAWS:
+        at_rest = [problem.name.endswith("at rest") for problem in problems_of(law)]
+        assert sum(at_rest) == 1
+        assert (response(law).pressure[at_rest] == 0).all()
+
+
+def test_neo_hookean_tube_has_its_closed_form():
+    """With n = 1 the pressure is the textbook's, with axial stretch and opening angle too."""
+    table = problems_of("PowerLawNeoHookean")
+    chosen = [i for i, problem in enumerate(table) if problem.parameters["n"] == 1]
+    assert len(chosen) > 4
+    exact = [
+        oracles.neo_hookean_pressure(table[i].parameters["mu"], *list(table[i].inputs.values())[:5])
+        for i in chosen
+    ]
+    np.testing.assert_allclose(
+        response("PowerLawNeoHookean").pressure[chosen], exact, rtol=PRESSURE_TOLERANCE, atol=0
+    )
+
+
+class OgdenRubber(ph.StrainEnergy):
+    """Ogden's rubber with any number of terms, ``Σ μp/αp (λ1^αp + λ2^αp + λ3^αp − 3)``.
+
+    The terms are given, and only a factor of them all is a parameter.
+    """
+
+    parameters = (ph.Parameter("scale", "s", "kPa", (0.0, 1e3), "factor of every modulus"),)
+
+    def __init__(self, terms=oracles.OGDEN_1972_RUBBER):
+        self.terms = terms
+
+    def energy(self, radial, hoop, axial, *, scale):
+        return scale * sum(
+            mu / alpha * (radial**alpha + hoop**alpha + axial**alpha - 3)
+            for mu, alpha in self.terms
+        )
+
+
+def test_ogdens_rubber_agrees_with_the_stretch_integral():
+    """A three-term law of 1972, known by its energy alone, obeys the textbook's other integral."""
+    radius = np.array([1.01, 1.2, 1.7, 2.5])
+    for outer, axial in ((1.5, 1.0), (2.5, 1.0), (2.0, 1.3)):
+        pressure = inflation_pressure(
+            OgdenRubber(),
+            radius,
+            inner_radius=1.0,
+            outer_radius=outer,
+            axial_stretch=axial,
+            scale=oracles.KILOPASCAL_PER_KGF_CM2,
+        )
+        exact = [
+            oracles.pressure_by_stretch_integral(oracles.ogden_1972_energy, a, 1.0, outer, axial)
+            for a in radius
+        ]
+        np.testing.assert_allclose(pressure.eval(mode=FAST), exact, rtol=PRESSURE_TOLERANCE, atol=0)
+
+
+def test_ogden_and_criscione_type_are_one_pressure_model():
+    """``b = α/2`` and ``a = (8μ/α²) cosh(½ α ln λz)`` give the same pressures and stiffnesses."""
+    tubes = problems_of("Ogden")
+    tubes = [problem for problem in tubes if abs(problem.parameters["alpha"]) > 1]
+    inputs = {name: np.array([p.inputs[name] for p in tubes]) for name in tubes[0].inputs}
+    mu, alpha = inputs["mu"], inputs["alpha"]
+    mapped = {
+        **inputs,
+        "a": 8 * mu / alpha**2 * np.cosh(alpha / 2 * np.log(inputs["axial_stretch"])),
+        "b": alpha / 2,
+    }
+    values = compiled_response("CriscioneType", "NUMBA")(
+        *(mapped[name] for name in (*oracles.GEOMETRY, "a", "b")), 1.0, 0.0
+    )
+    chosen = [abs(p.parameters["alpha"]) > 1 for p in problems_of("Ogden")]
+    ogden = response("Ogden")
+    np.testing.assert_allclose(values[0], ogden.pressure[chosen], rtol=IDENTITY_TOLERANCE, atol=0)
+    np.testing.assert_allclose(values[1], ogden.stiffness[chosen], rtol=IDENTITY_TOLERANCE, atol=0)
+
+
+# --- derivatives ---------------------------------------------------------------------------------
+
+ORDINARY = ("inflated", "deflated", "in vivo", "opened")
+SPECIAL = ("at rest", "just inflated")
+
+
+def gradient_points(law):
+    """Ordinary tubes with ordinary parameters, and the start of a curve with every parameter set."""
+    ordinary = LAWS[law].parameters[0][0]
+    tubes = {p.name.rsplit(", ", 1)[-1]: p for p in problems_of(law) if p.parameters == ordinary}
+    points = [tubes[name].inputs for name in ORDINARY]
+    for parameters, _ in LAWS[law].parameters:
+        points += [{**tubes[name].inputs, **parameters} for name in SPECIAL]
+    return points
+
+
+def columns_of(points):
+    return [np.array([point[name] for point in points]) for name in points[0]]
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("output", ["pressure", "stiffness"])
+def test_gradient_agrees_with_finite_differences(law, output):
+    """PyTensor's own check holds in all inputs, at ordinary points and where 0/0 threatens."""
+    op = PressureIntegral(strain_energy=LAWS[law].strain_energy)
+    index = ("pressure", "stiffness").index(output)
+    pytensor.gradient.verify_grad(
+        lambda *inputs: op(*inputs)[index],
+        columns_of(gradient_points(law)),
+        n_tests=1,
+        rng=np.random.default_rng(7),  # weights of the sum that is differentiated; any will do
+        mode=FAST,
+    )
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("tube", ["inflated", "just inflated", "in vivo", "extreme"])
+def test_gradient_agrees_with_the_oracle(law, tube):
+    """The derivative of pressure and of stiffness by every input is the exact one."""
+    table = problems_of(law)
+    index, problem = next((i, p) for i, p in enumerate(table) if p.name.endswith(f", {tube}"))
+    values = response(law)
+    for i, name in enumerate(problem.inputs):
+        np.testing.assert_allclose(
+            values.pressure_gradient[i, index],
+            problem.exact(name),
+            rtol=GRADIENT_TOLERANCE,
+            err_msg=name,
+        )
+        np.testing.assert_allclose(
+            values.stiffness_gradient[i, index],
+            problem.exact("internal_radius", name),
+            rtol=GRADIENT_TOLERANCE,
+            err_msg=name,
+        )
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_stiffness_is_the_gradient_of_pressure(law):
+    """The second output and the first output's gradient are two computations of one number."""
+    values = response(law)
+    np.testing.assert_allclose(
+        values.pressure_gradient[0], values.stiffness, rtol=IDENTITY_TOLERANCE, atol=0
+    )
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_second_derivatives_are_right_at_the_special_points(law):
+    """At zero pressure and an exponent of 0 curvatures are finite and exact, as Laplace needs."""
+    energy = LAWS[law].strain_energy
+    inputs = pt.dvectors(5 + len(energy.parameters))
+    pressure, _ = PressureIntegral(strain_energy=energy)(*inputs)
+    names = [*oracles.GEOMETRY, *energy.parameter_names]
+    gradient = dict(zip(names, pytensor.grad(pressure.sum(), inputs), strict=True))
+    by = ["internal_radius", *energy.parameter_names]
+    hessian = [
+        # A modulus is a factor: the gradient by it does not know it.
+        pytensor.grad(gradient[name].sum(), inputs, disconnected_inputs="ignore")
+        for name in by
+    ]
+    function = pytensor.function(inputs, pt.stack([pt.stack(row) for row in hessian]), mode=FAST)
+    points = gradient_points(law)
+    value = function(*columns_of(points))
+    assert np.isfinite(value).all()
+    for i, first in enumerate(by):
+        for second in by[i:]:
+            exact = np.array(
+                [
+                    oracles.tube_derivative(LAWS[law].energy, point, first, second)
+                    for point in points
+                ]
+            )
+            np.testing.assert_allclose(
+                value[i, names.index(second)],
+                exact,
+                rtol=GRADIENT_TOLERANCE,
+                # At rest half of them are 0 exactly, the oracle's differences are not.
+                atol=1e-25,
+                err_msg=f"{first}, {second}",
+            )
+
+
+# --- where it runs -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("mode", ["CVM", "JAX"])
+def test_linkers_agree(law, mode):
+    """Values and gradients of every problem are the same under numba, C and JAX."""
+    if mode == "JAX":
+        pytest.importorskip("jax")
+    elif not pytensor.config.cxx:
+        pytest.skip("no C compiler")
+    values, expected = response(law, mode), response(law, "NUMBA")
+    size = np.abs(columns_of([problem.inputs for problem in problems_of(law)]))
+    size[4:] = np.maximum(size[4:], 1)  # an angle or an exponent may be 0
+    for output in ("pressure", "stiffness"):
+        scale = np.abs(getattr(expected, output))
+        difference = np.abs(getattr(values, output) - getattr(expected, output))
+        assert (difference <= BACKEND_TOLERANCE * scale).all()
+        gradient = getattr(expected, f"{output}_gradient")
+        assert np.isfinite(gradient).all()
+        difference = np.abs(getattr(values, f"{output}_gradient") - gradient)
+        assert (difference <= BACKEND_TOLERANCE * (np.abs(gradient) + scale / size)).all()
+
+
+def scalar_tube(internal_radius, **parameters):
+    """Ogden tube whose parameters are given, with its pressures and stiffnesses."""
+    op = PressureIntegral(strain_energy=ph.Ogden())
+    return op(internal_radius, 7.0, 9.0, 1.1, 0.3, parameters["mu"], parameters["alpha"])
+
+
+def operations(*variables):
+    return {v.owner.op for v in ancestors(variables) if v.owner is not None}
+
+
+@pytest.mark.parametrize("batched", ["parameters", "radius"])
+def test_vectorised_graph_is_the_loop(batched):
+    """A batch of parameters, or of radii, is one Op that broadcasts: no loop, the same numbers."""
+    mu, alpha = pt.dscalars("mu", "alpha")
+    radius = pt.dvector("radius") if batched == "parameters" else pt.dscalar("radius")
+    outputs = scalar_tube(radius, mu=mu, alpha=alpha)
+    radii = np.linspace(6.5, 10.0, 6)
+    if batched == "parameters":
+        batch = {mu: np.array([2.0, 6.0, 9.0]), alpha: np.array([0.0, 8.0, -15.0])}
+        fixed = {radius: radii}
+    else:
+        batch = {radius: radii}
+        fixed = {mu: np.array(6.0), alpha: np.array(8.0)}
+    symbols = {scalar: pt.dvector(scalar.name) for scalar in batch}
+    vectorised = vectorize_graph(outputs, symbols)
+
+    used = operations(*vectorised)
+    assert any(isinstance(op, PressureIntegral) for op in used)
+    assert not any(isinstance(op, Blockwise) for op in used)
+
+    loop = pytensor.function([*batch, *fixed], outputs, mode=FAST)
+    expected = [loop(*row, *fixed.values()) for row in zip(*batch.values(), strict=True)]
+    together = pytensor.function([*symbols.values(), *fixed], vectorised, mode=FAST)
+    for value, rows in zip(
+        together(*batch.values(), *fixed.values()), zip(*expected, strict=True), strict=True
+    ):
+        np.testing.assert_allclose(value, np.stack(rows), rtol=IDENTITY_TOLERANCE)
+
+
+def test_gradient_vectorises_too():
+    """A batch of gradients, as a batched sampler takes it, is the loop's and needs no loop."""
+    mu, alpha = pt.dscalars("mu", "alpha")
+    radii = np.linspace(6.5, 10.0, 6)
+    pressure, stiffness = scalar_tube(radii, mu=mu, alpha=alpha)
+    gradient = pytensor.grad((pressure**2 + stiffness**2).sum(), [mu, alpha])
+    symbols = {mu: pt.dvector("mu"), alpha: pt.dvector("alpha")}
+    vectorised = vectorize_graph(gradient, symbols)
+    assert not any(isinstance(op, Blockwise) for op in operations(*vectorised))
+
+    batch = np.array([2.0, 6.0, 9.0]), np.array([0.0, 8.0, -15.0])
+    loop = pytensor.function([mu, alpha], gradient, mode=FAST)
+    together = pytensor.function([*symbols.values()], vectorised, mode=FAST)
+    np.testing.assert_allclose(
+        together(*batch),
+        np.transpose([loop(*row) for row in zip(*batch, strict=True)]),
+        rtol=IDENTITY_TOLERANCE,
+    )
+
+
+def test_inputs_broadcast():
+    """Numbers, arrays and variables of any shapes meet as in NumPy."""
+    mu = np.array([[2.0], [6.0], [9.0]])
+    radii = np.linspace(6.5, 10.0, 4)
+    alpha = pt.dscalar("alpha")
+    pressure = inflation_pressure(
+        ph.Ogden(), radii, inner_radius=7, outer_radius=[8, 9, 9, 10], mu=mu, alpha=alpha
+    )
+    assert pressure.type.shape == (3, 4)
+    value = pressure.eval({alpha: 8.0}, mode=FAST)
+    np.testing.assert_allclose(value, mu * value[:1] / mu[0], rtol=IDENTITY_TOLERANCE)
+
+
+def test_python_numbers_are_double_precision():
+    """Integers and short decimals, which PyTensor would store in single precision, lose nothing."""
+    tube = dict(zip(oracles.GEOMETRY, (8.5, 7, 9.0, 1.0, 0.0), strict=True))
+    exact = oracles.tube_derivative(oracles.ogden_energy, {**tube, "mu": 6.0, "alpha": 8})
+    radius = tube.pop("internal_radius")
+    pressure = inflation_pressure(ph.Ogden(), radius, **tube, mu=6.0, alpha=8)
+    assert pressure.dtype == "float64"
+    np.testing.assert_allclose(pressure.eval(mode=FAST), exact, rtol=IDENTITY_TOLERANCE)
+
+
+def test_functions_are_the_outputs_of_the_op():
+    """`inflation_pressure` and `inflation_stiffness` say what the Op says, by keyword."""
+    problem = next(p for p in PROBLEMS if p.name.endswith("in vivo"))
+    index = problems_of(problem.law).index(problem)
+    geometry = {name: problem.inputs[name] for name in oracles.GEOMETRY}
+    radius = geometry.pop("internal_radius")
+    energy = LAWS[problem.law].strain_energy
+    values = response(problem.law)
+    for function, expected in (
+        (inflation_pressure, values.pressure[index]),
+        (inflation_stiffness, values.stiffness[index]),
+    ):
+        value = function(energy, radius, **geometry, **problem.parameters)
+        assert value.ndim == 0
+        np.testing.assert_allclose(value.eval(mode=FAST), expected, rtol=IDENTITY_TOLERANCE)
+
+
+def test_op_is_seen_in_the_graph():
+    """A printed graph names the integral and its material, with and without its gradient."""
+    mu, alpha = pt.dscalars("mu", "alpha")
+    pressure, stiffness = scalar_tube(8.0, mu=mu, alpha=alpha)
+    printed = pytensor.dprint([pressure, stiffness], file="str")
+    assert "PressureIntegral" in printed
+    assert "Ogden" in printed
+    gradient = pytensor.grad(pressure, [mu, alpha])
+    assert "PressureIntegral" in pytensor.dprint([pressure, *gradient], file="str")
+
+
+def test_equal_ops_merge():
+    """Pressure and stiffness of one tube are one integral, once the graph is compiled."""
+    mu = pt.dscalar("mu")
+    tube = {"inner_radius": 7.0, "outer_radius": 9.0, "mu": mu, "alpha": 8.0}
+    graph = pytensor.graph.FunctionGraph(
+        [mu],
+        [
+            inflation_pressure(ph.Ogden(), 8.0, **tube),
+            inflation_stiffness(ph.Ogden(), 8.0, **tube),
+        ],
+        clone=False,
+    )
+    pytensor.graph.rewriting.basic.MergeOptimizer().rewrite(graph)
+    integrals = [n for n in graph.apply_nodes if isinstance(n.op, PressureIntegral)]
+    assert len(integrals) == 1
+
+
+# --- the ends ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters"),
+    [
+        ("Ogden", {"mu": 6.0, "alpha": 1e5}),
+        ("Ogden", {"mu": 6.0, "alpha": -1e5}),
+        ("CriscioneType", {"a": 3.0, "b": 1e5}),
+        ("PowerLawNeoHookean", {"mu": 20.0, "n": 1e9}),
+    ],
+)
+def test_overflow_is_infinite_and_its_gradient_zero(law, parameters):
+    """Where pressure overflows it is inf, so a likelihood rejects it; no gradient is ever NaN."""
+    # The exponential limit of the power law overflows only in a tube that is blown up thirtyfold.
+    geometry = (240.0 if law == "PowerLawNeoHookean" else 11.9, 7.0, 9.0, 1.0, 0.0)
+    columns = [np.array([value]) for value in (*geometry, *parameters.values())]
+    pressure, stiffness, gradient = compiled_response(law, "NUMBA")(*columns, 1.0, 0.0)
+    assert pressure == np.inf
+    assert not np.isfinite(stiffness)
+    assert (gradient == 0).all()
+    _, _, gradient = compiled_response(law, "NUMBA")(*columns, 0.0, 1.0)
+    assert (gradient == 0).all()
+
+
+TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
+OGDEN = {"mu": 6.0, "alpha": 8.0}
+
+
+@pytest.mark.parametrize("function", [inflation_pressure, inflation_stiffness])
+@pytest.mark.parametrize(
+    ("energy", "radius", "arguments", "error", "message"),
+    [
+        (ph.Ogden(), 8.0, {**TUBE, "mu": 6.0}, TypeError, r"Ogden.*'mu', 'alpha'.*\['mu'\]"),
+        (ph.Ogden(), 8.0, {**TUBE, **OGDEN, "n": 1.0}, TypeError, r"Ogden.*'n'"),
+        (ph.Ogden(), 8.0, {**TUBE, "mu": 6.0, "n": 1.0}, TypeError, r"'alpha'.*'n'"),
+        (ph.Ogden, 8.0, {**TUBE, **OGDEN}, TypeError, "call the class"),
+        ("Ogden", 8.0, {**TUBE, **OGDEN}, TypeError, "'Ogden'"),
+        (
+            ph.Ogden(),
+            8.0,
+            {**OGDEN, "inner_radius": 9.0, "outer_radius": 7.0},
+            ValueError,
+            "outer_radius must exceed inner_radius.*7.*9",
+        ),
+        (
+            ph.Ogden(),
+            8.0,
+            {**OGDEN, "inner_radius": 7.0, "outer_radius": [9.0, 7.0]},
+            ValueError,
+            "outer_radius must exceed inner_radius",
+        ),
+        (ph.Ogden(), 8.0, {**TUBE, **OGDEN, "opening_angle": 60.0}, ValueError, "np.deg2rad"),
+        (ph.Ogden(), [8.0, 0.0], {**TUBE, **OGDEN}, ValueError, "internal_radius must be positive"),
+        (ph.Ogden(), np.nan, {**TUBE, **OGDEN}, ValueError, "internal_radius must be positive"),
+        (
+            ph.Ogden(),
+            8.0,
+            {**TUBE, **OGDEN, "inner_radius": -7.0},
+            ValueError,
+            "inner_radius must be positive.*-7",
+        ),
+        (
+            ph.Ogden(),
+            8.0,
+            {**TUBE, **OGDEN, "axial_stretch": 0.0},
+            ValueError,
+            "axial_stretch must be positive",
+        ),
+    ],
+)
+def test_bad_input_is_refused_with_a_clear_message(
+    function, energy, radius, arguments, error, message
+):
+    """Each mistake has one error, which names the argument and the value."""
+    with pytest.raises(error, match=message):
+        function(energy, radius, **arguments)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_default_order_suffices_over_the_documented_range(law):
+    """At every corner of the documented range the rule of order 32 says what one of 200 says.
+
+    The errors are relative to the pressure and to the stiffness themselves, which is more than to
+    the integral of the modulus; the corners are those of the geometry and of the default priors.
+    """
+    energy = LAWS[law].strain_energy
+    inputs = pt.dvectors(5 + len(energy.parameters))
+    function = pytensor.function(
+        inputs,
+        [
+            *PressureIntegral(strain_energy=energy)(*inputs),
+            *PressureIntegral(strain_energy=energy, order=200)(*inputs),
+        ],
+        mode=FAST,
+    )
+    geometry = [
+        (0.6, 0.8, 1.0, 1.3, 1.7),
+        (1.0,),
+        (1.05, 2.5),
+        (0.8, 1.0, 1.9),
+        (0.0, np.deg2rad(160)),
+    ]
+    # A modulus is a factor; from 0 to 1 it is all the same.
+    priors = [p.prior_range if p.unit == "" else (1.0,) for p in energy.parameters]
+    corners = np.array(list(product(*geometry, *priors))).T
+    pressure, stiffness, better_pressure, better_stiffness = function(*corners)
+    allowed = np.where(corners[0] >= 1, QUADRATURE_TOLERANCE_INFLATED, QUADRATURE_TOLERANCE)
+    assert (abs(pressure - better_pressure) <= allowed * abs(better_pressure)).all()
+    assert (abs(stiffness - better_stiffness) <= allowed * abs(better_stiffness)).all()
