@@ -17,6 +17,12 @@ from pymc_hyperelastic.models import (
     power_law_neo_hookean_model,
     predict_pressure,
 )
+from pymc_hyperelastic.plots import (
+    plot_class_probability,
+    plot_inflation,
+    plot_parameter_density,
+    plot_pressure_fit,
+)
 from pymc_hyperelastic.pressure import PressureIntegral, inflation_pressure, inflation_stiffness
 from pymc_hyperelastic.smc import BatchedSMC, Estimate, log_evidence, sample_smc
 from pymc_hyperelastic.strain_energy import (
@@ -59,4 +65,8 @@ __all__ = [
     "fit_classes",
     "classify",
     "kl_divergence",
+    "plot_inflation",
+    "plot_parameter_density",
+    "plot_pressure_fit",
+    "plot_class_probability",
 ]

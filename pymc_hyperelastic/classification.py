@@ -12,7 +12,7 @@ from pymc.progress_bar import create_simple_progress
 from scipy.special import softmax
 
 from pymc_hyperelastic.data import tests_at
-from pymc_hyperelastic.likelihood import inflation_likelihood, likelihood_inputs
+from pymc_hyperelastic.likelihood import check_likelihood, inflation_likelihood
 from pymc_hyperelastic.models import inflation_model
 from pymc_hyperelastic.results import inflation_data_of, model_settings_of
 from pymc_hyperelastic.smc import BatchedFunction, Estimate, log_evidence, sample_smc
@@ -183,9 +183,13 @@ def classify(
     names = list(classes.children)
     settings = _common_settings(classes)
     prior = _class_prior(class_prior, names)
-    likelihood_inputs(
-        new_data, sigma=settings["sigma"], slope_weight=settings["slope_weight"]
-    )  # checks all new data before the first is classified
+    check_likelihood(
+        settings["energy"],
+        new_data,
+        settings["priors"],
+        sigma=settings["sigma"],
+        slope_weight=settings["slope_weight"],
+    )
 
     if by == "test":
         units = [[test] for test in range(new_data.sizes["test"])]

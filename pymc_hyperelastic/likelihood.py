@@ -1,7 +1,8 @@
 """The slope-augmented likelihood of inflation curves."""
 
+from collections.abc import Iterable
 from numbers import Real
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pymc as pm
@@ -12,17 +13,26 @@ from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable
 from scipy.linalg import cholesky_banded, eigvals_banded
 
+from pymc_hyperelastic.collocation import (
+    CollocatedPressureIntegral,
+    collocate,
+    nodes_needed,
+)
 from pymc_hyperelastic.data import check_inflation_data, describe_test, points_of
 from pymc_hyperelastic.pressure import PressureIntegral
 from pymc_hyperelastic.strain_energy.base import StrainEnergy
 
 __all__ = [
     "balanced_slope_weight",
+    "check_likelihood",
     "inflation_likelihood",
     "likelihood_inputs",
     "log_likelihood",
-    "tube_response",
 ]
+
+Mode = Literal["auto", "collocation", "quadrature"]
+
+GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
 
 # kPa, and kPa/mm: far beyond any tube; squares and gradients of smaller numbers do not overflow.
 _LARGEST_RESPONSE = 1e30
@@ -36,6 +46,7 @@ def inflation_likelihood(
     *,
     sigma: Any,
     slope_weight: Any,
+    mode: Mode = "auto",
 ) -> TensorVariable:
     r"""Add the likelihood of inflation curves to the PyMC model of the context, as a Potential.
 
@@ -68,6 +79,10 @@ def inflation_likelihood(
     slope_weight : tensor_like
         The paper's ``β``, mm²; a number or a random variable. With the number 0 slopes play no
         part. See :func:`balanced_slope_weight`.
+    mode : {"auto", "collocation", "quadrature"}
+        How the integral over the wall is taken. With "auto" it is a constant matrix, whose cost
+        does not depend on the number of points, where that reaches rounding error over the range of
+        the parameters' prior, and else direct quadrature at every point.
 
     Returns
     -------
@@ -98,35 +113,54 @@ def inflation_likelihood(
     ...     )
     """
     pm.modelcontext(None)
+    noise = {"sigma": sigma, "slope_weight": slope_weight}
     inputs = {
         key: pytensor.shared(value, name=f"{name}_{key}", shape=(None,) * value.ndim)
-        for key, value in likelihood_inputs(data, sigma=sigma, slope_weight=slope_weight).items()
+        for key, value in likelihood_inputs(energy, data, parameters, mode=mode, **noise).items()
     }
-    return pm.Potential(
-        name, log_likelihood(energy, inputs, parameters, sigma=sigma, slope_weight=slope_weight)
-    )
+    return pm.Potential(name, log_likelihood(energy, inputs, parameters, **noise))
 
 
-def likelihood_inputs(data: xr.Dataset, *, sigma: Any, slope_weight: Any) -> dict[str, np.ndarray]:
+def likelihood_inputs(
+    energy: StrainEnergy,
+    data: xr.Dataset,
+    parameters: dict[str, Any],
+    *,
+    sigma: Any,
+    slope_weight: Any,
+    mode: Mode = "auto",
+) -> dict[str, np.ndarray]:
     """Arrays by which the data enter :func:`log_likelihood`.
 
     They are kept apart from its expression, so that one compiled expression serves all data.
     """
-    check_inflation_data(data)
-    check_noise(sigma, slope_weight)
-    inputs = {key: data[key].values.astype(float) for key in ("radius", "pressure")} | {
-        key: data[key].values.astype(float)[data["test"].values]
-        for key in ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
+    if mode not in get_args(Mode):
+        raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
+    check_likelihood(energy, data, parameters, sigma=sigma, slope_weight=slope_weight)
+    interior, slope = np.zeros(0, int), np.zeros(0)
+    inputs = {"points": np.array(float(data.sizes["obs"]))}
+    if _with_slopes(slope_weight):
+        interior, slope = central_differences(data)[0], measured_slopes(data)
+        if isinstance(slope_weight, Variable):
+            inputs["squared_singular_values"] = squared_singular_values(data)
+        else:
+            inputs["half_log_determinant"] = np.array(half_log_determinant(data, slope_weight))
+    count = None if mode == "quadrature" else nodes_needed(energy, data, parameters)
+    if count is not None:
+        return inputs | collocate(data, count, interior, slope)
+    if mode == "collocation":
+        raise ValueError(
+            f"the response of {energy.name} cannot be collocated over the range of these "
+            "parameters: use mode='quadrature'"
+        )
+    tests = data["test"].values
+    return inputs | {
+        "radius": data["radius"].values.astype(float),
+        "pressure": data["pressure"].values.astype(float),
+        **{name: data[name].values.astype(float)[tests] for name in GEOMETRY},
+        "interior": interior,
+        "slope": slope,
     }
-    if _without_slopes(slope_weight):
-        return inputs
-    inputs["interior"] = central_differences(data)[0]
-    inputs["slope"] = measured_slopes(data)
-    if isinstance(slope_weight, Variable):
-        inputs["squared_singular_values"] = squared_singular_values(data)
-    else:
-        inputs["half_log_determinant"] = np.array(half_log_determinant(data, slope_weight))
-    return inputs
 
 
 def log_likelihood(
@@ -138,38 +172,34 @@ def log_likelihood(
     slope_weight: Any,
 ) -> TensorVariable:
     """Log-likelihood of :func:`inflation_likelihood` as an expression of arrays and parameters."""
-    pressure, stiffness = tube_response(energy, inputs, parameters)
-    possible = (pt.abs(pressure) < _LARGEST_RESPONSE) & (pt.abs(stiffness) < _LARGEST_RESPONSE)
+    if "log_hoop" in inputs:
+        names = ("log_hoop", "log_axial", "pressure_matrix", "slope_matrix")
+        op = CollocatedPressureIntegral(strain_energy=energy)
+        targets = inputs["pressure_target"], inputs["slope_target"]
+        residuals = inputs["pressure_residual"], inputs["slope_residual"]
+        rows = slice(None)
+    else:
+        names = ("radius", *GEOMETRY)
+        op = PressureIntegral(strain_energy=energy)
+        targets = inputs["pressure"], inputs["slope"]
+        residuals = 0.0, 0.0
+        rows = inputs["interior"]
+    values = (parameters[name] for name in energy.parameter_names)
+    response = op(*(inputs[name] for name in names), *values)
+
+    possible = [pt.abs(x) < _LARGEST_RESPONSE for x in response]
     # Replaced before the squares: otherwise the gradient of the rejected branch would be 0 * inf.
-    pressure, stiffness = (pt.where(possible, x, 0.0) for x in (pressure, stiffness))
-
-    misfit = pt.sum((pressure - inputs["pressure"]) ** 2)
-    log_density = -inputs["pressure"].shape[0] / 2 * pt.log(np.pi * pt.square(sigma))
-    if "slope" in inputs:
-        slope_misfit = pt.sum((stiffness[inputs["interior"]] - inputs["slope"]) ** 2)
-        misfit += slope_weight * slope_misfit
-        if "half_log_determinant" in inputs:
-            log_density += inputs["half_log_determinant"]
-        else:
+    pressure, stiffness = (pt.where(ok, x, 0.0) for ok, x in zip(possible, response, strict=True))
+    misfit = pt.sum((pressure - targets[0]) ** 2) + residuals[0]
+    log_density = -inputs["points"] / 2 * pt.log(np.pi * pt.square(sigma))
+    if _with_slopes(slope_weight):
+        misfit += slope_weight * (pt.sum((stiffness[rows] - targets[1]) ** 2) + residuals[1])
+        if isinstance(slope_weight, Variable):
             log_density += pt.sum(pt.log1p(slope_weight * inputs["squared_singular_values"])) / 2
-    return pt.where(pt.all(possible), log_density - misfit / pt.square(sigma), -np.inf)
-
-
-def tube_response(
-    energy: StrainEnergy, inputs: dict[str, Any], parameters: dict[str, Any]
-) -> list[TensorVariable]:
-    """Pressure and stiffness of the material at every measured point."""
-    if set(parameters) != set(energy.parameter_names):
-        raise TypeError(
-            f"{energy.name} has the parameters {list(energy.parameter_names)}, but "
-            f"{sorted(parameters)} were given"
-        )
-    return PressureIntegral(strain_energy=energy)(
-        *(
-            inputs[key]
-            for key in ("radius", "inner_radius", "outer_radius", "axial_stretch", "opening_angle")
-        ),
-        *(parameters[name] for name in energy.parameter_names),
+        else:
+            log_density += inputs["half_log_determinant"]
+    return pt.where(
+        pt.all(possible[0]) & pt.all(possible[1]), log_density - misfit / pt.square(sigma), -np.inf
     )
 
 
@@ -275,8 +305,21 @@ def _gram_bands(interior: np.ndarray, difference: np.ndarray, size: int) -> np.n
     return bands
 
 
-def check_noise(sigma: Any, slope_weight: Any) -> None:
-    """Raise if `sigma` or `slope_weight` is an impossible number."""
+def check_likelihood(
+    energy: StrainEnergy,
+    data: xr.Dataset,
+    parameters: Iterable[str],
+    *,
+    sigma: Any,
+    slope_weight: Any,
+) -> None:
+    """Raise unless the likelihood of `data` can be written down."""
+    if set(parameters) != set(energy.parameter_names):
+        raise TypeError(
+            f"{energy.name} has the parameters {list(energy.parameter_names)}, but "
+            f"{sorted(parameters)} were given"
+        )
+    check_inflation_data(data)
     expected = {
         "sigma": "a positive number of kPa (5 mmHg is 5 * ph.mmHg)",
         "slope_weight": "a number of mm², 0 to leave the slopes out",
@@ -289,6 +332,9 @@ def check_noise(sigma: Any, slope_weight: Any) -> None:
         if not np.isfinite(value) or value < 0 or (name == "sigma" and value == 0):
             raise ValueError(f"{name} is {value}; expected {expected[name]}")
 
+    if _with_slopes(slope_weight):
+        central_differences(data)
 
-def _without_slopes(slope_weight: Any) -> bool:
-    return not isinstance(slope_weight, Variable) and slope_weight == 0
+
+def _with_slopes(slope_weight: Any) -> bool:
+    return isinstance(slope_weight, Variable) or slope_weight != 0

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 from scipy.special import logsumexp
 
 __all__ = ["GaussianMixture"]
@@ -32,7 +31,7 @@ class GaussianMixture:
 
     @classmethod
     def fit(
-        cls, points: Array, components: int, rng: np.random.Generator, iterations: int = 20
+        cls, points: Array, components: int, rng: np.random.Generator, iterations: int = 10
     ) -> "GaussianMixture":
         """Fit by expectation maximisation, from distinct points drawn far apart (k-means++).
 
@@ -80,14 +79,12 @@ class GaussianMixture:
 
     def log_density_of_components(self, points: Array) -> Array:
         """Logarithm of weight times density of each component, shape (n, K)."""
-        terms = []
-        for log_weight, mean, factor in zip(
-            self.log_weights, self.means, self.factors, strict=True
-        ):
-            z = solve_triangular(factor, (points - mean).T, lower=True)
+        terms = np.empty((len(points), len(self.means)))
+        for k, (mean, factor) in enumerate(zip(self.means, self.factors, strict=True)):
+            z = (points - mean) @ np.linalg.inv(factor).T
             log_volume = np.log(np.diag(factor)).sum() + len(mean) / 2 * np.log(2 * np.pi)
-            terms.append(log_weight - log_volume - (z**2).sum(axis=0) / 2)
-        return np.stack(terms, axis=1)
+            terms[:, k] = self.log_weights[k] - log_volume - np.einsum("ni,ni->n", z, z) / 2
+        return terms
 
     def log_density(self, points: Array) -> Array:
         """Logarithm of the density at each point, shape (n,)."""

@@ -10,7 +10,7 @@ import pytensor.tensor as pt
 import xarray as xr
 
 from pymc_hyperelastic.data import describe_test
-from pymc_hyperelastic.likelihood import inflation_likelihood, likelihood_inputs, tube_response
+from pymc_hyperelastic.likelihood import GEOMETRY, Mode, check_likelihood, inflation_likelihood
 from pymc_hyperelastic.pressure import PressureIntegral
 from pymc_hyperelastic.priors import check_prior, complete_priors, is_inferred, register_prior
 from pymc_hyperelastic.results import Study, inflation_data_of
@@ -32,6 +32,7 @@ def inflation_model(
     sigma: Any,
     slope_weight: Any,
     priors: dict[str, Any] | None = None,
+    mode: Mode = "auto",
 ) -> pm.Model:
     r"""PyMC model of inflation curves: every test shares one set of material parameters.
 
@@ -53,6 +54,8 @@ def inflation_model(
     priors : dict of str to distribution, optional
         Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. For the others the
         default of the strain energy is taken: uniform over a documented physical range.
+    mode : {"auto", "collocation", "quadrature"}
+        How the wall is integrated, see :func:`~pymc_hyperelastic.inflation_likelihood`.
 
     Returns
     -------
@@ -77,7 +80,7 @@ def inflation_model(
     if not isinstance(energy, StrainEnergy):
         raise TypeError(f"a strain energy such as ph.Ogden() is needed, not {energy!r}")
     distributions = complete_priors(energy, priors)
-    inputs = likelihood_inputs(data, sigma=sigma, slope_weight=slope_weight)
+    check_likelihood(energy, data, distributions, sigma=sigma, slope_weight=slope_weight)
     coords = {
         "obs": np.arange(data.sizes["obs"]),
         "test": [describe_test(data, test) for test in range(data.sizes["test"])],
@@ -89,10 +92,15 @@ def inflation_model(
             if is_inferred(value):
                 check_prior(name, value)
                 noise[name] = register_prior(name, value)
-        pressure, stiffness = tube_response(energy, inputs, parameters)
+        points = data["test"].values
+        pressure, stiffness = PressureIntegral(strain_energy=energy)(
+            data["radius"].values,
+            *(data[name].values[points] for name in GEOMETRY),
+            *parameters.values(),
+        )
         pm.Deterministic("pressure", pressure, dims="obs")
         pm.Deterministic("stiffness", stiffness, dims="obs")
-        inflation_likelihood("likelihood", energy, data, parameters, **noise)
+        inflation_likelihood("likelihood", energy, data, parameters, mode=mode, **noise)
     model.study = Study(energy, data, distributions, {"sigma": sigma, "slope_weight": slope_weight})
     return model
 
@@ -235,12 +243,8 @@ def _energy_of(tree: xr.DataTree) -> StrainEnergy:
 
 def _common_geometry(tree: xr.DataTree) -> dict[str, float | None]:
     """Geometry that all tests of the result's data share; None where they differ."""
-    default = {
-        "inner_radius": None,
-        "outer_radius": None,
-        "axial_stretch": 1.0,
-        "opening_angle": 0.0,
-    }
+    default: dict[str, float | None] = dict.fromkeys(GEOMETRY)
+    default |= {"axial_stretch": 1.0, "opening_angle": 0.0}
     if "constant_data" not in tree.children:
         return default
     data = inflation_data_of(tree)

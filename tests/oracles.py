@@ -20,8 +20,8 @@ Energy = Callable[..., mp.mpf]
 # still leave thirty digits of a hundred.
 DIGITS = 100
 STEP = mp.mpf("1e-15")
-# What the quadrature may say of its own error, relative to the integrand at the ends of the wall. It
-# says the worst and errs by far less.
+# What the quadrature may say of its own error, relative to the integrand at the ends of the wall.
+# It says the worst and errs by far less.
 QUADRATURE_ERROR = mp.mpf("1e-20")
 KILOPASCAL_PER_KGF_CM2 = 98.0665
 
@@ -35,7 +35,7 @@ def power_law_neo_hookean_energy(l1, l2, l3, *, mu, n):
 
 
 def ogden_energy(l1, l2, l3, *, mu, alpha):
-    """``W = (2 mu/alpha^2) (sum of l^alpha + l^-alpha, minus 6)``; at 0 its limit ``2 mu sum ln^2 l``."""
+    """``W = (2 mu/alpha^2) (sum of l^alpha + l^-alpha, minus 6)``; ``2 mu sum ln^2 l`` at 0."""
     if alpha == 0:
         return 2 * mu * (mp.log(l1) ** 2 + mp.log(l2) ** 2 + mp.log(l3) ** 2)
     powers = sum(stretch**alpha + 1 / stretch**alpha for stretch in (l1, l2, l3))
@@ -48,7 +48,7 @@ def criscione_type_energy(l1, l2, l3, *, a, b):
 
 
 def ogden_1972_energy(l1, l2, l3):
-    """Ogden's three-term energy ``sum mu_p/alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3)``, kPa."""
+    """``W = sum mu_p/alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3)`` of that rubber, kPa."""
     return sum(
         KILOPASCAL_PER_KGF_CM2 * mu / alpha * (l1**alpha + l2**alpha + l3**alpha - 3)
         for mu, alpha in OGDEN_1972_RUBBER
@@ -153,7 +153,7 @@ def tube_derivative(energy: Energy, inputs: Mapping[str, float], *by: str) -> fl
 def pressure_by_stretch_integral(
     energy: Energy, internal_radius, inner_radius, outer_radius, axial_stretch=1.0
 ) -> float:
-    """``p = int_{l_b}^{l_a} W^'(l) / (l^2 l_z - 1) dl`` for a tube without opening angle, ``a > A``.
+    """``p = int_{l_b}^{l_a} W^'(l) / (l^2 l_z - 1) dl``, without opening angle and for ``a > A``.
 
     The wall is passed through by its hoop stretch, which falls from ``l_a = a/A`` to ``l_b = b/B``.
     Source: D. M. Haughton and R. W. Ogden, J. Mech. Phys. Solids 27 (1979) 179-212.

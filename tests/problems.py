@@ -16,7 +16,7 @@ import pymc_hyperelastic as ph
 
 @dataclass(frozen=True)
 class Law:
-    """A strain energy, the oracle that knows its answers, and sets of parameters with the reason."""
+    """A strain energy, the oracle that knows its answers, and parameters, each with its reason."""
 
     strain_energy: ph.StrainEnergy
     energy: oracles.Energy
@@ -32,7 +32,7 @@ LAWS = {
             ({"mu": 20.0, "n": 1.0}, "the neo-Hookean solid, which has a closed form"),
             ({"mu": 20.0, "n": 0.3}, "end of the prior: softens, with a falling pressure"),
             ({"mu": 20.0, "n": 30.0}, "end of the prior: almost exponential"),
-            ({"mu": 1e-3, "n": 0.5}, "a soft solid at the border between softening and stiffening"),
+            ({"mu": 1e-3, "n": 0.5}, "a solid as soft as jelly, which softens"),
         ),
     ),
     "Ogden": Law(

@@ -30,6 +30,10 @@ ZERO_PRESSURE_RADIUS_ERROR = 1e-12
 ORACLE_RESOLUTION = 1e-25
 # Second derivatives divide by small numbers where first ones do, once more.
 GRADIENT_TOLERANCE = 1e-7
+# Rounding of a derivative that is a sum of terms of its dimension's size.
+DERIVATIVE_ROUNDING = 1e-14
+# Exponents that count as 0 with noise, at which every energy of the table is all but linear.
+SMALL_EXPONENT = 1e-6
 # Two formulas for one integral with the same nodes: rounding, with exponents up to 60.
 IDENTITY_TOLERANCE = 1e-12
 # Linkers call other sinh and exp, which may differ in the last digit. The gradient by an input is a
@@ -51,14 +55,16 @@ class Response(NamedTuple):
 
 @cache
 def compiled_response(law, mode):
-    """One function a law and a linker; two weights choose whose gradient comes back."""
+    """Compile one function a law and a linker; two weights choose whose gradient comes back."""
     energy = LAWS[law].strain_energy
     inputs = pt.dvectors(5 + len(energy.parameters))
     pressure, stiffness = PressureIntegral(strain_energy=energy)(*inputs)
     weights = pt.dscalars(2)
     cost = weights[0] * pressure.sum() + weights[1] * stiffness.sum()
     gradient = pt.stack(pytensor.grad(cost, inputs))
-    return pytensor.function([*inputs, *weights], [pressure, stiffness, gradient], mode=mode)
+    # What matters is that C runs, not how fast: the compiler is done in half the time.
+    with pytensor.config.change_flags(gcc__cxxflags=f"{pytensor.config.gcc__cxxflags} -O0".strip()):
+        return pytensor.function([*inputs, *weights], [pressure, stiffness, gradient], mode=mode)
 
 
 @cache
@@ -204,11 +210,11 @@ ORDINARY = ("inflated", "deflated", "in vivo", "opened")
 SPECIAL = ("at rest", "just inflated")
 
 
-def gradient_points(law):
-    """Ordinary tubes with ordinary parameters, and the start of a curve with every parameter set."""
+def gradient_points(law, ordinary_tubes=ORDINARY):
+    """Ordinary tubes of ordinary material, and the start of a curve with all parameters."""
     ordinary = LAWS[law].parameters[0][0]
     tubes = {p.name.rsplit(", ", 1)[-1]: p for p in problems_of(law) if p.parameters == ordinary}
-    points = [tubes[name].inputs for name in ORDINARY]
+    points = [tubes[name].inputs for name in ordinary_tubes]
     for parameters, _ in LAWS[law].parameters:
         points += [{**tubes[name].inputs, **parameters} for name in SPECIAL]
     return points
@@ -271,33 +277,37 @@ def test_second_derivatives_are_right_at_the_special_points(law):
     inputs = pt.dvectors(5 + len(energy.parameters))
     pressure, _ = PressureIntegral(strain_energy=energy)(*inputs)
     names = [*oracles.GEOMETRY, *energy.parameter_names]
-    gradient = dict(zip(names, pytensor.grad(pressure.sum(), inputs), strict=True))
     by = ["internal_radius", *energy.parameter_names]
+    chosen = [inputs[names.index(name)] for name in by]
     hessian = [
         # A modulus is a factor: the gradient by it does not know it.
-        pytensor.grad(gradient[name].sum(), inputs, disconnected_inputs="ignore")
-        for name in by
+        pt.stack(pytensor.grad(gradient.sum(), chosen, disconnected_inputs="ignore"))
+        for gradient in pytensor.grad(pressure.sum(), chosen)
     ]
-    function = pytensor.function(inputs, pt.stack([pt.stack(row) for row in hessian]), mode=FAST)
-    points = gradient_points(law)
+    function = pytensor.function(inputs, pt.stack(hessian), mode=FAST)
+    ordinary, *others = [parameters for parameters, _ in LAWS[law].parameters]
+    materials = [ordinary, *(p for p in others if min(map(abs, p.values())) < SMALL_EXPONENT)]
+    points = [
+        point
+        for point in gradient_points(law, ordinary_tubes=["in vivo"])
+        if {name: point[name] for name in ordinary} in materials
+    ]
     value = function(*columns_of(points))
     assert np.isfinite(value).all()
+
+    def exact(*by):
+        return np.array([oracles.tube_derivative(LAWS[law].energy, point, *by) for point in points])
+
+    # Many of them are 0, or as good as 0, at zero pressure. The size that a derivative has by its
+    # dimension is that of stiffness times radius over the sizes of both inputs.
+    size = dict(zip(points[0], np.maximum(np.abs(columns_of(points)), 1), strict=True))
+    scale = np.abs(exact("internal_radius")) * size["internal_radius"]
     for i, first in enumerate(by):
-        for second in by[i:]:
-            exact = np.array(
-                [
-                    oracles.tube_derivative(LAWS[law].energy, point, first, second)
-                    for point in points
-                ]
-            )
-            np.testing.assert_allclose(
-                value[i, names.index(second)],
-                exact,
-                rtol=GRADIENT_TOLERANCE,
-                # At rest half of them are 0 exactly, the oracle's differences are not.
-                atol=1e-25,
-                err_msg=f"{first}, {second}",
-            )
+        for j, second in enumerate(by[: i + 1]):
+            expected = exact(first, second)
+            rounding = DERIVATIVE_ROUNDING * scale / (size[first] * size[second])
+            allowed = GRADIENT_TOLERANCE * np.abs(expected) + rounding + ORACLE_RESOLUTION
+            assert (np.abs(value[i, j] - expected) <= allowed).all(), (first, second)
 
 
 # --- where it runs -------------------------------------------------------------------------------

@@ -92,7 +92,7 @@ def test_hoop_elongation_is_the_excess_of_the_squared_stretch(state):
 
 @pytest.mark.parametrize("excess", [1e-9, -1e-9, 1e-15, -1e-15, 0.0])
 def test_hoop_elongation_keeps_its_digits_near_zero_pressure(excess):
-    """At ``a = A(1 ± 1e-9)`` the excess is right to the last digits, where squares would lose nine."""
+    """At ``a = A(1 ± 1e-9)`` the excess has all its digits, where squares would lose nine."""
     internal_radius = INNER * (1 + excess)
     delta = tube.hoop_elongation(internal_radius, OUTER, inner_radius=INNER)
     with mp.workdps(50):
