@@ -14,8 +14,14 @@ from scipy.special import softmax
 from pymc_hyperelastic.data import tests_at
 from pymc_hyperelastic.likelihood import check_likelihood, inflation_likelihood
 from pymc_hyperelastic.models import inflation_model
-from pymc_hyperelastic.results import inflation_data_of, model_settings_of
-from pymc_hyperelastic.smc import BatchedFunction, Estimate, log_evidence, sample_smc
+from pymc_hyperelastic.results import check_result, inflation_data_of, model_settings_of
+from pymc_hyperelastic.smc import (
+    BatchedFunction,
+    Estimate,
+    log_evidence,
+    sample_smc,
+    seed_sequence,
+)
 from pymc_hyperelastic.strain_energy import StrainEnergy
 
 __all__ = ["classify", "fit_classes", "kl_divergence"]
@@ -77,8 +83,15 @@ def fit_classes(
     >>> list(classes.children)
     ['C1', 'C2']
     """
-    if not isinstance(classes, Mapping) or not classes:
-        raise ValueError(f"classes must be a dict of names to training data; got {classes!r}")
+    # A Dataset is a mapping too, of its variables.
+    if not isinstance(classes, Mapping) or isinstance(classes, xr.Dataset | xr.DataTree):
+        raise TypeError(
+            'classes must be a dict of names to training data, such as {"C1": data}, not '
+            f"{type(classes).__name__}"
+        )
+    if not classes:
+        raise ValueError("classes must be a dict of names to training data; it is {}")
+    seed = seed_sequence(random_seed)
     models = {}
     for name, data in classes.items():
         if not isinstance(name, str) or not name or "/" in name:
@@ -92,7 +105,6 @@ def fit_classes(
             raise type(error)(f"class {name!r}: {error}") from error
 
     parameters = [rv.name for rv in next(iter(models.values())).free_RVs]
-    seed = np.random.SeedSequence(random_seed)
     fitted = {}
     for (name, model), class_seed in zip(
         models.items(), seed.generate_state(len(models)).tolist(), strict=True
@@ -175,13 +187,13 @@ def classify(
     ... )
     >>> new = ph.select(data, specimen="S4", experiment=3)
     >>> result = ph.classify(new, classes, random_seed=2, progressbar=False)
-    >>> result["class_probability"].idxmax("class_label").values
-    array(['C2'], dtype='<U2')
+    >>> result["class_probability"].idxmax("class_label").item()
+    'C2'
     """
     if by not in ("test", "specimen"):
         raise ValueError(f"by must be 'test' or 'specimen', not {by!r}")
-    names = list(classes.children)
     settings = _common_settings(classes)
+    names = list(classes.children)
     prior = _class_prior(class_prior, names)
     check_likelihood(
         settings["energy"],
@@ -190,6 +202,7 @@ def classify(
         sigma=settings["sigma"],
         slope_weight=settings["slope_weight"],
     )
+    seed = seed_sequence(random_seed)
 
     if by == "test":
         units = [[test] for test in range(new_data.sizes["test"])]
@@ -198,7 +211,7 @@ def classify(
         units = [np.flatnonzero(specimen == s).tolist() for s in dict.fromkeys(specimen.tolist())]
     value = np.full((len(units), len(names)), np.nan)
     error = value.copy()
-    seeds = np.random.SeedSequence(random_seed).generate_state(value.size).reshape(value.shape)
+    seeds = seed.generate_state(value.size).reshape(value.shape)
     tasks = [(i, j) for i in range(len(units)) for j in range(len(names))]
     progress = create_simple_progress(progressbar)
     with progress:
@@ -275,10 +288,10 @@ def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     >>> ph.kl_divergence(classes, "C1", "C2").value > 100
     True
     """
+    settings = _common_settings(classes)
     for name in (first, second):
         if name not in classes.children:
             raise ValueError(f"there is no class {name!r}; there are {list(classes.children)}")
-    settings = _common_settings(classes)
     particles = classes[first]["unconstrained_posterior"].to_dataset()
     log_posteriors, variance = [], 0.0
     for name in (first, second):
@@ -332,10 +345,15 @@ def _class_with_new_data(
 
 def _common_settings(classes: xr.DataTree) -> dict[str, Any]:
     """Settings of the classes' model, which has to be one, or evidences cannot be compared."""
-    if not isinstance(classes, xr.DataTree) or not classes.children:
+    check_result(classes, "ph.fit_classes")
+    if not classes.children:
         raise ValueError("classes must be the result of ph.fit_classes; here are no classes")
     first = next(iter(classes.children.values()))
     for name, fitted in classes.children.items():
+        if "priors" not in fitted.attrs:
+            raise ValueError(
+                f"classes must be the result of ph.fit_classes, all of it; {name!r} is no class"
+            )
         for key in ("strain_energy", "priors", "noise"):
             mine, theirs = fitted.attrs.get(key), first.attrs.get(key)
             if mine != theirs:
@@ -349,9 +367,14 @@ def _common_settings(classes: xr.DataTree) -> dict[str, Any]:
 def _class_prior(class_prior: Mapping[str, float] | None, names: list[str]) -> np.ndarray:
     if class_prior is None:
         return np.full(len(names), 1 / len(names))
+    if not isinstance(class_prior, Mapping):
+        raise TypeError(f"class_prior must be a dict of names to numbers, not {class_prior!r}")
     if set(class_prior) != set(names):
         raise ValueError(f"class_prior names {sorted(class_prior)}, but the classes are {names}")
-    prior = np.array([class_prior[name] for name in names], float)
+    try:
+        prior = np.array([class_prior[name] for name in names], float)
+    except (TypeError, ValueError):
+        prior = np.array([np.nan])
     if not np.all(prior >= 0) or not np.isclose(prior.sum(), 1):
         raise ValueError(f"class_prior must hold probabilities that add up to 1; got {class_prior}")
     return prior

@@ -215,8 +215,9 @@ def _representative_values(parameters: list[TensorVariable]) -> list[Array] | No
     """Draws of the parameters, and the corners of the box that holds them."""
     try:
         draws = pm.draw(parameters, draws=256, random_seed=1, mode="FAST_COMPILE")
-    except MissingInputError:
-        # They depend on something that is not random, so that nothing is known of their range.
+    except (MissingInputError, NotImplementedError):
+        # They depend on something that is not random, or on a distribution that cannot be drawn
+        # from, so that nothing is known of their range.
         return None
     ends = np.array([[d.min(), d.max()] for d in draws])
     corners = np.stack(np.meshgrid(*ends, indexing="ij")).reshape(len(draws), -1)

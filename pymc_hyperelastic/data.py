@@ -183,7 +183,7 @@ def select(
     return tests_at(data, np.flatnonzero(keep))
 
 
-def tests_at(data: xr.Dataset, positions: Sequence[int]) -> xr.Dataset:
+def tests_at(data: xr.Dataset, positions: Sequence[int] | np.ndarray) -> xr.Dataset:
     """Keep the tests at the given positions, which must rise, with ``test`` counted anew."""
     test = data["test"].values
     points = np.isin(test, positions)

@@ -1,6 +1,7 @@
 """The slope-augmented likelihood of inflation curves."""
 
-from collections.abc import Iterable
+from collections.abc import Mapping
+from math import isfinite
 from numbers import Real
 from typing import Any, Literal, get_args
 
@@ -9,7 +10,7 @@ import pymc as pm
 import pytensor
 import pytensor.tensor as pt
 import xarray as xr
-from pytensor.graph.basic import Variable
+from pytensor.graph.basic import Constant, Variable
 from pytensor.tensor.variable import TensorVariable
 from scipy.linalg import cholesky_banded, eigvals_banded
 
@@ -92,10 +93,11 @@ def inflation_likelihood(
     Raises
     ------
     TypeError
-        If the parameters are not those of the strain energy, or no model is in context.
+        If the parameters are not those of the strain energy, something is not a scalar, or no
+        model is in context.
     ValueError
-        If `sigma` or `slope_weight` is an impossible number, or a test has too few points or
-        repeated radii for a slope.
+        If the name is taken, `sigma` or `slope_weight` is an impossible number, or a test has too
+        few points or repeated radii for a slope.
 
     Examples
     --------
@@ -112,7 +114,10 @@ def inflation_likelihood(
     ...         slope_weight=1.0,
     ...     )
     """
-    pm.modelcontext(None)
+    if pm.Model.get_context(error_if_none=False) is None:
+        raise TypeError("no model is in context: add the likelihood inside `with pm.Model():`")
+    check_likelihood(energy, data, parameters, sigma=sigma, slope_weight=slope_weight)
+    parameters = {key: _as_scalar(key, value) for key, value in parameters.items()}
     noise = {"sigma": sigma, "slope_weight": slope_weight}
     inputs = {
         key: pytensor.shared(value, name=f"{name}_{key}", shape=(None,) * value.ndim)
@@ -173,7 +178,7 @@ def log_likelihood(
 ) -> TensorVariable:
     """Log-likelihood of :func:`inflation_likelihood` as an expression of arrays and parameters."""
     if "log_hoop" in inputs:
-        names = ("log_hoop", "log_axial", "pressure_matrix", "slope_matrix")
+        names: tuple[str, ...] = ("log_hoop", "log_axial", "pressure_matrix", "slope_matrix")
         op = CollocatedPressureIntegral(strain_energy=energy)
         targets = inputs["pressure_target"], inputs["slope_target"]
         residuals = inputs["pressure_residual"], inputs["slope_residual"]
@@ -233,7 +238,7 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
     --------
     >>> import pymc_hyperelastic as ph
     >>> round(ph.balanced_slope_weight(ph.load_dataset("simulated_sheep_aorta")), 2)
-    3.2
+    3.03
     """
     check_inflation_data(data)
     slope = measured_slopes(data)
@@ -308,12 +313,18 @@ def _gram_bands(interior: np.ndarray, difference: np.ndarray, size: int) -> np.n
 def check_likelihood(
     energy: StrainEnergy,
     data: xr.Dataset,
-    parameters: Iterable[str],
+    parameters: Mapping[str, Any],
     *,
     sigma: Any,
     slope_weight: Any,
 ) -> None:
     """Raise unless the likelihood of `data` can be written down."""
+    PressureIntegral(strain_energy=energy)  # it says so if this is no strain energy
+    if not isinstance(parameters, Mapping):
+        raise TypeError(
+            f"parameters must be a dict with the keys {list(energy.parameter_names)}, not "
+            f"{type(parameters).__name__}"
+        )
     if set(parameters) != set(energy.parameter_names):
         raise TypeError(
             f"{energy.name} has the parameters {list(energy.parameter_names)}, but "
@@ -326,14 +337,37 @@ def check_likelihood(
     }
     for name, value in (("sigma", sigma), ("slope_weight", slope_weight)):
         if isinstance(value, Variable):
+            if value.type.ndim:
+                raise TypeError(
+                    f"{name} has {value.type.ndim} dimension(s); expected {expected[name]}, or a "
+                    "scalar distribution"
+                )
             continue
         if isinstance(value, bool) or not isinstance(value, Real):
             raise TypeError(f"{name} is {value!r}; expected {expected[name]}, or a distribution")
-        if not np.isfinite(value) or value < 0 or (name == "sigma" and value == 0):
+        if not isfinite(value) or value < 0 or (name == "sigma" and value == 0):
             raise ValueError(f"{name} is {value}; expected {expected[name]}")
 
     if _with_slopes(slope_weight):
         central_differences(data)
+
+
+def _as_scalar(name: str, value: Any) -> TensorVariable:
+    try:
+        # As 6.0, PyTensor would keep a number in single precision.
+        scalar = pt.as_tensor(value if isinstance(value, Variable) else np.asarray(value, float))
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"parameter {name!r} is {value!r}; expected a number, an expression or a random "
+            "variable"
+        ) from None
+    if scalar.type.ndim:
+        raise TypeError(
+            f"parameter {name!r} has {scalar.type.ndim} dimension(s); expected a scalar"
+        )
+    if isinstance(scalar, Constant) and not np.isfinite(scalar.data):
+        raise ValueError(f"parameter {name!r} is {value}; expected a finite number")
+    return scalar
 
 
 def _with_slopes(slope_weight: Any) -> bool:

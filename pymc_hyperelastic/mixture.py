@@ -1,14 +1,18 @@
 """A Gaussian mixture fitted to a population of particles, from which SMC proposes moves."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 __all__ = ["GaussianMixture"]
 
 Array = NDArray[np.float64]
+
+# Added to each variance, as a fraction of the population's: it keeps a component of coinciding
+# particles a proper distribution, and is too small to blur a mode a millionth as wide as the prior.
+_VARIANCE_FLOOR = 1e-13
 
 
 @dataclass(frozen=True)
@@ -31,9 +35,15 @@ class GaussianMixture:
 
     @classmethod
     def fit(
-        cls, points: Array, components: int, rng: np.random.Generator, iterations: int = 10
+        cls,
+        points: Array,
+        components: int,
+        rng: np.random.Generator,
+        *,
+        start: "GaussianMixture | None" = None,
+        iterations: int = 10,
     ) -> "GaussianMixture":
-        """Fit by expectation maximisation, from distinct points drawn far apart (k-means++).
+        """Fit by expectation maximisation, from `start` or from distinct points drawn far apart.
 
         Examples
         --------
@@ -41,59 +51,59 @@ class GaussianMixture:
         >>> from pymc_hyperelastic.mixture import GaussianMixture
         >>> rng = np.random.default_rng(1)
         >>> points = np.concatenate([rng.normal(-5, 1, (500, 1)), rng.normal(5, 1, (500, 1))])
-        >>> GaussianMixture.fit(points, 2, rng).means.round().ravel().tolist()
+        >>> sorted(GaussianMixture.fit(points, 2, rng).means.round().ravel().tolist())
         [-5.0, 5.0]
         """
-        # The floor keeps every component a proper distribution when particles coincide.
-        floor = 1e-6 * points.var(axis=0) + np.finfo(float).tiny
-        scale = np.sqrt(points.var(axis=0) + np.finfo(float).tiny)
-        scaled = points / scale
-        centres = scaled[rng.integers(len(points), size=1)]
-        for _ in range(components - 1):
-            distance = _squared_distances(scaled, centres).min(axis=1)
-            if not distance.any():
-                break
-            chosen = rng.choice(len(points), p=distance / distance.sum())
-            centres = np.concatenate([centres, scaled[[chosen]]])
-        nearest = _squared_distances(scaled, centres).argmin(axis=1)
-        responsibilities = np.eye(len(centres))[nearest]
-        for _ in range(iterations if len(centres) > 1 else 1):
-            # A component with fewer points than dimensions has no covariance of its own.
-            keep = responsibilities.sum(axis=0) > points.shape[1] + 1
-            mixture = cls._from_responsibilities(points, responsibilities[:, keep], floor)
-            responsibilities = mixture.responsibilities(points)
+        mixture = start
+        for _ in range(iterations if components > 1 else 1):
+            if mixture is None:
+                responsibilities = _nearest_of_far_apart(points, components, rng)
+            else:
+                responsibilities = mixture.responsibilities(points)
+            mixture = cls._from_responsibilities(points, responsibilities)
         return mixture
 
     @classmethod
-    def _from_responsibilities(
-        cls, points: Array, responsibilities: Array, floor: Array
-    ) -> "GaussianMixture":
+    def _from_responsibilities(cls, points: Array, responsibilities: Array) -> "GaussianMixture":
         counts = responsibilities.sum(axis=0)
+        # A component with fewer points than dimensions has no covariance of its own.
+        keep = counts > points.shape[1] + 1
+        if not keep.any():
+            counts, responsibilities = np.array([float(len(points))]), np.ones((len(points), 1))
+            keep = np.array([True])
+        counts, responsibilities = counts[keep], responsibilities[:, keep]
         means = responsibilities.T @ points / counts[:, None]
-        factors = []
-        for k, mean in enumerate(means):
-            centred = points - mean
-            covariance = (responsibilities[:, k, None] * centred).T @ centred / counts[k]
-            factors.append(np.linalg.cholesky(covariance + np.diag(floor)))
-        return cls(np.log(counts / counts.sum()), means, np.array(factors))
+        centred = points - means[:, None, :]
+        weighted = responsibilities.T[..., None] * centred
+        covariances = weighted.mT @ centred / counts[:, None, None]
+        floor = _VARIANCE_FLOOR * points.var(axis=0) + np.finfo(float).tiny
+        factors = np.linalg.cholesky(covariances + np.diag(floor))
+        return cls(np.log(counts / counts.sum()), means, factors)
+
+    @cached_property
+    def _inverse_factors(self) -> Array:
+        return np.linalg.inv(self.factors)
+
+    @cached_property
+    def _log_peaks(self) -> Array:
+        """Logarithm of weight times density of each component at its mean."""
+        log_volumes = np.log(np.diagonal(self.factors, axis1=1, axis2=2)).sum(axis=1)
+        return self.log_weights - log_volumes - self.means.shape[1] / 2 * np.log(2 * np.pi)
 
     def log_density_of_components(self, points: Array) -> Array:
         """Logarithm of weight times density of each component, shape (n, K)."""
-        terms = np.empty((len(points), len(self.means)))
-        for k, (mean, factor) in enumerate(zip(self.means, self.factors, strict=True)):
-            z = (points - mean) @ np.linalg.inv(factor).T
-            log_volume = np.log(np.diag(factor)).sum() + len(mean) / 2 * np.log(2 * np.pi)
-            terms[:, k] = self.log_weights[k] - log_volume - np.einsum("ni,ni->n", z, z) / 2
-        return terms
+        z = (points - self.means[:, None, :]) @ self._inverse_factors.mT
+        return self._log_peaks - (z**2).sum(axis=-1).T / 2
 
     def log_density(self, points: Array) -> Array:
         """Logarithm of the density at each point, shape (n,)."""
-        return logsumexp(self.log_density_of_components(points), axis=1)
+        return np.logaddexp.reduce(self.log_density_of_components(points), axis=1)
 
     def responsibilities(self, points: Array) -> Array:
         """Probability with which each component made each point, shape (n, K)."""
         terms = self.log_density_of_components(points)
-        return np.exp(terms - logsumexp(terms, axis=1, keepdims=True))
+        terms = np.exp(terms - terms.max(axis=1, keepdims=True))
+        return terms / terms.sum(axis=1, keepdims=True)
 
     def draw(self, size: int, rng: np.random.Generator) -> Array:
         """Independent points, shape (size, d)."""
@@ -110,5 +120,13 @@ class GaussianMixture:
         return GaussianMixture(self.log_weights, self.means, self.factors * np.sqrt(factor))
 
 
-def _squared_distances(points: Array, centres: Array) -> Array:
-    return ((points[:, None, :] - centres[None, :, :]) ** 2).sum(axis=-1)
+def _nearest_of_far_apart(points: Array, components: int, rng: np.random.Generator) -> Array:
+    """Responsibilities by the nearest of some points, drawn far apart (k-means++)."""
+    scaled = points / np.sqrt(points.var(axis=0) + np.finfo(float).tiny)
+    centres = scaled[rng.integers(len(points), size=1)]
+    distances = ((scaled - centres) ** 2).sum(axis=1, keepdims=True)
+    while distances.shape[1] < components and distances.min(axis=1).any():
+        nearest = distances.min(axis=1)
+        centre = scaled[rng.choice(len(points), p=nearest / nearest.sum())]
+        distances = np.column_stack([distances, ((scaled - centre) ** 2).sum(axis=1)])
+    return np.eye(distances.shape[1])[distances.argmin(axis=1)]

@@ -1,6 +1,7 @@
 """PyMC model factories."""
 
 from functools import cache
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,9 @@ import xarray as xr
 
 from pymc_hyperelastic.data import describe_test
 from pymc_hyperelastic.likelihood import GEOMETRY, Mode, check_likelihood, inflation_likelihood
-from pymc_hyperelastic.pressure import PressureIntegral
+from pymc_hyperelastic.pressure import PressureIntegral, _check_geometry
 from pymc_hyperelastic.priors import check_prior, complete_priors, is_inferred, register_prior
-from pymc_hyperelastic.results import Study, inflation_data_of
+from pymc_hyperelastic.results import Study, check_result, inflation_data_of
 from pymc_hyperelastic.strain_energy import CriscioneType, Ogden, PowerLawNeoHookean, StrainEnergy
 
 __all__ = [
@@ -77,8 +78,7 @@ def inflation_model(
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha']
     """
-    if not isinstance(energy, StrainEnergy):
-        raise TypeError(f"a strain energy such as ph.Ogden() is needed, not {energy!r}")
+    integral = PressureIntegral(strain_energy=energy)
     distributions = complete_priors(energy, priors)
     check_likelihood(energy, data, distributions, sigma=sigma, slope_weight=slope_weight)
     coords = {
@@ -93,7 +93,7 @@ def inflation_model(
                 check_prior(name, value)
                 noise[name] = register_prior(name, value)
         points = data["test"].values
-        pressure, stiffness = PressureIntegral(strain_energy=energy)(
+        pressure, stiffness = integral(
             data["radius"].values,
             *(data[name].values[points] for name in GEOMETRY),
             *parameters.values(),
@@ -180,8 +180,11 @@ def predict_pressure(
 
     Raises
     ------
+    TypeError
+        If `tree` is no DataTree or `energy` no strain energy.
     ValueError
-        If the strain energy or the geometry is not known, or a parameter is not in the posterior.
+        If the strain energy or the geometry is not known, or a parameter is not in the posterior,
+        or a radius is impossible.
 
     Examples
     --------
@@ -193,7 +196,14 @@ def predict_pressure(
     >>> curve["pressure"].dims
     ('chain', 'draw', 'radius')
     """
+    check_result(tree)
+    if "posterior" not in tree.children:
+        raise ValueError(
+            f"the result has no posterior; its groups are {sorted(tree.children)} (for a class: "
+            "ph.predict_pressure(classes['C1'], ...))"
+        )
     energy = energy or _energy_of(tree)
+    PressureIntegral(strain_energy=energy)  # it says so if this is no strain energy
     posterior = tree["posterior"].to_dataset()
     lacking = [name for name in energy.parameter_names if name not in posterior]
     if lacking:
@@ -208,17 +218,28 @@ def predict_pressure(
         }.items()
         if value is not None
     }
+    for name, value in geometry.items():
+        if not isinstance(value, Real | None):
+            raise TypeError(f"{name} is {value!r}; expected a number")
     unknown = [name for name, value in geometry.items() if value is None]
     if unknown:
         raise ValueError(
-            f"the result's data do not have one {' and one '.join(unknown)}: say which is meant"
+            f"the result's data do not have one {' and one '.join(unknown)}: give what is meant, "
+            f"{', '.join(name + '=...' for name in unknown)}"
         )
-    radius = np.atleast_1d(np.asarray(internal_radius, float))
-    if radius.ndim > 1 or not np.all(np.isfinite(radius) & (radius > 0)):
-        raise ValueError(f"internal_radius must be a list of positive radii in mm; got {radius}")
+    try:
+        radius = np.atleast_1d(np.asarray(internal_radius, float))
+        sound = radius.ndim == 1 and bool(np.all(np.isfinite(radius) & (radius > 0)))
+    except (TypeError, ValueError):
+        sound = False
+    if not sound:
+        raise ValueError(
+            f"internal_radius must be a list of positive radii in mm; got {internal_radius!r}"
+        )
+    _check_geometry(radius, **geometry)
     response = _response_function(energy)(
         radius,
-        *(float(value) for value in geometry.values()),
+        *(np.float64(value) for value in geometry.values()),
         *(posterior[name].values[..., None] for name in energy.parameter_names),
     )
     units = {"pressure": "kPa", "stiffness": "kPa/mm"}

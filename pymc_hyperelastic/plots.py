@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from scipy.special import expit, logit
 from scipy.stats import gaussian_kde
 
 from pymc_hyperelastic.data import check_inflation_data, points_of
@@ -200,7 +201,7 @@ def plot_parameter_density(
     -----
     The density is a sum of kernels. A kernel has the shape of the component to which its draw
     belongs in a Gaussian mixture fitted to the mode: narrow modes and bent ridges are not smeared
-    by the spread of the whole. At the end of a uniform prior it is reflected.
+    by the spread of the whole, nor does a kernel reach beyond the ends of a uniform prior.
 
     Examples
     --------
@@ -489,7 +490,8 @@ def plot_class_probability(
     error = table["class_probability_se"]
     labels = table["class_label"].values.tolist()
     width = max(1.0 + 0.55 * len(labels), 2.2)
-    place = xr.DataArray(np.arange(len(labels)), dims="class_label") + xr.zeros_like(probability)
+    place = xr.DataArray(np.arange(len(labels)), dims="class_label")
+    place = place.where(probability.notnull())  # no bar where nothing is known
 
     pc = PlotCollection.grid(
         table[["class_probability"]],
@@ -783,7 +785,7 @@ def _densities(
         draws[label] = points[:: -(-len(points) // _MOST_DRAWS)]
     breaks = [_breaks([points[:, axis] for points in draws.values()]) for axis in (0, 1)]
     shape = (len(draws), len(breaks[1]) + 1, len(breaks[0]) + 1)
-    density = np.full((*shape, _GRID, _GRID), np.nan)
+    density, mass = np.full((2, *shape, _GRID, _GRID), np.nan)
     grids = np.full((2, *shape, _GRID), np.nan)
     level, peak = np.empty((len(draws), len(probs))), np.empty(len(draws))
     for i, (label, points) in enumerate(draws.items()):
@@ -792,12 +794,9 @@ def _densities(
         bounds = _uniform_bounds(fitted[label], names)
         for j, k in sorted(set(zip(y_part.tolist(), x_part.tolist(), strict=True))):
             part = points[(y_part == j) & (x_part == k)]
-            grid, values = _kernel_density(part, bounds)
-            grids[:, i, j, k] = grid
-            density[i, j, k] = values * len(part) / len(points)
-        cell = np.diff(grids[:, i], axis=-1)[..., 0].prod(axis=0)
-        mass = (density[i] * cell[..., None, None]).ravel()
-        level[i] = _highest_density_levels(density[i].ravel(), mass, probs)
+            grids[:, i, j, k], *values = _kernel_density(part, bounds)
+            density[i, j, k], mass[i, j, k] = np.multiply(values, len(part) / len(points))
+        level[i] = _highest_density_levels(density[i].ravel(), mass[i].ravel(), probs)
         peak[i] = 1.01 * np.nanmax(density[i])
     inside = density >= level.min(axis=1)[:, None, None, None, None]
     x_inside = np.where(inside.any(axis=-1), grids[0], np.nan)
@@ -823,13 +822,13 @@ def _densities(
 
 
 def _breaks(values: Sequence[Array]) -> list[float]:
-    """Where an axis is broken: in gaps, much wider than what lies beside them, inside a class."""
+    """Where an axis is broken: in a gap inside a class, wider than what lies on either side."""
     pooled = np.sort(np.concatenate(values))
     gaps = np.diff(pooled)
     widest = int(gaps.argmax())
     low, high = pooled[widest], pooled[widest + 1]
     within = any(v.min() <= low and v.max() >= high for v in values)
-    if not within or gaps[widest] < 2 * max(low - pooled[0], pooled[-1] - high):
+    if not within or gaps[widest] < max(low - pooled[0], pooled[-1] - high):
         return []
     return [float(low + high) / 2]
 
@@ -856,29 +855,35 @@ def _best_mixture(points: Array) -> GaussianMixture:
     return mixtures[int(np.argmin(criteria))]
 
 
-def _kernel_density(points: Array, bounds: Sequence[tuple[float, float]]) -> tuple[Array, Array]:
-    """Density of points (n, 2) on a grid: its coordinates (2, grid), and values (grid, grid)."""
-    low, high = np.array(bounds).T
-    size, spread = len(points), points.std(axis=0)
-    for axis, ends in enumerate(bounds):
-        for end in ends:
-            # Points pile up at the end of the prior: without their mirror images the density would
-            # seem to fall towards it.
-            if np.abs(points[:, axis] - end).min() < 0.1 * spread[axis]:
-                image = points.copy()
-                image[:, axis] = 2 * end - image[:, axis]
-                points = np.concatenate([points, image])
-    member = _best_mixture(points).responsibilities(points)
+def _kernel_density(
+    points: Array, bounds: Sequence[tuple[float, float]]
+) -> tuple[Array, Array, Array]:
+    """Density of points (n, 2): a grid (2, grid), and at its nodes the density and the mass."""
+    # Between the ends of a prior, distances are those of the log-odds: no kernel reaches beyond,
+    # and a ridge that runs into an end stays as narrow as it is.
+    free = np.stack([_log_odds(points[:, i], *bounds[i]) for i in (0, 1)], axis=1)
+    member = _best_mixture(free).responsibilities(free)
     counts = np.bincount(member.argmax(axis=1), minlength=member.shape[1])
     member = member[:, counts >= min(50, counts.max())].argmax(axis=1)
-    kernels = [gaussian_kde(points[member == k].T) for k in np.unique(member)]
+    kernels = [gaussian_kde(free[member == k].T) for k in np.unique(member)]
     widths = 3 * np.sqrt(np.max([np.diag(kernel.covariance) for kernel in kernels], axis=0))
-    start = np.maximum(points.min(axis=0) - widths, low)
-    stop = np.minimum(points.max(axis=0) + widths, high)
-    grid = np.linspace(start, stop, _GRID, axis=1)
-    nodes = np.stack(np.meshgrid(*grid, indexing="ij")).reshape(2, -1)
-    values = sum(kernel.n / size * kernel(nodes) for kernel in kernels)
-    return grid, values.reshape(_GRID, _GRID)
+    start, stop = free.min(axis=0) - widths, free.max(axis=0) + widths
+    free_grid = np.linspace(start, stop, _GRID, axis=1)
+    nodes = np.reshape(np.meshgrid(*free_grid, indexing="ij"), (2, -1))
+    values = sum(kernel.n / len(points) * kernel(nodes) for kernel in kernels)
+    mass = values.reshape(_GRID, _GRID) * np.prod((stop - start) / (_GRID - 1))
+    grid = np.stack([_from_log_odds(free_grid[i], *bounds[i]) for i in (0, 1)])
+    # dx dy of each node.
+    cell = np.multiply.outer(*np.gradient(grid, axis=1))
+    return grid, mass / cell, mass
+
+
+def _log_odds(x: Array, low: float, high: float) -> Array:
+    return logit((x - low) / (high - low)) if np.isfinite(high - low) else x
+
+
+def _from_log_odds(x: Array, low: float, high: float) -> Array:
+    return low + (high - low) * expit(x) if np.isfinite(high - low) else x
 
 
 def _limits(values: Array, axis: tuple[int, ...]) -> Array:

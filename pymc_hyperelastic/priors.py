@@ -1,13 +1,18 @@
 """Priors of material parameters: documented defaults, the user's own, and how they are stored."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pymc as pm
 import pytensor
+import pytensor.tensor as pt
+from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.exceptions import NotConstantValueError
 from pymc.pytensorf import constant_fold
 from pytensor.graph.basic import Constant, Variable
+from pytensor.graph.replace import clone_replace
+from pytensor.graph.traversal import ancestors
 from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
 from pytensor.tensor.variable import TensorVariable
@@ -40,7 +45,7 @@ def complete_priors(
     Raises
     ------
     TypeError
-        If a prior is not a distribution.
+        If a prior is not a distribution, or `priors` is not a dict.
     ValueError
         If a name is not a parameter of the strain energy.
 
@@ -51,6 +56,11 @@ def complete_priors(
     >>> list(complete_priors(ph.Ogden(), {"alpha": pm.Uniform.dist(0, 20)}))
     ['mu', 'alpha']
     """
+    if priors is not None and not isinstance(priors, Mapping):
+        raise TypeError(
+            'priors must be a dict such as {"mu": pm.Uniform.dist(0, 50)}, not '
+            f"{type(priors).__name__}"
+        )
     given = dict(priors or {})
     for name, prior in given.items():
         if name not in energy.parameter_names:
@@ -67,10 +77,23 @@ def complete_priors(
 
 def check_prior(name: str, prior: Any) -> None:
     """Raise TypeError unless `prior` is a scalar distribution that belongs to no model yet."""
-    if not isinstance(prior, TensorVariable) or prior.owner is None:
+    node = getattr(prior, "owner", None)
+    if node is None or not isinstance(node.op, RandomVariable | SymbolicRandomVariable):
         raise TypeError(
             f"the prior of {name!r} is {prior!r}; expected a distribution such as "
             "pm.Uniform.dist(0, 50)"
+        )
+    # A distribution has no name until it is registered in a model.
+    parents = [v for v in ancestors(node.inputs) if _is_random(v)]
+    linked = [v for v in (prior, *parents) if v.name]
+    if _takes_scalars(node.op):
+        linked += parents
+    if linked:
+        culprit = linked[0].name or linked[0]
+        raise TypeError(
+            f"the prior of {name!r} depends on the random variable {culprit!r}; "
+            "expected a distribution by itself, such as pm.Uniform.dist(0, 50). Inside a model of "
+            "your own use ph.inflation_likelihood"
         )
     if prior.ndim:
         raise TypeError(f"the prior of {name!r} has {prior.ndim} dimension(s); expected a scalar")
@@ -87,8 +110,8 @@ def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
     node = prior.owner
     distribution = _DISTRIBUTIONS.get(type(node.op))
     try:
-        if distribution is not None:
-            parameters = constant_fold(node.op.dist_params(node))
+        if distribution is not None and _takes_scalars(node.op):
+            parameters = constant_fold(_in_double(node.op.dist_params(node)))
             return [distribution, [float(p) for p in parameters]]
     except NotConstantValueError:
         pass
@@ -101,14 +124,14 @@ def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
 def prior_from_record(record: list[Any]) -> TensorVariable:
     """Distribution from what :func:`prior_to_record` stored."""
     name, parameters = record
-    return getattr(pm, name).rv_op(*(np.float64(p) for p in parameters))
+    return _rebuild(getattr(pm, name).rv_op, [np.float64(p) for p in parameters])
 
 
 # PyMC's distributions by the type of the random variable that they make.
-_DISTRIBUTIONS = {
-    type(member.rv_op): name
+_DISTRIBUTIONS: dict[type, str] = {
+    member.rv_type: name
     for name, member in vars(pm.distributions).items()
-    if isinstance(member, type) and isinstance(getattr(member, "rv_op", None), RandomVariable)
+    if isinstance(getattr(member, "rv_type", None), type)
 }
 
 
@@ -123,15 +146,42 @@ def register_prior(name: str, prior: TensorVariable) -> TensorVariable:
     A copy is registered: one distribution may serve several models, or several parameters.
     """
     node = prior.owner
-    inputs = [
-        pytensor.shared(np.random.default_rng()) if isinstance(x.type, RandomType) else _as_float(x)
-        for x in node.inputs
-    ]
-    copy = node.op.make_node(*inputs).outputs[node.outputs.index(prior)]
+    if _takes_scalars(node.op):
+        copy = _rebuild(node.op, _in_double(node.op.dist_params(node)))
+    else:
+        inputs = [_generator() if isinstance(x.type, RandomType) else x for x in node.inputs]
+        copy = node.op.make_node(*inputs).outputs[node.outputs.index(prior)]
     return pm.modelcontext(None).register_rv(copy, name=name)
 
 
-def _as_float(x: Variable) -> Variable:
-    # In PyTensor the logarithm of a small integer has single precision.
-    small_integer = isinstance(x, Constant) and getattr(x.type, "dtype", "") in ("int8", "int16")
-    return x.astype("float64") if small_integer and x.type.ndim == 0 else x
+def _in_double(variables: Sequence[Variable]) -> list[Variable]:
+    """Copies in which numbers have double precision: as 3 or 0.5, PyTensor keeps them in less."""
+    short = ("int8", "int16", "float16", "float32")
+    numbers = [
+        v
+        for v in ancestors(variables)
+        if isinstance(v, Constant) and getattr(v.type, "dtype", "") in short and v.type.ndim == 0
+    ]
+    double = {v: pt.constant(v.data, dtype="float64") for v in numbers}
+    return clone_replace(list(variables), double, rebuild_strict=False)
+
+
+def _rebuild(op: Any, parameters: Sequence[Any]) -> TensorVariable:
+    """Distribution of the same kind, with a random generator of its own."""
+    if isinstance(op, RandomVariable):
+        return op(*parameters, rng=_generator(), return_next_rng=True)[1]
+    return getattr(op, "rv_op", op)(*parameters)
+
+
+def _is_random(x: Variable) -> bool:
+    return x.owner is not None and isinstance(x.owner.op, RandomVariable | SymbolicRandomVariable)
+
+
+def _takes_scalars(op: Any) -> bool:
+    """Whether a distribution is stated by scalars alone, and by no other distributions."""
+    of_its_own = isinstance(op, RandomVariable) or str(op.extended_signature).startswith("[rng]")
+    return of_its_own and not any(op.ndims_params)
+
+
+def _generator() -> Variable:
+    return pytensor.shared(np.random.default_rng())

@@ -30,7 +30,7 @@ from pymc.backends.arviz import coords_and_dims_for_inferencedata
 from pymc_hyperelastic.priors import is_inferred, prior_from_record, prior_to_record
 from pymc_hyperelastic.strain_energy import StrainEnergy
 
-__all__ = ["Study", "inflation_data_of", "model_settings_of", "sampling_tree"]
+__all__ = ["Study", "check_result", "inflation_data_of", "model_settings_of", "sampling_tree"]
 
 Array = NDArray[np.float64]
 
@@ -105,6 +105,8 @@ def sampling_tree(
             "evidence": dict_to_dataset(evidence, sample_dims=["chain"]),
         }
     )
+    # A list of one does not come back from netCDF as a list.
+    del tree["evidence"].attrs["sample_dims"]
     tree["sample_stats"].attrs.update(settings)
     tree.attrs["versions"] = json.dumps({name: version(name) for name in _PACKAGES})
     tree.attrs["random_seed"] = json.dumps(random_seed)
@@ -116,6 +118,12 @@ def sampling_tree(
             # which `fit_classes` checks before it samples.
             tree.attrs["strain_energy"] = study.energy.name
     return tree
+
+
+def check_result(tree: Any, origin: str = "ph.sample_smc, or a class of ph.fit_classes") -> None:
+    """Raise TypeError unless `tree` is a DataTree."""
+    if not isinstance(tree, xr.DataTree):
+        raise TypeError(f"expected the DataTree of {origin}, not {type(tree).__name__}")
 
 
 def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:

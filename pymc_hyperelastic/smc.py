@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -21,11 +22,12 @@ from pytensor.graph.basic import Variable
 from pytensor.graph.fg import FrozenFunctionGraph
 from pytensor.graph.replace import vectorize_graph
 from pytensor.graph.traversal import graph_inputs
+from pytensor.tensor.variable import TensorVariable
 from scipy.optimize import brentq
 from scipy.special import logsumexp
 
 from pymc_hyperelastic.mixture import GaussianMixture
-from pymc_hyperelastic.results import sampling_tree
+from pymc_hyperelastic.results import check_result, sampling_tree
 
 __all__ = ["BatchedSMC", "Estimate", "log_evidence", "sample_smc"]
 
@@ -92,7 +94,7 @@ class BatchedSMC(SMC_KERNEL):
     Scores that are NaN count as ``−inf``, and their number is reported for each stage.
     """
 
-    stats_dtypes_shapes: ClassVar = {
+    stats_dtypes_shapes: ClassVar[dict[str, tuple[type, list]]] = {
         "beta": (float, []),
         "log_marginal_likelihood": (float, []),
         "log_evidence_variance": (float, []),
@@ -101,6 +103,7 @@ class BatchedSMC(SMC_KERNEL):
         "moves": (int, []),
         "nan_scores": (int, []),
     }
+    beta: float
 
     def __init__(
         self,
@@ -117,8 +120,10 @@ class BatchedSMC(SMC_KERNEL):
     ) -> None:
         # The base class would compile functions that score one particle; everything that it sets is
         # set here instead.
-        if not 0 < threshold < 1:
-            raise ValueError(f"threshold must be between 0 and 1, not {threshold}")
+        for name, fraction in (("threshold", threshold), ("forget", forget)):
+            if not isinstance(fraction, Real) or not 0 < fraction < 1:
+                raise ValueError(f"{name} is {fraction!r}; expected a number between 0 and 1")
+        _check_count("max_moves", max_moves, 1)
         self.model = model = pm.modelcontext(model)
         self.variables = model.value_vars
         discrete = [v.name for v in self.variables if v.dtype in discrete_types]
@@ -134,6 +139,9 @@ class BatchedSMC(SMC_KERNEL):
 
         point = model.initial_point(random_seed=self.rng.integers(2**30))
         self.var_info = {v.name: (point[v.name].shape, point[v.name].size) for v in self.variables}
+        self.dimension = sum(size for _, size in self.var_info.values())
+        # With fewer particles they have no covariance.
+        _check_count("draws", draws, self.dimension + 2)
         terms = [*model.observed_RVs, *model.potentials]
         names = [term.name for term in terms]
         unknown = sorted(set(tempered or ()) - set(names))
@@ -163,11 +171,23 @@ class BatchedSMC(SMC_KERNEL):
 
     def initialize_population(self) -> dict[str, Array]:
         """Draw particles from the prior."""
-        draws = pm.draw(self._prior, draws=self.draws, random_seed=self.rng, mode="FAST_COMPILE")
+        try:
+            draws = pm.draw(
+                self._prior, draws=self.draws, random_seed=self.rng, mode="FAST_COMPILE"
+            )
+        except NotImplementedError as error:
+            raise ValueError(
+                f"particles cannot be drawn from the prior ({error}): give every variable a proper "
+                f"prior, with a density that integrates to 1; here are {self._prior_names}"
+            ) from error
         return dict(zip(self._prior_names, draws, strict=True))
 
     def _initialize_kernel(self) -> None:
         start = self.start or self.initialize_population()
+        if set(start) != set(self.var_info):
+            raise ValueError(
+                f"start must hold the particles of {list(self.var_info)}; it has {list(start)}"
+            )
         columns = [np.reshape(start[v.name], (len(start[v.name]), -1)) for v in self.variables]
         self.tempered_posterior = np.concatenate(columns, axis=1).astype(float)
         self.draws = len(self.tempered_posterior)
@@ -184,7 +204,7 @@ class BatchedSMC(SMC_KERNEL):
         self.log_evidence_variance = 0.0
         self.effective_sample_size = float(self.draws)
         self.nan_scores = 0
-        self.walk_scale: float | None = None
+        self.walk_scale = 2.38 / np.sqrt(self.dimension)
 
     def score(self, particles: Array) -> tuple[Array, Array]:
         """Log prior and log likelihood of every particle; NaN counts as ``−inf``."""
@@ -233,14 +253,12 @@ class BatchedSMC(SMC_KERNEL):
 
     def tune(self) -> None:
         """Fit the mixture from which moves are drawn."""
-        dimension = self.tempered_posterior.shape[1]
+        dimension = self.dimension
         # Each component has to be known from several times as many points as it has parameters.
         parameters = (dimension + 1) * (dimension + 2) // 2
         components = int(np.clip(self.draws / (10 * parameters), 1, 6))
         self.mixture = GaussianMixture.fit(self.tempered_posterior, components, self.rng)
         self.independent = self.mixture.widened(1 + 1 / dimension)
-        if self.walk_scale is None:
-            self.walk_scale = 2.38 / np.sqrt(dimension)
 
     def mutate(self) -> None:
         """Move the particles until they have forgotten their places."""
@@ -401,8 +419,9 @@ def sample_smc(
 
     Raises
     ------
-    ValueError
-        If a model has discrete variables, nothing to temper, or no finite likelihood anywhere.
+    TypeError, ValueError
+        If a model has discrete variables, nothing to temper, or no finite likelihood anywhere, or
+        a setting is impossible.
 
     Examples
     --------
@@ -413,10 +432,17 @@ def sample_smc(
     >>> tree["posterior"].sizes["draw"]
     500
     """
-    kernel = BatchedSMC(draws=draws, model=model, **kernel_settings)
+    if not isinstance(model, pm.Model):
+        raise TypeError(f"expected a pm.Model, not {type(model).__name__}")
+    _check_count("chains", chains, 1)
+    if start is not None and len(start) != chains:
+        raise ValueError(f"start holds {len(start)} dict(s) of particles for {chains} chains")
+    variables = _variables_to_keep(model, var_names)
     # Chosen here if it was not given, so that every result can be had again.
-    random_seed = np.random.SeedSequence(random_seed).entropy
-    populations, stats = [], []
+    random_seed = seed_sequence(random_seed).entropy
+    kernel = BatchedSMC(draws=draws, model=model, **kernel_settings)
+    populations: list[Array] = []
+    stats: list[dict[str, list[float]]] = []
     with SMCProgressBarManager(kernel, chains, progressbar) as progress:
         for chain, seed in enumerate(np.random.SeedSequence(random_seed).spawn(chains)):
             kernel.initialize(start[chain] if start else None, np.random.default_rng(seed))
@@ -428,7 +454,36 @@ def sample_smc(
                 warnings.warn(f"interrupted: {chain} of {chains} chains are complete", stacklevel=2)
                 break
             populations.append(kernel.tempered_posterior)
-    return _to_datatree(kernel, populations, stats, var_names, random_seed)
+    return _to_datatree(kernel, populations, stats, variables, random_seed)
+
+
+def seed_sequence(random_seed: Any) -> np.random.SeedSequence:
+    """Seed sequence of a number, several numbers or None; its entropy can be written as JSON."""
+    try:
+        return np.random.SeedSequence(
+            None if random_seed is None else np.asarray(random_seed).tolist()
+        )
+    except (TypeError, ValueError) as error:
+        raise type(error)(
+            f"random_seed is {random_seed!r}; expected a whole number, not negative, or several"
+        ) from None
+
+
+def _check_count(name: str, value: Any, least: int) -> None:
+    if not isinstance(value, Integral) or isinstance(value, bool):
+        raise TypeError(f"{name} is {value!r}; expected a whole number")
+    if value < least:
+        raise ValueError(f"{name} is {value}; expected at least {least}")
+
+
+def _variables_to_keep(model: pm.Model, var_names: Sequence[str] | None) -> list[TensorVariable]:
+    variables = {v.name: v for v in model.unobserved_RVs}
+    if isinstance(var_names, str):
+        raise TypeError(f"var_names must be a list of names, not {var_names!r}")
+    lacking = sorted(set(var_names or ()) - set(variables))
+    if lacking:
+        raise ValueError(f"the model has no variables {lacking} to keep; it has {list(variables)}")
+    return [v for name, v in variables.items() if var_names is None or name in var_names]
 
 
 def log_evidence(tree: xr.DataTree) -> Estimate:
@@ -461,6 +516,7 @@ def log_evidence(tree: xr.DataTree) -> Estimate:
     >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
     >>> value, standard_error = ph.log_evidence(tree)
     """
+    check_result(tree)
     if "evidence" not in tree.children:
         raise ValueError(
             f"the result has no evidence; its groups are {sorted(tree.children)}. It comes from "
@@ -499,14 +555,10 @@ def _to_datatree(
     kernel: BatchedSMC,
     populations: list[Array],
     stats: list[dict[str, list[float]]],
-    var_names: Sequence[str] | None,
+    variables: list[TensorVariable],
     random_seed: Any,
 ) -> xr.DataTree:
     model = kernel.model
-    variables = [v for v in model.unobserved_RVs if var_names is None or v.name in var_names]
-    lacking = set(var_names or ()) - {v.name for v in variables}
-    if lacking:
-        raise ValueError(f"the model has no variables {sorted(lacking)} to keep")
     point = {name: np.zeros(shape) for name, (shape, _) in kernel.var_info.items()}
     constrain = BatchedFunction.of_model(model, model.replace_rvs_by_values(variables), point, {})
     chains = [constrain(population) for population in populations]

@@ -270,6 +270,24 @@ def test_stiffness_is_the_gradient_of_pressure(law):
     )
 
 
+def test_chain_rule_through_inputs_that_depend_on_one_another():
+    """A ratio of radii, or one variable in two places, obeys the chain rule, counted once."""
+    inner, mu = pt.dscalars("inner", "mu")
+    separate = pt.dscalars(7)
+    together = [1.2 * inner, inner, 1.3 * inner, 1.1, 0.3, mu, mu]
+    slope = [1.2, 1.0, 1.3, 0.0, 0.0]
+    op = PressureIntegral(strain_energy=ph.Ogden())
+    gradient = pytensor.grad(op(*together)[0], [inner, mu])
+    partial = pytensor.function(separate, pytensor.grad(op(*separate)[0], separate), mode=FAST)
+    partial = partial(8.4, 7.0, 9.1, 1.1, 0.3, 6.0, 6.0)
+    value = pytensor.function([inner, mu], gradient, mode=FAST)(7.0, 6.0)
+    # Pressure depends on ratios of radii alone: the chain rule's sum is 0 by the inner radius.
+    scale = np.abs(slope[0] * partial[0])
+    assert abs(value[0] - np.dot(slope, partial[:5])) <= IDENTITY_TOLERANCE * scale
+    assert abs(value[0]) <= IDENTITY_TOLERANCE * scale
+    np.testing.assert_allclose(value[1], partial[5] + partial[6], rtol=IDENTITY_TOLERANCE)
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_second_derivatives_are_right_at_the_special_points(law):
     """At zero pressure and an exponent of 0 curvatures are finite and exact, as Laplace needs."""

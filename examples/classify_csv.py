@@ -1,0 +1,143 @@
+"""
+Classify the experiments of a CSV file
+======================================
+
+The study of the other examples for data of your own: classes are fitted to the rows marked
+``train``, and the experiments in the rows marked ``new`` are classified. Run it as
+``python classify_csv.py curves.csv --sigma 15 --pressure-unit mmHg``; ``--help`` says what the file
+must hold.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+import pandas as pd
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.units import to_internal
+
+FORMAT = """\
+format of the CSV file: one row a measured point, one column each for
+  group           class of the specimen; may be empty in rows that are new
+  specimen        name of the specimen
+  experiment      name or number of the inflation experiment on it
+  split           'train', or 'new' for what is to be classified
+  radius          current internal radius
+  pressure        pressure
+  inner_radius    internal radius of the tube without load
+  outer_radius    external radius of the tube without load
+  axial_stretch   optional: stretched over unstretched length (1 when missing)
+  opening_angle   optional: opening angle of the cut ring (0 when missing)
+Other columns are ignored. The rows of an experiment stand in the order of inflation; the last four
+columns do not change within it. Decimal points, no units: give these as options.
+"""
+GEOMETRY = ["inner_radius", "outer_radius", "axial_stretch", "opening_angle"]
+NEEDED = ["group", "specimen", "experiment", "split", "radius", "pressure", *GEOMETRY[:2]]
+LAWS = {law.name: law for law in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType())}
+
+
+def read(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Training rows and new rows, numbered as the lines of the file."""
+    frame = pd.read_csv(path, skipinitialspace=True)
+    frame.index = range(2, len(frame) + 2)  # the first line holds the names
+    missing = [name for name in NEEDED if name not in frame]
+    if missing:
+        raise ValueError(f"{path} has no column {', '.join(missing)}; see --help for the format")
+    wrong = frame[~frame["split"].isin(["train", "new"])]
+    if len(wrong):
+        raise ValueError(
+            f"line {wrong.index[0]}: split is {wrong['split'].iloc[0]!r}; expected 'train' or 'new'"
+        )
+    train, new = (frame[frame["split"] == kind] for kind in ("train", "new"))
+    if train.empty or new.empty:
+        raise ValueError(
+            f"{path} needs rows of both splits; {len(train)} train, {len(new)} are new"
+        )
+    return train, new.fillna({"group": "unknown"})
+
+
+def main() -> None:
+    """Fit, classify, print and store."""
+    options = argparse.ArgumentParser(
+        description=__doc__.strip().splitlines()[0],
+        epilog=FORMAT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = options.add_argument
+    add("csv", type=Path, help="the file, see below")
+    add("--sigma", type=float, required=True, help="σ, √2 standard deviations, in pressure units")
+    add("--slope-weight", type=float, help="β in mm² (balanced when missing; 0: no slopes)")
+    add("--law", choices=LAWS, default="Ogden", help="strain energy (%(default)s)")
+    add(
+        "--by",
+        choices=["test", "specimen"],
+        default="test",
+        help="what is classified (%(default)s)",
+    )
+    add("--radius-unit", default="mm", help="unit of all radii, such as mm or um (%(default)s)")
+    add("--pressure-unit", default="kPa", help="such as kPa or mmHg (%(default)s)")
+    add("--angle-unit", default="rad", help="rad or deg (%(default)s)")
+    add("--simulated", action="store_true", help="the data are simulated; figures will say so")
+    add("--draws", type=int, default=2000, help="particles of a chain (%(default)s)")
+    add("--chains", type=int, default=4, help="independent runs (%(default)s)")
+    add("--seed", type=int, default=1, help="the same seed gives the same numbers (%(default)s)")
+    add("--out", type=Path, default=Path("results/csv"), help="folder of the results (%(default)s)")
+    add("--quiet", action="store_true", help="show no progress bars")
+    args = options.parse_args()
+    try:
+        study(args)
+    except (OSError, TypeError, ValueError) as error:
+        sys.exit(f"error: {error}")
+
+
+def study(args: argparse.Namespace) -> None:
+    """Do what the options ask for."""
+    frames = read(args.csv)
+    given = {name: name for name in GEOMETRY if name in frames[0]}
+    units = {name: vars(args)[name] for name in ("radius_unit", "pressure_unit", "angle_unit")}
+    attrs = {"title": args.csv.name, "simulated": int(args.simulated)}
+    train, new = (
+        ph.inflation_data(frame, **given, **units).assign_attrs(attrs) for frame in frames
+    )
+    groups = dict.fromkeys(train["group"].values.tolist())
+    training = {name: ph.select(train, group=name) for name in groups}
+    if args.slope_weight is None:
+        args.slope_weight = ph.balanced_slope_weight(train)
+    classes = ph.fit_classes(
+        LAWS[args.law],
+        training,
+        sigma=float(to_internal(args.sigma, args.pressure_unit, "pressure")),
+        slope_weight=args.slope_weight,
+        draws=args.draws,
+        chains=args.chains,
+        random_seed=args.seed,
+        progressbar=not args.quiet,
+    )
+    args.out.mkdir(parents=True, exist_ok=True)
+    classes.to_netcdf(args.out / "classes.nc")
+    result = ph.classify(
+        new, classes, by=args.by, random_seed=args.seed, progressbar=not args.quiet
+    ).assign_attrs(attrs)
+    result.to_netcdf(args.out / "class_probability.nc")
+
+    print(f"\n{args.law}, σ = {args.sigma:g} {args.pressure_unit}, β = {args.slope_weight:.3g} mm²")
+    for name in training:
+        print(f"log evidence of {name}: {ph.log_evidence(classes[name])}")
+    table = result[["class_probability", "class_probability_se"]].to_dataframe().reset_index()
+    labels = [name for name in ("specimen", "experiment", "group") if name in table]
+    names = ["class_label", "class_probability", "class_probability_se"]
+    table = table[[*labels, *names]].sort_values([*labels[:2], "class_label"])
+    print(f"\n{table.to_string(index=False, float_format='{:.4f}'.format)}")
+    table.to_csv(args.out / "class_probability.csv", index=False)
+
+    unit = {"pressure_unit": args.pressure_unit}
+    ph.plot_inflation(train, **unit).savefig(args.out / "training.png", dpi=150)
+    ph.plot_pressure_fit(classes, **unit).savefig(args.out / "fit.png", dpi=150)
+    ph.plot_parameter_density(classes).savefig(args.out / "parameters.png", dpi=150)
+    ph.plot_class_probability(result).savefig(args.out / "class_probability.png", dpi=150)
+    print(f"\nFigures, a table and netCDF files are in {args.out}/")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,113 @@
+"""The example scripts run as a user runs them, and leave what they promise."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import xarray as xr
+
+import pymc_hyperelastic as ph
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+FEW = ("--draws", "200", "--chains", "2", "--quiet")
+LAWS = ("PowerLawNeoHookean", "Ogden", "CriscioneType")
+
+
+def run(script, *arguments, folder):
+    return subprocess.run(
+        [sys.executable, str(EXAMPLES / script), *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        cwd=folder,
+        env={**os.environ, "MPLBACKEND": "agg", "PYTHONIOENCODING": "utf-8"},
+        check=False,
+    )
+
+
+def csv_of_simulated_data(path, **changes):
+    """Part of the simulated data in the format of classify_csv.py: two specimens."""
+    data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=["S1", "S4"])
+    of_test = ["group", "specimen", "experiment", "inner_radius", "outer_radius"]
+    frame = pd.DataFrame({name: data[name].values[data["test"].values] for name in of_test})
+    frame["radius"], frame["pressure"] = data["radius"].values, data["pressure"].values / ph.mmHg
+    frame["split"] = ["new" if experiment == 3 else "train" for experiment in frame["experiment"]]
+    frame.loc[frame["split"] == "new", "group"] = ""
+    frame.assign(**changes).to_csv(path, index=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("script", "numbers"),
+    [("sheep_aorta.py", "SIMULATED"), ("pulmonary_hypertension.py", "One mean curve a group")],
+)
+def test_studies_run(script, numbers, tmp_path):
+    """A study prints its tables, says what its data are, and leaves figures and files."""
+    done = run(script, *FEW, "--out", tmp_path / "out", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert numbers in done.stdout
+    assert "log evidence" in done.stdout
+    figures = {path.name for path in (tmp_path / "out").glob("*.png")}
+    assert figures == {"data.png", "class_probability.png"} | {
+        f"{law}_{kind}.png" for law in LAWS for kind in ("parameters", "fit")
+    }
+    for law in LAWS:
+        assert xr.load_datatree(tmp_path / "out" / f"{law}_classes.nc").children
+        result = xr.load_dataset(tmp_path / "out" / f"{law}_class_probability.nc")
+        truth = result["group"].values
+        assert (result["class_probability"].idxmax("class_label").values == truth).all()
+
+
+@pytest.mark.slow
+def test_csv_is_classified(tmp_path):
+    """A CSV file of curves gives a table of class probabilities, with the right classes first."""
+    csv_of_simulated_data(tmp_path / "curves.csv")
+    options = ("--pressure-unit", "mmHg", "--sigma", "15", "--simulated", "--out", "out", *FEW)
+    done = run("classify_csv.py", "curves.csv", *options, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    table = pd.read_csv(tmp_path / "out" / "class_probability.csv")
+    best = table.loc[table.groupby("specimen")["class_probability"].idxmax()]
+    assert best.set_index("specimen")["class_label"].to_dict() == {"S1": "C1", "S4": "C2"}
+    assert len(list((tmp_path / "out").glob("*.png"))) == 4
+    assert xr.load_datatree(tmp_path / "out" / "classes.nc").children
+
+
+def test_csv_help_documents_the_format(tmp_path):
+    """``--help`` names every column."""
+    done = run("classify_csv.py", "--help", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    for column in (
+        "group specimen experiment split radius pressure inner_radius outer_radius "
+        "axial_stretch opening_angle"
+    ).split():
+        assert f"\n  {column} " in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"split": "test"}, "error: line 2: split is 'test'; expected 'train' or 'new'"),
+        ({"split": "train"}, "needs rows of both splits"),
+        ({"radius": "wide"}, "row 2: radius is 'wide', not a number"),
+        ({"outer_radius": 5.0}, "outer_radius is 5 mm; expected more than inner_radius"),
+    ],
+)
+def test_csv_errors(changes, message, tmp_path):
+    """Wrong content ends in one line that names the line of the file."""
+    csv_of_simulated_data(tmp_path / "curves.csv", **changes)
+    done = run("classify_csv.py", "curves.csv", "--sigma", "2", folder=tmp_path)
+    assert done.returncode == 1
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_csv_without_a_column(tmp_path):
+    """A missing column is named; a missing file too."""
+    (tmp_path / "curves.csv").write_text("specimen,radius\nS1,7.0\n", encoding="utf-8")
+    done = run("classify_csv.py", "curves.csv", "--sigma", "2", folder=tmp_path)
+    assert "has no column group, experiment, split" in done.stderr
+    done = run("classify_csv.py", "none.csv", "--sigma", "2", folder=tmp_path)
+    assert "none.csv" in done.stderr and "Traceback" not in done.stderr
