@@ -118,7 +118,7 @@ def study(args: argparse.Namespace) -> None:
     classes.to_netcdf(args.out / "classes.nc")
     result = ph.classify(
         new, classes, by=args.by, random_seed=args.seed, progressbar=not args.quiet
-    ).assign_attrs(attrs)
+    )
     result.to_netcdf(args.out / "class_probability.nc")
 
     print(f"\n{args.law}, σ = {args.sigma:g} {args.pressure_unit}, β = {args.slope_weight:.3g} mm²")

@@ -52,7 +52,7 @@ def every_other_point(data: xr.Dataset, first: int) -> xr.Dataset:
 data = ph.load_dataset("murine_pulmonary_artery")
 slope_weight = ph.balanced_slope_weight(data)
 training = {name: ph.select(every_other_point(data, 0), group=name) for name in GROUPS}
-new = every_other_point(data, 1)
+new = every_other_point(data, 1).assign_attrs(title=f"points left out: {data.attrs['title']}")
 
 ph.plot_inflation(data, group_by=None).savefig(args.out / "data.png", dpi=150)
 
@@ -75,7 +75,6 @@ for energy in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()):
     )
     fitted[law].to_netcdf(args.out / f"{law}_classes.nc")
     results[law] = ph.classify(new, fitted[law], random_seed=2, progressbar=not args.quiet)
-    results[law] = results[law].assign_attrs(title=f"points left out: {data.attrs['title']}")
     results[law].to_netcdf(args.out / f"{law}_class_probability.nc")
 
 # %%
@@ -109,9 +108,9 @@ for test in range(new.sizes["test"]):
 print("\nProbability of hypertensive, and in brackets the logarithm of the ratio of evidences")
 print(pd.DataFrame(rows).to_string(index=False))
 print(
-    "\nThe points left out belong to the two mean curves that trained the classes: it checks the\n"
-    "method. One mean curve a group says nothing about the differences between animals, nor\n"
-    "whether a single new animal could be classified."
+    "\nThe points left out belong to the two mean curves that trained the classes: classifying\n"
+    "them checks the method. One mean curve a group says nothing about the differences between\n"
+    "animals, nor whether a single new animal could be classified."
 )
 
 # %%

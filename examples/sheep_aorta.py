@@ -62,9 +62,7 @@ for energy in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()):
     classes.to_netcdf(args.out / f"{law}_classes.nc")
     fitted[law] = xr.load_datatree(args.out / f"{law}_classes.nc")
 
-    result = ph.classify(new, fitted[law], random_seed=2, progressbar=not args.quiet)
-    # What is simulated stays named so, in the file and in the figure.
-    results[law] = result.assign_attrs({key: data.attrs[key] for key in ("title", "simulated")})
+    results[law] = ph.classify(new, fitted[law], random_seed=2, progressbar=not args.quiet)
     results[law].to_netcdf(args.out / f"{law}_class_probability.nc")
 
 # %%

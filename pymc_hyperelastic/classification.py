@@ -11,12 +11,12 @@ import xarray as xr
 from pymc.progress_bar import create_simple_progress
 from scipy.special import softmax
 
+from pymc_hyperelastic.batched import BatchedFunction
 from pymc_hyperelastic.data import tests_at
 from pymc_hyperelastic.likelihood import check_likelihood, inflation_likelihood
 from pymc_hyperelastic.models import inflation_model
 from pymc_hyperelastic.results import check_result, inflation_data_of, model_settings_of
 from pymc_hyperelastic.smc import (
-    BatchedFunction,
     Estimate,
     log_evidence,
     sample_smc,
@@ -239,7 +239,9 @@ def classify(
             "log_evidence_se": ((by, "class_label"), error),
         },
         {"class_label": names} | {label: (by, new_data[label].values[first]) for label in labels},
-        {
+        # What the data are, above all whether they were simulated, stays with the result.
+        {key: new_data.attrs[key] for key in ("title", "simulated") if key in new_data.attrs}
+        | {
             "strain_energy": settings["energy"].name,
             "class_prior": json.dumps(dict(zip(names, prior.tolist(), strict=True))),
         },
@@ -297,7 +299,7 @@ def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     for name in (first, second):
         model = inflation_model(data=inflation_data_of(classes[name]), **settings)
         values = [particles[v.name].values.ravel() for v in model.value_vars]
-        log_joint = BatchedFunction.of_model(model, [model.logp()], model.initial_point(), {})
+        log_joint = BatchedFunction.of_model(model, [model.logp()])
         evidence = log_evidence(classes[name])
         log_posteriors.append(log_joint(np.stack(values, axis=1))[0] - evidence.value)
         variance += evidence.standard_error**2

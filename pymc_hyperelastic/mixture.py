@@ -54,13 +54,13 @@ class GaussianMixture:
         >>> sorted(GaussianMixture.fit(points, 2, rng).means.round().ravel().tolist())
         [-5.0, 5.0]
         """
-        mixture = start
-        for _ in range(iterations if components > 1 else 1):
-            if mixture is None:
-                responsibilities = _nearest_of_far_apart(points, components, rng)
-            else:
-                responsibilities = mixture.responsibilities(points)
-            mixture = cls._from_responsibilities(points, responsibilities)
+        if start is None:
+            responsibilities = _nearest_of_far_apart(points, components, rng)
+        else:
+            responsibilities = start.responsibilities(points)
+        mixture = cls._from_responsibilities(points, responsibilities)
+        for _ in range(iterations - 1 if components > 1 else 0):
+            mixture = cls._from_responsibilities(points, mixture.responsibilities(points))
         return mixture
 
     @classmethod

@@ -637,10 +637,9 @@ def _curves(data: xr.Dataset, pressure_factor: float) -> xr.Dataset:
     curves = np.full((*map(len, coords.values()), 2, longest), np.nan)
     for of_test, test in zip(zip(*labels, strict=True), tests, strict=True):
         place = tuple(coords[n].index(label) for n, label in zip(_LABELS, of_test, strict=True))
-        curves[*place, 0, : test.stop - test.start] = data["radius"].values[test]
-        curves[*place, 1, : test.stop - test.start] = (
-            pressure_factor * data["pressure"].values[test]
-        )
+        curve = curves[place][:, : test.stop - test.start]
+        curve[0] = data["radius"].values[test]
+        curve[1] = pressure_factor * data["pressure"].values[test]
     dims = (*_LABELS, "plot_axis", "point")
     return xr.Dataset({"pressure": (dims, curves)}, {**coords, "plot_axis": ["x", "y"]})
 
@@ -758,7 +757,7 @@ def _two_variables(
             f"two different variables are needed, not {var_names or names}; scalars in the "
             f"posterior of every class are {common} (for one variable see arviz.plot_dist)"
         )
-    return names
+    return names[0], names[1]
 
 
 def _axis_label(tree: xr.DataTree, name: str) -> str:
@@ -862,9 +861,9 @@ def _kernel_density(
     # Between the ends of a prior, distances are those of the log-odds: no kernel reaches beyond,
     # and a ridge that runs into an end stays as narrow as it is.
     free = np.stack([_log_odds(points[:, i], *bounds[i]) for i in (0, 1)], axis=1)
-    member = _best_mixture(free).responsibilities(free)
-    counts = np.bincount(member.argmax(axis=1), minlength=member.shape[1])
-    member = member[:, counts >= min(50, counts.max())].argmax(axis=1)
+    weight = _best_mixture(free).responsibilities(free)
+    counts = np.bincount(weight.argmax(axis=1), minlength=weight.shape[1])
+    member = weight[:, counts >= np.minimum(50, counts.max())].argmax(axis=1)
     kernels = [gaussian_kde(free[member == k].T) for k in np.unique(member)]
     widths = 3 * np.sqrt(np.max([np.diag(kernel.covariance) for kernel in kernels], axis=0))
     start, stop = free.min(axis=0) - widths, free.max(axis=0) + widths

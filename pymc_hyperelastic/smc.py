@@ -2,30 +2,21 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pymc as pm
-import pytensor
-import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
-from pymc.initial_point import make_initial_point_expression
 from pymc.progress_bar import SMCProgressBarManager
-from pymc.pytensorf import join_nonshared_inputs
 from pymc.smc.kernels import SMC_KERNEL
 from pymc.vartypes import discrete_types
-from pytensor.compile.sharedvalue import SharedVariable
-from pytensor.graph.basic import Variable
-from pytensor.graph.fg import FrozenFunctionGraph
-from pytensor.graph.replace import vectorize_graph
-from pytensor.graph.traversal import graph_inputs
 from pytensor.tensor.variable import TensorVariable
 from scipy.optimize import brentq
 from scipy.special import logsumexp
 
+from pymc_hyperelastic.batched import BatchedFunction, draw_from_prior
 from pymc_hyperelastic.mixture import GaussianMixture
 from pymc_hyperelastic.results import check_result, sampling_tree
 
@@ -72,7 +63,8 @@ class BatchedSMC(SMC_KERNEL):
     threshold : float
         Fraction of the effective sample size to be kept at each stage.
     compile_kwargs : dict, optional
-        Options of ``pytensor.function``, such as ``{"mode": "JAX"}``.
+        Options of ``pytensor.function``. By default particles are scored by NumPy, which compiles
+        in a second; ``{"mode": "NUMBA"}`` takes a minute and scores faster.
     tempered : sequence of str, optional
         Names of the observed variables and Potentials whose likelihood is tempered; all when
         missing. The others count as prior, from which `start` must then be drawn.
@@ -153,16 +145,8 @@ class BatchedSMC(SMC_KERNEL):
         hot = [term for term in terms if tempered is None or term.name in tempered]
         cold = [*model.free_RVs, *(term for term in terms if term not in hot)]
         self._score = BatchedFunction.of_model(
-            model, [model.logp(cold), model.logp(hot)], point, compile_kwargs or {}
+            model, [model.logp(cold), model.logp(hot)], compile_kwargs
         )
-        self._prior = make_initial_point_expression(
-            free_rvs=model.free_RVs,
-            rvs_to_transforms=model.rvs_to_transforms,
-            initval_strategies=model.rvs_to_initial_values,
-            default_strategy="prior",
-            return_transformed=True,
-        )
-        self._prior_names = [model.rvs_to_values[rv].name for rv in model.free_RVs]
         self._reset_state()
 
     def set_rng(self, rng: np.random.Generator) -> None:
@@ -172,15 +156,12 @@ class BatchedSMC(SMC_KERNEL):
     def initialize_population(self) -> dict[str, Array]:
         """Draw particles from the prior."""
         try:
-            draws = pm.draw(
-                self._prior, draws=self.draws, random_seed=self.rng, mode="FAST_COMPILE"
-            )
+            return draw_from_prior(self.model, self.draws, self.rng)
         except NotImplementedError as error:
             raise ValueError(
                 f"particles cannot be drawn from the prior ({error}): give every variable a proper "
-                f"prior, with a density that integrates to 1; here are {self._prior_names}"
+                f"prior, with a density that integrates to 1; here are {list(self.var_info)}"
             ) from error
-        return dict(zip(self._prior_names, draws, strict=True))
 
     def _initialize_kernel(self) -> None:
         start = self.start or self.initialize_population()
@@ -205,6 +186,7 @@ class BatchedSMC(SMC_KERNEL):
         self.effective_sample_size = float(self.draws)
         self.nan_scores = 0
         self.walk_scale = 2.38 / np.sqrt(self.dimension)
+        self.mixture: GaussianMixture | None = None
 
     def score(self, particles: Array) -> tuple[Array, Array]:
         """Log prior and log likelihood of every particle; NaN counts as ``−inf``."""
@@ -257,7 +239,15 @@ class BatchedSMC(SMC_KERNEL):
         # Each component has to be known from several times as many points as it has parameters.
         parameters = (dimension + 1) * (dimension + 2) // 2
         components = int(np.clip(self.draws / (10 * parameters), 1, 6))
-        self.mixture = GaussianMixture.fit(self.tempered_posterior, components, self.rng)
+        # The mixture of the stage before is nearly right, unless components have died out.
+        alive = self.mixture is not None and len(self.mixture.means) == components
+        self.mixture = GaussianMixture.fit(
+            self.tempered_posterior,
+            components,
+            self.rng,
+            start=self.mixture if alive else None,
+            iterations=4 if alive else 10,
+        )
         self.independent = self.mixture.widened(1 + 1 / dimension)
 
     def mutate(self) -> None:
@@ -330,53 +320,6 @@ class BatchedSMC(SMC_KERNEL):
             "forget": self.forget,
             "max_moves": self.max_moves,
         }
-
-
-@dataclass(frozen=True)
-class BatchedFunction:
-    """A function of a model's free variables, compiled for many points at once.
-
-    Shared variables are inputs of the compiled function. Models whose expressions are equal but for
-    the values of shared variables therefore share one compilation.
-    """
-
-    function: Any
-    shared: tuple[SharedVariable, ...]
-
-    # Compiled functions by their expression.
-    _cache: ClassVar[dict] = {}
-
-    @classmethod
-    def of_model(
-        cls,
-        model: pm.Model,
-        outputs: Sequence[Variable],
-        point: dict[str, np.ndarray],
-        compile_kwargs: dict[str, Any],
-    ) -> "BatchedFunction":
-        """Compile `outputs`, expressions of the model's value variables."""
-        outputs, joined = join_nonshared_inputs(point, outputs, model.value_vars)
-        batch = pt.matrix("particles", dtype=joined.dtype)
-        outputs = vectorize_graph(outputs, {joined: batch})
-        shared = tuple(v for v in graph_inputs(outputs) if isinstance(v, SharedVariable))
-        # An output that no variable enters is one number for all particles.
-        outputs = [
-            out if out.type.ndim else pt.broadcast_to(out, (batch.shape[0],)) for out in outputs
-        ]
-        key = FrozenFunctionGraph.from_io([batch, *shared], outputs), str(compile_kwargs)
-        if key not in cls._cache:
-            inputs = {v: v.type() for v in shared}
-            cls._cache[key] = pytensor.function(
-                [batch, *inputs.values()],
-                pytensor.graph.clone_replace(outputs, inputs),
-                on_unused_input="ignore",
-                **compile_kwargs,
-            )
-        return cls(cls._cache[key], shared)
-
-    def __call__(self, particles: Array) -> list[Array]:
-        """Value of every output at every particle, the particles along the first axis."""
-        return self.function(particles, *(v.get_value(borrow=True) for v in self.shared))
 
 
 def sample_smc(
@@ -559,8 +502,7 @@ def _to_datatree(
     random_seed: Any,
 ) -> xr.DataTree:
     model = kernel.model
-    point = {name: np.zeros(shape) for name, (shape, _) in kernel.var_info.items()}
-    constrain = BatchedFunction.of_model(model, model.replace_rvs_by_values(variables), point, {})
+    constrain = BatchedFunction.of_model(model, model.replace_rvs_by_values(variables))
     chains = [constrain(population) for population in populations]
     posterior = {v.name: np.stack([chain[i] for chain in chains]) for i, v in enumerate(variables)}
     particles = np.stack(populations)

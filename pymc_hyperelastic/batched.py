@@ -1,0 +1,135 @@
+"""Functions of a model's variables for many points at once: compiled soon, and only once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pymc as pm
+import pytensor
+import pytensor.tensor as pt
+from numpy.typing import NDArray
+from pymc.distributions.distribution import SymbolicRandomVariable
+from pymc.initial_point import make_initial_point_expression
+from pymc.pytensorf import join_nonshared_inputs
+from pytensor.compile.mode import Mode
+from pytensor.compile.sharedvalue import SharedVariable
+from pytensor.graph.basic import Apply, Variable
+from pytensor.graph.fg import FrozenFunctionGraph, FunctionGraph
+from pytensor.graph.replace import clone_replace, vectorize_graph
+from pytensor.graph.rewriting.basic import dfs_rewriter, node_rewriter
+from pytensor.graph.rewriting.db import RewriteDatabaseQuery
+from pytensor.graph.traversal import ancestors, graph_inputs
+from pytensor.scalar.math import Softplus
+from pytensor.tensor.elemwise import Elemwise
+from pytensor.tensor.random.op import RandomVariable
+
+__all__ = ["BatchedFunction", "draw_from_prior"]
+
+Array = NDArray[np.float64]
+
+
+@node_rewriter([Elemwise])
+def _softplus_in_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
+    """``ln(1 + e^x)``, in the transform of every bounded variable, is a Python loop otherwise."""
+    if not isinstance(node.op.scalar_op, Softplus):
+        return None
+    x = node.inputs[0]
+    return [pt.maximum(x, 0.0) + pt.log1p(pt.exp(-pt.abs(x)))]
+
+
+# What runs a hundred times on thousands of points is best left to NumPy: it compiles in a second,
+# numba or C in a minute. Fused operations would run point by point in Python.
+_NUMPY = Mode(
+    "py", RewriteDatabaseQuery(include=["fast_run"], exclude=["fusion", "inplace"])
+).register((dfs_rewriter(_softplus_in_numpy), 99))
+
+
+@dataclass(frozen=True)
+class BatchedFunction:
+    """A function of a model's free variables, compiled for many points at once.
+
+    Shared variables are inputs of the compiled function. Models whose expressions are equal but for
+    the values of shared variables therefore share one compilation.
+    """
+
+    function: Any
+    shared: tuple[SharedVariable, ...]
+
+    # Compiled functions by their expression.
+    _cache: ClassVar[dict[tuple, Any]] = {}
+
+    @classmethod
+    def of_model(
+        cls,
+        model: pm.Model,
+        outputs: Sequence[Variable],
+        compile_kwargs: dict[str, Any] | None = None,
+    ) -> "BatchedFunction":
+        """Compile `outputs`, expressions of the model's value variables.
+
+        `compile_kwargs` are options of ``pytensor.function``; without a mode NumPy does the work.
+        """
+        compile_kwargs = {"mode": _NUMPY} | (compile_kwargs or {})
+        point = model.initial_point(random_seed=0)
+        outputs, joined = join_nonshared_inputs(point, outputs, model.value_vars)
+        batch = pt.matrix("particles", dtype=joined.dtype)
+        outputs = vectorize_graph(outputs, {joined: batch})
+        # An output that no variable enters is one number for all particles.
+        outputs = [
+            out if out.type.ndim else pt.broadcast_to(out, (batch.shape[0],)) for out in outputs
+        ]
+        shared = tuple(v for v in graph_inputs(outputs) if isinstance(v, SharedVariable))
+        key = FrozenFunctionGraph.from_io([batch, *shared], outputs), str(compile_kwargs)
+        if key not in cls._cache:
+            inputs = {v: v.type() for v in shared}
+            cls._cache[key] = pytensor.function(
+                [batch, *inputs.values()],
+                clone_replace(outputs, inputs),
+                on_unused_input="ignore",
+                **compile_kwargs,
+            )
+        return cls(cls._cache[key], shared)
+
+    def __call__(self, particles: Array) -> list[Array]:
+        """Value of every output at every particle, the particles along the first axis."""
+        return self.function(particles, *(v.get_value(borrow=True) for v in self.shared))
+
+
+def draw_from_prior(model: pm.Model, draws: int, rng: np.random.Generator) -> dict[str, Array]:
+    """Independent draws of the model's free variables, by the name of the value variable.
+
+    They are on the unconstrained scale, and from the prior also where a variable has an initial
+    value: the evidence needs it so.
+    """
+    expressions = make_initial_point_expression(
+        free_rvs=model.free_RVs,
+        rvs_to_transforms=model.rvs_to_transforms,
+        initval_strategies=dict.fromkeys(model.free_RVs),
+        default_strategy="prior",
+        return_transformed=True,
+    )
+    names = [model.rvs_to_values[rv].name for rv in model.free_RVs]
+    try:
+        values = pm.draw(_of_size(expressions, draws), random_seed=rng, mode=_NUMPY)
+    except NotImplementedError:
+        # A distribution that cannot be drawn as a batch is drawn one by one.
+        values = pm.draw(expressions, draws=draws, random_seed=rng, mode=_NUMPY)
+    return dict(zip(names, values, strict=True))
+
+
+def _of_size(expressions: Sequence[Variable], draws: int) -> list[Variable]:
+    """Expressions of independent draws: distributions without random parents become batches."""
+    batched = {}
+    for variable in ancestors(expressions):
+        node = variable.owner
+        if _is_random(variable) and not any(map(_is_random, ancestors(node.inputs))):
+            parameter = node.op.dist_params(node)[0]
+            batched[parameter] = pt.broadcast_to(parameter, (draws, *parameter.shape))
+    return vectorize_graph(expressions, batched)
+
+
+def _is_random(variable: Variable) -> bool:
+    return variable.owner is not None and isinstance(
+        variable.owner.op, RandomVariable | SymbolicRandomVariable
+    )
