@@ -39,10 +39,11 @@ def _softplus_in_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | N
 
 
 # What runs a hundred times on thousands of points is best left to NumPy: it compiles in a second,
-# numba or C in a minute. Fused operations would run point by point in Python.
-_NUMPY = Mode(
-    "py", RewriteDatabaseQuery(include=["fast_run"], exclude=["fusion", "inplace"])
-).register((dfs_rewriter(_softplus_in_numpy), 99))
+# numba or C in a minute. Fused operations, and powers made of them, would run point by point.
+_FUSED = ["fusion", "inplace", "local_pow_to_nested_squaring"]
+_NUMPY = Mode("py", RewriteDatabaseQuery(include=["fast_run"], exclude=_FUSED)).register(
+    (dfs_rewriter(_softplus_in_numpy), 99)
+)
 
 
 @dataclass(frozen=True)
@@ -110,10 +111,11 @@ def draw_from_prior(model: pm.Model, draws: int, rng: np.random.Generator) -> di
         return_transformed=True,
     )
     names = [model.rvs_to_values[rv].name for rv in model.free_RVs]
-    try:
+    nodes = [v.owner for v in ancestors(expressions) if _is_random(v)]
+    if all(isinstance(node.op, RandomVariable) and node.op.ndims_params for node in nodes):
         values = pm.draw(_of_size(expressions, draws), random_seed=rng, mode=_NUMPY)
-    except NotImplementedError:
-        # A distribution that cannot be drawn as a batch is drawn one by one.
+    else:
+        # A distribution that is made of others cannot always be drawn as a batch.
         values = pm.draw(expressions, draws=draws, random_seed=rng, mode=_NUMPY)
     return dict(zip(names, values, strict=True))
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 from pymc_hyperelastic.data import describe_test
 from pymc_hyperelastic.likelihood import GEOMETRY, Mode, check_likelihood, inflation_likelihood
-from pymc_hyperelastic.pressure import PressureIntegral, _check_geometry
+from pymc_hyperelastic.pressure import PressureIntegral, check_geometry
 from pymc_hyperelastic.priors import check_prior, complete_priors, is_inferred, register_prior
 from pymc_hyperelastic.results import Study, check_result, inflation_data_of
 from pymc_hyperelastic.strain_energy import CriscioneType, Ogden, PowerLawNeoHookean, StrainEnergy
@@ -236,7 +236,7 @@ def predict_pressure(
         raise ValueError(
             f"internal_radius must be a list of positive radii in mm; got {internal_radius!r}"
         )
-    _check_geometry(radius, **geometry)
+    check_geometry(internal_radius=radius, **geometry)
     response = _response_function(energy)(
         radius,
         *(np.float64(value) for value in geometry.values()),

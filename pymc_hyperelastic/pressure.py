@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytensor.tensor as pt
+from pytensor.compile.inner_function import link_only_mode
+from pytensor.compile.mode import Mode
 from pytensor.gradient import DisconnectedType, grad
 from pytensor.graph.basic import Apply, Variable
 from pytensor.graph.replace import _vectorize_node, clone_replace
@@ -15,7 +17,14 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.strain_energy.base import StrainEnergy, elementwise_derivative
 from pymc_hyperelastic.tube import hoop_elongation, opening_factor
 
-__all__ = ["PressureIntegral", "TubeOp", "inflation_pressure", "inflation_stiffness", "wall_rule"]
+__all__ = [
+    "PressureIntegral",
+    "TubeOp",
+    "check_geometry",
+    "inflation_pressure",
+    "inflation_stiffness",
+    "wall_rule",
+]
 
 
 class TubeOp(TensorSymbolicOp):
@@ -65,6 +74,10 @@ class TubeOp(TensorSymbolicOp):
             pt.where(pt.isfinite(g), g, 0.0) if isinstance(g, TensorVariable) else g
             for g in gradients
         ]
+
+    def link_mode(self, impl: str | None) -> Mode:
+        """Python for Python: PyMC asks for shapes in this way, and needs no compiler for it."""
+        return link_only_mode("py") if impl == "py" else super().link_mode(impl)
 
     def response(
         self, log_hoop: TensorVariable, log_axial: TensorVariable, parameters: Any
@@ -298,29 +311,27 @@ def _tube_response(
         raise TypeError(
             f"{energy.name} has the parameters {list(names)}, but {sorted(parameters)} were given"
         )
-    geometry = (internal_radius, inner_radius, outer_radius, axial_stretch, opening_angle)
-    _check_geometry(*geometry)
-    return op(*geometry, *(parameters[name] for name in names))
-
-
-def _check_geometry(
-    internal_radius: Any,
-    inner_radius: Any,
-    outer_radius: Any,
-    axial_stretch: Any,
-    opening_angle: Any,
-) -> None:
-    """Raise for impossible numbers; random variables have no value to look at yet."""
-    values = {
+    geometry = {
         "internal_radius": internal_radius,
         "inner_radius": inner_radius,
         "outer_radius": outer_radius,
         "axial_stretch": axial_stretch,
+        "opening_angle": opening_angle,
     }
-    known = {k: np.asarray(v, float) for k, v in values.items() if not isinstance(v, Variable)}
+    check_geometry(**geometry)
+    return op(*geometry.values(), *(parameters[name] for name in names))
+
+
+def check_geometry(**geometry: Any) -> None:
+    """Raise for impossible numbers; random variables have no value to look at yet."""
+    known = {
+        name: _as_numbers(name, value)
+        for name, value in geometry.items()
+        if not isinstance(value, Variable)
+    }
     for name, value in known.items():
-        if not np.all(value > 0):
-            raise ValueError(f"{name} must be positive; got {value}")
+        if name != "opening_angle" and not np.all((value > 0) & (value < np.inf)):
+            raise ValueError(f"{name} must be positive and finite; got {value}")
     if {"inner_radius", "outer_radius"} <= set(known) and not np.all(
         known["outer_radius"] > known["inner_radius"]
     ):
@@ -328,11 +339,18 @@ def _check_geometry(
             f"outer_radius must exceed inner_radius; got {known['outer_radius']} and "
             f"{known['inner_radius']}"
         )
-    if not isinstance(opening_angle, Variable) and not np.all(np.abs(opening_angle) < 2 * np.pi):
+    if not np.all(np.abs(known.get("opening_angle", 0.0)) < 2 * np.pi):
         raise ValueError(
-            f"opening_angle is in radians and below 2π; got {opening_angle} (from degrees: "
-            "np.deg2rad(angle))"
+            f"opening_angle is in radians and below 2π; got {known['opening_angle']} (from "
+            "degrees: np.deg2rad(angle))"
         )
+
+
+def _as_numbers(name: str, value: Any) -> np.ndarray:
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} is {value!r}; expected a number or an array of numbers") from None
 
 
 @cache

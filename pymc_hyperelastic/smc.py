@@ -96,6 +96,7 @@ class BatchedSMC(SMC_KERNEL):
         "nan_scores": (int, []),
     }
     beta: float
+    mixture: GaussianMixture
 
     def __init__(
         self,
@@ -186,7 +187,7 @@ class BatchedSMC(SMC_KERNEL):
         self.effective_sample_size = float(self.draws)
         self.nan_scores = 0
         self.walk_scale = 2.38 / np.sqrt(self.dimension)
-        self.mixture: GaussianMixture | None = None
+        self.stages_fitted = 0
 
     def score(self, particles: Array) -> tuple[Array, Array]:
         """Log prior and log likelihood of every particle; NaN counts as ``−inf``."""
@@ -240,7 +241,8 @@ class BatchedSMC(SMC_KERNEL):
         parameters = (dimension + 1) * (dimension + 2) // 2
         components = int(np.clip(self.draws / (10 * parameters), 1, 6))
         # The mixture of the stage before is nearly right, unless components have died out.
-        alive = self.mixture is not None and len(self.mixture.means) == components
+        alive = self.stages_fitted > 0 and len(self.mixture.means) == components
+        self.stages_fitted += 1
         self.mixture = GaussianMixture.fit(
             self.tempered_posterior,
             components,

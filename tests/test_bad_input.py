@@ -198,8 +198,8 @@ BAD_INPUT = [
     (
         "text for radius",
         lambda: ph.inflation_pressure(OGDEN, "wide", **OGDEN_TUBE),
-        ValueError,
-        ["wide"],
+        TypeError,
+        ["internal_radius", "wide"],
     ),
     (
         "unknown strain energy",

@@ -141,7 +141,7 @@ def test_probabilities_follow_from_evidences(by_test):
     spread = np.sqrt((by_test["log_evidence_se"].values ** 2).sum(axis=1))
     expected = probability[:, 0] * probability[:, 1] * spread
     for error in by_test["class_probability_se"].values.T:
-        np.testing.assert_allclose(error, expected, rtol=1e-9)
+        np.testing.assert_allclose(error, expected, rtol=1e-9, atol=ROUNDING)
 
 
 def test_class_prior_multiplies_the_odds(classes, by_specimen):
@@ -265,7 +265,7 @@ def test_what_is_not_a_result_is_refused(classes):
     with pytest.raises(ValueError, match="no classes"):
         classify(new_data(), xr.DataTree())
     bare = xr.DataTree.from_dict({"C1/posterior": classes["C1"]["posterior"].to_dataset()})
-    with pytest.raises(ValueError, match="from which model"):
+    with pytest.raises(ValueError, match="ph.fit_classes"):
         classify(new_data(), bare)
 
 
@@ -380,6 +380,7 @@ def test_inferred_noise_has_the_exact_evidence(tmp_path):
     The prior survives the file, and new experiments are classified under the sigma of each class.
     """
     scale = 2.0
+    half = OGDEN_BOX[0], (0.0, 40.0)  # by symmetry, the evidence of both signs
     classes = fit(sigma=pm.HalfNormal.dist(scale))
     classes.to_netcdf(tmp_path / "classes.nc", engine="h5netcdf")
     new = ph.select(study(), specimen="S2", experiment=2)
@@ -388,12 +389,12 @@ def test_inferred_noise_has_the_exact_evidence(tmp_path):
         # In log sigma, where the posterior has an sd of a tenth and vanishes at the ends: the
         # trapezoidal rule is then exact to exp(-2 (pi sd/step)^2), far below what is compared.
         curves = [curve for data in (training()[name], *more) for curve in exact.curves_of(data)]
-        step = 0.08
-        log_sigma = np.arange(*LOG_SIGMA_RANGE, step)
+        step = 0.1
+        log_sigma = np.arange(-0.3, 2.2, step)
         terms = []
         for s in np.exp(log_sigma):
             fitted = exact.posterior(
-                curves, "Ogden", box=OGDEN_BOX, sigma=s, slope_weight=noise()["slope_weight"]
+                curves, "Ogden", box=half, sigma=s, slope_weight=noise()["slope_weight"]
             )
             log_prior = np.log(2 / (scale * np.sqrt(2 * np.pi))) - (s / scale) ** 2 / 2
             terms.append(fitted.log_evidence + log_prior + np.log(s * step))

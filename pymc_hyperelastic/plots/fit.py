@@ -1,0 +1,209 @@
+"""The posterior of pressure and stiffness over the data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from pymc_hyperelastic.data import check_inflation_data, points_of
+from pymc_hyperelastic.likelihood import GEOMETRY
+from pymc_hyperelastic.models import predict_pressure
+from pymc_hyperelastic.plots.style import (
+    MOST_DRAWS,
+    RADIUS_LABEL,
+    Backend,
+    Canvas,
+    Visuals,
+    fitted_classes,
+    per_kilopascal,
+    training_attrs,
+)
+from pymc_hyperelastic.results import inflation_data_of
+from pymc_hyperelastic.strain_energy import StrainEnergy
+
+if TYPE_CHECKING:
+    from arviz_plots import PlotCollection
+
+__all__ = ["plot_pressure_fit"]
+
+_CURVE = 80  # points of a posterior curve
+
+
+def plot_pressure_fit(
+    classes: xr.DataTree,
+    data: xr.Dataset | Mapping[str, xr.Dataset] | None = None,
+    *,
+    prob: float = 0.94,
+    energy: StrainEnergy | None = None,
+    pressure_unit: str = "mmHg",
+    backend: Backend = "matplotlib",
+    visuals: Visuals | None = None,
+    **pc_kwargs: Any,
+) -> PlotCollection:
+    """Plot the posterior of pressure and of stiffness over the data, a column for each class.
+
+    The band is that of the tube's response, without measurement error: it is as narrow as the
+    parameters are well known, and data may lie beside it.
+
+    Parameters
+    ----------
+    classes : xarray.DataTree
+        Result of :func:`pymc_hyperelastic.fit_classes`, one of its classes, or a sampled model.
+    data : xarray.Dataset or dict of str to xarray.Dataset, optional
+        What is shown with the posterior: inflation data, or those for each class. The training
+        data when missing. Tests on tubes of other dimensions have bands of their own.
+    prob : float
+        Probability that the band holds at each radius, with equal tails.
+    energy : StrainEnergy, optional
+        The material; needed where the result does not name it.
+    pressure_unit : str
+        Unit of the pressure axis, as pint knows it.
+    backend : {"matplotlib", "none"}
+        Plotting backend; ``"none"`` only collects what would be drawn.
+    visuals : dict of str to dict or bool, optional
+        Settings of ``band``, ``median``, ``points``, ``xlabel``, ``ylabel``, ``title`` (of a
+        column) and ``legend``; False leaves one out.
+    **pc_kwargs
+        Passed to :meth:`arviz_plots.PlotCollection.grid`.
+
+    Returns
+    -------
+    arviz_plots.PlotCollection
+        Its variables are ``pressure`` and ``stiffness``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `classes` is no DataTree with a posterior, there are no data or no strain energy, the
+        data are unsound or lack a class, or `prob`, the unit, the backend or a visual is unknown.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
+    >>> model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
+    >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
+    >>> figure = ph.plot_pressure_fit(tree, data, backend="none")
+    >>> list(figure.viz["plot"].data_vars)
+    ['pressure', 'stiffness']
+    """
+    from arviz_plots.visuals import fill_between_y, line_xy, scatter_xy
+
+    fitted = fitted_classes(classes)
+    if not 0 < prob < 1:
+        raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
+    factor = per_kilopascal(pressure_unit)
+    shown = {name: _data_of(name, tree, data) for name, tree in fitted.items()}
+    posterior = _side_by_side(
+        {n: _posterior_curves(fitted[n], shown[n], prob, energy, factor) for n in fitted}
+    )
+    measured = _side_by_side({n: _measured(shown[n], factor) for n in fitted})
+    canvas = Canvas(
+        "grid",
+        posterior,
+        "band median points xlabel ylabel title legend",
+        backend,
+        visuals,
+        pc_kwargs,
+        {"figsize": (max(2.9 * len(fitted) + 0.9, 5), 5.6), "sharex": "col", "sharey": "row"},
+        rows=["__variable__"],
+        cols=["class_label"],
+        aes={"color": ["class_label"], "overlay": ["tube"]},
+    )
+    band = posterior.sel(plot_axis=["x", "y_bottom", "y_top"]).rename(plot_axis="kwarg")
+    grey = {"color": "0.25", "ignore_aes": {"color", "overlay"}}
+    canvas.draw("band", fill_between_y, data=band, alpha=0.35, linewidth=0)
+    canvas.draw("points", scatter_xy, data=measured, size=7, alpha=0.6, **grey)
+    canvas.draw("median", line_xy, data=posterior.sel(plot_axis=["x", "y"]), width=1.5)
+    top, bottom = posterior[["pressure"]], posterior[["stiffness"]]
+    for name in fitted:
+        where = {"coords": {"class_label": name}}
+        canvas.label("xlabel", RADIUS_LABEL, data=bottom, **where)
+        if len(fitted) > 1:
+            canvas.label("title", f"class {name}", data=top, size="medium", **where)
+    where = {"coords": {"class_label": next(iter(fitted))}}
+    canvas.label("ylabel", f"pressure ({pressure_unit})", data=top, **where)
+    canvas.label("ylabel", f"stiffness d$p$/d$a$ ({pressure_unit}/mm)", data=bottom, **where)
+    canvas.legend(
+        {
+            "data": {"color": "0.25", "marker": "o", "markersize": 3, "linestyle": "none"},
+            "posterior median": {"color": "0.4", "linewidth": 1.5},
+            f"{100 * prob:.3g} % of the posterior": {"color": "0.4", "linewidth": 6, "alpha": 0.35},
+        },
+        loc="outside lower center",
+        ncols=3,
+    )
+    law = energy.name if energy else next(iter(fitted.values())).attrs.get("strain_energy")
+    # The posterior is as simulated as the data that it comes from.
+    origin = [{"simulated": attrs.get("simulated")} for attrs in training_attrs(fitted)]
+    canvas.title([*(data.attrs for data in shown.values()), *origin], law)
+    return canvas.collection
+
+
+def _data_of(name: str, tree: xr.DataTree, data: Any) -> xr.Dataset:
+    """Inflation data to be shown with a class."""
+    if isinstance(data, Mapping) and not isinstance(data, xr.Dataset):
+        if name not in data:
+            raise ValueError(f"data has nothing for class {name!r}; it has {list(data)}")
+        data = data[name]
+    elif data is None:
+        if "inner_radius" not in tree.children.get("constant_data", {}):
+            raise ValueError(f"{name!r} holds no inflation data: give them as data=...")
+        data = inflation_data_of(tree)
+    check_inflation_data(data)
+    return data
+
+
+def _side_by_side(of_class: dict[str, xr.Dataset]) -> xr.Dataset:
+    """Join what is drawn for each class; what one has more of is NaN in the other."""
+    names = xr.DataArray(list(of_class), dims="class_label", name="class_label")
+    return xr.concat(of_class.values(), dim=names, join="outer", fill_value=np.nan)
+
+
+def _measured(data: xr.Dataset, pressure_factor: float) -> xr.Dataset:
+    """Measured pressures, and their central differences inside each test."""
+    radius, pressure = data["radius"].values, pressure_factor * data["pressure"].values
+    slope = np.full_like(pressure, np.nan)
+    for i in range(data.sizes["test"]):
+        test = points_of(data, i)
+        step = radius[test][2:] - radius[test][:-2]
+        step[step == 0] = np.nan
+        slope[test][1:-1] = (pressure[test][2:] - pressure[test][:-2]) / step
+    dims = ("plot_axis", "point")
+    return xr.Dataset(
+        {"pressure": (dims, [radius, pressure]), "stiffness": (dims, [radius, slope])},
+        {"plot_axis": ["x", "y"], "point": range(len(radius))},
+    )
+
+
+def _posterior_curves(
+    tree: xr.DataTree,
+    data: xr.Dataset,
+    prob: float,
+    energy: StrainEnergy | None,
+    pressure_factor: float,
+) -> xr.Dataset:
+    """Median and band of pressure and stiffness for each of the tubes of the data."""
+    posterior = tree["posterior"].to_dataset()
+    step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // MOST_DRAWS)
+    thinned = xr.DataTree.from_dict({"posterior": posterior.isel(draw=slice(None, None, step))})
+    thinned.attrs = tree.attrs
+    geometry = np.stack([data[name].values for name in GEOMETRY], axis=1)
+    tubes, tube_of_test = np.unique(geometry, axis=0, return_inverse=True)
+    curves = []
+    for i, tube in enumerate(tubes):
+        radius = data["radius"].values[tube_of_test[data["test"].values] == i]
+        grid = np.linspace(radius.min(), radius.max(), _CURVE)
+        known = dict(zip(GEOMETRY, tube.tolist(), strict=True))
+        curve = predict_pressure(thinned, grid, energy=energy, **known) * pressure_factor
+        y = curve.quantile([0.5, (1 - prob) / 2, (1 + prob) / 2], dim=["chain", "draw"])
+        x = xr.full_like(y.isel(quantile=[0]), 0) + y["radius"]
+        curves.append(xr.concat([x, y], dim="quantile").drop_vars(["quantile", "radius"]))
+    return (
+        xr.concat(curves, dim="tube")
+        .rename(quantile="plot_axis", radius="point")
+        .assign_coords(plot_axis=["x", "y", "y_bottom", "y_top"], tube=range(len(curves)))
+    )

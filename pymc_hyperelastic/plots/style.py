@@ -1,0 +1,134 @@
+"""What the figures share: colours, settings, labels, legends, titles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal
+
+import xarray as xr
+
+from pymc_hyperelastic.results import check_result
+from pymc_hyperelastic.units import to_internal
+
+# arviz_plots brings matplotlib along: it is imported when the first figure is drawn.
+if TYPE_CHECKING:
+    from arviz_plots import PlotCollection
+
+Backend = Literal["matplotlib", "none"]
+Visuals = Mapping[str, Mapping[str, Any] | bool]
+
+# Okabe and Ito's palette, told apart with any colour vision and in grey; the yellow is left out.
+PALETTE = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000"]
+MOST_DRAWS = 2000  # of a class in one figure: more change no line visibly
+RADIUS_LABEL = "internal radius $a$ (mm)"
+
+
+class Canvas:
+    """A PlotCollection in the making, and what its user wants of it.
+
+    `layout` is a constructor of the PlotCollection, `data` what its panels are made for, `known`
+    names the visuals of the figure between spaces, and `given` are the user's settings of the
+    PlotCollection, which go before those in `figure` and `settings`.
+    """
+
+    def __init__(
+        self,
+        layout: Literal["wrap", "grid"],
+        data: xr.Dataset,
+        known: str,
+        backend: str,
+        visuals: Visuals | None,
+        given: dict[str, Any],
+        figure: dict[str, Any],
+        **settings: Any,
+    ) -> None:
+        from arviz_plots import PlotCollection
+
+        if backend not in ("matplotlib", "none"):
+            raise ValueError(f"backend must be 'matplotlib' or 'none', not {backend!r}")
+        self.visuals = visuals or {}
+        unknown = [name for name in self.visuals if name not in known.split()]
+        if unknown:
+            raise ValueError(f"no visual is called {unknown[0]!r}; there are {known.split()}")
+        figure = {"layout": "constrained"} | figure | given.get("figure_kwargs", {})
+        settings = {"color": PALETTE} | settings | given | {"figure_kwargs": figure}
+        self.collection: PlotCollection = getattr(PlotCollection, layout)(
+            data, backend=backend, **settings
+        )
+
+    def wanted(self, name: str, settings: dict[str, Any]) -> dict[str, Any] | None:
+        """Settings of a visual, the user's before ours; None if it is to be left out."""
+        chosen = self.visuals.get(name, True)
+        if chosen is False:
+            return None
+        return settings if chosen is True else settings | dict(chosen)
+
+    def draw(self, name: str, function: Callable, **settings: Any) -> None:
+        """Draw a visual in every panel."""
+        wanted = self.wanted(name, settings)
+        if wanted is not None:
+            self.collection.map(function, name, **wanted)
+
+    def label(self, name: str, text: str, **settings: Any) -> None:
+        """Write ``xlabel``, ``ylabel`` or ``title`` of panels."""
+        from arviz_plots import visuals
+
+        functions = {
+            "xlabel": visuals.labelled_x,
+            "ylabel": visuals.labelled_y,
+            "title": visuals.labelled_title,
+        }
+        self.draw(name, functions[name], text=text, ignore_aes="all", **settings)
+
+    def adjust(self, function: Callable, **settings: Any) -> None:
+        """Adjust panels, such as their limits."""
+        self.collection.map(function, store_artist=False, ignore_aes="all", **settings)
+
+    def entries(self, key: str, dim: str, prefix: str, **settings: Any) -> dict[str, dict]:
+        """Legend entries of the values of `dim`, which the aesthetic `key` tells apart."""
+        mapping = self.collection.aes[key]["mapping"]
+        return {
+            f"{prefix}{label}": settings | {key: mapping.sel({dim: label}).item()}
+            for label in mapping[dim].values.tolist()
+        }
+
+    def legend(self, entries: dict[str, dict], **settings: Any) -> None:
+        """Add a legend beside the panels, unless it would have one entry."""
+        settings = {"frameon": False, "fontsize": "small", "loc": "outside center right"} | settings
+        wanted = self.wanted("legend", settings)
+        if wanted is not None and len(entries) > 1:
+            backend = import_module(f"arviz_plots.backend.{self.collection.backend}")
+            backend.legend(self.collection, list(entries.values()), list(entries), **wanted)
+
+    def title(self, attrs: Sequence[Mapping[Any, Any]], *before: str | None) -> None:
+        """Say what is shown, and of which data; simulated data are called so."""
+        titles = dict.fromkeys(str(a["title"]) for a in attrs if a.get("title"))
+        text = ", ".join([*filter(None, before), *titles])
+        if any(a.get("simulated") for a in attrs) and "simulated" not in text.lower():
+            text = f"{text}, SIMULATED data" if text else "SIMULATED data"
+        if text:
+            self.collection.add_title(text, size="medium", wrap=True)
+
+
+def per_kilopascal(pressure_unit: str) -> float:
+    """How many of the unit make 1 kPa."""
+    return 1 / float(to_internal(1.0, pressure_unit, "pressure"))
+
+
+def fitted_classes(classes: xr.DataTree) -> dict[str, xr.DataTree]:
+    """Sampled models by class; a single one has the name of its group."""
+    check_result(classes, "ph.fit_classes or ph.sample_smc")
+    if "posterior" in classes.children:
+        return {classes.name or "posterior": classes}
+    fitted = {str(n): tree for n, tree in classes.children.items() if "posterior" in tree.children}
+    if not fitted:
+        raise ValueError(
+            "the result holds no posterior; it comes from ph.fit_classes or ph.sample_smc"
+        )
+    return fitted
+
+
+def training_attrs(fitted: Mapping[str, xr.DataTree]) -> list[Mapping[Any, Any]]:
+    """What is said of the data to which the classes were fitted."""
+    return [t["constant_data"].attrs for t in fitted.values() if "constant_data" in t.children]
