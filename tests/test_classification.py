@@ -265,7 +265,7 @@ def test_what_is_not_a_result_is_refused(classes):
     with pytest.raises(ValueError, match="no classes"):
         classify(new_data(), xr.DataTree())
     bare = xr.DataTree.from_dict({"C1/posterior": classes["C1"]["posterior"].to_dataset()})
-    with pytest.raises(ValueError, match="ph.fit_classes"):
+    with pytest.raises(ValueError, match=r"ph\.fit_classes"):
         classify(new_data(), bare)
 
 
