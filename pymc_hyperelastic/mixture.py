@@ -1,10 +1,11 @@
-"""A Gaussian mixture fitted to a population of particles, from which SMC proposes moves."""
+"""A mixture fitted to a population of particles, from which SMC proposes moves."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import gammaln
 
 __all__ = ["GaussianMixture"]
 
@@ -17,7 +18,7 @@ _VARIANCE_FLOOR = 1e-13
 
 @dataclass(frozen=True)
 class GaussianMixture:
-    """Mixture of ``K`` normal distributions in ``d`` dimensions.
+    """Mixture of ``K`` normal, or Student-t, distributions in ``d`` dimensions.
 
     Attributes
     ----------
@@ -26,12 +27,15 @@ class GaussianMixture:
     means : array, shape (K, d)
         Means.
     factors : array, shape (K, d, d)
-        Lower Cholesky factors of the covariances.
+        Lower Cholesky factors of the covariances, or of the scale matrices of Student's t.
+    freedom : float
+        Degrees of freedom; infinite for normal distributions.
     """
 
     log_weights: Array
     means: Array
     factors: Array
+    freedom: float = np.inf
 
     @classmethod
     def fit(
@@ -88,12 +92,22 @@ class GaussianMixture:
     def _log_peaks(self) -> Array:
         """Logarithm of weight times density of each component at its mean."""
         log_volumes = np.log(np.diagonal(self.factors, axis1=1, axis2=2)).sum(axis=1)
-        return self.log_weights - log_volumes - self.means.shape[1] / 2 * np.log(2 * np.pi)
+        dimension, freedom = self.means.shape[1], self.freedom
+        if np.isinf(freedom):
+            log_norm = dimension / 2 * np.log(2 * np.pi)
+        else:
+            log_norm = dimension / 2 * np.log(freedom * np.pi)
+            log_norm += gammaln(freedom / 2) - gammaln((freedom + dimension) / 2)
+        return self.log_weights - log_volumes - log_norm
 
     def log_density_of_components(self, points: Array) -> Array:
         """Logarithm of weight times density of each component, shape (n, K)."""
         z = (points - self.means[:, None, :]) @ self._inverse_factors.mT
-        return self._log_peaks - (z**2).sum(axis=-1).T / 2
+        distance = (z**2).sum(axis=-1).T
+        if np.isinf(self.freedom):
+            return self._log_peaks - distance / 2
+        power = (self.freedom + self.means.shape[1]) / 2
+        return self._log_peaks - power * np.log1p(distance / self.freedom)
 
     def log_density(self, points: Array) -> Array:
         """Logarithm of the density at each point, shape (n,)."""
@@ -111,13 +125,16 @@ class GaussianMixture:
         return self.means[component] + self.draw_steps(component, rng)
 
     def draw_steps(self, component: NDArray[np.intp], rng: np.random.Generator) -> Array:
-        """Centred normal steps with the covariance of the given component each, shape (n, d)."""
+        """Centred steps, distributed as the given component each, shape (n, d)."""
         noise = rng.standard_normal((len(component), self.means.shape[1]))
+        if np.isfinite(self.freedom):
+            noise /= np.sqrt(rng.chisquare(self.freedom, (len(component), 1)) / self.freedom)
         return np.einsum("nij,nj->ni", self.factors[component], noise)
 
-    def widened(self, factor: float) -> "GaussianMixture":
-        """The mixture with every covariance multiplied by `factor`."""
-        return GaussianMixture(self.log_weights, self.means, self.factors * np.sqrt(factor))
+    def widened(self, factor: float, freedom: float = np.inf) -> "GaussianMixture":
+        """The mixture with every covariance multiplied by `factor`, and tails of Student's t."""
+        factors = self.factors * np.sqrt(factor)
+        return GaussianMixture(self.log_weights, self.means, factors, freedom)
 
 
 def _nearest_of_far_apart(points: Array, components: int, rng: np.random.Generator) -> Array:

@@ -24,6 +24,11 @@ __all__ = ["BatchedSMC", "Estimate", "log_evidence", "sample_smc"]
 
 Array = NDArray[np.float64]
 
+# Correlation is blind to the few particles that stick, but these bias the evidence when the
+# posterior has to travel far. With four moves at each stage, and the default threshold, the bias
+# over 20 standard deviations stays below the standard error.
+_FEWEST_MOVES = 4
+
 
 class Estimate(NamedTuple):
     """A number with its standard error; ``float(estimate)`` is the number."""
@@ -44,7 +49,7 @@ class BatchedSMC(SMC_KERNEL):
     Particles start from the prior, and the likelihood is raised to a power ``β`` that grows from 0
     to 1. Each step of ``β`` keeps the effective sample size at a set fraction; resampled particles
     then move by Metropolis-Hastings until they have forgotten where they were. Moves are drawn from
-    a Gaussian mixture fitted to the population, which finds mirrored modes and bent ridges, in
+    a Student-t mixture fitted to the population, which finds mirrored modes and bent ridges, in
     turn with local random walks of the covariance of the mixture's component at hand.
 
     It works for any PyMC model with continuous variables, and in ``pm.sample_smc(kernel=...)``.
@@ -104,7 +109,7 @@ class BatchedSMC(SMC_KERNEL):
         start: dict[str, Array] | None = None,
         model: pm.Model | None = None,
         random_seed: Any = None,
-        threshold: float = 0.5,
+        threshold: float = 0.7,
         compile_kwargs: dict | None = None,
         *,
         tempered: Sequence[str] | None = None,
@@ -250,23 +255,21 @@ class BatchedSMC(SMC_KERNEL):
             start=self.mixture if alive else None,
             iterations=4 if alive else 10,
         )
-        self.independent = self.mixture.widened(1 + 1 / dimension)
+        self.independent = self.mixture.widened(1 + 0.6 / dimension, freedom=5)
 
     def mutate(self) -> None:
         """Move the particles until they have forgotten their places."""
         origin = self.tempered_posterior.copy()
         self.nan_scores = 0
         rates: list[float] = []
-        independent_rate = 1.0
-        for self.moves in range(1, self.max_moves + 1):
-            # While the mixture is often accepted, walking would only be slower.
-            if independent_rate > 0.3 or self.moves % 2:
-                rate = independent_rate = self._move_independently()
-            else:
-                rate = self._walk()
-            rates.append(rate)
-            if _largest_correlation(origin, self.tempered_posterior) < self.forget:
+        while len(rates) < self.max_moves:
+            # Walking reaches those in the tails, where proposals from the mixture are rare. They
+            # will carry the weight of the next stage if the likelihood lies that way.
+            rates += [self._move_independently(), self._walk()]
+            forgotten = _largest_correlation(origin, self.tempered_posterior) < self.forget
+            if forgotten and len(rates) >= _FEWEST_MOVES:
                 break
+        self.moves = len(rates)
         self.acceptance = float(np.mean(rates))
 
     def _move_independently(self) -> float:

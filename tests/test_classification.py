@@ -130,7 +130,8 @@ def test_experiments_of_a_specimen_are_joined(by_specimen, by_test):
     truth = exact_predictives([(0, 2), (1, 3)])
     assert_exact(by_specimen, truth)
     product = by_test["log_evidence"].values[:2] + by_test["log_evidence"].values[2:]
-    assert np.all(np.abs(product - truth) > EVIDENCE_TOLERANCE)
+    # Under the class of the other specimen, both experiments teach the same lesson twice over.
+    assert np.all(np.abs(product - truth).max(axis=1) > 10)
 
 
 def test_probabilities_follow_from_evidences(by_test):
@@ -278,9 +279,11 @@ def exact_divergence(first, second):
     log_ratio = 0.0
     for sign, name in ((1, first), (-1, second)):
         curves = exact.curves_of(training()[name])
-        log_density = exact.log_likelihood(
-            curves, "Ogden", fitted.modulus, fitted.exponent, **noise()
+        exponent, row = np.unique(fitted.exponent, return_inverse=True)
+        top, curvature, peak = (
+            x[row] for x in exact.parabola(curves, "Ogden", exponent, **noise())
         )
+        log_density = top - curvature * (fitted.modulus - peak) ** 2
         log_ratio += sign * (log_density - exact_posterior(name).log_evidence)
     return fitted.mean(log_ratio)
 
