@@ -24,6 +24,7 @@ from pymc_hyperelastic.plots import (
     plot_pressure_fit,
 )
 from pymc_hyperelastic.pressure import PressureIntegral, inflation_pressure, inflation_stiffness
+from pymc_hyperelastic.quadrature import log_evidence_by_quadrature
 from pymc_hyperelastic.smc import BatchedSMC, Estimate, log_evidence, sample_smc
 from pymc_hyperelastic.strain_energy import (
     CriscioneType,
@@ -60,6 +61,7 @@ __all__ = [
     "sample_smc",
     "BatchedSMC",
     "log_evidence",
+    "log_evidence_by_quadrature",
     "Estimate",
     "predict_pressure",
     "fit_classes",

@@ -61,8 +61,9 @@ def inflation_likelihood(
             - \frac{N}{2} \ln(π σ^2) + \frac12 \ln\det(I + β D^T D).
 
     The first two terms are the paper's. The others do not depend on the material: they normalise
-    the likelihood as a density of the pressures, so that evidences are absolute and ``σ`` and
-    ``β`` can be inferred. There is no factor ½ with ``σ``, which is ``√2`` standard deviations.
+    the likelihood as a density of the pressures, but for the small gap between the model's slopes
+    and the differences of its own pressures, so that evidences are absolute and ``σ`` and ``β``
+    can be inferred. There is no factor ½ with ``σ``, which is ``√2`` standard deviations.
     Where the pressure of a parameter overflows, the log-likelihood is ``−inf`` and its gradient 0.
 
     Parameters
