@@ -22,6 +22,7 @@ from pytensor.graph.utils import MissingInputError
 from pytensor.tensor.blockwise import vectorize_node_fallback
 from pytensor.tensor.variable import TensorVariable
 
+from pymc_hyperelastic.data import GEOMETRY
 from pymc_hyperelastic.pressure import TubeOp, wall_rule
 from pymc_hyperelastic.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.tube import stretches
@@ -206,8 +207,7 @@ def _groups(data: xr.Dataset) -> list[tuple[float, NDArray[np.intp], tuple[float
 def _walls(data: xr.Dataset, points: NDArray[np.intp]) -> list[Array]:
     """Internal radius and geometry at the given points, each (point, 1)."""
     test = data["test"].values[points]
-    names = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
-    geometry = [data[name].values[test] for name in names]
+    geometry = [data[name].values[test] for name in GEOMETRY]
     return [values[:, None].astype(float) for values in (data["radius"].values[points], *geometry)]
 
 

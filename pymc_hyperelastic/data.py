@@ -20,6 +20,9 @@ from pymc_hyperelastic.units import to_internal
 
 __all__ = ["check_inflation_data", "describe_test", "inflation_data", "points_of", "select"]
 
+# What states the reference tube of a test, in the order in which functions take it.
+GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
+
 # What the Dataset holds: name, (dimension, unit, name for people).
 VARIABLES = {
     "radius": ("obs", "mm", "internal radius"),

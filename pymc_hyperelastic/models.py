@@ -10,8 +10,8 @@ import pytensor
 import pytensor.tensor as pt
 import xarray as xr
 
-from pymc_hyperelastic.data import describe_test
-from pymc_hyperelastic.likelihood import GEOMETRY, Mode, check_likelihood, inflation_likelihood
+from pymc_hyperelastic.data import GEOMETRY, describe_test
+from pymc_hyperelastic.likelihood import Mode, check_likelihood, inflation_likelihood
 from pymc_hyperelastic.pressure import PressureIntegral, check_geometry
 from pymc_hyperelastic.priors import check_prior, complete_priors, is_inferred, register_prior
 from pymc_hyperelastic.results import Study, check_result, inflation_data_of

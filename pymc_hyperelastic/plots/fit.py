@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data import check_inflation_data, points_of
-from pymc_hyperelastic.likelihood import GEOMETRY
+from pymc_hyperelastic.data import GEOMETRY, check_inflation_data, points_of
 from pymc_hyperelastic.models import predict_pressure
 from pymc_hyperelastic.plots.style import (
     MOST_DRAWS,
