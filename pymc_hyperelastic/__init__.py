@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pymc_hyperelastic.classification import classify, fit_classes, kl_divergence
 from pymc_hyperelastic.data import inflation_data, select
 from pymc_hyperelastic.datasets import list_datasets, load_dataset
+from pymc_hyperelastic.kernel import BatchedSMC
 from pymc_hyperelastic.likelihood import balanced_slope_weight, inflation_likelihood
 from pymc_hyperelastic.models import (
     criscione_model,
@@ -25,7 +26,7 @@ from pymc_hyperelastic.plots import (
 )
 from pymc_hyperelastic.pressure import PressureIntegral, inflation_pressure, inflation_stiffness
 from pymc_hyperelastic.quadrature import log_evidence_by_quadrature
-from pymc_hyperelastic.smc import BatchedSMC, Estimate, log_evidence, sample_smc
+from pymc_hyperelastic.smc import Estimate, log_evidence, sample_smc
 from pymc_hyperelastic.strain_energy import (
     CriscioneType,
     Ogden,

@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
-import pymc as pm
 import xarray as xr
 from pymc.progress_bar import create_simple_progress
 from scipy.special import softmax
 
 from pymc_hyperelastic.batched import BatchedFunction
 from pymc_hyperelastic.data import tests_at
-from pymc_hyperelastic.likelihood import check_likelihood, inflation_likelihood
+from pymc_hyperelastic.likelihood import check_likelihood, likelihood_inputs, nodes_for
 from pymc_hyperelastic.models import inflation_model
+from pymc_hyperelastic.predictive import ClassPredictive
 from pymc_hyperelastic.results import check_result, inflation_data_of, model_settings_of
 from pymc_hyperelastic.smc import (
     Estimate,
@@ -141,8 +141,8 @@ def classify(
     .. math:: P(C | D) = \frac{P(D | C) P(C)}{\sum_{C'} P(D | C') P(C')}, \qquad
         P(D | C) = \int P(D | θ) P(θ | C) \, dθ
 
-    ``P(θ | C)`` is the class's posterior. The integral is taken by tempering the likelihood of the
-    new data into the stored particles of the class: nothing is fitted again.
+    ``P(θ | C)`` is the class's posterior: nothing is fitted again. The integral is taken in the
+    cheapest of three ways that can be trusted, see the variable ``method``.
 
     Parameters
     ----------
@@ -163,7 +163,11 @@ def classify(
     -------
     xarray.Dataset
         ``class_probability``, ``class_probability_se``, ``log_evidence`` and ``log_evidence_se``,
-        each (test, class_label) in the order of the data, or (specimen, class_label).
+        each (test, class_label) in the order of the data, or (specimen, class_label). ``method``
+        says how the integral was taken: "class draws", the mean likelihood of the class's draws,
+        or "adapted draws", importance sampling from a mixture that followed the new data, both
+        with a Pareto shape ``pareto_k`` of the weights below 0.5; else "tempering", by SMC from
+        the class's draws.
 
     Raises
     ------
@@ -209,18 +213,27 @@ def classify(
     else:
         specimen = new_data["specimen"].values
         units = [np.flatnonzero(specimen == s).tolist() for s in dict.fromkeys(specimen.tolist())]
-    value = np.full((len(units), len(names)), np.nan)
-    error = value.copy()
-    seeds = seed.generate_state(value.size).reshape(value.shape)
-    tasks = [(i, j) for i in range(len(units)) for j in range(len(names))]
+    nodes = nodes_for(settings["energy"], new_data, settings["priors"], "auto")
+    seeds = seed.generate_state(1 + len(units) * len(names)).tolist()
+    rng = np.random.default_rng(seeds.pop())
+    shape = len(units), len(names)
+    value, error, pareto_k = (np.full(shape, np.nan) for _ in range(3))
+    method = np.full(shape, "", dtype=object)
+    predictives: list[ClassPredictive] = []
     progress = create_simple_progress(progressbar)
     with progress:
-        bar = progress.add_task("Classifying", completed=0, total=len(tasks))
+        bar = progress.add_task("Classifying", completed=0, total=len(units))
         try:
-            for i, j in tasks:
-                fitted = classes[names[j]]
-                model = _class_with_new_data(fitted, tests_at(new_data, units[i]), settings)
-                value[i, j], error[i, j] = _bridge(fitted, model, int(seeds[i, j]))
+            for i, unit in enumerate(units):
+                inputs = likelihood_inputs(
+                    tests_at(new_data, unit), nodes, slope_weight=settings["slope_weight"]
+                )
+                predictives = predictives or [
+                    ClassPredictive(classes[name], settings, inputs, rng) for name in names
+                ]
+                for j, predictive in enumerate(predictives):
+                    estimate, method[i, j], pareto_k[i, j] = predictive(inputs, seeds.pop())
+                    value[i, j], error[i, j] = estimate
                 progress.advance(bar)
         except KeyboardInterrupt:
             warnings.warn("interrupted: experiments not yet classified are NaN", stacklevel=2)
@@ -237,6 +250,8 @@ def classify(
             "class_probability_se": ((by, "class_label"), probability_error),
             "log_evidence": ((by, "class_label"), value),
             "log_evidence_se": ((by, "class_label"), error),
+            "method": ((by, "class_label"), method.astype(str)),
+            "pareto_k": ((by, "class_label"), pareto_k),
         },
         {"class_label": names} | {label: (by, new_data[label].values[first]) for label in labels},
         # What the data are, above all whether they were simulated, stays with the result.
@@ -308,41 +323,6 @@ def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     if first == second:
         variance = 0.0
     return Estimate(float(np.mean(difference)), float(np.sqrt(variance)))
-
-
-def _bridge(fitted: xr.DataTree, model: pm.Model, random_seed: int) -> Estimate:
-    """Evidence of the Potential ``new``, with the class's posterior as prior."""
-    particles = fitted["unconstrained_posterior"].to_dataset()
-    start = [
-        {name: particles[name].values[chain] for name in particles.data_vars}
-        for chain in range(particles.sizes["chain"])
-    ]
-    tree = sample_smc(
-        model,
-        particles.sizes["draw"],
-        len(start),
-        random_seed,
-        progressbar=False,
-        start=start,
-        var_names=[],
-        tempered=["new"],
-    )
-    return log_evidence(tree)
-
-
-def _class_with_new_data(
-    fitted: xr.DataTree, new_data: xr.Dataset, settings: dict[str, Any]
-) -> pm.Model:
-    model = inflation_model(data=inflation_data_of(fitted), **settings)
-    with model:
-        energy = settings["energy"]
-        noise = {
-            name: model[name] if name in model.named_vars else settings[name]
-            for name in ("sigma", "slope_weight")
-        }
-        parameters = {name: model[name] for name in energy.parameter_names}
-        inflation_likelihood("new", energy, new_data, parameters, **noise)
-    return model
 
 
 def _common_settings(classes: xr.DataTree) -> dict[str, Any]:

@@ -29,6 +29,7 @@ __all__ = [
     "inflation_likelihood",
     "likelihood_inputs",
     "log_likelihood",
+    "nodes_for",
 ]
 
 Mode = Literal["auto", "collocation", "quadrature"]
@@ -118,28 +119,22 @@ def inflation_likelihood(
     check_likelihood(energy, data, parameters, sigma=sigma, slope_weight=slope_weight)
     parameters = {key: _as_scalar(key, value) for key, value in parameters.items()}
     noise = {"sigma": sigma, "slope_weight": slope_weight}
+    nodes = nodes_for(energy, data, parameters, mode)
     inputs = {
         key: pytensor.shared(value, name=f"{name}_{key}", shape=(None,) * value.ndim)
-        for key, value in likelihood_inputs(energy, data, parameters, mode=mode, **noise).items()
+        for key, value in likelihood_inputs(data, nodes, slope_weight=slope_weight).items()
     }
     return pm.Potential(name, log_likelihood(energy, inputs, parameters, **noise))
 
 
 def likelihood_inputs(
-    energy: StrainEnergy,
-    data: xr.Dataset,
-    parameters: dict[str, Any],
-    *,
-    sigma: Any,
-    slope_weight: Any,
-    mode: Mode = "auto",
+    data: xr.Dataset, nodes: int | None, *, slope_weight: Any
 ) -> dict[str, np.ndarray]:
     """Arrays by which the data enter :func:`log_likelihood`.
 
-    They are kept apart from its expression, so that one compiled expression serves all data.
+    They are kept apart from its expression, so that one compiled expression serves all data. With
+    `nodes` they are those of collocation, else those of direct quadrature.
     """
-    if mode not in get_args(Mode):
-        raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
     interior, slope = np.zeros(0, int), np.zeros(0)
     inputs = {"points": np.array(float(data.sizes["obs"]))}
     if _with_slopes(slope_weight):
@@ -148,14 +143,8 @@ def likelihood_inputs(
             inputs["squared_singular_values"] = squared_singular_values(data)
         else:
             inputs["half_log_determinant"] = np.array(half_log_determinant(data, slope_weight))
-    count = None if mode == "quadrature" else nodes_needed(energy, data, parameters)
-    if count is not None:
-        return inputs | collocate(data, count, interior, slope)
-    if mode == "collocation":
-        raise ValueError(
-            f"the response of {energy.name} cannot be collocated over the range of these "
-            "parameters: use mode='quadrature'"
-        )
+    if nodes is not None:
+        return inputs | collocate(data, nodes, interior, slope)
     tests = data["test"].values
     return inputs | {
         "radius": data["radius"].values.astype(float),
@@ -164,6 +153,21 @@ def likelihood_inputs(
         "interior": interior,
         "slope": slope,
     }
+
+
+def nodes_for(
+    energy: StrainEnergy, data: xr.Dataset, parameters: dict[str, Any], mode: Mode
+) -> int | None:
+    """Nodes of the collocation; None for direct quadrature."""
+    if mode not in get_args(Mode):
+        raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
+    nodes = None if mode == "quadrature" else nodes_needed(energy, data, parameters)
+    if nodes is None and mode == "collocation":
+        raise ValueError(
+            f"the response of {energy.name} cannot be collocated over the range of these "
+            "parameters: use mode='quadrature'"
+        )
+    return nodes
 
 
 def log_likelihood(

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.integrate import cubature
 
 from pymc_hyperelastic.batched import BatchedFunction
+from pymc_hyperelastic.kernel import BatchedSMC
 from pymc_hyperelastic.mixture import GaussianMixture
-from pymc_hyperelastic.smc import BatchedSMC, Estimate
+from pymc_hyperelastic.smc import Estimate
 
 __all__ = ["log_evidence_by_quadrature"]
 
@@ -68,10 +69,7 @@ def log_evidence_by_quadrature(model: pm.Model, *, rtol: float = 1e-8) -> Estima
             f"quadrature is for one or two parameters; the model has {kernel.dimension}: "
             "use ph.sample_smc"
         )
-    kernel.initialize(None, np.random.default_rng(1))
-    while kernel.beta < 1:
-        kernel.update_beta_and_weights()
-        kernel.step()
+    kernel.temper(None, np.random.default_rng(1))
     log_joint = BatchedFunction.of_model(model, [model.logp()])
     peak = float(log_joint(kernel.tempered_posterior)[0].max())
 

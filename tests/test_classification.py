@@ -12,7 +12,7 @@ import xarray as xr
 from scipy.special import logsumexp, softmax
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic import classification
+from pymc_hyperelastic import classification, predictive
 
 SEED = 411
 DRAWS, CHAINS = 1000, 4
@@ -208,7 +208,7 @@ def interrupt(monkeypatch, module, name, call):
 
 def test_interrupt_leaves_nan_and_keeps_the_rest(classes, by_test, monkeypatch):
     """Ctrl-C in the second experiment keeps the first and says that the others are unknown."""
-    interrupt(monkeypatch, classification, "_bridge", 4)
+    interrupt(monkeypatch, predictive.ClassPredictive, "__call__", 4)
     with pytest.warns(UserWarning, match="NaN"):
         result = classify(new_data(), classes)
     assert result.sizes == by_test.sizes

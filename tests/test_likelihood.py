@@ -152,7 +152,7 @@ def test_likelihood_is_a_density_of_the_pressures(points, slope_weight):
 
     def inputs_of(pressure):
         moved = data.assign(pressure=data["pressure"].copy(data=pressure))
-        return likelihood_inputs(energy, moved, values, mode="quadrature", **noise)
+        return likelihood_inputs(moved, None, slope_weight=slope_weight)
 
     inputs = {
         name: pt.tensor(name, dtype=value.dtype, shape=(None,) * value.ndim)

@@ -1,0 +1,209 @@
+"""Marginal likelihood of new data under a fitted class, without fitting the class again."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pymc as pm
+import pytensor
+import xarray as xr
+from arviz_stats.base import array_stats
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from pymc_hyperelastic.batched import BatchedFunction
+from pymc_hyperelastic.kernel import (
+    BatchedSMC,
+    effective_sample_size,
+    largest_step,
+    systematic,
+)
+from pymc_hyperelastic.likelihood import log_likelihood
+from pymc_hyperelastic.mixture import GaussianMixture, components_for
+from pymc_hyperelastic.models import inflation_model
+from pymc_hyperelastic.results import inflation_data_of
+from pymc_hyperelastic.smc import Estimate, combine_chains
+
+__all__ = ["ClassPredictive", "Predictive"]
+
+Array = NDArray[np.float64]
+
+# Importance weights of a smaller Pareto shape have a variance, and a mean whose error is known.
+_LARGEST_PARETO_K = 0.5
+# Effective draws that a mean of weights needs: its relative error is then a thirtieth at most.
+_ENOUGH = 1000
+# Draws of a step of adaptation, of the final estimate, and of a class's own evidence.
+_STEP_DRAWS, _FINAL_DRAWS, _CLASS_DRAWS = 1000, 4000, 20000
+# A step of adaptation goes so far that this fraction of its draws is effective.
+_STEP_EFFECTIVE, _MOST_STEPS = 0.2, 30
+
+
+class Predictive(NamedTuple):
+    """Log marginal likelihood of new data, and how it was found.
+
+    The Pareto shape of the importance weights is NaN where there are none.
+    """
+
+    log_evidence: Estimate
+    method: str
+    pareto_k: float
+
+
+class ClassPredictive:
+    r"""Marginal likelihood of new data ``D`` under a fitted class ``C``.
+
+    .. math:: P(D | C) = \int P(D | θ) P(θ | C) \, dθ
+
+    The cheapest of three ways is taken that can be trusted:
+
+    ``"class draws"``
+        The mean likelihood of the stored draws of the class.
+    ``"adapted draws"``
+        Importance sampling from a mixture that starts at the class and follows the tempered
+        likelihood of the new data. The mixture's integral over the posterior of the class is taken
+        as well, with the same draws' precision, so that the posterior's normaliser cancels.
+    ``"tempering"``
+        SMC from the class's draws to the new data, see :class:`BatchedSMC`.
+
+    The first two are trusted if the Pareto shape of the weights is below 0.5 and at least 1000
+    draws are effective. Everything is compiled once, and for all classes of one law together.
+
+    Parameters
+    ----------
+    fitted : xarray.DataTree
+        A class of :func:`pymc_hyperelastic.fit_classes`.
+    settings : dict
+        Its model's settings.
+    inputs : dict of str to array
+        Some new data, as :func:`~pymc_hyperelastic.likelihood.likelihood_inputs` gives them; later
+        ones replace them.
+    rng : numpy.random.Generator
+        For the class's own integral.
+
+    References
+    ----------
+    O. Cappé, R. Douc, A. Guillin, J.-M. Marin and C. P. Robert, Adaptive importance sampling in
+    general mixture classes, Statistics and Computing 18 (2008) 447.
+
+    A. Vehtari, D. Simpson, A. Gelman, Y. Yao and J. Gabry, Pareto smoothed importance sampling,
+    Journal of Machine Learning Research 25 (2024) 72.
+    """
+
+    def __init__(
+        self,
+        fitted: xr.DataTree,
+        settings: dict[str, Any],
+        inputs: dict[str, Array],
+        rng: np.random.Generator,
+    ) -> None:
+        self._inputs = {
+            key: pytensor.shared(value, name=f"new_{key}", shape=(None,) * value.ndim)
+            for key, value in inputs.items()
+        }
+        model = inflation_model(data=inflation_data_of(fitted), **settings)
+        energy = settings["energy"]
+        noise = {
+            name: model[name] if name in model.named_vars else settings[name]
+            for name in ("sigma", "slope_weight")
+        }
+        parameters = {name: model[name] for name in energy.parameter_names}
+        with model:
+            new = pm.Potential("new", log_likelihood(energy, self._inputs, parameters, **noise))
+
+        particles = fitted["unconstrained_posterior"].to_dataset()
+        self._chains = [
+            {name: particles[name].values[chain] for name in particles.data_vars}
+            for chain in range(particles.sizes["chain"])
+        ]
+        columns = [particles[v.name].values for v in model.value_vars]
+        shape = particles.sizes["chain"] * particles.sizes["draw"], -1
+        self._draws = np.concatenate([np.reshape(x, shape) for x in columns], axis=1)
+        self._likelihood = BatchedFunction.of_model(model, [model.logp([new])])
+        self._kernel = BatchedSMC(draws=particles.sizes["draw"], model=model, tempered=["new"])
+
+        some = self._draws[:: max(1, len(self._draws) // _FINAL_DRAWS)]
+        components = components_for(len(some), self._kernel.dimension)
+        self._mixture = GaussianMixture.fit(some, components, rng, iterations=20)
+        points, log_density = _draw(self._mixture, _CLASS_DRAWS, rng)
+        self._normaliser, self._normaliser_k = _mean_weight(
+            self._kernel.score(points)[0] - log_density
+        )
+
+    def __call__(self, inputs: dict[str, Array], random_seed: int) -> Predictive:
+        """Marginal likelihood of the data with these inputs."""
+        for name, value in inputs.items():
+            self._inputs[name].set_value(value, borrow=True)
+        rng = np.random.default_rng(random_seed)
+        return self._from_class_draws() or self._from_adapted_draws(rng) or self._by_tempering(rng)
+
+    def _from_class_draws(self) -> Predictive | None:
+        log_weights = np.nan_to_num(self._likelihood(self._draws)[0], nan=-np.inf)
+        estimate, pareto_k = _mean_weight(log_weights)
+        if pareto_k >= _LARGEST_PARETO_K:
+            return None
+        return Predictive(estimate, "class draws", pareto_k)
+
+    def _from_adapted_draws(self, rng: np.random.Generator) -> Predictive | None:
+        if self._normaliser_k >= _LARGEST_PARETO_K:
+            return None
+        mixture = self._adapted_mixture(rng)
+        if mixture is None:
+            return None
+        points, log_density = _draw(mixture, _FINAL_DRAWS, rng)
+        log_weights = sum(self._kernel.score(points)) - log_density
+        integral, pareto_k = _mean_weight(log_weights)
+        if pareto_k >= _LARGEST_PARETO_K:
+            return None
+        estimate = Estimate(
+            integral.value - self._normaliser.value,
+            float(np.hypot(integral.standard_error, self._normaliser.standard_error)),
+        )
+        return Predictive(estimate, "adapted draws", max(pareto_k, self._normaliser_k))
+
+    def _adapted_mixture(self, rng: np.random.Generator) -> GaussianMixture | None:
+        """Mixture like the posterior of the class and the new data; None if it gets stuck."""
+        mixture, beta = self._mixture, 0.0
+        for _ in range(_MOST_STEPS):
+            points, log_density = _draw(mixture, _STEP_DRAWS, rng)
+            rest, new = self._kernel.score(points)
+            log_weights = rest - log_density + beta * new
+            if not np.isfinite(log_weights).any():
+                return None
+            step = largest_step(new, _STEP_EFFECTIVE, 1.0 - beta, log_weights)
+            beta = 1.0 if step == 1.0 - beta else beta + step
+            log_weights += step * new
+            weights = np.exp(log_weights - log_weights.max())
+            learn_from = points[systematic(weights, _STEP_DRAWS, rng)]
+            mixture = GaussianMixture.fit(
+                learn_from, len(mixture.means), rng, start=mixture, iterations=4
+            )
+            if beta == 1 and effective_sample_size(log_weights) > 0.4 * _STEP_DRAWS:
+                return mixture
+        return None
+
+    def _by_tempering(self, rng: np.random.Generator) -> Predictive:
+        values, errors = [], []
+        for chain in self._chains:
+            self._kernel.temper(chain, rng)
+            values.append(self._kernel.log_marginal_likelihood)
+            errors.append(np.sqrt(self._kernel.log_evidence_variance))
+        return Predictive(combine_chains(np.array(values), np.array(errors)), "tempering", np.nan)
+
+
+def _draw(mixture: GaussianMixture, draws: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Points from the mixture with heavy tails, and its log density there."""
+    proposal = mixture.heavy_tailed()
+    points = proposal.draw(draws, rng)
+    return points, proposal.log_density(points)
+
+
+def _mean_weight(log_weights: Array) -> tuple[Estimate, float]:
+    """Mean of independent weights, as its logarithm with a standard error; their Pareto shape."""
+    effective = effective_sample_size(log_weights)
+    if effective < _ENOUGH:
+        return Estimate(-np.inf, np.inf), np.inf
+    finite = log_weights[np.isfinite(log_weights)]
+    # ArviZ takes the logarithms of what divides. Equal weights have no tail.
+    pareto_k = float(array_stats.psislw(-finite)[1]) if np.ptp(finite) > 0 else -np.inf
+    value = float(logsumexp(log_weights) - np.log(log_weights.size))
+    variance = max(1 / effective - 1 / log_weights.size, 0.0)
+    return Estimate(value, float(np.sqrt(variance))), pareto_k
