@@ -7,16 +7,18 @@ PY := $(VENV)/bin/python
 extras_test := [test,jax,nutpie]
 extras_lint := [dev]
 extras_docs := [docs]
+extras_benchmark := [test,jax,benchmark]
 
-.PHONY: help study artery test lint docs clean
+.PHONY: help study artery test lint docs benchmark clean
 
 help:
-	@echo "make study    the simulated sheep-aorta study: a table, figures and netCDF files in results/"
-	@echo "make artery   the same for a measured pulmonary artery, control against hypertensive"
-	@echo "make test     the whole test suite, on two processes"
-	@echo "make lint     ruff and mypy"
-	@echo "make docs     the documentation, in docs/_build/html"
-	@echo "make clean    remove what the other targets made, except $(VENV) and results/"
+	@echo "make study       the simulated sheep-aorta study: a table, figures and netCDF files in results/"
+	@echo "make artery      the same for a measured pulmonary artery, control against hypertensive"
+	@echo "make test        the whole test suite, on two processes"
+	@echo "make lint        ruff and mypy"
+	@echo "make docs        the documentation, in docs/_build/html"
+	@echo "make benchmark   time and accuracy against other ways, about 20 minutes"
+	@echo "make clean       remove what the other targets made, except $(VENV) and results/"
 
 study: $(VENV)/.ready-study
 	$(PY) examples/sheep_aorta.py
@@ -25,8 +27,9 @@ artery: $(VENV)/.ready-study
 	$(PY) examples/pulmonary_hypertension.py
 
 # Two processes with one thread each; the tests of one file share its fitted results, so they stay together.
+# The plugin of the benchmarks, where it is installed, may warn that it cannot time two processes at once.
 test: $(VENV)/.ready-test
-	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadfile
+	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadfile -p no:benchmark
 
 lint: $(VENV)/.ready-lint
 	$(PY) -m ruff check
@@ -37,6 +40,12 @@ lint: $(VENV)/.ready-lint
 docs: $(VENV)/.ready-docs
 	rm -rf docs/generated
 	$(PY) -m sphinx -W --keep-going -b html docs docs/_build/html
+
+benchmark: $(VENV)/.ready-benchmark
+	mkdir -p results
+	OMP_NUM_THREADS=1 $(PY) -m pytest tests/benchmarks -o python_files='bench_*.py' \
+	--benchmark-json=results/benchmark.json
+	$(PY) tests/benchmarks/report.py results/benchmark.json
 
 clean:
 	rm -rf docs/_build docs/gallery docs/generated docs/sg_execution_times.rst dist .pytensor .ci/venv .ci/*.log

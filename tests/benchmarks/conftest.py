@@ -1,0 +1,28 @@
+"""What all benchmarks share: one core, and the machine and versions in the file of results."""
+
+import os
+from importlib.metadata import version
+
+import pytest
+
+PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "numba", "jax", "dynesty")
+
+
+# Optional, since the test suite runs without the plugin and this file is loaded even so.
+@pytest.hookimpl(optionalhook=True)
+def pytest_benchmark_update_machine_info(config, machine_info):
+    machine_info["versions"] = {name: version(name) for name in PACKAGES}
+    machine_info["cores"] = os.cpu_count()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_core():
+    """Pin this process and those that it starts to one core: some peers would take all."""
+    # Only Linux can.
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(cores)})
+    yield
+    os.sched_setaffinity(0, cores)
