@@ -27,7 +27,14 @@ from pymc_hyperelastic.pressure import TubeOp, wall_rule
 from pymc_hyperelastic.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.tube import stretches
 
-__all__ = ["CollocatedPressureIntegral", "collocate", "nodes_needed"]
+__all__ = [
+    "CollocatedPressureIntegral",
+    "chebyshev_nodes",
+    "collocate",
+    "curve_matrices",
+    "nodes_needed",
+    "value_to_coefficient",
+]
 
 Array = NDArray[np.float64]
 
@@ -99,7 +106,7 @@ def nodes_needed(
     values = _representative_values([parameters[name] for name in energy.parameter_names])
     if values is None:
         return None
-    node = _chebyshev_nodes(2 * _MOST_NODES)
+    node = chebyshev_nodes(2 * _MOST_NODES)
     needed = 2
     for axial_stretch, _, (centre, half) in _groups(data):
         shape = (-1, 1)
@@ -110,7 +117,7 @@ def nodes_needed(
                 *(v.reshape(shape) for v in values),
             )
         response = response[np.isfinite(response).all(axis=1)]
-        coefficients = np.abs(response @ _value_to_coefficient(node.size).T)
+        coefficients = np.abs(response @ value_to_coefficient(node.size).T)
         largest = coefficients.max(axis=1, keepdims=True)
         significant = np.flatnonzero((coefficients > _COEFFICIENT_TOLERANCE * largest).any(axis=0))
         needed = max(needed, int(significant.max(initial=0)) + 1)
@@ -144,7 +151,7 @@ def collocate(
         ``_matrix`` (group, node, node), ``_target`` (group, node) and ``_residual`` (the sum of
         all ``ρ²``).
     """
-    node = _chebyshev_nodes(count)
+    node = chebyshev_nodes(count)
     target = {"pressure": data["pressure"].values, "slope": np.full(data.sizes["obs"], np.nan)}
     target["slope"][interior] = slope
     hoop, axial = [], []
@@ -174,13 +181,38 @@ def collocate(
     return collocated
 
 
+def curve_matrices(data: xr.Dataset, count: int) -> tuple[dict[str, Array], NDArray[np.intp]]:
+    """Matrices of :class:`CollocatedPressureIntegral` for the points themselves, uncompressed.
+
+    Groups are padded to the same number of rows. With the matrices come the places of the points
+    among all rows, group by group.
+    """
+    groups = _groups(data)
+    node = chebyshev_nodes(count)
+    most = max(len(points) for _, points, _ in groups)
+    matrices = np.zeros((2, len(groups), most, count))
+    place = np.zeros(data.sizes["obs"], int)
+    for group, (_, points, (centre, half)) in enumerate(groups):
+        place[points] = group * most + np.arange(len(points))
+        for start in range(0, len(points), _CHUNK):
+            chunk = points[start : start + _CHUNK]
+            rows = slice(start, start + len(chunk))
+            matrices[:, group, rows] = _matrices(data, chunk, centre, half, count)
+    return {
+        "log_hoop": np.array([centre + half * node for *_, (centre, half) in groups]),
+        "log_axial": np.array([np.log(axial_stretch) for axial_stretch, *_ in groups]),
+        "pressure_matrix": matrices[0],
+        "slope_matrix": matrices[1],
+    }, place
+
+
 def _matrices(
     data: xr.Dataset, points: NDArray[np.intp], centre: float, half: float, count: int
 ) -> tuple[Array, Array]:
     """``M`` and ``S`` for the given points: (point, node) each."""
     log_hoop, pressure_weight, stiffness_weight = wall_rule(np, *_walls(data, points))
     vandermonde = chebyshev.chebvander((log_hoop - centre) / half, count - 1)
-    coefficient = _value_to_coefficient(count)
+    coefficient = value_to_coefficient(count)
     derivative = chebyshev.chebder(coefficient, axis=0) / half
     pressure = np.einsum("nq,nqk->nk", pressure_weight, vandermonde) @ coefficient
     weighted = np.einsum("nq,nqk->nk", stiffness_weight, vandermonde)
@@ -241,12 +273,13 @@ def _response_function(energy: StrainEnergy) -> Any:
 
 
 @cache
-def _chebyshev_nodes(count: int) -> Array:
+def chebyshev_nodes(count: int) -> Array:
+    """Chebyshev points of the first kind in (-1, 1)."""
     return np.cos(np.pi * (np.arange(count) + 0.5) / count)
 
 
 @cache
-def _value_to_coefficient(count: int) -> Array:
+def value_to_coefficient(count: int) -> Array:
     """Matrix from values at the Chebyshev nodes to Chebyshev coefficients."""
     cosines = np.cos(np.pi / count * np.outer(np.arange(count), np.arange(count) + 0.5))
     cosines[0] /= 2

@@ -16,8 +16,10 @@ from scipy.linalg import cholesky_banded, eigvals_banded
 
 from pymc_hyperelastic.collocation import (
     CollocatedPressureIntegral,
+    chebyshev_nodes,
     collocate,
     nodes_needed,
+    value_to_coefficient,
 )
 from pymc_hyperelastic.data import GEOMETRY, check_inflation_data, describe_test, points_of
 from pymc_hyperelastic.pressure import PressureIntegral
@@ -140,7 +142,7 @@ def likelihood_inputs(
     if _with_slopes(slope_weight):
         interior, slope = central_differences(data)[0], measured_slopes(data)
         if isinstance(slope_weight, Variable):
-            inputs["squared_singular_values"] = squared_singular_values(data)
+            inputs["eigenvalues"], inputs["multiplicities"] = compressed_spectrum(data)
         else:
             inputs["half_log_determinant"] = np.array(half_log_determinant(data, slope_weight))
     if nodes is not None:
@@ -202,7 +204,8 @@ def log_likelihood(
     if _with_slopes(slope_weight):
         misfit += slope_weight * (pt.sum((stiffness[rows] - targets[1]) ** 2) + residuals[1])
         if isinstance(slope_weight, Variable):
-            log_density += pt.sum(pt.log1p(slope_weight * inputs["squared_singular_values"])) / 2
+            logs = pt.log1p(slope_weight * inputs["eigenvalues"])
+            log_density += pt.sum(inputs["multiplicities"] * logs) / 2
         else:
             log_density += inputs["half_log_determinant"]
     return pt.where(
@@ -295,12 +298,30 @@ def half_log_determinant(data: xr.Dataset, slope_weight: float) -> float:
     return float(np.sum(np.log(cholesky_banded(bands)[-1])))
 
 
-def squared_singular_values(data: xr.Dataset) -> np.ndarray:
-    """Eigenvalues of ``DᵀD``, test by test; with them the determinant is known for every ``β``."""
+def compressed_spectrum(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    r"""Few numbers ``s`` and multiplicities ``m`` that stand for the eigenvalues of ``DᵀD``.
+
+    .. math:: \ln\det(I + β D^T D) = \sum_k m_k \ln(1 + β s_k) \quad \text{for every } β > 0
+
+    As a function of ``ln s``, ``ln(1 + β s)`` has its singularities ``±π`` away from the real axis,
+    whatever ``β``: interpolation at Chebyshev points in ``ln s`` converges as a geometric series.
+    """
     bands = _gram_bands(*central_differences(data), data.sizes["obs"])
     tests = (points_of(data, test) for test in range(data.sizes["test"]))
-    # Rounding may leave the zero eigenvalues slightly negative.
-    return np.concatenate([eigvals_banded(bands[:, points]) for points in tests]).clip(min=0)
+    eigenvalues = np.concatenate([eigvals_banded(bands[:, points]) for points in tests])
+    # Two of each test are zero, but for rounding.
+    eigenvalues = eigenvalues[eigenvalues > 1e-14 * eigenvalues.max()]
+    logs = np.log(eigenvalues)
+    centre, half = (logs.max() + logs.min()) / 2, np.ptp(logs) / 2
+    if half > 0:
+        rate = (np.pi + np.hypot(np.pi, half)) / half
+        count = int(np.ceil(np.log(1e16) / np.log(rate)))
+        if count < len(logs):
+            angle = np.arccos(((logs - centre) / half).clip(-1, 1))
+            moments = np.array([np.cos(k * angle).sum() for k in range(count)])
+            eigenvalues = np.exp(centre + half * chebyshev_nodes(count))
+            return eigenvalues, moments @ value_to_coefficient(count)
+    return eigenvalues, np.ones(len(logs))
 
 
 def _gram_bands(interior: np.ndarray, difference: np.ndarray, size: int) -> np.ndarray:

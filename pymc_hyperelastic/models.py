@@ -9,9 +9,16 @@ import pymc as pm
 import pytensor
 import pytensor.tensor as pt
 import xarray as xr
+from pytensor.tensor.variable import TensorVariable
 
+from pymc_hyperelastic.collocation import CollocatedPressureIntegral, curve_matrices
 from pymc_hyperelastic.data import GEOMETRY, describe_test
-from pymc_hyperelastic.likelihood import Mode, check_likelihood, inflation_likelihood
+from pymc_hyperelastic.likelihood import (
+    Mode,
+    check_likelihood,
+    inflation_likelihood,
+    nodes_for,
+)
 from pymc_hyperelastic.pressure import PressureIntegral, check_geometry
 from pymc_hyperelastic.priors import check_prior, complete_priors, is_inferred, register_prior
 from pymc_hyperelastic.results import Study, check_result, inflation_data_of
@@ -78,9 +85,10 @@ def inflation_model(
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha']
     """
-    integral = PressureIntegral(strain_energy=energy)
+    PressureIntegral(strain_energy=energy)  # it says so if this is no strain energy
     distributions = complete_priors(energy, priors)
     check_likelihood(energy, data, distributions, sigma=sigma, slope_weight=slope_weight)
+    nodes = nodes_for(energy, data, distributions, mode)
     coords = {
         "obs": np.arange(data.sizes["obs"]),
         "test": [describe_test(data, test) for test in range(data.sizes["test"])],
@@ -92,12 +100,7 @@ def inflation_model(
             if is_inferred(value):
                 check_prior(name, value)
                 noise[name] = register_prior(name, value)
-        points = data["test"].values
-        pressure, stiffness = integral(
-            data["radius"].values,
-            *(data[name].values[points] for name in GEOMETRY),
-            *parameters.values(),
-        )
+        pressure, stiffness = _curves(energy, data, nodes, parameters)
         pm.Deterministic("pressure", pressure, dims="obs")
         pm.Deterministic("stiffness", stiffness, dims="obs")
         inflation_likelihood("likelihood", energy, data, parameters, mode=mode, **noise)
@@ -254,6 +257,21 @@ def predict_pressure(
             "radius": ("radius", radius, {"units": "mm", "long_name": "internal radius"}),
         },
     )
+
+
+def _curves(
+    energy: StrainEnergy, data: xr.Dataset, nodes: int | None, parameters: dict[str, Any]
+) -> list[TensorVariable]:
+    """Pressure and stiffness at the points of the data."""
+    if nodes is None:
+        points = data["test"].values
+        geometry = (data[name].values[points] for name in GEOMETRY)
+        integral = PressureIntegral(strain_energy=energy)
+        return integral(data["radius"].values, *geometry, *parameters.values())
+    matrices, place = curve_matrices(data, nodes)
+    shared = (pytensor.shared(value, name=f"curve_{key}") for key, value in matrices.items())
+    curves = CollocatedPressureIntegral(strain_energy=energy)(*shared, *parameters.values())
+    return [curve.flatten()[place] for curve in curves]
 
 
 def _energy_of(tree: xr.DataTree) -> StrainEnergy:

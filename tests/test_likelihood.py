@@ -11,7 +11,12 @@ import pytensor.tensor as pt
 import pytest
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.likelihood import likelihood_inputs, log_likelihood
+from pymc_hyperelastic.likelihood import (
+    central_differences,
+    compressed_spectrum,
+    likelihood_inputs,
+    log_likelihood,
+)
 
 # Compiles in a second; the numbers are those of the default linker to rounding.
 FAST = "FAST_COMPILE"
@@ -249,6 +254,31 @@ def test_collocated_likelihood_costs_the_same_for_any_number_of_points():
         ]
         sizes.append(sum(shared))
     assert 0 < sizes[1] <= 1.5 * sizes[0]  # the wall's range of stretches is a little wider
+
+
+def test_determinant_of_many_points_is_compressed():
+    """With an inferred slope weight few numbers stand for the eigenvalues of thousands of points.
+
+    The dense determinant has a condition number of up to ``β s``, here 1e8, and a size of 1e3.
+    """
+    frames = [
+        tube_frame(name, 7.0, 9.0, 1.0, 0.0, points=points, seed=seed).assign(
+            radius=np.cumsum(np.random.default_rng(seed).uniform(0.5, 1.5, points)) * 4 / points + 6
+        )
+        for name, points, seed in (("many", 700, 1), ("few", 40, 2))
+    ]
+    data = dataset(*frames)
+    eigenvalues, multiplicities = compressed_spectrum(data)
+    assert eigenvalues.size < 100
+    difference = np.zeros((data.sizes["obs"] - 4, data.sizes["obs"]))
+    rows, step = central_differences(data)
+    for row, (point, inverse) in enumerate(zip(rows, step, strict=True)):
+        difference[row, [point + 1, point - 1]] = inverse, -inverse
+    identity = np.eye(data.sizes["obs"])
+    for slope_weight in (1e-8, 1e-3, 1.0, 1e3):
+        _, exact_value = np.linalg.slogdet(identity + slope_weight * difference.T @ difference)
+        value = multiplicities @ np.log1p(slope_weight * eigenvalues)
+        assert abs(value - exact_value) < LIKELIHOOD_TOLERANCE * max(1.0, abs(exact_value))
 
 
 def test_balanced_slope_weight_weighs_slopes_and_pressures_alike():
