@@ -1,6 +1,6 @@
 """Functions of a model's variables for many points at once: compiled soon, and only once."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -11,7 +11,8 @@ import pytensor.tensor as pt
 from numpy.typing import NDArray
 from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.initial_point import make_initial_point_expression
-from pymc.pytensorf import join_nonshared_inputs
+from pymc.pytensorf import compile as compile_pymc
+from pymc.pytensorf import join_nonshared_inputs, reseed_rngs
 from pytensor.compile.mode import Mode
 from pytensor.compile.sharedvalue import SharedVariable
 from pytensor.graph.basic import Apply, Variable
@@ -24,7 +25,7 @@ from pytensor.scalar.math import Softplus
 from pytensor.tensor.elemwise import Elemwise
 from pytensor.tensor.random.op import RandomVariable
 
-__all__ = ["BatchedFunction", "draw_from_prior", "value_shapes"]
+__all__ = ["BatchedFunction", "prior_sampler", "value_shapes"]
 
 Array = NDArray[np.float64]
 
@@ -46,6 +47,10 @@ _NUMPY = Mode("py", RewriteDatabaseQuery(include=["fast_run"], exclude=_FUSED)).
 )
 
 
+# Recording where in the code each node was made would take a third of the time.
+_without_traces = pytensor.config.change_flags(traceback__limit=0)
+
+
 @dataclass(frozen=True)
 class BatchedFunction:
     """A function of a model's free variables, compiled for many points at once.
@@ -61,8 +66,7 @@ class BatchedFunction:
     _cache: ClassVar[dict[tuple, Any]] = {}
 
     @classmethod
-    # Recording where each node was made would take a third of the time.
-    @pytensor.config.change_flags(traceback__limit=0)
+    @_without_traces
     def of_model(
         cls,
         model: pm.Model,
@@ -108,11 +112,11 @@ def value_shapes(model: pm.Model) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
-def draw_from_prior(model: pm.Model, draws: int, rng: np.random.Generator) -> dict[str, Array]:
-    """Independent draws of the model's free variables, by the name of the value variable.
+def prior_sampler(model: pm.Model, draws: int) -> Callable[[np.random.Generator], dict[str, Array]]:
+    """Compile a function that draws the model's free variables from the prior, independently.
 
-    They are on the unconstrained scale, and from the prior also where a variable has an initial
-    value: the evidence needs it so.
+    They are on the unconstrained scale, by the name of the value variable, and from the prior also
+    where a variable has an initial value: the evidence needs it so.
     """
     expressions = make_initial_point_expression(
         free_rvs=model.free_RVs,
@@ -123,12 +127,23 @@ def draw_from_prior(model: pm.Model, draws: int, rng: np.random.Generator) -> di
     )
     names = [model.rvs_to_values[rv].name for rv in model.free_RVs]
     nodes = [v.owner for v in ancestors(expressions) if _is_random(v)]
-    if all(isinstance(node.op, RandomVariable) and node.op.ndims_params for node in nodes):
-        values = pm.draw(_of_size(expressions, draws), random_seed=rng, mode=_NUMPY)
-    else:
-        # A distribution that is made of others cannot always be drawn as a batch.
-        values = pm.draw(expressions, draws=draws, random_seed=rng, mode=_NUMPY)
-    return dict(zip(names, values, strict=True))
+    at_once = all(isinstance(node.op, RandomVariable) and node.op.ndims_params for node in nodes)
+    if at_once:
+        expressions = _of_size(expressions, draws)
+    function, updates = compile_pymc(
+        [], expressions, random_seed=False, mode=_NUMPY, return_updates=True
+    )
+
+    def sample(rng: np.random.Generator) -> dict[str, Array]:
+        reseed_rngs(list(updates), rng.integers(2**63))
+        if at_once:
+            values = function()
+        else:
+            # A distribution that is made of others cannot always be drawn as a batch.
+            values = [np.stack(v) for v in zip(*(function() for _ in range(draws)), strict=True)]
+        return dict(zip(names, values, strict=True))
+
+    return sample
 
 
 def _of_size(expressions: Sequence[Variable], draws: int) -> list[Variable]:

@@ -1,6 +1,6 @@
 """Sequential Monte Carlo that scores all particles in one call."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import prod
 from numbers import Integral, Real
 from typing import Any, ClassVar
@@ -13,7 +13,7 @@ from pymc.vartypes import discrete_types
 from scipy.optimize import brentq
 from scipy.special import logsumexp
 
-from pymc_hyperelastic.batched import BatchedFunction, draw_from_prior, value_shapes
+from pymc_hyperelastic.batched import BatchedFunction, prior_sampler, value_shapes
 from pymc_hyperelastic.mixture import GaussianMixture, components_for, log_sum_exp
 
 __all__ = ["BatchedSMC", "check_count", "effective_sample_size", "largest_step", "systematic"]
@@ -33,9 +33,9 @@ class BatchedSMC(SMC_KERNEL):
     Particles start from the prior, and the likelihood is raised to a power ``β`` that grows from 0
     to 1. Each step of ``β`` keeps the effective sample size at a set fraction; resampled particles
     then move by Metropolis-Hastings until they have forgotten where they were, and all places on
-    their way count at the next stage: no score is wasted [1]_.
+    their way count at the next stage [1]_.
 
-    Moves are drawn from a mixture with Cauchy tails, fitted to the population, in turn with local
+    Moves are drawn from a mixture with heavy tails, fitted to the population, in turn with local
     random walks of the covariance of the component at hand. This finds mirrored modes and bent
     ridges. The population is in part weighted as at a later, larger ``β``: the few particles that
     will carry the weight then are met by proposals now.
@@ -54,7 +54,9 @@ class BatchedSMC(SMC_KERNEL):
     random_seed : int, optional
         Seed of the particles.
     threshold : float
-        Fraction of the effective sample size to be kept at each stage.
+        Fraction of the effective sample size to be kept at each stage. After ``m`` moves at the
+        stage before, ``m/(m + 6)`` is kept if that is more: where particles move with difficulty,
+        smaller steps pay.
     compile_kwargs : dict, optional
         Options of ``pytensor.function``. By default particles are scored by NumPy, which compiles
         in a second; ``{"mode": "NUMBA"}`` takes a minute and scores faster.
@@ -65,7 +67,7 @@ class BatchedSMC(SMC_KERNEL):
         Particles move until the correlation of every variable with its value before is below this,
         and that of the weight far ahead below half of it.
     max_moves : int
-        Largest number of moves at one stage.
+        Largest number of moves at one stage. There are at least 4, and they come in pairs.
 
     Raises
     ------
@@ -84,7 +86,9 @@ class BatchedSMC(SMC_KERNEL):
     summed over the initial particles ``e`` and, inside, over all stages. Whatever relatives
     inherit from each other, at any stage, is thereby counted.
 
-    Scores that are NaN count as ``−inf``, and their number is reported for each stage.
+    The ``effective_sample_size`` that is reported is that of all places visited; it may exceed the
+    number of particles. Scores that are NaN count as ``−inf``, and their number is reported for
+    each stage.
 
     References
     ----------
@@ -114,7 +118,7 @@ class BatchedSMC(SMC_KERNEL):
         start: dict[str, Array] | None = None,
         model: pm.Model | None = None,
         random_seed: Any = None,
-        threshold: float = 0.7,
+        threshold: float = 0.5,
         compile_kwargs: dict | None = None,
         *,
         tempered: Sequence[str] | None = None,
@@ -158,6 +162,7 @@ class BatchedSMC(SMC_KERNEL):
         self._score = BatchedFunction.of_model(
             model, [model.logp(cold), model.logp(hot)], compile_kwargs
         )
+        self._draw_prior: Callable[[np.random.Generator], dict[str, Array]] | None = None
         self._reset_state()
 
     def set_rng(self, rng: np.random.Generator) -> None:
@@ -167,7 +172,8 @@ class BatchedSMC(SMC_KERNEL):
     def initialize_population(self) -> dict[str, Array]:
         """Draw particles from the prior."""
         try:
-            return draw_from_prior(self.model, self.draws, self.rng)
+            self._draw_prior = self._draw_prior or prior_sampler(self.model, self.draws)
+            return self._draw_prior(self.rng)
         except NotImplementedError as error:
             raise ValueError(
                 f"particles cannot be drawn from the prior ({error}): give every variable a proper "
@@ -201,6 +207,7 @@ class BatchedSMC(SMC_KERNEL):
         self.nan_scores = 0
         self.walk_scale = 2.38 / np.sqrt(self.dimension)
         self.stages_fitted = 0
+        self.moves = 0
 
     def temper(self, start: dict[str, Array] | None, rng: np.random.Generator) -> None:
         """Run one chain from the prior, or `start`, to the posterior, silently."""
@@ -221,7 +228,8 @@ class BatchedSMC(SMC_KERNEL):
         self.iteration += 1
         logp = np.concatenate([likelihood for *_, likelihood in self._visited])
         remaining = 1.0 - self.beta
-        step = largest_step(logp, self.threshold, remaining)
+        threshold = max(self.threshold, self.moves / (self.moves + 6))
+        step = largest_step(logp, threshold, remaining)
         self.beta = 1.0 if step == remaining else self.beta + step
         log_weights = step * logp
         total = logsumexp(log_weights)

@@ -32,6 +32,7 @@ __all__ = [
     "likelihood_inputs",
     "log_likelihood",
     "nodes_for",
+    "register_likelihood",
 ]
 
 Mode = Literal["auto", "collocation", "quadrature"]
@@ -120,13 +121,30 @@ def inflation_likelihood(
         raise TypeError("no model is in context: add the likelihood inside `with pm.Model():`")
     check_likelihood(energy, data, parameters, sigma=sigma, slope_weight=slope_weight)
     parameters = {key: _as_scalar(key, value) for key, value in parameters.items()}
-    noise = {"sigma": sigma, "slope_weight": slope_weight}
     nodes = nodes_for(energy, data, parameters, mode)
+    noise = {"sigma": sigma, "slope_weight": slope_weight}
+    return register_likelihood(name, energy, data, nodes, parameters, **noise)
+
+
+def register_likelihood(
+    name: str,
+    energy: StrainEnergy,
+    data: xr.Dataset,
+    nodes: int | None,
+    parameters: dict[str, Any],
+    *,
+    sigma: Any,
+    slope_weight: Any,
+) -> TensorVariable:
+    """Add the likelihood of checked input, with the number of nodes of :func:`nodes_for`."""
     inputs = {
         key: pytensor.shared(value, name=f"{name}_{key}", shape=(None,) * value.ndim)
         for key, value in likelihood_inputs(data, nodes, slope_weight=slope_weight).items()
     }
-    return pm.Potential(name, log_likelihood(energy, inputs, parameters, **noise))
+    return pm.Potential(
+        name,
+        log_likelihood(energy, inputs, parameters, sigma=sigma, slope_weight=slope_weight),
+    )
 
 
 def likelihood_inputs(

@@ -16,8 +16,8 @@ from pymc_hyperelastic.data import GEOMETRY, describe_test
 from pymc_hyperelastic.likelihood import (
     Mode,
     check_likelihood,
-    inflation_likelihood,
     nodes_for,
+    register_likelihood,
 )
 from pymc_hyperelastic.pressure import PressureIntegral, check_geometry
 from pymc_hyperelastic.priors import check_prior, complete_priors, is_inferred, register_prior
@@ -103,7 +103,7 @@ def inflation_model(
         pressure, stiffness = _curves(energy, data, nodes, parameters)
         pm.Deterministic("pressure", pressure, dims="obs")
         pm.Deterministic("stiffness", stiffness, dims="obs")
-        inflation_likelihood("likelihood", energy, data, parameters, mode=mode, **noise)
+        register_likelihood("likelihood", energy, data, nodes, parameters, **noise)
     model.study = Study(energy, data, distributions, {"sigma": sigma, "slope_weight": slope_weight})
     return model
 

@@ -59,8 +59,8 @@ class ClassPredictive:
         The mean likelihood of the stored draws of the class.
     ``"adapted draws"``
         Importance sampling from a mixture that starts at the class and follows the tempered
-        likelihood of the new data. The mixture's integral over the posterior of the class is taken
-        as well, with the same draws' precision, so that the posterior's normaliser cancels.
+        likelihood of the new data. The normaliser of the class's posterior is integrated in the
+        same manner, once: both errors are small, and are added.
     ``"tempering"``
         SMC from the class's draws to the new data, see :class:`BatchedSMC`.
 
