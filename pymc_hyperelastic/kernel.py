@@ -241,9 +241,11 @@ class BatchedSMC(SMC_KERNEL):
         self.influence += np.bincount(self.eve, ways - 1, self.draws)
         self.log_evidence_variance = float(np.sum(self.influence**2)) / self.draws**2
 
-        self.step_ahead = largest_step(logp, _AHEAD, remaining) - step
-        log_weights += self.step_ahead * logp
-        self.weights_ahead = np.exp(log_weights - logsumexp(log_weights))
+        self.step_ahead = max(largest_step(logp, _AHEAD, remaining) - step, 0.0)
+        self.weights_ahead = self.weights
+        if self.step_ahead > 0:
+            log_weights += self.step_ahead * logp
+            self.weights_ahead = np.exp(log_weights - logsumexp(log_weights))
 
     def resample(self) -> None:
         """Resample the particles systematically from all places visited."""
@@ -254,11 +256,12 @@ class BatchedSMC(SMC_KERNEL):
         self.prior_logp, self.likelihood_logp = prior[chosen], likelihood[chosen]
         self.tempered_posterior_logp = self.prior_logp + self.beta * self.likelihood_logp
         share = (1 - _SHARE_AHEAD) * self.weights + _SHARE_AHEAD * self.weights_ahead
-        self._learn_from = particles[systematic(share, self.draws, self.rng)]
+        size = max(self.draws // 2, min(self.draws, 1000))  # enough to know the mixture
+        self._learn_from = particles[systematic(share, size, self.rng)]
 
     def tune(self) -> None:
         """Fit the mixture from which moves are drawn."""
-        components = components_for(self.draws, self.dimension)
+        components = components_for(len(self._learn_from), self.dimension)
         # The mixture of the stage before is nearly right, unless components have died out.
         alive = self.stages_fitted > 0 and len(self.mixture.means) == components
         self.stages_fitted += 1

@@ -165,9 +165,11 @@ class ClassPredictive:
         for _ in range(_MOST_STEPS):
             points, log_density = _draw(mixture, _STEP_DRAWS, rng)
             rest, new = self._kernel.score(points)
-            log_weights = rest - log_density + beta * new
-            if not np.isfinite(log_weights).any():
+            possible = np.isfinite(rest + new)
+            if not possible.any():
                 return None
+            points, new = points[possible], new[possible]
+            log_weights = (rest - log_density)[possible] + beta * new
             step = largest_step(new, _STEP_EFFECTIVE, 1.0 - beta, log_weights)
             beta = 1.0 if step == 1.0 - beta else beta + step
             log_weights += step * new
