@@ -1,6 +1,7 @@
 """Sequential Monte Carlo that scores all particles in one call."""
 
 from collections.abc import Callable, Sequence
+from itertools import cycle, islice
 from math import prod
 from numbers import Integral, Real
 from typing import Any, ClassVar
@@ -55,7 +56,7 @@ class BatchedSMC(SMC_KERNEL):
         Seed of the particles.
     threshold : float
         Fraction of the effective sample size to be kept at each stage. After ``m`` moves at the
-        stage before, ``m/(m + 6)`` is kept if that is more: where particles move with difficulty,
+        stage before, ``m/(m + 5)`` is kept if that is more: where particles move with difficulty,
         smaller steps pay.
     compile_kwargs : dict, optional
         Options of ``pytensor.function``. By default particles are scored by NumPy, which compiles
@@ -67,7 +68,7 @@ class BatchedSMC(SMC_KERNEL):
         Particles move until the correlation of every variable with its value before is below this,
         and that of the weight far ahead below half of it.
     max_moves : int
-        Largest number of moves at one stage. There are at least 4, and they come in pairs.
+        Largest number of moves at one stage; there are at least 4 if it is not below that.
 
     Raises
     ------
@@ -228,7 +229,7 @@ class BatchedSMC(SMC_KERNEL):
         self.iteration += 1
         logp = np.concatenate([likelihood for *_, likelihood in self._visited])
         remaining = 1.0 - self.beta
-        threshold = max(self.threshold, self.moves / (self.moves + 6))
+        threshold = max(self.threshold, self.moves / (self.moves + 5))
         step = largest_step(logp, threshold, remaining)
         self.beta = 1.0 if step == remaining else self.beta + step
         log_weights = step * logp
@@ -280,8 +281,8 @@ class BatchedSMC(SMC_KERNEL):
         self._terms = self.mixture.log_density_of_components(origin)
         self.nan_scores = 0
         rates: list[float] = []
-        while len(rates) < self.max_moves:
-            rates += [self._move_independently(), self._walk()]
+        for move in islice(cycle((self._move_independently, self._walk)), self.max_moves):
+            rates.append(move())
             # The few particles that stick in the tails are lost in the first correlation, but will
             # carry the weight of later stages.
             if (

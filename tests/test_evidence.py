@@ -9,7 +9,7 @@ import pandas as pd
 import pymc as pm
 import pytensor.tensor as pt
 import pytest
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 
 import pymc_hyperelastic as ph
 
@@ -209,6 +209,66 @@ def test_mirrored_modes_have_equal_shares(fits, law, exponent, name):
     """Both signs of the exponent are found, and half of the particles have either."""
     share = float((fits(law)[name]["posterior"][exponent] > 0).mean())
     assert abs(share - 0.5) < MODE_SHARE_TOLERANCE
+
+
+# --- a thin ridge --------------------------------------------------------------------------------
+
+# Ranges of the modulus, in kPa, and of the exponent.
+RIDGE_BOX = ((0.0, 50.0), (-80.0, 80.0))
+RIDGE_SIGMA, RIDGE_SLOPE_WEIGHT = np.sqrt(2) * 2 * ph.mmHg, 0.0
+
+
+@cache
+def small_tube():
+    """One experiment on a tube so small and steep that it tells the modulus to a factor only.
+
+    The radii are those at even pressures up to 25 mmHg; the errors of the pressures are given.
+    """
+    inner, outer, modulus, exponent = 1.0, 1.3, 0.01, 55.0
+
+    def pressure(radius):
+        tube = exact.Curve(np.array([radius]), np.zeros(1), inner, outer)
+        return modulus * tube.responses("Ogden", exponent)[0].item()
+
+    ideal = np.linspace(0, 25, 11) * ph.mmHg
+    radius = [brentq(lambda r, p=p: pressure(r) - p, 0.9, 1.5) for p in ideal]
+    error = 1.4 * ph.mmHg * np.sin(2 * np.arange(11))
+    table = {"specimen": "M", "experiment": 1, "radius": radius, "pressure": ideal + error}
+    assert 1.15 < max(radius) / inner < 1.3
+    return ph.inflation_data(pd.DataFrame(table), inner_radius=inner, outer_radius=outer)
+
+
+@cache
+def ridge_model():
+    mu, alpha = (pm.Uniform.dist(*ends) for ends in RIDGE_BOX)
+    noise = {"sigma": RIDGE_SIGMA, "slope_weight": RIDGE_SLOPE_WEIGHT}
+    return ph.ogden_model(small_tube(), priors={"mu": mu, "alpha": alpha}, **noise)
+
+
+@cache
+def ridge_truth():
+    noise = {"sigma": RIDGE_SIGMA, "slope_weight": RIDGE_SLOPE_WEIGHT}
+    truth = exact.posterior(exact.curves_of(small_tube()), "Ogden", box=RIDGE_BOX, **noise)
+    # A ridge indeed: the modulus is not even known to its own size, in a prior 500 times as wide.
+    assert truth.sd(truth.modulus) > truth.mean(truth.modulus)
+    assert truth.sd(truth.modulus) < RIDGE_BOX[0][1] / 500
+    return truth
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_thin_ridge_has_the_exact_evidence(seed):
+    """Two mirrored ridges, thin and bent, which hold a ten-thousandth of the prior."""
+    tree = ph.sample_smc(
+        ridge_model(), 2000, 2, random_seed=seed, progressbar=False, var_names=["mu", "alpha"]
+    )
+    assert_evidence(*ph.log_evidence(tree), ridge_truth().log_evidence)
+
+
+def test_thin_ridge_is_integrated_whole():
+    """The package's own quadrature follows the ridge to its ends, with an error as stated."""
+    found = ph.log_evidence_by_quadrature(ridge_model())
+    assert abs(found.value - ridge_truth().log_evidence) < EXACT_TOLERANCE
+    assert found.standard_error < EXACT_TOLERANCE
 
 
 # --- one-sided and mapped priors -----------------------------------------------------------------
