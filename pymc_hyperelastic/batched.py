@@ -11,6 +11,7 @@ import pytensor.tensor as pt
 from numpy.typing import NDArray
 from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.initial_point import make_initial_point_expression
+from pymc.logprob.utils import local_check_parameter_to_ninf_switch
 from pymc.pytensorf import compile as compile_pymc
 from pymc.pytensorf import join_nonshared_inputs, reseed_rngs
 from pytensor.compile.mode import Mode
@@ -18,7 +19,7 @@ from pytensor.compile.sharedvalue import SharedVariable
 from pytensor.graph.basic import Apply, Variable
 from pytensor.graph.fg import FrozenFunctionGraph, FunctionGraph
 from pytensor.graph.replace import clone_replace, vectorize_graph
-from pytensor.graph.rewriting.basic import dfs_rewriter, node_rewriter
+from pytensor.graph.rewriting.basic import dfs_rewriter, in2out, node_rewriter
 from pytensor.graph.rewriting.db import RewriteDatabaseQuery
 from pytensor.graph.traversal import ancestors, graph_inputs
 from pytensor.scalar.math import Softplus
@@ -80,6 +81,11 @@ class BatchedFunction:
         compile_kwargs = {"mode": _NUMPY} | (compile_kwargs or {})
         point = {name: np.zeros(shape) for name, shape in value_shapes(model).items()}
         outputs, joined = join_nonshared_inputs(point, outputs, model.value_vars)
+        # A particle that gives a distribution impossible parameters is impossible by itself: once
+        # vectorised, PyMC's checks would refuse all.
+        graph = FunctionGraph(outputs=outputs, clone=False)
+        in2out(local_check_parameter_to_ninf_switch).rewrite(graph)
+        outputs = list(graph.outputs)
         batch = pt.matrix("particles", dtype=joined.dtype)
         outputs = vectorize_graph(outputs, {joined: batch})
         # An output that no variable enters is one number for all particles.
@@ -147,12 +153,14 @@ def prior_sampler(model: pm.Model, draws: int) -> Callable[[np.random.Generator]
 
 
 def _of_size(expressions: Sequence[Variable], draws: int) -> list[Variable]:
-    """Expressions of independent draws: distributions without random parents become batches."""
+    """Expressions of independent draws: those without random parents become batches."""
     batched = {}
     for variable in ancestors(expressions):
-        node = variable.owner
-        if _is_random(variable) and not any(map(_is_random, ancestors(node.inputs))):
-            parameter = node.op.dist_params(node)[0]
+        if not _is_random(variable):
+            continue
+        # The first parameter decides about the size.
+        parameter = variable.owner.op.dist_params(variable.owner)[0]
+        if not any(map(_is_random, ancestors([parameter]))):
             batched[parameter] = pt.broadcast_to(parameter, (draws, *parameter.shape))
     return vectorize_graph(expressions, batched)
 

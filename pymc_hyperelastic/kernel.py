@@ -310,7 +310,9 @@ class BatchedSMC(SMC_KERNEL):
         here = self._terms - log_sum_exp(self._terms)[:, None]
         component = (np.exp(here).cumsum(axis=1) < self.rng.random((self.draws, 1))).sum(axis=1)
         component = component.clip(max=here.shape[1] - 1)
-        steps = self.walk_scale * self.mixture.draw_steps(component, self.rng)
+        # Lengths of all orders: what suits the bulk is too long in the neck of a funnel.
+        lengths = self.walk_scale * self.rng.lognormal(0.0, 1.5, (self.draws, 1))
+        steps = lengths * self.mixture.draw_steps(component, self.rng)
         proposal = self.tempered_posterior + steps
         terms = self.mixture.log_density_of_components(proposal)
         chosen = np.arange(self.draws), component

@@ -146,9 +146,12 @@ class GaussianMixture:
 
 
 def components_for(points: float, dimension: int) -> int:
-    """Number of components, each known from ten times as many points as it has parameters."""
+    """Number of components, each known from five to ten times as many points as it has parameters.
+
+    There are six at most, and two as soon as that is possible: for two mirrored modes.
+    """
     parameters = (dimension + 1) * (dimension + 2) // 2
-    return int(np.clip(points / (10 * parameters), 1, 6))
+    return 1 if points < 10 * parameters else int(np.clip(points / (10 * parameters), 2, 6))
 
 
 def log_sum_exp(terms: Array) -> Array:

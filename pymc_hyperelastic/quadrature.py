@@ -98,14 +98,20 @@ def _divided_box(
         -1, particles.shape[1]
     )
     low, high = inside.min(axis=0), inside.max(axis=0)
-    for axis, reach in enumerate(high - low):
-        for end, step in ((low, -reach), (high, reach)):
-            face = particles.copy()
-            for _ in range(100):
+    reach = high - low
+    along = np.linspace(0.0, 1.0, 5000)[:, None]
+    for _ in range(100):
+        falls_off = True
+        for end, direction in ((low, -1), (high, 1)):
+            for axis in range(len(end)):
+                # A bent ridge may leave the box far from where the particles are.
+                face = np.concatenate([particles, low + (high - low) * along])
                 face[:, axis] = end[axis]
-                if density(face).max() < np.exp(-_NEGLIGIBLE):
-                    break
-                end[axis] += step
-            else:
-                raise ValueError("the posterior density does not fall off: is the prior improper?")
+                if density(face).max() >= np.exp(-_NEGLIGIBLE):
+                    end[axis] += direction * reach[axis]
+                    falls_off = False
+        if falls_off:
+            break
+    else:
+        raise ValueError("the posterior density does not fall off: is the prior improper?")
     return [np.unique([a, *x, b]) for a, x, b in zip(low, inside.T, high, strict=True)]
