@@ -76,8 +76,10 @@ def log_evidence_by_quadrature(model: pm.Model, *, rtol: float = 1e-8) -> Estima
     def density(points: Array) -> Array:
         return np.exp(np.nan_to_num(log_joint(points)[0] - peak, nan=-np.inf))
 
-    mixture = GaussianMixture.fit(kernel.tempered_posterior, 2, kernel.rng)
-    edges = _divided_box(kernel.tempered_posterior, mixture, density)
+    particles = kernel.tempered_posterior
+    mixtures = [GaussianMixture.fit(particles, 2, kernel.rng) for _ in range(10)]
+    mixture = max(mixtures, key=lambda fitted: fitted.log_density(particles).mean())
+    edges = _divided_box(particles, mixture, density)
     cells = list(product(*(pairwise(axis) for axis in edges)))
     expected = np.exp(kernel.log_marginal_likelihood - peak)
     total, error = 0.0, 0.0
