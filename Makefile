@@ -17,7 +17,7 @@ help:
 	@echo "make test        the whole test suite, on two processes"
 	@echo "make lint        ruff and mypy"
 	@echo "make docs        the documentation, in docs/_build/html"
-	@echo "make benchmark   time and accuracy against other ways, about 20 minutes"
+	@echo "make benchmark   time and accuracy against other ways, about 7 minutes"
 	@echo "make clean       remove what the other targets made, except $(VENV) and results/"
 
 study: $(VENV)/.ready-study

@@ -25,6 +25,7 @@ from pytensor.graph.traversal import ancestors, graph_inputs
 from pytensor.scalar.math import Softplus
 from pytensor.tensor.elemwise import Elemwise
 from pytensor.tensor.random.op import RandomVariable
+from pytensor.tensor.variable import TensorVariable
 
 __all__ = ["BatchedFunction", "prior_sampler", "value_shapes"]
 
@@ -81,21 +82,11 @@ class BatchedFunction:
         compile_kwargs = {"mode": _NUMPY} | (compile_kwargs or {})
         point = {name: np.zeros(shape) for name, shape in value_shapes(model).items()}
         outputs, joined = join_nonshared_inputs(point, outputs, model.value_vars)
-        # A particle that gives a distribution impossible parameters is impossible by itself: once
-        # vectorised, PyMC's checks would refuse all.
-        graph = FunctionGraph(outputs=outputs, clone=False)
-        in2out(local_check_parameter_to_ninf_switch).rewrite(graph)
-        outputs = list(graph.outputs)
-        batch = pt.matrix("particles", dtype=joined.dtype)
-        outputs = vectorize_graph(outputs, {joined: batch})
-        # An output that no variable enters is one number for all particles.
-        outputs = [
-            out if out.type.ndim else pt.broadcast_to(out, (batch.shape[0],)) for out in outputs
-        ]
         shared = tuple(v for v in graph_inputs(outputs) if isinstance(v, SharedVariable))
-        key = FrozenFunctionGraph.from_io([batch, *shared], outputs), str(compile_kwargs)
+        key = FrozenFunctionGraph.from_io([joined, *shared], outputs), str(compile_kwargs)
         if key not in cls._cache:
             inputs = {v: v.type() for v in shared}
+            batch, outputs = _of_a_batch(joined, outputs)
             cls._cache[key] = pytensor.function(
                 [batch, *inputs.values()],
                 clone_replace(outputs, inputs),
@@ -107,6 +98,22 @@ class BatchedFunction:
     def __call__(self, particles: Array) -> list[Array]:
         """Value of every output at every particle, the particles along the first axis."""
         return self.function(particles, *(v.get_value(borrow=True) for v in self.shared))
+
+
+def _of_a_batch(
+    point: TensorVariable, outputs: Sequence[Variable]
+) -> tuple[TensorVariable, list[Variable]]:
+    """Many points in place of one, and what becomes of the outputs."""
+    # A particle that gives a distribution impossible parameters is impossible by itself: once
+    # vectorised, PyMC's checks would refuse all.
+    graph = FunctionGraph(outputs=outputs, clone=False)
+    in2out(local_check_parameter_to_ninf_switch).rewrite(graph)
+    batch = pt.matrix("particles", dtype=point.dtype)
+    outputs = vectorize_graph(list(graph.outputs), {point: batch})
+    # An output that no variable enters is one number for all particles.
+    return batch, [
+        out if out.type.ndim else pt.broadcast_to(out, (batch.shape[0],)) for out in outputs
+    ]
 
 
 def value_shapes(model: pm.Model) -> dict[str, tuple[int, ...]]:

@@ -386,7 +386,7 @@ def largest_step(logp: Array, fraction: float, largest: float, log_weights: Any 
     least = 1e-6 / np.ptp(logp[possible])
     if excess(least) <= 0:
         return 0.0
-    log_step = brentq(lambda x: excess(np.exp(x)), np.log(least), np.log(largest), xtol=1e-3)
+    log_step = brentq(lambda x: excess(np.exp(x)), np.log(least), np.log(largest), xtol=0.01)
     return float(np.exp(log_step))
 
 
