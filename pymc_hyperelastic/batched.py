@@ -97,7 +97,9 @@ class BatchedFunction:
 
     def __call__(self, particles: Array) -> list[Array]:
         """Value of every output at every particle, the particles along the first axis."""
-        return self.function(particles, *(v.get_value(borrow=True) for v in self.shared))
+        # A proposal may be so wild that its pressures overflow: its score says so.
+        with np.errstate(all="ignore"):
+            return self.function(particles, *(v.get_value(borrow=True) for v in self.shared))
 
 
 def _of_a_batch(

@@ -220,7 +220,8 @@ class BatchedSMC(SMC_KERNEL):
 
     def score(self, particles: Array) -> tuple[Array, Array]:
         """Log prior and log likelihood of every particle; NaN counts as ``−inf``."""
-        prior, likelihood = self._score(particles)
+        # A Potential of plain numbers may come in single precision.
+        prior, likelihood = (np.asarray(logp, float) for logp in self._score(particles))
         bad = np.isnan(prior) | np.isnan(likelihood)
         self.nan_scores += int(bad.sum())
         return np.where(bad, -np.inf, prior), np.where(bad, -np.inf, likelihood)

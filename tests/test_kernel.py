@@ -526,3 +526,24 @@ def test_log_sum_exp_is_that_of_scipy():
     """Of terms far below and above where their exponentials would be lost."""
     terms = np.random.default_rng(SEED).normal(0, 50, (4, 3, 5)) + np.array([-1e4, 0, 1e4])[:, None]
     np.testing.assert_allclose(log_sum_exp(terms), logsumexp(terms, axis=-1), rtol=ROUNDING)
+
+
+def test_an_edge_of_the_likelihood_is_kept():
+    """A uniform's share: most of what is drawn is impossible, and the Potential is of float32."""
+    with pm.Model() as model:
+        x = pm.Uniform("x", 0, 10)
+        pm.Potential("edge", pt.switch(x < 2.5, 0.0, -np.inf))
+    value, error = ph.log_evidence(ph.sample_smc(model, 1000, 4, SEED, progressbar=False))
+    assert abs(value - np.log(0.25)) < min(STANDARD_ERRORS * error, EVIDENCE_TOLERANCE)
+
+
+def test_overflow_of_a_wild_proposal_is_no_warning():
+    """A response that overflows, and with a constant matrix is no number, is impossible."""
+    with pm.Model() as model:
+        x = pm.Normal("x", 0, 300, shape=2)
+        response = pt.exp(x**2) @ np.array([[1.0, -1.0], [0.0, 1.0]])
+        pm.Potential("misfit", pt.switch(pt.all(response < 1e30), -pt.sum(x**2) / 2, -np.inf))
+    value, error = ph.log_evidence(ph.sample_smc(model, 1000, 4, SEED, progressbar=False))
+    # |x| stays below sqrt(ln 1e30) = 8.3, where the Gaussian is negligible.
+    exact = -np.log(1 + 300**2)
+    assert abs(value - exact) < min(STANDARD_ERRORS * error, EVIDENCE_TOLERANCE)
