@@ -208,7 +208,6 @@ class BatchedSMC(SMC_KERNEL):
         self.effective_sample_size = float(self.draws)
         self.nan_scores = 0
         self.walk_scale = 2.38 / np.sqrt(self.dimension)
-        self.stages_fitted = 0
         self.moves = 0
 
     def temper(self, start: dict[str, Array] | None, rng: np.random.Generator) -> None:
@@ -266,8 +265,7 @@ class BatchedSMC(SMC_KERNEL):
         """Fit the mixture from which moves are drawn."""
         components = components_for(len(self._learn_from), self.dimension)
         # The mixture of the stage before is nearly right, unless components have died out.
-        alive = self.stages_fitted > 0 and len(self.mixture.means) == components
-        self.stages_fitted += 1
+        alive = self.iteration > 1 and len(self.mixture.means) == components
         self.mixture = GaussianMixture.fit(
             self._learn_from,
             components,

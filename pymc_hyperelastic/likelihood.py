@@ -33,6 +33,7 @@ __all__ = [
     "log_likelihood",
     "nodes_for",
     "register_likelihood",
+    "shared_inputs",
 ]
 
 Mode = Literal["auto", "collocation", "quadrature"]
@@ -137,10 +138,7 @@ def register_likelihood(
     slope_weight: Any,
 ) -> TensorVariable:
     """Add the likelihood of checked input, with the number of nodes of :func:`nodes_for`."""
-    inputs = {
-        key: pytensor.shared(value, name=f"{name}_{key}", shape=(None,) * value.ndim)
-        for key, value in likelihood_inputs(data, nodes, slope_weight=slope_weight).items()
-    }
+    inputs = shared_inputs(name, likelihood_inputs(data, nodes, slope_weight=slope_weight))
     return pm.Potential(
         name,
         log_likelihood(energy, inputs, parameters, sigma=sigma, slope_weight=slope_weight),
@@ -172,6 +170,14 @@ def likelihood_inputs(
         **{name: data[name].values.astype(float)[tests] for name in GEOMETRY},
         "interior": interior,
         "slope": slope,
+    }
+
+
+def shared_inputs(name: str, inputs: dict[str, np.ndarray]) -> dict[str, Variable]:
+    """Shared variables of these arrays, which arrays of other lengths may replace."""
+    return {
+        key: pytensor.shared(value, name=f"{name}_{key}", shape=(None,) * value.ndim)
+        for key, value in inputs.items()
     }
 
 

@@ -4,7 +4,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pymc as pm
-import pytensor
 import xarray as xr
 from arviz_stats.base import array_stats
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from pymc_hyperelastic.kernel import (
     largest_step,
     systematic,
 )
-from pymc_hyperelastic.likelihood import log_likelihood
+from pymc_hyperelastic.likelihood import log_likelihood, shared_inputs
 from pymc_hyperelastic.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.models import inflation_model
 from pymc_hyperelastic.results import inflation_data_of
@@ -95,10 +94,7 @@ class ClassPredictive:
         inputs: dict[str, Array],
         rng: np.random.Generator,
     ) -> None:
-        self._inputs = {
-            key: pytensor.shared(value, name=f"new_{key}", shape=(None,) * value.ndim)
-            for key, value in inputs.items()
-        }
+        self._inputs = shared_inputs("new", inputs)
         model = inflation_model(data=inflation_data_of(fitted), **settings)
         energy = settings["energy"]
         noise = {

@@ -70,13 +70,13 @@ def log_evidence_by_quadrature(model: pm.Model, *, rtol: float = 1e-8) -> Estima
             "use ph.sample_smc"
         )
     kernel.temper(None, np.random.default_rng(1))
+    particles = kernel.tempered_posterior
     log_joint = BatchedFunction.of_model(model, [model.logp()])
-    peak = float(log_joint(kernel.tempered_posterior)[0].max())
+    peak = float(log_joint(particles)[0].max())
 
     def density(points: Array) -> Array:
         return np.exp(np.nan_to_num(log_joint(points)[0] - peak, nan=-np.inf))
 
-    particles = kernel.tempered_posterior
     mixtures = [GaussianMixture.fit(particles, 2, kernel.rng) for _ in range(10)]
     mixture = max(mixtures, key=lambda fitted: fitted.log_density(particles).mean())
     edges = _divided_box(particles, mixture, density)
