@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from functools import partial, reduce
+from typing import Any
 
 import numpy as np
 import pymc as pm
@@ -13,11 +14,12 @@ from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.initial_point import make_initial_point_expression
 from pymc.logprob.utils import local_check_parameter_to_ninf_switch
 from pymc.pytensorf import compile as compile_pymc
-from pymc.pytensorf import join_nonshared_inputs, reseed_rngs
+from pymc.pytensorf import join_nonshared_inputs
 from pytensor.compile.mode import Mode
 from pytensor.compile.sharedvalue import SharedVariable
 from pytensor.graph.basic import Apply, Variable
 from pytensor.graph.fg import FrozenFunctionGraph, FunctionGraph
+from pytensor.graph.op import Op
 from pytensor.graph.replace import clone_replace, vectorize_graph
 from pytensor.graph.rewriting.basic import dfs_rewriter, in2out, node_rewriter
 from pytensor.graph.rewriting.db import RewriteDatabaseQuery
@@ -25,6 +27,9 @@ from pytensor.graph.traversal import ancestors, graph_inputs
 from pytensor.scalar.math import Softplus
 from pytensor.tensor.elemwise import Elemwise
 from pytensor.tensor.random.op import RandomVariable
+from pytensor.tensor.random.type import RandomType
+from pytensor.tensor.type import TensorType
+from pytensor.tensor.utils import import_func_from_string
 from pytensor.tensor.variable import TensorVariable
 
 __all__ = ["BatchedFunction", "prior_sampler", "value_shapes"]
@@ -41,16 +46,55 @@ def _softplus_in_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | N
     return [pt.maximum(x, 0.0) + pt.log1p(pt.exp(-pt.abs(x)))]
 
 
+class _NumpyCall(Op):
+    """A NumPy function by itself: what PyTensor checks around it takes longer than small arrays."""
+
+    __props__ = ("function", "type")
+
+    def __init__(self, function: Callable[..., Any], type: TensorType) -> None:
+        self.function, self.type = function, type
+
+    def make_node(self, *inputs: Variable) -> Apply:
+        return Apply(self, inputs, [self.type()])
+
+    def perform(self, node: Apply, inputs: Sequence[Any], outputs: Any) -> None:
+        outputs[0][0] = self.function(*inputs)
+
+
+@node_rewriter([Elemwise])
+def _elementwise_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
+    """Call NumPy directly where it gives the type that is due."""
+    result = node.outputs[0].type
+    if node.op.nfunc_spec is None or result.ndim == 0:
+        return None
+    name, count, _ = node.op.nfunc_spec
+    function = import_func_from_string(name)
+    if len(node.inputs) > count:  # a sum or product of many
+        function = partial(_fold, function)
+    example = function(*(np.ones(v.type.ndim * (1,), v.dtype) for v in node.inputs))
+    return [_NumpyCall(function, result)(*node.inputs)] if example.dtype == result.dtype else None
+
+
+def _fold(function: Callable[..., Any], *values: Any) -> Any:
+    return reduce(function, values)
+
+
 # What runs a hundred times on thousands of points is best left to NumPy: it compiles in a second,
 # numba or C in a minute. Fused operations, and powers made of them, would run point by point.
 _FUSED = ["fusion", "inplace", "local_pow_to_nested_squaring"]
-_NUMPY = Mode("py", RewriteDatabaseQuery(include=["fast_run"], exclude=_FUSED)).register(
-    (dfs_rewriter(_softplus_in_numpy), 99)
+_NUMPY = (
+    Mode("py", RewriteDatabaseQuery(include=["fast_run"], exclude=_FUSED))
+    .register((dfs_rewriter(_softplus_in_numpy), 99))
+    .register((dfs_rewriter(_elementwise_by_numpy), 100))
 )
 
 
 # Recording where in the code each node was made would take a third of the time.
 _without_traces = pytensor.config.change_flags(traceback__limit=0)
+
+
+# Compiled functions by their expressions.
+_compiled: dict[tuple, Any] = {}
 
 
 @dataclass(frozen=True)
@@ -63,9 +107,6 @@ class BatchedFunction:
 
     function: Any
     shared: tuple[SharedVariable, ...]
-
-    # Compiled functions by their expression.
-    _cache: ClassVar[dict[tuple, Any]] = {}
 
     @classmethod
     @_without_traces
@@ -82,18 +123,18 @@ class BatchedFunction:
         compile_kwargs = {"mode": _NUMPY} | (compile_kwargs or {})
         point = {name: np.zeros(shape) for name, shape in value_shapes(model).items()}
         outputs, joined = join_nonshared_inputs(point, outputs, model.value_vars)
-        shared = tuple(v for v in graph_inputs(outputs) if isinstance(v, SharedVariable))
+        shared = _shared_inputs(outputs)
         key = FrozenFunctionGraph.from_io([joined, *shared], outputs), str(compile_kwargs)
-        if key not in cls._cache:
+        if key not in _compiled:
             inputs = {v: v.type() for v in shared}
             batch, outputs = _of_a_batch(joined, outputs)
-            cls._cache[key] = pytensor.function(
+            _compiled[key] = pytensor.function(
                 [batch, *inputs.values()],
                 clone_replace(outputs, inputs),
                 on_unused_input="ignore",
                 **compile_kwargs,
             )
-        return cls(cls._cache[key], shared)
+        return cls(_compiled[key], shared)
 
     def __call__(self, particles: Array) -> list[Array]:
         """Value of every output at every particle, the particles along the first axis."""
@@ -127,6 +168,7 @@ def value_shapes(model: pm.Model) -> dict[str, tuple[int, ...]]:
     return shapes
 
 
+@_without_traces
 def prior_sampler(model: pm.Model, draws: int) -> Callable[[np.random.Generator], dict[str, Array]]:
     """Compile a function that draws the model's free variables from the prior, independently.
 
@@ -143,22 +185,39 @@ def prior_sampler(model: pm.Model, draws: int) -> Callable[[np.random.Generator]
     names = [model.rvs_to_values[rv].name for rv in model.free_RVs]
     nodes = [v.owner for v in ancestors(expressions) if _is_random(v)]
     at_once = all(isinstance(node.op, RandomVariable) and node.op.ndims_params for node in nodes)
-    if at_once:
-        expressions = _of_size(expressions, draws)
-    function, updates = compile_pymc(
-        [], expressions, random_seed=False, mode=_NUMPY, return_updates=True
-    )
+    shared = _shared_inputs(expressions)
+    key = FrozenFunctionGraph.from_io(shared, expressions), draws if at_once else None
+    if key not in _compiled:
+        if at_once:
+            expressions = _of_size(expressions, draws)
+        inputs = {v: v.type() for v in shared}
+        expressions = clone_replace(expressions, inputs)
+        _compiled[key] = compile_pymc(list(inputs.values()), expressions, mode=_NUMPY)
+    function = _compiled[key]
 
     def sample(rng: np.random.Generator) -> dict[str, Array]:
-        reseed_rngs(list(updates), rng.integers(2**63))
+        def draw() -> list[Array]:
+            return function(*(_fresh_value(v, rng) for v in shared))
+
         if at_once:
-            values = function()
+            values = draw()
         else:
             # A distribution that is made of others cannot always be drawn as a batch.
-            values = [np.stack(v) for v in zip(*(function() for _ in range(draws)), strict=True)]
+            values = [np.stack(v) for v in zip(*(draw() for _ in range(draws)), strict=True)]
         return dict(zip(names, values, strict=True))
 
     return sample
+
+
+def _fresh_value(variable: SharedVariable, rng: np.random.Generator) -> Any:
+    """Value of a shared variable; of a random generator a new one."""
+    if isinstance(variable.type, RandomType):
+        return np.random.default_rng(rng.integers(2**63))
+    return variable.get_value(borrow=True)
+
+
+def _shared_inputs(outputs: Sequence[Variable]) -> tuple[SharedVariable, ...]:
+    return tuple(v for v in graph_inputs(outputs) if isinstance(v, SharedVariable))
 
 
 def _of_size(expressions: Sequence[Variable], draws: int) -> list[Variable]:

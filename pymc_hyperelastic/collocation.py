@@ -68,16 +68,17 @@ class CollocatedPressureIntegral(TubeOp):
     def build_inner_graph(self, *inputs: TensorVariable) -> list[Variable]:
         """Response at the nodes, then one matrix product a group."""
         log_hoop, log_axial, *matrices = inputs[:4]
-        parameters = [pt.expand_dims(x, (-2, -1)) for x in inputs[4:]]
-        log_hoop, log_axial, *parameters = pt.broadcast_arrays(
-            log_hoop, log_axial[:, None], *parameters
-        )
+        parameters = inputs[4:]
+        batched = any(x.type.ndim for x in parameters)
+        log_axial = log_axial[:, None]
+        if batched:
+            # The particles run along the last axis, where NumPy sums over the others are fast.
+            log_hoop, log_axial = log_hoop[..., None], log_axial[..., None]
+        log_hoop, log_axial, *parameters = pt.broadcast_arrays(log_hoop, log_axial, *parameters)
         response = self.response(log_hoop, log_axial, parameters)
-        if response.type.ndim == 2:
-            return [(matrix @ response[..., None])[..., 0] for matrix in matrices]
-        # The particles of a batch become the rows of one matrix product.
-        rows = pt.moveaxis(response, 0, 1)
-        return [pt.moveaxis(rows @ matrix.mT, 1, 0) for matrix in matrices]
+        if batched:
+            return [pt.moveaxis(matrix @ response, -1, 0) for matrix in matrices]
+        return [(matrix @ response[..., None])[..., 0] for matrix in matrices]
 
 
 @_vectorize_node.register(CollocatedPressureIntegral)

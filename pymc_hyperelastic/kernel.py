@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pymc as pm
+import pytensor.tensor as pt
 from numpy.typing import NDArray
 from pymc.smc.kernels import SMC_KERNEL
 from pymc.vartypes import discrete_types
@@ -161,9 +162,10 @@ class BatchedSMC(SMC_KERNEL):
             )
         hot = [term for term in terms if tempered is None or term.name in tempered]
         cold = [*model.free_RVs, *(term for term in terms if term not in hot)]
-        self._score = BatchedFunction.of_model(
-            model, [model.logp(cold), model.logp(hot)], compile_kwargs
-        )
+        logp = model.logp([*cold, *hot], sum=False)
+        groups = logp[: len(cold)], logp[len(cold) :]
+        totals = [sum(pt.sum(term) for term in group) for group in groups]
+        self._score = BatchedFunction.of_model(model, totals, compile_kwargs)
         self._draw_prior: Callable[[np.random.Generator], dict[str, Array]] | None = None
         self._reset_state()
 

@@ -38,8 +38,8 @@ __all__ = [
 
 Mode = Literal["auto", "collocation", "quadrature"]
 
-# kPa, and kPa/mm: far beyond any tube; squares and gradients of smaller numbers do not overflow.
-_LARGEST_RESPONSE = 1e30
+# kPa², or (kPa/mm)²: far beyond any tube; what is made of smaller numbers does not overflow.
+_LARGEST_MISFIT = np.float64(1e60)
 
 
 def inflation_likelihood(
@@ -220,21 +220,29 @@ def log_likelihood(
     values = (parameters[name] for name in energy.parameter_names)
     response = op(*(inputs[name] for name in names), *values)
 
-    possible = [pt.abs(x) < _LARGEST_RESPONSE for x in response]
-    # Replaced before the squares: otherwise the gradient of the rejected branch would be 0 * inf.
-    pressure, stiffness = (pt.where(ok, x, 0.0) for ok, x in zip(possible, response, strict=True))
-    misfit = pt.sum((pressure - targets[0]) ** 2) + residuals[0]
+    pressure, stiffness = response
+    misfit, possible = _misfit(pressure - targets[0])
+    misfit += residuals[0]
     log_density = -inputs["points"] / 2 * pt.log(np.pi * pt.square(sigma))
     if _with_slopes(slope_weight):
-        misfit += slope_weight * (pt.sum((stiffness[rows] - targets[1]) ** 2) + residuals[1])
+        slope_misfit, slope_possible = _misfit(stiffness[rows] - targets[1])
+        possible &= slope_possible
+        misfit += slope_weight * (slope_misfit + residuals[1])
         if isinstance(slope_weight, Variable):
             logs = pt.log1p(slope_weight * inputs["eigenvalues"])
             log_density += pt.sum(inputs["multiplicities"] * logs) / 2
         else:
             log_density += inputs["half_log_determinant"]
-    return pt.where(
-        pt.all(possible[0]) & pt.all(possible[1]), log_density - misfit / pt.square(sigma), -np.inf
-    )
+    return pt.where(possible, log_density - misfit / pt.square(sigma), -np.inf)
+
+
+def _misfit(difference: TensorVariable) -> tuple[TensorVariable, TensorVariable]:
+    """Sum of squares, 0 where it overflows, and whether it does not."""
+    total = pt.sum(pt.square(difference))
+    possible = total < _LARGEST_MISFIT
+    # Else a noise parameter's gradient would be 0 * inf. That of the material is zero by the
+    # integral itself.
+    return pt.where(possible, total, 0.0), possible
 
 
 def balanced_slope_weight(data: xr.Dataset) -> float:

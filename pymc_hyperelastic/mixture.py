@@ -77,9 +77,9 @@ class GaussianMixture:
             keep = np.array([True])
         counts, responsibilities = counts[keep], responsibilities[:, keep]
         means = responsibilities.T @ points / counts[:, None]
-        centred = points - means[:, None, :]
-        weighted = responsibilities.T[..., None] * centred
-        covariances = weighted.mT @ centred / counts[:, None, None]
+        centred = points.T - means[..., None]
+        weighted = responsibilities.T[:, None] * centred
+        covariances = weighted @ centred.mT / counts[:, None, None]
         floor = _VARIANCE_FLOOR * points.var(axis=0) + np.finfo(float).tiny
         factors = np.linalg.cholesky(covariances + np.diag(floor))
         return cls(np.log(counts / counts.sum()), means, factors)
@@ -102,8 +102,9 @@ class GaussianMixture:
 
     def log_density_of_components(self, points: Array) -> Array:
         """Logarithm of weight times density of each component, shape (n, K)."""
-        z = (points - self.means[:, None, :]) @ self._inverse_factors.mT
-        distance = (z**2).sum(axis=-1).T
+        # Points run along the last axis, where NumPy sums over the others are fast.
+        z = self._inverse_factors @ (points.T - self.means[..., None])
+        distance = (z**2).sum(axis=1).T
         if np.isinf(self.freedom):
             return self._log_peaks - distance / 2
         power = (self.freedom + self.means.shape[1]) / 2

@@ -17,6 +17,7 @@ and attributes from which the model can be built again.
 
 import json
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from typing import Any
 
@@ -108,7 +109,7 @@ def sampling_tree(
     # A list of one does not come back from netCDF as a list.
     del tree["evidence"].attrs["sample_dims"]
     tree["sample_stats"].attrs.update(settings)
-    tree.attrs["versions"] = json.dumps({name: version(name) for name in _PACKAGES})
+    tree.attrs["versions"] = _versions()
     tree.attrs["random_seed"] = json.dumps(random_seed)
     if study:
         try:
@@ -118,6 +119,11 @@ def sampling_tree(
             # which `fit_classes` checks before it samples.
             tree.attrs["strain_energy"] = study.energy.name
     return tree
+
+
+@cache
+def _versions() -> str:
+    return json.dumps({name: version(name) for name in _PACKAGES})
 
 
 def check_result(tree: Any, origin: str = "ph.sample_smc, or a class of ph.fit_classes") -> None:
