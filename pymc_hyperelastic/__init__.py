@@ -6,10 +6,13 @@ evidences and class probabilities come out, as ordinary PyMC models and ArviZ re
 
 from importlib.metadata import version
 
+from pymc_hyperelastic import strain_energy
+from pymc_hyperelastic.axial_force import axial_force
 from pymc_hyperelastic.classification import classify, fit_classes, kl_divergence
 from pymc_hyperelastic.data import inflation_data, select
 from pymc_hyperelastic.datasets import list_datasets, load_dataset
 from pymc_hyperelastic.kernel import BatchedSMC
+from pymc_hyperelastic.layers import Layer
 from pymc_hyperelastic.likelihood import balanced_slope_weight, inflation_likelihood
 from pymc_hyperelastic.models import (
     criscione_model,
@@ -27,13 +30,7 @@ from pymc_hyperelastic.plots import (
 from pymc_hyperelastic.pressure import PressureIntegral, inflation_pressure, inflation_stiffness
 from pymc_hyperelastic.quadrature import log_evidence_by_quadrature
 from pymc_hyperelastic.smc import Estimate, log_evidence, sample_smc
-from pymc_hyperelastic.strain_energy import (
-    CriscioneType,
-    Ogden,
-    Parameter,
-    PowerLawNeoHookean,
-    StrainEnergy,
-)
+from pymc_hyperelastic.strain_energy import *  # noqa: F403
 from pymc_hyperelastic.units import mmHg
 
 __version__ = version("pymc-hyperelastic")
@@ -45,14 +42,12 @@ __all__ = [
     "inflation_data",
     "select",
     "mmHg",
-    "StrainEnergy",
-    "Parameter",
-    "PowerLawNeoHookean",
-    "Ogden",
-    "CriscioneType",
+    *strain_energy.__all__,
+    "Layer",
     "PressureIntegral",
     "inflation_pressure",
     "inflation_stiffness",
+    "axial_force",
     "balanced_slope_weight",
     "inflation_likelihood",
     "inflation_model",

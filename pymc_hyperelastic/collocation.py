@@ -211,12 +211,12 @@ def _matrices(
     data: xr.Dataset, points: NDArray[np.intp], centre: float, half: float, count: int
 ) -> tuple[Array, Array]:
     """``M`` and ``S`` for the given points: (point, node) each."""
-    log_hoop, pressure_weight, stiffness_weight = wall_rule(np, *_walls(data, points))
-    vandermonde = chebyshev.chebvander((log_hoop - centre) / half, count - 1)
+    wall = wall_rule(np, *_walls(data, points))
+    vandermonde = chebyshev.chebvander((wall.log_hoop - centre) / half, count - 1)
     coefficient = value_to_coefficient(count)
     derivative = chebyshev.chebder(coefficient, axis=0) / half
-    pressure = np.einsum("nq,nqk->nk", pressure_weight, vandermonde) @ coefficient
-    weighted = np.einsum("nq,nqk->nk", stiffness_weight, vandermonde)
+    pressure = np.einsum("nq,nqk->nk", wall.pressure_weight, vandermonde) @ coefficient
+    weighted = np.einsum("nq,nqk->nk", wall.stiffness_weight, vandermonde)
     return pressure, weighted[:, :-1] @ derivative / 2 - weighted @ coefficient
 
 

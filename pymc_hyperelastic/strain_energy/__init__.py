@@ -1,7 +1,15 @@
 """The zoo of strain energies, and the base class from which a user's own derives."""
 
-from pymc_hyperelastic.strain_energy.base import Parameter, StrainEnergy
-from pymc_hyperelastic.strain_energy.isotropic import Ogden, PowerLawNeoHookean
-from pymc_hyperelastic.strain_energy.orthotropic import CriscioneType
+from pymc_hyperelastic.strain_energy import isotropic, orthotropic
+from pymc_hyperelastic.strain_energy.base import Parameter, StrainEnergy, list_strain_energies
+from pymc_hyperelastic.strain_energy.isotropic import *  # noqa: F403
+from pymc_hyperelastic.strain_energy.orthotropic import *  # noqa: F403
 
-__all__ = ["CriscioneType", "Ogden", "Parameter", "PowerLawNeoHookean", "StrainEnergy"]
+# A law is exported from the one file in which it stands.
+__all__ = [
+    "Parameter",
+    "StrainEnergy",
+    "list_strain_energies",
+    *isotropic.__all__,
+    *orthotropic.__all__,
+]

@@ -1,15 +1,26 @@
 """What a strain energy is: its parameters and its equation."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from inspect import signature
+from inspect import isabstract, signature
+from itertools import islice
 from typing import Any, ClassVar
 
+import numpy as np
 import pytensor.tensor as pt
 from pytensor.gradient import grad
+from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable
 
-__all__ = ["Parameter", "StrainEnergy", "elementwise_derivative"]
+__all__ = [
+    "Parameter",
+    "StrainEnergy",
+    "elementwise_derivative",
+    "first_invariant_excess",
+    "half_difference",
+    "list_strain_energies",
+]
 
 
 @dataclass(frozen=True)
@@ -29,6 +40,8 @@ class Parameter:
         the data, or evidences of two classes could not be compared.
     description : str
         What the parameter means, and where the range comes from.
+    size : int, optional
+        Number of entries of a vector, such as one modulus a term; a scalar when missing.
     """
 
     name: str
@@ -36,6 +49,7 @@ class Parameter:
     unit: str
     prior_range: tuple[float, float]
     description: str
+    size: int | None = None
 
 
 class StrainEnergy(ABC):
@@ -43,7 +57,8 @@ class StrainEnergy(ABC):
 
     A subclass names its :attr:`parameters` and writes :meth:`energy`, the energy ``W`` per unit of
     reference volume as a PyTensor expression of the principal stretches. Nothing else is needed:
-    pressure, stiffness, their gradients, models, evidence and classification follow from it.
+    pressure, stiffness, axial force, their gradients, models, evidence and classification follow
+    from it. A vector parameter comes as a tuple of its entries.
 
     Two instances of one class with the same attributes are equal.
 
@@ -69,17 +84,22 @@ class StrainEnergy(ABC):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        if isabstract(cls):
+            return
+        StrainEnergy._registry[cls.__name__] = cls
+        if isinstance(cls.parameters, property):  # known only of an instance, with its settings
+            return
         stated = [p.name for p in cls.parameters]
         arguments = signature(cls.energy).parameters.values()
         written = [
             argument.name for argument in arguments if argument.kind is argument.KEYWORD_ONLY
         ]
-        if sorted(stated) != sorted(written):
+        takes_any = any(argument.kind is argument.VAR_KEYWORD for argument in arguments)
+        if sorted(stated) != sorted(written) and not takes_any:
             raise TypeError(
                 f"strain energy {cls.__name__}: `parameters` names {stated} but `energy` takes the "
                 f"keyword-only arguments {written}; both must list the same names."
             )
-        StrainEnergy._registry[cls.__name__] = cls
 
     @abstractmethod
     def energy(
@@ -105,9 +125,83 @@ class StrainEnergy(ABC):
         **parameters : TensorVariable
             The material parameters, by name.
         """
+        return elementwise_derivative(
+            self._reduced_energy(log_hoop, log_axial, **parameters), log_hoop
+        )
+
+    def axial_stress_difference(
+        self, log_hoop: TensorVariable, log_axial: TensorVariable, **parameters: TensorVariable
+    ) -> TensorVariable:
+        r"""Cauchy stress difference ``σzz − σrr = ∂Ŵ/∂ln λz`` in kPa, which axial force feels.
+
+        Like :meth:`stress_difference` it is derived from :meth:`energy`, or overridden.
+
+        Parameters
+        ----------
+        log_hoop, log_axial : TensorVariable
+            Natural logarithms of the stretches, both of the full broadcast shape.
+        **parameters : TensorVariable
+            The material parameters, by name.
+        """
+        return elementwise_derivative(
+            self._reduced_energy(log_hoop, log_axial, **parameters), log_axial
+        )
+
+    def _reduced_energy(
+        self, log_hoop: TensorVariable, log_axial: TensorVariable, **parameters: TensorVariable
+    ) -> TensorVariable:
+        """``Ŵ(λθ, λz) = W(1/(λθ λz), λθ, λz)`` of an incompressible solid."""
         hoop, axial = pt.exp(log_hoop), pt.exp(log_axial)
-        radial = pt.exp(-log_hoop - log_axial)
-        return elementwise_derivative(self.energy(radial, hoop, axial, **parameters), log_hoop)
+        return self.energy(pt.exp(-log_hoop - log_axial), hoop, axial, **parameters)
+
+    def kinks(
+        self, log_axial: TensorVariable, **parameters: TensorVariable
+    ) -> Sequence[TensorVariable]:
+        """Values of ``ln λθ`` at which the stress is not smooth, or NaN where there is none.
+
+        The wall is integrated piece by piece between them: fibres that carry load in tension only
+        have such a point. None by default.
+        """
+        return ()
+
+    def split(self, parameters: Mapping[str, Any]) -> list[Any]:
+        """All entries of all parameters as one list, in the order of :attr:`parameters`.
+
+        The last axis of a vector parameter is that of its entries.
+
+        Raises
+        ------
+        TypeError
+            If `parameters` are not those of this strain energy, or a vector has another length.
+        """
+        if set(parameters) != set(self.parameter_names):
+            raise TypeError(
+                f"{self.name} has the parameters {list(self.parameter_names)}, but "
+                f"{sorted(parameters)} were given"
+            )
+        entries = []
+        for p in self.parameters:
+            value = parameters[p.name]
+            if p.size is None:
+                entries.append(value)
+                continue
+            value = value if isinstance(value, Variable) else np.asarray(value, float)
+            length = (value.type.shape if isinstance(value, Variable) else value.shape)[-1:]
+            if length != (p.size,) and length != (None,):
+                raise TypeError(
+                    f"parameter {p.name!r} of {self!r} has {p.size} entries along its last axis; "
+                    f"this has the shape {getattr(value, 'type', value).shape}"
+                )
+            entries += [value[..., i] for i in range(p.size)]
+        return entries
+
+    def join(self, entries: Sequence[Any]) -> dict[str, Any]:
+        """Parameters by name from the list of :meth:`split`, vectors as tuples."""
+        rest = iter(entries)
+        return {
+            p.name: next(rest) if p.size is None else tuple(islice(rest, p.size))
+            for p in self.parameters
+        }
 
     @property
     def name(self) -> str:
@@ -120,7 +214,7 @@ class StrainEnergy(ABC):
         return tuple(p.name for p in self.parameters)
 
     @staticmethod
-    def from_name(name: str) -> "StrainEnergy":
+    def from_name(name: str, **settings: Any) -> "StrainEnergy":
         """Strain energy whose class is called `name`: one of the zoo, or one defined by the user.
 
         Raises
@@ -133,7 +227,7 @@ class StrainEnergy(ABC):
                 f"no strain energy is called {name!r}; known are {sorted(StrainEnergy._registry)}. "
                 "If it is your own, run or import its class first."
             )
-        return StrainEnergy._registry[name]()
+        return StrainEnergy._registry[name](**settings)
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and vars(self) == vars(other)
@@ -146,6 +240,31 @@ class StrainEnergy(ABC):
         return f"{self.name}({settings})"
 
 
+def list_strain_energies() -> list[str]:
+    """Names of all strain energies: those of the zoo, and those that the user has defined.
+
+    Each is the name of a class, and :meth:`StrainEnergy.from_name` makes one.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> "HolzapfelGasserOgden" in ph.list_strain_energies()
+    True
+    """
+    return list(StrainEnergy._registry)
+
+
 def elementwise_derivative(y: TensorVariable, x: TensorVariable) -> TensorVariable:
     """Derivative of `y` by `x`, where each entry of `y` depends on that of `x` alone."""
     return grad(y.sum(), x, disconnected_inputs="ignore")
+
+
+def half_difference(log_hoop: TensorVariable, log_axial: TensorVariable) -> TensorVariable:
+    """``½ (λθ² − λr²) = e^{−z} sinh γ`` with ``γ = 2 ln λθ + ln λz``, ``z = ln λz``."""
+    return pt.exp(-log_axial) * pt.sinh(2 * log_hoop + log_axial)
+
+
+def first_invariant_excess(log_hoop: TensorVariable, log_axial: TensorVariable) -> TensorVariable:
+    """``I₁ − 3 = 4 e^{−z} sinh²(γ/2) + 2 e^{−z} + e^{2z} − 3``, with its digits near 0."""
+    across = 4 * pt.exp(-log_axial) * pt.sinh(log_hoop + log_axial / 2) ** 2
+    return across + 2 * pt.expm1(-log_axial) + pt.expm1(2 * log_axial)
