@@ -13,13 +13,12 @@ from pymc_hyperelastic.data import inflation_data, select
 from pymc_hyperelastic.datasets import list_datasets, load_dataset
 from pymc_hyperelastic.kernel import BatchedSMC
 from pymc_hyperelastic.layers import Layer
-from pymc_hyperelastic.likelihood import balanced_slope_weight, inflation_likelihood
+from pymc_hyperelastic.likelihood import inflation_likelihood
 from pymc_hyperelastic.models import (
     criscione_model,
     inflation_model,
     ogden_model,
     power_law_neo_hookean_model,
-    predict_pressure,
 )
 from pymc_hyperelastic.plots import (
     plot_class_probability,
@@ -27,8 +26,15 @@ from pymc_hyperelastic.plots import (
     plot_parameter_density,
     plot_pressure_fit,
 )
+from pymc_hyperelastic.predictions import (
+    predict_axial_force,
+    predict_pressure,
+    radius_at_pressure,
+)
 from pymc_hyperelastic.pressure import PressureIntegral, inflation_pressure, inflation_stiffness
+from pymc_hyperelastic.properties import admissible, tube_properties, wall_stress
 from pymc_hyperelastic.quadrature import log_evidence_by_quadrature
+from pymc_hyperelastic.slopes import balanced_slope_weight
 from pymc_hyperelastic.smc import Estimate, log_evidence, sample_smc
 from pymc_hyperelastic.strain_energy import *  # noqa: F403
 from pymc_hyperelastic.units import mmHg
@@ -60,6 +66,11 @@ __all__ = [
     "log_evidence_by_quadrature",
     "Estimate",
     "predict_pressure",
+    "predict_axial_force",
+    "radius_at_pressure",
+    "tube_properties",
+    "wall_stress",
+    "admissible",
     "fit_classes",
     "classify",
     "kl_divergence",

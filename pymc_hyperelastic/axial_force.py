@@ -10,7 +10,7 @@ from pymc_hyperelastic.layers import Layer
 from pymc_hyperelastic.pressure import WallIntegral, checked_tubes
 from pymc_hyperelastic.strain_energy.base import StrainEnergy
 
-__all__ = ["AxialForceIntegral", "axial_force"]
+__all__ = ["AxialForceIntegral", "axial_force", "force_response"]
 
 
 class AxialForceIntegral(WallIntegral):
@@ -40,9 +40,19 @@ class AxialForceIntegral(WallIntegral):
         self, log_hoop: TensorVariable, log_axial: TensorVariable, entries: Sequence[Any]
     ) -> TensorVariable:
         """``2 (σzz − σrr) − (σθθ − σrr)`` of the material."""
-        parameters = self.strain_energy.join(entries)
-        axial = self.strain_energy.axial_stress_difference(log_hoop, log_axial, **parameters)
-        return 2 * axial - super().response(log_hoop, log_axial, entries)
+        return force_response(self.strain_energy, log_hoop, log_axial, entries)
+
+
+def force_response(
+    energy: StrainEnergy,
+    log_hoop: TensorVariable,
+    log_axial: TensorVariable,
+    entries: Sequence[Any],
+) -> TensorVariable:
+    """``2 (σzz − σrr) − (σθθ − σrr)``, what axial force is linear in."""
+    parameters = energy.join(entries)
+    axial = energy.axial_stress_difference(log_hoop, log_axial, **parameters)
+    return 2 * axial - energy.stress_difference(log_hoop, log_axial, **parameters)
 
 
 def axial_force(

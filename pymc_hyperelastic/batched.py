@@ -1,8 +1,9 @@
 """Functions of a model's variables for many points at once: compiled soon, and only once."""
 
+import tracemalloc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import cached_property, partial, reduce
 from typing import Any
 
 import numpy as np
@@ -93,6 +94,10 @@ _NUMPY = (
 _without_traces = pytensor.config.change_flags(traceback__limit=0)
 
 
+# Bytes of intermediate results that particles may need together, and particles by which it is
+# found out how many one needs.
+_CACHED_BYTES, _MEASURED = 2**23, 16
+
 # Compiled functions by their expressions.
 _compiled: dict[tuple, Any] = {}
 
@@ -107,6 +112,7 @@ class BatchedFunction:
 
     function: Any
     shared: tuple[SharedVariable, ...]
+    dimension: int
 
     @classmethod
     @_without_traces
@@ -134,13 +140,40 @@ class BatchedFunction:
                 on_unused_input="ignore",
                 **compile_kwargs,
             )
-        return cls(_compiled[key], shared)
+        return cls(_compiled[key], shared, sum(v.size for v in point.values()))
 
     def __call__(self, particles: Array) -> list[Array]:
         """Value of every output at every particle, the particles along the first axis."""
+        values = [v.get_value(borrow=True) for v in self.shared]
+        at_once = max(1, _CACHED_BYTES // self._bytes_per_particle)
         # A proposal may be so wild that its pressures overflow: its score says so.
         with np.errstate(all="ignore"):
-            return self.function(particles, *(v.get_value(borrow=True) for v in self.shared))
+            if len(particles) <= at_once:
+                return self.function(particles, *values)
+            parts = [
+                self.function(particles[start : start + at_once], *values)
+                for start in range(0, len(particles), at_once)
+            ]
+        return [np.concatenate(outputs) for outputs in zip(*parts, strict=True)]
+
+    @cached_property
+    def _bytes_per_particle(self) -> int:
+        """What is in memory at once for each, as a power of 2: arrays out of cache cost a lot."""
+        some = np.zeros((_MEASURED, self.dimension))
+        values = [v.get_value(borrow=True) for v in self.shared]
+        tracing = tracemalloc.is_tracing()
+        if not tracing:
+            tracemalloc.start()
+        try:
+            before = tracemalloc.get_traced_memory()[0]
+            tracemalloc.reset_peak()
+            with np.errstate(all="ignore"):
+                self.function(some, *values)
+            peak = tracemalloc.get_traced_memory()[1] - before
+        finally:
+            if not tracing:
+                tracemalloc.stop()
+        return 1 << int(peak / _MEASURED).bit_length()
 
 
 def _of_a_batch(

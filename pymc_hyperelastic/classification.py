@@ -12,10 +12,11 @@ from scipy.special import softmax
 
 from pymc_hyperelastic.batched import BatchedFunction
 from pymc_hyperelastic.data import tests_at
-from pymc_hyperelastic.likelihood import check_likelihood, likelihood_inputs, nodes_for
+from pymc_hyperelastic.likelihood import check_likelihood, likelihood_inputs
 from pymc_hyperelastic.models import inflation_model
 from pymc_hyperelastic.predictive import ClassPredictive
 from pymc_hyperelastic.results import check_result, inflation_data_of, model_settings_of
+from pymc_hyperelastic.rules import rule_for
 from pymc_hyperelastic.smc import (
     Estimate,
     log_evidence,
@@ -33,6 +34,7 @@ def fit_classes(
     *,
     sigma: Any,
     slope_weight: Any,
+    force_sigma: Any = None,
     priors: dict[str, Any] | None = None,
     draws: int = 2000,
     chains: int = 4,
@@ -49,7 +51,7 @@ def fit_classes(
         The material, such as ``ph.Ogden()``.
     classes : dict of str to xarray.Dataset
         Training data of each class by its name.
-    sigma, slope_weight, priors
+    sigma, slope_weight, force_sigma, priors
         See :func:`pymc_hyperelastic.inflation_model`; they hold for all classes.
     draws, chains, random_seed, progressbar
         See :func:`pymc_hyperelastic.sample_smc`. After an interrupt the classes already fitted are
@@ -92,14 +94,13 @@ def fit_classes(
     if not classes:
         raise ValueError("classes must be a dict of names to training data; it is {}")
     seed = seed_sequence(random_seed)
+    noise = {"sigma": sigma, "slope_weight": slope_weight, "force_sigma": force_sigma}
     models = {}
     for name, data in classes.items():
         if not isinstance(name, str) or not name or "/" in name:
             raise ValueError(f"a class is named by text without '/'; got {name!r}")
         try:
-            models[name] = inflation_model(
-                energy, data, sigma=sigma, slope_weight=slope_weight, priors=priors
-            )
+            models[name] = inflation_model(energy, data, priors=priors, **noise)
             models[name].study.attrs()
         except (TypeError, ValueError) as error:
             raise type(error)(f"class {name!r}: {error}") from error
@@ -199,13 +200,9 @@ def classify(
     settings = _common_settings(classes)
     names = list(classes.children)
     prior = _class_prior(class_prior, names)
-    check_likelihood(
-        settings["energy"],
-        new_data,
-        settings["priors"],
-        sigma=settings["sigma"],
-        slope_weight=settings["slope_weight"],
-    )
+    energy, priors = settings["energy"], settings["priors"]
+    noise = {name: value for name, value in settings.items() if name not in ("energy", "priors")}
+    check_likelihood(energy, new_data, priors, **noise)
     seed = seed_sequence(random_seed)
 
     if by == "test":
@@ -213,7 +210,8 @@ def classify(
     else:
         specimen = new_data["specimen"].values
         units = [np.flatnonzero(specimen == s).tolist() for s in dict.fromkeys(specimen.tolist())]
-    nodes = nodes_for(settings["energy"], new_data, settings["priors"], "auto")
+    with_force = "force_sigma" in noise
+    rule = rule_for(energy, new_data, priors, with_force=with_force)
     seeds = seed.generate_state(1 + len(units) * len(names)).tolist()
     rng = np.random.default_rng(seeds.pop())
     shape = len(units), len(names)
@@ -226,10 +224,13 @@ def classify(
         try:
             for i, unit in enumerate(units):
                 inputs = likelihood_inputs(
-                    tests_at(new_data, unit), nodes, slope_weight=settings["slope_weight"]
+                    tests_at(new_data, unit),
+                    rule,
+                    slope_weight=noise["slope_weight"],
+                    with_force=with_force,
                 )
                 predictives = predictives or [
-                    ClassPredictive(classes[name], settings, inputs, rng) for name in names
+                    ClassPredictive(classes[name], settings, rule, inputs, rng) for name in names
                 ]
                 for j, predictive in enumerate(predictives):
                     estimate, method[i, j], pareto_k[i, j] = predictive(inputs, seeds.pop())
@@ -257,7 +258,7 @@ def classify(
         # What the data are, above all whether they were simulated, stays with the result.
         {key: new_data.attrs[key] for key in ("title", "simulated") if key in new_data.attrs}
         | {
-            "strain_energy": settings["energy"].name,
+            "strain_energy": energy.name,
             "class_prior": json.dumps(dict(zip(names, prior.tolist(), strict=True))),
         },
     )
@@ -336,7 +337,7 @@ def _common_settings(classes: xr.DataTree) -> dict[str, Any]:
             raise ValueError(
                 f"classes must be the result of ph.fit_classes, all of it; {name!r} is no class"
             )
-        for key in ("strain_energy", "priors", "noise"):
+        for key in ("strain_energy", "strain_energy_settings", "priors", "noise"):
             mine, theirs = fitted.attrs.get(key), first.attrs.get(key)
             if mine != theirs:
                 raise ValueError(

@@ -6,6 +6,7 @@ span the walls, and the matrices do not depend on the material. The squared misf
 of points is then, by a QR factorisation, that of ``K`` numbers.
 """
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -22,17 +23,21 @@ from pytensor.graph.utils import MissingInputError
 from pytensor.tensor.blockwise import vectorize_node_fallback
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data import GEOMETRY
+from pymc_hyperelastic.axial_force import force_response
+from pymc_hyperelastic.data import GEOMETRY, measured_radius
 from pymc_hyperelastic.pressure import TubeOp, wall_rule
 from pymc_hyperelastic.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.tube import stretches
 
 __all__ = [
+    "CollocatedAxialForce",
+    "CollocatedIntegral",
     "CollocatedPressureIntegral",
     "chebyshev_nodes",
     "collocate",
     "curve_matrices",
     "nodes_needed",
+    "representative_values",
     "value_to_coefficient",
 ]
 
@@ -47,15 +52,42 @@ _MOST_NODES = 64
 _CHUNK = 2048
 
 
-class CollocatedPressureIntegral(TubeOp):
+class CollocatedIntegral(TubeOp):
+    r"""Integrals over the walls of known tubes as constant matrices times the wall's response.
+
+    Inputs are ``ln λθ`` at the nodes (group, node), ``ln λz`` (group), the matrices (group, row,
+    node), then the parameters, scalars in the order of the strain energy, vectors entry by entry.
+    Tests of one axial stretch form a group. For each matrix there is an output (group, row).
+    """
+
+    __props__ = ("strain_energy",)
+
+    def build_inner_graph(self, *inputs: TensorVariable) -> list[Variable]:
+        """Response at the nodes, then one matrix product a group."""
+        log_hoop, log_axial, *matrices = inputs[: self.constants]
+        entries = inputs[self.constants :]
+        batched = any(x.type.ndim for x in entries)
+        log_axial = log_axial[:, None]
+        if batched:
+            # The particles run along the last axis, where NumPy's sums over the others are fast.
+            log_hoop, log_axial = log_hoop[..., None], log_axial[..., None]
+        log_hoop, log_axial, *entries = pt.broadcast_arrays(log_hoop, log_axial, *entries)
+        response = self.response(log_hoop, log_axial, entries)
+        if batched:
+            return [pt.moveaxis(matrix @ response, -1, 0) for matrix in matrices]
+        return [(matrix @ response[..., None])[..., 0] for matrix in matrices]
+
+    # Number of inputs before the parameters.
+    constants: int
+
+
+class CollocatedPressureIntegral(CollocatedIntegral):
     r"""Pressures and stiffnesses of known tubes as constant matrices times the wall's response.
 
     .. math:: T_{gk} = T(\ln λ_θ^{(gk)}, \ln λ_z^{(g)}), \qquad
         p_{gj} = \sum_k M_{gjk} T_{gk}, \qquad s_{gj} = \sum_k S_{gjk} T_{gk}
 
-    Inputs are ``ln λθ`` at the nodes (group, node), ``ln λz`` (group), ``M`` and ``S`` (group, row,
-    node), then the parameters, scalars in the order of the strain energy. Tests of one axial
-    stretch form a group. Outputs are the two products, (group, row).
+    See :class:`CollocatedIntegral` for the inputs.
 
     Attributes
     ----------
@@ -63,40 +95,38 @@ class CollocatedPressureIntegral(TubeOp):
         The material.
     """
 
-    __props__ = ("strain_energy",)
-
-    def build_inner_graph(self, *inputs: TensorVariable) -> list[Variable]:
-        """Response at the nodes, then one matrix product a group."""
-        log_hoop, log_axial, *matrices = inputs[:4]
-        parameters = inputs[4:]
-        batched = any(x.type.ndim for x in parameters)
-        log_axial = log_axial[:, None]
-        if batched:
-            # The particles run along the last axis, where NumPy sums over the others are fast.
-            log_hoop, log_axial = log_hoop[..., None], log_axial[..., None]
-        log_hoop, log_axial, *parameters = pt.broadcast_arrays(log_hoop, log_axial, *parameters)
-        response = self.response(log_hoop, log_axial, parameters)
-        if batched:
-            return [pt.moveaxis(matrix @ response, -1, 0) for matrix in matrices]
-        return [(matrix @ response[..., None])[..., 0] for matrix in matrices]
+    constants = 4
 
 
-@_vectorize_node.register(CollocatedPressureIntegral)
-def _vectorize_collocated(
-    op: CollocatedPressureIntegral, node: Apply, *inputs: TensorVariable
-) -> Apply:
+class CollocatedAxialForce(CollocatedIntegral):
+    """Axial forces of known tubes as a constant matrix times ``2 (σzz − σrr) − (σθθ − σrr)``."""
+
+    constants = 3
+
+    def response(
+        self, log_hoop: TensorVariable, log_axial: TensorVariable, entries: Sequence[Any]
+    ) -> TensorVariable:
+        """``2 (σzz − σrr) − (σθθ − σrr)`` of the material."""
+        return force_response(self.strain_energy, log_hoop, log_axial, entries)
+
+
+@_vectorize_node.register(CollocatedIntegral)
+def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: TensorVariable) -> Apply:
     """Take a batch of parameters in one call; anything else is looped over."""
-    parameters = inputs[4:]
-    if inputs[:4] != tuple(node.inputs[:4]) or any(x.type.ndim > 1 for x in parameters):
+    constants, entries = inputs[: op.constants], inputs[op.constants :]
+    if constants != tuple(node.inputs[: op.constants]) or any(x.type.ndim > 1 for x in entries):
         return vectorize_node_fallback(op, node, *inputs)
-    parameters = pt.broadcast_arrays(*(pt.atleast_1d(x) for x in parameters))
-    return CollocatedPressureIntegral(strain_energy=op.strain_energy)(*inputs[:4], *parameters)[
-        0
-    ].owner
+    entries = pt.broadcast_arrays(*(pt.atleast_1d(x) for x in entries))
+    outputs = type(op)(strain_energy=op.strain_energy)(*constants, *entries, return_list=True)
+    return outputs[0].owner
 
 
 def nodes_needed(
-    energy: StrainEnergy, data: xr.Dataset, parameters: dict[str, TensorVariable]
+    energy: StrainEnergy,
+    data: xr.Dataset,
+    parameters: dict[str, TensorVariable],
+    *,
+    with_force: bool = False,
 ) -> int | None:
     """Number ``K`` of Chebyshev stretches at which the response must be known, or None.
 
@@ -104,7 +134,7 @@ def nodes_needed(
     ``K`` is where the coefficients have fallen below rounding for all of them. None means that more
     than 64 were needed or the parameters cannot be drawn: then the direct rule is to be used.
     """
-    values = _representative_values([parameters[name] for name in energy.parameter_names])
+    values = representative_values(energy.split(parameters))
     if values is None:
         return None
     node = chebyshev_nodes(2 * _MOST_NODES)
@@ -112,11 +142,12 @@ def nodes_needed(
     for axial_stretch, _, (centre, half) in _groups(data):
         shape = (-1, 1)
         with np.errstate(all="ignore"):
-            response = _response_function(energy)(
+            responses = _response_function(energy, with_force)(
                 (centre + half * node)[None, :],
                 np.full((1, 1), np.log(axial_stretch)),
                 *(v.reshape(shape) for v in values),
             )
+        response = np.concatenate(responses)
         response = response[np.isfinite(response).all(axis=1)]
         coefficients = np.abs(response @ value_to_coefficient(node.size).T)
         largest = coefficients.max(axis=1, keepdims=True)
@@ -125,14 +156,12 @@ def nodes_needed(
     return needed if needed <= _MOST_NODES else None
 
 
-def collocate(
-    data: xr.Dataset, count: int, interior: NDArray[np.intp], slope: Array
-) -> dict[str, Any]:
-    """Matrices of :class:`CollocatedPressureIntegral`, compressed against the measured values.
+def collocate(data: xr.Dataset, count: int, targets: dict[str, Array]) -> dict[str, Any]:
+    """Matrices of :class:`CollocatedIntegral`, compressed against the measured values.
 
     With a QR factorisation ``[M y] = Q [R c; 0 ρ]`` of a group, ``|M g − y|² = |R g − c|² + ρ²``
-    for every response ``g``. Pressures (all points) and slopes (interior points) are compressed
-    separately, so that their weights may be unknown.
+    for every response ``g``. Each kind of measurement is compressed separately, so that their
+    weights may be unknown.
 
     Parameters
     ----------
@@ -140,24 +169,20 @@ def collocate(
         Inflation data.
     count : int
         Number of Chebyshev stretches.
-    interior : array of int
-        Points at which slopes are compared.
-    slope : array
-        Measured slope at each of them, kPa/mm.
+    targets : dict of str to array
+        What was measured at each point, NaN where nothing was: ``"pressure"`` (kPa), ``"slope"``
+        (kPa/mm, by the radius that was measured), ``"force"`` (mN).
 
     Returns
     -------
     dict of str to array
-        ``log_hoop`` (group, node), ``log_axial`` (group), and for ``pressure`` and ``slope`` the
-        ``_matrix`` (group, node, node), ``_target`` (group, node) and ``_residual`` (the sum of
-        all ``ρ²``).
+        ``log_hoop`` (group, node), ``log_axial`` (group), and for each target the ``_matrix``
+        (group, node, node), ``_target`` (group, node) and ``_residual`` (the sum of all ``ρ²``).
     """
     node = chebyshev_nodes(count)
-    target = {"pressure": data["pressure"].values, "slope": np.full(data.sizes["obs"], np.nan)}
-    target["slope"][interior] = slope
     hoop, axial = [], []
-    factors: dict[str, list[Array]] = {"pressure": [], "slope": []}
-    residual = {"pressure": 0.0, "slope": 0.0}
+    factors: dict[str, list[Array]] = {name: [] for name in targets}
+    residual = dict.fromkeys(targets, 0.0)
     for axial_stretch, points, (centre, half) in _groups(data):
         hoop.append(centre + half * node)
         axial.append(np.log(axial_stretch))
@@ -165,8 +190,8 @@ def collocate(
         for start in range(0, len(points), _CHUNK):
             chunk = points[start : start + _CHUNK]
             matrices = _matrices(data, chunk, centre, half, count)
-            for name, matrix in zip(factors, matrices, strict=True):
-                rows = np.column_stack([matrix, target[name][chunk]])
+            for name, target in targets.items():
+                rows = np.column_stack([matrices[name], target[chunk]])
                 rows = rows[~np.isnan(rows[:, -1])]
                 stacked = np.concatenate([augmented[name], rows])
                 augmented[name] = np.linalg.qr(stacked, mode="r")
@@ -183,41 +208,56 @@ def collocate(
 
 
 def curve_matrices(data: xr.Dataset, count: int) -> tuple[dict[str, Array], NDArray[np.intp]]:
-    """Matrices of :class:`CollocatedPressureIntegral` for the points themselves, uncompressed.
+    """Matrices of :class:`CollocatedIntegral` for the points themselves, uncompressed.
 
     Groups are padded to the same number of rows. With the matrices come the places of the points
-    among all rows, group by group.
+    among all rows, group by group. Slopes are by the internal radius.
     """
     groups = _groups(data)
     node = chebyshev_nodes(count)
     most = max(len(points) for _, points, _ in groups)
-    matrices = np.zeros((2, len(groups), most, count))
+    shape = len(groups), most, count
+    matrices = {name: np.zeros(shape) for name in ("pressure", "stiffness", "force")}
     place = np.zeros(data.sizes["obs"], int)
     for group, (_, points, (centre, half)) in enumerate(groups):
         place[points] = group * most + np.arange(len(points))
         for start in range(0, len(points), _CHUNK):
             chunk = points[start : start + _CHUNK]
             rows = slice(start, start + len(chunk))
-            matrices[:, group, rows] = _matrices(data, chunk, centre, half, count)
+            blocks = _matrices(data, chunk, centre, half, count)
+            for name, matrix in matrices.items():
+                matrix[group, rows] = blocks[name]
     return {
         "log_hoop": np.array([centre + half * node for *_, (centre, half) in groups]),
         "log_axial": np.array([np.log(axial_stretch) for axial_stretch, *_ in groups]),
-        "pressure_matrix": matrices[0],
-        "slope_matrix": matrices[1],
+        **{f"{name}_matrix": matrix for name, matrix in matrices.items()},
     }, place
 
 
 def _matrices(
     data: xr.Dataset, points: NDArray[np.intp], centre: float, half: float, count: int
-) -> tuple[Array, Array]:
-    """``M`` and ``S`` for the given points: (point, node) each."""
+) -> dict[str, Array]:
+    """From responses at the nodes to what is measured at the given points: (point, node) each.
+
+    ``"slope"`` is the stiffness by the radius that was measured.
+    """
     wall = wall_rule(np, *_walls(data, points))
     vandermonde = chebyshev.chebvander((wall.log_hoop - centre) / half, count - 1)
     coefficient = value_to_coefficient(count)
     derivative = chebyshev.chebder(coefficient, axis=0) / half
-    pressure = np.einsum("nq,nqk->nk", wall.pressure_weight, vandermonde) @ coefficient
-    weighted = np.einsum("nq,nqk->nk", wall.stiffness_weight, vandermonde)
-    return pressure, weighted[:, :-1] @ derivative / 2 - weighted @ coefficient
+
+    def moments(weight: Array) -> Array:
+        return np.einsum("nq,nqk->nk", weight, vandermonde)
+
+    weighted = moments(wall.stiffness_weight)
+    stiffness = weighted[:, :-1] @ derivative / 2 - weighted @ coefficient
+    growth = measured_radius(data).values[points] / data["radius"].values[points]
+    return {
+        "pressure": moments(wall.pressure_weight) @ coefficient,
+        "stiffness": stiffness,
+        "slope": stiffness * growth[:, None],
+        "force": moments(wall.force_weight) @ coefficient,
+    }
 
 
 def _groups(data: xr.Dataset) -> list[tuple[float, NDArray[np.intp], tuple[float, float]]]:
@@ -244,7 +284,7 @@ def _walls(data: xr.Dataset, points: NDArray[np.intp]) -> list[Array]:
     return [values[:, None].astype(float) for values in (data["radius"].values[points], *geometry)]
 
 
-def _representative_values(parameters: list[TensorVariable]) -> list[Array] | None:
+def representative_values(parameters: list[TensorVariable]) -> list[Array] | None:
     """Draws of the parameters, and the corners of the box that holds them."""
     try:
         draws = pm.draw(parameters, draws=256, random_seed=1, mode="FAST_COMPILE")
@@ -253,24 +293,25 @@ def _representative_values(parameters: list[TensorVariable]) -> list[Array] | No
         # from, so that nothing is known of their range.
         return None
     ends = np.array([[d.min(), d.max()] for d in draws])
-    corners = np.stack(np.meshgrid(*ends, indexing="ij")).reshape(len(draws), -1)
+    # All corners of the box; of one with many, some.
+    count = len(draws)
+    corner = np.random.default_rng(1).permutation(2**count)[:1024]
+    bits = (corner >> np.arange(count)[:, None]) & 1
+    corners = np.take_along_axis(ends, bits, axis=1)
     return [np.concatenate([d, c]) for d, c in zip(draws, corners, strict=True)]
 
 
 @cache
-def _response_function(energy: StrainEnergy) -> Any:
-    """Response at ``ln λθ`` (1, node) and ``ln λz`` (1, 1), for parameters (draw, 1)."""
+def _response_function(energy: StrainEnergy, with_force: bool) -> Any:
+    """Responses at ``ln λθ`` (1, node) and ``ln λz`` (1, 1), for parameters (draw, 1)."""
     log_hoop = pt.tensor("log_hoop", dtype="float64", shape=(1, None))
     log_axial = pt.tensor("log_axial", dtype="float64", shape=(1, 1))
-    parameters = {
-        name: pt.tensor(name, dtype="float64", shape=(None, 1)) for name in energy.parameter_names
-    }
-    full = pt.broadcast_arrays(log_hoop, log_axial, *parameters.values())
-    response = energy.stress_difference(
-        full[0], full[1], **dict(zip(parameters, full[2:], strict=True))
-    )
-    inputs = [log_hoop, log_axial, *parameters.values()]
-    return pytensor.function(inputs, response, mode="FAST_COMPILE")
+    entries = [pt.tensor(n, dtype="float64", shape=(None, 1)) for n in energy.entry_names]
+    hoop, axial, *full = pt.broadcast_arrays(log_hoop, log_axial, *entries)
+    responses = [energy.stress_difference(hoop, axial, **energy.join(full))]
+    if with_force:
+        responses.append(force_response(energy, hoop, axial, full))
+    return pytensor.function([log_hoop, log_axial, *entries], responses, mode="FAST_COMPILE")
 
 
 @cache

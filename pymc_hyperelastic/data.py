@@ -10,15 +10,25 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Sequence
 from math import pi
 from numbers import Real
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pymc_hyperelastic.tube import internal_radius_from_outer_radius
 from pymc_hyperelastic.units import to_internal
 
-__all__ = ["check_inflation_data", "describe_test", "inflation_data", "points_of", "select"]
+__all__ = [
+    "check_inflation_data",
+    "describe_test",
+    "inflation_data",
+    "measured_radius",
+    "points_of",
+    "select",
+]
+
+Measured = Literal["radius", "outer_diameter"]
 
 # What states the reference tube of a test, in the order in which functions take it.
 GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
@@ -32,6 +42,11 @@ VARIABLES = {
     "axial_stretch": ("test", "1", "axial stretch"),
     "opening_angle": ("test", "rad", "opening angle of the cut ring"),
 }
+# What it may hold.
+OPTIONAL = {
+    "outer_diameter": ("obs", "mm", "outer diameter"),
+    "axial_force": ("obs", "mN", "reduced axial force"),
+}
 COORDINATES = {
     "test": ("obs", "1", "inflation experiment that the point belongs to"),
     "row": ("obs", "1", "row of the point in its table"),
@@ -44,38 +59,49 @@ COORDINATES = {
 def inflation_data(
     frame: pd.DataFrame,
     *,
-    inner_radius: float | str,
-    outer_radius: float | str,
-    axial_stretch: float | str = 1.0,
-    opening_angle: float | str = 0.0,
+    inner_radius: float | str | None,
+    outer_radius: float | str | None,
+    axial_stretch: float | str | None = 1.0,
+    opening_angle: float | str | None = 0.0,
+    measured: Measured = "radius",
     radius_unit: str = "mm",
     pressure_unit: str = "kPa",
     angle_unit: str = "rad",
+    force_unit: str = "mN",
 ) -> xr.Dataset:
     """Build the inflation Dataset from a table of measured points.
 
     Parameters
     ----------
     frame : pandas.DataFrame
-        One row a point, with the columns ``specimen``, ``experiment``, ``radius`` (current
-        internal radius), ``pressure`` and optionally ``group``; others are ignored. A specimen
-        and an experiment together name one inflation test.
-    inner_radius, outer_radius : float or str
+        One row a point, with the columns ``specimen``, ``experiment``, what was `measured`,
+        ``pressure`` and optionally ``axial_force`` (reduced axial force; missing where it was not
+        measured) and ``group``; others are ignored. A specimen and an experiment together name one
+        inflation test.
+    inner_radius, outer_radius : float, str or None
         Radii of the reference tube in `radius_unit`: a number, or the name of a column that is
-        constant within each test.
-    axial_stretch, opening_angle : float or str
+        constant within each test. None where they are not known: they are then inferred, see
+        ``geometry`` of :func:`~pymc_hyperelastic.inflation_model`.
+    axial_stretch, opening_angle : float, str or None
         Axial stretch, and opening angle of the cut ring in `angle_unit`, given in the same way.
-    radius_unit, pressure_unit, angle_unit : str
-        Units of what is given, as pint knows them, such as ``"um"``, ``"mmHg"``, ``"deg"``.
+    measured : {"radius", "outer_diameter"}
+        What was measured against pressure, and has a column of that name: the current internal
+        radius, or the current outer diameter, to which the internal radius belongs by
+        incompressibility. Slopes are taken by what was measured.
+    radius_unit, pressure_unit, angle_unit, force_unit : str
+        Units of what is given, as pint knows them, such as ``"um"``, ``"mmHg"``, ``"deg"``. That of
+        the radius is that of the diameter, too.
 
     Returns
     -------
     xarray.Dataset
-        Dimension ``obs`` with ``radius`` (mm), ``pressure`` (kPa) and the coordinates ``test``
-        and ``row`` (the frame's index label); the points of a test stand together, in the frame's
-        order. Dimension ``test``, in order of first appearance, with ``inner_radius``,
-        ``outer_radius`` (mm), ``axial_stretch``, ``opening_angle`` (rad) and the coordinates
-        ``specimen``, ``experiment`` and ``group`` (``"all"`` without such a column).
+        Dimension ``obs`` with ``radius`` (internal, mm; NaN where it depends on what is not
+        known), ``pressure`` (kPa), ``outer_diameter`` (mm) and ``axial_force`` (mN) if measured,
+        and the coordinates ``test`` and ``row`` (the frame's index label); the points of a test
+        stand together, in the frame's order. Dimension ``test``, in order of first appearance,
+        with ``inner_radius``, ``outer_radius`` (mm), ``axial_stretch``, ``opening_angle`` (rad),
+        NaN where unknown, and the coordinates ``specimen``, ``experiment`` and ``group``
+        (``"all"`` without such a column).
 
     Raises
     ------
@@ -96,7 +122,9 @@ def inflation_data(
     >>> dict(data.sizes)
     {'obs': 2, 'test': 1}
     """
-    _check_frame(frame)
+    if measured not in get_args(Measured):
+        raise ValueError(f"measured is {measured!r}; expected one of {get_args(Measured)}")
+    _check_frame(frame, measured)
     specimen, experiment = _labels(frame, "specimen"), _labels(frame, "experiment")
     group = _labels(frame, "group") if "group" in frame else np.full(len(frame), "all")
     test, _ = pd.factorize(pd.MultiIndex.from_arrays([specimen, experiment]))
@@ -104,24 +132,35 @@ def inflation_data(
     # Stable: points keep the frame's order inside a test, also where its rows are scattered.
     order = np.argsort(test, kind="stable")
 
-    def of_tests(name: str, given: float | str) -> np.ndarray:
+    def of_tests(name: str, given: float | str | None) -> np.ndarray:
+        if given is None:
+            return np.full(first.size, np.nan)
         if isinstance(given, str):
             return _constant_within_tests(frame, name, _geometry_column(frame, name, given), test)
         if isinstance(given, bool | np.bool_) or not isinstance(given, Real):
-            raise TypeError(f"{name} is {given!r}; expected a number or the name of a column")
+            raise TypeError(
+                f"{name} is {given!r}; expected a number, the name of a column, or None if unknown"
+            )
+        if np.isnan(given):
+            raise ValueError(f"{name} is {given}; where it is not known, give None")
         return np.full(first.size, float(given))
 
     def millimetres(values: np.ndarray) -> np.ndarray:
         return to_internal(values, radius_unit, "length", keyword="radius_unit")
 
     values = {
-        "radius": millimetres(_numbers(frame, "radius")[order]),
+        measured: millimetres(_numbers(frame, measured)[order]),
         "pressure": to_internal(_numbers(frame, "pressure")[order], pressure_unit, "pressure"),
         "inner_radius": millimetres(of_tests("inner_radius", inner_radius)),
         "outer_radius": millimetres(of_tests("outer_radius", outer_radius)),
         "axial_stretch": of_tests("axial_stretch", axial_stretch),
         "opening_angle": to_internal(of_tests("opening_angle", opening_angle), angle_unit, "angle"),
     }
+    if "axial_force" in frame:
+        force = _numbers(frame, "axial_force", may_be_missing=True)[order]
+        values["axial_force"] = to_internal(force, force_unit, "force")
+    if measured == "outer_diameter":
+        values["radius"] = _internal_radius(values, test[order])
     coordinates = {
         "test": test[order],
         "row": _plain_array(frame.index[order].tolist()),
@@ -129,7 +168,8 @@ def inflation_data(
         "experiment": experiment[first],
         "group": _constant_within_tests(frame, "group", group, test),
     }
-    data = xr.Dataset(_variables(VARIABLES, values), _variables(COORDINATES, coordinates))
+    kinds = VARIABLES | {name: kind for name, kind in OPTIONAL.items() if name in values}
+    data = xr.Dataset(_variables(kinds, values), _variables(COORDINATES, coordinates))
     check_inflation_data(data)
     return data
 
@@ -254,6 +294,20 @@ def points_of(data: xr.Dataset, i: int) -> slice:
     return slice(int(points[0]), int(points[-1]) + 1)
 
 
+def measured_radius(data: xr.Dataset) -> xr.DataArray:
+    """The radius that was measured, mm: the internal one, or half of the outer diameter.
+
+    Examples
+    --------
+    >>> from pymc_hyperelastic.data import measured_radius
+    >>> from pymc_hyperelastic.datasets import load_dataset
+    >>> data = load_dataset("simulated_sheep_aorta")
+    >>> measured_radius(data).equals(data["radius"])
+    True
+    """
+    return data["outer_diameter"] / 2 if "outer_diameter" in data else data["radius"]
+
+
 def check_inflation_data(data: xr.Dataset) -> None:
     """Raise unless `data` is a sound inflation Dataset, as :func:`inflation_data` builds it.
 
@@ -284,8 +338,8 @@ def check_inflation_data(data: xr.Dataset) -> None:
             f"inflation data are an xarray.Dataset, not {type(data).__name__}; "
             "make one from a table with inflation_data(frame, ...)"
         )
-    for name, (dimension, unit, _) in {**VARIABLES, **COORDINATES}.items():
-        if name == "row" and name not in data.variables:
+    for name, (dimension, unit, _) in {**VARIABLES, **OPTIONAL, **COORDINATES}.items():
+        if name in ("row", *OPTIONAL) and name not in data.variables:
             continue
         if name not in data.variables:
             raise ValueError(f"the inflation data lack {name!r} (dimension {dimension!r})")
@@ -298,8 +352,13 @@ def check_inflation_data(data: xr.Dataset) -> None:
                 f"{name!r} is in {data[name].attrs['units']!r}; expected {unit!r}: convert it"
             )
     _check_test_positions(data)
-    values = {name: _finite(data, name) for name in VARIABLES}
+    present = [*VARIABLES, *(name for name in OPTIONAL if name in data)]
+    values = {
+        name: _finite(data, name, may_be_missing=_may_be_missing(data, name)) for name in present
+    }
     for name, (impossible, expected) in _RULES.items():
+        if name not in values:
+            continue
         bad = np.flatnonzero(impossible(values))
         if bad.size:
             raise ValueError(f"{_found(data, name, bad[0], values[name])}; {expected}")
@@ -308,6 +367,10 @@ def check_inflation_data(data: xr.Dataset) -> None:
 # For each variable: where its values are impossible, and what to say then.
 _RULES = {
     "radius": (lambda v: v["radius"] <= 0, "expected a positive radius: correct or drop the row"),
+    "outer_diameter": (
+        lambda v: v["outer_diameter"] <= 0,
+        "expected a positive diameter: correct or drop the row",
+    ),
     "inner_radius": (lambda v: v["inner_radius"] <= 0, "expected a positive radius"),
     "outer_radius": (
         lambda v: v["outer_radius"] <= v["inner_radius"],
@@ -351,19 +414,36 @@ def _check_test_positions(data: xr.Dataset) -> None:
         )
 
 
-def _finite(data: xr.Dataset, name: str) -> np.ndarray:
+def _may_be_missing(data: xr.Dataset, name: str) -> bool:
+    """Whether NaN means something: a geometry that is not known, a force that was not measured."""
+    unknown = any(bool(data[geometry].isnull().any()) for geometry in GEOMETRY)
+    derived = name == "radius" and "outer_diameter" in data and unknown
+    return name in (*GEOMETRY, "axial_force") or derived
+
+
+def _internal_radius(values: dict[str, np.ndarray], test: np.ndarray) -> np.ndarray:
+    """From outer diameters; NaN where the geometry is not known or the wall does not fit in."""
+    geometry = {name: values[name][test] for name in GEOMETRY}
+    with np.errstate(invalid="ignore"):
+        return internal_radius_from_outer_radius(values["outer_diameter"] / 2, **geometry)
+
+
+def _finite(data: xr.Dataset, name: str, *, may_be_missing: bool = False) -> np.ndarray:
     try:
         values = np.asarray(data[name].values, dtype=float)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name!r} must hold numbers, not {data[name].dtype}") from error
-    bad = np.flatnonzero(~np.isfinite(values))
+    bad = np.flatnonzero(np.isinf(values) if may_be_missing else ~np.isfinite(values))
     if bad.size:
-        raise ValueError(f"{_found(data, name, bad[0], values)}; expected a finite number")
+        expected = "a finite number"
+        if name == "radius" and "outer_diameter" in data:
+            expected = "an outer diameter in which the wall has room"
+        raise ValueError(f"{_found(data, name, bad[0], values)}; expected {expected}")
     return values
 
 
 def _found(data: xr.Dataset, name: str, i: int, values: np.ndarray) -> str:
-    dimension, unit, _ = VARIABLES[name]
+    dimension, unit, _ = (VARIABLES | OPTIONAL)[name]
     place = _point(data, i) if dimension == "obs" else describe_test(data, i)
     return f"{place}: {name} is {values[i]:.6g}{'' if unit == '1' else ' ' + unit}"
 
@@ -391,13 +471,13 @@ def _variables(kinds: dict, values: dict[str, np.ndarray]) -> dict[str, tuple]:
     }
 
 
-def _check_frame(frame: pd.DataFrame) -> None:
+def _check_frame(frame: pd.DataFrame, measured: str) -> None:
     if not isinstance(frame, pd.DataFrame):
         raise TypeError(
             f"expected a pandas DataFrame, not {type(frame).__name__}; "
             "read a file with pandas.read_csv first"
         )
-    for name in ("specimen", "experiment", "radius", "pressure"):
+    for name in ("specimen", "experiment", measured, "pressure"):
         if name not in frame:
             raise ValueError(
                 f"the frame has no column {name!r}; it has {_listed(frame.columns)}: "
@@ -420,11 +500,13 @@ def _labels(frame: pd.DataFrame, column: str) -> np.ndarray:
     return _plain_array(labels) if column == "experiment" else np.array([str(x) for x in labels])
 
 
-def _numbers(frame: pd.DataFrame, column: str) -> np.ndarray:
+def _numbers(frame: pd.DataFrame, column: str, *, may_be_missing: bool = False) -> np.ndarray:
     """Read a column as finite floats; numbers that came as text are fine."""
-    numbers = np.empty(len(frame))
+    numbers = np.full(len(frame), np.nan)
     for i, value in enumerate(frame[column].tolist()):
         if pd.isna(value):
+            if may_be_missing:
+                continue
             raise ValueError(
                 f"{_row(frame, i)}: {column} is missing (nan); fill it or drop the row"
             )

@@ -93,7 +93,7 @@ def tubes_of(
         If `energy` is neither a strain energy nor a list of layers, if a material parameter is
         missing or unknown, or if the outer radius is missing or given twice.
     """
-    if not isinstance(energy, Sequence):
+    if isinstance(energy, str) or not isinstance(energy, Sequence):
         check_energy(energy)
         if outer_radius is None:
             raise TypeError("outer_radius is missing: the reference outer radius of the tube, mm")

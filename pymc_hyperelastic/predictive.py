@@ -20,6 +20,7 @@ from pymc_hyperelastic.likelihood import log_likelihood, shared_inputs
 from pymc_hyperelastic.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.models import inflation_model
 from pymc_hyperelastic.results import inflation_data_of
+from pymc_hyperelastic.rules import Rule
 from pymc_hyperelastic.smc import Estimate, combine_chains
 
 __all__ = ["ClassPredictive", "Predictive"]
@@ -72,6 +73,8 @@ class ClassPredictive:
         A class of :func:`pymc_hyperelastic.fit_classes`.
     settings : dict
         Its model's settings.
+    rule : Rule
+        How the walls of the new data are integrated.
     inputs : dict of str to array
         Some new data, as :func:`~pymc_hyperelastic.likelihood.likelihood_inputs` gives them; later
         ones replace them.
@@ -91,6 +94,7 @@ class ClassPredictive:
         self,
         fitted: xr.DataTree,
         settings: dict[str, Any],
+        rule: Rule,
         inputs: dict[str, Array],
         rng: np.random.Generator,
     ) -> None:
@@ -98,12 +102,14 @@ class ClassPredictive:
         model = inflation_model(data=inflation_data_of(fitted), **settings)
         energy = settings["energy"]
         noise = {
-            name: model[name] if name in model.named_vars else settings[name]
-            for name in ("sigma", "slope_weight")
+            name: model[name] if name in model.named_vars else value
+            for name, value in settings.items()
+            if name not in ("energy", "priors")
         }
         parameters = {name: model[name] for name in energy.parameter_names}
         with model:
-            new = pm.Potential("new", log_likelihood(energy, self._inputs, parameters, **noise))
+            likelihood = log_likelihood(energy, self._inputs, rule, parameters, **noise)
+            new = pm.Potential("new", likelihood)
 
         particles = fitted["unconstrained_posterior"].to_dataset()
         self._chains = [

@@ -19,7 +19,13 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.strain_energy.base import StrainEnergy
 
-__all__ = ["check_prior", "complete_priors", "prior_from_record", "prior_to_record"]
+__all__ = [
+    "check_geometry_priors",
+    "check_prior",
+    "complete_priors",
+    "prior_from_record",
+    "prior_to_record",
+]
 
 
 def complete_priors(
@@ -68,15 +74,54 @@ def complete_priors(
                 f"a prior is given for {name!r}, but {energy.name} has the parameters "
                 f"{list(energy.parameter_names)}"
             )
-        check_prior(name, prior)
+    for p in energy.parameters:
+        if p.name in given:
+            check_prior(p.name, given[p.name], p.size)
     return {
-        p.name: given[p.name] if p.name in given else pm.Uniform.dist(*p.prior_range)
+        p.name: given[p.name] if p.name in given else pm.Uniform.dist(*p.prior_range, shape=p.size)
         for p in energy.parameters
     }
 
 
-def check_prior(name: str, prior: Any) -> None:
-    """Raise TypeError unless `prior` is a scalar distribution that belongs to no model yet."""
+# What may be inferred of a tube.
+_GEOMETRY = (
+    "inner_radius",
+    "outer_radius",
+    "thickness",
+    "wall_area",
+    "axial_stretch",
+    "opening_angle",
+)
+
+
+def check_geometry_priors(geometry: Mapping[str, TensorVariable] | None) -> dict[str, Any]:
+    """Priors of a tube's geometry, or an error if they do not state one."""
+    if geometry is not None and not isinstance(geometry, Mapping):
+        raise TypeError(
+            'geometry must be a dict such as {"inner_radius": pm.Uniform.dist(0.3, 0.5)}, not '
+            f"{type(geometry).__name__}"
+        )
+    given = dict(geometry or {})
+    for name, prior in given.items():
+        if name not in _GEOMETRY:
+            raise ValueError(f"a prior is given for {name!r}; of a tube one may infer {_GEOMETRY}")
+        check_prior(name, prior)
+    outer = [name for name in ("outer_radius", "thickness", "wall_area") if name in given]
+    if len(outer) > 1:
+        raise ValueError(f"{outer} state the same: give a prior for one of them")
+    if outer in (["thickness"], ["wall_area"]) and "inner_radius" not in given:
+        raise ValueError(
+            f"{outer[0]} is inferred together with inner_radius; where that is known, give a prior "
+            "for outer_radius"
+        )
+    return given
+
+
+def check_prior(name: str, prior: Any, size: int | None = None) -> None:
+    """Raise TypeError unless `prior` is a distribution of that size that belongs to no model yet.
+
+    A scalar has no size.
+    """
     node = getattr(prior, "owner", None)
     if node is None or not isinstance(node.op, RandomVariable | SymbolicRandomVariable):
         raise TypeError(
@@ -95,12 +140,16 @@ def check_prior(name: str, prior: Any) -> None:
             "expected a distribution by itself, such as pm.Uniform.dist(0, 50). Inside a model of "
             "your own use ph.inflation_likelihood"
         )
-    if prior.ndim:
-        raise TypeError(f"the prior of {name!r} has {prior.ndim} dimension(s); expected a scalar")
+    shape = () if size is None else (size,)
+    if prior.type.shape != shape:
+        expected = "a scalar" if size is None else f"{size} entries, as with shape={size}"
+        raise TypeError(
+            f"the prior of {name!r} has the shape {prior.type.shape}; expected {expected}"
+        )
 
 
 def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
-    """Distribution as ``[name, parameters]``, for attributes of a file.
+    """Distribution as ``[name, parameters]``, for attributes of a file; a vector's size follows.
 
     Raises
     ------
@@ -112,7 +161,7 @@ def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
     try:
         if distribution is not None and _takes_scalars(node.op):
             parameters = constant_fold(_in_double(node.op.dist_params(node)))
-            return [distribution, [float(p) for p in parameters]]
+            return [distribution, [p.tolist() for p in parameters], *prior.type.shape]
     except NotConstantValueError:
         pass
     raise ValueError(
@@ -123,8 +172,9 @@ def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
 
 def prior_from_record(record: list[Any]) -> TensorVariable:
     """Distribution from what :func:`prior_to_record` stored."""
-    name, parameters = record
-    return _rebuild(getattr(pm, name).rv_op, [np.float64(p) for p in parameters])
+    name, parameters, *size = record
+    rv_op = getattr(pm, name).rv_op
+    return _rebuild(rv_op, [np.asarray(p, float) for p in parameters], size or None)
 
 
 # PyMC's distributions by the type of the random variable that they make.
@@ -147,7 +197,8 @@ def register_prior(name: str, prior: TensorVariable) -> TensorVariable:
     """
     node = prior.owner
     if _takes_scalars(node.op):
-        copy = _rebuild(node.op, _in_double(node.op.dist_params(node)))
+        size = prior.type.shape or None
+        copy = _rebuild(node.op, _in_double(node.op.dist_params(node)), size)
     else:
         inputs = [_generator() if isinstance(x.type, RandomType) else x for x in node.inputs]
         copy = node.op.make_node(*inputs).outputs[node.outputs.index(prior)]
@@ -160,17 +211,19 @@ def _in_double(variables: Sequence[Variable]) -> list[Variable]:
     numbers = [
         v
         for v in ancestors(variables)
-        if isinstance(v, Constant) and getattr(v.type, "dtype", "") in short and v.type.ndim == 0
+        if isinstance(v, Constant)
+        and getattr(v.type, "dtype", "") in short
+        and (v.type.ndim == 0 or v.type.dtype.startswith("float"))
     ]
     double = {v: pt.constant(v.data, dtype="float64") for v in numbers}
     return clone_replace(list(variables), double, rebuild_strict=False)
 
 
-def _rebuild(op: Any, parameters: Sequence[Any]) -> TensorVariable:
+def _rebuild(op: Any, parameters: Sequence[Any], size: Sequence[int] | None) -> TensorVariable:
     """Distribution of the same kind, with a random generator of its own."""
     if isinstance(op, RandomVariable):
-        return op(*parameters, rng=_generator(), return_next_rng=True)[1]
-    return getattr(op, "rv_op", op)(*parameters)
+        return op(*parameters, size=size, rng=_generator(), return_next_rng=True)[1]
+    return getattr(op, "rv_op", op)(*parameters, size=size)
 
 
 def _is_random(x: Variable) -> bool:

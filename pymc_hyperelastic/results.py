@@ -16,7 +16,7 @@ and attributes from which the model can be built again.
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
 from typing import Any
@@ -31,7 +31,14 @@ from pymc.backends.arviz import coords_and_dims_for_inferencedata
 from pymc_hyperelastic.priors import is_inferred, prior_from_record, prior_to_record
 from pymc_hyperelastic.strain_energy import StrainEnergy
 
-__all__ = ["Study", "check_result", "inflation_data_of", "model_settings_of", "sampling_tree"]
+__all__ = [
+    "Study",
+    "check_result",
+    "inflation_data_of",
+    "model_settings_of",
+    "sampling_tree",
+    "strain_energy_of",
+]
 
 Array = NDArray[np.float64]
 
@@ -46,6 +53,7 @@ class Study:
     data: xr.Dataset
     priors: dict[str, Any]
     noise: dict[str, Any]
+    geometry: dict[str, Any] = field(default_factory=dict)
 
     def groups(self) -> dict[str, xr.Dataset]:
         """The inflation data, divided as ArviZ does."""
@@ -60,10 +68,15 @@ class Study:
         Raises
         ------
         ValueError
-            If a prior cannot be written down.
+            If a prior, or a setting of the strain energy, cannot be written down.
         """
-        units = {"sigma": "kPa", "slope_weight": "mm2"}
+        of_noise = {"sigma": "kPa", "slope_weight": "mm2", "force_sigma": "mN"}
+        units = {name: of_noise[name] for name in self.noise}
         units |= {p.name: p.unit for p in self.energy.parameters}
+        try:
+            settings = json.dumps(vars(self.energy))
+        except TypeError as error:
+            raise ValueError(f"{self.energy!r} cannot be stored with results: {error}") from None
         priors = {name: prior_to_record(name, prior) for name, prior in self.priors.items()}
         noise = {
             name: prior_to_record(name, value) if is_inferred(value) else float(value)
@@ -71,6 +84,7 @@ class Study:
         }
         return {
             "strain_energy": self.energy.name,
+            "strain_energy_settings": settings,
             "units": json.dumps(units),
             "priors": json.dumps(priors),
             "noise": json.dumps(noise),
@@ -154,5 +168,18 @@ def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
     priors = {
         name: prior_from_record(record) for name, record in json.loads(tree.attrs["priors"]).items()
     }
-    energy = StrainEnergy.from_name(tree.attrs["strain_energy"])
-    return {"energy": energy, "priors": priors, **noise}
+    return {"energy": strain_energy_of(tree), "priors": priors, **noise}
+
+
+def strain_energy_of(tree: xr.DataTree) -> StrainEnergy:
+    """Strain energy of a result that names it.
+
+    Raises
+    ------
+    ValueError
+        If it is not named, or not defined here.
+    """
+    if "strain_energy" not in tree.attrs:
+        raise ValueError("the result does not name its strain energy: give it as energy=ph.Ogden()")
+    settings = json.loads(tree.attrs.get("strain_energy_settings", "{}"))
+    return StrainEnergy.from_name(tree.attrs["strain_energy"], **settings)

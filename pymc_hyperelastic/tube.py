@@ -11,6 +11,7 @@ Every function uses nothing but arithmetic, so numbers, NumPy arrays, xarray obj
 variables all pass through. Lengths share one unit (mm inside this package), angles are radians.
 """
 
+from collections.abc import Mapping
 from math import pi
 from typing import Any
 
@@ -18,6 +19,7 @@ __all__ = [
     "current_radius",
     "first_invariant",
     "hoop_elongation",
+    "inferred_geometry",
     "inflation_constant",
     "internal_radius_from_outer_radius",
     "internal_radius_from_volume",
@@ -171,6 +173,30 @@ def internal_radius_from_outer_radius(
     k = opening_factor(opening_angle)
     wall = (outer_radius - inner_radius) * (outer_radius + inner_radius) / (k * axial_stretch)
     return (current_outer_radius**2 - wall) ** 0.5
+
+
+def inferred_geometry(known: Mapping[str, Any]) -> dict[str, Any]:
+    r"""Reference tube, as far as some of its measures state it.
+
+    Of ``inner_radius``, ``outer_radius``, ``axial_stretch``, ``opening_angle`` what is there is
+    kept. With an inner radius ``A``, ``thickness`` ``h`` or ``wall_area`` ``S`` (of the
+    cross-section of the unloaded ring, mm²) gives the outer one,
+
+    .. math:: B = A + h, \qquad B = \sqrt{A^2 + k S/π} .
+
+    Examples
+    --------
+    >>> inferred_geometry({"inner_radius": 1.0, "thickness": 0.5})
+    {'inner_radius': 1.0, 'outer_radius': 1.5}
+    """
+    geometry = {k: v for k, v in known.items() if k not in ("thickness", "wall_area")}
+    if "thickness" in known:
+        geometry["outer_radius"] = known["inner_radius"] + known["thickness"]
+    if "wall_area" in known:
+        k = opening_factor(known.get("opening_angle", 0.0))
+        area = k * known["wall_area"] / pi
+        geometry["outer_radius"] = (known["inner_radius"] ** 2 + area) ** 0.5
+    return geometry
 
 
 def internal_radius_from_volume(volume: Any, length: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Units at the door: inside the package a pressure is in kPa, a length in mm, an angle in rad."""
+"""Units at the door: inside, pressures are in kPa, lengths in mm, forces in mN, angles in rad."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ if TYPE_CHECKING:
 mmHg = 0.133322387415
 
 #: The unit that each quantity has inside the package.
-INTERNAL_UNITS = {"pressure": "kPa", "length": "mm", "angle": "rad"}
+INTERNAL_UNITS = {"pressure": "kPa", "length": "mm", "force": "mN", "angle": "rad"}
 
 _EXAMPLES = {
     "pressure": "'kPa', 'mmHg', 'Pa', 'MPa', 'psi'",
     "length": "'mm', 'um', 'cm', 'm', 'inch'",
+    "force": "'mN', 'N', 'gram_force'",
     "angle": "'rad', 'deg'",
 }
 
@@ -27,7 +28,7 @@ _EXAMPLES = {
 def to_internal(
     values: ArrayLike,
     unit: str,
-    quantity: Literal["pressure", "length", "angle"],
+    quantity: Literal["pressure", "length", "force", "angle"],
     *,
     keyword: str | None = None,
 ) -> NDArray[np.float64]:
@@ -39,8 +40,8 @@ def to_internal(
         Numbers in `unit`, any shape.
     unit : str
         A unit that pint knows, such as ``"mmHg"``, ``"um"`` or ``"deg"``.
-    quantity : {"pressure", "length", "angle"}
-        What the values are: it decides between kPa, mm and rad.
+    quantity : {"pressure", "length", "force", "angle"}
+        What the values are: it decides between kPa, mm, mN and rad.
     keyword : str, optional
         The argument through which the caller received `unit`, to be named in an error;
         ``f"{quantity}_unit"`` by default.
@@ -48,7 +49,7 @@ def to_internal(
     Returns
     -------
     numpy.ndarray
-        The values in kPa, mm or rad, in the shape of `values`.
+        The values in kPa, mm, mN or rad, in the shape of `values`.
 
     Raises
     ------

@@ -1,19 +1,29 @@
 """Independent ways to compute what the package computes, which use nothing of it.
 
-Everything here is arithmetic of `mpmath` with a hundred digits: an energy is typed as the paper
-prints it (with its slips corrected), its derivatives are central differences, and the integral over
-the wall is taken in the reference radius with a Gauss-Legendre rule that doubles its order and
-estimates its own error. The package differentiates symbolically, writes hyperbolic functions and
-integrates in the logarithm of the radius with a fixed rule: the two share no formula but the
-definition of the problem.
+Everything here is arithmetic of `mpmath` with a hundred digits: an energy comes as its source
+prints it, its derivatives are central differences, and the integral over the wall is taken in the
+reference radius with a Gauss-Legendre rule that doubles its order and estimates its own error.
+Where fibres slacken the wall is divided at places that a scan and bisection find. The package
+differentiates symbolically, writes hyperbolic functions and integrates in the logarithm of the
+radius with a fixed rule: the two share no formula but the definition of the problem.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from typing import NamedTuple
 
 import mpmath as mp
 
 Energy = Callable[..., mp.mpf]
 """Strain energy of three stretches (radial, hoop, axial) and of parameters by name."""
+Switches = Callable[..., tuple[mp.mpf, ...]]
+"""Fibre strains at hoop and axial stretch: stress is not smooth where one changes its sign."""
+
+
+def no_switches(hoop, axial, **parameters):
+    """Those of a smooth energy."""
+    return ()
+
 
 # A difference with step 1e-15 errs by its square, some 1e-30. Every difference divides the error of
 # rounding by its step: three nested ones, at alpha = 1e-12 where the energy itself loses 24 digits,
@@ -22,45 +32,14 @@ DIGITS = 100
 STEP = mp.mpf("1e-15")
 # What the quadrature may say of its own error, relative to the integrand at the ends of the wall.
 # It says the worst and errs by far less.
-QUADRATURE_ERROR = mp.mpf("1e-20")
-KILOPASCAL_PER_KGF_CM2 = 98.0665
-
-
-# --- strain energies, as the corrected paper prints them -----------------------------------------
-
-
-def power_law_neo_hookean_energy(l1, l2, l3, *, mu, n):
-    """``W = (mu/2) {[1 + (I1 - 3)/n]^n - 1}``."""
-    return mu / 2 * ((1 + (l1**2 + l2**2 + l3**2 - 3) / n) ** n - 1)
-
-
-def ogden_energy(l1, l2, l3, *, mu, alpha):
-    """``W = (2 mu/alpha^2) (sum of l^alpha + l^-alpha, minus 6)``; ``2 mu sum ln^2 l`` at 0."""
-    if alpha == 0:
-        return 2 * mu * (mp.log(l1) ** 2 + mp.log(l2) ** 2 + mp.log(l3) ** 2)
-    powers = sum(stretch**alpha + 1 / stretch**alpha for stretch in (l1, l2, l3))
-    return 2 * mu / alpha**2 * (powers - 6)
-
-
-def criscione_type_energy(l1, l2, l3, *, a, b):
-    """``W = a cosh(b g3)``, ``g3 = 2 ln(l_theta) + ln(l_z)``."""
-    return a * mp.cosh(b * (2 * mp.log(l2) + mp.log(l3)))
-
-
-def ogden_1972_energy(l1, l2, l3):
-    """``W = sum mu_p/alpha_p (l1^alpha_p + l2^alpha_p + l3^alpha_p - 3)`` of that rubber, kPa."""
-    return sum(
-        KILOPASCAL_PER_KGF_CM2 * mu / alpha * (l1**alpha + l2**alpha + l3**alpha - 3)
-        for mu, alpha in OGDEN_1972_RUBBER
-    )
-
-
-OGDEN_1972_RUBBER = ((6.3, 1.3), (0.012, 5.0), (-0.1, -2.0))
-"""Pairs ``(mu_p, alpha_p)``, ``mu_p`` in kgf/cm^2, of vulcanised rubber.
-
-Source: R. W. Ogden, "Large deformation isotropic elasticity: on the correlation of theory and
-experiment for incompressible rubberlike solids", Proc. R. Soc. Lond. A 326 (1972) 565-584.
-"""
+QUADRATURE_ERROR = mp.mpf("1e-19")
+# Points of the scan for fibres that slacken, which no strain of the table passes through twice
+# between neighbours, and the halvings that then find the place to 1e-40: the response has a kink
+# there, so the integral feels the square of that error.
+SCAN = 24
+HALVINGS = 130
+# A strain below this is rounding: fibres of a tube at rest, or those that inflation leaves alone.
+NO_STRAIN = mp.mpf("1e-80")
 
 
 # --- the tube ------------------------------------------------------------------------------------
@@ -75,8 +54,19 @@ def hoop_response(energy: Energy, hoop, axial, parameters: Mapping[str, float]) 
     return (reduced(hoop + STEP) - reduced(hoop - STEP)) / (2 * STEP)
 
 
+def axial_response(energy: Energy, hoop, axial, parameters: Mapping[str, float]) -> mp.mpf:
+    """``dW^/dl_z`` of the same reduced energy."""
+
+    def reduced(stretch):
+        return energy(1 / (hoop * stretch), hoop, stretch, **parameters)
+
+    # Fibres along the tube slacken at an axial stretch of 1 exactly, where a difference errs by its
+    # step and not by the square: this step is that square.
+    return (reduced(axial + STEP**2) - reduced(axial - STEP**2)) / (2 * STEP**2)
+
+
 def integral(integrand: Callable[[mp.mpf], mp.mpf], low: mp.mpf, high: mp.mpf) -> mp.mpf:
-    """Integral by Gauss-Legendre rules of doubling order, up to 96 nodes on each half.
+    """Integral by Gauss-Legendre rules of doubling order, up to 48 nodes on each half.
 
     The order that is reached hardly depends on the integrand, so integrals may be differenced.
     """
@@ -86,7 +76,7 @@ def integral(integrand: Callable[[mp.mpf], mp.mpf], low: mp.mpf, high: mp.mpf) -
         lambda x: integrand(x) / scale,
         [low, mp.sqrt(low * high), high],
         method="gauss-legendre",
-        maxdegree=6,
+        maxdegree=5,
         error=True,
     )
     if error > QUADRATURE_ERROR:
@@ -94,33 +84,147 @@ def integral(integrand: Callable[[mp.mpf], mp.mpf], low: mp.mpf, high: mp.mpf) -
     return value * scale
 
 
-def pressure(
-    energy: Energy,
+def sign_changes(function: Callable[[mp.mpf], mp.mpf], low: mp.mpf, high: mp.mpf) -> list[mp.mpf]:
+    """Where a function changes its sign: a scan in equal ratios, then bisection."""
+
+    def sign(x):
+        value = function(x)
+        return mp.sign(value) if abs(value) > NO_STRAIN else 0
+
+    points = [low * (high / low) ** (mp.mpf(i) / SCAN) for i in range(SCAN + 1)]
+    points = [(x, sign(x)) for x in points]
+    found = []
+    # A point of the scan may be the place itself: it is passed over.
+    for (before, sign_before), (after, sign_after) in pairwise([p for p in points if p[1]]):
+        if sign_before == sign_after:
+            continue
+        for _ in range(HALVINGS):
+            middle = (before + after) / 2
+            if sign(middle) == sign_before:
+                before = middle
+            else:
+                after = middle
+        found.append((before + after) / 2)
+    return found
+
+
+class Layer(NamedTuple):
+    """One material of a wall, up to an outer radius of the reference tube."""
+
+    energy: Energy
+    parameters: Mapping[str, float]
+    outer_radius: float
+    switches: Switches = no_switches
+
+
+def wall_integral(
+    density: Callable[..., mp.mpf],
+    layers: Sequence[Layer],
     internal_radius,
     inner_radius,
-    outer_radius,
     axial_stretch,
     opening_angle,
-    parameters: Mapping[str, float],
 ) -> mp.mpf:
-    """``p(a) = int_A^B (dW^/dl_theta) / (l_z r) dR`` by adaptive quadrature; angle in radians."""
+    """Integral of a density over the reference radius, from the inside of the wall to the outside.
+
+    The one map ``r(R)`` serves all layers. The integral is divided between layers and where fibres
+    slacken. `density` takes the layer, ``R``, ``r``, the axial stretch and ``k``.
+    """
     with mp.workdps(DIGITS):
-        a, inner, outer, axial, angle = (
-            mp.mpf(x)
-            for x in (internal_radius, inner_radius, outer_radius, axial_stretch, opening_angle)
+        a, inner, axial, angle = map(
+            mp.mpf, (internal_radius, inner_radius, axial_stretch, opening_angle)
         )
-        parameters = {name: mp.mpf(value) for name, value in parameters.items()}
         k = 2 * mp.pi / (2 * mp.pi - angle)
 
-        def integrand(reference):
-            current = mp.sqrt(a**2 + (reference**2 - inner**2) / (k * axial))
-            response = hoop_response(energy, k * current / reference, axial, parameters)
-            return response / (axial * current)
+        def current(reference):
+            return mp.sqrt(a**2 + (reference**2 - inner**2) / (k * axial))
 
-        return integral(integrand, inner, outer)
+        total, low = mp.mpf(0), inner
+        for layer in layers:
+            high = mp.mpf(layer.outer_radius)
+            layer = layer._replace(
+                parameters={name: mp.mpf(value) for name, value in layer.parameters.items()}
+            )
+            cuts = [low, *_switch_radii(layer, current, axial, k, low, high), high]
+            for start, end in pairwise(cuts):
+                total += integral(
+                    lambda reference, layer=layer: density(
+                        layer, reference, current(reference), axial, k
+                    ),
+                    start,
+                    end,
+                )
+            low = high
+        return total
+
+
+def _switch_radii(layer: Layer, current, axial, k, low, high) -> list[mp.mpf]:
+    """Reference radii within a layer at which its response is not smooth, in order."""
+
+    def strains(reference):
+        return layer.switches(k * current(reference) / reference, axial, **layer.parameters)
+
+    found = sorted(
+        radius
+        for i in range(len(strains(low)))
+        for radius in sign_changes(lambda reference, i=i: strains(reference)[i], low, high)
+    )
+    # Two families may slacken at one place.
+    return [x for i, x in enumerate(found) if i == 0 or x - found[i - 1] > STEP * x]
+
+
+def layered_pressure(
+    layers: Sequence[Layer], internal_radius, inner_radius, axial_stretch, opening_angle
+) -> mp.mpf:
+    """``p(a) = int_A^B (dW^/dl_theta) / (l_z r) dR`` by adaptive quadrature; angle in radians."""
+
+    def density(layer, reference, current, axial, k):
+        response = hoop_response(layer.energy, k * current / reference, axial, layer.parameters)
+        return response / (axial * current)
+
+    return wall_integral(
+        density, layers, internal_radius, inner_radius, axial_stretch, opening_angle
+    )
+
+
+def layered_force(
+    layers: Sequence[Layer], internal_radius, inner_radius, axial_stretch, opening_angle
+) -> mp.mpf:
+    """Axial force less the thrust of the pressure, by adaptive quadrature; angle in radians.
+
+    ``F = pi/(k l_z) int_A^B (2 l_z dW^/dl_z - l_theta dW^/dl_theta) R dR``.
+    """
+
+    def density(layer, reference, current, axial, k):
+        hoop = k * current / reference
+        along = axial * axial_response(layer.energy, hoop, axial, layer.parameters)
+        around = hoop * hoop_response(layer.energy, hoop, axial, layer.parameters)
+        return mp.pi / (k * axial) * (2 * along - around) * reference
+
+    return wall_integral(
+        density, layers, internal_radius, inner_radius, axial_stretch, opening_angle
+    )
 
 
 GEOMETRY = ("internal_radius", "inner_radius", "outer_radius", "axial_stretch", "opening_angle")
+
+
+def slackening_radii(
+    energy: Energy, inputs: Mapping[str, float], switches: Switches
+) -> list[mp.mpf]:
+    """Reference radii within the wall of a tube at which a fibre strain changes its sign."""
+    with mp.workdps(DIGITS):
+        a, inner, outer, axial, angle = (mp.mpf(inputs[name]) for name in GEOMETRY)
+        k = 2 * mp.pi / (2 * mp.pi - angle)
+        parameters = {name: mp.mpf(x) for name, x in inputs.items() if name not in GEOMETRY}
+        return _switch_radii(
+            Layer(energy, parameters, outer, switches),
+            lambda reference: mp.sqrt(a**2 + (reference**2 - inner**2) / (k * axial)),
+            axial,
+            k,
+            inner,
+            outer,
+        )
 
 
 def derivative(function: Callable[..., mp.mpf], inputs: Mapping[str, float], *by: str) -> mp.mpf:
@@ -135,17 +239,23 @@ def derivative(function: Callable[..., mp.mpf], inputs: Mapping[str, float], *by
         return (above - below) / (2 * STEP)
 
 
-def tube_derivative(energy: Energy, inputs: Mapping[str, float], *by: str) -> float:
-    """Pressure of a tube, differentiated by the named inputs.
+def tube_derivative(
+    energy: Energy,
+    inputs: Mapping[str, float],
+    *by: str,
+    switches: Switches = no_switches,
+    quantity: Callable[..., mp.mpf] = layered_pressure,
+) -> float:
+    """Pressure of a tube, or its axial force, differentiated by the named inputs.
 
     `inputs` names the five of `GEOMETRY` and the parameters. The stiffness is the derivative by
     ``"internal_radius"``, its gradient by the parameter ``"mu"`` that by
     ``"internal_radius", "mu"``.
     """
 
-    def function(**values):
-        geometry = [values.pop(name) for name in GEOMETRY]
-        return pressure(energy, *geometry, values)
+    def function(internal_radius, inner_radius, outer_radius, axial_stretch, opening_angle, **rest):
+        layer = Layer(energy, rest, outer_radius, switches)
+        return quantity([layer], internal_radius, inner_radius, axial_stretch, opening_angle)
 
     return float(derivative(function, inputs, *by))
 

@@ -320,7 +320,7 @@ BAD_INPUT = [
         "vector prior",
         lambda: model(priors={"mu": pm.Uniform.dist(0, [20, 50])}),
         TypeError,
-        ["'mu'", "1 dimension", "scalar"],
+        ["'mu'", "shape (2,)", "scalar"],
     ),
     (
         "prior of another model",

@@ -11,12 +11,9 @@ import pytensor.tensor as pt
 import pytest
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.likelihood import (
-    central_differences,
-    compressed_spectrum,
-    likelihood_inputs,
-    log_likelihood,
-)
+from pymc_hyperelastic.likelihood import likelihood_inputs, log_likelihood
+from pymc_hyperelastic.rules import Rule
+from pymc_hyperelastic.slopes import central_differences, compressed_spectrum
 
 # Compiles in a second; the numbers are those of the default linker to rounding.
 FAST = "FAST_COMPILE"
@@ -31,6 +28,7 @@ ROUNDING = 1e-12
 # Second differences of a parabola are exact but for rounding, here of logs of size 1e2.
 CURVATURE_TOLERANCE = 1e-8
 SIGMA, SLOPE_WEIGHT = 15 * ph.mmHg, 3.2
+DIRECT = Rule("quadrature", 32)
 
 
 def tube_frame(specimen, inner, outer, axial, angle, *, points=9, seed=1):
@@ -157,13 +155,13 @@ def test_likelihood_is_a_density_of_the_pressures(points, slope_weight):
 
     def inputs_of(pressure):
         moved = data.assign(pressure=data["pressure"].copy(data=pressure))
-        return likelihood_inputs(moved, None, slope_weight=slope_weight)
+        return likelihood_inputs(moved, DIRECT, slope_weight=slope_weight)
 
     inputs = {
         name: pt.tensor(name, dtype=value.dtype, shape=(None,) * value.ndim)
         for name, value in inputs_of(np.zeros(points)).items()
     }
-    output = log_likelihood(energy, inputs, values, **noise)
+    output = log_likelihood(energy, inputs, DIRECT, values, **noise)
     function = pytensor.function([*inputs.values()], output, mode=FAST, on_unused_input="ignore")
 
     def log_density(pressure):

@@ -9,7 +9,6 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data import GEOMETRY, check_inflation_data, points_of
-from pymc_hyperelastic.models import predict_pressure
 from pymc_hyperelastic.plots.style import (
     MOST_DRAWS,
     RADIUS_LABEL,
@@ -20,6 +19,7 @@ from pymc_hyperelastic.plots.style import (
     per_kilopascal,
     training_attrs,
 )
+from pymc_hyperelastic.predictions import predict_pressure
 from pymc_hyperelastic.results import inflation_data_of
 from pymc_hyperelastic.strain_energy import StrainEnergy
 

@@ -213,6 +213,15 @@ class StrainEnergy(ABC):
         """Names of the parameters, in the order of their declaration."""
         return tuple(p.name for p in self.parameters)
 
+    @property
+    def entry_names(self) -> tuple[str, ...]:
+        """Names of all entries of all parameters, such as ``mu[0]``, in the order of `split`."""
+        return tuple(
+            name
+            for p in self.parameters
+            for name in ([p.name] if p.size is None else [f"{p.name}[{i}]" for i in range(p.size)])
+        )
+
     @staticmethod
     def from_name(name: str, **settings: Any) -> "StrainEnergy":
         """Strain energy whose class is called `name`: one of the zoo, or one defined by the user.

@@ -316,7 +316,7 @@ class OgdenSeries(_Isotropic):
         self.terms = terms
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:  # type: ignore[override]
+    def parameters(self) -> tuple[Parameter, ...]:
         """The two vectors."""
         return (
             Parameter(

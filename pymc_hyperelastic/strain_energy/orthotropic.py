@@ -146,7 +146,7 @@ def _quadratic(hoop: Any, axial: Any, a1: Any, a2: Any, a4: Any) -> Any:
 class _Family(NamedTuple):
     """Fibre families of one kind: how many, their law, and where they run."""
 
-    count: int
+    number: int
     k1: Any
     k2: Any
     angle: Any
@@ -175,7 +175,7 @@ class _FibreReinforced(StrainEnergy):
         total = c / 2 * (first_invariant(radial, hoop, axial) - 3)
         for family in self.families(**parameters):
             strain = pt.maximum(_fibre_strain(family, log_hoop, log_axial), 0.0)
-            total += family.count * family.k1 / (2 * family.k2) * pt.expm1(family.k2 * strain**2)
+            total += family.number * family.k1 / (2 * family.k2) * pt.expm1(family.k2 * strain**2)
         return total
 
     def stress_difference(
@@ -354,4 +354,4 @@ def _fibre_stress(
     if family.dispersion is not None:
         kappa = family.dispersion
         along = 2 * kappa * half_difference(*stretched) + (1 - 3 * kappa) * along
-    return 2 * family.count * family.k1 * strain * pt.exp(family.k2 * strain**2) * along
+    return 2 * family.number * family.k1 * strain * pt.exp(family.k2 * strain**2) * along
