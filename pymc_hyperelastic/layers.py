@@ -9,7 +9,7 @@ from pytensor.graph.basic import Variable
 from pymc_hyperelastic.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.tube import current_radius
 
-__all__ = ["Layer", "Tube", "check_energy", "tubes_of"]
+__all__ = ["Layer", "Tube", "check_energy", "check_layers", "tubes_of"]
 
 
 class Layer:
@@ -17,8 +17,9 @@ class Layer:
 
     A list of layers, from the inside out, takes the place of the strain energy and the outer radius
     in :func:`~pymc_hyperelastic.inflation_pressure`,
-    :func:`~pymc_hyperelastic.inflation_stiffness` and :func:`~pymc_hyperelastic.axial_force`. All
-    layers are free of stress in the same opened tube.
+    :func:`~pymc_hyperelastic.inflation_stiffness`, :func:`~pymc_hyperelastic.axial_force` and
+    :func:`~pymc_hyperelastic.inflation_model`. All layers are free of stress in the same opened
+    tube.
 
     Parameters
     ----------
@@ -27,12 +28,14 @@ class Layer:
     thickness : tensor_like
         Thickness in the reference tube, mm.
     **parameters : tensor_like
-        The material parameters by name.
+        The material parameters by name. In a model distributions are inferred, also that of a
+        thickness; one distribution in two layers is one parameter of both; and what is missing has
+        its default prior.
 
     Raises
     ------
     TypeError
-        If `energy` is no strain energy, or a parameter is missing or unknown.
+        If `energy` is no strain energy, or a parameter is unknown.
     ValueError
         If a number given as thickness is not positive.
 
@@ -48,7 +51,11 @@ class Layer:
 
     def __init__(self, energy: StrainEnergy, thickness: Any, **parameters: Any) -> None:
         check_energy(energy)
-        energy.split(parameters)  # it says so if these are not its parameters
+        strangers = sorted(set(parameters) - set(energy.parameter_names))
+        if strangers:
+            raise TypeError(
+                f"{energy.name} has the parameters {list(energy.parameter_names)}, not {strangers}"
+            )
         if not isinstance(thickness, Variable) and not np.all(np.asarray(thickness, float) > 0):
             raise ValueError(f"thickness must be positive; got {thickness}")
         self.energy = energy
@@ -68,6 +75,13 @@ class Tube(NamedTuple):
     """Internal, inner and outer radius, axial stretch, opening angle."""
     entries: list[Any]
     """Entries of the parameters."""
+    within: bool = False
+    """Whether it lies around another one."""
+
+    @property
+    def radius(self) -> Any:
+        """Current internal radius."""
+        return self.geometry[0]
 
     @property
     def inputs(self) -> tuple[Any, ...]:
@@ -99,12 +113,7 @@ def tubes_of(
             raise TypeError("outer_radius is missing: the reference outer radius of the tube, mm")
         geometry = (internal_radius, inner_radius, outer_radius, axial_stretch, opening_angle)
         return [Tube(energy, geometry, energy.split(parameters))]
-    strangers = [layer for layer in energy if not isinstance(layer, Layer)]
-    if strangers or not energy:
-        raise TypeError(
-            "a wall is a strain energy or a list of layers such as ph.Layer(ph.NeoHookean(), 0.3, "
-            f"mu=20.0); this list holds {strangers[0] if strangers else 'nothing'!r}"
-        )
+    check_layers(energy)
     if outer_radius is not None or parameters:
         given = [*(["outer_radius"] if outer_radius is not None else []), *sorted(parameters)]
         raise TypeError(f"{given} cannot be given with layers: each has its own thickness and law")
@@ -114,14 +123,25 @@ def tubes_of(
         "opening_angle": _number_or_variable(opening_angle),
     }
     internal_radius = _number_or_variable(internal_radius)
-    tubes = []
+    tubes: list[Tube] = []
     inner, current = reference["inner_radius"], internal_radius
     for layer in energy:
         outer = inner + _number_or_variable(layer.thickness)
         geometry = (current, inner, outer, axial_stretch, opening_angle)
-        tubes.append(Tube(layer.energy, geometry, layer.energy.split(layer.parameters)))
+        entries = layer.energy.split(layer.parameters)
+        tubes.append(Tube(layer.energy, geometry, entries, within=bool(tubes)))
         inner, current = outer, current_radius(outer, internal_radius, **reference)
     return tubes
+
+
+def check_layers(layers: Sequence[Any]) -> None:
+    """Raise TypeError unless these are layers."""
+    strangers = [layer for layer in layers if not isinstance(layer, Layer)]
+    if strangers or not layers:
+        raise TypeError(
+            "a wall is a strain energy or a list of layers such as ph.Layer(ph.NeoHookean(), 0.3, "
+            f"mu=20.0); this list holds {strangers[0] if strangers else 'nothing'!r}"
+        )
 
 
 def _number_or_variable(value: Any) -> Any:

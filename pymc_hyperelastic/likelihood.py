@@ -1,6 +1,6 @@
 """The slope-augmented likelihood of inflation curves."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from math import isfinite
 from numbers import Real
@@ -15,7 +15,7 @@ import xarray as xr
 from pytensor.graph.basic import Constant, Variable
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.axial_force import AxialForceIntegral
+from pymc_hyperelastic.axial_force import wall_force
 from pymc_hyperelastic.collocation import (
     CollocatedAxialForce,
     CollocatedPressureIntegral,
@@ -26,8 +26,8 @@ from pymc_hyperelastic.data import (
     check_inflation_data,
     describe_test,
 )
-from pymc_hyperelastic.layers import check_energy
-from pymc_hyperelastic.pressure import PressureIntegral
+from pymc_hyperelastic.layers import Layer, check_energy
+from pymc_hyperelastic.pressure import wall_pressure
 from pymc_hyperelastic.rules import Mode, Rule, current_tube, rule_for, tube_inputs
 from pymc_hyperelastic.slopes import (
     central_differences,
@@ -139,6 +139,7 @@ def inflation_likelihood(
     if pm.Model.get_context(error_if_none=False) is None:
         raise TypeError("no model is in context: add the likelihood inside `with pm.Model():`")
     noise = {"sigma": sigma, "slope_weight": slope_weight, "force_sigma": force_sigma}
+    check_energy(energy)
     check_likelihood(energy, data, parameters, geometry=geometry, **noise)
     sizes = {p.name: p.size for p in energy.parameters}
     parameters = {key: _as_tensor(key, value, sizes[key]) for key, value in parameters.items()}
@@ -150,7 +151,7 @@ def inflation_likelihood(
 
 def register_likelihood(
     name: str,
-    energy: StrainEnergy,
+    energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
     rule: Rule,
     parameters: dict[str, Any],
@@ -205,7 +206,7 @@ def shared_inputs(name: str, inputs: dict[str, np.ndarray]) -> dict[str, Variabl
 
 
 def log_likelihood(
-    energy: StrainEnergy,
+    energy: StrainEnergy | Sequence[Layer],
     inputs: dict[str, Any],
     rule: Rule,
     parameters: dict[str, Any],
@@ -216,14 +217,14 @@ def log_likelihood(
     geometry: Mapping[str, Any] | None = None,
 ) -> TensorVariable:
     """Log-likelihood of :func:`inflation_likelihood` as an expression of arrays and parameters."""
-    entries = energy.split(parameters)
     with_force = force_sigma is not None
     conditions: list[TensorVariable]
-    if rule.method == "collocation":
+    if rule.method == "collocation" and isinstance(energy, StrainEnergy):
+        entries = energy.split(parameters)
         conditions, response = [], _collocated(energy, inputs, entries, with_force)
     else:
         conditions, response = _direct(
-            energy, inputs, rule.nodes, entries, geometry or {}, with_force
+            energy, inputs, rule.nodes, parameters, geometry or {}, with_force
         )
 
     def misfit(name: str) -> TensorVariable:
@@ -266,23 +267,20 @@ def _collocated(
 
 
 def _direct(
-    energy: StrainEnergy,
+    energy: StrainEnergy | Sequence[Layer],
     inputs: dict[str, Any],
     order: int,
-    entries: list[Any],
+    parameters: dict[str, Any],
     geometry: Mapping[str, Any],
     with_force: bool,
 ) -> tuple[list[TensorVariable], dict[str, TensorVariable]]:
     """What a tube must fulfil, and pressures, slopes and forces where they were measured."""
-    tube = {name: geometry.get(name, inputs[name]) for name in GEOMETRY}
-    possible, radius, growth = current_tube(inputs, tube)
-    integral_inputs = radius, *tube.values(), *entries
-    settings: dict[str, Any] = {"strain_energy": energy, "order": order}
-    pressure, stiffness = PressureIntegral(**settings)(*integral_inputs)
-    response = {"pressure": pressure, "slope": stiffness * growth}
+    current = current_tube(energy, inputs, geometry, parameters)
+    pressure, stiffness = wall_pressure(current.tubes, order)
+    response = {"pressure": pressure, "slope": stiffness * current.growth}
     if with_force:
-        response["force"] = AxialForceIntegral(**settings)(*integral_inputs)
-    return [possible] if geometry else [], {
+        response["force"] = wall_force(current.tubes, order)
+    return [current.possible] if geometry else [], {
         name: values[inputs[f"{name}_rows"]]
         for name, values in response.items()
         if f"{name}_rows" in inputs
@@ -290,7 +288,7 @@ def _direct(
 
 
 def check_likelihood(
-    energy: StrainEnergy,
+    energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
     parameters: Mapping[str, Any],
     *,
@@ -300,21 +298,25 @@ def check_likelihood(
     force_sigma: Any = None,
 ) -> None:
     """Raise unless the likelihood of `data` can be written down."""
-    check_energy(energy)
-    if not isinstance(parameters, Mapping):
-        raise TypeError(
-            f"parameters must be a dict with the keys {list(energy.parameter_names)}, not "
-            f"{type(parameters).__name__}"
-        )
-    if set(parameters) != set(energy.parameter_names):
-        raise TypeError(
-            f"{energy.name} has the parameters {list(energy.parameter_names)}, but "
-            f"{sorted(parameters)} were given"
-        )
+    if isinstance(energy, StrainEnergy):
+        if not isinstance(parameters, Mapping):
+            raise TypeError(
+                f"parameters must be a dict with the keys {list(energy.parameter_names)}, not "
+                f"{type(parameters).__name__}"
+            )
+        energy.split(parameters)
     check_inflation_data(data)
-    for name in GEOMETRY:
+    needed = set(GEOMETRY) - set(geometry or {})
+    if not isinstance(energy, StrainEnergy):
+        needed.discard("outer_radius")
+        if "outer_radius" in (geometry or {}) or not data["outer_radius"].isnull().all():
+            raise ValueError(
+                "layers state the thickness of the wall, and the data its outer radius: leave that "
+                "away, ph.inflation_data(..., outer_radius=None)"
+            )
+    for name in sorted(needed):
         unknown = np.flatnonzero(data[name].isnull().values)
-        if unknown.size and name not in (geometry or {}):
+        if unknown.size:
             raise ValueError(
                 f"{describe_test(data, int(unknown[0]))}: {name} is not known: give it a prior, "
                 f"geometry={{{name!r}: ...}}"

@@ -1,30 +1,32 @@
 """PyMC model factories."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pymc as pm
 import pytensor
 import xarray as xr
-from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.axial_force import AxialForceIntegral
+from pymc_hyperelastic.axial_force import wall_force
 from pymc_hyperelastic.collocation import (
     CollocatedAxialForce,
     CollocatedPressureIntegral,
     curve_matrices,
 )
-from pymc_hyperelastic.data import GEOMETRY, describe_test
-from pymc_hyperelastic.layers import check_energy
+from pymc_hyperelastic.data import describe_test
+from pymc_hyperelastic.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.likelihood import check_likelihood, register_likelihood
-from pymc_hyperelastic.pressure import PressureIntegral
+from pymc_hyperelastic.pressure import wall_pressure
 from pymc_hyperelastic.priors import (
     check_geometry_priors,
     check_prior,
+    complete_layers,
     complete_priors,
     is_inferred,
     register_prior,
+    with_variables,
 )
 from pymc_hyperelastic.results import Study
 from pymc_hyperelastic.rules import Mode, Rule, current_tube, rule_for, tube_inputs
@@ -40,7 +42,7 @@ __all__ = [
 
 
 def inflation_model(
-    energy: StrainEnergy,
+    energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
     *,
     sigma: Any,
@@ -59,8 +61,10 @@ def inflation_model(
 
     Parameters
     ----------
-    energy : StrainEnergy
-        The material, such as ``ph.Ogden()``, or one of your own.
+    energy : StrainEnergy or list of Layer
+        The material, such as ``ph.Ogden()``, or one of your own; or the layers of the wall from the
+        inside out, see :class:`~pymc_hyperelastic.Layer`. Random variables of a layer carry its
+        number, as in ``mu_1``.
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
     sigma : float or distribution
@@ -115,39 +119,46 @@ def inflation_model(
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha', 'inner_radius', 'thickness']
     """
-    check_energy(energy)
-    distributions = complete_priors(energy, priors)
+    wall: StrainEnergy | list[Layer]
+    layered = isinstance(energy, Sequence)
+    if isinstance(energy, Sequence):
+        if priors:
+            raise TypeError("layers take their own priors, Layer(..., mu=...): give no others")
+        check_layers(energy)
+        wall, distributions = complete_layers(energy)
+    else:
+        check_energy(energy)
+        wall, distributions = energy, complete_priors(energy, priors)
     unknown = check_geometry_priors(geometry)
     noise = {"sigma": sigma, "slope_weight": slope_weight}
     if force_sigma is not None:
         noise["force_sigma"] = force_sigma
-    check_likelihood(energy, data, distributions, geometry=inferred_geometry(unknown), **noise)
-    rule = rule_for(
-        energy,
-        data,
-        distributions,
-        inferred_geometry(unknown),
-        mode=mode,
-        with_force=force_sigma is not None,
-    )
+    known = inferred_geometry(unknown)
+    of_material = {} if layered else distributions
+    check_likelihood(wall, data, of_material, geometry=known, **noise)
+    with_force = force_sigma is not None
+    rule = rule_for(wall, data, of_material, known, mode=mode, with_force=with_force)
     coords = {
         "obs": np.arange(data.sizes["obs"]),
         "test": [describe_test(data, test) for test in range(data.sizes["test"])],
     }
     with pm.Model(coords=coords) as model:
         parameters = {name: register_prior(name, prior) for name, prior in distributions.items()}
-        tube = {name: register_prior(name, prior) for name, prior in unknown.items()}
+        if isinstance(wall, list):
+            wall = with_variables(wall, distributions, parameters)
+        tube = inferred_geometry(
+            {name: register_prior(name, prior) for name, prior in unknown.items()}
+        )
         registered = dict(noise)
         for name, value in noise.items():
             if is_inferred(value):
                 check_prior(name, value)
                 registered[name] = register_prior(name, value)
-        tube = inferred_geometry(tube)
-        for name, curve in _curves(energy, data, rule, parameters, tube).items():
-            if name != "axial_force" or force_sigma is not None:
-                pm.Deterministic(name, curve, dims="obs")
+        of_material = {} if layered else parameters
+        for name, curve in _curves(wall, data, rule, of_material, tube, with_force).items():
+            pm.Deterministic(name, curve, dims="obs")
         register_likelihood(
-            "likelihood", energy, data, rule, parameters, geometry=tube, **registered
+            "likelihood", wall, data, rule, of_material, geometry=tube, **registered
         )
     model.study = Study(energy, data, distributions, noise, unknown)
     return model
@@ -197,34 +208,33 @@ def criscione_model(data: xr.Dataset, **settings: Any) -> pm.Model:
 
 
 def _curves(
-    energy: StrainEnergy,
+    energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
     rule: Rule,
     parameters: dict[str, Any],
-    tube: dict[str, Any],
+    geometry: dict[str, Any],
+    with_force: bool,
 ) -> dict[str, TensorVariable]:
     """What the model says at the points of the data."""
+    if rule.method == "quadrature" or not isinstance(energy, StrainEnergy):
+        current = current_tube(energy, tube_inputs(data), geometry, parameters)
+        pressure, stiffness = wall_pressure(current.tubes, rule.nodes)
+        curves = {"pressure": pressure, "stiffness": stiffness}
+        if with_force:
+            curves["axial_force"] = wall_force(current.tubes, rule.nodes)
+        if geometry and "outer_diameter" in data:
+            curves["radius"] = current.radius
+        return curves
     entries = energy.split(parameters)
-    if rule.method == "quadrature":
-        known = tube_inputs(data)
-        geometry = {name: tube.get(name, known[name]) for name in GEOMETRY}
-        _, radius, _ = current_tube(known, geometry)
-        inputs = (radius, *geometry.values(), *entries)
-        settings: dict[str, Any] = {"strain_energy": energy, "order": rule.nodes}
-        pressure, stiffness = PressureIntegral(**settings)(*inputs)
-        curves = {
-            "pressure": pressure,
-            "stiffness": stiffness,
-            "axial_force": AxialForceIntegral(**settings)(*inputs),
-        }
-        return curves | ({"radius": radius} if tube and isinstance(radius, Variable) else {})
     matrices, place = curve_matrices(data, rule.nodes)
     shared = {key: pytensor.shared(value, name=f"curve_{key}") for key, value in matrices.items()}
     force_matrix = shared.pop("force_matrix")
-    stretches = shared["log_hoop"], shared["log_axial"]
     pressure, stiffness = CollocatedPressureIntegral(strain_energy=energy)(
         *shared.values(), *entries
     )
-    force = CollocatedAxialForce(strain_energy=energy)(*stretches, force_matrix, *entries)
-    curves = {"pressure": pressure, "stiffness": stiffness, "axial_force": force}
+    curves = {"pressure": pressure, "stiffness": stiffness}
+    if with_force:
+        stretches = shared["log_hoop"], shared["log_axial"]
+        integral = CollocatedAxialForce(strain_energy=energy)
+        curves["axial_force"] = integral(*stretches, force_matrix, *entries)
     return {name: curve.flatten()[place] for name, curve in curves.items()}

@@ -28,6 +28,7 @@ __all__ = [
     "checked_tubes",
     "inflation_pressure",
     "inflation_stiffness",
+    "wall_pressure",
     "wall_rule",
 ]
 
@@ -308,7 +309,7 @@ def inflation_pressure(
         opening_angle=opening_angle,
         parameters=parameters,
     )
-    return sum(PressureIntegral(strain_energy=tube.energy)(*tube.inputs)[0] for tube in tubes)
+    return wall_pressure(tubes)[0]
 
 
 def inflation_stiffness(
@@ -355,12 +356,19 @@ def inflation_stiffness(
         opening_angle=opening_angle,
         parameters=parameters,
     )
-    # A layer's own internal radius a' grows by a/a' when the tube's grows by 1.
-    return sum(
-        PressureIntegral(strain_energy=tube.energy)(*tube.inputs)[1]
-        * (internal_radius / tube.geometry[0] if n else 1.0)
-        for n, tube in enumerate(tubes)
-    )
+    return wall_pressure(tubes)[1]
+
+
+def wall_pressure(tubes: Sequence[Tube], order: int = 32) -> tuple[TensorVariable, TensorVariable]:
+    """Pressure and stiffness of a wall, added up over the tubes that it is made of."""
+    pressure, stiffness = 0.0, 0.0
+    for tube in tubes:
+        integral = PressureIntegral(strain_energy=tube.energy, order=order)
+        own_pressure, own_stiffness = integral(*tube.inputs)
+        pressure += own_pressure
+        # The internal radius a' of a layer grows by a/a' when that of the wall grows by 1.
+        stiffness += own_stiffness * (tubes[0].radius / tube.radius if tube.within else 1.0)
+    return pressure, stiffness
 
 
 def checked_tubes(

@@ -17,14 +17,17 @@ from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
 from pytensor.tensor.variable import TensorVariable
 
+from pymc_hyperelastic.layers import Layer
 from pymc_hyperelastic.strain_energy.base import StrainEnergy
 
 __all__ = [
     "check_geometry_priors",
     "check_prior",
+    "complete_layers",
     "complete_priors",
     "prior_from_record",
     "prior_to_record",
+    "with_variables",
 ]
 
 
@@ -81,6 +84,61 @@ def complete_priors(
         p.name: given[p.name] if p.name in given else pm.Uniform.dist(*p.prior_range, shape=p.size)
         for p in energy.parameters
     }
+
+
+def complete_layers(
+    layers: Sequence[Layer],
+) -> tuple[list[Layer], dict[str, TensorVariable]]:
+    """Layers in which nothing is missing, and the distributions in them by name.
+
+    A name carries the number of the layer, counted from inside, unless the distribution stands in
+    several layers.
+    """
+    filled = []
+    places: dict[TensorVariable, list[tuple[str, int]]] = {}
+    for number, layer in enumerate(layers, start=1):
+        parameters = {
+            p.name: layer.parameters[p.name]
+            if p.name in layer.parameters
+            else pm.Uniform.dist(*p.prior_range, shape=p.size)
+            for p in layer.energy.parameters
+        }
+        sizes = {p.name: p.size for p in layer.energy.parameters} | {"thickness": None}
+        for name, value in {**parameters, "thickness": layer.thickness}.items():
+            if is_inferred(value):
+                check_prior(f"{name}_{number}", value, sizes[name])
+                places.setdefault(value, []).append((name, number))
+        filled.append(Layer(layer.energy, layer.thickness, **parameters))
+    named = {}
+    for prior, [(name, number), *others] in places.items():
+        named[name if others else f"{name}_{number}"] = prior
+    if len(named) < len(places):
+        raise ValueError(
+            "two distributions would have one name: what is shared must be shared by all layers "
+            f"that have it; here are {sorted(named)}"
+        )
+    return filled, named
+
+
+def with_variables(
+    layers: Sequence[Layer],
+    distributions: Mapping[str, TensorVariable],
+    variables: Mapping[str, TensorVariable],
+) -> list[Layer]:
+    """The layers with random variables in place of their distributions."""
+    registered = {prior: variables[name] for name, prior in distributions.items()}
+
+    def variable(value: Any) -> Any:
+        return registered.get(value, value) if is_inferred(value) else value
+
+    return [
+        Layer(
+            layer.energy,
+            variable(layer.thickness),
+            **{name: variable(value) for name, value in layer.parameters.items()},
+        )
+        for layer in layers
+    ]
 
 
 # What may be inferred of a tube.

@@ -16,6 +16,7 @@ and attributes from which the model can be built again.
 """
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import version
@@ -28,6 +29,7 @@ from arviz_base import dict_to_dataset
 from numpy.typing import NDArray
 from pymc.backends.arviz import coords_and_dims_for_inferencedata
 
+from pymc_hyperelastic.layers import Layer
 from pymc_hyperelastic.priors import is_inferred, prior_from_record, prior_to_record
 from pymc_hyperelastic.strain_energy import StrainEnergy
 
@@ -49,7 +51,7 @@ _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy")
 class Study:
     """What a model of inflation curves was made from."""
 
-    energy: StrainEnergy
+    energy: StrainEnergy | Sequence[Layer]
     data: xr.Dataset
     priors: dict[str, Any]
     noise: dict[str, Any]
@@ -70,6 +72,8 @@ class Study:
         ValueError
             If a prior, or a setting of the strain energy, cannot be written down.
         """
+        if not isinstance(self.energy, StrainEnergy) or self.geometry:
+            raise ValueError("layers, or a geometry that is inferred, do not make a class")
         of_noise = {"sigma": "kPa", "slope_weight": "mm2", "force_sigma": "mN"}
         units = {name: of_noise[name] for name in self.noise}
         units |= {p.name: p.unit for p in self.energy.parameters}
@@ -131,7 +135,8 @@ def sampling_tree(
         except ValueError:
             # Sampling a model with a prior of one's own is fine; it cannot serve as a stored class,
             # which `fit_classes` checks before it samples.
-            tree.attrs["strain_energy"] = study.energy.name
+            if isinstance(study.energy, StrainEnergy):
+                tree.attrs["strain_energy"] = study.energy.name
     return tree
 
 

@@ -1,6 +1,6 @@
 """How the wall is integrated in a model: constant matrices, or how many nodes of quadrature."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -9,16 +9,19 @@ import pytensor
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
+from pytensor.graph.basic import Constant, Variable
+from pytensor.graph.replace import vectorize_graph
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.axial_force import AxialForceIntegral
+from pymc_hyperelastic.axial_force import wall_force
 from pymc_hyperelastic.collocation import nodes_needed, representative_values
 from pymc_hyperelastic.data import GEOMETRY, measured_radius, points_of
-from pymc_hyperelastic.pressure import PressureIntegral
+from pymc_hyperelastic.layers import Layer, Tube, tubes_of
+from pymc_hyperelastic.pressure import wall_pressure
 from pymc_hyperelastic.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.tube import opening_factor
 
-__all__ = ["Mode", "Rule", "current_tube", "rule_for", "tube_inputs"]
+__all__ = ["CurrentTube", "Mode", "Rule", "current_tube", "rule_for", "tube_inputs"]
 
 Array = NDArray[np.float64]
 Mode = Literal["auto", "collocation", "quadrature"]
@@ -42,7 +45,7 @@ class Rule(NamedTuple):
 
 
 def rule_for(
-    energy: StrainEnergy,
+    energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
     parameters: dict[str, Any],
     geometry: Mapping[str, Any] | None = None,
@@ -61,56 +64,51 @@ def rule_for(
     """
     if mode not in get_args(Mode):
         raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
-    if geometry and mode == "collocation":
-        raise ValueError(
-            f"mode='collocation' needs a known geometry, but {sorted(geometry)} are inferred"
-        )
     if mode == "quadrature":
         return Rule("quadrature", 32)
-    if not geometry:
+    if isinstance(energy, StrainEnergy) and not geometry:
         nodes = nodes_needed(energy, data, parameters, with_force=with_force)
         if nodes is not None:
             return Rule("collocation", nodes)
     if mode == "collocation":
-        raise ValueError(
-            f"the response of {energy.name} cannot be collocated over the range of these "
-            "parameters: use mode='quadrature'"
-        )
+        reason = "layers, or a geometry that is inferred"
+        if isinstance(energy, StrainEnergy) and not geometry:
+            reason = f"the response of {energy.name} over the range of these parameters"
+        raise ValueError(f"{reason}, cannot be collocated: use mode='quadrature'")
     return Rule("quadrature", _order_needed(energy, data, parameters, geometry or {}, with_force))
 
 
 def _order_needed(
-    energy: StrainEnergy,
+    energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
     parameters: dict[str, Any],
     geometry: Mapping[str, Any],
     with_force: bool,
 ) -> int:
     """The order after the least at which curves agree with those of the highest one."""
-    values = representative_values([*energy.split(parameters), *geometry.values()])
-    if values is None:
-        return 32
     # At both ends of every curve; of many curves at some.
     radius = measured_radius(data).values
     spans = [points_of(data, test) for test in range(data.sizes["test"])]
     ends = [span.start + f(radius[span]) for span in spans for f in (np.argmin, np.argmax)]
     inputs = {k: v[_some(np.array(ends), _MOST_POINTS)] for k, v in tube_inputs(data).items()}
-    values = [_some(v, _MOST_VALUES)[:, None] for v in values]
-    symbols = [pt.tensor(dtype="float64", shape=(None, 1)) for _ in values]
-    count = len(energy.entry_names)
-    tube = {name: inputs[name] for name in GEOMETRY}
-    tube |= dict(zip(geometry, symbols[count:], strict=True))
-    _, radius, _ = current_tube(inputs, tube)
+    tubes = current_tube(energy, inputs, geometry, parameters).tubes
+    unknown = {v for tube in tubes for v in tube.entries} | set(geometry.values())
+    if not isinstance(energy, StrainEnergy):
+        unknown |= {layer.thickness for layer in energy}
+    variables = [v for v in unknown if isinstance(v, Variable) and not isinstance(v, Constant)]
+    values = representative_values(variables) if variables else None
+    if values is None:
+        return 32
+    symbols = {v: pt.vector(dtype="float64") for v in variables}
 
     def curves(order: int) -> list[Array]:
-        settings: dict[str, Any] = {"strain_energy": energy, "order": order}
-        integral_inputs = radius, *tube.values(), *symbols[:count]
-        outputs = PressureIntegral(**settings)(*integral_inputs)
+        outputs = list(wall_pressure(tubes, order))
         if with_force:
-            outputs = [*outputs, AxialForceIntegral(**settings)(*integral_inputs)]
-        function = pytensor.function(symbols, outputs, mode="FAST_COMPILE")
+            outputs.append(wall_force(tubes, order))
+        batch = vectorize_graph(outputs, symbols)
+        function = pytensor.function(list(symbols.values()), batch, mode="FAST_COMPILE")
         with np.errstate(all="ignore"):
-            return function(*values)
+            return function(*(_some(v, _MOST_VALUES) for v in values))
 
     *orders, highest = _ORDERS
     exact = curves(highest)
@@ -141,21 +139,45 @@ def tube_inputs(data: xr.Dataset) -> dict[str, Array]:
     return inputs | {name: measured_radius(data).values.astype(float)}
 
 
-def current_tube(
-    inputs: Mapping[str, Any], tube: Mapping[str, Any]
-) -> tuple[TensorVariable, Any, Any]:
-    """Whether a tube is possible, its internal radius, and how that grows with the measured one.
+class CurrentTube(NamedTuple):
+    """A tube as it was measured, at each point."""
 
-    The last is ``r_o/a`` where the outer radius ``r_o`` was measured, and 1 else. Where the wall
-    has no room in the measured outer diameter, or no thickness, the radius is that of another tube,
-    which is possible.
-    """
+    tubes: list[Tube]
+    """The tubes that its wall is made of."""
+    possible: TensorVariable
+    """Whether there is such a tube at all."""
+    growth: Any
+    """How the internal radius grows with the one that was measured."""
+
+    @property
+    def radius(self) -> Any:
+        """Internal radius, mm. Where the tube is not possible, that of another one."""
+        return self.tubes[0].radius
+
+
+def current_tube(
+    energy: StrainEnergy | Sequence[Layer],
+    inputs: Mapping[str, Any],
+    geometry: Mapping[str, Any],
+    parameters: dict[str, Any],
+) -> CurrentTube:
+    """Tube of the given `inputs`, see :func:`tube_inputs`, but for the `geometry` given."""
+    tube = {name: geometry.get(name, inputs[name]) for name in GEOMETRY}
+    if not isinstance(energy, StrainEnergy):
+        tube["outer_radius"] = tube["inner_radius"] + sum(layer.thickness for layer in energy)
+    possible = pt.all(tube["outer_radius"] > tube["inner_radius"])
     if "current_outer_radius" not in inputs:
-        return pt.all(tube["outer_radius"] > tube["inner_radius"]), inputs["radius"], 1.0
-    outer = inputs["current_outer_radius"]
-    k = opening_factor(tube["opening_angle"])
-    wall = (tube["outer_radius"] ** 2 - tube["inner_radius"] ** 2) / (k * tube["axial_stretch"])
-    square = outer**2 - wall
-    fits = (square > 0) & (wall > 0)
-    radius = pt.sqrt(pt.where(fits, square, outer**2))
-    return pt.all(fits), radius, outer / radius
+        radius, growth = inputs["radius"], 1.0
+    else:
+        outer = inputs["current_outer_radius"]
+        k = opening_factor(tube["opening_angle"])
+        wall = tube["outer_radius"] ** 2 - tube["inner_radius"] ** 2
+        square = outer**2 - wall / (k * tube["axial_stretch"])
+        fits = square > 0
+        possible &= pt.all(fits)
+        radius = pt.sqrt(pt.where(fits, square, outer**2))
+        growth = outer / radius
+    if not isinstance(energy, StrainEnergy):
+        del tube["outer_radius"]
+    tubes = tubes_of(energy, radius, **({"outer_radius": None} | tube), parameters=parameters)
+    return CurrentTube(tubes, possible, growth)
