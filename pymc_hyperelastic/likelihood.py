@@ -5,7 +5,7 @@ from functools import reduce
 from math import isfinite
 from numbers import Real
 from operator import and_
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pymc as pm
@@ -26,9 +26,10 @@ from pymc_hyperelastic.data import (
     check_inflation_data,
     describe_test,
 )
+from pymc_hyperelastic.inversion import RadiusAtPressure
 from pymc_hyperelastic.layers import Layer, check_energy
 from pymc_hyperelastic.pressure import wall_pressure
-from pymc_hyperelastic.rules import Mode, Rule, current_tube, rule_for, tube_inputs
+from pymc_hyperelastic.rules import CurrentTube, Mode, Rule, current_tube, rule_for, tube_inputs
 from pymc_hyperelastic.slopes import (
     central_differences,
     compressed_spectrum,
@@ -46,6 +47,10 @@ __all__ = [
     "shared_inputs",
 ]
 
+ErrorIn = Literal["pressure", "radius"]
+
+# Of the radius: where the last step towards that at a pressure is longer, none was found.
+_LARGEST_LAST_STEP = 1e-6
 # kPa², or (kPa/mm)²: far beyond any tube; what is made of smaller numbers does not overflow.
 _LARGEST_MISFIT = np.float64(1e60)
 
@@ -59,6 +64,7 @@ def inflation_likelihood(
     sigma: Any,
     slope_weight: Any,
     force_sigma: Any = None,
+    error_in: ErrorIn = "pressure",
     geometry: Mapping[str, Any] | None = None,
     mode: Mode = "auto",
 ) -> TensorVariable:
@@ -79,6 +85,9 @@ def inflation_likelihood(
     can be inferred. There is no factor ½ with ``σ``, which is ``√2`` standard deviations.
     Where the pressure of a parameter overflows, the log-likelihood is ``−inf`` and its gradient 0.
 
+    With the error in the radius, ``Δr`` replaces ``Δp``: the radius at which the model has the
+    measured pressure minus the measured one (half of an outer diameter).
+
     With `force_sigma`, measured axial forces add ``−|ΔF|²/σ_F² − (N_F/2) ln(π σ_F²)``.
 
     Parameters
@@ -92,12 +101,15 @@ def inflation_likelihood(
     parameters : dict of str to tensor_like
         The material parameters by name: random variables, expressions or numbers.
     sigma : tensor_like
-        The paper's ``σ``, kPa; a number or a random variable.
+        The paper's ``σ``, kPa, or mm if the error is in the radius; a number or a random variable.
     slope_weight : tensor_like
         The paper's ``β``, mm²; a number or a random variable. With the number 0 slopes play no
         part. See :func:`~pymc_hyperelastic.balanced_slope_weight`.
     force_sigma : tensor_like, optional
         The same as `sigma` for axial forces, mN; without it they play no part.
+    error_in : {"pressure", "radius"}
+        What was measured with an error. Where curves are steep it is the radius; slopes then play
+        no part.
     geometry : dict of str to tensor_like, optional
         What of ``inner_radius``, ``outer_radius`` (mm), ``axial_stretch`` and ``opening_angle``
         (rad) is not to be taken from the data, as for an unknown unloaded radius: scalars, of all
@@ -140,13 +152,15 @@ def inflation_likelihood(
         raise TypeError("no model is in context: add the likelihood inside `with pm.Model():`")
     noise = {"sigma": sigma, "slope_weight": slope_weight, "force_sigma": force_sigma}
     check_energy(energy)
-    check_likelihood(energy, data, parameters, geometry=geometry, **noise)
+    check_likelihood(energy, data, parameters, geometry=geometry, error_in=error_in, **noise)
     sizes = {p.name: p.size for p in energy.parameters}
     parameters = {key: _as_tensor(key, value, sizes[key]) for key, value in parameters.items()}
     geometry = {key: _as_tensor(key, value) for key, value in (geometry or {}).items()}
     with_force = force_sigma is not None
+    mode = "quadrature" if error_in == "radius" else mode
     rule = rule_for(energy, data, parameters, geometry, mode=mode, with_force=with_force)
-    return register_likelihood(name, energy, data, rule, parameters, geometry=geometry, **noise)
+    settings = {"geometry": geometry, "error_in": error_in, **noise}
+    return register_likelihood(name, energy, data, rule, parameters, **settings)
 
 
 def register_likelihood(
@@ -157,6 +171,7 @@ def register_likelihood(
     parameters: dict[str, Any],
     *,
     geometry: Mapping[str, Any] | None = None,
+    error_in: ErrorIn = "pressure",
     **noise: Any,
 ) -> TensorVariable:
     """Add the likelihood of checked input."""
@@ -165,7 +180,8 @@ def register_likelihood(
         data, rule, slope_weight=noise["slope_weight"], with_force=with_force
     )
     inputs = shared_inputs(name, arrays)
-    expression = log_likelihood(energy, inputs, rule, parameters, geometry=geometry, **noise)
+    settings = {"geometry": geometry, "error_in": error_in, **noise}
+    expression = log_likelihood(energy, inputs, rule, parameters, **settings)
     return pm.Potential(name, expression)
 
 
@@ -214,6 +230,7 @@ def log_likelihood(
     sigma: Any,
     slope_weight: Any,
     force_sigma: Any = None,
+    error_in: ErrorIn = "pressure",
     geometry: Mapping[str, Any] | None = None,
 ) -> TensorVariable:
     """Log-likelihood of :func:`inflation_likelihood` as an expression of arrays and parameters."""
@@ -223,9 +240,17 @@ def log_likelihood(
         entries = energy.split(parameters)
         conditions, response = [], _collocated(energy, inputs, entries, with_force)
     else:
-        conditions, response = _direct(
-            energy, inputs, rule.nodes, parameters, geometry or {}, with_force
-        )
+        current = current_tube(energy, inputs, geometry or {}, parameters)
+        conditions = [current.possible] if geometry else []
+        if error_in == "radius":
+            found, error = _error_in_radius(current, inputs["pressure_target"], rule.nodes)
+            conditions.append(found)
+            inputs = inputs | {"pressure_target": 0.0}
+            response = {"pressure": error}
+        else:
+            response = _direct(current, inputs, rule.nodes)
+        if with_force:
+            response["force"] = wall_force(current.tubes, rule.nodes)[inputs["force_rows"]]
 
     def misfit(name: str) -> TensorVariable:
         total = pt.sum(pt.square(response[name] - inputs[f"{name}_target"]))
@@ -266,25 +291,29 @@ def _collocated(
     return response
 
 
-def _direct(
-    energy: StrainEnergy | Sequence[Layer],
-    inputs: dict[str, Any],
-    order: int,
-    parameters: dict[str, Any],
-    geometry: Mapping[str, Any],
-    with_force: bool,
-) -> tuple[list[TensorVariable], dict[str, TensorVariable]]:
-    """What a tube must fulfil, and pressures, slopes and forces where they were measured."""
-    current = current_tube(energy, inputs, geometry, parameters)
+def _direct(current: CurrentTube, inputs: dict[str, Any], order: int) -> dict[str, TensorVariable]:
+    """Pressures, and slopes where they were measured."""
     pressure, stiffness = wall_pressure(current.tubes, order)
-    response = {"pressure": pressure, "slope": stiffness * current.growth}
-    if with_force:
-        response["force"] = wall_force(current.tubes, order)
-    return [current.possible] if geometry else [], {
-        name: values[inputs[f"{name}_rows"]]
-        for name, values in response.items()
-        if f"{name}_rows" in inputs
-    }
+    response = {"pressure": pressure}
+    if "slope_rows" in inputs:
+        response["slope"] = (stiffness * current.growth)[inputs["slope_rows"]]
+    return response
+
+
+def _error_in_radius(
+    current: CurrentTube, pressure: Any, order: int
+) -> tuple[TensorVariable, TensorVariable]:
+    """Whether there are radii of the measured pressures, and their distance from the measured."""
+    energies, inputs = [], []
+    for tube in current.tubes:
+        _, inner_radius, outer_radius, *_ = tube.geometry
+        energies.append(tube.energy)
+        inputs += [outer_radius - inner_radius, *tube.entries]
+    _, inner_radius, _, *reference = current.tubes[0].geometry
+    op = RadiusAtPressure(strain_energies=tuple(energies), order=order)
+    radius, last_step = op(pressure, current.radius, inner_radius, *reference, *inputs)
+    found = pt.all(last_step < _LARGEST_LAST_STEP)
+    return found, current.measured(radius) - current.measured(current.radius)
 
 
 def check_likelihood(
@@ -296,6 +325,7 @@ def check_likelihood(
     sigma: Any,
     slope_weight: Any,
     force_sigma: Any = None,
+    error_in: ErrorIn = "pressure",
 ) -> None:
     """Raise unless the likelihood of `data` can be written down."""
     if isinstance(energy, StrainEnergy):
@@ -346,6 +376,13 @@ def check_likelihood(
     ):
         raise ValueError(
             "force_sigma is given, but the data hold no axial forces: add a column 'axial_force'"
+        )
+    if error_in not in get_args(ErrorIn):
+        raise ValueError(f"error_in is {error_in!r}; expected one of {get_args(ErrorIn)}")
+    if error_in == "radius" and _with_slopes(slope_weight):
+        raise ValueError(
+            f"slope_weight is {slope_weight}, but with error_in='radius' slopes play no part: "
+            "expected 0"
         )
     if _with_slopes(slope_weight):
         central_differences(data)

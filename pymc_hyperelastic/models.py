@@ -17,7 +17,7 @@ from pymc_hyperelastic.collocation import (
 )
 from pymc_hyperelastic.data import describe_test
 from pymc_hyperelastic.layers import Layer, check_energy, check_layers
-from pymc_hyperelastic.likelihood import check_likelihood, register_likelihood
+from pymc_hyperelastic.likelihood import ErrorIn, check_likelihood, register_likelihood
 from pymc_hyperelastic.pressure import wall_pressure
 from pymc_hyperelastic.priors import (
     check_geometry_priors,
@@ -48,6 +48,7 @@ def inflation_model(
     sigma: Any,
     slope_weight: Any,
     force_sigma: Any = None,
+    error_in: ErrorIn = "pressure",
     priors: dict[str, Any] | None = None,
     geometry: dict[str, Any] | None = None,
     mode: Mode = "auto",
@@ -74,6 +75,9 @@ def inflation_model(
         The paper's ``β``, mm², likewise; 0 leaves the slopes out.
     force_sigma : float or distribution, optional
         The same as `sigma` for measured axial forces, mN; without it they play no part.
+    error_in : {"pressure", "radius"}
+        What was measured with an error; with "radius", where curves are steep, `sigma` is in mm (of
+        the internal radius, or of half an outer diameter) and slopes play no part.
     priors : dict of str to distribution, optional
         Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. For the others the
         default of the strain energy is taken: uniform over a documented physical range. A vector
@@ -135,8 +139,9 @@ def inflation_model(
         noise["force_sigma"] = force_sigma
     known = inferred_geometry(unknown)
     of_material = {} if layered else distributions
-    check_likelihood(wall, data, of_material, geometry=known, **noise)
+    check_likelihood(wall, data, of_material, geometry=known, error_in=error_in, **noise)
     with_force = force_sigma is not None
+    mode = "quadrature" if error_in == "radius" else mode
     rule = rule_for(wall, data, of_material, known, mode=mode, with_force=with_force)
     coords = {
         "obs": np.arange(data.sizes["obs"]),
@@ -158,9 +163,16 @@ def inflation_model(
         for name, curve in _curves(wall, data, rule, of_material, tube, with_force).items():
             pm.Deterministic(name, curve, dims="obs")
         register_likelihood(
-            "likelihood", wall, data, rule, of_material, geometry=tube, **registered
+            "likelihood",
+            wall,
+            data,
+            rule,
+            of_material,
+            geometry=tube,
+            error_in=error_in,
+            **registered,
         )
-    model.study = Study(energy, data, distributions, noise, unknown)
+    model.study = Study(energy, data, distributions, noise, unknown, error_in)
     return model
 
 

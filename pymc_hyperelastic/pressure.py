@@ -12,6 +12,7 @@ from pytensor.compile.inner_function import link_only_mode
 from pytensor.compile.mode import Mode
 from pytensor.gradient import DisconnectedType, grad
 from pytensor.graph.basic import Apply, Variable
+from pytensor.graph.op import Op
 from pytensor.graph.replace import _vectorize_node, clone_replace
 from pytensor.tensor.symbolic import TensorSymbolicOp
 from pytensor.tensor.variable import TensorVariable
@@ -24,6 +25,7 @@ __all__ = [
     "PressureIntegral",
     "TubeOp",
     "WallIntegral",
+    "broadcast_batches",
     "check_geometry",
     "checked_tubes",
     "inflation_pressure",
@@ -234,7 +236,7 @@ def _divided(node: Any, weight: Any, places: Sequence[Any]) -> tuple[Any, Any]:
 
 
 @_vectorize_node.register(WallIntegral)
-def _vectorize_wall_integral(op: WallIntegral, node: Apply, *inputs: TensorVariable) -> Apply:
+def broadcast_batches(op: Op, node: Apply, *inputs: TensorVariable) -> Apply:
     """Broadcast batch dimensions from the left; the Op needs no loop over them."""
     core_ndim = node.outputs[0].type.ndim
     aligned = []
@@ -242,8 +244,7 @@ def _vectorize_wall_integral(op: WallIntegral, node: Apply, *inputs: TensorVaria
         batch_ndim = batched.type.ndim - core.type.ndim
         missing = range(batch_ndim, batch_ndim + core_ndim - core.type.ndim)
         aligned.append(pt.expand_dims(batched, tuple(missing)))
-    outputs = type(op)(strain_energy=op.strain_energy, order=op.order)(*aligned, return_list=True)
-    return outputs[0].owner
+    return type(op)(**op._props_dict())(*aligned, return_list=True)[0].owner
 
 
 def inflation_pressure(

@@ -1,6 +1,7 @@
 """How the wall is integrated in a model: constant matrices, or how many nodes of quadrature."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -139,20 +140,40 @@ def tube_inputs(data: xr.Dataset) -> dict[str, Array]:
     return inputs | {name: measured_radius(data).values.astype(float)}
 
 
-class CurrentTube(NamedTuple):
-    """A tube as it was measured, at each point."""
+@dataclass(frozen=True)
+class CurrentTube:
+    """A tube as it was measured, at each point.
 
-    tubes: list[Tube]
-    """The tubes that its wall is made of."""
+    Attributes
+    ----------
+    radius : tensor_like
+        Internal radius, mm. Where the tube is not possible, that of another one.
+    possible : TensorVariable
+        Whether there is such a tube at all.
+    wall : tensor_like, optional
+        ``r_o² − a²``, if the outer radius ``r_o`` was measured.
+    """
+
+    energy: StrainEnergy | Sequence[Layer]
+    reference: Mapping[str, Any]
+    parameters: dict[str, Any]
+    radius: Any
     possible: TensorVariable
-    """Whether there is such a tube at all."""
-    growth: Any
-    """How the internal radius grows with the one that was measured."""
+    wall: Any = None
 
     @property
-    def radius(self) -> Any:
-        """Internal radius, mm. Where the tube is not possible, that of another one."""
-        return self.tubes[0].radius
+    def tubes(self) -> list[Tube]:
+        """The tubes that its wall is made of."""
+        return tubes_of(self.energy, self.radius, **self.reference, parameters=self.parameters)
+
+    def measured(self, radius: Any) -> Any:
+        """The radius that was measured, of an internal radius."""
+        return radius if self.wall is None else (radius**2 + self.wall) ** 0.5
+
+    @property
+    def growth(self) -> Any:
+        """How the internal radius grows with the one that was measured."""
+        return 1.0 if self.wall is None else self.measured(self.radius) / self.radius
 
 
 def current_tube(
@@ -163,21 +184,17 @@ def current_tube(
 ) -> CurrentTube:
     """Tube of the given `inputs`, see :func:`tube_inputs`, but for the `geometry` given."""
     tube = {name: geometry.get(name, inputs[name]) for name in GEOMETRY}
+    outer = tube["outer_radius"]
     if not isinstance(energy, StrainEnergy):
-        tube["outer_radius"] = tube["inner_radius"] + sum(layer.thickness for layer in energy)
-    possible = pt.all(tube["outer_radius"] > tube["inner_radius"])
+        outer = tube["inner_radius"] + sum(layer.thickness for layer in energy)
+        tube["outer_radius"] = None
+    possible = pt.all(outer > tube["inner_radius"])
     if "current_outer_radius" not in inputs:
-        radius, growth = inputs["radius"], 1.0
-    else:
-        outer = inputs["current_outer_radius"]
-        k = opening_factor(tube["opening_angle"])
-        wall = tube["outer_radius"] ** 2 - tube["inner_radius"] ** 2
-        square = outer**2 - wall / (k * tube["axial_stretch"])
-        fits = square > 0
-        possible &= pt.all(fits)
-        radius = pt.sqrt(pt.where(fits, square, outer**2))
-        growth = outer / radius
-    if not isinstance(energy, StrainEnergy):
-        del tube["outer_radius"]
-    tubes = tubes_of(energy, radius, **({"outer_radius": None} | tube), parameters=parameters)
-    return CurrentTube(tubes, possible, growth)
+        return CurrentTube(energy, tube, parameters, inputs["radius"], possible)
+    k = opening_factor(tube["opening_angle"])
+    wall = (outer**2 - tube["inner_radius"] ** 2) / (k * tube["axial_stretch"])
+    square = inputs["current_outer_radius"] ** 2 - wall
+    possible &= pt.all(square > 0)
+    wall = pt.where(square > 0, wall, 0.0)
+    radius = pt.sqrt(inputs["current_outer_radius"] ** 2 - wall)
+    return CurrentTube(energy, tube, parameters, radius, possible, wall)

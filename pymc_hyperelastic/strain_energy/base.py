@@ -86,9 +86,13 @@ class StrainEnergy(ABC):
         super().__init_subclass__(**kwargs)
         if isabstract(cls):
             return
+        if not isinstance(cls.parameters, property):  # else known only of an instance
+            cls._check_parameters()
         StrainEnergy._registry[cls.__name__] = cls
-        if isinstance(cls.parameters, property):  # known only of an instance, with its settings
-            return
+
+    @classmethod
+    def _check_parameters(cls) -> None:
+        """Raise TypeError unless :attr:`parameters` and :meth:`energy` name the same."""
         stated = [p.name for p in cls.parameters]
         arguments = signature(cls.energy).parameters.values()
         written = [
@@ -184,6 +188,9 @@ class StrainEnergy(ABC):
             value = parameters[p.name]
             if p.size is None:
                 entries.append(value)
+                continue
+            if isinstance(value, tuple) and len(value) == p.size:  # as `join` gives it
+                entries += value
                 continue
             value = value if isinstance(value, Variable) else np.asarray(value, float)
             length = (value.type.shape if isinstance(value, Variable) else value.shape)[-1:]
