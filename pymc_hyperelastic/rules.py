@@ -118,7 +118,7 @@ def _order_needed(
         return 32
 
     def agree(curve: Array, expected: Array) -> bool:
-        error = np.abs(curve - expected)[possible]
+        error = np.abs(curve[possible] - expected[possible])
         scale = np.abs(expected[possible]).max(axis=1, keepdims=True)
         return bool(np.all(error <= _ORDER_TOLERANCE * scale))
 

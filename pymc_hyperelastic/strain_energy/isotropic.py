@@ -125,10 +125,14 @@ class Yeoh(_FirstInvariant):
 
     parameters = (
         Parameter(
-            "c1", "c_1", "kPa", (0.0, 100.0), "half the small-strain shear modulus" + _MODULUS_RANGE
+            "c1",
+            "c_1",
+            "kPa",
+            (0.0, 300.0),
+            "half the small-strain shear modulus; 174 in an aortic aneurysm",
         ),
-        Parameter("c2", "c_2", "kPa", (0.0, 1000.0), "stiffening; some 2000 in an aneurysm"),
-        Parameter("c3", "c_3", "kPa", (0.0, 1000.0), "stiffening at larger strain"),
+        Parameter("c2", "c_2", "kPa", (0.0, 3000.0), "stiffening; 1881 in an aortic aneurysm"),
+        Parameter("c3", "c_3", "kPa", (0.0, 3000.0), "stiffening at larger strain"),
     )
 
     def energy(
