@@ -1,8 +1,11 @@
 """Configuration of the documentation; build it with ``make docs``."""
 
 from importlib.metadata import version as installed_version
+from pathlib import Path
 
 import matplotlib
+
+import pymc_hyperelastic as ph
 
 matplotlib.use("Agg")
 
@@ -57,3 +60,53 @@ html_theme_options = {
     "primary_sidebar_end": [],
     "show_toc_level": 2,
 }
+
+# The zoo: a page written from the laws themselves, so that a new one appears on it by itself.
+ZOO = """# The zoo of strain energies
+
+These laws come with the package. Each name in the first table leads to the law's equation and
+source. All of them give pressure, stiffness, axial force, models, evidence and classification. How
+their stresses are computed is part of the [theory](theory.md#strain-energies). A law that is not
+here takes [ten lines](own_law.md).
+
+```{{eval-rst}}
+.. currentmodule:: pymc_hyperelastic
+
+.. autosummary::
+   :toctree: generated
+   :nosignatures:
+
+{names}
+```
+
+## Parameters
+
+The default prior of each parameter is uniform over a fixed range, which
+[never depends on the data](theory.md#priors).
+
+| strain energy | symbol | name | unit | default prior | meaning |
+|---|---|---|---|---|---|
+{rows}
+"""
+
+
+def write_zoo() -> None:
+    every_law = map(ph.StrainEnergy.from_name, ph.list_strain_energies())
+    laws = sorted(
+        (law for law in every_law if type(law).__module__.startswith(ph.__name__)),
+        key=lambda law: law.name,
+    )
+    rows = []
+    for law in laws:
+        cell = f"{{class}}`~pymc_hyperelastic.{law.name}`"
+        for p in law.parameters:
+            ends = " to ".join(f"{round(end, 3):g}".replace("-", "−") for end in p.prior_range)
+            name = f"`{p.name}`" + (", a vector" if p.size else "")
+            rows.append(f"| {cell} | ${p.symbol}$ | {name} | {p.unit} | {ends} | {p.description} |")
+            cell = ""
+    names = "\n".join(f"   {law.name}" for law in laws)
+    page = ZOO.format(names=names, rows="\n".join(rows))
+    Path(__file__).with_name("strain_energies.md").write_text(page, encoding="utf-8")
+
+
+write_zoo()

@@ -147,12 +147,13 @@ def nodes_needed(
                 np.full((1, 1), np.log(axial_stretch)),
                 *(v.reshape(shape) for v in values),
             )
-        response = np.concatenate(responses)
-        response = response[np.isfinite(response).all(axis=1)]
+        response = np.stack(responses)
+        response = response[:, np.isfinite(response).all(axis=(0, 2))]
         coefficients = np.abs(response @ value_to_coefficient(node.size).T)
-        largest = coefficients.max(axis=1, keepdims=True)
-        significant = np.flatnonzero((coefficients > _COEFFICIENT_TOLERANCE * largest).any(axis=0))
-        needed = max(needed, int(significant.max(initial=0)) + 1)
+        # Force is a difference of stresses, and known to their rounding.
+        largest = np.maximum.accumulate(coefficients.max(axis=2, keepdims=True))
+        significant = (coefficients > _COEFFICIENT_TOLERANCE * largest).any(axis=(0, 1))
+        needed = max(needed, int(np.flatnonzero(significant).max(initial=0)) + 1)
     return needed if needed <= _MOST_NODES else None
 
 

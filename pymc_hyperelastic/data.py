@@ -353,9 +353,7 @@ def check_inflation_data(data: xr.Dataset) -> None:
             )
     _check_test_positions(data)
     present = [*VARIABLES, *(name for name in OPTIONAL if name in data)]
-    values = {
-        name: _finite(data, name, may_be_missing=_may_be_missing(data, name)) for name in present
-    }
+    values = {name: _finite(data, name, _may_be_missing(data, name)) for name in present}
     for name, (impossible, expected) in _RULES.items():
         if name not in values:
             continue
@@ -414,11 +412,12 @@ def _check_test_positions(data: xr.Dataset) -> None:
         )
 
 
-def _may_be_missing(data: xr.Dataset, name: str) -> bool:
-    """Whether NaN means something: a geometry that is not known, a force that was not measured."""
-    unknown = any(bool(data[geometry].isnull().any()) for geometry in GEOMETRY)
-    derived = name == "radius" and "outer_diameter" in data and unknown
-    return name in (*GEOMETRY, "axial_force") or derived
+def _may_be_missing(data: xr.Dataset, name: str) -> bool | np.ndarray:
+    """Where NaN means something: a geometry that is not known, a force that was not measured."""
+    if name == "radius" and "outer_diameter" in data:
+        unknown = np.any([data[geometry].isnull().values for geometry in GEOMETRY], axis=0)
+        return unknown[data["test"].values]
+    return name in (*GEOMETRY, "axial_force")
 
 
 def _internal_radius(values: dict[str, np.ndarray], test: np.ndarray) -> np.ndarray:
@@ -428,12 +427,12 @@ def _internal_radius(values: dict[str, np.ndarray], test: np.ndarray) -> np.ndar
         return internal_radius_from_outer_radius(values["outer_diameter"] / 2, **geometry)
 
 
-def _finite(data: xr.Dataset, name: str, *, may_be_missing: bool = False) -> np.ndarray:
+def _finite(data: xr.Dataset, name: str, may_be_missing: bool | np.ndarray) -> np.ndarray:
     try:
         values = np.asarray(data[name].values, dtype=float)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name!r} must hold numbers, not {data[name].dtype}") from error
-    bad = np.flatnonzero(np.isinf(values) if may_be_missing else ~np.isfinite(values))
+    bad = np.flatnonzero(np.isinf(values) | (np.isnan(values) & ~np.asarray(may_be_missing)))
     if bad.size:
         expected = "a finite number"
         if name == "radius" and "outer_diameter" in data:

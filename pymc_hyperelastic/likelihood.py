@@ -53,6 +53,8 @@ ErrorIn = Literal["pressure", "radius"]
 _LARGEST_LAST_STEP = 1e-6
 # kPa², or (kPa/mm)²: far beyond any tube; what is made of smaller numbers does not overflow.
 _LARGEST_MISFIT = np.float64(1e60)
+# kPa/mm: its square is beyond that.
+_OVERFLOW = np.float64(1e60)
 
 
 def inflation_likelihood(
@@ -241,7 +243,8 @@ def log_likelihood(
         conditions, response = [], _collocated(energy, inputs, entries, with_force)
     else:
         current = current_tube(energy, inputs, geometry or {}, parameters)
-        conditions = [current.possible] if geometry else []
+        layered = not isinstance(energy, StrainEnergy)
+        conditions = [current.possible] if geometry or layered else []
         if error_in == "radius":
             found, error = _error_in_radius(current, inputs["pressure_target"], rule.nodes)
             conditions.append(found)
@@ -296,6 +299,8 @@ def _direct(current: CurrentTube, inputs: dict[str, Any], order: int) -> dict[st
     pressure, stiffness = wall_pressure(current.tubes, order)
     response = {"pressure": pressure}
     if "slope_rows" in inputs:
+        # Where it overflows, the gradient by the growth would be 0 * inf.
+        stiffness = pt.where(pt.isfinite(stiffness), stiffness, _OVERFLOW)
         response["slope"] = (stiffness * current.growth)[inputs["slope_rows"]]
     return response
 
@@ -312,8 +317,9 @@ def _error_in_radius(
     _, inner_radius, _, *reference = current.tubes[0].geometry
     op = RadiusAtPressure(strain_energies=tuple(energies), order=order)
     radius, last_step = op(pressure, current.radius, inner_radius, *reference, *inputs)
-    found = pt.all(last_step < _LARGEST_LAST_STEP)
-    return found, current.measured(radius) - current.measured(current.radius)
+    found = last_step < _LARGEST_LAST_STEP
+    radius = pt.where(found, radius, current.radius)
+    return pt.all(found), current.measured(radius) - current.measured(current.radius)
 
 
 def check_likelihood(
@@ -336,6 +342,13 @@ def check_likelihood(
             )
         energy.split(parameters)
     check_inflation_data(data)
+    if geometry is not None and not isinstance(geometry, Mapping):
+        raise TypeError(
+            f"geometry must be a dict with keys of {GEOMETRY}, not {type(geometry).__name__}"
+        )
+    strangers = [name for name in geometry or {} if name not in GEOMETRY]
+    if strangers:
+        raise ValueError(f"geometry holds {strangers[0]!r}; it may hold {GEOMETRY}")
     needed = set(GEOMETRY) - set(geometry or {})
     if not isinstance(energy, StrainEnergy):
         needed.discard("outer_radius")

@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 import pymc as pm
 import pytensor
+import pytensor.tensor as pt
 import xarray as xr
+from pytensor.graph.replace import vectorize_graph
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.axial_force import wall_force
@@ -15,7 +17,7 @@ from pymc_hyperelastic.collocation import (
     CollocatedPressureIntegral,
     curve_matrices,
 )
-from pymc_hyperelastic.data import describe_test
+from pymc_hyperelastic.data import GEOMETRY, describe_test, points_of
 from pymc_hyperelastic.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.likelihood import ErrorIn, check_likelihood, register_likelihood
 from pymc_hyperelastic.pressure import wall_pressure
@@ -32,6 +34,11 @@ from pymc_hyperelastic.results import Study
 from pymc_hyperelastic.rules import Mode, Rule, current_tube, rule_for, tube_inputs
 from pymc_hyperelastic.strain_energy import CriscioneType, Ogden, PowerLawNeoHookean, StrainEnergy
 from pymc_hyperelastic.tube import inferred_geometry
+
+# Radii of a test at which a pressure is seen to rise.
+_RADII_BETWEEN = 20
+# Draws from the prior by which it is known how many do so: to 3 % at the least share.
+_PRIOR_DRAWS, _LEAST_SHARE = 20000, 0.05
 
 __all__ = [
     "criscione_model",
@@ -51,6 +58,7 @@ def inflation_model(
     error_in: ErrorIn = "pressure",
     priors: dict[str, Any] | None = None,
     geometry: dict[str, Any] | None = None,
+    rising: bool = False,
     mode: Mode = "auto",
 ) -> pm.Model:
     r"""PyMC model of inflation curves: every test shares one set of material parameters.
@@ -87,6 +95,11 @@ def inflation_model(
         ``axial_stretch``, ``opening_angle`` (rad), and one of ``outer_radius``, ``thickness`` (mm)
         or ``wall_area`` (mm², of the cross-section of the unloaded ring). The integral is then
         taken by direct quadrature, with gradients through the geometry.
+    rising : bool, default False
+        Whether the prior leaves out materials whose pressure falls somewhere between the smallest
+        and the largest radius of a test. The Potential ``rising`` then divides by the prior
+        probability of the others, so that the evidence stays one. What a posterior holds of them
+        without it is told by :func:`~pymc_hyperelastic.admissible`.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated, see :func:`~pymc_hyperelastic.inflation_likelihood`.
 
@@ -137,12 +150,12 @@ def inflation_model(
     noise = {"sigma": sigma, "slope_weight": slope_weight}
     if force_sigma is not None:
         noise["force_sigma"] = force_sigma
-    known = inferred_geometry(unknown)
     of_material = {} if layered else distributions
-    check_likelihood(wall, data, of_material, geometry=known, error_in=error_in, **noise)
+    stated = inferred_geometry(unknown)
+    check_likelihood(wall, data, of_material, geometry=stated, error_in=error_in, **noise)
     with_force = force_sigma is not None
     mode = "quadrature" if error_in == "radius" else mode
-    rule = rule_for(wall, data, of_material, known, mode=mode, with_force=with_force)
+    rule = rule_for(wall, data, of_material, unknown, mode=mode, with_force=with_force)
     coords = {
         "obs": np.arange(data.sizes["obs"]),
         "test": [describe_test(data, test) for test in range(data.sizes["test"])],
@@ -151,9 +164,7 @@ def inflation_model(
         parameters = {name: register_prior(name, prior) for name, prior in distributions.items()}
         if isinstance(wall, list):
             wall = with_variables(wall, distributions, parameters)
-        tube = inferred_geometry(
-            {name: register_prior(name, prior) for name, prior in unknown.items()}
-        )
+        tube = {name: register_prior(name, prior) for name, prior in unknown.items()}
         registered = dict(noise)
         for name, value in noise.items():
             if is_inferred(value):
@@ -172,7 +183,12 @@ def inflation_model(
             error_in=error_in,
             **registered,
         )
-    model.study = Study(energy, data, distributions, noise, unknown, error_in)
+        if rising:
+            everywhere = _curves(wall, _between(data), rule, of_material, tube, False)["stiffness"]
+            rises = pt.all(everywhere > 0)
+            share = _prior_probability(rises, model.free_RVs)
+            pm.Potential("rising", pt.where(rises, -np.log(share), -np.inf))
+    model.study = Study(energy, data, distributions, noise, unknown, error_in, rising)
     return model
 
 
@@ -250,3 +266,37 @@ def _curves(
         integral = CollocatedAxialForce(strain_energy=energy)
         curves["axial_force"] = integral(*stretches, force_matrix, *entries)
     return {name: curve.flatten()[place] for name, curve in curves.items()}
+
+
+def _between(data: xr.Dataset) -> xr.Dataset:
+    """The same tests at radii evenly spread between the ends of each."""
+    spans = [points_of(data, test) for test in range(data.sizes["test"])]
+    steps = np.linspace(0, 1, _RADII_BETWEEN)
+    measured = {
+        name: (
+            "obs",
+            np.concatenate(
+                [v.min() + steps * np.ptp(v) for v in (data[name].values[span] for span in spans)]
+            ),
+        )
+        for name in ("radius", "outer_diameter")
+        if name in data
+    }
+    test = np.repeat(np.arange(len(spans)), _RADII_BETWEEN)
+    return xr.Dataset(measured, {"test": ("obs", test)}).assign(data[list(GEOMETRY)].data_vars)
+
+
+def _prior_probability(condition: TensorVariable, variables: Sequence[TensorVariable]) -> float:
+    """Probability that a condition on random variables holds, from many draws."""
+    draws = pm.draw(variables, draws=_PRIOR_DRAWS, random_seed=1, mode="FAST_COMPILE")
+    symbols = {v: pt.tensor(dtype=v.dtype, shape=(None, *v.type.shape)) for v in variables}
+    holds = vectorize_graph(condition, symbols)
+    function = pytensor.function(list(symbols.values()), holds, mode="FAST_COMPILE")
+    with np.errstate(all="ignore"):
+        share = float(np.mean(function(*draws)))
+    if share < _LEAST_SHARE:
+        raise ValueError(
+            f"of {_PRIOR_DRAWS} draws from the prior {share:.2%} have a pressure that rises with "
+            "the radius: give priors that do not contradict it"
+        )
+    return share

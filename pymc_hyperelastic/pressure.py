@@ -157,8 +157,8 @@ class PressureIntegral(WallIntegral):
         ``0.6 A ≤ a ≤ 1.7 A``, over the default priors' range of parameters, 32 nodes agree with
         200 to a relative 1e-10, and to 1e-12 for ``a ≥ A``; for laws with the exponential of a
         square, as long as pressure stays below a thousand moduli. A table of tests holds the rule
-        to adaptive quadrature. A wall in which fibres slacken is divided there, with as many nodes on
-        each piece.
+        to adaptive quadrature. A wall in which fibres slacken is divided there, with as many nodes
+        on each piece.
     """
 
     def build_inner_graph(self, *inputs: TensorVariable) -> list[Variable]:

@@ -108,6 +108,8 @@ def complete_layers(
             if is_inferred(value):
                 check_prior(f"{name}_{number}", value, sizes[name])
                 places.setdefault(value, []).append((name, number))
+            else:
+                _check_number(f"{name}_{number}", value, sizes[name])
         filled.append(Layer(layer.energy, layer.thickness, **parameters))
     named = {}
     for prior, [(name, number), *others] in places.items():
@@ -204,6 +206,16 @@ def check_prior(name: str, prior: Any, size: int | None = None) -> None:
         raise TypeError(
             f"the prior of {name!r} has the shape {prior.type.shape}; expected {expected}"
         )
+
+
+def _check_number(name: str, value: Any, size: int | None) -> None:
+    expected = "a number" if size is None else f"{size} numbers"
+    try:
+        number = np.asarray(value, float)
+    except (TypeError, ValueError):
+        number = np.array(np.nan)
+    if number.shape != (() if size is None else (size,)) or not np.isfinite(number).all():
+        raise TypeError(f"{name} is {value!r}; expected {expected}, or a distribution")
 
 
 def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:

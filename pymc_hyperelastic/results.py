@@ -57,6 +57,7 @@ class Study:
     noise: dict[str, Any]
     geometry: dict[str, Any] = field(default_factory=dict)
     error_in: str = "pressure"
+    rising: bool = False
 
     def groups(self) -> dict[str, xr.Dataset]:
         """The inflation data, divided as ArviZ does."""
@@ -75,8 +76,8 @@ class Study:
         """
         if not isinstance(self.energy, StrainEnergy) or self.geometry:
             raise ValueError("layers, or a geometry that is inferred, do not make a class")
-        if self.error_in != "pressure":
-            raise ValueError("a class is made of measurements with the error in the pressure")
+        if self.error_in != "pressure" or self.rising:
+            raise ValueError("a class has its error in the pressure, and its prior as it is given")
         of_noise = {"sigma": "kPa", "slope_weight": "mm2", "force_sigma": "mN"}
         units = {name: of_noise[name] for name in self.noise}
         units |= {p.name: p.unit for p in self.energy.parameters}

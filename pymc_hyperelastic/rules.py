@@ -20,7 +20,7 @@ from pymc_hyperelastic.data import GEOMETRY, measured_radius, points_of
 from pymc_hyperelastic.layers import Layer, Tube, tubes_of
 from pymc_hyperelastic.pressure import wall_pressure
 from pymc_hyperelastic.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.tube import opening_factor
+from pymc_hyperelastic.tube import inferred_geometry, opening_factor
 
 __all__ = ["CurrentTube", "Mode", "Rule", "current_tube", "rule_for", "tube_inputs"]
 
@@ -93,10 +93,11 @@ def _order_needed(
     ends = [span.start + f(radius[span]) for span in spans for f in (np.argmin, np.argmax)]
     inputs = {k: v[_some(np.array(ends), _MOST_POINTS)] for k, v in tube_inputs(data).items()}
     tubes = current_tube(energy, inputs, geometry, parameters).tubes
-    unknown = {v for tube in tubes for v in tube.entries} | set(geometry.values())
+    unknown = [*(v for tube in tubes for v in tube.entries), *geometry.values()]
     if not isinstance(energy, StrainEnergy):
-        unknown |= {layer.thickness for layer in energy}
-    variables = [v for v in unknown if isinstance(v, Variable) and not isinstance(v, Constant)]
+        unknown += [layer.thickness for layer in energy]
+    inferred = (v for v in unknown if isinstance(v, Variable) and not isinstance(v, Constant))
+    variables = list(dict.fromkeys(inferred))  # in order, and each once
     values = representative_values(variables) if variables else None
     if values is None:
         return 32
@@ -182,13 +183,25 @@ def current_tube(
     geometry: Mapping[str, Any],
     parameters: dict[str, Any],
 ) -> CurrentTube:
-    """Tube of the given `inputs`, see :func:`tube_inputs`, but for the `geometry` given."""
-    tube = {name: geometry.get(name, inputs[name]) for name in GEOMETRY}
+    """Tube of the given `inputs`, see :func:`tube_inputs`, but for the `geometry` given.
+
+    It may hold what :func:`~pymc_hyperelastic.tube.inferred_geometry` takes.
+    """
+    known = {name: inputs[name] for name in GEOMETRY} | dict(geometry)
+    closed = pt.abs(known["opening_angle"]) < 2 * np.pi
+    if "wall_area" in known:
+        # An impossible one may have no root; one of zero is as impossible.
+        known["wall_area"] = pt.where(closed, pt.maximum(known["wall_area"], 0.0), 0.0)
+    tube = inferred_geometry(known)
     outer = tube["outer_radius"]
-    if not isinstance(energy, StrainEnergy):
+    possible = pt.all(closed) & pt.all(pt.gt(tube["inner_radius"], 0.0))
+    if isinstance(energy, StrainEnergy):
+        possible &= pt.all(outer > tube["inner_radius"])
+    else:
         outer = tube["inner_radius"] + sum(layer.thickness for layer in energy)
         tube["outer_radius"] = None
-    possible = pt.all(outer > tube["inner_radius"])
+        for layer in energy:
+            possible &= pt.all(pt.gt(layer.thickness, 0.0))
     if "current_outer_radius" not in inputs:
         return CurrentTube(energy, tube, parameters, inputs["radius"], possible)
     k = opening_factor(tube["opening_angle"])

@@ -7,10 +7,12 @@ import xarray as xr
 
 from pymc_hyperelastic.data import (
     COORDINATES,
+    OPTIONAL,
     VARIABLES,
     check_inflation_data,
     describe_test,
     inflation_data,
+    measured_radius,
     points_of,
     select,
 )
@@ -20,6 +22,7 @@ from pymc_hyperelastic.units import mmHg
 ROUNDING = 1e-15
 
 GEOMETRY = {"inner_radius": 7.0, "outer_radius": 9.0}
+GEOMETRY_NAMES = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
 
 
 def good_frame() -> pd.DataFrame:
@@ -58,6 +61,18 @@ def with_values(name: str, values: object) -> xr.Dataset:
     data = build()
     return data.assign({name: (data[name].dims, values, data[name].attrs)})
 
+
+def with_diameters(diameter=(20.0, 22.0, 20.4, 22.4, 19.8, 21.0), **columns) -> pd.DataFrame:
+    """Outer diameters in place of internal radii, and perhaps other columns."""
+    return good_frame().drop(columns="radius").assign(outer_diameter=diameter, **columns)
+
+
+def by_diameter(frame: object = None, **arguments: object) -> xr.Dataset:
+    frame = with_diameters() if frame is None else frame
+    return build(frame, measured="outer_diameter", **arguments)
+
+
+FORCES = (1.0, np.nan, 3.0, "4.5", None, 6.0)
 
 # Each row: what is wrong, a call that does it, the error, and fragments that its message must hold.
 S1E2 = "specimen 'S1', experiment 2"
@@ -356,6 +371,77 @@ BAD_DATA = [
         ["'test' must hold integers", "float64"],
     ),
     (
+        "something else measured",
+        lambda: build(measured="diameter"),
+        ValueError,
+        ["measured is 'diameter'", "'radius', 'outer_diameter'"],
+    ),
+    (
+        "no diameter column",
+        lambda: build(measured="outer_diameter"),
+        ValueError,
+        ["no column 'outer_diameter'", "'radius'"],
+    ),
+    (
+        "missing diameter",
+        lambda: by_diameter(with_diameters([20.0, 22.0, np.nan, 22.4, 19.8, 21.0])),
+        ValueError,
+        [S1E2, "row 12", "outer_diameter is missing"],
+    ),
+    (
+        "negative diameter",
+        lambda: by_diameter(with_diameters([20.0, 22.0, -20.4, 22.4, 19.8, 21.0])),
+        ValueError,
+        [S1E2, "row 12", "outer_diameter is -20.4 mm", "positive"],
+    ),
+    (
+        "no room for the wall",  # which alone fills a diameter of 2 (9² − 7²)^½ = 11.3
+        lambda: by_diameter(with_diameters([20.0, 22.0, 20.4, 11.0, 19.8, 21.0])),
+        ValueError,
+        [S1E2, "row 13", "radius is nan mm", "in which the wall has room"],
+    ),
+    (
+        "no room for a wall that is known, beside one that is not",
+        lambda: check_inflation_data(
+            by_diameter().assign(
+                inner_radius=("test", [7.0, 7.0, np.nan]),
+                radius=("obs", [8.2, 9.3, np.nan, 9.5, np.nan, np.nan]),
+            )
+        ),
+        ValueError,
+        [S1E2, "row 12", "in which the wall has room"],
+    ),
+    (
+        "text in force",
+        lambda: build(good_frame().assign(axial_force=["1", "2", "3 mN", "4", "5", "6"])),
+        ValueError,
+        [S1E2, "row 12", "axial_force is '3 mN', not a number"],
+    ),
+    (
+        "infinite force",
+        lambda: build(good_frame().assign(axial_force=[1, 2, np.inf, 4, 5, 6])),
+        ValueError,
+        [S1E2, "row 12", "axial_force is inf", "finite"],
+    ),
+    (
+        "force in kPa",
+        lambda: build(good_frame().assign(axial_force=1.0), force_unit="kPa"),
+        ValueError,
+        ["force_unit='kPa'", "does not measure force"],
+    ),
+    (
+        "nan for an unknown angle",
+        lambda: build(opening_angle=np.nan),
+        ValueError,
+        ["opening_angle is nan", "give None"],
+    ),
+    (
+        "unknown radius by hand",
+        lambda: check_inflation_data(with_values("radius", [7.2, 8.0, np.nan, 8.1, 7.1, 7.6])),
+        ValueError,
+        [S1E2, "row 12", "radius is nan mm", "finite"],
+    ),
+    (
         "no points",
         lambda: check_inflation_data(build().isel(obs=slice(0, 0))),
         ValueError,
@@ -470,6 +556,76 @@ def test_names_and_points_of_a_test():
     assert [points_of(data, i) for i in range(3)] == [slice(0, 2), slice(2, 4), slice(4, 6)]
     with pytest.raises(IndexError, match="no test 3"):
         points_of(data, 3)
+
+
+def test_outer_diameters():
+    """The diameter is kept, and the internal radius is that which leaves the wall its volume."""
+    frame = with_diameters(np.array([20.0, 22.0, 20.4, 22.4, 19.8, 21.0]) * 1000)
+    lengths = {"inner_radius": 7000.0, "outer_radius": 9000.0, "radius_unit": "um"}
+    data = by_diameter(
+        frame, **lengths, axial_stretch="stretch", opening_angle="angle", angle_unit="deg"
+    )
+    assert set(data.data_vars) == {*VARIABLES, "outer_diameter"}
+    dimension, units, long_name = OPTIONAL["outer_diameter"]
+    assert data["outer_diameter"].dims == (dimension,)
+    assert data["outer_diameter"].attrs == {"units": units, "long_name": long_name}
+    np.testing.assert_allclose(data["outer_diameter"], frame["outer_diameter"] / 1000)
+    np.testing.assert_array_equal(measured_radius(data), data["outer_diameter"] / 2)
+    # Area of the wall, stretched by 1.2, and of the ring that was cut open by 60 degrees.
+    wall = data["outer_diameter"] ** 2 / 4 - data["radius"] ** 2
+    np.testing.assert_allclose(1.2 * wall, 300 / 360 * (9.0**2 - 7.0**2), rtol=ROUNDING * 10)
+    radius = build(good_frame().assign(outer_diameter="ignored"))
+    assert "outer_diameter" not in radius
+    np.testing.assert_array_equal(measured_radius(radius), radius["radius"])
+
+
+@pytest.mark.parametrize("name", GEOMETRY_NAMES)
+def test_unknown_geometry(name):
+    """What is not known is NaN, and so are internal radii that would need it; those measured stay."""
+    data = by_diameter(**{name: None})
+    check_inflation_data(data)
+    assert np.isnan(data[name]).all() and np.isnan(data["radius"]).all()
+    assert np.isfinite(data["outer_diameter"]).all()
+    others = [other for other in GEOMETRY_NAMES if other != name]
+    assert all(np.isfinite(data[other]).all() for other in others)
+    radius = build(**{name: None})
+    check_inflation_data(radius)
+    np.testing.assert_array_equal(radius["radius"], good_frame()["radius"])
+
+
+def test_axial_forces():
+    """Forces may be missing, come as text and in any unit; without a column there are none."""
+    data = build(good_frame().assign(axial_force=FORCES), force_unit="uN")
+    dimension, units, long_name = OPTIONAL["axial_force"]
+    assert data["axial_force"].dims == (dimension,)
+    assert data["axial_force"].attrs == {"units": units, "long_name": long_name}
+    expected = [0.001, np.nan, 0.003, 0.0045, np.nan, 0.006]
+    np.testing.assert_allclose(data["axial_force"], expected, rtol=ROUNDING * 10)
+    assert "axial_force" not in build()
+
+
+def test_scattered_rows_keep_their_forces_and_diameters():
+    """Every point keeps what was measured at it, also when tests are gathered or selected."""
+    frame = with_diameters(axial_force=FORCES).loc[[14, 10, 12, 11, 15, 13]]
+    data = by_diameter(frame)
+    assert data["row"].values.tolist() == [14, 15, 10, 11, 12, 13]
+    assert data["outer_diameter"].values.tolist() == [19.8, 21.0, 20.0, 22.0, 20.4, 22.4]
+    np.testing.assert_array_equal(data["axial_force"], [np.nan, 6.0, 1.0, np.nan, 3.0, 4.5])
+    chosen = select(data, specimen="S1", experiment=2)
+    check_inflation_data(chosen)
+    assert chosen["outer_diameter"].values.tolist() == [20.4, 22.4]
+    assert chosen["axial_force"].values.tolist() == [3.0, 4.5]
+    assert chosen["axial_force"].attrs == data["axial_force"].attrs
+
+
+@pytest.mark.parametrize("unknown", [{}, {"inner_radius": None}], ids=["known", "unknown"])
+def test_all_that_was_measured_survives_a_file(tmp_path, unknown):
+    """Diameters, forces with gaps, and an unknown geometry come back identical."""
+    data = by_diameter(with_diameters(axial_force=FORCES), **unknown)
+    data.to_netcdf(tmp_path / "data.nc", engine="h5netcdf")
+    loaded = xr.load_dataset(tmp_path / "data.nc", engine="h5netcdf")
+    check_inflation_data(loaded)
+    xr.testing.assert_identical(loaded, data)
 
 
 def test_netcdf_round_trip(tmp_path):

@@ -111,3 +111,12 @@ def test_csv_without_a_column(tmp_path):
     assert "has no column group, experiment, split" in done.stderr
     done = run("classify_csv.py", "none.csv", "--sigma", "2", folder=tmp_path)
     assert "none.csv" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_study_of_missing_data_says_how_to_call(tmp_path, monkeypatch):
+    """The study whose data are not part of the package ends well without them."""
+    monkeypatch.delenv("MURINE_ELASTASE", raising=False)
+    done = run("three_axial_stretches.py", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "usage:" in done.stdout and "murine_elastase_pd.csv" in done.stdout
+    assert not list(tmp_path.iterdir())

@@ -143,10 +143,13 @@ class StrainEnergy(ABC):
         Parameters
         ----------
         log_hoop, log_axial : TensorVariable
-            Natural logarithms of the stretches, both of the full broadcast shape.
+            Natural logarithms of the stretches; ``log_hoop`` has the full broadcast shape.
         **parameters : TensorVariable
             The material parameters, by name.
         """
+        # Along a wall the axial stretch may be given once, but the stress differs: each entry of
+        # the energy needs one of its own to be differentiated by.
+        log_axial = log_axial + pt.zeros_like(log_hoop)
         return elementwise_derivative(
             self._reduced_energy(log_hoop, log_axial, **parameters), log_axial
         )

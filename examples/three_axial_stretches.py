@@ -1,0 +1,244 @@
+"""
+Three axial stretches: predict one from the other two
+=====================================================
+
+A wall that is inflated at one axial stretch tells its hoop direction only. These **measured**
+tubes, the vaginal walls of eight mice before and after elastase, were inflated at three axial
+stretches each. For each of the 16 the lowest and the highest train a law, and the outer diameter
+at the one between is predicted.
+
+**What this can and cannot show.** The stretch that is predicted lies between two that were
+measured, on the same specimen: an error says how well a law couples the two directions, not how
+well it speaks of another animal. The two states of an animal are not independent of each other.
+The comparison needs no material at all: at the same pressure, the diameter between those of the
+other two curves.
+
+The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
+(2019) 021011. They are not part of this package: give the folder of the two tables, ``python
+three_axial_stretches.py FOLDER``.
+"""
+
+import argparse
+import os
+import sys
+import warnings
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+import pymc as pm
+import xarray as xr
+
+import pymc_hyperelastic as ph
+
+FOLDER = "MURINE_ELASTASE"
+FORMAT = f"""
+The folder, or the environment variable {FOLDER}, holds two tables:
+
+murine_elastase_geometry.csv, one row a specimen: specimen, group, outer_diameter_unloaded_mm,
+  thickness_unloaded_mm, opening_angle_deg
+murine_elastase_pd.csv, one row a point: specimen, test (test1, test2, test3 by rising axial
+  stretch), axial_stretch, pressure_mmHg, outer_diameter_um
+"""
+
+options = argparse.ArgumentParser(
+    description="Predict one axial stretch of a tube from two others.",
+    epilog=FORMAT,
+    formatter_class=argparse.RawDescriptionHelpFormatter,
+)
+options.add_argument("folder", type=Path, nargs="?", help="where the two tables are")
+options.add_argument("--draws", type=int, default=500, help="particles of a chain (%(default)s)")
+options.add_argument("--chains", type=int, default=2, help="independent runs (%(default)s)")
+options.add_argument("--quiet", action="store_true", help="show no progress bars")
+options.add_argument(
+    "--out", type=Path, default="results/three_axial_stretches", help="where results go"
+)
+args = options.parse_args()
+folder = args.folder or os.environ.get(FOLDER)
+if not folder:
+    options.print_help()
+    sys.exit()
+args.out.mkdir(parents=True, exist_ok=True)
+rng = np.random.default_rng(3)
+
+# %%
+# The tube that is free of stress
+# -------------------------------
+# A ring of the unloaded tube that is cut springs open. The angle is measured from the middle of its
+# inner side to its two ends, which is half of what the sector lacks of a full circle. Opened, the
+# ring keeps its thickness, and its middle line its length: with k = 360/(360 − Φ) the middle radius
+# is k times as large, and the area stays exactly.
+#
+# Below 3.5 mmHg the wall, which lies folded at rest, is unfolding: there is no tube yet.
+LOWEST = 3.5  # mmHg
+geometry = pd.read_csv(Path(folder) / "murine_elastase_geometry.csv")
+points = pd.read_csv(Path(folder) / "murine_elastase_pd.csv").drop(columns="group")
+points = points[points["pressure_mmHg"] > LOWEST].merge(geometry, on="specimen")
+angle = 2 * points["opening_angle_deg"]
+thickness = points["thickness_unloaded_mm"]
+middle = 360 / (360 - angle) * (points["outer_diameter_unloaded_mm"] - thickness) / 2
+data = ph.inflation_data(
+    points.assign(
+        experiment=points["test"],
+        pressure=points["pressure_mmHg"],
+        outer_diameter=points["outer_diameter_um"] / 1e3,
+        inner=middle - thickness / 2,
+        outer=middle + thickness / 2,
+        angle=angle,
+    ),
+    inner_radius="inner",
+    outer_radius="outer",
+    axial_stretch="axial_stretch",
+    opening_angle="angle",
+    measured="outer_diameter",
+    pressure_unit="mmHg",
+    angle_unit="deg",
+)
+specimens = list(geometry["specimen"])
+
+# %%
+# Laws, and what is assumed
+# -------------------------
+# Ogden's solid is isotropic; the other two tell the directions apart. The wall is soft, and then
+# stiffens within a few hundredths of strain, far sooner than an artery: the exponents have wider
+# priors than by default, and the moduli narrower ones, the same for all specimens. The size of the
+# errors of pressure is inferred, and slopes play no part.
+LAWS = {
+    ph.Ogden(): {"mu": pm.Uniform.dist(0, 50), "alpha": pm.Uniform.dist(0, 80)},
+    ph.HolzapfelGasserOgden(): {
+        "c": pm.Uniform.dist(0, 20),
+        "k1": pm.Uniform.dist(0, 50),
+        "k2": pm.Uniform.dist(0, 200),
+    },
+    ph.FungOrthotropic(): {
+        "c": pm.Uniform.dist(0, 20),
+        "a1": pm.Uniform.dist(0, 300),
+        "a2": pm.Uniform.dist(0, 300),
+        "a4": pm.Uniform.dist(0, 100),
+    },
+}
+
+
+def fit(energy: ph.StrainEnergy, curves: xr.Dataset) -> xr.DataTree:
+    """Posterior of the material and of the errors' size."""
+    model = ph.inflation_model(
+        energy,
+        curves,
+        sigma=pm.HalfNormal.dist(np.sqrt(2) * 4 * ph.mmHg),
+        slope_weight=0,
+        priors=LAWS[energy],
+    )
+    return ph.sample_smc(model, args.draws, args.chains, 1, progressbar=not args.quiet)
+
+
+def predicted_diameter(tree: xr.DataTree, curve: xr.Dataset) -> xr.DataArray:
+    """Draws of the outer diameter (µm) that would be measured at the pressures of a curve.
+
+    An error of pressure moves the inner radius by 1/stiffness, and the outer one, as the wall keeps
+    its area, by inner/outer of that. σ is √2 standard deviations. Draws whose tube carries no such
+    pressure are left out.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        tube = ph.tube_properties(
+            tree, curve["pressure"].values, axial_stretch=curve["axial_stretch"].item()
+        )
+    normal = tube["radius"].copy(data=rng.normal(size=tube["radius"].shape))
+    error = tree["posterior"]["sigma"] / np.sqrt(2) * normal
+    moved = tube["radius"] / tube["outer_radius"] * error / tube["stiffness"]
+    return 2e3 * (tube["outer_radius"] + moved)
+
+
+# %%
+# Train on the outer two, predict the middle one
+# ----------------------------------------------
+evidence, bands, errors = {}, {}, {}
+for specimen in specimens:
+    print(f"{specimen}: {', '.join(energy.name for energy in LAWS)}")
+    outer = ph.select(data, specimen=specimen, experiment=["test1", "test3"])
+    left_out = ph.select(data, specimen=specimen, experiment="test2")
+    measured = 1e3 * left_out["outer_diameter"].values
+    for energy in LAWS:
+        tree = fit(energy, outer)
+        draws = predicted_diameter(tree, left_out)
+        low, middle, high = draws.quantile([0.025, 0.5, 0.975], dim=("chain", "draw")).values
+        bands[specimen, energy.name] = low, middle, high
+        errors[specimen, energy.name] = middle - measured, (low <= measured) & (measured <= high)
+        evidence[specimen, energy.name] = ph.log_evidence(tree)
+    # No law: between the diameters at the same pressure, in proportion to the axial stretch.
+    curves = [outer.isel(obs=outer["test"] == test) for test in (0, 1)]
+    sides = [
+        np.interp(left_out["pressure"], curve["pressure"], 1e3 * curve["outer_diameter"])
+        for curve in curves
+    ]
+    first, last = outer["axial_stretch"].values
+    share = (left_out["axial_stretch"].item() - first) / (last - first)
+    between = (1 - share) * sides[0] + share * sides[1]
+    errors[specimen, "(between)"] = between - measured, np.zeros(measured.size, bool)
+
+# %%
+# The numbers
+# -----------
+laws = [energy.name for energy in LAWS]
+best = {s: max(laws, key=lambda law: evidence[s, law]) for s in specimens}
+rows, totals = [], []
+for specimen in specimens:
+    row = {"specimen": specimen}
+    for law in ("(between)", *laws):
+        error, inside = errors[specimen, law]
+        row[law] = f"{np.abs(error).mean():.0f} / {np.abs(error).max():.0f}"
+        row[law] += f" / {inside.sum()} of {inside.size}" if law in laws else ""
+    rows.append(row)
+print(
+    "\nOuter diameter at the middle axial stretch, µm: mean / largest error / in the 95 % interval"
+)
+print(pd.DataFrame(rows).to_string(index=False))
+pd.DataFrame(rows).to_csv(args.out / "errors.csv", index=False)
+
+for law in ("(between)", *laws):
+    error = np.abs(np.concatenate([errors[specimen, law][0] for specimen in specimens]))
+    inside = np.concatenate([errors[specimen, law][1] for specimen in specimens])
+    row = {"law": law, "mean error, µm": f"{error.mean():.0f}", "largest": f"{error.max():.0f}"}
+    if law in laws:
+        row["in the 95 % interval"] = f"{inside.mean():.0%}"
+        values = np.array([evidence[specimen, law] for specimen in specimens])
+        row["log evidence, sum"] = (
+            f"{values[:, 0].sum():.1f} ± {np.sqrt((values[:, 1] ** 2).sum()):.1f}"
+        )
+        row["best of"] = list(best.values()).count(law)
+    totals.append(row)
+print(f"\nAll {len(specimens)} specimens")
+print(pd.DataFrame(totals).fillna("").to_string(index=False))
+
+rows = [{"specimen": s} | {law: str(evidence[s, law]) for law in laws} for s in specimens]
+print("\nLog evidence of the two outer axial stretches")
+print(pd.DataFrame(rows).to_string(index=False))
+
+# %%
+# The figure
+# ----------
+# Grey are the two curves that were trained on. Predicted is the median; the band, in which 95 % of
+# measurements are expected, is that of the law with the largest evidence.
+figure, axes = plt.subplots(4, 4, figsize=(12, 11), sharex=True, layout="constrained")
+for ax, specimen in zip(axes.flat, specimens, strict=True):
+    curves = ph.select(data, specimen=specimen)
+    for test, marker in enumerate(("v", "o", "^")):
+        curve = curves.isel(obs=curves["test"] == test)
+        x, y = curve["pressure"] / ph.mmHg, 1e3 * curve["outer_diameter"]
+        if test != 1:
+            ax.plot(x, y, marker, color="0.7", ms=4)
+            continue
+        for number, law in enumerate(laws):
+            low, median, high = bands[specimen, law]
+            ax.plot(x, median, color=f"C{number}", label=law)
+            if law == best[specimen]:
+                ax.fill_between(x, low, high, color=f"C{number}", alpha=0.2, lw=0)
+        ax.plot(x, y, marker, color="k", ms=4, label="measured, left out")
+    ax.set_title(specimen, fontsize="medium")
+handles, labels = axes.flat[0].get_legend_handles_labels()
+figure.legend(handles, labels, ncols=4, loc="outside upper center")
+figure.supxlabel("pressure (mmHg)")
+figure.supylabel("outer diameter (µm)")
+figure.savefig(args.out / "middle_stretch.png", dpi=150)
+print(f"\nThe figure is in {args.out}/")
