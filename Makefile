@@ -17,7 +17,7 @@ help:
 	@echo "make test        the whole test suite, on two processes"
 	@echo "make lint        ruff and mypy"
 	@echo "make docs        the documentation, in docs/_build/html"
-	@echo "make benchmark   time and accuracy against other ways, about 7 minutes"
+	@echo "make benchmark   time and accuracy against other ways, about 5 minutes"
 	@echo "make clean       remove what the other targets made, except $(VENV) and results/"
 
 study: $(VENV)/.ready-study
@@ -48,7 +48,7 @@ benchmark: $(VENV)/.ready-benchmark
 	$(PY) tests/benchmarks/report.py results/benchmark.json
 
 clean:
-	rm -rf docs/_build docs/gallery docs/generated docs/sg_execution_times.rst dist .pytensor .ci/venv .ci/*.log
+	rm -rf docs/_build docs/gallery docs/generated docs/sg_execution_times.rst docs/strain_energies.md dist .pytensor .ci/venv .ci/*.log
 	rm -rf .pytest_cache .mypy_cache .ruff_cache
 	find pymc_hyperelastic tests examples docs -name __pycache__ -prune -exec rm -rf {} +
 

@@ -170,9 +170,7 @@ def exact_likelihood(measured, inner, outer):
 def test_likelihood_of_radii(measured):
     """Differences of the radius that was measured, normalised; geometry is known or inferred."""
     settings = {"sigma": SIGMA, "slope_weight": 0, "error_in": "radius"}
-    known = ph.inflation_model(
-        ph.Ogden(), data(measured), priors=priors_of(ph.Ogden()), **settings
-    )
+    known = ph.inflation_model(ph.Ogden(), data(measured), priors=priors_of(ph.Ogden()), **settings)
     (value,) = function_of(known, gradient=False)(*OGDEN.values())
     np.testing.assert_allclose(
         value, exact_likelihood(measured, INNER, INNER + THICKNESS), rtol=LIKELIHOOD_TOLERANCE

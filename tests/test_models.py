@@ -163,6 +163,7 @@ def test_likelihood_takes_numbers_and_any_random_variable(data):
 # --- a geometry that is not known ----------------------------------------------------------------
 
 TRUE_TUBE = {"inner_radius": 1.0, "outer_radius": 1.4, "axial_stretch": 1.2, "opening_angle": 0.7}
+MEASURED = ("outer_diameter", "radius")
 # What is inferred, with values near the tube's own.
 UNKNOWN = {
     "inner and outer radius": {"inner_radius": 0.97, "outer_radius": 1.42},
@@ -216,12 +217,7 @@ def tube_of(values: dict) -> dict:
 
 
 @pytest.mark.parametrize(
-    ("name", "measured"),
-    [
-        *((name, "outer_diameter") for name in UNKNOWN),
-        ("thickness", "radius"),
-        ("stretch and angle", "radius"),
-    ],
+    ("name", "measured"), [(name, MEASURED[i % 2]) for i, name in enumerate(UNKNOWN)]
 )
 def test_inferred_geometry_is_that_geometry(name, measured):
     """Density, likelihood and gradient are those of the tube with the geometry that was drawn."""
@@ -274,12 +270,7 @@ NO_ROOM = {"thickness": [(1.0, 3.0), (1e4, 1e4)], "outer radius": [(50.0,)]}
 
 
 @pytest.mark.parametrize(
-    ("name", "measured"),
-    [
-        *((name, "outer_diameter") for name in UNKNOWN),
-        ("thickness", "radius"),
-        ("wall area and angle", "radius"),
-    ],
+    ("name", "measured"), [(name, MEASURED[i % 2 - 1]) for i, name in enumerate(UNKNOWN)]
 )
 def test_impossible_tubes_are_turned_down(name, measured):
     """Their likelihood is minus infinity with a gradient that is finite, and others are finite.
@@ -464,9 +455,9 @@ def test_vector_parameters_are_vectors_of_the_model(data):
     tube = {k: data[k].values[data["test"].values] for k in TRUE_TUBE}
     curves = [
         sum(
-            function(
-                layer, data["radius"].values, **tube, mu=[mu], alpha=[alpha]
-            ).eval(mode="FAST_COMPILE")
+            function(layer, data["radius"].values, **tube, mu=[mu], alpha=[alpha]).eval(
+                mode="FAST_COMPILE"
+            )
             for mu, alpha in zip(point["mu"], point["alpha"], strict=True)
         )
         for function in (ph.inflation_pressure, ph.inflation_stiffness)

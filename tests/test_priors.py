@@ -97,6 +97,41 @@ def test_record_round_trip(name):
     )
 
 
+@pytest.mark.parametrize("terms", [1, 3])
+def test_default_of_a_vector_is_a_vector(terms):
+    """Every entry has the range that the material states, and the record says how many."""
+    energy = ph.OgdenSeries(terms=terms)
+    priors = complete_priors(energy)
+    for parameter in energy.parameters:
+        assert priors[parameter.name].type.shape == (terms,)
+        record = prior_to_record(parameter.name, priors[parameter.name])
+        assert record == ["Uniform", [float(end) for end in parameter.prior_range], terms]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: pm.Uniform.dist(0, 50, shape=3),
+        lambda: pm.Normal.dist([0.5, 3, 8], [1, 2, 3]),
+        lambda: pm.HalfStudentT.dist(3, 2, shape=3),
+        lambda: pm.TruncatedNormal.dist([1, 2, 3], 2, lower=0),
+    ],
+    ids=["one range", "a normal each", "half-Student", "truncated normals"],
+)
+def test_record_of_a_vector_round_trip(make):
+    """A vector prior that was written down and read has its size and its density, entry by entry."""
+    record = prior_to_record("x", make())
+    again = prior_from_record(json.loads(json.dumps(record)))
+    assert again.type.shape == make().type.shape == (3,)
+    assert prior_to_record("x", again) == record
+    point = np.array([0.7, 2.5, 6.0])
+    found, expected = (
+        pm.logp(registered(prior), point).eval(mode="FAST_COMPILE") for prior in (again, make())
+    )
+    assert expected.shape == (3,) and np.isfinite(expected).all()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=SAME_DENSITY)
+
+
 @pytest.mark.parametrize(
     ("prior", "x", "expected"),
     [

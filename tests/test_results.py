@@ -189,3 +189,56 @@ def test_arviz_plots(tree, plot):
 def test_arviz_pair_plot(tree):
     """The joint posterior can be drawn by ArviZ."""
     assert az.plot_pair(tree, var_names=["mu", "alpha"], backend="none") is not None
+
+
+# --- vector parameters ---------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def series_classes() -> xr.DataTree:
+    """Two classes of a law with vectors, fitted with few draws."""
+    sheep = ph.load_dataset("simulated_sheep_aorta")
+    return ph.fit_classes(
+        ph.OgdenSeries(terms=2),
+        {name: ph.select(sheep, group=name, experiment=1) for name in ("C1", "C2")},
+        sigma=3.0,
+        slope_weight=0,
+        priors={"alpha": pm.Uniform.dist([1, 5], [10, 20])},
+        draws=DRAWS,
+        chains=1,
+        random_seed=SEED,
+        progressbar=False,
+    )
+
+
+def test_vectors_are_stored_and_come_back(series_classes, tmp_path):
+    """Law, number of terms, and priors of all entries survive a file, and so does what follows."""
+    series_classes.to_netcdf(tmp_path / "classes.nc", engine="h5netcdf")
+    loaded = xr.load_datatree(tmp_path / "classes.nc", engine="h5netcdf")
+    xr.testing.assert_identical(loaded, series_classes)
+    for name in ("mu", "alpha"):
+        values = loaded["C1"]["posterior"][name]
+        assert values.shape == (1, DRAWS, 2)
+    low, high = np.array([1, 5]), np.array([10, 20])
+    alpha = loaded["C1"]["posterior"]["alpha"].values
+    assert np.all((low < alpha) & (alpha < high))  # entry by entry, in their order
+
+    attrs = loaded["C1"].attrs
+    assert attrs["strain_energy"] == "OgdenSeries"
+    assert json.loads(attrs["strain_energy_settings"]) == {"terms": 2}
+    settings = model_settings_of(loaded["C1"])
+    assert settings["energy"] == ph.OgdenSeries(terms=2)
+    again = ph.inflation_model(data=inflation_data_of(loaded["C1"]), **settings)
+    assert {rv.name: rv.type.shape for rv in again.free_RVs} == {"mu": (2,), "alpha": (2,)}
+    stored = json.loads(attrs["priors"])
+    assert stored == json.loads(again.study.attrs()["priors"])
+    assert stored["mu"] == ["Uniform", [0.0, 100.0], 2]
+    assert stored["alpha"] == ["Uniform", [[1.0, 5.0], [10.0, 20.0]], 2]
+
+    new = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S4", experiment=3)
+    results = [
+        ph.classify(new, classes, random_seed=1, progressbar=False)
+        for classes in (series_classes, loaded)
+    ]
+    xr.testing.assert_identical(*results)
+    assert results[0]["class_probability"].idxmax("class_label").item() == "C2"

@@ -102,8 +102,12 @@ def test_chosen_order_is_exact(name):
                 }
                 for distributions in (priors, unknown)
             )
-            register_likelihood("curves", energy, data, rule, parameters, geometry=geometry, **NOISE)
-        functions.append(BatchedFunction.of_model(model, model.replace_rvs_by_values(model.potentials)))
+            register_likelihood(
+                "curves", energy, data, rule, parameters, geometry=geometry, **NOISE
+            )
+        functions.append(
+            BatchedFunction.of_model(model, model.replace_rvs_by_values(model.potentials))
+        )
     points = np.random.default_rng(1).uniform(-3, 3, (30, functions[0].dimension))
     (found,), (expected,) = (function(points) for function in functions)
     assert np.all(np.isfinite(expected))
