@@ -130,6 +130,26 @@ LAWS["Yeoh"] = Law(
 )
 
 
+def arruda_boyce_energy(l1, l2, l3, *, mu, lock):
+    """``W = mu sum C_i/lock^(2i-2) (I1^i - 3^i)``, five terms of the inverse Langevin function."""
+    first_invariant = first(l1, l2, l3) + 3
+    printed = (1, 2), (1, 20), (11, 1050), (19, 7000), (519, 673750)
+    return mu * sum(
+        mp.mpf(a) / b / lock ** (2 * i - 2) * (first_invariant**i - 3**i)
+        for i, (a, b) in enumerate(printed, start=1)
+    )
+
+
+LAWS["ArrudaBoyce"] = Law(
+    ph.ArrudaBoyce(),
+    arruda_boyce_energy,
+    (
+        ({"mu": 20.0, "lock": 3.0}, "rubber"),
+        ({"mu": 20.0, "lock": 1.0}, "end of the prior: chains taut from the start"),
+    ),
+)
+
+
 def gent_energy(l1, l2, l3, *, mu, limit):
     """``W = -mu Jm/2 ln(1 - (I1 - 3)/Jm)``."""
     return -mu * limit / 2 * mp.log(1 - first(l1, l2, l3) / limit)

@@ -16,6 +16,7 @@ from pymc_hyperelastic.strain_energy.base import (
 from pymc_hyperelastic.tube import first_invariant, second_invariant
 
 __all__ = [
+    "ArrudaBoyce",
     "Demiray",
     "Gent",
     "MooneyRivlin",
@@ -208,6 +209,44 @@ class Demiray(_FirstInvariant):
     def derivative(self, excess: TensorVariable, *, mu: Any, b: Any) -> TensorVariable:
         """``(μ/2) exp(b (I₁ − 3))``."""
         return mu / 2 * pt.exp(b * excess)
+
+
+class ArrudaBoyce(_FirstInvariant):
+    r"""Arruda-Boyce solid, chains of finite length along eight diagonals.
+
+    .. math:: W = μ \sum_{i=1}^5 \frac{C_i}{λ_m^{2i-2}} \left(I_1^i - 3^i\right), \qquad
+        C = \tfrac12, \tfrac{1}{20}, \tfrac{11}{1050}, \tfrac{19}{7000}, \tfrac{519}{673750}
+
+    ``μ`` is the shear modulus of the network, and ``λm`` the stretch at which its chains are taut;
+    the small-strain shear modulus is larger by the series at ``I₁ = 3``.
+
+    Source: E. M. Arruda and M. C. Boyce, A three-dimensional constitutive model for the large
+    stretch behavior of rubber elastic materials, Journal of the Mechanics and Physics of Solids 41
+    (1993) 389-412.
+    """
+
+    parameters = (
+        Parameter("mu", r"\mu", "kPa", (0.0, 200.0), "modulus of the network" + _MODULUS_RANGE),
+        Parameter(
+            "lock", r"\lambda_m", "", (1.0, 10.0), "stretch of taut chains; 2 to 5 in rubber"
+        ),
+    )
+
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, lock: Any) -> TensorVariable:
+        """Strain energy in kPa."""
+        first = first_invariant(radial, hoop, axial)
+        terms = enumerate(_LANGEVIN, start=1)
+        return mu * sum(c / lock ** (2 * i - 2) * (first**i - 3**i) for i, c in terms)
+
+    def derivative(self, excess: TensorVariable, *, mu: Any, lock: Any) -> TensorVariable:
+        """``μ Σ i C_i (I₁/λm²)^{i−1}``."""
+        relative = (excess + 3) / lock**2
+        terms = enumerate(_LANGEVIN, start=1)
+        return mu * sum(i * c * relative ** (i - 1) for i, c in terms)
+
+
+# Series of the inverse Langevin function.
+_LANGEVIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
 
 class PowerLawNeoHookean(_FirstInvariant):
