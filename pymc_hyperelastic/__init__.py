@@ -32,7 +32,12 @@ from pymc_hyperelastic.predictions import (
     radius_at_pressure,
 )
 from pymc_hyperelastic.pressure import PressureIntegral, inflation_pressure, inflation_stiffness
-from pymc_hyperelastic.properties import admissible, tube_properties, wall_stress
+from pymc_hyperelastic.properties import (
+    admissible,
+    pulse_wave_velocity,
+    tube_properties,
+    wall_stress,
+)
 from pymc_hyperelastic.quadrature import log_evidence_by_quadrature
 from pymc_hyperelastic.slopes import balanced_slope_weight
 from pymc_hyperelastic.smc import Estimate, log_evidence, sample_smc
@@ -69,6 +74,7 @@ __all__ = [
     "predict_axial_force",
     "radius_at_pressure",
     "tube_properties",
+    "pulse_wave_velocity",
     "wall_stress",
     "admissible",
     "fit_classes",

@@ -19,7 +19,7 @@ from pymc_hyperelastic.strain_energy import StrainEnergy
 from pymc_hyperelastic.strain_energy.isotropic import _Isotropic
 from pymc_hyperelastic.tube import current_radius
 
-__all__ = ["admissible", "tube_properties", "wall_stress"]
+__all__ = ["admissible", "pulse_wave_velocity", "tube_properties", "wall_stress"]
 
 # Circles of the wall at which admissibility is looked at.
 _CIRCLES = 11
@@ -132,6 +132,51 @@ def tube_properties(
         # 1000 Pa in a kPa: then the velocity is in m/s.
         pulse_wave_velocity=np.sqrt(1000 / (density * per_area)),
     )
+
+
+def pulse_wave_velocity(
+    tree: xr.DataTree, pressure: Any, *, density: float = 1060.0, **tube: Any
+) -> xr.Dataset:
+    r"""Posterior of the speed at which a pulse travels along the tube, at given pressures.
+
+    .. math:: c = \sqrt{\frac{A}{ρ \, dA/dp}} = \sqrt{\frac{a}{2ρ} \frac{dp}{da}}
+
+    It is the quantity for whose sake a likelihood weighs the slope of a curve. Source: Bramwell and
+    Hill, see :func:`tube_properties`, which gives it together with others.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        A sampled model, see :func:`predict_pressure`.
+    pressure : array_like, shape (pressure,)
+        Internal pressures, kPa.
+    density : float, default 1060
+        Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
+    **tube
+        The material and the tube, ``energy``, ``inner_radius``, ``outer_radius``,
+        ``axial_stretch``, ``opening_angle`` (mm, rad), where the result does not tell them.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``pulse_wave_velocity`` in m/s, with dimensions (chain, draw, pressure).
+
+    Raises
+    ------
+    ValueError
+        If the density is not positive, or no draw reaches a pressure.
+
+    Examples
+    --------
+    >>> import xarray as xr, pymc_hyperelastic as ph
+    >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
+    >>> tree = xr.DataTree.from_dict({"posterior": posterior})
+    >>> tube = {"inner_radius": 7.0, "outer_radius": 9.0}
+    >>> speed = ph.pulse_wave_velocity(tree, 0.0, energy=ph.NeoHookean(), **tube)
+    >>> speed["pulse_wave_velocity"].values.round(3).ravel()
+    array([2.73 , 3.344])
+    """
+    return tube_properties(tree, pressure, density=density, **tube)[["pulse_wave_velocity"]]
 
 
 def wall_stress(

@@ -581,7 +581,7 @@ def test_outer_diameters():
 
 @pytest.mark.parametrize("name", GEOMETRY_NAMES)
 def test_unknown_geometry(name):
-    """What is not known is NaN, and so are internal radii that would need it; those measured stay."""
+    """What is not known is NaN, as are internal radii that would need it; those measured stay."""
     data = by_diameter(**{name: None})
     check_inflation_data(data)
     assert np.isnan(data[name]).all() and np.isnan(data["radius"]).all()

@@ -378,6 +378,20 @@ def test_pulse_wave_of_a_thin_tube():
     np.testing.assert_allclose(found, expected, rtol=1e-5)
 
 
+def test_pulse_wave_velocity_is_that_of_the_slope():
+    """The speed is ``√(a (dp/da)/(2ρ))`` of the predicted slope, in m/s, for any density."""
+    tree, tube = result(mu=[20.0]), {"inner_radius": 7.0, "outer_radius": 9.0}
+    settings = {"energy": ph.NeoHookean(), **tube}
+    radius = ph.radius_at_pressure(tree, [1.0, 2.0], **settings)["radius"].values.ravel()
+    slope = ph.predict_pressure(tree, radius, **settings)["stiffness"].values.ravel()
+    speed = ph.pulse_wave_velocity(tree, [1.0, 2.0], density=1000.0, **settings)
+    np.testing.assert_allclose(
+        speed["pulse_wave_velocity"].values.ravel(),
+        np.sqrt(radius * 1e-3 * slope * 1e6 / 2000),
+        rtol=1e-10,
+    )
+
+
 def test_properties_say_what_they_are():
     """Every variable and coordinate has its unit."""
     found = ph.tube_properties(result(mu=[20.0]), [1.0], energy=ph.NeoHookean(), **SHEEP)

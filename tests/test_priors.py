@@ -105,7 +105,11 @@ def test_default_of_a_vector_is_a_vector(terms):
     for parameter in energy.parameters:
         assert priors[parameter.name].type.shape == (terms,)
         record = prior_to_record(parameter.name, priors[parameter.name])
-        assert record == ["Uniform", [float(end) for end in parameter.prior_range], terms]
+        assert [record[0], *np.ravel(record[1]), *record[2:]] == [
+            "Uniform",
+            *parameter.prior_range,
+            terms,
+        ]
 
 
 @pytest.mark.parametrize(
@@ -114,12 +118,12 @@ def test_default_of_a_vector_is_a_vector(terms):
         lambda: pm.Uniform.dist(0, 50, shape=3),
         lambda: pm.Normal.dist([0.5, 3, 8], [1, 2, 3]),
         lambda: pm.HalfStudentT.dist(3, 2, shape=3),
-        lambda: pm.TruncatedNormal.dist([1, 2, 3], 2, lower=0),
+        lambda: pm.Gamma.dist([1, 2, 3], 0.1),
     ],
-    ids=["one range", "a normal each", "half-Student", "truncated normals"],
+    ids=["one range", "a normal each", "half-Student", "one rate"],
 )
 def test_record_of_a_vector_round_trip(make):
-    """A vector prior that was written down and read has its size and its density, entry by entry."""
+    """A vector prior that was written down and read has its size, and the density of each entry."""
     record = prior_to_record("x", make())
     again = prior_from_record(json.loads(json.dumps(record)))
     assert again.type.shape == make().type.shape == (3,)

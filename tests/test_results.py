@@ -232,7 +232,7 @@ def test_vectors_are_stored_and_come_back(series_classes, tmp_path):
     assert {rv.name: rv.type.shape for rv in again.free_RVs} == {"mu": (2,), "alpha": (2,)}
     stored = json.loads(attrs["priors"])
     assert stored == json.loads(again.study.attrs()["priors"])
-    assert stored["mu"] == ["Uniform", [0.0, 100.0], 2]
+    assert stored["mu"] == ["Uniform", [[0.0], [100.0]], 2]
     assert stored["alpha"] == ["Uniform", [[1.0, 5.0], [10.0, 20.0]], 2]
 
     new = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S4", experiment=3)
