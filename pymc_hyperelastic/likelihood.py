@@ -159,8 +159,15 @@ def inflation_likelihood(
     parameters = {key: _as_tensor(key, value, sizes[key]) for key, value in parameters.items()}
     geometry = {key: _as_tensor(key, value) for key, value in (geometry or {}).items()}
     with_force = force_sigma is not None
-    mode = "quadrature" if error_in == "radius" else mode
-    rule = rule_for(energy, data, parameters, geometry, mode=mode, with_force=with_force)
+    rule = rule_for(
+        energy,
+        data,
+        parameters,
+        geometry,
+        mode=mode,
+        with_force=with_force,
+        known_radii=error_in == "pressure",
+    )
     settings = {"geometry": geometry, "error_in": error_in, **noise}
     return register_likelihood(name, energy, data, rule, parameters, **settings)
 

@@ -154,8 +154,15 @@ def inflation_model(
     stated = inferred_geometry(unknown)
     check_likelihood(wall, data, of_material, geometry=stated, error_in=error_in, **noise)
     with_force = force_sigma is not None
-    mode = "quadrature" if error_in == "radius" else mode
-    rule = rule_for(wall, data, of_material, unknown, mode=mode, with_force=with_force)
+    rule = rule_for(
+        wall,
+        data,
+        of_material,
+        unknown,
+        mode=mode,
+        with_force=with_force,
+        known_radii=error_in == "pressure",
+    )
     coords = {
         "obs": np.arange(data.sizes["obs"]),
         "test": [describe_test(data, test) for test in range(data.sizes["test"])],

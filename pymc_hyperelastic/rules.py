@@ -53,6 +53,7 @@ def rule_for(
     *,
     mode: Mode = "auto",
     with_force: bool = False,
+    known_radii: bool = True,
 ) -> Rule:
     """The cheapest rule that is exact, but for rounding, over the range of the parameters.
 
@@ -67,15 +68,14 @@ def rule_for(
         raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
     if mode == "quadrature":
         return Rule("quadrature", 32)
-    if isinstance(energy, StrainEnergy) and not geometry:
+    reason = "layers, a geometry that is inferred, and an error in the radius"
+    if isinstance(energy, StrainEnergy) and not geometry and known_radii:
         nodes = nodes_needed(energy, data, parameters, with_force=with_force)
         if nodes is not None:
             return Rule("collocation", nodes)
+        reason = f"the response of {energy.name} over the range of these parameters"
     if mode == "collocation":
-        reason = "layers, or a geometry that is inferred"
-        if isinstance(energy, StrainEnergy) and not geometry:
-            reason = f"the response of {energy.name} over the range of these parameters"
-        raise ValueError(f"{reason}, cannot be collocated: use mode='quadrature'")
+        raise ValueError(f"{reason} cannot be collocated: use mode='quadrature'")
     return Rule("quadrature", _order_needed(energy, data, parameters, geometry or {}, with_force))
 
 
