@@ -106,7 +106,8 @@ specimens = list(geometry["specimen"])
 # Ogden's solid is isotropic; the other two tell the directions apart. The wall is soft, and then
 # stiffens within a few hundredths of strain, far sooner than an artery: the exponents have wider
 # priors than by default, and the moduli narrower ones, the same for all specimens. The size of the
-# errors of pressure is inferred, and slopes play no part.
+# errors of pressure is inferred, and slopes play no part. Neither does the axial force, which was
+# measured as well: with it Fung's law predicts the diameters worse, not better.
 LAWS = {
     ph.Ogden(): {"mu": pm.Uniform.dist(0, 50), "alpha": pm.Uniform.dist(0, 80)},
     ph.HolzapfelGasserOgden(): {
