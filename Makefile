@@ -30,6 +30,7 @@ artery: $(VENV)/.ready-study
 # The plugin of the benchmarks, where it is installed, may warn that it cannot time two processes at once.
 test: $(VENV)/.ready-test
 	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadfile -p no:benchmark
+	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --doctest-modules -p no:benchmark pymc_hyperelastic
 
 lint: $(VENV)/.ready-lint
 	$(PY) -m ruff check

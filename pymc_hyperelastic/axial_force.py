@@ -63,6 +63,7 @@ def axial_force(
     outer_radius: Any = None,
     axial_stretch: Any = 1.0,
     opening_angle: Any = 0.0,
+    order: int = 32,
     **parameters: Any,
 ) -> TensorVariable:
     r"""Reduced axial force that holds a tube at the given internal radius and axial stretch.
@@ -104,7 +105,7 @@ def axial_force(
         opening_angle=opening_angle,
         parameters=parameters,
     )
-    return wall_force(tubes)
+    return wall_force(tubes, order)
 
 
 def wall_force(tubes: Sequence[Tube], order: int = 32) -> TensorVariable:

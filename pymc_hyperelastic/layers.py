@@ -46,7 +46,7 @@ class Layer:
     >>> adventitia = ph.Layer(ph.Demiray(), 0.13, mu=3.0, b=2.0)
     >>> pressure = ph.inflation_pressure([media, adventitia], 1.6, inner_radius=1.43)
     >>> round(float(pressure.eval()), 3)
-    2.112
+    1.671
     """
 
     def __init__(self, energy: StrainEnergy, thickness: Any, **parameters: Any) -> None:
