@@ -289,7 +289,7 @@ def inflation_pressure(
         Opening angle ``Φ`` of the cut ring, radians.
     order : int, default 32
         Nodes of the quadrature, on each piece of a wall in which fibres slacken. Twelve do for the
-        wall of an artery, in a third of the time.
+        wall of an artery, in half of the time.
     **parameters : tensor_like
         The material parameters by name; moduli in kPa.
 
