@@ -216,14 +216,14 @@ def radii_of_data(tree: xr.DataTree) -> Array:
 @cache
 def _integral(kind: Any, energy: StrainEnergy) -> Any:
     """Compile an integral for vectors: internal radius, geometry, entries of the parameters."""
-    inputs = [pt.dvector() for _ in range(5 + _entry_count(energy))]
+    inputs = [pt.dvector() for _ in range(5 + len(energy.entry_names))]
     return pytensor.function(inputs, kind(strain_energy=energy)(*inputs, return_list=True))
 
 
 @cache
 def _stress_differences(energy: StrainEnergy) -> Any:
     """Compile ``σθθ − σrr`` and ``σzz − σrr`` for vectors: logarithms of two stretches, entries."""
-    inputs = [pt.dvector() for _ in range(2 + _entry_count(energy))]
+    inputs = [pt.dvector() for _ in range(2 + len(energy.entry_names))]
     log_hoop, log_axial, *entries = inputs
     parameters = energy.join(entries)
     outputs = [
@@ -231,10 +231,6 @@ def _stress_differences(energy: StrainEnergy) -> Any:
         energy.axial_stress_difference(log_hoop, log_axial, **parameters),
     ]
     return pytensor.function(inputs, outputs, on_unused_input="ignore")
-
-
-def _entry_count(energy: StrainEnergy) -> int:
-    return sum(p.size or 1 for p in energy.parameters)
 
 
 def _evaluate(function: Any, *inputs: Any) -> list[Array]:
