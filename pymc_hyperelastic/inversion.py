@@ -12,7 +12,7 @@ from pytensor.tensor.symbolic import TensorSymbolicOp
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.layers import Layer, Tube, tubes_of
-from pymc_hyperelastic.pressure import TubeOp, broadcast_batches, wall_pressure
+from pymc_hyperelastic.pressure import TubeOp, broadcast_batches, finite_or_zero, wall_pressure
 from pymc_hyperelastic.strain_energy.base import StrainEnergy
 
 __all__ = ["RadiusAtPressure"]
@@ -85,7 +85,7 @@ class RadiusAtPressure(TensorSymbolicOp):
         )
         known = zip([*own, radius, weight], [*inputs, outputs[0], cotangent], strict=True)
         gradients = clone_replace(gradients, dict(known))
-        return [pt.where(pt.isfinite(g), g, 0.0) for g in gradients]
+        return finite_or_zero(gradients)
 
     def tubes(self, radius: TensorVariable, wall: Sequence[Any]) -> list[Tube]:
         """Layers at an internal radius, from the inputs behind it."""

@@ -28,6 +28,7 @@ __all__ = [
     "broadcast_batches",
     "check_geometry",
     "checked_tubes",
+    "finite_or_zero",
     "inflation_pressure",
     "inflation_stiffness",
     "wall_pressure",
@@ -74,10 +75,7 @@ class TubeOp(TensorSymbolicOp):
             return_disconnected="disconnected",
         )
         gradients = clone_replace(gradients, dict(zip(own, inputs, strict=True)))
-        return [
-            pt.where(pt.isfinite(g), g, 0.0) if isinstance(g, TensorVariable) else g
-            for g in gradients
-        ]
+        return finite_or_zero(gradients)
 
     def link_mode(self, impl: str | None) -> Mode:
         """Python for Python: PyMC asks for shapes in this way, and needs no compiler for it."""
@@ -89,6 +87,13 @@ class TubeOp(TensorSymbolicOp):
         """What the integral is linear in: the stress difference ``T`` of the material."""
         parameters = self.strain_energy.join(entries)
         return self.strain_energy.stress_difference(log_hoop, log_axial, **parameters)
+
+
+def finite_or_zero(gradients: Sequence[Variable]) -> list[Variable]:
+    """Gradients with 0 in place of what is not finite; those that are disconnected stay."""
+    return [
+        pt.where(pt.isfinite(g), g, 0.0) if isinstance(g, TensorVariable) else g for g in gradients
+    ]
 
 
 class WallRule(NamedTuple):
