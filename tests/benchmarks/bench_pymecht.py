@@ -263,8 +263,12 @@ def romberg(values: np.ndarray) -> float:
     return float(column[-1])
 
 
-def compiled(function: Callable[..., Any], case: Case) -> tuple[Any, list[float]]:
-    """A compiled function of the radii and all parameters, and those parameters."""
+def compiled(function: Callable[..., Any], case: Case) -> tuple[Any, list[np.ndarray]]:
+    """A compiled function of the radii and all parameters, and those parameters.
+
+    The inputs are arrays of the right type, so that the function need not convert them: it is told
+    so, as PyMC tells its own compiled functions.
+    """
     radii, values, layers = pt.dvector(), [], []
     inputs: list[Any] = []
     for layer in case.layers:
@@ -273,7 +277,9 @@ def compiled(function: Callable[..., Any], case: Case) -> tuple[Any, list[float]
         values += layer.parameters.values()
         layers.append(ph.Layer(layer.energy, layer.thickness, **own))
     output = function(layers, radii, order=ORDER, **case.geometry)
-    return pytensor.function([radii, *inputs], output), [np.float64(value) for value in values]
+    repeated = pytensor.function([radii, *inputs], output)
+    repeated.trust_input = True
+    return repeated, [np.asarray(value, dtype=float) for value in values]
 
 
 def least_time(call: Callable[[], Any], seconds: float) -> float:
