@@ -8,9 +8,11 @@ from importlib.metadata import version
 
 from pymc_hyperelastic import strain_energy
 from pymc_hyperelastic.axial_force import axial_force
+from pymc_hyperelastic.calibration import score_probabilities, simulation_based_calibration
 from pymc_hyperelastic.classification import classify, fit_classes, kl_divergence
 from pymc_hyperelastic.data import inflation_data, select
 from pymc_hyperelastic.datasets import list_datasets, load_dataset
+from pymc_hyperelastic.held_out import calibration_report
 from pymc_hyperelastic.kernel import BatchedSMC
 from pymc_hyperelastic.layers import Layer
 from pymc_hyperelastic.likelihood import inflation_likelihood
@@ -21,11 +23,14 @@ from pymc_hyperelastic.models import (
     power_law_neo_hookean_model,
 )
 from pymc_hyperelastic.plots import (
+    plot_calibration_ranks,
     plot_class_probability,
     plot_inflation,
     plot_parameter_density,
     plot_pressure_fit,
+    plot_reliability,
 )
+from pymc_hyperelastic.population import population_model
 from pymc_hyperelastic.predictions import (
     predict_axial_force,
     predict_pressure,
@@ -65,6 +70,7 @@ __all__ = [
     "power_law_neo_hookean_model",
     "ogden_model",
     "criscione_model",
+    "population_model",
     "sample_smc",
     "BatchedSMC",
     "log_evidence",
@@ -80,8 +86,13 @@ __all__ = [
     "fit_classes",
     "classify",
     "kl_divergence",
+    "calibration_report",
+    "simulation_based_calibration",
+    "score_probabilities",
     "plot_inflation",
     "plot_parameter_density",
     "plot_pressure_fit",
     "plot_class_probability",
+    "plot_calibration_ranks",
+    "plot_reliability",
 ]

@@ -2,20 +2,27 @@
 
 import json
 import warnings
-from collections.abc import Mapping
-from typing import Any, Literal
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
 from pymc.progress_bar import create_simple_progress
-from scipy.special import softmax
+from scipy.special import logsumexp, softmax
 
 from pymc_hyperelastic.batched import BatchedFunction
-from pymc_hyperelastic.data import tests_at
+from pymc_hyperelastic.data import check_inflation_data, tests_at
+from pymc_hyperelastic.kernel import check_count
 from pymc_hyperelastic.likelihood import check_likelihood, likelihood_inputs
 from pymc_hyperelastic.models import inflation_model
 from pymc_hyperelastic.predictive import ClassPredictive
-from pymc_hyperelastic.results import check_result, inflation_data_of, model_settings_of
+from pymc_hyperelastic.results import (
+    Study,
+    check_result,
+    inflation_data_of,
+    model_settings_of,
+)
 from pymc_hyperelastic.rules import rule_for
 from pymc_hyperelastic.smc import (
     Estimate,
@@ -24,6 +31,13 @@ from pymc_hyperelastic.smc import (
     seed_sequence,
 )
 from pymc_hyperelastic.strain_energy import StrainEnergy
+from pymc_hyperelastic.variability import (
+    SpecimenPredictive,
+    Variability,
+    fit_distribution,
+    rule_of,
+    sample_specimens,
+)
 
 __all__ = ["classify", "fit_classes", "kl_divergence"]
 
@@ -36,6 +50,9 @@ def fit_classes(
     slope_weight: Any,
     force_sigma: Any = None,
     priors: dict[str, Any] | None = None,
+    variability: Literal["none", "specimen"] = "none",
+    experiment_effect: bool = False,
+    reference_stress: float = 20.0,
     draws: int = 2000,
     chains: int = 4,
     random_seed: Any = None,
@@ -45,6 +62,13 @@ def fit_classes(
 
     All models are built, and so all input is checked, before the first is sampled.
 
+    Without variability, as in the paper, all specimens of a class share one set of parameters. The
+    posterior shrinks to a point as data grow, however different the specimens are, and a new one
+    that differs from them as they do from each other is classified with a certainty that it does
+    not deserve. With ``variability="specimen"`` each has its own, drawn from a distribution of the
+    class that is learned: see :func:`~pymc_hyperelastic.population_model`. Every specimen is then
+    sampled once, by itself, and integrated out.
+
     Parameters
     ----------
     energy : StrainEnergy
@@ -52,7 +76,13 @@ def fit_classes(
     classes : dict of str to xarray.Dataset
         Training data of each class by its name.
     sigma, slope_weight, force_sigma, priors
-        See :func:`pymc_hyperelastic.inflation_model`; they hold for all classes.
+        See :func:`pymc_hyperelastic.inflation_model`; they hold for all classes. With variability
+        `slope_weight` is 0, `force_sigma` is not given, and `sigma` and `priors` are those of
+        :func:`~pymc_hyperelastic.population_model`.
+    variability : {"none", "specimen"}
+        Whether specimens of a class differ.
+    experiment_effect, reference_stress
+        See :func:`~pymc_hyperelastic.population_model`; only with variability.
     draws, chains, random_seed, progressbar
         See :func:`pymc_hyperelastic.sample_smc`. After an interrupt the classes already fitted are
         returned.
@@ -93,7 +123,17 @@ def fit_classes(
         )
     if not classes:
         raise ValueError("classes must be a dict of names to training data; it is {}")
+    if variability not in ("none", "specimen"):
+        raise ValueError(f"variability must be 'none' or 'specimen', not {variability!r}")
     seed = seed_sequence(random_seed)
+    if variability == "specimen":
+        if slope_weight != 0 or force_sigma is not None:
+            raise ValueError(
+                "with variability='specimen' pressures alone are compared: expected slope_weight=0 "
+                f"and no force_sigma; got {slope_weight} and {force_sigma}"
+            )
+        settings = Variability(energy, sigma, experiment_effect, reference_stress, priors)
+        return _fit_distributions(settings, classes, draws, chains, seed, progressbar)
     noise = {"sigma": sigma, "slope_weight": slope_weight, "force_sigma": force_sigma}
     models = {}
     for name, data in classes.items():
@@ -128,12 +168,54 @@ def fit_classes(
     return tree
 
 
+def _fit_distributions(
+    settings: Variability,
+    classes: Mapping[str, xr.Dataset],
+    draws: int,
+    chains: int,
+    seed: np.random.SeedSequence,
+    progressbar: bool,
+) -> xr.DataTree:
+    """Fit the distribution of every class, of specimens that are sampled once."""
+    check_count("draws", draws, 100)
+    check_count("chains", chains, 1)
+    for name, data in classes.items():
+        try:
+            settings.check(data)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"class {name!r}: {error}") from error
+    attrs = settings.attrs()
+    tree = xr.DataTree.from_dict({})
+    progress = create_simple_progress(progressbar)
+    with progress:
+        bar = progress.add_task("Fitting classes", completed=0, total=2 * len(classes))
+        try:
+            for (name, data), own in zip(classes.items(), seed.spawn(len(classes)), strict=True):
+                sampler = settings.sampler(rule_of(settings, data))
+                specimens = sample_specimens(sampler, data, np.random.default_rng(own))
+                progress.advance(bar)
+                fitted = fit_distribution(settings, specimens, draws, chains, own)
+                for group, dataset in Study(settings.energy, data, {}, {}).groups().items():
+                    fitted[group] = dataset
+                tree[name] = fitted
+                progress.advance(bar)
+        except KeyboardInterrupt:
+            if not tree.children:
+                raise
+            warnings.warn(f"interrupted: only {list(tree.children)} are fitted", stacklevel=3)
+    tree.attrs |= attrs | {"random_seed": json.dumps(seed.entropy)}
+    return tree
+
+
 def classify(
     new_data: xr.Dataset,
     classes: xr.DataTree,
     *,
     by: Literal["test", "specimen"] = "test",
     class_prior: Mapping[str, float] | None = None,
+    average_over: Sequence[xr.DataTree] = (),
+    undecided_below: float = 0.0,
+    none_below: float = 0.0,
     random_seed: Any = None,
     progressbar: bool = True,
 ) -> xr.Dataset:
@@ -155,6 +237,16 @@ def classify(
         What is classified: each experiment by itself, or all experiments on a specimen together.
     class_prior : dict of str to float, optional
         Probability of each class beforehand; equal when missing.
+    average_over : sequence of xarray.DataTree, optional
+        The same classes, of the same training data, fitted with other strain energies: what each
+        says counts by its posterior probability, which is the product of the evidences of its
+        classes. The variable ``strain_energy_probability`` tells it.
+    undecided_below : float, default 0
+        Probability that the most probable class must have for a decision.
+    none_below : float, default 0
+        Where the predictive p-value of every class is below this, the decision is "none of these";
+        with 0.05 that happens to one in twenty specimens of the classes themselves. Only for
+        classes with variability.
     random_seed : int, optional
         The same seed gives the same result.
     progressbar : bool
@@ -163,12 +255,16 @@ def classify(
     Returns
     -------
     xarray.Dataset
+        ``decision``, the most probable class unless one of the limits above says otherwise, and
         ``class_probability``, ``class_probability_se``, ``log_evidence`` and ``log_evidence_se``,
         each (test, class_label) in the order of the data, or (specimen, class_label). ``method``
         says how the integral was taken: "class draws", the mean likelihood of the class's draws,
         or "adapted draws", importance sampling from a mixture that followed the new data, both
         with a Pareto shape ``pareto_k`` of the weights below 0.5; else "tempering", by SMC from
-        the class's draws.
+        the class's draws. With variability the parameters of a specimen are a fresh draw from the
+        class's distribution, integrated by "specimen draws"; ``p_value`` is then the share of the
+        specimens that the class would bring forth, measured at the same radii, that are as far
+        from all its others as this one is, or further.
 
     Raises
     ------
@@ -197,71 +293,208 @@ def classify(
     """
     if by not in ("test", "specimen"):
         raise ValueError(f"by must be 'test' or 'specimen', not {by!r}")
-    settings = _common_settings(classes)
+    for limit, bound in (("undecided_below", undecided_below), ("none_below", none_below)):
+        if not isinstance(bound, Real) or not 0 <= bound < 1:
+            raise ValueError(f"{limit} is {bound!r}; expected a number from 0 to 1")
+    trees = [classes, *average_over]
+    settings = [_common_settings(tree) for tree in trees]
     names = list(classes.children)
     prior = _class_prior(class_prior, names)
-    energy, priors = settings["energy"], settings["priors"]
-    noise = {name: value for name, value in settings.items() if name not in ("energy", "priors")}
-    check_likelihood(energy, new_data, priors, **noise)
-    seed = seed_sequence(random_seed)
-
+    laws = _weights_of_laws(trees)
+    variable = all(isinstance(of_law, Variability) for of_law in settings)
+    if none_below and not variable:
+        raise ValueError(
+            "none_below needs classes that say how specimens differ: "
+            "ph.fit_classes(..., variability='specimen')"
+        )
+    check_inflation_data(new_data)
     if by == "test":
         units = [[test] for test in range(new_data.sizes["test"])]
     else:
         specimen = new_data["specimen"].values
         units = [np.flatnonzero(specimen == s).tolist() for s in dict.fromkeys(specimen.tolist())]
-    with_force = "force_sigma" in noise
-    rule = rule_for(energy, new_data, priors, with_force=with_force)
-    seeds = seed.generate_state(1 + len(units) * len(names)).tolist()
-    rng = np.random.default_rng(seeds.pop())
-    shape = len(units), len(names)
-    value, error, pareto_k = (np.full(shape, np.nan) for _ in range(3))
-    method = np.full(shape, "", dtype=object)
-    predictives: list[ClassPredictive] = []
+    seed = seed_sequence(random_seed)
+    seeds = [seed] if len(trees) == 1 else seed.spawn(len(trees))
+    predictors = [
+        (_population_predictor if isinstance(of_law, Variability) else _pooled_predictor)(
+            new_data, tree, of_law, len(units), own
+        )
+        for tree, of_law, own in zip(trees, settings, seeds, strict=True)
+    ]
+
+    def predict(data: xr.Dataset) -> list[_Prediction]:
+        of_laws = [predictor(data) for predictor in predictors]
+        return [_average(laws, of_class) for of_class in zip(*of_laws, strict=True)]
+
+    unknown = _Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan, np.nan)
+    predictions = [[unknown] * len(names) for _ in units]
     progress = create_simple_progress(progressbar)
     with progress:
         bar = progress.add_task("Classifying", completed=0, total=len(units))
         try:
             for i, unit in enumerate(units):
-                inputs = likelihood_inputs(
-                    tests_at(new_data, unit),
-                    rule,
-                    slope_weight=noise["slope_weight"],
-                    with_force=with_force,
-                )
-                predictives = predictives or [
-                    ClassPredictive(classes[name], settings, rule, inputs, rng) for name in names
-                ]
-                for j, predictive in enumerate(predictives):
-                    estimate, method[i, j], pareto_k[i, j] = predictive(inputs, seeds.pop())
-                    value[i, j], error[i, j] = estimate
+                predictions[i] = predict(tests_at(new_data, unit))
                 progress.advance(bar)
         except KeyboardInterrupt:
             warnings.warn("interrupted: experiments not yet classified are NaN", stacklevel=2)
 
-    probability = softmax(value + np.log(prior), axis=1)
+    def table(value: Callable[[_Prediction], Any]) -> np.ndarray:
+        return np.array([[value(prediction) for prediction in row] for row in predictions])
+
+    log_evidence = table(lambda p: p.log_evidence.value)
+    probability = softmax(log_evidence + np.log(prior), axis=1)
     # Delta method: dp_c = p_c Σ_j (δ_cj − p_j) d ln Z_j.
     weight = np.eye(len(names)) - probability[:, None, :]
-    probability_error = probability * np.sqrt(np.einsum("icj,ij->ic", weight**2, error**2))
+    own = table(lambda p: p.own_error)
+    probability_error = probability * np.sqrt(np.einsum("icj,ij->ic", weight**2, own**2))
+    p_value = table(lambda p: p.p_value)
+    decision = np.array([names[j] for j in probability.argmax(axis=1)], dtype=object)
+    decision[~(probability.max(axis=1) >= undecided_below)] = "undecided"
+    decision[(p_value < none_below).all(axis=1)] = "none of these"
+    decision[np.isnan(log_evidence).any(axis=1)] = ""
+    of_population = {"p_value": ((by, "class_label"), p_value)} if variable else {}
     first = [unit[0] for unit in units]
     labels = ("specimen", "experiment", "group") if by == "test" else ("specimen", "group")
     return xr.Dataset(
         {
             "class_probability": ((by, "class_label"), probability),
             "class_probability_se": ((by, "class_label"), probability_error),
-            "log_evidence": ((by, "class_label"), value),
-            "log_evidence_se": ((by, "class_label"), error),
-            "method": ((by, "class_label"), method.astype(str)),
-            "pareto_k": ((by, "class_label"), pareto_k),
+            "log_evidence": ((by, "class_label"), log_evidence),
+            "log_evidence_se": (
+                (by, "class_label"),
+                table(lambda p: p.log_evidence.standard_error),
+            ),
+            "method": ((by, "class_label"), table(lambda p: p.method).astype(str)),
+            "pareto_k": ((by, "class_label"), table(lambda p: p.pareto_k)),
+            **of_population,
+            "decision": (by, decision.astype(str)),
+            **({"strain_energy_probability": laws} if average_over else {}),
         },
         {"class_label": names} | {label: (by, new_data[label].values[first]) for label in labels},
         # What the data are, above all whether they were simulated, stays with the result.
         {key: new_data.attrs[key] for key in ("title", "simulated") if key in new_data.attrs}
         | {
-            "strain_energy": energy.name,
+            "strain_energy": ", ".join(laws["strain_energy"].values.tolist()),
             "class_prior": json.dumps(dict(zip(names, prior.tolist(), strict=True))),
         },
     )
+
+
+class _Prediction(NamedTuple):
+    """Log evidence of new data under a class; without what all classes share, its own error."""
+
+    log_evidence: Estimate
+    own_error: float
+    method: str
+    pareto_k: float
+    p_value: float
+
+
+def _weights_of_laws(trees: Sequence[xr.DataTree]) -> xr.DataArray:
+    """Posterior probability of each strain energy, equal beforehand."""
+    first = trees[0]
+    energies, evidences = [], []
+    for tree in trees:
+        if list(tree.children) != list(first.children):
+            raise ValueError(
+                f"average_over holds the classes {list(tree.children)}, not "
+                f"{list(first.children)} as the others"
+            )
+        for name, fitted in tree.children.items():
+            if not inflation_data_of(fitted).identical(inflation_data_of(first[name])):
+                raise ValueError(
+                    f"class {name!r} has other training data under {fitted.attrs['strain_energy']} "
+                    f"than under {first[name].attrs['strain_energy']}: their evidences do not "
+                    "compare"
+                )
+        energies.append(fitted.attrs["strain_energy"])
+        evidences.append(sum(log_evidence(fitted).value for fitted in tree.children.values()))
+    if len(trees) == 1:
+        evidences = [0.0]
+    return xr.DataArray(softmax(evidences), {"strain_energy": energies}, "strain_energy")
+
+
+def _average(laws: xr.DataArray, predictions: Sequence[_Prediction]) -> _Prediction:
+    """Prediction of several laws together, each by its probability."""
+    if len(predictions) == 1:
+        return predictions[0]
+    with np.errstate(divide="ignore"):
+        terms = np.log(laws.values) + [p.log_evidence.value for p in predictions]
+    share = softmax(terms)
+    errors = [(p.log_evidence.standard_error, p.own_error) for p in predictions]
+    error, own = np.sqrt(np.square(share) @ np.square(errors))
+    return _Prediction(
+        Estimate(float(logsumexp(terms)), float(error)),
+        float(own),
+        "average over strain energies",
+        max(p.pareto_k for p in predictions),
+        float(laws.values @ [p.p_value for p in predictions]),
+    )
+
+
+def _pooled_predictor(
+    new_data: xr.Dataset,
+    classes: xr.DataTree,
+    settings: dict[str, Any],
+    count: int,
+    seed: np.random.SeedSequence,
+) -> Callable[[xr.Dataset], list[_Prediction]]:
+    """Predictions of classes whose specimens share one set of parameters."""
+    energy, priors = settings["energy"], settings["priors"]
+    noise = {name: value for name, value in settings.items() if name not in ("energy", "priors")}
+    check_likelihood(energy, new_data, priors, **noise)
+    with_force = "force_sigma" in noise
+    rule = rule_for(energy, new_data, priors, with_force=with_force)
+    seeds = seed.generate_state(1 + count * len(classes.children)).tolist()
+    rng = np.random.default_rng(seeds.pop())
+    predictives: list[ClassPredictive] = []
+
+    def predict(data: xr.Dataset) -> list[_Prediction]:
+        inputs = likelihood_inputs(
+            data, rule, slope_weight=noise["slope_weight"], with_force=with_force
+        )
+        if not predictives:
+            predictives.extend(
+                ClassPredictive(fitted, settings, rule, inputs, rng)
+                for fitted in classes.children.values()
+            )
+        predictions = []
+        for predictive in predictives:
+            estimate, method, pareto_k = predictive(inputs, seeds.pop())
+            error = estimate.standard_error
+            predictions.append(_Prediction(estimate, error, method, pareto_k, np.nan))
+        return predictions
+
+    return predict
+
+
+def _population_predictor(
+    new_data: xr.Dataset,
+    classes: xr.DataTree,
+    settings: Variability,
+    count: int,
+    seed: np.random.SeedSequence,
+) -> Callable[[xr.Dataset], list[_Prediction]]:
+    """Predictions of classes whose specimens differ."""
+    settings.check(new_data)
+    sampler = settings.sampler(rule_of(settings, new_data))
+    predictive = SpecimenPredictive(settings, dict(classes.children), sampler)
+    seeds = iter(seed.spawn(count))
+
+    def predict(data: xr.Dataset) -> list[_Prediction]:
+        rng = np.random.default_rng(next(seeds))
+        return [
+            _Prediction(
+                evidence.log_evidence,
+                evidence.own_error,
+                "specimen draws",
+                evidence.pareto_k,
+                p_value,
+            )
+            for evidence, p_value in predictive(data, rng)
+        ]
+
+    return predict
 
 
 def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
@@ -307,6 +540,8 @@ def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     True
     """
     settings = _common_settings(classes)
+    if isinstance(settings, Variability):
+        raise ValueError("the divergence is that of classes without variability")
     for name in (first, second):
         if name not in classes.children:
             raise ValueError(f"there is no class {name!r}; there are {list(classes.children)}")
@@ -326,25 +561,35 @@ def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     return Estimate(float(np.mean(difference)), float(np.sqrt(variance)))
 
 
-def _common_settings(classes: xr.DataTree) -> dict[str, Any]:
+def _common_settings(classes: xr.DataTree) -> Any:
     """Settings of the classes' model, which has to be one, or evidences cannot be compared."""
     check_result(classes, "ph.fit_classes")
     if not classes.children:
         raise ValueError("classes must be the result of ph.fit_classes; here are no classes")
     first = next(iter(classes.children.values()))
+    variable = "variability_settings" in first.attrs
+    if variable:
+        keys = ["variability_settings"]
+    else:
+        keys = ["priors", "noise"]
     for name, fitted in classes.children.items():
-        if "priors" not in fitted.attrs:
+        if not {"priors", "variability_settings"} & set(fitted.attrs):
             raise ValueError(
                 f"classes must be the result of ph.fit_classes, all of it; {name!r} is no class"
             )
-        for key in ("strain_energy", "strain_energy_settings", "priors", "noise"):
+        if "likelihood" in fitted.attrs:
+            raise ValueError(
+                f"class {name!r} has the likelihood {fitted.attrs['likelihood']!r}: classes come "
+                "from ph.fit_classes"
+            )
+        for key in ("strain_energy", "strain_energy_settings", *keys):
             mine, theirs = fitted.attrs.get(key), first.attrs.get(key)
             if mine != theirs:
                 raise ValueError(
                     f"class {name!r} was fitted with {key} {mine}, others with {theirs}: evidences "
                     "can only be compared under one strain energy, one prior and one noise"
                 )
-    return model_settings_of(first)
+    return Variability.of_tree(first) if variable else model_settings_of(first)
 
 
 def _class_prior(class_prior: Mapping[str, float] | None, names: list[str]) -> np.ndarray:

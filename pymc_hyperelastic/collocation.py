@@ -56,21 +56,28 @@ class CollocatedIntegral(TubeOp):
     r"""Integrals over the walls of known tubes as constant matrices times the wall's response.
 
     Inputs are ``ln λθ`` at the nodes (group, node), ``ln λz`` (group), the matrices (group, row,
-    node), then the parameters, scalars in the order of the strain energy, vectors entry by entry.
-    Tests of one axial stretch form a group. For each matrix there is an output (group, row).
+    node), then the parameters in the order of the strain energy, vectors entry by entry: scalars,
+    or with `per_group` one value a group. For each matrix there is an output (group, row).
     """
 
-    __props__ = ("strain_energy",)
+    __props__ = ("strain_energy", "per_group")
+
+    def __init__(
+        self, input_types: Any = None, *, per_group: bool = False, **settings: Any
+    ) -> None:
+        super().__init__(input_types, per_group=per_group, **settings)
 
     def build_inner_graph(self, *inputs: TensorVariable) -> list[Variable]:
         """Response at the nodes, then one matrix product a group."""
         log_hoop, log_axial, *matrices = inputs[: self.constants]
         entries = inputs[self.constants :]
-        batched = any(x.type.ndim for x in entries)
+        batched = any(x.type.ndim > self.per_group for x in entries)
         log_axial = log_axial[:, None]
         if batched:
             # The particles run along the last axis, where NumPy's sums over the others are fast.
             log_hoop, log_axial = log_hoop[..., None], log_axial[..., None]
+        if self.per_group:
+            entries = tuple(x.T[:, None] if x.type.ndim > 1 else x[:, None] for x in entries)
         log_hoop, log_axial, *entries = pt.broadcast_arrays(log_hoop, log_axial, *entries)
         response = self.response(log_hoop, log_axial, entries)
         if batched:
@@ -114,10 +121,11 @@ class CollocatedAxialForce(CollocatedIntegral):
 def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: TensorVariable) -> Apply:
     """Take a batch of parameters in one call; anything else is looped over."""
     constants, entries = inputs[: op.constants], inputs[op.constants :]
-    if constants != tuple(node.inputs[: op.constants]) or any(x.type.ndim > 1 for x in entries):
+    deepest = max(x.type.ndim for x in entries)
+    if constants != tuple(node.inputs[: op.constants]) or deepest > 1 + op.per_group:
         return vectorize_node_fallback(op, node, *inputs)
-    entries = pt.broadcast_arrays(*(pt.atleast_1d(x) for x in entries))
-    outputs = type(op)(strain_energy=op.strain_energy)(*constants, *entries, return_list=True)
+    entries = pt.broadcast_arrays(*(pt.atleast_Nd(x, n=deepest) for x in entries))
+    outputs = type(op)(**op._props_dict())(*constants, *entries, return_list=True)
     return outputs[0].owner
 
 
@@ -208,13 +216,16 @@ def collocate(data: xr.Dataset, count: int, targets: dict[str, Array]) -> dict[s
     return collocated
 
 
-def curve_matrices(data: xr.Dataset, count: int) -> tuple[dict[str, Array], NDArray[np.intp]]:
+def curve_matrices(
+    data: xr.Dataset, count: int, *, by_test: bool = False
+) -> tuple[dict[str, Array], NDArray[np.intp]]:
     """Matrices of :class:`CollocatedIntegral` for the points themselves, uncompressed.
 
-    Groups are padded to the same number of rows. With the matrices come the places of the points
-    among all rows, group by group. Slopes are by the internal radius.
+    Tests of one axial stretch form a group, or every test its own. Groups are padded to the same
+    number of rows. With the matrices come the places of the points among all rows, group by group.
+    Slopes are by the internal radius.
     """
-    groups = _groups(data)
+    groups = _groups(data, by_test=by_test)
     node = chebyshev_nodes(count)
     most = max(len(points) for _, points, _ in groups)
     shape = len(groups), most, count
@@ -261,20 +272,23 @@ def _matrices(
     }
 
 
-def _groups(data: xr.Dataset) -> list[tuple[float, NDArray[np.intp], tuple[float, float]]]:
+def _groups(
+    data: xr.Dataset, *, by_test: bool = False
+) -> list[tuple[float, NDArray[np.intp], tuple[float, float]]]:
     """Axial stretch, points, and the centre and half width of ``ln λθ``, of each group."""
     test = data["test"].values
     axial_stretch = data["axial_stretch"].values[test]
+    key = test if by_test else axial_stretch
     groups = []
-    for value in np.unique(axial_stretch):
-        points = np.flatnonzero(axial_stretch == value)
+    for value in np.unique(key):
+        points = np.flatnonzero(key == value)
         # Along a wall the stretch is monotonic: its two faces bound it.
         radius, inner, outer, axial, angle = _walls(data, points)
         tube = {"inner_radius": inner, "axial_stretch": axial, "opening_angle": angle}
         faces = [np.log(stretches(face, radius, **tube)[1]) for face in (inner, outer)]
         low, high = np.min(faces), np.max(faces)
         half = max((high - low) / 2, 1e-3)
-        groups.append((float(value), points, ((low + high) / 2, half)))
+        groups.append((float(axial_stretch[points[0]]), points, ((low + high) / 2, half)))
     return groups
 
 

@@ -1,7 +1,7 @@
 """PyMC model factories."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pymc as pm
@@ -19,7 +19,14 @@ from pymc_hyperelastic.collocation import (
 )
 from pymc_hyperelastic.data import GEOMETRY, describe_test, points_of
 from pymc_hyperelastic.layers import Layer, check_energy, check_layers
-from pymc_hyperelastic.likelihood import ErrorIn, check_likelihood, register_likelihood
+from pymc_hyperelastic.likelihood import (
+    ErrorIn,
+    Likelihood,
+    check_generative,
+    check_likelihood,
+    register_likelihood,
+    register_measurements,
+)
 from pymc_hyperelastic.pressure import wall_pressure
 from pymc_hyperelastic.priors import (
     check_geometry_priors,
@@ -59,14 +66,15 @@ def inflation_model(
     priors: dict[str, Any] | None = None,
     geometry: dict[str, Any] | None = None,
     rising: bool = False,
+    likelihood: Likelihood = "paper",
     mode: Mode = "auto",
 ) -> pm.Model:
     r"""PyMC model of inflation curves: every test shares one set of material parameters.
 
     The model holds one random variable for each parameter, the deterministics ``pressure`` and
     ``stiffness`` (with `force_sigma` also ``axial_force``, with `geometry` also ``radius``) over
-    ``obs``, and the Potential ``likelihood`` (see :func:`~pymc_hyperelastic.inflation_likelihood`).
-    Any PyMC sampler takes it.
+    ``obs``, and the Potential ``likelihood`` (see :func:`~pymc_hyperelastic.inflation_likelihood`)
+    or observed variables. Any PyMC sampler takes it.
 
     Parameters
     ----------
@@ -100,6 +108,19 @@ def inflation_model(
         and the largest radius of a test. The Potential ``rising`` then divides by the prior
         probability of the others, so that the evidence stays one. What a posterior holds of them
         without it is told by :func:`~pymc_hyperelastic.admissible`.
+    likelihood : {"paper", "generative"}
+        How the data enter. With "paper" it is the Potential. With "generative" the measured
+        pressures ``y`` of each test are the observed variable ``measured_pressure``,
+
+        .. math:: y \sim \mathcal{N}\left(P^{-1} (m + β D^T s),\ \tfrac{σ^2}{2} P^{-1}\right),
+            \qquad P = I + β D^T D,
+
+        with the model's pressures ``m`` and slopes ``s`` and the matrix ``D`` of central
+        differences. This is the paper's form as a density of the pressures, without its factor for
+        the small gap between ``s`` and ``D m``: data can be simulated from it, and it has a
+        log-likelihood by points, each given those before it in its test. Forces are
+        ``measured_axial_force``. The values are in the ``pm.Data`` ``pressure_data`` and
+        ``axial_force_data``. `slope_weight` must be a number, and the error in the pressure.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated, see :func:`~pymc_hyperelastic.inflation_likelihood`.
 
@@ -135,7 +156,17 @@ def inflation_model(
     ... )
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha', 'inner_radius', 'thickness']
+
+    Measurements as an observed variable:
+
+    >>> model = ph.inflation_model(
+    ...     ph.Ogden(), data, sigma=5 * ph.mmHg, slope_weight=1.0, likelihood="generative"
+    ... )
+    >>> [rv.name for rv in model.observed_RVs]
+    ['measured_pressure']
     """
+    if likelihood not in get_args(Likelihood):
+        raise ValueError(f"likelihood is {likelihood!r}; expected one of {get_args(Likelihood)}")
     wall: StrainEnergy | list[Layer]
     layered = isinstance(energy, Sequence)
     if isinstance(energy, Sequence):
@@ -153,6 +184,8 @@ def inflation_model(
     of_material = {} if layered else distributions
     stated = inferred_geometry(unknown)
     check_likelihood(wall, data, of_material, geometry=stated, error_in=error_in, **noise)
+    if likelihood == "generative":
+        check_generative(slope_weight, error_in)
     with_force = force_sigma is not None
     rule = rule_for(
         wall,
@@ -178,24 +211,22 @@ def inflation_model(
                 check_prior(name, value)
                 registered[name] = register_prior(name, value)
         of_material = {} if layered else parameters
-        for name, curve in _curves(wall, data, rule, of_material, tube, with_force).items():
-            pm.Deterministic(name, curve, dims="obs")
-        register_likelihood(
-            "likelihood",
-            wall,
-            data,
-            rule,
-            of_material,
-            geometry=tube,
-            error_in=error_in,
-            **registered,
-        )
+        curves = {
+            name: pm.Deterministic(name, curve, dims="obs")
+            for name, curve in _curves(wall, data, rule, of_material, tube, with_force).items()
+        }
+        settings = {"geometry": tube, **registered}
+        if likelihood == "generative":
+            register_measurements(wall, data, rule, of_material, curves, **settings)
+        else:
+            settings["error_in"] = error_in
+            register_likelihood("likelihood", wall, data, rule, of_material, **settings)
         if rising:
             everywhere = _curves(wall, _between(data), rule, of_material, tube, False)["stiffness"]
             rises = pt.all(everywhere > 0)
             share = _prior_probability(rises, model.free_RVs)
             pm.Potential("rising", pt.where(rises, -np.log(share), -np.inf))
-    model.study = Study(energy, data, distributions, noise, unknown, error_in, rising)
+    model.study = Study(energy, data, distributions, noise, unknown, error_in, rising, likelihood)
     return model
 
 

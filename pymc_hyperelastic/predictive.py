@@ -5,17 +5,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pymc as pm
 import xarray as xr
-from arviz_stats.base import array_stats
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from pymc_hyperelastic.batched import BatchedFunction
-from pymc_hyperelastic.kernel import (
-    BatchedSMC,
-    effective_sample_size,
-    largest_step,
-    systematic,
+from pymc_hyperelastic.importance import (
+    LARGEST_PARETO_K,
+    adapted_mixture,
+    draw_heavy_tailed,
+    mean_weight,
 )
+from pymc_hyperelastic.kernel import BatchedSMC
 from pymc_hyperelastic.likelihood import log_likelihood, shared_inputs
 from pymc_hyperelastic.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.models import inflation_model
@@ -27,14 +26,8 @@ __all__ = ["ClassPredictive", "Predictive"]
 
 Array = NDArray[np.float64]
 
-# Importance weights of a smaller Pareto shape have a variance, and a mean whose error is known.
-_LARGEST_PARETO_K = 0.5
-# Effective draws that a mean of weights needs: its relative error is then a thirtieth at most.
-_ENOUGH = 1000
-# Draws of a step of adaptation, of the final estimate, and of a class's own evidence.
-_STEP_DRAWS, _FINAL_DRAWS, _CLASS_DRAWS = 1000, 4000, 20000
-# A step of adaptation goes so far that this fraction of its draws is effective.
-_STEP_EFFECTIVE, _MOST_STEPS = 0.2, 30
+# Draws of the final estimate, and of a class's own evidence.
+_FINAL_DRAWS, _CLASS_DRAWS = 4000, 20000
 
 
 class Predictive(NamedTuple):
@@ -83,9 +76,6 @@ class ClassPredictive:
 
     References
     ----------
-    O. Cappé, R. Douc, A. Guillin, J.-M. Marin and C. P. Robert, Adaptive importance sampling in
-    general mixture classes, Statistics and Computing 18 (2008) 447.
-
     A. Vehtari, D. Simpson, A. Gelman, Y. Yao and J. Gabry, Pareto smoothed importance sampling,
     Journal of Machine Learning Research 25 (2024) 72.
     """
@@ -125,8 +115,8 @@ class ClassPredictive:
         some = self._draws[:: max(1, len(self._draws) // _FINAL_DRAWS)]
         components = components_for(len(some), self._kernel.dimension)
         self._mixture = GaussianMixture.fit(some, components, rng, iterations=20)
-        points, log_density = _draw(self._mixture, _CLASS_DRAWS, rng)
-        self._normaliser, self._normaliser_k = _mean_weight(
+        points, log_density = draw_heavy_tailed(self._mixture, _CLASS_DRAWS, rng)
+        self._normaliser, self._normaliser_k = mean_weight(
             self._kernel.score(points)[0] - log_density
         )
 
@@ -139,50 +129,27 @@ class ClassPredictive:
 
     def _from_class_draws(self) -> Predictive | None:
         log_weights = np.nan_to_num(self._likelihood(self._draws)[0], nan=-np.inf)
-        estimate, pareto_k = _mean_weight(log_weights)
-        if pareto_k >= _LARGEST_PARETO_K:
+        estimate, pareto_k = mean_weight(log_weights)
+        if pareto_k >= LARGEST_PARETO_K:
             return None
         return Predictive(estimate, "class draws", pareto_k)
 
     def _from_adapted_draws(self, rng: np.random.Generator) -> Predictive | None:
-        if self._normaliser_k >= _LARGEST_PARETO_K:
+        if self._normaliser_k >= LARGEST_PARETO_K:
             return None
-        mixture = self._adapted_mixture(rng)
+        mixture = adapted_mixture(self._kernel.score, self._mixture, rng)
         if mixture is None:
             return None
-        points, log_density = _draw(mixture, _FINAL_DRAWS, rng)
+        points, log_density = draw_heavy_tailed(mixture, _FINAL_DRAWS, rng)
         log_weights = sum(self._kernel.score(points)) - log_density
-        integral, pareto_k = _mean_weight(log_weights)
-        if pareto_k >= _LARGEST_PARETO_K:
+        integral, pareto_k = mean_weight(log_weights)
+        if pareto_k >= LARGEST_PARETO_K:
             return None
         estimate = Estimate(
             integral.value - self._normaliser.value,
             float(np.hypot(integral.standard_error, self._normaliser.standard_error)),
         )
         return Predictive(estimate, "adapted draws", max(pareto_k, self._normaliser_k))
-
-    def _adapted_mixture(self, rng: np.random.Generator) -> GaussianMixture | None:
-        """Mixture like the posterior of the class and the new data; None if it gets stuck."""
-        mixture, beta = self._mixture, 0.0
-        for _ in range(_MOST_STEPS):
-            points, log_density = _draw(mixture, _STEP_DRAWS, rng)
-            rest, new = self._kernel.score(points)
-            possible = np.isfinite(rest + new)
-            if not possible.any():
-                return None
-            points, new = points[possible], new[possible]
-            log_weights = (rest - log_density)[possible] + beta * new
-            step = largest_step(new, _STEP_EFFECTIVE, 1.0 - beta, log_weights)
-            beta = 1.0 if step == 1.0 - beta else beta + step
-            log_weights += step * new
-            weights = np.exp(log_weights - log_weights.max())
-            learn_from = points[systematic(weights, _STEP_DRAWS, rng)]
-            mixture = GaussianMixture.fit(
-                learn_from, len(mixture.means), rng, start=mixture, iterations=4
-            )
-            if beta == 1 and effective_sample_size(log_weights) > 0.4 * _STEP_DRAWS:
-                return mixture
-        return None
 
     def _by_tempering(self, rng: np.random.Generator) -> Predictive:
         values, errors = [], []
@@ -191,23 +158,3 @@ class ClassPredictive:
             values.append(self._kernel.log_marginal_likelihood)
             errors.append(np.sqrt(self._kernel.log_evidence_variance))
         return Predictive(combine_chains(np.array(values), np.array(errors)), "tempering", np.nan)
-
-
-def _draw(mixture: GaussianMixture, draws: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Points from the mixture with heavy tails, and its log density there."""
-    proposal = mixture.heavy_tailed()
-    points = proposal.draw(draws, rng)
-    return points, proposal.log_density(points)
-
-
-def _mean_weight(log_weights: Array) -> tuple[Estimate, float]:
-    """Mean of independent weights, as its logarithm with a standard error; their Pareto shape."""
-    effective = effective_sample_size(log_weights)
-    if effective < _ENOUGH:
-        return Estimate(-np.inf, np.inf), np.inf
-    finite = log_weights[np.isfinite(log_weights)]
-    # ArviZ takes the logarithms of what divides. Equal weights have no tail.
-    pareto_k = float(array_stats.psislw(-finite)[1]) if np.ptp(finite) > 0 else -np.inf
-    value = float(logsumexp(log_weights) - np.log(log_weights.size))
-    variance = max(1 / effective - 1 / log_weights.size, 0.0)
-    return Estimate(value, float(np.sqrt(variance))), pareto_k

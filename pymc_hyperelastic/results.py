@@ -10,7 +10,8 @@ has the groups
 ``evidence`` : (chain)
     ``log_evidence`` and ``log_evidence_se`` of each chain.
 ``observed_data``, ``constant_data`` : (obs), (test)
-    The measured pressures, and the rest of the inflation data (fitted classes only).
+    The measured pressures, and the rest of the inflation data. Of a generative likelihood, what was
+    measured by the names of the observed variables, and all of the data.
 
 and attributes from which the model can be built again.
 """
@@ -58,6 +59,7 @@ class Study:
     geometry: dict[str, Any] = field(default_factory=dict)
     error_in: str = "pressure"
     rising: bool = False
+    likelihood: str = "paper"
 
     def groups(self) -> dict[str, xr.Dataset]:
         """The inflation data, divided as ArviZ does."""
@@ -96,6 +98,7 @@ class Study:
             "units": json.dumps(units),
             "priors": json.dumps(priors),
             "noise": json.dumps(noise),
+            **({} if self.likelihood == "paper" else {"likelihood": self.likelihood}),
         }
 
 
@@ -120,7 +123,7 @@ def sampling_tree(
     }
     study = getattr(model, "study", None)
     tree = xr.DataTree.from_dict(
-        (study.groups() if study else {})
+        (_current_groups(model, study) if study else {})
         | {
             "posterior": dict_to_dataset(posterior, coords=coords, dims=dims),
             "unconstrained_posterior": dict_to_dataset(unconstrained),
@@ -144,6 +147,25 @@ def sampling_tree(
     return tree
 
 
+def _current_groups(model: pm.Model, study: Study) -> dict[str, xr.Dataset]:
+    """The inflation data with what the observed variables hold now: it may have been replaced.
+
+    PyMC's functions look for the names of variables among the observed data, and may replace that
+    group; all data of the study are therefore in the other one.
+    """
+    if study.likelihood == "paper":
+        return study.groups()
+    data, observed = study.data.copy(), {}
+    for name in ("pressure", "axial_force"):
+        if f"{name}_data" in model.named_vars:
+            values = model[f"{name}_data"].get_value()
+            observed[f"measured_{name}"] = model.named_vars_to_dims[f"{name}_data"], values
+            column = data[name].values.astype(float)
+            column[np.isfinite(column)] = values
+            data[name] = data[name].copy(data=column)
+    return {"observed_data": xr.Dataset(observed), "constant_data": data}
+
+
 @cache
 def _versions() -> str:
     return json.dumps({name: version(name) for name in _PACKAGES})
@@ -157,7 +179,10 @@ def check_result(tree: Any, origin: str = "ph.sample_smc, or a class of ph.fit_c
 
 def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:
     """Inflation data with which the model was fitted."""
-    return xr.merge([tree["observed_data"].to_dataset(), tree["constant_data"].to_dataset()])
+    data = tree["constant_data"].to_dataset()
+    if "pressure" in data:
+        return data
+    return xr.merge([tree["observed_data"].to_dataset(), data])
 
 
 def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
@@ -177,7 +202,10 @@ def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
     priors = {
         name: prior_from_record(record) for name, record in json.loads(tree.attrs["priors"]).items()
     }
-    return {"energy": strain_energy_of(tree), "priors": priors, **noise}
+    settings = {"energy": strain_energy_of(tree), "priors": priors, **noise}
+    if "likelihood" in tree.attrs:
+        settings["likelihood"] = tree.attrs["likelihood"]
+    return settings
 
 
 def strain_energy_of(tree: xr.DataTree) -> StrainEnergy:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import xarray as xr
-from scipy.linalg import cholesky_banded, eigvals_banded
+from scipy.linalg import cholesky_banded, eigvals_banded, solve_banded
 
 from pymc_hyperelastic.collocation import chebyshev_nodes, value_to_coefficient
 from pymc_hyperelastic.data import check_inflation_data, describe_test, measured_radius, points_of
@@ -13,6 +13,8 @@ __all__ = [
     "compressed_spectrum",
     "half_log_determinant",
     "measured_slopes",
+    "precision_root",
+    "whiten",
 ]
 
 
@@ -125,6 +127,39 @@ def compressed_spectrum(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
             eigenvalues = np.exp(centre + half * chebyshev_nodes(count))
             return eigenvalues, moments @ value_to_coefficient(count)
     return eigenvalues, np.ones(len(logs))
+
+
+def precision_root(data: xr.Dataset, slope_weight: float) -> np.ndarray:
+    """Lower triangular ``B`` with ``BᵀB = I + β DᵀD``, as the upper bands of ``Bᵀ``.
+
+    Row ``i`` of ``B`` holds what is told of a point by those before it: ``(B e)_i`` are independent
+    and of one variance if errors ``e`` have the precision ``BᵀB``. The only entries are those at
+    ``i`` and ``i − 2``, the last and the first band.
+    """
+    bands = slope_weight * _gram_bands(*central_differences(data), data.sizes["obs"])
+    bands[-1] += 1.0
+    # The usual factor has the transpose first: it is that of the points in reversed order.
+    reversed_bands = bands[:, ::-1].copy()
+    reversed_bands[0, 2:] = bands[0, :1:-1]
+    factor = cholesky_banded(reversed_bands)
+    root = factor[:, ::-1].copy()
+    root[0, :2], root[0, 2:] = 0.0, factor[0, :1:-1]
+    return root
+
+
+def whiten(
+    root: np.ndarray, data: xr.Dataset, slope_weight: float, pressure: np.ndarray, slope: np.ndarray
+) -> np.ndarray:
+    """``B μ̃ = B⁻ᵀ (m + β Dᵀ s)``: the expected ``B y`` of pressures and slopes at every point.
+
+    They may be columns. Slopes at the ends of a test play no part.
+    """
+    interior, difference = central_differences(data)
+    weighted = (slope_weight * difference * slope[interior].T).T
+    right = pressure.astype(float)
+    np.add.at(right, interior + 1, weighted)
+    np.add.at(right, interior - 1, -weighted)
+    return solve_banded((0, 2), root, right)
 
 
 def _gram_bands(interior: np.ndarray, difference: np.ndarray, size: int) -> np.ndarray:

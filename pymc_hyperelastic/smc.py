@@ -17,7 +17,7 @@ from pymc_hyperelastic.batched import BatchedFunction
 from pymc_hyperelastic.kernel import BatchedSMC, check_count
 from pymc_hyperelastic.results import check_result, sampling_tree
 
-__all__ = ["Estimate", "log_evidence", "sample_smc"]
+__all__ = ["Estimate", "log_evidence", "particles_to_tree", "sample_smc", "seed_sequence"]
 
 Array = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ def sample_smc(
                 warnings.warn(f"interrupted: {chain} of {chains} chains are complete", stacklevel=2)
                 break
             populations.append(kernel.tempered_posterior)
-    return _to_datatree(kernel, populations, stats, variables, random_seed)
+    return particles_to_tree(kernel, populations, stats, variables, random_seed)
 
 
 def seed_sequence(random_seed: Any) -> np.random.SeedSequence:
@@ -175,7 +175,10 @@ def log_evidence(tree: xr.DataTree) -> Estimate:
             "ph.sample_smc or ph.fit_classes (for a class: ph.log_evidence(classes['C1']))"
         )
     evidence = tree["evidence"]
-    return combine_chains(evidence["log_evidence"].values, evidence["log_evidence_se"].values)
+    estimate = combine_chains(evidence["log_evidence"].values, evidence["log_evidence_se"].values)
+    # What all chains have in common no mean of theirs removes.
+    common = float(evidence["specimens_se"]) if "specimens_se" in evidence else 0.0
+    return Estimate(estimate.value, float(np.hypot(estimate.standard_error, common)))
 
 
 def combine_chains(log_evidences: Array, standard_errors: Array) -> Estimate:
@@ -205,13 +208,14 @@ def _temper(
     return stages
 
 
-def _to_datatree(
+def particles_to_tree(
     kernel: BatchedSMC,
     populations: list[Array],
     stats: list[dict[str, list[float]]],
     variables: list[TensorVariable],
     random_seed: Any,
 ) -> xr.DataTree:
+    """Result of a model whose particles, and what each stage reports, are known for every chain."""
     model = kernel.model
     constrain = BatchedFunction.of_model(model, model.replace_rvs_by_values(variables))
     chains = [constrain(population) for population in populations]

@@ -13,8 +13,18 @@ from math import radians
 
 import mpmath as mp
 import oracles
+from pytensor.compile.mode import Mode
+from pytensor.graph.rewriting.db import RewriteDatabaseQuery
 
 import pymc_hyperelastic as ph
+
+AS_WRITTEN = Mode("py", RewriteDatabaseQuery(include=["minimum_compile", "merge"]))
+"""Compiles a graph as it is, for numbers that are asked for a few times.
+
+To simplify it first, as the default and ``"FAST_COMPILE"`` do, takes ten times as long. That the
+simplified graphs have the same numbers is tested for every law in tests/test_pressure.py and
+tests/test_axial_force.py, and for other linkers in the former.
+"""
 
 Parameters = Mapping[str, float | tuple[float, ...]]
 """Parameters of a material by name, vectors as tuples."""

@@ -7,7 +7,7 @@ import pymc as pm
 import pytensor
 import pytest
 import xarray as xr
-from problems import LAWS
+from problems import AS_WRITTEN, LAWS
 from pytensor.compile.sharedvalue import SharedVariable
 from pytensor.graph.traversal import ancestors
 
@@ -36,7 +36,7 @@ def model(data) -> pm.Model:
 def at(model: pm.Model, variables: list, values: dict) -> list:
     """Value of the variables at the given values of the free random variables."""
     inputs = [model[name] for name in values]
-    function = pm.compile(inputs, variables, mode="FAST_COMPILE", on_unused_input="ignore")
+    function = pm.compile(inputs, variables, mode=AS_WRITTEN, on_unused_input="ignore")
     return function(*values.values())
 
 
@@ -81,7 +81,7 @@ def test_deterministics_are_the_pressure_of_the_tube(model, data):
         found, (ph.inflation_pressure, ph.inflation_stiffness), strict=True
     ):
         expected = function(ph.Ogden(), data["radius"].values, **tube, **OGDEN_POINT)
-        np.testing.assert_allclose(values, expected.eval(mode="FAST_COMPILE"), rtol=ROUNDING)
+        np.testing.assert_allclose(values, expected.eval(mode=AS_WRITTEN), rtol=ROUNDING)
 
 
 @pytest.mark.parametrize("name", ["sigma", "slope_weight"])
@@ -201,7 +201,7 @@ def likelihood_of(model: pm.Model, gradient: bool = False):
     """Likelihood, perhaps with its gradient, as a function of the value variables."""
     (value,) = model.replace_rvs_by_values([model["likelihood"]])
     outputs = [value, *(pytensor.grad(value, model.value_vars) if gradient else ())]
-    return pytensor.function(model.value_vars, outputs, mode="FAST_COMPILE")
+    return pytensor.function(model.value_vars, outputs, mode=AS_WRITTEN)
 
 
 def tube_of(values: dict) -> dict:
@@ -240,7 +240,7 @@ def test_inferred_geometry_is_that_geometry(name, measured):
     (expected,) = likelihood_of(known)(*OGDEN_POINT.values())
     np.testing.assert_allclose(value, expected, rtol=SAME_CURVES)
 
-    log_density = model.compile_logp(mode="FAST_COMPILE")(
+    log_density = model.compile_logp(mode=AS_WRITTEN)(
         dict(zip([v.name for v in model.value_vars], point, strict=True))
     )
     log_prior = -0.5 * ((point - 1) / 50) ** 2 - np.log(50 * np.sqrt(2 * np.pi))
@@ -456,7 +456,7 @@ def test_vector_parameters_are_vectors_of_the_model(data):
     curves = [
         sum(
             function(layer, data["radius"].values, **tube, mu=[mu], alpha=[alpha]).eval(
-                mode="FAST_COMPILE"
+                mode=AS_WRITTEN
             )
             for mu, alpha in zip(point["mu"], point["alpha"], strict=True)
         )

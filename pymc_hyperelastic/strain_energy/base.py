@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from inspect import isabstract, signature
 from itertools import islice
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pytensor.tensor as pt
@@ -42,6 +42,11 @@ class Parameter:
         What the parameter means, and where the range comes from.
     size : int, optional
         Number of entries of a vector, such as one modulus a term; a scalar when missing.
+    scale : {"log", "logit", "real"}, optional
+        Where specimens of one kind are spread normally: in the logarithm, in the logit between the
+        ends of `prior_range`, or in the parameter itself. When missing, "log" if `prior_range`
+        holds no negative numbers, else "real". A parameter whose sign makes no difference is
+        positive on "log".
     """
 
     name: str
@@ -50,6 +55,12 @@ class Parameter:
     prior_range: tuple[float, float]
     description: str
     size: int | None = None
+    scale: Literal["log", "logit", "real"] | None = None
+
+    @property
+    def natural_scale(self) -> str:
+        """The scale, with its default filled in."""
+        return self.scale or ("log" if self.prior_range[0] >= 0 else "real")
 
 
 class StrainEnergy(ABC):

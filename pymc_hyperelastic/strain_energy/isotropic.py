@@ -314,6 +314,7 @@ class Ogden(_Isotropic):
             "",
             (-40.0, 40.0),
             "exponent of the stretches, either sign; rubber has about 2, arteries 5 to 30",
+            scale="log",
         ),
     )
 

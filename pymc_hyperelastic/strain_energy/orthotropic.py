@@ -30,7 +30,12 @@ _MATRIX = Parameter(
 _FIBRES = Parameter("k1", "k_1", "kPa", (0.0, 500.0), "modulus of the fibres; 0.5 to 1000")
 _STIFFENING = Parameter("k2", "k_2", "", (0.0, 50.0), "stiffening of the fibres; 0.1 to 100")
 _ANGLE = Parameter(
-    "beta", r"\beta", "deg", (0.0, 90.0), "angle of the fibres from the circumferential direction"
+    "beta",
+    r"\beta",
+    "deg",
+    (0.0, 90.0),
+    "angle of the fibres from the circumferential direction",
+    scale="logit",
 )
 
 _RADIAN = np.pi / 180
@@ -62,7 +67,12 @@ class CriscioneType(StrainEnergy):
             "energy scale; the small-strain modulus against inflation is proportional to a b²",
         ),
         Parameter(
-            "b", "b", "", (-20.0, 20.0), "strain stiffening, either sign; half of Ogden's exponent"
+            "b",
+            "b",
+            "",
+            (-20.0, 20.0),
+            "strain stiffening, either sign; half of Ogden's exponent",
+            scale="log",
         ),
     )
 
@@ -268,7 +278,14 @@ class GasserOgdenHolzapfel(_FibreReinforced):
         _MATRIX,
         _FIBRES,
         _STIFFENING,
-        Parameter("kappa", r"\kappa", "", (0.0, 1 / 3), "dispersion: 0 aligned, 1/3 everywhere"),
+        Parameter(
+            "kappa",
+            r"\kappa",
+            "",
+            (0.0, 1 / 3),
+            "dispersion: 0 aligned, 1/3 everywhere",
+            scale="logit",
+        ),
         _ANGLE,
     )
 

@@ -1,0 +1,201 @@
+"""Importance sampling from a mixture that follows a tempered likelihood."""
+
+from collections.abc import Callable
+
+import numpy as np
+from arviz_stats.base import array_stats
+from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult, minimize
+from scipy.special import logsumexp
+
+from pymc_hyperelastic.kernel import effective_sample_size, largest_step, systematic
+from pymc_hyperelastic.mixture import GaussianMixture, components_for
+from pymc_hyperelastic.smc import Estimate
+
+__all__ = [
+    "LARGEST_PARETO_K",
+    "adapted_mixture",
+    "draw_heavy_tailed",
+    "fitted_mixture",
+    "mean_weight",
+    "mixture_at_modes",
+]
+
+Array = NDArray[np.float64]
+
+# Importance weights of a smaller Pareto shape have a variance, and a mean whose error is known.
+LARGEST_PARETO_K = 0.5
+# Effective draws that a mean of weights needs: its relative error is then a thirtieth at most.
+_ENOUGH = 1000
+# A step of adaptation goes so far that this fraction of its draws is effective.
+_STEP_EFFECTIVE, _MOST_STEPS = 0.2, 30
+# Effective fraction at which a mixture is like the posterior.
+_ALIKE = 0.4
+# Starting points of a search for modes; modes that are less likely by so many nats are nothing.
+_SEARCHES, _NEGLIGIBLE = 8, 20.0
+# Fits of a mixture to weighted draws.
+_MOST_FITS = 8
+# Steps of numerical derivatives: of a slope, as a fraction of the prior's width, and of a
+# curvature, as one of the mode's.
+_SLOPE_STEP, _CURVATURE_STEP = 1e-4, 0.1
+# Finite, and never accepted.
+_IMPOSSIBLE = 1e12
+
+
+def adapted_mixture(
+    score: Callable[[Array], tuple[Array, Array]],
+    mixture: GaussianMixture,
+    rng: np.random.Generator,
+    draws: int = 1000,
+) -> GaussianMixture | None:
+    """Mixture like the posterior, from one like the prior; None if it gets stuck.
+
+    Parameters
+    ----------
+    score : callable
+        Log prior and log likelihood of points, shape (n, d).
+    mixture : GaussianMixture
+        Where to start.
+    rng : numpy.random.Generator
+        Source of randomness.
+    draws : int
+        Draws of a step.
+
+    References
+    ----------
+    O. Cappé, R. Douc, A. Guillin, J.-M. Marin and C. P. Robert, Adaptive importance sampling in
+    general mixture classes, Statistics and Computing 18 (2008) 447.
+    """
+    beta = 0.0
+    for _ in range(_MOST_STEPS):
+        points, log_density = draw_heavy_tailed(mixture, draws, rng)
+        prior, likelihood = score(points)
+        possible = np.isfinite(prior + likelihood)
+        if not possible.any():
+            return None
+        points, likelihood = points[possible], likelihood[possible]
+        log_weights = (prior - log_density)[possible] + beta * likelihood
+        step = largest_step(likelihood, _STEP_EFFECTIVE, 1.0 - beta, log_weights)
+        beta = 1.0 if step == 1.0 - beta else beta + step
+        log_weights += step * likelihood
+        weights = np.exp(log_weights - log_weights.max())
+        learn_from = points[systematic(weights, draws, rng)]
+        mixture = GaussianMixture.fit(
+            learn_from, len(mixture.means), rng, start=mixture, iterations=4
+        )
+        if beta == 1 and effective_sample_size(log_weights) > _ALIKE * draws:
+            return mixture
+    return None
+
+
+def mixture_at_modes(
+    score: Callable[[Array], tuple[Array, Array]], prior: Array
+) -> GaussianMixture:
+    """Mixture like the posterior, from its modes and the curvature of the density there.
+
+    Where the noise is unknown, a tempered likelihood prefers large noise up to a certain power, and
+    then all of a sudden the small noise of the true curve: a population that follows it misses
+    that. Climbing from draws of the prior does not.
+
+    Parameters
+    ----------
+    score : callable
+        Log prior and log likelihood of points, shape (n, d).
+    prior : array, shape (n, d)
+        Draws from the prior.
+    """
+    width = prior.std(axis=0)
+
+    def energy(points: Array) -> Array:
+        value = -sum(score(points * width))
+        return np.where(np.isfinite(value), value, _IMPOSSIBLE)
+
+    def with_slope(point: Array) -> tuple[float, Array]:
+        step = _SLOPE_STEP * np.eye(len(point))
+        values = energy(np.concatenate([point[None], point + step, point - step]))
+        up, down = np.split(values[1:], 2)
+        slope = (up - down) / (2 * _SLOPE_STEP)
+        return values[0], np.clip(slope, -_IMPOSSIBLE, _IMPOSSIBLE)
+
+    starts = prior / width
+    order = np.argsort(energy(starts))
+    # The best of them, and others down to the middle.
+    ranks = np.geomspace(1, len(order) / 2, _SEARCHES).round().astype(int) - 1
+    found = [minimize(with_slope, starts[i], jac=True, method="BFGS") for i in order[ranks]]
+    modes: list[tuple[float, Array, Array]] = []
+    for result in sorted(found, key=lambda r: r.fun):
+        if any(np.sum(np.linalg.solve(f, result.x - m) ** 2) < result.x.size for _, m, f in modes):
+            continue  # the same
+        factor = _factor_at(energy, result)
+        modes.append((np.log(np.diagonal(factor)).sum() - result.fun, result.x, factor))
+    largest = max(weight for weight, *_ in modes)
+    modes = [mode for mode in modes if mode[0] > largest - _NEGLIGIBLE]
+    log_weights, means, factors = (np.array(x) for x in zip(*modes, strict=True))
+    return GaussianMixture(
+        log_weights - logsumexp(log_weights), means * width, factors * width[:, None]
+    )
+
+
+def _factor_at(energy: Callable[[Array], Array], result: OptimizeResult) -> Array:
+    """Cholesky factor of the inverse curvature at a mode, no wider than the prior."""
+    size = result.x.size
+    step = np.diag(_CURVATURE_STEP * np.sqrt(np.diagonal(result.hess_inv).clip(1e-8, 1.0)))
+    pairs = [(i, j) for i in range(size) for j in range(i + 1)]
+    signs = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
+    points = [result.x + a * step[i] + b * step[j] for i, j in pairs for a, b in signs]
+    values = energy(np.array(points)).reshape(-1, 4) @ np.prod(signs, axis=1) / 4
+    curvature = np.zeros((size, size))
+    for (i, j), value in zip(pairs, values, strict=True):
+        curvature[i, j] = curvature[j, i] = value / (step[i, i] * step[j, j])
+    eigenvalues, vectors = np.linalg.eigh(curvature)
+    inverse = (vectors / eigenvalues.clip(1.0, None)) @ vectors.T
+    return np.linalg.cholesky((inverse + inverse.T) / 2)
+
+
+def fitted_mixture(
+    score: Callable[[Array], tuple[Array, Array]],
+    mixture: GaussianMixture,
+    rng: np.random.Generator,
+    draws: int,
+) -> GaussianMixture:
+    """Mixture fitted to the posterior by importance sampling from one that is near it."""
+    fresh = True
+    for _ in range(_MOST_FITS):
+        points, log_density = draw_heavy_tailed(mixture, draws, rng)
+        log_weights = np.nan_to_num(sum(score(points)) - log_density, nan=-np.inf)
+        if effective_sample_size(log_weights) > _ALIKE * draws:
+            break
+        weights = np.exp(log_weights - log_weights.max())
+        learn_from = points[systematic(weights, draws, rng)]
+        effective = effective_sample_size(log_weights)
+        components = components_for(min(effective, draws), points.shape[1])
+        # A ridge needs more components than it has modes.
+        start = None if fresh or len(mixture.means) != components else mixture
+        mixture = GaussianMixture.fit(learn_from, components, rng, start=start, iterations=6)
+        fresh = False
+    return mixture
+
+
+def draw_heavy_tailed(
+    mixture: GaussianMixture, draws: int, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Points from the mixture with heavy tails, and its log density there."""
+    proposal = mixture.heavy_tailed()
+    points = proposal.draw(draws, rng)
+    return points, proposal.log_density(points)
+
+
+def mean_weight(log_weights: Array, enough: int = _ENOUGH) -> tuple[Estimate, float]:
+    """Mean of independent weights, as its logarithm with a standard error; their Pareto shape.
+
+    With fewer effective weights than are enough nothing is known of it.
+    """
+    effective = effective_sample_size(log_weights)
+    if effective < enough:
+        return Estimate(-np.inf, np.inf), np.inf
+    finite = log_weights[np.isfinite(log_weights)]
+    # ArviZ takes the logarithms of what divides. Equal weights have no tail.
+    pareto_k = float(array_stats.psislw(-finite)[1]) if np.ptp(finite) > 0 else -np.inf
+    value = float(logsumexp(log_weights) - np.log(log_weights.size))
+    variance = max(1 / effective - 1 / log_weights.size, 0.0)
+    return Estimate(value, float(np.sqrt(variance))), pareto_k

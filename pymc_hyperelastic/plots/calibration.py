@@ -1,0 +1,323 @@
+"""Whether probabilities mean what they say: ranks of true parameters, reliability of classes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.stats import binom
+
+from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals
+
+if TYPE_CHECKING:
+    from arviz_plots import PlotCollection
+
+__all__ = ["plot_calibration_ranks", "plot_reliability"]
+
+Array = NDArray[np.float64]
+
+# Uniform samples by which a simultaneous band is found: its coverage is then known to 1 %.
+_BAND_SIMULATIONS = 1000
+_TICKS, _TICK_LABELS = [0.0, 0.5, 1.0], ["0", "0.5", "1"]
+
+
+def plot_calibration_ranks(
+    sbc: xr.Dataset,
+    *,
+    kind: Literal["ecdf", "histogram"] = "ecdf",
+    prob: float = 0.94,
+    backend: Backend = "matplotlib",
+    visuals: Visuals | None = None,
+    **pc_kwargs: Any,
+) -> PlotCollection:
+    r"""Plot how far the ranks of true parameters are from uniform: a panel for each parameter.
+
+    With `kind` ``"ecdf"`` the line is the share of simulations whose rank is below ``k``, less the
+    share ``k/(L + 1)`` that is due, over the latter. If the model is right, the whole line is
+    inside the band with the probability `prob` [1]_. A line that rises at the left end and returns
+    from below at the right tells of posteriors that are too narrow, the mirrored one of posteriors
+    that are too wide; a line above 0 throughout, of posteriors that lie too high.
+
+    With ``"histogram"`` there are the counts of the bins in which the ranks were tested, and the
+    band holds each of them by itself with the probability `prob`.
+
+    Parameters
+    ----------
+    sbc : xarray.Dataset
+        Result of :func:`pymc_hyperelastic.simulation_based_calibration`; choose parameters by
+        ``sbc.sel(parameter=[...])``.
+    kind : {"ecdf", "histogram"}
+        What is drawn.
+    prob : float, default 0.94
+        Probability that the band holds.
+    backend : {"matplotlib", "none"}
+        Plotting backend; ``"none"`` only collects what would be drawn.
+    visuals : dict of str to dict or bool, optional
+        Settings of ``band``, ``reference``, ``line`` or ``bar``, ``xlabel``, ``ylabel`` and
+        ``title`` (of a panel, with the p-value); False leaves one out.
+    **pc_kwargs
+        Passed to :meth:`arviz_plots.PlotCollection.wrap`.
+
+    Returns
+    -------
+    arviz_plots.PlotCollection
+        With the dimension ``parameter``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `sbc` holds no ranks, or `kind`, `prob`, the backend or a visual is unknown.
+
+    References
+    ----------
+    .. [1] T. Säilynoja, P.-C. Bürkner and A. Vehtari, Graphical test for discrete uniformity and
+       its applications in goodness-of-fit evaluation and multiple sample comparison, Statistics and
+       Computing 32 (2022) 32.
+
+    Examples
+    --------
+    >>> import pymc as pm, pymc_hyperelastic as ph
+    >>> with pm.Model() as model:
+    ...     mean = pm.Normal("mean", 0, 1)
+    ...     y = pm.Normal("y", mean, 1, observed=[0.0, 0.0, 0.0])
+    >>> sbc = ph.simulation_based_calibration(
+    ...     model, simulations=40, draws=200, random_seed=1, progressbar=False
+    ... )
+    >>> figure = ph.plot_calibration_ranks(sbc, backend="none")
+    >>> figure.viz["plot"].sizes["parameter"]
+    1
+    """
+    from arviz_plots.visuals import fill_between_y, hist, line_xy, set_xticks
+
+    _check(sbc, "rank", "ph.simulation_based_calibration")
+    if kind not in ("ecdf", "histogram"):
+        raise ValueError(f"kind must be 'ecdf' or 'histogram', not {kind!r}")
+    if not 0 < prob < 1:
+        raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
+    rank, values = sbc["rank"], sbc.attrs["ranked_draws"] + 1
+    if rank.ndim == 1:
+        rank = rank.expand_dims("parameter", axis=1)
+    parameters = np.atleast_1d(rank["parameter"].values).tolist()
+    p_values = np.atleast_1d(sbc["p_value"].values).tolist()
+    bins = int(sbc.attrs["bins"])
+    if kind == "histogram" and bins == 1:
+        raise ValueError("the ranks are too few for a histogram, or no bins divide them evenly")
+    rows, columns = -(-len(parameters) // 4), min(len(parameters), 4)
+    drawn = _ecdf(rank, values) if kind == "ecdf" else _histogram(rank, values, bins)
+    canvas = Canvas(
+        "wrap",
+        drawn,
+        "band reference line bar xlabel ylabel title",
+        backend,
+        visuals,
+        pc_kwargs,
+        {"figsize": (max(2.5 * columns + 0.7, 4.6), 2.3 * rows + 0.7), "sharey": True},
+        cols=["parameter"],
+        aes={"color": ["parameter"]},
+        color=PALETTE[:1],
+    )
+    simulations = rank.sizes["simulation"]
+    if kind == "ecdf":
+        x, low, high = _simultaneous_band(simulations, values, prob)
+        due = np.zeros(2)
+    else:
+        expected = simulations / bins
+        low, high = (np.full(2, q) for q in binom.interval(prob, simulations, 1 / bins))
+        x, due = np.array([0.0, 1.0]), np.full(2, expected)
+    grey = {"ignore_aes": "all", "color": "0.5"}
+    canvas.draw("band", fill_between_y, x=x, y_bottom=low, y_top=high, alpha=0.3, **grey)
+    if kind == "ecdf":
+        canvas.draw("line", line_xy, width=1.5)
+    else:
+        canvas.draw("bar", hist, alpha=0.75)
+    reference = _straight("ranks", due, parameter=parameters)
+    canvas.draw("reference", line_xy, data=reference, width=0.8, **grey)
+    canvas.adjust(set_xticks, values=_TICKS, labels=_TICK_LABELS)
+    for i, (name, p_value) in enumerate(zip(parameters, p_values, strict=True)):
+        where = {"coords": {"parameter": name}}
+        canvas.label("title", f"{name}\n({_p_value(p_value)})", size="medium", **where)
+        if i + columns >= len(parameters):
+            canvas.label("xlabel", "rank / $(L+1)$", **where)
+        if i % columns == 0:
+            text = "ECDF − uniform" if kind == "ecdf" else "simulations"
+            canvas.label("ylabel", text, **where)
+    band = "" if kind == "histogram" else "simultaneous "
+    canvas.title(
+        [sbc.attrs],
+        f"simulation-based calibration, {simulations} simulations, {100 * prob:.3g} % {band}band",
+    )
+    return canvas.collection
+
+
+def plot_reliability(
+    scores: xr.Dataset,
+    *,
+    backend: Backend = "matplotlib",
+    visuals: Visuals | None = None,
+    **pc_kwargs: Any,
+) -> PlotCollection:
+    """Plot how often classes are right over how probable they were said to be, and how many were.
+
+    On the diagonal, what is said to have a probability of 70 % comes true in 70 % of all cases;
+    below it, classes are taken for more certain than they are.
+
+    Parameters
+    ----------
+    scores : xarray.Dataset
+        Result of :func:`pymc_hyperelastic.score_probabilities`; choose forecasts by
+        ``scores.sel(forecast=["most probable class"])``.
+    backend : {"matplotlib", "none"}
+        Plotting backend; ``"none"`` only collects what would be drawn.
+    visuals : dict of str to dict or bool, optional
+        Settings of ``diagonal``, ``interval``, ``points``, ``bar``, ``xlabel``, ``ylabel`` and
+        ``title`` (of a column, with the expected calibration error); False leaves one out.
+    **pc_kwargs
+        Passed to :meth:`arviz_plots.PlotCollection.grid`.
+
+    Returns
+    -------
+    arviz_plots.PlotCollection
+        With the dimensions ``part`` (diagram and count) and ``forecast`` (column).
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `scores` holds no such table, or the backend or a visual is unknown.
+
+    Examples
+    --------
+    >>> import xarray as xr, pymc_hyperelastic as ph
+    >>> probability = xr.DataArray(
+    ...     [[0.9, 0.1], [0.6, 0.4], [0.2, 0.8]],
+    ...     {"specimen": ["S1", "S2", "S3"], "class_label": ["C1", "C2"]},
+    ... )
+    >>> scores = ph.score_probabilities(probability, ["C1", "C2", "C2"])
+    >>> figure = ph.plot_reliability(scores, backend="none")
+    >>> figure.viz["plot"].sizes["forecast"]  # the most probable class, and each of the two
+    3
+    """
+    from arviz_plots.visuals import (
+        ci_line_y,
+        hist,
+        line_xy,
+        scatter_xy,
+        set_xlim,
+        set_xticks,
+        set_ylim,
+    )
+
+    _check(scores, "observed_frequency", "ph.score_probabilities")
+    if "forecast" not in scores.dims:
+        scores = scores.expand_dims("forecast")
+    forecasts = scores["forecast"].values.tolist()
+    table = {
+        "x": scores["predicted_probability"],
+        "y": scores["observed_frequency"],
+        "y_bottom": scores["frequency_lower"],
+        "y_top": scores["frequency_upper"],
+        "left_edges": scores["bin_left"],
+        "right_edges": scores["bin_right"],
+        "histogram": scores["count"],
+    }
+    drawn = _stacked("reliability", **table)
+    canvas = Canvas(
+        "grid",
+        drawn.expand_dims(part=["diagram", "count"]),
+        "diagonal interval points bar xlabel ylabel title",
+        backend,
+        visuals,
+        pc_kwargs,
+        {"figsize": (max(2.6 * len(forecasts) + 0.7, 3.4), 4.2), "height_ratios": [3, 1]}
+        | {"sharex": True, "sharey": "row"},
+        rows=["part"],
+        cols=["forecast"],
+        aes={"color": ["forecast"]},
+        color=PALETTE[:1],
+    )
+    ends = _straight("reliability", np.array([0.0, 1.0]), forecast=forecasts)
+    diagram: dict[str, Any] = {"data": drawn, "coords": {"part": "diagram"}}
+    count = {"data": drawn, "coords": {"part": "count"}}
+    settings = {"color": "0.5", "width": 0.8, "linestyle": "--", "ignore_aes": "all"}
+    canvas.draw("diagonal", line_xy, **diagram | {"data": ends}, **settings)
+    canvas.draw("interval", ci_line_y, **diagram, width=1.2)
+    canvas.draw("points", scatter_xy, **diagram, size=20)
+    canvas.draw("bar", hist, **count, alpha=0.75)
+    canvas.adjust(set_xlim, limits=(-0.03, 1.03))
+    canvas.adjust(set_xticks, values=_TICKS, labels=_TICK_LABELS)
+    canvas.adjust(set_ylim, limits=(-0.03, 1.03), **diagram)
+    for name in forecasts:
+        error = float(scores["expected_calibration_error"].sel(forecast=name))
+        where = {"coords": {"forecast": name, "part": "diagram"}}
+        canvas.label("title", f"{name}\n(ECE = {error:.3f})", size="medium", **where)
+        where = {"coords": {"forecast": name, "part": "count"}}
+        canvas.label("xlabel", "predicted probability", **where)
+    for part, text in (("diagram", "observed frequency"), ("count", "count")):
+        canvas.label("ylabel", text, coords={"forecast": forecasts[0], "part": part})
+    intervals = f"{100 * scores.attrs['prob']:.3g} % intervals"
+    canvas.title([scores.attrs], f"reliability of class probabilities, {intervals}")
+    return canvas.collection
+
+
+def _check(result: Any, name: str, origin: str) -> None:
+    if not isinstance(result, xr.Dataset):
+        raise TypeError(
+            f"expected the result of {origin}, an xarray.Dataset, not {type(result).__name__}"
+        )
+    if name not in result.variables:
+        raise ValueError(f"the result lacks {name!r}; it comes from {origin}")
+
+
+def _stacked(name: str, **arrays: xr.DataArray) -> xr.Dataset:
+    """The coordinates of something to draw, along the dimension that visuals read."""
+    broadcast = xr.broadcast(*(a.reset_coords(drop=True).astype(float) for a in arrays.values()))
+    stacked = xr.concat(broadcast, dim="plot_axis").assign_coords(plot_axis=list(arrays))
+    return stacked.to_dataset(name=name)
+
+
+def _straight(name: str, y: Array, **panels: list) -> xr.Dataset:
+    """Line from the left to the right end of each panel."""
+    line = xr.Dataset({name: (("plot_axis", "end"), [[0.0, 1.0], y])}, {"plot_axis": ["x", "y"]})
+    return line.expand_dims(panels)
+
+
+def _counts(rank: xr.DataArray, bins: int, width: int, name: str) -> xr.DataArray:
+    """Number of ranks in each bin of so many ranks."""
+    columns = rank.transpose("simulation", "parameter").values.T
+    counts = [np.bincount(column // width, minlength=bins) for column in columns]
+    return xr.DataArray(counts, {"parameter": rank["parameter"].values}, ("parameter", name))
+
+
+def _ecdf(rank: xr.DataArray, values: int) -> xr.Dataset:
+    """Share of ranks below each value, less the share that is due."""
+    share = _counts(rank, values, 1, "value").cumsum("value") / rank.sizes["simulation"]
+    share = share.pad(value=(1, 0), constant_values=0)
+    due = xr.DataArray(np.arange(values + 1) / values, dims="value")
+    return _stacked("ranks", x=due, y=share - due)
+
+
+def _histogram(rank: xr.DataArray, values: int, bins: int) -> xr.Dataset:
+    edges = np.arange(bins + 1) / bins
+    left, right = (xr.DataArray(e, dims="bin") for e in (edges[:-1], edges[1:]))
+    counts = _counts(rank, bins, values // bins, "bin")
+    return _stacked("ranks", left_edges=left, right_edges=right, histogram=counts)
+
+
+def _simultaneous_band(simulations: int, values: int, prob: float) -> tuple[Array, Array, Array]:
+    """Where the line of uniform ranks lies throughout, with this probability."""
+    from arviz_stats.ecdf_utils import get_pointwise_confidence_band, simulate_confidence_bands
+
+    # At these points the share of ranks below is binomial, though ranks are discrete.
+    due = np.arange(1, values) / values
+    rng = np.random.default_rng(0)
+    pointwise = simulate_confidence_bands(simulations, 1, due, prob, _BAND_SIMULATIONS, rng)
+    low, high = get_pointwise_confidence_band(pointwise, simulations, due)
+    x, low, high = (np.concatenate([[0.0], v, [1.0]]) for v in (due, low, high))
+    return x, low - x, high - x
+
+
+def _p_value(p_value: float) -> str:
+    if np.isnan(p_value):
+        return "not tested"
+    return "$p$ < 0.001" if p_value < 0.001 else f"$p$ = {p_value:.3f}"
