@@ -24,9 +24,6 @@ from pymc_hyperelastic.variability import (
 
 __all__ = ["calibration_report"]
 
-# A class of fewer specimens does not tell how they differ.
-_FEWEST = 2
-
 
 def calibration_report(
     energy: StrainEnergy | Sequence[StrainEnergy],
@@ -84,7 +81,7 @@ def calibration_report(
     ------
     TypeError, ValueError
         If anything is wrong with the data, priors or numbers, a specimen stands in two classes or
-        not in `leave_out`, or a class has fewer than two specimens left.
+        not in `leave_out`, or a class has no specimen left.
 
     Examples
     --------
@@ -99,7 +96,7 @@ def calibration_report(
     ...     progressbar=False,
     ... )
     >>> report["log_score"].sizes["specimen"]
-    6
+    5
     """
     energies = [energy] if isinstance(energy, StrainEnergy) else list(energy)
     true_class = _true_classes(classes)
@@ -107,11 +104,8 @@ def calibration_report(
     for unit in dict.fromkeys(units.values()):
         for name in classes:
             left = [s for s, c in true_class.items() if c == name and units[s] != unit]
-            if len(left) < _FEWEST:
-                raise ValueError(
-                    f"class {name!r} has {len(left)} specimen(s) left without {unit!r}: at least "
-                    f"{_FEWEST} are needed"
-                )
+            if not left:
+                raise ValueError(f"class {name!r} has no specimen left without {unit!r}")
     noise = {"sigma": sigma, "slope_weight": slope_weight}
     settings = {
         "variability": variability,

@@ -28,9 +28,10 @@ LARGEST_PARETO_K = 0.5
 # Effective draws that a mean of weights needs: its relative error is then a thirtieth at most.
 _ENOUGH = 1000
 # A step of adaptation goes so far that this fraction of its draws is effective.
-_STEP_EFFECTIVE, _MOST_STEPS = 0.2, 30
-# Effective fraction at which a mixture is like the posterior.
-_ALIKE = 0.4
+_STEP_EFFECTIVE, _MOST_STEPS = 0.1, 60
+# Effective fraction at which a mixture is like the posterior, and steps after which it is as like
+# as it becomes.
+_ALIKE, _LAST_STEPS = 0.4, 5
 # Starting points of a search for modes; modes that are less likely by so many nats are nothing.
 _SEARCHES, _NEGLIGIBLE = 8, 20.0
 # Fits of a mixture to weighted draws.
@@ -66,7 +67,7 @@ def adapted_mixture(
     O. Cappé, R. Douc, A. Guillin, J.-M. Marin and C. P. Robert, Adaptive importance sampling in
     general mixture classes, Statistics and Computing 18 (2008) 447.
     """
-    beta = 0.0
+    beta, last = 0.0, 0
     for _ in range(_MOST_STEPS):
         points, log_density = draw_heavy_tailed(mixture, draws, rng)
         prior, likelihood = score(points)
@@ -83,7 +84,8 @@ def adapted_mixture(
         mixture = GaussianMixture.fit(
             learn_from, len(mixture.means), rng, start=mixture, iterations=4
         )
-        if beta == 1 and effective_sample_size(log_weights) > _ALIKE * draws:
+        last += beta == 1
+        if last == _LAST_STEPS or (last and effective_sample_size(log_weights) > _ALIKE * draws):
             return mixture
     return None
 
@@ -159,7 +161,6 @@ def fitted_mixture(
     draws: int,
 ) -> GaussianMixture:
     """Mixture fitted to the posterior by importance sampling from one that is near it."""
-    fresh = True
     for _ in range(_MOST_FITS):
         points, log_density = draw_heavy_tailed(mixture, draws, rng)
         log_weights = np.nan_to_num(sum(score(points)) - log_density, nan=-np.inf)
@@ -168,11 +169,10 @@ def fitted_mixture(
         weights = np.exp(log_weights - log_weights.max())
         learn_from = points[systematic(weights, draws, rng)]
         effective = effective_sample_size(log_weights)
-        components = components_for(min(effective, draws), points.shape[1])
-        # A ridge needs more components than it has modes.
-        start = None if fresh or len(mixture.means) != components else mixture
+        # A ridge needs more components than it has modes, which many draws can tell apart.
+        components = components_for(effective, points.shape[1])
+        start = mixture if len(mixture.means) >= components else None
         mixture = GaussianMixture.fit(learn_from, components, rng, start=start, iterations=6)
-        fresh = False
     return mixture
 
 

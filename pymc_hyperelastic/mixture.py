@@ -132,6 +132,15 @@ class GaussianMixture:
             noise /= np.sqrt(rng.chisquare(self.freedom, (len(component), 1)) / self.freedom)
         return np.einsum("nij,nj->ni", self.factors[component], noise)
 
+    def joined(self, other: "GaussianMixture") -> "GaussianMixture":
+        """Mixture of itself and another, in equal shares."""
+        return GaussianMixture(
+            np.concatenate([self.log_weights, other.log_weights]) - np.log(2),
+            np.concatenate([self.means, other.means]),
+            np.concatenate([self.factors, other.factors]),
+            self.freedom,
+        )
+
     def heavy_tailed(self) -> "GaussianMixture":
         """The mixture as a proposal: its tails reach along a ridge far beyond the points fitted.
 

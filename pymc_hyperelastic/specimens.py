@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.batched import BatchedFunction
 from pymc_hyperelastic.importance import (
-    LARGEST_PARETO_K,
+    adapted_mixture,
     draw_heavy_tailed,
     fitted_mixture,
     mean_weight,
@@ -26,6 +26,7 @@ from pymc_hyperelastic.importance import (
 )
 from pymc_hyperelastic.kernel import BatchedSMC, systematic
 from pymc_hyperelastic.likelihood import shared_inputs
+from pymc_hyperelastic.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.population import (
     ClassDistribution,
     NaturalScale,
@@ -45,8 +46,8 @@ Array = NDArray[np.float64]
 # Particles of a specimen, and how many of them stand for it in the model of its class: there the
 # class's density, which is far wider than what a specimen's curves leave open, is averaged.
 _PARTICLES, IN_CLASS = 1000, 128
-# Draws of importance sampling, and how often it is tried before SMC has to do.
-_DRAWS, _ATTEMPTS = 8000, 3
+# Draws of importance sampling, and the Pareto shape from which on their mean cannot be believed.
+_DRAWS, _LARGEST_PARETO_K = 8000, 0.7
 # Spreads of the reference distribution, in medians of a class's.
 _WIDER = 2.0
 _EFFECT = 1.0
@@ -102,15 +103,23 @@ def sample(kernel: BatchedSMC, rng: np.random.Generator) -> tuple[Array, Estimat
     Posteriors here have few variables and mostly one mode: importance sampling from a mixture gives
     them in a tenth of the time of SMC, which is left the others.
     """
-    for _ in range(_ATTEMPTS):
-        start = kernel.initialize_population()
-        columns = [np.reshape(start[v.name], (len(start[v.name]), -1)) for v in kernel.variables]
-        mixture = mixture_at_modes(kernel.score, np.concatenate(columns, axis=1))
-        mixture = fitted_mixture(kernel.score, mixture, rng, max(1000, 250 * kernel.dimension))
+    steps = max(1000, 250 * kernel.dimension)
+    start = kernel.initialize_population()
+    columns = [np.reshape(start[v.name], (len(start[v.name]), -1)) for v in kernel.variables]
+    prior = np.concatenate(columns, axis=1)
+    modes = mixture_at_modes(kernel.score, prior)
+    for broad in (False, True):
+        mixture = modes
+        if broad:
+            # A posterior that is hardly narrower than the prior is not like its mode.
+            wide = GaussianMixture.fit(prior, components_for(steps, kernel.dimension), rng)
+            followed = adapted_mixture(kernel.score, wide, rng, steps)
+            mixture = modes.joined(followed or wide)
+        mixture = fitted_mixture(kernel.score, mixture, rng, steps)
         points, log_density = draw_heavy_tailed(mixture, _DRAWS, rng)
         log_weights = np.nan_to_num(sum(kernel.score(points)) - log_density, nan=-np.inf)
         evidence, pareto_k = mean_weight(log_weights, kernel.draws // 2)
-        if pareto_k < LARGEST_PARETO_K:
+        if pareto_k < _LARGEST_PARETO_K:
             weights = np.exp(log_weights - log_weights.max())
             chosen = systematic(weights, kernel.draws, rng)
             return points[rng.permutation(chosen)], evidence
