@@ -19,6 +19,8 @@ ROUNDING = 1e-10
 DENSITY_TOLERANCE = 1e-6
 # A right distribution fails a test of Kolmogorov and Smirnov at this once in a thousand seeds.
 CHANCE = 1e-3
+# Compiled sooner than the time that C or Numba would save.
+MODE = "FAST_COMPILE"
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
 SIGMA = 0.8
 
@@ -31,7 +33,7 @@ def inflation(tests, sigma=0.0):
         radius = np.linspace(7.3, 9.0, 7)
         pressure = ph.inflation_pressure(
             ph.Ogden(), radius, axial_stretch=axial, **TUBE, **parameters
-        ).eval()
+        ).eval(mode=MODE)
         pressure = pressure + sigma / np.sqrt(2) * rng.standard_normal(radius.size)
         labels = {"specimen": specimen, "experiment": experiment, "axial_stretch": axial}
         tables.append(pd.DataFrame(labels | {"radius": radius, "pressure": pressure}))
@@ -52,7 +54,7 @@ def data():
     )
 
 
-# --- coordinates ---------------------------------------------------------------------------------
+# --- coordinates ----------------------------------------------------------------------------------
 
 NAMES = {
     ph.NeoHookean(): ["log_reference_strain"],
@@ -93,8 +95,8 @@ def test_parameters_have_the_reference_stress_at_the_reference_strain(energy):
     assert set(parameters) == set(energy.parameter_names)
     strain = pt.as_tensor(np.exp(x[0]))
     stress = energy.stress_difference(strain, pt.zeros_like(strain), **parameters)
-    np.testing.assert_allclose(stress.eval(), 35.0, rtol=ROUNDING)
-    values = [np.asarray(entry.eval()) for entry in energy.split(parameters)]
+    np.testing.assert_allclose(stress.eval(mode=MODE), 35.0, rtol=ROUNDING)
+    values = [np.asarray(entry.eval(mode=MODE)) for entry in energy.split(parameters)]
     ranges = [p.prior_range for p in energy.parameters for _ in range(p.size or 1)]
     for name, row, value, (low, high) in zip(scale.names, x, values, ranges, strict=True):
         if name == "log_reference_strain":
@@ -121,7 +123,7 @@ def test_a_law_without_modulus_keeps_its_parameters():
     scale = NaturalScale(Shifted())
     assert scale.names == ["real_shift"]
     x = np.array([-1.0, 2.0])
-    np.testing.assert_array_equal(scale.parameters([pt.as_tensor(x)])["shift"].eval(), x)
+    np.testing.assert_array_equal(scale.parameters([pt.as_tensor(x)])["shift"].eval(mode=MODE), x)
     mean, sd = scale.location_prior
     assert (mean.tolist(), sd.tolist()) == ([1.0], [2.0])
     np.testing.assert_allclose(scale.spread_prior[0], np.log(8 / 20))
@@ -137,14 +139,14 @@ def test_priors_are_those_of_the_documentation():
     assert sd[0] == 0.7 and sd[2] == 1.2
 
 
-# --- the correlation of a class --------------------------------------------------------------------
+# --- the correlation of a class -------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def correlations():
     with pm.Model(coords={"coordinate": [0, 1, 2], "coordinate_2": [0, 1, 2]}) as model:
         register_class(NaturalScale(ph.Yeoh()), 1.0, False)
-    return pm.draw(model["correlation"], draws=4000, random_seed=SEED)
+    return pm.draw(model["correlation"], draws=4000, random_seed=SEED, mode=MODE)
 
 
 @pytest.mark.parametrize(("i", "j"), [(1, 0), (2, 0), (2, 1)])
@@ -167,7 +169,7 @@ def test_determinant_of_the_correlation_has_the_distribution_of_lkj(correlations
     np.testing.assert_array_equal(correlations, np.swapaxes(correlations, 1, 2))
 
 
-# --- the density of the model ------------------------------------------------------------------------
+# --- the density of the model ---------------------------------------------------------------------
 
 
 def ogden_pressure(data, test, x, reference_stress):
@@ -183,7 +185,7 @@ def ogden_pressure(data, test, x, reference_stress):
         mu=mu,
         alpha=alpha,
         **TUBE,
-    ).eval()
+    ).eval(mode=MODE)
 
 
 def log_normal(value, median, sd):
@@ -249,7 +251,7 @@ def test_density_is_that_of_the_stated_model(data, inferred, effect):
         expected += stats.norm(pressure, noise[specimen] / np.sqrt(2)).logpdf(measured).sum()
     assert set(point) == set(model.initial_point())
     np.testing.assert_allclose(
-        model.compile_logp(jacobian=False)(point), expected, rtol=DENSITY_TOLERANCE
+        model.compile_logp(jacobian=False, mode=MODE)(point), expected, rtol=DENSITY_TOLERANCE
     )
 
 
@@ -276,11 +278,11 @@ def test_priors_of_a_class_may_be_given(data):
         assert model.named_vars_to_dims.get(name, ()) == (
             () if name == "effect_spread" else ("coordinate",)
         )
-        density = pm.logp(model[name], value[name]).eval()
+        density = pm.logp(model[name], value[name]).eval(mode=MODE)
         np.testing.assert_allclose(density, distribution.logpdf(value[name]), rtol=1e-6)
 
 
-# --- sampling ----------------------------------------------------------------------------------------
+# --- sampling -------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -290,7 +292,9 @@ def model(data):
 
 def test_prior_predictive_sampling_runs(model, data):
     """Class, specimens, their material parameters and measurements all have draws."""
-    tree = pm.sample_prior_predictive(50, model=model, random_seed=SEED)
+    tree = pm.sample_prior_predictive(
+        50, model=model, random_seed=SEED, compile_kwargs={"mode": MODE}
+    )
     prior = tree["prior"]
     assert prior["location"].dims == ("chain", "draw", "coordinate")
     assert prior["correlation"].dims == ("chain", "draw", "coordinate", "coordinate_2")
@@ -313,7 +317,7 @@ def test_model_can_be_sampled(model):
     assert np.isfinite(ph.log_evidence(tree).value)
 
 
-# --- bad input ---------------------------------------------------------------------------------------
+# --- bad input ------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
