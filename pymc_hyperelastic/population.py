@@ -294,15 +294,8 @@ def check_population(
         raise ValueError(
             f"reference_stress is {scale.reference_stress}; expected a positive number of kPa"
         )
-    known = {name: pm.Uniform.dist(*p.prior_range) for name, p in scale._entries}
-    entries = scale.energy.join(list(known.values()))
-    check_likelihood(
-        scale.energy,
-        data,
-        {name: pt.stack(v) if isinstance(v, tuple) else v for name, v in entries.items()},
-        sigma=sigma,
-        slope_weight=0.0,
-    )
+    parameters = {p.name: np.zeros(p.size) if p.size else 0.0 for p in scale.energy.parameters}
+    check_likelihood(scale.energy, data, parameters, sigma=sigma, slope_weight=0.0)
     of_coordinates = ("location", "spread", "experiment_spread")
     others = ("effect_spread", "noise_spread")
     for name, prior in (priors or {}).items():
@@ -420,9 +413,7 @@ def population_rule(scale: NaturalScale, data: xr.Dataset) -> Rule:
     mean, sd = scale.location_prior
     reach = _REACH * sd
     coordinates = [pm.Uniform.dist(m - r, m + r) for m, r in zip(mean, reach, strict=True)]
-    parameters = scale.energy.join(scale.energy.split(scale.parameters(coordinates)))
-    stacked = {k: pt.stack(v) if isinstance(v, tuple) else v for k, v in parameters.items()}
-    return rule_for(scale.energy, data, stacked)
+    return rule_for(scale.energy, data, scale.parameters(coordinates))
 
 
 def curve_inputs(data: xr.Dataset, rule: Rule) -> dict[str, NDArray]:

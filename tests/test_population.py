@@ -166,7 +166,7 @@ def test_determinant_of_the_correlation_has_the_distribution_of_lkj(correlations
     error = determinant.std() / np.sqrt(len(determinant))
     assert abs(determinant.mean() - expected) < 4 * error
     np.testing.assert_allclose(np.einsum("nii->ni", correlations), 1, atol=ROUNDING)
-    np.testing.assert_array_equal(correlations, np.swapaxes(correlations, 1, 2))
+    np.testing.assert_allclose(correlations, np.swapaxes(correlations, 1, 2), atol=ROUNDING)
 
 
 # --- the density of the model ---------------------------------------------------------------------
