@@ -164,6 +164,6 @@ for shift, (name, report) in zip((-0.15, 0.15), (("pooled", pooled), ("populatio
 axes.axhline(0.5, color="grey", linewidth=0.8)
 axes.set_xticks(place, population["specimen"].values, rotation=60, ha="right")
 axes.set(ylabel="probability of the true class", ylim=(-0.02, 1.02))
-axes.legend(loc="lower left", fontsize="small")
+figure.legend(loc="outside upper center", ncols=2, fontsize="small")
 figure.savefig(args.out / "true_class.png", dpi=120)
 print(f"\nTables and figures are in {args.out}/")

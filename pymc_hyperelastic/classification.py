@@ -39,7 +39,7 @@ from pymc_hyperelastic.variability import (
     sample_specimens,
 )
 
-__all__ = ["classify", "fit_classes", "kl_divergence"]
+__all__ = ["check_classes", "classify", "fit_classes", "kl_divergence"]
 
 
 def fit_classes(
@@ -115,14 +115,7 @@ def fit_classes(
     >>> list(classes.children)
     ['C1', 'C2']
     """
-    # A Dataset is a mapping too, of its variables.
-    if not isinstance(classes, Mapping) or isinstance(classes, xr.Dataset | xr.DataTree):
-        raise TypeError(
-            'classes must be a dict of names to training data, such as {"C1": data}, not '
-            f"{type(classes).__name__}"
-        )
-    if not classes:
-        raise ValueError("classes must be a dict of names to training data; it is {}")
+    check_classes(classes)
     if variability not in ("none", "specimen"):
         raise ValueError(f"variability must be 'none' or 'specimen', not {variability!r}")
     seed = seed_sequence(random_seed)
@@ -137,8 +130,6 @@ def fit_classes(
     noise = {"sigma": sigma, "slope_weight": slope_weight, "force_sigma": force_sigma}
     models = {}
     for name, data in classes.items():
-        if not isinstance(name, str) or not name or "/" in name:
-            raise ValueError(f"a class is named by text without '/'; got {name!r}")
         try:
             models[name] = inflation_model(energy, data, priors=priors, **noise)
             models[name].study.attrs()
@@ -166,6 +157,21 @@ def fit_classes(
         tree[name] = result
     tree.attrs["random_seed"] = json.dumps(seed.entropy)
     return tree
+
+
+def check_classes(classes: Any) -> None:
+    """Raise unless `classes` are data by the name of a class."""
+    # A Dataset is a mapping too, of its variables.
+    if not isinstance(classes, Mapping) or isinstance(classes, xr.Dataset | xr.DataTree):
+        raise TypeError(
+            'classes must be a dict of names to training data, such as {"C1": data}, not '
+            f"{type(classes).__name__}"
+        )
+    if not classes:
+        raise ValueError("classes must be a dict of names to training data; it is {}")
+    for name in classes:
+        if not isinstance(name, str) or not name or "/" in name:
+            raise ValueError(f"a class is named by text without '/'; got {name!r}")
 
 
 def _fit_distributions(
@@ -296,6 +302,11 @@ def classify(
     for limit, bound in (("undecided_below", undecided_below), ("none_below", none_below)):
         if not isinstance(bound, Real) or not 0 <= bound < 1:
             raise ValueError(f"{limit} is {bound!r}; expected a number from 0 to 1")
+    if isinstance(average_over, xr.DataTree) or not isinstance(average_over, Sequence):
+        raise TypeError(
+            "average_over must be a list of results of ph.fit_classes, not "
+            f"{type(average_over).__name__}"
+        )
     trees = [classes, *average_over]
     settings = [_common_settings(tree) for tree in trees]
     names = list(classes.children)

@@ -10,8 +10,10 @@ import xarray as xr
 from pymc.progress_bar import create_simple_progress
 from scipy.special import logsumexp, softmax
 
-from pymc_hyperelastic.classification import classify, fit_classes
-from pymc_hyperelastic.data import tests_at
+from pymc_hyperelastic.classification import check_classes, classify, fit_classes
+from pymc_hyperelastic.data import check_inflation_data, tests_at
+from pymc_hyperelastic.kernel import check_count
+from pymc_hyperelastic.layers import check_energy
 from pymc_hyperelastic.smc import log_evidence, seed_sequence
 from pymc_hyperelastic.strain_energy import StrainEnergy
 from pymc_hyperelastic.variability import (
@@ -99,6 +101,17 @@ def calibration_report(
     5
     """
     energies = [energy] if isinstance(energy, StrainEnergy) else list(energy)
+    if not energies:
+        raise ValueError("energy holds no strain energy")
+    for law in energies:
+        check_energy(law)
+    if variability not in ("none", "specimen"):
+        raise ValueError(f"variability must be 'none' or 'specimen', not {variability!r}")
+    check_count("draws", draws, 100)
+    check_count("chains", chains, 1)
+    check_classes(classes)
+    for data in classes.values():
+        check_inflation_data(data)
     true_class = _true_classes(classes)
     units = _units(true_class, leave_out)
     for unit in dict.fromkeys(units.values()):
@@ -123,7 +136,8 @@ def calibration_report(
     shape = len(energies), len(specimens), len(names)
     value, p_value = np.full(shape, np.nan), np.full(shape, np.nan)
     training = np.full(shape[:2], np.nan)
-    seeds = seed_sequence(random_seed).spawn(len(energies))
+    seed_of_all = seed_sequence(random_seed)
+    seeds = seed_of_all.spawn(len(energies))
     progress = create_simple_progress(progressbar)
     with progress:
         count = len(energies) * (1 + len(set(units.values())))
@@ -168,7 +182,7 @@ def calibration_report(
             "true_class": ("specimen", [true_class[s] for s in specimens]),
             "left_out": ("specimen", [str(units[s]) for s in specimens]),
         },
-        {"variability": variability, "random_seed": json.dumps(seed_sequence(random_seed).entropy)},
+        {"variability": variability, "random_seed": json.dumps(seed_of_all.entropy)},
     )
     probability = report["class_probability"]
     known = probability.notnull().all("class_label")
@@ -182,11 +196,6 @@ def calibration_report(
 
 def _true_classes(classes: Mapping[str, xr.Dataset]) -> dict[str, str]:
     """Class of each specimen."""
-    if not isinstance(classes, Mapping) or isinstance(classes, xr.Dataset | xr.DataTree):
-        raise TypeError(
-            f'classes must be a dict of names to data, such as {{"C1": data}}, not '
-            f"{type(classes).__name__}"
-        )
     true_class: dict[str, str] = {}
     for name, data in classes.items():
         for specimen in dict.fromkeys(str(s) for s in data["specimen"].values.tolist()):

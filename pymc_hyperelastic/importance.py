@@ -115,9 +115,8 @@ def mixture_at_modes(
     def with_slope(point: Array) -> tuple[float, Array]:
         step = _SLOPE_STEP * np.eye(len(point))
         values = energy(np.concatenate([point[None], point + step, point - step]))
-        up, down = np.split(values[1:], 2)
-        slope = (up - down) / (2 * _SLOPE_STEP)
-        return values[0], np.clip(slope, -_IMPOSSIBLE, _IMPOSSIBLE)
+        up, down = np.split(values[1:].clip(max=_IMPOSSIBLE), 2)
+        return min(values[0], _IMPOSSIBLE), (up - down) / (2 * _SLOPE_STEP)
 
     starts = prior / width
     order = np.argsort(energy(starts))

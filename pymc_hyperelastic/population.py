@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -262,7 +263,7 @@ def population_model(
     ['location', 'spread', 'correlation_unit', 'log_reference_strain', 'log_alpha']
     """
     scale = NaturalScale(energy, reference_stress)
-    check_population(scale, data, sigma, priors)
+    check_population(scale, data, sigma, experiment_effect, priors)
     specimens, of_test = specimens_of(data)
     coords = {
         "specimen": specimens,
@@ -284,27 +285,37 @@ def population_model(
 
 
 def check_population(
-    scale: NaturalScale, data: xr.Dataset, sigma: Any, priors: Mapping[str, Any] | None
+    scale: NaturalScale,
+    data: xr.Dataset,
+    sigma: Any,
+    experiment_effect: bool,
+    priors: Mapping[str, Any] | None,
 ) -> None:
     """Raise unless the population model of these can be written down."""
     check_energy(scale.energy)
     if is_inferred(sigma):
         check_prior("sigma", sigma)
-    if not np.isfinite(scale.reference_stress) or scale.reference_stress <= 0:
-        raise ValueError(
-            f"reference_stress is {scale.reference_stress}; expected a positive number of kPa"
-        )
+    stress = scale.reference_stress
+    if not isinstance(stress, Real) or not np.isfinite(stress) or stress <= 0:
+        raise ValueError(f"reference_stress is {stress!r}; expected a positive number of kPa")
     parameters = {p.name: np.zeros(p.size) if p.size else 0.0 for p in scale.energy.parameters}
     check_likelihood(scale.energy, data, parameters, sigma=sigma, slope_weight=0.0)
-    of_coordinates = ("location", "spread", "experiment_spread")
-    others = ("effect_spread", "noise_spread")
+    if priors is not None and not isinstance(priors, Mapping):
+        raise TypeError(
+            'priors must be a dict such as {"noise_spread": pm.LogNormal.dist(-1, 0.5)}, not '
+            f"{type(priors).__name__}"
+        )
+    sizes = {"location": len(scale.names), "spread": len(scale.names)}
+    if experiment_effect:
+        sizes |= {"experiment_spread": len(scale.names), "effect_spread": None}
+    if is_inferred(sigma):
+        sizes["noise_spread"] = None
     for name, prior in (priors or {}).items():
-        if name not in (*of_coordinates, *others):
+        if name not in sizes:
             raise ValueError(
-                f"a prior is given for {name!r}; of a class one may state "
-                f"{[*of_coordinates, *others]}"
+                f"a prior is given for {name!r}; this class has the unknowns {list(sizes)}"
             )
-        check_prior(name, prior, len(scale.names) if name in of_coordinates else None)
+        check_prior(name, prior, sizes[name])
 
 
 def specimens_of(data: xr.Dataset) -> tuple[list[str], NDArray[np.intp]]:

@@ -45,9 +45,11 @@ Array = NDArray[np.float64]
 
 # Particles of a specimen, and how many of them stand for it in the model of its class: there the
 # class's density, which is far wider than what a specimen's curves leave open, is averaged.
-_PARTICLES, IN_CLASS = 1000, 128
+_PARTICLES, IN_CLASS = 2000, 256
 # Draws of importance sampling, and the Pareto shape from which on their mean cannot be believed.
 _DRAWS, _LARGEST_PARETO_K = 8000, 0.7
+# Effective draws without which nothing is known of a mean.
+_ENOUGH = 300
 # Spreads of the reference distribution, in medians of a class's.
 _WIDER = 2.0
 _EFFECT = 1.0
@@ -103,11 +105,13 @@ def sample(kernel: BatchedSMC, rng: np.random.Generator) -> tuple[Array, Estimat
     Posteriors here have few variables and mostly one mode: importance sampling from a mixture gives
     them in a tenth of the time of SMC, which is left the others.
     """
+    kernel.set_rng(rng)
     steps = max(1000, 250 * kernel.dimension)
     start = kernel.initialize_population()
     columns = [np.reshape(start[v.name], (len(start[v.name]), -1)) for v in kernel.variables]
     prior = np.concatenate(columns, axis=1)
     modes = mixture_at_modes(kernel.score, prior)
+    best, found = Estimate(-np.inf, np.inf), prior
     for broad in (False, True):
         mixture = modes
         if broad:
@@ -118,15 +122,20 @@ def sample(kernel: BatchedSMC, rng: np.random.Generator) -> tuple[Array, Estimat
         mixture = fitted_mixture(kernel.score, mixture, rng, steps)
         points, log_density = draw_heavy_tailed(mixture, _DRAWS, rng)
         log_weights = np.nan_to_num(sum(kernel.score(points)) - log_density, nan=-np.inf)
-        evidence, pareto_k = mean_weight(log_weights, kernel.draws // 2)
-        if pareto_k < _LARGEST_PARETO_K:
+        evidence, pareto_k = mean_weight(log_weights, enough=_ENOUGH)
+        if evidence.value > best.value:
             weights = np.exp(log_weights - log_weights.max())
-            chosen = systematic(weights, kernel.draws, rng)
-            return points[rng.permutation(chosen)], evidence
+            best, found = evidence, points[systematic(weights, kernel.draws, rng)]
+        if pareto_k < _LARGEST_PARETO_K:
+            return rng.permutation(found), best
     kernel.temper(None, rng)
-    error = float(np.sqrt(kernel.log_evidence_variance))
-    particles = rng.permutation(kernel.tempered_posterior)
-    return particles, Estimate(kernel.log_marginal_likelihood, error)
+    # Both are unbiased, and miss modes rather than invent them: the larger is the better one.
+    if kernel.log_marginal_likelihood > best.value:
+        best = Estimate(
+            kernel.log_marginal_likelihood, float(np.sqrt(kernel.log_evidence_variance))
+        )
+        found = kernel.tempered_posterior
+    return rng.permutation(found), best
 
 
 class SpecimenSampler:
@@ -155,7 +164,6 @@ class SpecimenSampler:
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data."""
         kernel, _ = self._kernel_for(data)
-        kernel.set_rng(rng)
         particles, evidence = sample(kernel, rng)
         columns = dict(zip(kernel.var_info, self._columns(kernel, particles), strict=True))
         own = self.reference.experiment_spread is not None
@@ -334,6 +342,7 @@ def class_model(
         distribution = register_class(scale, sigma, experiment_effect, priors)
         few = [draws.first(IN_CLASS) for draws in specimens]
         inputs = shared_inputs("specimens", stacked(few))
+        inputs["tests"] = pt.specify_broadcastable(inputs["tests"], 1)
         terms = inputs["log_weight"] + log_density(pt, inputs, distribution)
         pm.Potential("specimens", pt.sum(pt.logsumexp(terms, axis=-1)))
     return model

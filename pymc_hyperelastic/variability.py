@@ -52,7 +52,7 @@ Array = NDArray[np.float64]
 _DISTRIBUTIONS = 1000
 # Weights of a larger Pareto shape, or fewer effective ones, do not make a mean: the specimen is
 # sampled again, closer to the class.
-_LARGEST_PARETO_K, _ENOUGH = 0.7, 100
+_LARGEST_PARETO_K, _ENOUGH = 0.7, 50
 # kPa: curves beyond that are not of tubes.
 _LARGEST_PRESSURE = 1e6
 
@@ -84,7 +84,7 @@ class Variability:
 
     def check(self, data: xr.Dataset) -> None:
         """Raise unless these data can be modelled so."""
-        check_population(self.scale, data, self.sigma, self.priors)
+        check_population(self.scale, data, self.sigma, self.experiment_effect, self.priors)
 
     def sampler(self, rule: Rule) -> SpecimenSampler:
         """Sampler of single specimens."""
@@ -347,8 +347,9 @@ class SpecimenPredictive:
             evidence = specimen_evidence(draws, distributions)
             if evidence.pareto_k >= _LARGEST_PARETO_K:
                 again = specimen_evidence(self._near(name)(data, rng), distributions)
-                # From draws of its own, which no other class shares.
-                evidence = again._replace(own_error=again.log_evidence.standard_error)
+                if again.pareto_k < evidence.pareto_k:
+                    # From draws of its own, which no other class shares.
+                    evidence = again._replace(own_error=again.log_evidence.standard_error)
             p_value = self._p_value(data, distributions, rng)
             predictions.append(ClassPrediction(evidence, p_value))
         return predictions

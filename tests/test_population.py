@@ -335,10 +335,20 @@ def test_model_can_be_sampled(model):
             "'spread' has the shape .*2 entries",
         ),
         (
-            {"priors": {"effect_spread": pm.HalfNormal.dist(1, shape=2)}},
+            {
+                "experiment_effect": True,
+                "priors": {"effect_spread": pm.HalfNormal.dist(1, shape=2)},
+            },
             TypeError,
             "'effect_spread' has the shape .*a scalar",
         ),
+        (
+            {"priors": {"effect_spread": pm.HalfNormal.dist(1)}},
+            ValueError,
+            r"'effect_spread'; this class has the unknowns \['location', 'spread'\]",
+        ),
+        ({"priors": [1]}, TypeError, "priors must be a dict"),
+        ({"reference_stress": "20"}, ValueError, "reference_stress is '20'"),
         ({"priors": {"spread": 0.4}}, TypeError, "'spread' is 0.4; expected a distribution"),
         ({"reference_stress": 0.0}, ValueError, "reference_stress is 0.0; expected a positive"),
         ({"reference_stress": -1.0}, ValueError, "reference_stress is -1.0"),

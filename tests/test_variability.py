@@ -308,6 +308,15 @@ def by_specimen(classes, new_data):
     return classify(new_data, classes)
 
 
+def test_one_seed_gives_one_fit(classes):
+    """The same seed gives the same posterior and evidence."""
+    again = fit()
+    for name in classes.children:
+        for group in ("posterior", "evidence"):
+            expected = classes[name][group].to_dataset()
+            xr.testing.assert_equal(again[name][group].to_dataset(), expected)
+
+
 # Coordinates, and the centre and spread of a class, over all that matters.
 X = np.linspace(-5.5, 0.3, 6001)
 LOCATION = np.linspace(np.log(0.2) - 4.0, np.log(0.2) + 3.0, 141)
@@ -541,13 +550,13 @@ def test_laws_of_other_training_data_are_refused(classes, new_data):
 
 
 def test_p_values_of_specimens_of_the_class_are_uniform(classes):
-    """Of 40 specimens drawn from the class itself; their mean has a standard error of 0.05."""
+    """Of 24 specimens drawn from the class itself; their mean has a standard error of 0.06."""
     rng = np.random.default_rng(SEED)
     posterior = classes["soft"]["posterior"].to_dataset().stack(sample=("chain", "draw"))
-    chosen = rng.integers(posterior.sizes["sample"], size=40)
+    chosen = rng.integers(posterior.sizes["sample"], size=24)
     location = posterior["location"].values[0][chosen]
     spread = posterior["spread"].values[0][chosen]
-    hoop = np.exp(np.exp(location + spread * rng.standard_normal(40)))
+    hoop = np.exp(np.exp(location + spread * rng.standard_normal(24)))
     moduli = STRESS / (hoop**2 - hoop**-2)
     data = curves({f"P{i}": [mu] for i, mu in enumerate(moduli)}, 4)
     p_value = classify(data, classes)["p_value"].sel(class_label="soft").values
@@ -648,12 +657,12 @@ def test_report_without_variability():
         (
             {"leave_out": dict.fromkeys(SPECIMENS, "x")},
             ValueError,
-            r"class 'soft' has 0 specimen\(s\) left without 'x': at least 2",
+            "class 'soft' has no specimen left without 'x'",
         ),
         (
-            {"classes": SMALL | {"third": curves({"C1": [30.0], "C2": [31.0]}, 7)}},
+            {"classes": SMALL | {"third": curves({"C1": [30.0]}, 7)}},
             ValueError,
-            r"class 'third' has 1 specimen\(s\) left without 'C1'",
+            "class 'third' has no specimen left without 'C1'",
         ),
         (
             {"classes": SMALL | {"third": SMALL["soft"]}},
