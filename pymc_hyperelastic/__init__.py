@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 from pymc_hyperelastic import strain_energy
 from pymc_hyperelastic.axial_force import axial_force
-from pymc_hyperelastic.calibration import score_probabilities, simulation_based_calibration
+from pymc_hyperelastic.calibration import simulation_based_calibration
 from pymc_hyperelastic.classification import classify, fit_classes, kl_divergence
 from pymc_hyperelastic.data import inflation_data, select
 from pymc_hyperelastic.datasets import list_datasets, load_dataset
@@ -44,6 +44,7 @@ from pymc_hyperelastic.properties import (
     wall_stress,
 )
 from pymc_hyperelastic.quadrature import log_evidence_by_quadrature
+from pymc_hyperelastic.scores import score_probabilities
 from pymc_hyperelastic.slopes import balanced_slope_weight
 from pymc_hyperelastic.smc import Estimate, log_evidence, sample_smc
 from pymc_hyperelastic.strain_energy import *  # noqa: F403

@@ -18,15 +18,9 @@ from pymc_hyperelastic.collocation import (
     curve_matrices,
 )
 from pymc_hyperelastic.data import GEOMETRY, describe_test, points_of
+from pymc_hyperelastic.generative import Likelihood, check_generative, register_measurements
 from pymc_hyperelastic.layers import Layer, check_energy, check_layers
-from pymc_hyperelastic.likelihood import (
-    ErrorIn,
-    Likelihood,
-    check_generative,
-    check_likelihood,
-    register_likelihood,
-    register_measurements,
-)
+from pymc_hyperelastic.likelihood import ErrorIn, check_likelihood, register_likelihood
 from pymc_hyperelastic.pressure import wall_pressure
 from pymc_hyperelastic.priors import (
     check_geometry_priors,
