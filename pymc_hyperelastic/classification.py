@@ -35,7 +35,6 @@ from pymc_hyperelastic.variability import (
     SpecimenPredictive,
     Variability,
     fit_distribution,
-    rule_of,
     sample_specimens,
 )
 
@@ -185,11 +184,7 @@ def _fit_distributions(
     """Fit the distribution of every class, of specimens that are sampled once."""
     check_count("draws", draws, 100)
     check_count("chains", chains, 1)
-    for name, data in classes.items():
-        try:
-            settings.check(data)
-        except (TypeError, ValueError) as error:
-            raise type(error)(f"class {name!r}: {error}") from error
+    settings.check_classes(classes)
     attrs = settings.attrs()
     tree = xr.DataTree.from_dict({})
     progress = create_simple_progress(progressbar)
@@ -197,7 +192,7 @@ def _fit_distributions(
         bar = progress.add_task("Fitting classes", completed=0, total=2 * len(classes))
         try:
             for (name, data), own in zip(classes.items(), seed.spawn(len(classes)), strict=True):
-                sampler = settings.sampler(rule_of(settings, data))
+                sampler = settings.sampler(data)
                 specimens = sample_specimens(sampler, data, np.random.default_rng(own))
                 progress.advance(bar)
                 fitted = fit_distribution(settings, specimens, draws, chains, own)
@@ -488,7 +483,7 @@ def _population_predictor(
 ) -> Callable[[xr.Dataset], list[_Prediction]]:
     """Predictions of classes whose specimens differ."""
     settings.check(new_data)
-    sampler = settings.sampler(rule_of(settings, new_data))
+    sampler = settings.sampler(new_data)
     predictive = SpecimenPredictive(settings, dict(classes.children), sampler)
     seeds = iter(seed.spawn(count))
 

@@ -20,7 +20,6 @@ from pymc_hyperelastic.variability import (
     SpecimenPredictive,
     Variability,
     fit_distribution,
-    rule_of,
     sample_specimens,
 )
 
@@ -121,7 +120,6 @@ def calibration_report(
                 raise ValueError(f"class {name!r} has no specimen left without {unit!r}")
     noise = {"sigma": sigma, "slope_weight": slope_weight}
     settings = {
-        "variability": variability,
         "experiment_effect": experiment_effect,
         "reference_stress": reference_stress,
         "priors": priors,
@@ -293,10 +291,7 @@ class _VariableFolds(_Folds):
         """Sample all specimens."""
         super().prepare(seed)
         rng = np.random.default_rng(seed)
-        self.samplers = {
-            name: self.model.sampler(rule_of(self.model, data))
-            for name, data in self.classes.items()
-        }
+        self.samplers = {name: self.model.sampler(data) for name, data in self.classes.items()}
         self.draws = {
             name: sample_specimens(self.samplers[name], data, rng)
             for name, data in self.classes.items()
@@ -313,11 +308,7 @@ class _VariableFolds(_Folds):
             self.settings["reference_stress"],
             self.settings["priors"],
         )
-        for name, data in self.classes.items():
-            try:
-                self.model.check(data)
-            except (TypeError, ValueError) as error:
-                raise type(error)(f"class {name!r}: {error}") from error
+        self.model.check_classes(self.classes)
 
     def __call__(
         self, unit: Hashable, out: Sequence[str], draws: int, chains: int

@@ -163,11 +163,11 @@ def fitted_mixture(
     for _ in range(_MOST_FITS):
         points, log_density = draw_heavy_tailed(mixture, draws, rng)
         log_weights = np.nan_to_num(sum(score(points)) - log_density, nan=-np.inf)
-        if effective_sample_size(log_weights) > _ALIKE * draws:
+        effective = effective_sample_size(log_weights)
+        if effective > _ALIKE * draws:
             break
         weights = np.exp(log_weights - log_weights.max())
         learn_from = points[systematic(weights, draws, rng)]
-        effective = effective_sample_size(log_weights)
         # A ridge needs more components than it has modes, which many draws can tell apart.
         components = components_for(effective, points.shape[1])
         start = mixture if len(mixture.means) >= components else None

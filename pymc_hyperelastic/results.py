@@ -40,6 +40,7 @@ __all__ = [
     "inflation_data_of",
     "model_settings_of",
     "sampling_tree",
+    "strain_energy_attrs",
     "strain_energy_of",
 ]
 
@@ -83,18 +84,12 @@ class Study:
         of_noise = {"sigma": "kPa", "slope_weight": "mm2", "force_sigma": "mN"}
         units = {name: of_noise[name] for name in self.noise}
         units |= {p.name: p.unit for p in self.energy.parameters}
-        try:
-            settings = json.dumps(vars(self.energy))
-        except TypeError as error:
-            raise ValueError(f"{self.energy!r} cannot be stored with results: {error}") from None
         priors = {name: prior_to_record(name, prior) for name, prior in self.priors.items()}
         noise = {
             name: prior_to_record(name, value) if is_inferred(value) else float(value)
             for name, value in self.noise.items()
         }
-        return {
-            "strain_energy": self.energy.name,
-            "strain_energy_settings": settings,
+        return strain_energy_attrs(self.energy) | {
             "units": json.dumps(units),
             "priors": json.dumps(priors),
             "noise": json.dumps(noise),
@@ -206,6 +201,21 @@ def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
     if "likelihood" in tree.attrs:
         settings["likelihood"] = tree.attrs["likelihood"]
     return settings
+
+
+def strain_energy_attrs(energy: StrainEnergy) -> dict[str, str]:
+    """Strain energy as text, from which :func:`strain_energy_of` makes it again.
+
+    Raises
+    ------
+    ValueError
+        If a setting of it cannot be written down.
+    """
+    try:
+        settings = json.dumps(vars(energy))
+    except TypeError as error:
+        raise ValueError(f"{energy!r} cannot be stored with results: {error}") from None
+    return {"strain_energy": energy.name, "strain_energy_settings": settings}
 
 
 def strain_energy_of(tree: xr.DataTree) -> StrainEnergy:

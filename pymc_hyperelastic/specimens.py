@@ -224,15 +224,18 @@ def reference_of(scale: NaturalScale, sigma: Any, experiment_effect: bool) -> Cl
     """Distribution of a specimen of which not even the class is known."""
     mean, sd = scale.location_prior
     spread = _WIDER * np.exp(scale.spread_prior[0])
-    size = len(mean)
     optional: dict[str, Any] = {}
     if experiment_effect:
         optional |= {"experiment_spread": spread / 2, "effect_spread": _EFFECT}
     if is_inferred(sigma):
         logs = np.log(pm.draw(sigma, draws=_NOISE_DRAWS, random_seed=1, mode="FAST_COMPILE"))
         optional |= {"log_sigma": logs.mean(), "noise_spread": np.hypot(logs.std(), 0.5)}
-    identity = [list(np.eye(size)[i, : i + 1]) for i in range(size)]
-    return ClassDistribution(mean, np.hypot(sd, spread), identity, **optional)
+    return ClassDistribution(mean, np.hypot(sd, spread), independent(len(mean)), **optional)
+
+
+def independent(size: int) -> list[list[float]]:
+    """Cholesky factor of no correlation, row by row."""
+    return [row[: i + 1] for i, row in enumerate(np.eye(size).tolist())]
 
 
 def fresh_specimens(

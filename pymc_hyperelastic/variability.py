@@ -23,8 +23,7 @@ from pymc_hyperelastic.population import (
     specimens_of,
 )
 from pymc_hyperelastic.priors import is_inferred, prior_from_record, prior_to_record
-from pymc_hyperelastic.results import strain_energy_of
-from pymc_hyperelastic.rules import Rule
+from pymc_hyperelastic.results import strain_energy_attrs, strain_energy_of
 from pymc_hyperelastic.smc import Estimate, particles_to_tree
 from pymc_hyperelastic.specimens import (
     IN_CLASS,
@@ -32,6 +31,7 @@ from pymc_hyperelastic.specimens import (
     SpecimenSampler,
     class_model,
     fresh_specimens,
+    independent,
     log_density,
     reference_of,
     sample,
@@ -40,9 +40,7 @@ from pymc_hyperelastic.specimens import (
 __all__ = [
     "SpecimenPredictive",
     "Variability",
-    "draws_of",
     "fit_distribution",
-    "rule_of",
     "sample_specimens",
 ]
 
@@ -86,8 +84,17 @@ class Variability:
         """Raise unless these data can be modelled so."""
         check_population(self.scale, data, self.sigma, self.experiment_effect, self.priors)
 
-    def sampler(self, rule: Rule) -> SpecimenSampler:
-        """Sampler of single specimens."""
+    def check_classes(self, classes: Mapping[str, xr.Dataset]) -> None:
+        """Raise, naming the class, unless the data of each can be modelled so."""
+        for name, data in classes.items():
+            try:
+                self.check(data)
+            except (TypeError, ValueError) as error:
+                raise type(error)(f"class {name!r}: {error}") from error
+
+    def sampler(self, data: xr.Dataset) -> SpecimenSampler:
+        """Sampler of the specimens of these data, each by itself."""
+        rule = population_rule(self.scale, data)
         return SpecimenSampler(self.scale, rule, self.reference, self.known_sigma)
 
     def model(self, draws: Mapping[str, SpecimenDraws]) -> pm.Model:
@@ -109,10 +116,6 @@ class Variability:
         ValueError
             If a prior, or a setting of the strain energy, cannot be written down.
         """
-        try:
-            energy = json.dumps(vars(self.energy))
-        except TypeError as error:
-            raise ValueError(f"{self.energy!r} cannot be stored with results: {error}") from None
         sigma = self.known_sigma
         settings = {
             "sigma": prior_to_record("sigma", self.sigma) if sigma is None else sigma,
@@ -120,9 +123,7 @@ class Variability:
             "reference_stress": float(self.reference_stress),
             "priors": {k: prior_to_record(k, v) for k, v in (self.priors or {}).items()},
         }
-        return {
-            "strain_energy": self.energy.name,
-            "strain_energy_settings": energy,
+        return strain_energy_attrs(self.energy) | {
             "variability": "specimen",
             "variability_settings": json.dumps(settings),
         }
@@ -139,11 +140,6 @@ class Variability:
             settings["reference_stress"],
             {name: prior_from_record(record) for name, record in settings["priors"].items()},
         )
-
-
-def rule_of(settings: Variability, data: xr.Dataset) -> Rule:
-    """How the walls of these data are integrated."""
-    return population_rule(settings.scale, data)
 
 
 def sample_specimens(
@@ -196,23 +192,6 @@ def fit_distribution(
     )
     tree.attrs |= settings.attrs()
     return tree
-
-
-def draws_of(tree: xr.DataTree) -> dict[str, SpecimenDraws]:
-    """Draws of the specimens that a fitted class stores."""
-    stored = tree["specimens"].to_dataset()
-    return {
-        str(name): SpecimenDraws(
-            one["centre"].values,
-            one["scatter"].values,
-            one["log_effect"].values,
-            one["log_sigma"].values,
-            one["log_weight"].values,
-            int(one["tests"]),
-            float(one["standard_error"]),
-        )
-        for name, one in ((n, stored.sel(specimen=n)) for n in stored["specimen"].values)
-    }
 
 
 def distributions_of(tree: xr.DataTree) -> ClassDistribution:
@@ -295,8 +274,6 @@ def near_class(distributions: ClassDistribution) -> ClassDistribution:
     location, spread = np.asarray(d.location)[..., 0], np.asarray(d.spread)[..., 0]
     mean = location.mean(axis=1)
     wide = 1.5 * np.sqrt(location.var(axis=1) + (spread**2).mean(axis=1))
-    size = len(mean)
-    identity = [list(np.eye(size)[i, : i + 1]) for i in range(size)]
     optional: dict[str, Any] = {}
     if d.experiment_spread is not None:
         within = np.asarray(d.experiment_spread)[..., 0]
@@ -307,7 +284,7 @@ def near_class(distributions: ClassDistribution) -> ClassDistribution:
     if d.log_sigma is not None:
         spread_of = np.var(d.log_sigma) + np.mean(np.square(d.noise_spread))
         optional |= {"log_sigma": np.mean(d.log_sigma), "noise_spread": 1.5 * np.sqrt(spread_of)}
-    return ClassDistribution(mean, wide, identity, **optional)
+    return ClassDistribution(mean, wide, independent(len(mean)), **optional)
 
 
 class ClassPrediction(NamedTuple):
@@ -380,9 +357,8 @@ class SpecimenPredictive:
         sigma = self._settings.known_sigma
         sd = np.full((count, 1), sigma) if sigma else np.exp(draws["log_specimen_sigma"])
         sd = sd / np.sqrt(2)
-        possible = np.isfinite(curves).all(axis=1) & (np.abs(curves) < _LARGEST_PRESSURE).all(
-            axis=1
-        )
+        # No comparison with NaN is true.
+        possible = (np.abs(curves) < _LARGEST_PRESSURE).all(axis=1)
         curves, sd = curves[possible], sd[possible]
         measured = np.concatenate(
             [data["pressure"].values[None], curves + sd * rng.standard_normal(curves.shape)]
