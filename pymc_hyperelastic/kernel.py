@@ -12,11 +12,13 @@ import pytensor.tensor as pt
 from numpy.typing import NDArray
 from pymc.smc.kernels import SMC_KERNEL
 from pymc.vartypes import discrete_types
+from pytensor.graph.traversal import ancestors
 from scipy.optimize import brentq
 from scipy.special import logsumexp
 
 from pymc_hyperelastic.batched import BatchedFunction, prior_sampler, value_shapes
 from pymc_hyperelastic.mixture import GaussianMixture, components_for, log_sum_exp
+from pymc_hyperelastic.modes import mixture_at_modes
 
 __all__ = ["BatchedSMC", "check_count", "effective_sample_size", "largest_step", "systematic"]
 
@@ -42,6 +44,11 @@ class BatchedSMC(SMC_KERNEL):
     ridges. The population is in part weighted as at a later, larger ``β``: the few particles that
     will carry the weight then are met by proposals now.
 
+    A likelihood of unknown noise has a sudden transition on the way: up to a certain ``β`` a poor
+    curve with large noise is preferred, from there on a good curve with small noise, which no
+    particle has met. In a hierarchical model half of the particles therefore start from modes that
+    were climbed to, and ``β`` leads from that mixture of prior and modes to the posterior.
+
     It works for any PyMC model with continuous variables, and in ``pm.sample_smc(kernel=...)``.
 
     Parameters
@@ -65,6 +72,10 @@ class BatchedSMC(SMC_KERNEL):
     tempered : sequence of str, optional
         Names of the observed variables and Potentials whose likelihood is tempered; all when
         missing. The others count as prior, from which `start` must then be drawn.
+    from_modes : bool, optional
+        Whether half of the particles start from modes of the posterior. When missing, in models in
+        which the prior of a variable depends on another one. Mirrored modes are found more surely
+        without. Not with `start` or `tempered`.
     forget : float
         Particles move until the correlation of every variable with its value before is below this,
         and that of the weight far ahead below half of it.
@@ -113,6 +124,7 @@ class BatchedSMC(SMC_KERNEL):
     }
     beta: float
     mixture: GaussianMixture
+    _modes: GaussianMixture | None
 
     def __init__(
         self,
@@ -124,6 +136,7 @@ class BatchedSMC(SMC_KERNEL):
         compile_kwargs: dict | None = None,
         *,
         tempered: Sequence[str] | None = None,
+        from_modes: bool | None = None,
         forget: float = 0.1,
         max_moves: int = 50,
     ) -> None:
@@ -165,6 +178,10 @@ class BatchedSMC(SMC_KERNEL):
         logp = model.logp([*cold, *hot], sum=False)
         groups = logp[: len(cold)], logp[len(cold) :]
         totals = [sum(pt.sum(term) for term in group) for group in groups]
+        if from_modes and (start is not None or tempered is not None):
+            raise ValueError("from_modes is for particles that start from the prior, all tempered")
+        hierarchical = start is None and tempered is None and _is_hierarchical(model)
+        self.from_modes = hierarchical if from_modes is None else from_modes
         self._score = BatchedFunction.of_model(model, totals, compile_kwargs)
         self._draw_prior: Callable[[np.random.Generator], dict[str, Array]] | None = None
         self._reset_state()
@@ -200,12 +217,17 @@ class BatchedSMC(SMC_KERNEL):
                 f"({self.nan_scores} are NaN): is the prior far from what the data allow, or is a "
                 "unit wrong?"
             )
+        if self.from_modes and self.start is None:
+            self._modes = mixture_at_modes(self.score, self.tempered_posterior).heavy_tailed()
+            self.tempered_posterior[::2] = self._modes.draw((self.draws + 1) // 2, self.rng)
+            self.prior_logp, self.likelihood_logp = self.score(self.tempered_posterior)
         self.eve = np.arange(self.draws)
         self.influence = np.zeros(self.draws)
         self._visited = [(self.tempered_posterior, self.prior_logp, self.likelihood_logp)]
 
     def _reset_state(self) -> None:
         super()._reset_state()
+        self._modes = None
         self.log_evidence_variance = 0.0
         self.effective_sample_size = float(self.draws)
         self.nan_scores = 0
@@ -220,12 +242,20 @@ class BatchedSMC(SMC_KERNEL):
             self.step()
 
     def score(self, particles: Array) -> tuple[Array, Array]:
-        """Log prior and log likelihood of every particle; NaN counts as ``−inf``."""
+        """Log prior and log likelihood of every particle; NaN counts as ``−inf``.
+
+        Of particles that come from modes as well as from the prior: the log density of both
+        together, and what is left of the posterior's.
+        """
         # A Potential of plain numbers may come in single precision.
         prior, likelihood = (np.asarray(logp, float) for logp in self._score(particles))
         bad = np.isnan(prior) | np.isnan(likelihood)
         self.nan_scores += int(bad.sum())
-        return np.where(bad, -np.inf, prior), np.where(bad, -np.inf, likelihood)
+        prior, likelihood = np.where(bad, -np.inf, prior), np.where(bad, -np.inf, likelihood)
+        if self._modes is None:
+            return prior, likelihood
+        start = np.logaddexp(prior, self._modes.log_density(particles)) - np.log(2)
+        return start, prior + likelihood - start
 
     def update_beta_and_weights(self) -> None:
         """Raise ``β`` as far as the effective sample size allows, and take the evidence's step."""
@@ -356,9 +386,16 @@ class BatchedSMC(SMC_KERNEL):
         return {
             "_n_draws": self.draws,
             "threshold": self.threshold,
+            "from_modes": int(self.from_modes),
             "forget": self.forget,
             "max_moves": self.max_moves,
         }
+
+
+def _is_hierarchical(model: pm.Model) -> bool:
+    """Whether the prior of a variable depends on another one."""
+    free = set(model.free_RVs)
+    return any(free.intersection(ancestors(rv.owner.inputs)) for rv in model.free_RVs)
 
 
 def check_count(name: str, value: Any, least: int) -> None:

@@ -104,8 +104,8 @@ def sample_smc(
     stats: list[dict[str, list[float]]] = []
     with SMCProgressBarManager(kernel, chains, progressbar) as progress:
         for chain, seed in enumerate(np.random.SeedSequence(random_seed).spawn(chains)):
-            kernel.initialize(start[chain] if start else None, np.random.default_rng(seed))
             try:
+                kernel.initialize(start[chain] if start else None, np.random.default_rng(seed))
                 stats.append(_temper(kernel, chain, progress))
             except KeyboardInterrupt:
                 if not populations:

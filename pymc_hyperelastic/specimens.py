@@ -22,11 +22,11 @@ from pymc_hyperelastic.importance import (
     draw_heavy_tailed,
     fitted_mixture,
     mean_weight,
-    mixture_at_modes,
 )
 from pymc_hyperelastic.kernel import BatchedSMC, systematic
 from pymc_hyperelastic.likelihood import shared_inputs
 from pymc_hyperelastic.mixture import GaussianMixture, components_for
+from pymc_hyperelastic.modes import mixture_at_modes
 from pymc_hyperelastic.population import (
     ClassDistribution,
     NaturalScale,

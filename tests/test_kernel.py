@@ -251,6 +251,53 @@ def test_both_modes_have_their_share():
     assert abs(share - parts[0] / parts.sum()) < 0.05
 
 
+def test_sudden_transition_of_a_hierarchy():
+    """Four precise cubics of unknown noise, which tempering from the prior alone misses by far."""
+    rng = np.random.default_rng(SEED)
+    noise, width, between = 0.02, 3.0, 0.5
+    t = np.linspace(-1, 1, 30)
+    design = np.stack([t**k for k in range(4)], axis=1)
+    measured = rng.normal(0, 1, (4, 4)) @ design.T + noise * rng.standard_normal((4, 30))
+    with pm.Model() as model:
+        mean = pm.Normal("mean", 0, 1)
+        log_sigma = pm.Normal("log_sigma", mean, between, shape=4)
+        coefficient = pm.Normal("coefficient", 0, width, shape=(4, 4))
+        pm.Normal("y", coefficient @ design.T, pt.exp(log_sigma)[:, None], observed=measured)
+
+    # The coefficients are integrated in closed form, both scales by sums over all that matters.
+    scales = np.log(noise) + np.linspace(-2.5, 2.5, 301)
+    prior = width**2 * design @ design.T
+    of_curves = np.array(
+        [
+            stats.multivariate_normal(np.zeros(30), np.exp(2 * x) * np.eye(30) + prior).logpdf(
+                measured
+            )
+            for x in scales
+        ]
+    )
+    means = np.linspace(-9, 1, 401)
+    of_mean = stats.norm(means[:, None], between).logpdf(scales)[..., None]
+    given_mean = logsumexp(of_curves + of_mean, axis=1) + np.log(scales[1] - scales[0])
+    exact = logsumexp(given_mean.sum(axis=1) + stats.norm(0, 1).logpdf(means))
+    exact += np.log(means[1] - means[0])
+
+    tree = ph.sample_smc(model, 1000, 2, random_seed=SEED, progressbar=False)
+    value, error = ph.log_evidence(tree)
+    assert abs(value - exact) < min(STANDARD_ERRORS * error, EVIDENCE_TOLERANCE)
+    mean = tree["posterior"]["log_sigma"].mean(("chain", "draw"))
+    np.testing.assert_allclose(mean, np.log(noise), atol=0.5)
+    assert tree["sample_stats"].attrs["from_modes"] == 1
+    tempered = ph.BatchedSMC(draws=500, model=model, from_modes=False)
+    tempered.temper(None, np.random.default_rng(SEED))
+    assert tempered.log_marginal_likelihood < exact - 5
+
+
+def test_modes_are_for_particles_of_the_prior():
+    """Half of the particles cannot start from modes where the others are given."""
+    with pytest.raises(ValueError, match="from_modes is for particles that start from the prior"):
+        ph.BatchedSMC(model=regression().build(), from_modes=True, tempered=["y"])
+
+
 def test_kernel_runs_in_pymc_sample_smc():
     """PyMC's own driver takes the kernel, and reports the same kind of evidence."""
     problem = regression()

@@ -17,9 +17,9 @@ from pymc_hyperelastic.importance import (
     draw_heavy_tailed,
     fitted_mixture,
     mean_weight,
-    mixture_at_modes,
 )
 from pymc_hyperelastic.kernel import BatchedSMC
+from pymc_hyperelastic.modes import mixture_at_modes
 from pymc_hyperelastic.population import ClassDistribution, NaturalScale
 from pymc_hyperelastic.specimens import IN_CLASS, SpecimenDraws, class_model, log_density, sample
 
