@@ -22,6 +22,7 @@ from pymc_hyperelastic.results import (
     check_result,
     inflation_data_of,
     model_settings_of,
+    strain_energy_of,
 )
 from pymc_hyperelastic.rules import rule_for
 from pymc_hyperelastic.smc import (
@@ -38,7 +39,14 @@ from pymc_hyperelastic.variability import (
     sample_specimens,
 )
 
-__all__ = ["check_classes", "classify", "fit_classes", "kl_divergence"]
+__all__ = [
+    "check_classes",
+    "check_variability",
+    "classify",
+    "fit_classes",
+    "kl_divergence",
+    "labels_of",
+]
 
 
 def fit_classes(
@@ -115,8 +123,7 @@ def fit_classes(
     ['C1', 'C2']
     """
     check_classes(classes)
-    if variability not in ("none", "specimen"):
-        raise ValueError(f"variability must be 'none' or 'specimen', not {variability!r}")
+    check_variability(variability, experiment_effect, reference_stress)
     seed = seed_sequence(random_seed)
     if variability == "specimen":
         if slope_weight != 0 or force_sigma is not None:
@@ -173,6 +180,21 @@ def check_classes(classes: Any) -> None:
             raise ValueError(f"a class is named by text without '/'; got {name!r}")
 
 
+def check_variability(variability: Any, experiment_effect: Any, reference_stress: Any) -> None:
+    """Raise unless specimens differ, or else nothing is said of how they do."""
+    if variability not in ("none", "specimen"):
+        raise ValueError(f"variability must be 'none' or 'specimen', not {variability!r}")
+    if variability == "specimen":
+        return
+    # Defaults as in the signatures.
+    for name, value, default in (
+        ("experiment_effect", experiment_effect, False),
+        ("reference_stress", reference_stress, 20.0),
+    ):
+        if value != default:
+            raise ValueError(f"{name} is {value!r}: it is used only with variability='specimen'")
+
+
 def _fit_distributions(
     settings: Variability,
     classes: Mapping[str, xr.Dataset],
@@ -192,8 +214,7 @@ def _fit_distributions(
         bar = progress.add_task("Fitting classes", completed=0, total=2 * len(classes))
         try:
             for (name, data), own in zip(classes.items(), seed.spawn(len(classes)), strict=True):
-                sampler = settings.sampler(data)
-                specimens = sample_specimens(sampler, data, np.random.default_rng(own))
+                specimens = sample_specimens(settings, data, np.random.default_rng(own))
                 progress.advance(bar)
                 fitted = fit_distribution(settings, specimens, draws, chains, own)
                 for group, dataset in Study(settings.energy, data, {}, {}).groups().items():
@@ -241,7 +262,9 @@ def classify(
     average_over : sequence of xarray.DataTree, optional
         The same classes, of the same training data, fitted with other strain energies: what each
         says counts by its posterior probability, which is the product of the evidences of its
-        classes. The variable ``strain_energy_probability`` tells it.
+        classes. The variable ``strain_energy_probability`` tells it. The p-value is the mean of the
+        laws' p-values by these probabilities. Evidences compare only between classes of the same
+        noise, or between classes that all have variability.
     undecided_below : float, default 0
         Probability that the most probable class must have for a decision.
     none_below : float, default 0
@@ -263,9 +286,10 @@ def classify(
         or "adapted draws", importance sampling from a mixture that followed the new data, both
         with a Pareto shape ``pareto_k`` of the weights below 0.5; else "tempering", by SMC from
         the class's draws. With variability the parameters of a specimen are a fresh draw from the
-        class's distribution, integrated by "specimen draws"; ``p_value`` is then the share of the
-        specimens that the class would bring forth, measured at the same radii, that are as far
-        from all its others as this one is, or further.
+        class's distribution, integrated by "specimen draws": with a ``pareto_k`` above 0.7 the
+        evidence is not to be trusted. ``p_value`` is then the share of the specimens that the class
+        would bring forth, measured at the same radii, that are as far from all its others as this
+        one is, or further.
 
     Raises
     ------
@@ -348,7 +372,8 @@ def classify(
         return np.array([[value(prediction) for prediction in row] for row in predictions])
 
     log_evidence = table(lambda p: p.log_evidence.value)
-    probability = softmax(log_evidence + np.log(prior), axis=1)
+    with np.errstate(divide="ignore"):
+        probability = softmax(log_evidence + np.log(prior), axis=1)
     # Delta method: dp_c = p_c Σ_j (δ_cj − p_j) d ln Z_j.
     weight = np.eye(len(names)) - probability[:, None, :]
     own = table(lambda p: p.own_error)
@@ -399,25 +424,44 @@ class _Prediction(NamedTuple):
 def _weights_of_laws(trees: Sequence[xr.DataTree]) -> xr.DataArray:
     """Posterior probability of each strain energy, equal beforehand."""
     first = trees[0]
-    energies, evidences = [], []
-    for tree in trees:
+    labels = labels_of([strain_energy_of(next(iter(tree.children.values()))) for tree in trees])
+    evidences = []
+    for tree, label in zip(trees, labels, strict=True):
         if list(tree.children) != list(first.children):
             raise ValueError(
                 f"average_over holds the classes {list(tree.children)}, not "
                 f"{list(first.children)} as the others"
             )
+        if _noise_of(tree) != _noise_of(first):
+            raise ValueError(
+                f"average_over holds {label} with {_noise_of(tree)}, but {labels[0]} has "
+                f"{_noise_of(first)}: their evidences do not compare"
+            )
         for name, fitted in tree.children.items():
             if not inflation_data_of(fitted).identical(inflation_data_of(first[name])):
                 raise ValueError(
-                    f"class {name!r} has other training data under {fitted.attrs['strain_energy']} "
-                    f"than under {first[name].attrs['strain_energy']}: their evidences do not "
-                    "compare"
+                    f"class {name!r} has other training data under {label} than under "
+                    f"{labels[0]}: their evidences do not compare"
                 )
-        energies.append(fitted.attrs["strain_energy"])
         evidences.append(sum(log_evidence(fitted).value for fitted in tree.children.values()))
     if len(trees) == 1:
         evidences = [0.0]
-    return xr.DataArray(softmax(evidences), {"strain_energy": energies}, "strain_energy")
+    return xr.DataArray(softmax(evidences), {"strain_energy": labels}, "strain_energy")
+
+
+def labels_of(laws: Sequence[StrainEnergy]) -> list[str]:
+    """Names of strain energies, with their settings where names are alike."""
+    names = [law.name for law in laws]
+    return [repr(law) if names.count(law.name) > 1 else law.name for law in laws]
+
+
+def _noise_of(classes: xr.DataTree) -> str:
+    """How measurements differ from curves, in words: evidences compare where that is the same."""
+    attrs = next(iter(classes.children.values())).attrs
+    if "variability_settings" in attrs:
+        # Noise is then a part of the model, as are the specimens, and may differ as these may.
+        return "variability='specimen'"
+    return f"the noise {attrs['noise']} of all specimens"
 
 
 def _average(laws: xr.DataArray, predictions: Sequence[_Prediction]) -> _Prediction:

@@ -10,7 +10,13 @@ import xarray as xr
 from pymc.progress_bar import create_simple_progress
 from scipy.special import logsumexp, softmax
 
-from pymc_hyperelastic.classification import check_classes, classify, fit_classes
+from pymc_hyperelastic.classification import (
+    check_classes,
+    check_variability,
+    classify,
+    fit_classes,
+    labels_of,
+)
 from pymc_hyperelastic.data import check_inflation_data, tests_at
 from pymc_hyperelastic.kernel import check_count
 from pymc_hyperelastic.layers import check_energy
@@ -52,7 +58,9 @@ def calibration_report(
     ----------
     energy : StrainEnergy or sequence of StrainEnergy
         The material; with several, each by itself and the average of all, in which each counts by
-        the evidence of the specimens that are not left out.
+        the evidence of the specimens that are not left out. The p-value of the average is the mean
+        of the laws' p-values by their probabilities. Laws of one class of energies, such as
+        ``OgdenSeries(1)`` and ``OgdenSeries(2)``, are labelled with their settings.
     classes : dict of str to xarray.Dataset
         Data of each class by its name, as for :func:`fit_classes`.
     sigma, slope_weight, variability, experiment_effect, reference_stress, priors
@@ -99,18 +107,22 @@ def calibration_report(
     >>> report["log_score"].sizes["specimen"]
     5
     """
-    energies = [energy] if isinstance(energy, StrainEnergy) else list(energy)
+    energies: list[Any] = list(energy) if isinstance(energy, list | tuple) else [energy]
     if not energies:
         raise ValueError("energy holds no strain energy")
     for law in energies:
         check_energy(law)
-    if variability not in ("none", "specimen"):
-        raise ValueError(f"variability must be 'none' or 'specimen', not {variability!r}")
+    check_variability(variability, experiment_effect, reference_stress)
     check_count("draws", draws, 100)
     check_count("chains", chains, 1)
     check_classes(classes)
     for data in classes.values():
         check_inflation_data(data)
+    # Names that are numbers are compared with the keys of `leave_out`, and with results, as text.
+    classes = {
+        name: data.assign_coords(specimen=data["specimen"].astype(str))
+        for name, data in classes.items()
+    }
     true_class = _true_classes(classes)
     units = _units(true_class, leave_out)
     for unit in dict.fromkeys(units.values()):
@@ -153,11 +165,12 @@ def calibration_report(
                     progress.advance(bar)
         except KeyboardInterrupt:
             warnings.warn("interrupted: specimens not yet classified are NaN", stacklevel=2)
-    labels = [law.name for law in energies]
+    labels = labels_of(energies)
     extra = {}
     if len(energies) > 1:
         laws = softmax(training, axis=0)
-        average = logsumexp(value + np.log(laws)[..., None], axis=0)
+        with np.errstate(divide="ignore"):
+            average = logsumexp(value + np.log(laws)[..., None], axis=0)
         value = np.concatenate([value, average[None]])
         p_value = np.concatenate([p_value, np.einsum("is,isc->sc", laws, p_value)[None]])
         extra["strain_energy_probability"] = (
@@ -196,7 +209,7 @@ def _true_classes(classes: Mapping[str, xr.Dataset]) -> dict[str, str]:
     """Class of each specimen."""
     true_class: dict[str, str] = {}
     for name, data in classes.items():
-        for specimen in dict.fromkeys(str(s) for s in data["specimen"].values.tolist()):
+        for specimen in dict.fromkeys(data["specimen"].values.tolist()):
             if specimen in true_class:
                 raise ValueError(
                     f"specimen {specimen!r} stands in the classes {true_class[specimen]!r} and "
@@ -212,10 +225,16 @@ def _units(
     """What each specimen is left out with."""
     if leave_out is None:
         return {specimen: specimen for specimen in true_class}
-    lacking = [specimen for specimen in true_class if specimen not in leave_out]
+    if not isinstance(leave_out, Mapping):
+        raise TypeError(
+            "leave_out must be a dict of specimens to what they belong to, not "
+            f"{type(leave_out).__name__}"
+        )
+    units = {str(specimen): unit for specimen, unit in leave_out.items()}
+    lacking = [specimen for specimen in true_class if specimen not in units]
     if lacking:
         raise ValueError(f"leave_out does not say to what the specimen {lacking[0]!r} belongs")
-    return {specimen: leave_out[specimen] for specimen in true_class}
+    return {specimen: units[specimen] for specimen in true_class}
 
 
 _Predictions = dict[str, tuple[list[float], list[float]]]
@@ -254,7 +273,7 @@ class _PooledFolds(_Folds):
         fit, new = self.seed.spawn(2)
         train = {}
         for name, data in self.classes.items():
-            stay = [s for s in data["specimen"].values.tolist() if self.units[str(s)] != unit]
+            stay = [s for s in data["specimen"].values.tolist() if self.units[s] != unit]
             train[name] = self.tests_of(data, stay)
         tree = fit_classes(
             self.energy,
@@ -266,6 +285,10 @@ class _PooledFolds(_Folds):
             random_seed=fit.generate_state(4),
             progressbar=False,
         )
+        # What an interrupt has left of the classes is of no use here: it ends the report.
+        fitted = list(tree.children.values())
+        if len(fitted) < len(train) or any(f["evidence"].sizes["chain"] < chains for f in fitted):
+            raise KeyboardInterrupt
         predictions: _Predictions = {}
         for data in self.classes.values():
             here = [s for s in out if s in data["specimen"].values]
@@ -277,11 +300,13 @@ class _PooledFolds(_Folds):
                     random_seed=new.generate_state(4),
                     progressbar=False,
                 )
+                if (result["method"] == "").any():
+                    raise KeyboardInterrupt
                 for specimen in here:
                     row = result["specimen"].values.tolist().index(specimen)
                     values = result["log_evidence"].values[row].tolist()
                     predictions[specimen] = values, [np.nan] * len(values)
-        return sum(log_evidence(fitted).value for fitted in tree.children.values()), predictions
+        return sum(log_evidence(of_class).value for of_class in fitted), predictions
 
 
 class _VariableFolds(_Folds):
@@ -293,8 +318,7 @@ class _VariableFolds(_Folds):
         rng = np.random.default_rng(seed)
         self.samplers = {name: self.model.sampler(data) for name, data in self.classes.items()}
         self.draws = {
-            name: sample_specimens(self.samplers[name], data, rng)
-            for name, data in self.classes.items()
+            name: sample_specimens(self.model, data, rng) for name, data in self.classes.items()
         }
 
     def __init__(self, *args: Any) -> None:

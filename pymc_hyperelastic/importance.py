@@ -90,9 +90,10 @@ def fitted_mixture(
     """Mixture fitted to the posterior by importance sampling from one that is near it."""
     for _ in range(_MOST_FITS):
         points, log_density = draw_heavy_tailed(mixture, draws, rng)
-        log_weights = np.nan_to_num(sum(score(points)) - log_density, nan=-np.inf)
+        log_weights = np.nan_to_num(sum(score(points)) - log_density, nan=-np.inf, neginf=-np.inf)
         effective = effective_sample_size(log_weights)
-        if effective > _ALIKE * draws:
+        # There is nothing to learn from draws that are all impossible.
+        if effective == 0 or effective > _ALIKE * draws:
             break
         weights = np.exp(log_weights - log_weights.max())
         learn_from = points[systematic(weights, draws, rng)]

@@ -68,7 +68,9 @@ def inflation_model(
     The model holds one random variable for each parameter, the deterministics ``pressure`` and
     ``stiffness`` (with `force_sigma` also ``axial_force``, with `geometry` also ``radius``) over
     ``obs``, and the Potential ``likelihood`` (see :func:`~pymc_hyperelastic.inflation_likelihood`)
-    or observed variables. Any PyMC sampler takes it.
+    or observed variables. Any PyMC sampler takes it. The model stands by itself: made in the
+    context of another one it is no part of that. Inside a model of your own use
+    :func:`~pymc_hyperelastic.inflation_likelihood`.
 
     Parameters
     ----------
@@ -194,7 +196,7 @@ def inflation_model(
         "obs": np.arange(data.sizes["obs"]),
         "test": [describe_test(data, test) for test in range(data.sizes["test"])],
     }
-    with pm.Model(coords=coords) as model:
+    with pm.Model(coords=coords, model=None) as model:
         parameters = {name: register_prior(name, prior) for name, prior in distributions.items()}
         if isinstance(wall, list):
             wall = with_variables(wall, distributions, parameters)

@@ -49,6 +49,8 @@ _REAL_SD, _REAL_SPREAD = 4.0, 20.0
 _CONCENTRATION = 2.0
 # Standard deviations over which it is asked whether curves can be collocated.
 _REACH = 3.0
+# Draws of a prior that tell whether it is one of positive numbers.
+_SIGMA_DRAWS = 2000
 
 
 @dataclass(frozen=True)
@@ -204,6 +206,10 @@ def population_model(
     Specimens differ also in how much their experiments differ, ``ln κ_s ~ N(0, η²)``, and with an
     unknown ``σ`` in their noise, ``ln σ_s ~ N(ln σ, ν²)``.
 
+    Pressures alone enter: axial forces in the data play no part. The model stands by itself, as
+    that of :func:`~pymc_hyperelastic.inflation_model` does, also if it is made in the context of
+    another one.
+
     Parameters
     ----------
     energy : StrainEnergy
@@ -248,6 +254,9 @@ def population_model(
     Specimens are sampled themselves, not their distances from the class in units of its spread: a
     curve of many points says more about its specimen than the class does.
 
+    Terms of a series such as :class:`~pymc_hyperelastic.OgdenSeries` may change places from one
+    specimen to the next: their location and spread then mean little.
+
     References
     ----------
     The distribution of ``R`` is made of partial correlations: D. Lewandowski, D. Kurowicka and
@@ -272,7 +281,7 @@ def population_model(
         "obs": np.arange(data.sizes["obs"]),
         "test": [describe_test(data, test) for test in range(data.sizes["test"])],
     }
-    with pm.Model(coords=coords) as model:
+    with pm.Model(coords=coords, model=None) as model:
         distribution = register_class(scale, sigma, experiment_effect, priors)
         coordinates, specimen_sigma = register_specimens(scale, distribution, of_test)
         if specimen_sigma is None:
@@ -293,8 +302,9 @@ def check_population(
 ) -> None:
     """Raise unless the population model of these can be written down."""
     check_energy(scale.energy)
+    _check_moduli(scale.energy)
     if is_inferred(sigma):
-        check_prior("sigma", sigma)
+        _check_sigma(sigma)
     stress = scale.reference_stress
     if not isinstance(stress, Real) or not np.isfinite(stress) or stress <= 0:
         raise ValueError(f"reference_stress is {stress!r}; expected a positive number of kPa")
@@ -316,6 +326,29 @@ def check_population(
                 f"a prior is given for {name!r}; this class has the unknowns {list(sizes)}"
             )
         check_prior(name, prior, sizes[name])
+
+
+def _check_moduli(energy: StrainEnergy) -> None:
+    """Raise if stress at the reference strain is more than what the positive moduli make of it."""
+    scales = {p.name: p.natural_scale for p in energy.parameters if p.unit == "kPa"}
+    others = [name for name, scale in scales.items() if scale != "log"]
+    if "log" in scales.values() and others:
+        raise ValueError(
+            f"the parameter {others[0]!r} of {energy.name} is a modulus on the scale "
+            f"{scales[others[0]]!r}, but population models need moduli that are positive, on the "
+            "scale 'log': give it a prior_range above zero"
+        )
+
+
+def _check_sigma(sigma: Any) -> None:
+    """Raise unless `sigma` is a distribution of positive numbers: its logarithm is spread."""
+    check_prior("sigma", sigma)
+    smallest = pm.draw(sigma, draws=_SIGMA_DRAWS, random_seed=1, mode="FAST_COMPILE").min()
+    if smallest <= 0:
+        raise ValueError(
+            f"the prior of 'sigma' holds numbers such as {smallest:.3g}; expected a distribution "
+            "of positive numbers, such as pm.LogNormal.dist(0, 1)"
+        )
 
 
 def specimens_of(data: xr.Dataset) -> tuple[list[str], NDArray[np.intp]]:

@@ -128,7 +128,7 @@ class ClassPredictive:
         return self._from_class_draws() or self._from_adapted_draws(rng) or self._by_tempering(rng)
 
     def _from_class_draws(self) -> Predictive | None:
-        log_weights = np.nan_to_num(self._likelihood(self._draws)[0], nan=-np.inf)
+        log_weights = np.nan_to_num(self._likelihood(self._draws)[0], nan=-np.inf, neginf=-np.inf)
         estimate, pareto_k = mean_weight(log_weights)
         if pareto_k >= LARGEST_PARETO_K:
             return None

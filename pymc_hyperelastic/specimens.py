@@ -43,9 +43,8 @@ __all__ = ["SpecimenDraws", "SpecimenSampler", "class_model", "log_density", "re
 
 Array = NDArray[np.float64]
 
-# Particles of a specimen, and how many of them stand for it in the model of its class: there the
-# class's density, which is far wider than what a specimen's curves leave open, is averaged.
-_PARTICLES, IN_CLASS = 2000, 256
+# Particles of a specimen.
+_PARTICLES = 2000
 # Draws of importance sampling, and the Pareto shape from which on their mean cannot be believed.
 _DRAWS, _LARGEST_PARETO_K = 8000, 0.7
 # Effective draws without which nothing is known of a mean.
@@ -54,6 +53,12 @@ _ENOUGH = 300
 _WIDER = 2.0
 _EFFECT = 1.0
 _NOISE_DRAWS = 2000
+# Gauss-Hermite quadrature over how much experiments on a specimen differ. Five nodes, placed where
+# the integrand is, have an error of 0.002 nats in nine cases of ten; of a single test, which has no
+# scatter to place them by, up to 0.1 nats in the tails.
+_NODES, _WEIGHTS = np.polynomial.hermite.hermgauss(5)
+_LOG_WEIGHTS = np.log(_WEIGHTS) + _NODES**2
+_NO_SCATTER = 1e-12
 
 
 @dataclass(frozen=True)
@@ -66,9 +71,6 @@ class SpecimenDraws:
     ----------
     centre, scatter : array, shape (coordinate, draw)
         Mean of the tests' coordinates, and the sum of their squared deviations from it.
-    log_effect : array, shape (draw)
-        By how much its experiments differ more than those of the class's typical specimen, as a
-        logarithm; zero if they do not differ.
     log_sigma : array, shape (draw)
         ``ln σ``, zero if the noise is known.
     log_weight : array, shape (draw)
@@ -81,7 +83,6 @@ class SpecimenDraws:
 
     centre: Array
     scatter: Array
-    log_effect: Array
     log_sigma: Array
     log_weight: Array
     tests: int
@@ -93,7 +94,6 @@ class SpecimenDraws:
             self,
             centre=self.centre[:, :count],
             scatter=self.scatter[:, :count],
-            log_effect=self.log_effect[:count],
             log_sigma=self.log_sigma[:count],
             log_weight=self.log_weight[:count] + np.log(len(self.log_weight) / count),
         )
@@ -121,7 +121,9 @@ def sample(kernel: BatchedSMC, rng: np.random.Generator) -> tuple[Array, Estimat
             mixture = modes.joined(followed or wide)
         mixture = fitted_mixture(kernel.score, mixture, rng, steps)
         points, log_density = draw_heavy_tailed(mixture, _DRAWS, rng)
-        log_weights = np.nan_to_num(sum(kernel.score(points)) - log_density, nan=-np.inf)
+        log_weights = np.nan_to_num(
+            sum(kernel.score(points)) - log_density, nan=-np.inf, neginf=-np.inf
+        )
         evidence, pareto_k = mean_weight(log_weights, enough=_ENOUGH)
         if evidence.value > best.value:
             weights = np.exp(log_weights - log_weights.max())
@@ -174,7 +176,6 @@ class SpecimenSampler:
         draws = SpecimenDraws(
             centre,
             ((of_tests - centre[..., None]) ** 2).sum(axis=2),
-            columns["log_effect"][:, 0] if own else nothing,
             columns["log_specimen_sigma"][:, 0] if self.sigma is None else nothing,
             nothing,
             of_tests.shape[2] if own else 1,
@@ -211,7 +212,7 @@ class SpecimenSampler:
     ) -> tuple[BatchedSMC, dict[str, Any], BatchedFunction]:
         inputs = shared_inputs("specimen", arrays)
         coords = {"specimen": [0], "test": np.arange(tests)}
-        with pm.Model(coords=coords) as model:
+        with pm.Model(coords=coords, model=None) as model:
             of_test = np.zeros(tests, int)
             coordinates, sigma = register_specimens(self.scale, self.reference, of_test)
             sigma = pt.full((1,), np.float64(self.sigma)) if sigma is None else sigma
@@ -268,7 +269,7 @@ def stacked(specimens: Sequence[SpecimenDraws]) -> dict[str, Array]:
         name: np.stack([getattr(draws, name) for draws in specimens], axis=-2)
         for name in ("centre", "scatter")
     }
-    for name in ("log_effect", "log_sigma", "log_weight"):
+    for name in ("log_sigma", "log_weight"):
         arrays[name] = np.stack([getattr(draws, name) for draws in specimens])
     return arrays | {"tests": np.array([[float(draws.tests)] for draws in specimens])}
 
@@ -282,21 +283,32 @@ def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDis
     .. math:: \int \prod_t N(x_t; x, Ω) N(x; m, Σ) dx = N(\bar x; m, Σ + Ω/T) \,
         \frac{\exp(-\frac12 \sum_t |Ω^{-1/2} (x_t - \bar x)|^2)}{T^{d/2} \, |2πΩ|^{(T-1)/2}}
 
+    and so is, by quadrature, how much its experiments differ.
+
     `draws` holds the arrays of :class:`SpecimenDraws`, coordinates along the first axis, and
     `distribution` what broadcasts against them; `xp` is ``numpy`` for numbers and
     ``pytensor.tensor`` for variables.
     """
-    size = len(distribution.factor)
-    tests, spread = draws["tests"], distribution.spread
-    within: Any = None
-    if distribution.experiment_spread is not None:
-        growth = xp.exp(2 * draws["log_effect"])
-        within = [xp.square(distribution.experiment_spread[i]) * growth for i in range(size)]
+    if distribution.experiment_spread is None:
+        total = _log_density_of_centre(xp, draws["centre"], distribution)
+    else:
+        total = _log_density_of_tests(xp, draws, distribution)
+    if distribution.log_sigma is not None:
+        mean, sd = distribution.log_sigma, distribution.noise_spread
+        total = total + _log_normal(xp, draws["log_sigma"], mean, sd)
+    return total
+
+
+def _log_density_of_centre(
+    xp: ModuleType, centre: Any, distribution: ClassDistribution, added: Sequence[Any] = ()
+) -> Any:
+    """Normal log density of the mean of the tests' coordinates, with variances that add."""
+    size, spread = len(distribution.factor), distribution.spread
 
     def covariance(i: int, j: int) -> Any:
         rows = distribution.factor[i], distribution.factor[j]
         common = sum(a * b for a, b in zip(*rows, strict=False)) * spread[i] * spread[j]
-        return common if within is None or i != j else common + within[i] / tests
+        return common + added[i] if added and i == j else common
 
     total: Any = -size / 2 * np.log(2 * np.pi)
     factor: list[list[Any]] = []
@@ -310,20 +322,49 @@ def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDis
             row.append((covariance(i, j) - known) / factor[j][j])
         row.append(xp.sqrt(covariance(i, i) - sum(a * a for a in row)))
         factor.append(row)
-        offset = draws["centre"][i] - distribution.location[i]
+        offset = centre[i] - distribution.location[i]
         offset = offset - sum(a * z for a, z in zip(row, standard, strict=False))
         standard.append(offset / row[i])
         total = total - xp.square(standard[i]) / 2 - xp.log(row[i])
-    if within is not None:
-        for i in range(size):
-            total = total - draws["scatter"][i] / (2 * within[i])
-            total = total - (tests - 1) / 2 * xp.log(2 * np.pi * within[i])
-        total = total - size / 2 * xp.log(tests)
-        total = total + _log_normal(xp, draws["log_effect"], 0.0, distribution.effect_spread)
-    if distribution.log_sigma is not None:
-        mean, sd = distribution.log_sigma, distribution.noise_spread
-        total = total + _log_normal(xp, draws["log_sigma"], mean, sd)
     return total
+
+
+def _log_density_of_tests(
+    xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDistribution
+) -> Any:
+    r"""Log density where experiments on a specimen differ, by an unknown ``u = ln κ_s``.
+
+    The scatter of its tests says what ``u`` is, far more sharply than the class does: quadrature
+    has its nodes around the maximum of
+
+    .. math:: -\tfrac12 Q e^{-2u} - a u - u^2/(2η^2), \qquad
+        Q = \sum_t |\mathrm{diag}(ω)^{-1} (x_t - \bar x)|^2, \quad a = (T - 1) d
+
+    which is at :math:`u = w/2 - aη^2` with :math:`w + \ln w = \ln(2 η^2 Q) + 2 a η^2`, the Wright
+    omega function, and as wide as :math:`η/\sqrt{1 + w}`.
+    """
+    size, tests, effect = len(distribution.factor), draws["tests"], distribution.effect_spread
+    variance = [xp.square(distribution.experiment_spread[i]) for i in range(size)]
+    squares = sum(draws["scatter"][i] / variance[i] for i in range(size))
+    count, squared_effect = (tests - 1) * size, effect**2
+    # A single test has no scatter.
+    level = xp.log(2 * squared_effect * (squares + _NO_SCATTER)) + 2 * count * squared_effect
+    omega = xp.logaddexp(0.0, level)
+    for _ in range(2):
+        omega = omega * (1 + level - xp.log(omega)) / (1 + omega)
+    middle, width = omega / 2 - count * squared_effect, effect / xp.sqrt(1 + omega)
+
+    shape = (-1,) + (1,) * middle.ndim
+    log_effect = middle + np.sqrt(2) * width * _NODES.reshape(shape)
+    growth = xp.exp(2 * log_effect)
+    added = [v * growth / tests for v in variance]
+    terms = _log_density_of_centre(xp, draws["centre"], distribution, added)
+    terms = terms - squares / (2 * growth) - count * log_effect
+    terms = terms + _log_normal(xp, log_effect, 0.0, effect) + _LOG_WEIGHTS.reshape(shape)
+    largest = xp.max(terms, axis=0)
+    total = largest + xp.log(xp.sum(xp.exp(terms - largest), axis=0)) + xp.log(np.sqrt(2) * width)
+    normaliser = sum(xp.log(2 * np.pi * v) for v in variance)
+    return total - (tests - 1) / 2 * normaliser - size / 2 * xp.log(tests)
 
 
 def _log_normal(xp: ModuleType, x: Any, mean: Any, sd: Any) -> Any:
@@ -341,10 +382,9 @@ def class_model(
 ) -> pm.Model:
     """PyMC model of a class's distribution alone, its specimens integrated out by their draws."""
     coords = {"coordinate": scale.names, "coordinate_2": scale.names, "specimen": list(names)}
-    with pm.Model(coords=coords) as model:
+    with pm.Model(coords=coords, model=None) as model:
         distribution = register_class(scale, sigma, experiment_effect, priors)
-        few = [draws.first(IN_CLASS) for draws in specimens]
-        inputs = shared_inputs("specimens", stacked(few))
+        inputs = shared_inputs("specimens", stacked(specimens))
         inputs["tests"] = pt.specify_broadcastable(inputs["tests"], 1)
         terms = inputs["log_weight"] + log_density(pt, inputs, distribution)
         pm.Potential("specimens", pt.sum(pt.logsumexp(terms, axis=-1)))

@@ -26,7 +26,6 @@ from pymc_hyperelastic.priors import is_inferred, prior_from_record, prior_to_re
 from pymc_hyperelastic.results import strain_energy_attrs, strain_energy_of
 from pymc_hyperelastic.smc import Estimate, particles_to_tree
 from pymc_hyperelastic.specimens import (
-    IN_CLASS,
     SpecimenDraws,
     SpecimenSampler,
     class_model,
@@ -46,13 +45,21 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
+# Draws of a specimen that stand for it in the model of its class: its density, which is mostly far
+# wider than what a specimen's curves leave open, is averaged over them. Where the first number
+# leaves a larger error than this in the class's log evidence, the second is taken.
+_IN_CLASS, _LARGEST_ERROR = (256, 1024), 0.3
 # Draws of a class's distribution against which a specimen is held.
 _DISTRIBUTIONS = 1000
 # Weights of a larger Pareto shape, or fewer effective ones, do not make a mean: the specimen is
 # sampled again, closer to the class.
 _LARGEST_PARETO_K, _ENOUGH = 0.7, 50
-# kPa: curves beyond that are not of tubes.
-_LARGEST_PRESSURE = 1e6
+# kPa: curves beyond that are not of tubes. With fewer of them at the radii of a specimen there is
+# no telling how unlikely it is.
+_LARGEST_PRESSURE, _FEWEST_CURVES = 1e6, 100
+# Curves of a class differ along directions in which they differ by this fraction, or more, of how
+# they do along the first.
+_LEAST_SHARE = 0.003
 
 
 @dataclass(frozen=True)
@@ -143,10 +150,11 @@ class Variability:
 
 
 def sample_specimens(
-    sampler: SpecimenSampler, data: xr.Dataset, rng: np.random.Generator
+    settings: Variability, data: xr.Dataset, rng: np.random.Generator
 ) -> dict[str, SpecimenDraws]:
     """Draws of each specimen of the data."""
     names, of_test = specimens_of(data)
+    sampler = settings.sampler(data)
     return {
         name: sampler(tests_at(data, np.flatnonzero(of_test == i)), rng)
         for i, name in enumerate(names)
@@ -161,26 +169,30 @@ def fit_distribution(
     random_seed: np.random.SeedSequence,
 ) -> xr.DataTree:
     """Posterior and evidence of a class's distribution, with the draws of its specimens."""
-    kernel = BatchedSMC(draws=count, model=settings.model(draws))
-    populations, stats = [], []
-    for seed in random_seed.spawn(chains):
-        particles, evidence = sample(kernel, np.random.default_rng(seed))
-        populations.append(particles)
-        variance = evidence.standard_error**2
-        last = {"beta": 1.0, "log_marginal_likelihood": evidence.value}
-        stats.append({k: [v] for k, v in (last | {"log_evidence_variance": variance}).items()})
-    tree = particles_to_tree(
-        kernel, populations, stats, kernel.model.unobserved_RVs, random_seed.entropy
-    )
-    tree["evidence"] = (
-        tree["evidence"]
-        .to_dataset()
-        .assign(specimens_se=_error_of_specimens(draws, distributions_of(tree)))
-    )
+    seeds = random_seed.spawn(chains)
+    for in_class in _IN_CLASS:
+        few = {name: specimen.first(in_class) for name, specimen in draws.items()}
+        kernel = BatchedSMC(draws=count, model=settings.model(few))
+        populations, stats = [], []
+        for seed in seeds:
+            particles, evidence = sample(kernel, np.random.default_rng(seed))
+            populations.append(particles)
+            last = {
+                "beta": 1.0,
+                "log_marginal_likelihood": evidence.value,
+                "log_evidence_variance": evidence.standard_error**2,
+            }
+            stats.append({name: [value] for name, value in last.items()})
+        tree = particles_to_tree(
+            kernel, populations, stats, kernel.model.unobserved_RVs, random_seed.entropy
+        )
+        error = _error_of_specimens(few, distributions_of(tree))
+        if error < _LARGEST_ERROR:
+            break
+    tree["evidence"] = tree["evidence"].to_dataset().assign(specimens_se=error)
     dims = {
         "centre": ("specimen", "coordinate", "particle"),
         "scatter": ("specimen", "coordinate", "particle"),
-        "log_effect": ("specimen", "particle"),
         "log_sigma": ("specimen", "particle"),
         "log_weight": ("specimen", "particle"),
         "tests": ("specimen",),
@@ -231,11 +243,10 @@ def _error_of_specimens(
     """Standard error of a class's log evidence that comes from the draws of its specimens."""
     variance = 0.0
     for specimen in draws.values():
-        few = specimen.first(IN_CLASS)
-        log_weights = few.log_weight + log_density(np, vars(few), distributions)
+        log_weights = specimen.log_weight + log_density(np, vars(specimen), distributions)
         log_weights -= logsumexp(log_weights, axis=1, keepdims=True)
         effective = np.exp(-logsumexp(2 * log_weights, axis=1))
-        variance += specimen.standard_error**2 + np.mean(1 / effective) - 1 / IN_CLASS
+        variance += specimen.standard_error**2 + np.mean(1 / effective) - 1 / log_weights.shape[1]
     return float(np.sqrt(variance))
 
 
@@ -332,7 +343,7 @@ class SpecimenPredictive:
         return predictions
 
     def _near(self, name: str) -> SpecimenSampler:
-        """Sampler under a distribution like that of a class, and wider."""
+        """Sampler under a distribution like that of a class."""
         if name not in self._closer:
             self._closer[name] = SpecimenSampler(
                 self._settings.scale,
@@ -348,25 +359,35 @@ class SpecimenPredictive:
         """Share of the specimens of a class that are as unlikely as this one, or more.
 
         The class brings forth specimens, measured as this one was. Each, and the new one, is held
-        against all the others: how likely it is depends on how far it is from its neighbours.
+        against all the others: how likely it is depends on how far it is from its neighbours. What
+        no combination of the class's curves could follow is noise, and says nothing here: else
+        specimens measured better than usual would be of every class, and others of none.
         """
         tests = data.sizes["test"]
         draws = fresh_specimens(self._settings.scale, distributions, tests, rng)
         curves = self._sampler.curves(data, draws)
-        count, points = curves.shape
         sigma = self._settings.known_sigma
-        sd = np.full((count, 1), sigma) if sigma else np.exp(draws["log_specimen_sigma"])
+        sd = np.full((len(curves), 1), sigma) if sigma else np.exp(draws["log_specimen_sigma"])
         sd = sd / np.sqrt(2)
         # No comparison with NaN is true.
         possible = (np.abs(curves) < _LARGEST_PRESSURE).all(axis=1)
+        if possible.sum() < _FEWEST_CURVES:
+            return np.nan
         curves, sd = curves[possible], sd[possible]
+        sizes = np.linalg.norm(curves, axis=1, keepdims=True)
+        _, shares, directions = np.linalg.svd(curves / sizes, full_matrices=False)
+        directions = directions[shares > _LEAST_SHARE * shares[0]].T
+        curves = curves @ directions
         measured = np.concatenate(
-            [data["pressure"].values[None], curves + sd * rng.standard_normal(curves.shape)]
+            [
+                data["pressure"].values[None] @ directions,
+                curves + sd * rng.standard_normal(curves.shape),
+            ]
         )
         scaled = curves / sd**2
         squares = (measured**2).sum(axis=1, keepdims=True)
         misfit = squares / (sd**2).T - 2 * measured @ scaled.T + (scaled * curves).sum(axis=1)
-        log_likelihood = -misfit / 2 - points * np.log(sd).T
+        log_likelihood = -misfit / 2 - curves.shape[1] * np.log(sd).T
         # Not against itself.
         np.fill_diagonal(log_likelihood[1:], -np.inf)
         likely = logsumexp(log_likelihood, axis=1)

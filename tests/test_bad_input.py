@@ -870,6 +870,18 @@ BAD_INPUT = [
         ValueError,
         ["'sigma'", "cannot be stored", "pm.Gamma.dist(2, 0.1)"],
     ),
+    (
+        "effect of experiments without variability",
+        lambda: fit(experiment_effect=True),
+        ValueError,
+        ["experiment_effect is True", "only with variability='specimen'"],
+    ),
+    (
+        "reference stress without variability",
+        lambda: fit(reference_stress=30.0),
+        ValueError,
+        ["reference_stress is 30.0", "only with variability='specimen'"],
+    ),
     ("no draws for classes", lambda: fit(draws=0), ValueError, ["draws is 0", "at least"]),
     ("seed for classes", lambda: fit(random_seed="x"), TypeError, ["random_seed", "'x'"]),
     # Classification.

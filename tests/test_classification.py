@@ -13,6 +13,9 @@ from scipy.special import logsumexp, softmax
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic import classification, predictive
+from pymc_hyperelastic.importance import fitted_mixture, mean_weight
+from pymc_hyperelastic.mixture import GaussianMixture
+from pymc_hyperelastic.variability import Variability
 
 SEED = 411
 DRAWS, CHAINS = 1000, 4
@@ -154,6 +157,13 @@ def test_class_prior_multiplies_the_odds(classes, by_specimen):
     np.testing.assert_allclose(result["class_probability"], softmax(log_odds, axis=1))
 
 
+def test_a_class_may_be_impossible_beforehand(classes, by_specimen):
+    """It stays so, without a warning, and its evidence is still told."""
+    result = classify(new_data(), classes, by="specimen", class_prior={"C1": 1.0, "C2": 0.0})
+    np.testing.assert_array_equal(result["class_probability"], [[1, 0], [1, 0]])
+    np.testing.assert_array_equal(result["log_evidence"], by_specimen["log_evidence"])
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
@@ -261,6 +271,41 @@ def test_classes_of_different_models_are_refused(classes, other):
             act()
 
 
+@pytest.mark.parametrize("other", [{"slope_weight": 0.0}, {"sigma": 10 * ph.mmHg}, "variability"])
+def test_laws_of_other_noise_are_refused(classes, other):
+    """Evidences of laws under two likelihoods do not compare, and the message names both."""
+    if other == "variability":
+        trees = classes.copy(), "average_over holds NeoHookean with variability='specimen', but "
+        stranger, message = trees
+        for name in NAMES:
+            del stranger[name].attrs["noise"], stranger[name].attrs["priors"]
+            stranger[name].attrs |= Variability(ph.NeoHookean(), 1.0).attrs()
+    else:
+        stranger = fit(ph.NeoHookean(), draws=50, chains=1, **other)
+        message = f"average_over holds NeoHookean with the noise .*{next(iter(other))}.*, but "
+    with pytest.raises(ValueError, match=message + "Ogden has the noise .*do not compare"):
+        classify(new_data(), classes, average_over=[stranger])
+
+
+def test_laws_of_one_name_are_told_apart(classes):
+    """Two laws that differ in a setting are labelled with it; others by their names."""
+    one, two = (fit(ph.OgdenSeries(terms), draws=100, chains=1) for terms in (1, 2))
+    new = ph.select(new_data(), specimen="S2", experiment=2)
+    result = classify(new, classes, average_over=[one, two])
+    labels = ["Ogden", "OgdenSeries(terms=1)", "OgdenSeries(terms=2)"]
+    assert result["strain_energy_probability"]["strain_energy"].values.tolist() == labels
+
+
+def test_classes_are_fitted_in_the_context_of_a_model():
+    """The models of the classes neither meet nor become part of the user's own."""
+    with pm.Model() as own:
+        pm.Normal("mu")
+        classes = fit(draws=50, chains=1)
+        classify(ph.select(new_data(), specimen="S2", experiment=2), classes)
+        ph.kl_divergence(classes, *NAMES)
+    assert list(own.named_vars) == ["mu"]
+
+
 def test_what_is_not_a_result_is_refused(classes):
     """An empty tree and a bare posterior each have a message of their own."""
     with pytest.raises(ValueError, match="no classes"):
@@ -268,6 +313,21 @@ def test_what_is_not_a_result_is_refused(classes):
     bare = xr.DataTree.from_dict({"C1/posterior": classes["C1"]["posterior"].to_dataset()})
     with pytest.raises(ValueError, match=r"ph\.fit_classes"):
         classify(new_data(), bare)
+
+
+# --- importance sampling --------------------------------------------------------------------------
+
+
+def test_nothing_is_learned_from_impossible_draws():
+    """A mixture is kept as it is, and the mean weight is zero, with any error."""
+    rng = np.random.default_rng(SEED)
+    mixture = GaussianMixture.fit(rng.standard_normal((500, 2)), 1, rng)
+
+    def score(points):
+        return np.full(len(points), -np.inf), np.zeros(len(points))
+
+    assert fitted_mixture(score, mixture, rng, 200) is mixture
+    assert mean_weight(np.full(2000, -np.inf)) == ((-np.inf, np.inf), np.inf)
 
 
 # --- divergence ----------------------------------------------------------------------------------

@@ -129,6 +129,25 @@ def test_a_law_without_modulus_keeps_its_parameters():
     np.testing.assert_allclose(scale.spread_prior[0], np.log(8 / 20))
 
 
+class EitherSign(ph.StrainEnergy):
+    """A law with a modulus that may be negative beside one that may not."""
+
+    parameters = (
+        ph.Parameter("c1", "c_1", "kPa", (0.0, 100.0), "modulus"),
+        ph.Parameter("c2", "c_2", "kPa", (-50.0, 50.0), "modulus of either sign"),
+    )
+
+    def energy(self, radial, hoop, axial, *, c1, c2):
+        excess = radial**2 + hoop**2 + axial**2 - 3
+        return c1 * excess + c2 * excess**2
+
+
+def test_moduli_have_to_be_positive(data):
+    """Else stress at the reference strain would be another than the reference stress."""
+    with pytest.raises(ValueError, match=r"'c2' of EitherSign .*'real'.*prior_range above zero"):
+        ph.population_model(EitherSign(), data, sigma=SIGMA)
+
+
 def test_priors_are_those_of_the_documentation():
     """Medians of the location: 0.2, a sixth of the largest value, the middle of a range."""
     mean, sd = NaturalScale(ph.HolzapfelGasserOgden()).location_prior
@@ -290,6 +309,15 @@ def model(data):
     return ph.population_model(ph.Ogden(), data, sigma=SIGMA)
 
 
+def test_model_stands_by_itself_in_the_context_of_another(data):
+    """Neither model takes over the other's variables, nor minds their names."""
+    with pm.Model(coords={"obs": [0]}) as other:
+        pm.Normal("location")
+        model = ph.population_model(ph.Ogden(), data, sigma=SIGMA)
+    assert [v.name for v in other.free_RVs] == ["location"]
+    assert model["location"] in model.free_RVs and not other.observed_RVs
+
+
 def test_prior_predictive_sampling_runs(model, data):
     """Class, specimens, their material parameters and measurements all have draws."""
     tree = pm.sample_prior_predictive(
@@ -357,6 +385,11 @@ def test_model_can_be_sampled(model):
         ({"sigma": -2.0}, ValueError, "sigma is -2.0"),
         ({"sigma": "5 mmHg"}, TypeError, "sigma is '5 mmHg'"),
         ({"sigma": pm.HalfNormal.dist(1, shape=2)}, TypeError, "sigma.*a scalar"),
+        (
+            {"sigma": pm.Normal.dist(0.5, 0.3)},
+            ValueError,
+            "prior of 'sigma' holds numbers such as -.*positive numbers",
+        ),
     ],
 )
 def test_bad_input_is_named(data, settings, error, message):
