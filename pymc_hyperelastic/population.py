@@ -18,6 +18,7 @@ from pymc_hyperelastic.layers import check_energy
 from pymc_hyperelastic.likelihood import check_likelihood, shared_inputs
 from pymc_hyperelastic.pressure import wall_pressure
 from pymc_hyperelastic.priors import check_prior, is_inferred, register_prior
+from pymc_hyperelastic.results import Study
 from pymc_hyperelastic.rules import Rule, current_tube, rule_for, tube_inputs
 from pymc_hyperelastic.strain_energy.base import Parameter, StrainEnergy
 
@@ -288,8 +289,10 @@ def population_model(
             specimen_sigma = pt.full((len(specimens),), np.float64(sigma))
         rule = population_rule(scale, data)
         inputs = shared_inputs("data", curve_inputs(data, rule))
-        inputs["pressure"] = pm.Data("pressure_data", data["pressure"].values.astype(float))
+        pressures = data["pressure"].values.astype(float)
+        inputs["pressure"] = pm.Data("pressure_data", pressures, dims="obs")
         register_curves(scale, inputs, rule, coordinates, specimen_sigma[of_test], dims="obs")
+    model.study = Study(energy, data, {}, {}, likelihood="population")
     return model
 
 

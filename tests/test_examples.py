@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
@@ -73,6 +74,33 @@ def test_csv_is_classified(tmp_path):
     assert best.set_index("specimen")["class_label"].to_dict() == {"S1": "C1", "S4": "C2"}
     assert len(list((tmp_path / "out").glob("*.png"))) == 4
     assert xr.load_datatree(tmp_path / "out" / "classes.nc").children
+
+
+@pytest.mark.slow
+def test_cohort_runs(tmp_path):
+    """Few specimens already show that the pooled scheme is surer than it may be."""
+    few = ("--train", "8", "--new", "20", "--other", "8", "--quiet")
+    done = run("simulated_cohort.py", *few, "--out", tmp_path / "out", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "SIMULATED: 20 new specimens" in done.stdout
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"curves.png", "class_probability.png", "reliability.png"} < names
+    for row in ("true", "variability", "pooled", "neither class", "softer"):
+        assert f"\n{row} " in done.stdout
+    for scheme in ("variability", "pooled"):
+        classes = xr.load_datatree(tmp_path / "out" / f"{scheme}_classes.nc")
+        assert list(classes.children) == ["A", "B"]
+    known, learned, pooled = (
+        xr.load_dataset(tmp_path / "out" / f"{scheme}_new.nc")["class_probability"]
+        for scheme in ("true", "variability", "pooled")
+    )
+    assert abs(learned - known).mean() < abs(pooled - known).mean()
+    scores = pd.read_csv(tmp_path / "out" / "scores.csv", index_col=0)["log score"]
+    assert np.log(0.5) < scores["true"] < 0
+    assert scores["variability"] > scores["true"] - 0.5
+    assert scores["pooled"] < scores["variability"] - 10
+    flagged = pd.read_csv(tmp_path / "out" / "none_of_these.csv", index_col="kind")
+    assert flagged.loc["neither class", "share"] > flagged.loc[["A", "B"], "share"].max()
 
 
 def test_csv_help_documents_the_format(tmp_path):
