@@ -289,7 +289,8 @@ def classify(
         class's distribution, integrated by "specimen draws": with a ``pareto_k`` above 0.7 the
         evidence is not to be trusted. ``p_value`` is then the share of the specimens that the class
         would bring forth, measured at the same radii, that are as far from all its others as this
-        one is, or further.
+        one is, or further: far by their curves, whatever the noise. It is NaN if the class brings
+        forth no tubes that could be inflated to these radii.
 
     Raises
     ------

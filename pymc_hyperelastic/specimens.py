@@ -39,12 +39,19 @@ from pymc_hyperelastic.priors import is_inferred
 from pymc_hyperelastic.rules import Rule
 from pymc_hyperelastic.smc import Estimate
 
-__all__ = ["SpecimenDraws", "SpecimenSampler", "class_model", "log_density", "reference_of"]
+__all__ = [
+    "SpecimenDraws",
+    "SpecimenSampler",
+    "class_model",
+    "log_densities",
+    "log_density",
+    "reference_of",
+]
 
 Array = NDArray[np.float64]
 
-# Particles of a specimen.
-_PARTICLES = 2000
+# Particles of a specimen, and how many of them are held against many distributions at once.
+_PARTICLES, _BLOCK = 2000, 25
 # Draws of importance sampling, and the Pareto shape from which on their mean cannot be believed.
 _DRAWS, _LARGEST_PARETO_K = 8000, 0.7
 # Effective draws without which nothing is known of a mean.
@@ -297,6 +304,26 @@ def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDis
         mean, sd = distribution.log_sigma, distribution.noise_spread
         total = total + _log_normal(xp, draws["log_sigma"], mean, sd)
     return total
+
+
+def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Array:
+    """Log density of every draw of a specimen under each of many class distributions."""
+    of_draws = ("centre", "scatter", "log_sigma")
+    blocks = np.split(
+        np.arange(len(draws.log_weight)), range(_BLOCK, len(draws.log_weight), _BLOCK)
+    )
+    return np.concatenate(
+        [
+            log_density(
+                np,
+                {name: getattr(draws, name)[..., block] for name in of_draws}
+                | {"tests": draws.tests},
+                distributions,
+            )
+            for block in blocks
+        ],
+        axis=1,
+    )
 
 
 def _log_density_of_centre(

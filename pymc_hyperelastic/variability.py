@@ -31,7 +31,7 @@ from pymc_hyperelastic.specimens import (
     class_model,
     fresh_specimens,
     independent,
-    log_density,
+    log_densities,
     reference_of,
     sample,
 )
@@ -46,17 +46,16 @@ __all__ = [
 Array = NDArray[np.float64]
 
 # Draws of a specimen that stand for it in the model of its class: its density, which is mostly far
-# wider than what a specimen's curves leave open, is averaged over them. Where the first number
-# leaves a larger error than this in the class's log evidence, the second is taken.
-_IN_CLASS, _LARGEST_ERROR = (256, 1024), 0.3
+# wider than what a specimen's curves leave open, is averaged over them.
+_IN_CLASS = 128
 # Draws of a class's distribution against which a specimen is held.
 _DISTRIBUTIONS = 1000
 # Weights of a larger Pareto shape, or fewer effective ones, do not make a mean: the specimen is
 # sampled again, closer to the class.
 _LARGEST_PARETO_K, _ENOUGH = 0.7, 50
-# kPa: curves beyond that are not of tubes. With fewer of them at the radii of a specimen there is
-# no telling how unlikely it is.
-_LARGEST_PRESSURE, _FEWEST_CURVES = 1e6, 100
+# kPa: curves beyond these are not of tubes. With fewer than so many of them at the radii of a
+# specimen there is no telling how unlikely it is.
+_SMALLEST_PRESSURE, _LARGEST_PRESSURE, _FEWEST_CURVES = 1e-6, 1e6, 100
 # Curves of a class differ along directions in which they differ by this fraction, or more, of how
 # they do along the first.
 _LEAST_SHARE = 0.003
@@ -169,26 +168,22 @@ def fit_distribution(
     random_seed: np.random.SeedSequence,
 ) -> xr.DataTree:
     """Posterior and evidence of a class's distribution, with the draws of its specimens."""
-    seeds = random_seed.spawn(chains)
-    for in_class in _IN_CLASS:
-        few = {name: specimen.first(in_class) for name, specimen in draws.items()}
-        kernel = BatchedSMC(draws=count, model=settings.model(few))
-        populations, stats = [], []
-        for seed in seeds:
-            particles, evidence = sample(kernel, np.random.default_rng(seed))
-            populations.append(particles)
-            last = {
-                "beta": 1.0,
-                "log_marginal_likelihood": evidence.value,
-                "log_evidence_variance": evidence.standard_error**2,
-            }
-            stats.append({name: [value] for name, value in last.items()})
-        tree = particles_to_tree(
-            kernel, populations, stats, kernel.model.unobserved_RVs, random_seed.entropy
-        )
-        error = _error_of_specimens(few, distributions_of(tree))
-        if error < _LARGEST_ERROR:
-            break
+    few = {name: specimen.first(_IN_CLASS) for name, specimen in draws.items()}
+    kernel = BatchedSMC(draws=count, model=settings.model(few))
+    populations, stats = [], []
+    for seed in random_seed.spawn(chains):
+        particles, evidence = sample(kernel, np.random.default_rng(seed))
+        populations.append(particles)
+        last = {
+            "beta": 1.0,
+            "log_marginal_likelihood": evidence.value,
+            "log_evidence_variance": evidence.standard_error**2,
+        }
+        stats.append({name: [value] for name, value in last.items()})
+    tree = particles_to_tree(
+        kernel, populations, stats, kernel.model.unobserved_RVs, random_seed.entropy
+    )
+    error = _error_of_specimens(few, distributions_of(tree))
     tree["evidence"] = tree["evidence"].to_dataset().assign(specimens_se=error)
     dims = {
         "centre": ("specimen", "coordinate", "particle"),
@@ -243,7 +238,7 @@ def _error_of_specimens(
     """Standard error of a class's log evidence that comes from the draws of its specimens."""
     variance = 0.0
     for specimen in draws.values():
-        log_weights = specimen.log_weight + log_density(np, vars(specimen), distributions)
+        log_weights = specimen.log_weight + log_densities(specimen, distributions)
         log_weights -= logsumexp(log_weights, axis=1, keepdims=True)
         effective = np.exp(-logsumexp(2 * log_weights, axis=1))
         variance += specimen.standard_error**2 + np.mean(1 / effective) - 1 / log_weights.shape[1]
@@ -264,7 +259,7 @@ class SpecimenEvidence(NamedTuple):
 
 def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) -> SpecimenEvidence:
     """Evidence of a specimen that is a fresh draw from a class, its distribution averaged over."""
-    density = log_density(np, vars(draws), distributions)
+    density = log_densities(draws, distributions)
     count = len(density)
     log_weights = draws.log_weight + logsumexp(density, axis=0) - np.log(count)
     value = float(logsumexp(log_weights))
@@ -369,13 +364,14 @@ class SpecimenPredictive:
         sigma = self._settings.known_sigma
         sd = np.full((len(curves), 1), sigma) if sigma else np.exp(draws["log_specimen_sigma"])
         sd = sd / np.sqrt(2)
+        sizes = np.abs(curves).max(axis=1)
         # No comparison with NaN is true.
-        possible = (np.abs(curves) < _LARGEST_PRESSURE).all(axis=1)
+        possible = (sizes < _LARGEST_PRESSURE) & (sizes > _SMALLEST_PRESSURE)
         if possible.sum() < _FEWEST_CURVES:
             return np.nan
         curves, sd = curves[possible], sd[possible]
-        sizes = np.linalg.norm(curves, axis=1, keepdims=True)
-        _, shares, directions = np.linalg.svd(curves / sizes, full_matrices=False)
+        alike = curves / np.linalg.norm(curves, axis=1, keepdims=True)
+        _, shares, directions = np.linalg.svd(alike, full_matrices=False)
         directions = directions[shares > _LEAST_SHARE * shares[0]].T
         curves = curves @ directions
         measured = np.concatenate(

@@ -1,6 +1,8 @@
 """Classes whose specimens differ: coordinates of a specimen, priors, and the density of a model."""
 
+import arviz as az
 import exact
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pymc as pm
@@ -11,6 +13,8 @@ from scipy.special import expit, logit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.population import NaturalScale, register_class, specimens_of
+
+mpl.use("Agg")
 
 SEED = 733
 # Sums and logarithms of a few numbers of order one.
@@ -404,3 +408,52 @@ def test_material_and_data_have_to_be_what_they_are_called(data):
         ph.population_model(ph.Ogden, data, sigma=SIGMA)
     with pytest.raises(TypeError, match="Dataset"):
         ph.population_model(ph.Ogden(), pd.DataFrame({"radius": [1.0]}), sigma=SIGMA)
+
+
+@pytest.mark.slow
+def test_nuts_and_smc_agree():
+    """Five specimens with two experiments each, unknown noise, default settings of NUTS.
+
+    Means agree to a fifth of a standard deviation and these to a fifth, several times what chains
+    of a thousand effective draws differ by.
+    """
+    rng = np.random.default_rng(SEED)
+    moduli, exponents = 30 * np.exp(0.3 * rng.normal(size=5)), 7 * np.exp(0.2 * rng.normal(size=5))
+    tests = [
+        (f"S{i}", experiment, 1.0, {"mu": mu, "alpha": alpha})
+        for i, (mu, alpha) in enumerate(zip(moduli, exponents, strict=True))
+        for experiment in (1, 2)
+    ]
+    model = ph.population_model(
+        ph.Ogden(), inflation(tests, 0.15), sigma=pm.LogNormal.dist(np.log(0.2), 1.0)
+    )
+    nuts = pm.sample(model=model, cores=1, random_seed=SEED, progressbar=False)
+    assert not nuts["sample_stats"]["diverging"].any()
+    names = [rv.name for rv in model.free_RVs]
+    posterior = nuts["posterior"].to_dataset()[names]
+    assert az.rhat(posterior).to_array().max() < 1.01
+    smc = ph.sample_smc(model, 1000, 2, random_seed=SEED, progressbar=False)
+    particles = smc["posterior"].to_dataset()[names]
+    over = ("chain", "draw")
+    for name in names:
+        sd = posterior[name].std(over)
+        np.testing.assert_array_less(
+            abs(particles[name].mean(over) - posterior[name].mean(over)), 0.2 * sd
+        )
+        np.testing.assert_array_less(abs(particles[name].std(over) / sd - 1), 0.2)
+
+
+def test_arviz_takes_results(model, data):
+    """Scores by leaving points out, and predictions with their figure, as of any PyMC model."""
+    tree = ph.sample_smc(model, 200, 1, random_seed=SEED, progressbar=False)
+    quickly = {"progressbar": False, "compile_kwargs": {"mode": MODE}}
+    with model:
+        pm.compute_log_likelihood(tree, progressbar=False)
+        pm.sample_posterior_predictive(tree, extend_inferencedata=True, random_seed=SEED, **quickly)
+    assert az.loo(tree).n_data_points == data.sizes["obs"]
+    az.plot_ppc_dist(tree)
+    # The curve of a specimen is drawn for each of its own points.
+    predicted = tree["posterior_predictive"]["measured_pressure"].mean(("chain", "draw"))
+    assert abs(predicted - data["pressure"].values).max() < 4 * SIGMA
+    with pytest.raises(ValueError, match="'specimen'"):
+        ph.predict_pressure(tree, [7.5])
