@@ -381,7 +381,8 @@ def test_class_whose_experiments_differ():
     assert abs(value - truth) < STANDARD_ERRORS * error
     log_within = np.log(fitted["posterior"]["experiment_spread"].values)
     width = np.sqrt(differ[1] - differ[0] ** 2)
-    assert abs(log_within.mean() - differ[0]) < 0.3 * width
+    # The draws that stand for a specimen shift the posterior by about their error in nats, in sds.
+    assert abs(log_within.mean() - differ[0]) < STANDARD_ERRORS * error * width
     assert 0.7 < log_within.std() / width < 1.3
 
 
