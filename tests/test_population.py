@@ -443,9 +443,11 @@ def test_nuts_and_smc_agree():
         np.testing.assert_array_less(abs(particles[name].std(over) / sd - 1), 0.2)
 
 
-def test_arviz_takes_results(model, data):
+def test_arviz_takes_results():
     """Scores by leaving points out, and predictions with their figure, as of any PyMC model."""
-    tree = ph.sample_smc(model, 200, 1, random_seed=SEED, progressbar=False)
+    data = ph.select(ph.load_dataset("simulated_sheep_aorta"), group="C1")
+    model = ph.population_model(ph.Ogden(), data, sigma=SIGMA)
+    tree = ph.sample_smc(model, 1000, 1, random_seed=SEED, progressbar=False)
     quickly = {"progressbar": False, "compile_kwargs": {"mode": MODE}}
     with model:
         pm.compute_log_likelihood(tree, progressbar=False)
