@@ -214,7 +214,9 @@ def _fit_distributions(
         bar = progress.add_task("Fitting classes", completed=0, total=2 * len(classes))
         try:
             for (name, data), own in zip(classes.items(), seed.spawn(len(classes)), strict=True):
-                specimens = sample_specimens(settings, data, np.random.default_rng(own))
+                specimens = sample_specimens(
+                    settings.sampler(data), data, np.random.default_rng(own)
+                )
                 progress.advance(bar)
                 fitted = fit_distribution(settings, specimens, draws, chains, own)
                 for group, dataset in Study(settings.energy, data, {}, {}).groups().items():

@@ -318,7 +318,8 @@ class _VariableFolds(_Folds):
         rng = np.random.default_rng(seed)
         self.samplers = {name: self.model.sampler(data) for name, data in self.classes.items()}
         self.draws = {
-            name: sample_specimens(self.model, data, rng) for name, data in self.classes.items()
+            name: sample_specimens(self.samplers[name], data, rng)
+            for name, data in self.classes.items()
         }
 
     def __init__(self, *args: Any) -> None:

@@ -17,6 +17,7 @@ __all__ = [
     "draw_heavy_tailed",
     "fitted_mixture",
     "mean_weight",
+    "weighted_draws",
 ]
 
 Array = NDArray[np.float64]
@@ -89,8 +90,7 @@ def fitted_mixture(
 ) -> GaussianMixture:
     """Mixture fitted to the posterior by importance sampling from one that is near it."""
     for _ in range(_MOST_FITS):
-        points, log_density = draw_heavy_tailed(mixture, draws, rng)
-        log_weights = np.nan_to_num(sum(score(points)) - log_density, nan=-np.inf, neginf=-np.inf)
+        points, log_weights = weighted_draws(score, mixture, draws, rng)
         effective = effective_sample_size(log_weights)
         # There is nothing to learn from draws that are all impossible.
         if effective == 0 or effective > _ALIKE * draws:
@@ -102,6 +102,18 @@ def fitted_mixture(
         start = mixture if len(mixture.means) >= components else None
         mixture = GaussianMixture.fit(learn_from, components, rng, start=start, iterations=6)
     return mixture
+
+
+def weighted_draws(
+    score: Callable[[Array], tuple[Array, Array]],
+    mixture: GaussianMixture,
+    draws: int,
+    rng: np.random.Generator,
+) -> tuple[Array, Array]:
+    """Points from the mixture with heavy tails, and the logarithms of their weights."""
+    points, log_density = draw_heavy_tailed(mixture, draws, rng)
+    log_weights = sum(score(points)) - log_density
+    return points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
 
 
 def draw_heavy_tailed(

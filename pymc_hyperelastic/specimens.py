@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.batched import BatchedFunction
 from pymc_hyperelastic.importance import (
     adapted_mixture,
-    draw_heavy_tailed,
     fitted_mixture,
     mean_weight,
+    weighted_draws,
 )
 from pymc_hyperelastic.kernel import BatchedSMC, systematic
 from pymc_hyperelastic.likelihood import shared_inputs
@@ -127,10 +127,7 @@ def sample(kernel: BatchedSMC, rng: np.random.Generator) -> tuple[Array, Estimat
             followed = adapted_mixture(kernel.score, wide, rng, steps)
             mixture = modes.joined(followed or wide)
         mixture = fitted_mixture(kernel.score, mixture, rng, steps)
-        points, log_density = draw_heavy_tailed(mixture, _DRAWS, rng)
-        log_weights = np.nan_to_num(
-            sum(kernel.score(points)) - log_density, nan=-np.inf, neginf=-np.inf
-        )
+        points, log_weights = weighted_draws(kernel.score, mixture, _DRAWS, rng)
         evidence, pareto_k = mean_weight(log_weights, enough=_ENOUGH)
         if evidence.value > best.value:
             weights = np.exp(log_weights - log_weights.max())

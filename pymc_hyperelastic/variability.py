@@ -149,11 +149,10 @@ class Variability:
 
 
 def sample_specimens(
-    settings: Variability, data: xr.Dataset, rng: np.random.Generator
+    sampler: SpecimenSampler, data: xr.Dataset, rng: np.random.Generator
 ) -> dict[str, SpecimenDraws]:
     """Draws of each specimen of the data."""
     names, of_test = specimens_of(data)
-    sampler = settings.sampler(data)
     return {
         name: sampler(tests_at(data, np.flatnonzero(of_test == i)), rng)
         for i, name in enumerate(names)

@@ -9,6 +9,7 @@ import pymc as pm
 import pytensor.tensor as pt
 import pytest
 import xarray as xr
+from interrupts import interrupt
 from scipy.special import logsumexp, softmax
 
 import pymc_hyperelastic as ph
@@ -201,19 +202,6 @@ def test_classes_read_from_a_file_give_the_same_probabilities(classes, by_specim
         again = classify(new_data(), loaded, by="specimen")
     for name in ("class_probability", "log_evidence", "log_evidence_se"):
         np.testing.assert_allclose(again[name], by_specimen[name], rtol=ROUNDING, atol=ROUNDING)
-
-
-def interrupt(monkeypatch, module, name, call):
-    """Make the n-th call of a function meet Ctrl-C."""
-    function, calls = getattr(module, name), []
-
-    def interrupted(*args, **kwargs):
-        calls.append(1)
-        if len(calls) == call:
-            raise KeyboardInterrupt
-        return function(*args, **kwargs)
-
-    monkeypatch.setattr(module, name, interrupted)
 
 
 def test_interrupt_leaves_nan_and_keeps_the_rest(classes, by_test, monkeypatch):

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from interrupts import interrupt
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic import classification, predictive, smc
@@ -61,16 +62,8 @@ INTERRUPTS = {
 @pytest.mark.parametrize(("module", "name", "call", "chains"), INTERRUPTS.values(), ids=INTERRUPTS)
 def test_an_interrupt_ends_the_report(monkeypatch, module, name, call, chains):
     """What was known before is kept, and nothing is made of half a fit, nor fitted afterwards."""
-    function, calls = getattr(module, name), []
-
-    def interrupted(*args, **kwargs):
-        calls.append(1)
-        if len(calls) == call:
-            raise KeyboardInterrupt
-        return function(*args, **kwargs)
-
     complete = report_of(chains=chains)
-    monkeypatch.setattr(module, name, interrupted)
+    interrupt(monkeypatch, module, name, call)
     with pytest.warns(UserWarning, match="interrupted"):
         report = report_of(chains=chains)
     xr.testing.assert_identical(report.isel(specimen=[0]), complete.isel(specimen=[0]))
