@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.units import to_internal
+from pymc_hyperelastic.data.units import to_internal
 
 FORMAT = """\
 format of the CSV file: one row a measured point, one column each for

@@ -6,22 +6,34 @@ evidences and class probabilities come out, as ordinary PyMC models and ArviZ re
 
 from importlib.metadata import version
 
-from pymc_hyperelastic import strain_energy
-from pymc_hyperelastic.axial_force import axial_force
-from pymc_hyperelastic.calibration import simulation_based_calibration
-from pymc_hyperelastic.classification import classify, fit_classes, kl_divergence
-from pymc_hyperelastic.data import inflation_data, select
-from pymc_hyperelastic.datasets import list_datasets, load_dataset
-from pymc_hyperelastic.held_out import calibration_report
-from pymc_hyperelastic.kernel import BatchedSMC
-from pymc_hyperelastic.layers import Layer
-from pymc_hyperelastic.likelihood import inflation_likelihood
-from pymc_hyperelastic.models import (
+from pymc_hyperelastic.classes.classify import classify, fit_classes, kl_divergence
+from pymc_hyperelastic.classes.held_out import calibration_report
+from pymc_hyperelastic.classes.scores import score_probabilities
+from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
+from pymc_hyperelastic.data.inflation import inflation_data, select
+from pymc_hyperelastic.data.units import mmHg
+from pymc_hyperelastic.evidence.calibration import simulation_based_calibration
+from pymc_hyperelastic.evidence.kernel import BatchedSMC
+from pymc_hyperelastic.evidence.quadrature import log_evidence_by_quadrature
+from pymc_hyperelastic.evidence.smc import Estimate, log_evidence, sample_smc
+from pymc_hyperelastic.mechanics import strain_energy
+from pymc_hyperelastic.mechanics.axial_force import axial_force
+from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.pressure import (
+    PressureIntegral,
+    inflation_pressure,
+    inflation_stiffness,
+)
+from pymc_hyperelastic.mechanics.strain_energy import *  # noqa: F403
+from pymc_hyperelastic.models.inflation import (
     criscione_model,
     inflation_model,
     ogden_model,
     power_law_neo_hookean_model,
 )
+from pymc_hyperelastic.models.likelihood import inflation_likelihood
+from pymc_hyperelastic.models.population import population_model
+from pymc_hyperelastic.models.slopes import balanced_slope_weight
 from pymc_hyperelastic.plots import (
     plot_calibration_ranks,
     plot_class_probability,
@@ -30,25 +42,17 @@ from pymc_hyperelastic.plots import (
     plot_pressure_fit,
     plot_reliability,
 )
-from pymc_hyperelastic.population import population_model
-from pymc_hyperelastic.predictions import (
+from pymc_hyperelastic.predictions.curves import (
     predict_axial_force,
     predict_pressure,
     radius_at_pressure,
 )
-from pymc_hyperelastic.pressure import PressureIntegral, inflation_pressure, inflation_stiffness
-from pymc_hyperelastic.properties import (
+from pymc_hyperelastic.predictions.properties import (
     admissible,
     pulse_wave_velocity,
     tube_properties,
     wall_stress,
 )
-from pymc_hyperelastic.quadrature import log_evidence_by_quadrature
-from pymc_hyperelastic.scores import score_probabilities
-from pymc_hyperelastic.slopes import balanced_slope_weight
-from pymc_hyperelastic.smc import Estimate, log_evidence, sample_smc
-from pymc_hyperelastic.strain_energy import *  # noqa: F403
-from pymc_hyperelastic.units import mmHg
 
 __version__ = version("pymc-hyperelastic")
 

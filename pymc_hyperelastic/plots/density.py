@@ -10,9 +10,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.mixture import GaussianMixture
+from pymc_hyperelastic.evidence.mixture import GaussianMixture
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, fitted_classes, training_attrs
-from pymc_hyperelastic.strain_energy import StrainEnergy
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection

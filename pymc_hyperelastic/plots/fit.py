@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data import GEOMETRY, check_inflation_data, points_of
+from pymc_hyperelastic.data.inflation import GEOMETRY, check_inflation_data, points_of
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.results import inflation_data_of
 from pymc_hyperelastic.plots.style import (
     MOST_DRAWS,
     RADIUS_LABEL,
@@ -19,9 +21,7 @@ from pymc_hyperelastic.plots.style import (
     per_kilopascal,
     training_attrs,
 )
-from pymc_hyperelastic.predictions import predict_pressure
-from pymc_hyperelastic.results import inflation_data_of
-from pymc_hyperelastic.strain_energy import StrainEnergy
+from pymc_hyperelastic.predictions.curves import predict_pressure
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data import check_inflation_data, points_of
+from pymc_hyperelastic.data.inflation import check_inflation_data, points_of
 from pymc_hyperelastic.plots.style import RADIUS_LABEL, Backend, Canvas, Visuals, per_kilopascal
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import pytest
 from known_problem import ALPHA, LOG_EVIDENCE, MU, SIGMA, SLOPE_WEIGHT, simulate
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.batched import BatchedFunction
+from pymc_hyperelastic.evidence.batched import BatchedFunction
 
 SEED = 100
 POINTS = (60, 600, 6_000, 60_000)

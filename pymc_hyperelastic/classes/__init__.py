@@ -1,0 +1,1 @@
+"""Classes of specimens: fitted, stored, and held against new specimens."""

@@ -1,0 +1,240 @@
+"""Scores of class probabilities against the true classes, and how reliable they are."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from pymc_hyperelastic.evidence.kernel import check_count
+
+__all__ = ["score_probabilities"]
+
+Array = NDArray[np.float64]
+
+# By how much probabilities of classes that were rounded may miss a sum of 1.
+_SUM_TOLERANCE = 1e-6
+
+# What the forecast of the most probable class is called.
+TOP_CLASS = "most probable class"
+
+
+def score_probabilities(
+    probability: xr.DataArray | xr.Dataset,
+    truth: Any,
+    *,
+    bins: int = 10,
+    prob: float = 0.94,
+) -> xr.Dataset:
+    r"""Score class probabilities against the true classes, and tabulate how reliable they are.
+
+    With the probability ``p_c`` of class ``c`` and the true class ``t`` of a unit,
+
+    .. math:: \text{log score} = \ln p_t, \qquad
+        \text{Brier score} = \sum_c \left(p_c - 1[c = t]\right)^2
+
+    A log score is best at 0, and ``−inf`` where the truth was called impossible; a Brier score
+    [1]_ is best at 0 and 2 at worst. Probabilities are reliable if, of all that are near ``p``, a
+    share of ``p`` comes true. With the probabilities divided among ``M`` bins, ``n_m`` of ``n`` in
+    bin ``m``, of mean ``p̄_m`` and of which a share ``f_m`` came true, the expected calibration
+    error [2]_ [3]_ is
+
+    .. math:: \text{ECE} = \sum_{m=1}^{M} \frac{n_m}{n} \left|f_m - \bar p_m\right|
+
+    Parameters
+    ----------
+    probability : xarray.DataArray or xarray.Dataset
+        Probabilities (unit, class_label), whatever the first dimension is called; or the result of
+        :func:`pymc_hyperelastic.classify`.
+    truth : sequence of str or xarray.DataArray
+        The true class of each unit.
+    bins : int, default 10
+        ``M``, the number of bins of equal width between 0 and 1. What lies between two belongs to
+        the lower one.
+    prob : float, default 0.94
+        Coverage of the intervals of the observed frequencies.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``log_score``, ``brier_score`` and ``correct`` (unit); their means ``mean_log_score``,
+        ``mean_brier_score`` and ``accuracy``, each with a standard error (``…_se``);
+        ``expected_calibration_error`` (forecast), and the table behind it, (forecast, bin):
+        ``count``, ``predicted_probability`` (mean of the bin), ``observed_frequency`` and its
+        Wilson interval from ``frequency_lower`` to ``frequency_upper``, all NaN where a bin is
+        empty. The forecasts are ``"most probable class"``, whose error is the one that goes by the
+        name in the literature, and those of each class against the others.
+
+    Raises
+    ------
+    TypeError
+        If the probabilities are no DataArray, or `bins` is no whole number.
+    ValueError
+        If there are no units or classes, the probabilities of a unit are not known or do not add
+        up to 1, or a true class is missing or unknown.
+
+    See Also
+    --------
+    plot_reliability : The figure that belongs to it.
+
+    Notes
+    -----
+    The most probable class of a unit counts once, so that the binomial intervals hold if units are
+    independent. Experiments on one specimen are not: classify by specimen, or take intervals and
+    standard errors as too short. Between equal probabilities the first class is the one that
+    counts.
+
+    The calibration error is never negative: with few units in a bin it is large by chance alone.
+
+    References
+    ----------
+    .. [1] G. W. Brier, Verification of forecasts expressed in terms of probability, Monthly Weather
+       Review 78 (1950) 1.
+    .. [2] M. P. Naeini, G. F. Cooper and M. Hauskrecht, Obtaining well calibrated probabilities
+       using Bayesian binning, AAAI Conference on Artificial Intelligence 29 (2015) 2901.
+    .. [3] C. Guo, G. Pleiss, Y. Sun and K. Q. Weinberger, On calibration of modern neural networks,
+       Proceedings of Machine Learning Research 70 (2017) 1321.
+
+    Examples
+    --------
+    >>> import xarray as xr, pymc_hyperelastic as ph
+    >>> probability = xr.DataArray(
+    ...     [[0.9, 0.1], [0.6, 0.4], [0.2, 0.8]],
+    ...     {"specimen": ["S1", "S2", "S3"], "class_label": ["C1", "C2"]},
+    ... )
+    >>> scores = ph.score_probabilities(probability, ["C1", "C2", "C2"])
+    >>> scores["brier_score"].round(2).values.tolist()
+    [0.02, 0.72, 0.08]
+    >>> round(scores["accuracy"].item(), 3)
+    0.667
+    """
+    check_count("bins", bins, 1)
+    if not 0 < prob < 1:
+        raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
+    attrs = dict(getattr(probability, "attrs", {}))
+    probability = _checked_probability(probability)
+    unit = str(probability.dims[0])
+    p, classes = probability.values, probability["class_label"].values.tolist()
+    true = _checked_truth(truth, probability)
+    rows = np.arange(len(p))
+    with np.errstate(divide="ignore"):
+        log_score = np.log(p[rows, true])
+    brier_score = np.sum((p - np.eye(len(classes))[true]) ** 2, axis=1)
+    top = p.argmax(axis=1)
+    forecasts = {TOP_CLASS: (p[rows, top], top == true)}
+    forecasts |= {str(name): (p[:, c], true == c) for c, name in enumerate(classes)}
+    scores = {"log_score": log_score, "brier_score": brier_score, "correct": top == true}
+    means = {}
+    for name, values in scores.items():
+        mean = "accuracy" if name == "correct" else f"mean_{name}"
+        means[mean], means[f"{mean}_se"] = _mean(values.astype(float))
+    edges = np.linspace(0, 1, bins + 1)
+    table = xr.concat(
+        [_reliability(*forecast, edges, prob) for forecast in forecasts.values()], dim="forecast"
+    )
+    gap = abs(table["observed_frequency"] - table["predicted_probability"])
+    means["expected_calibration_error"] = (table["count"] * gap).sum("bin") / len(p)
+    of_units = {n: c.variable for n, c in probability.coords.items() if c.dims == (unit,)}
+    of_table = {
+        "forecast": list(forecasts),
+        "bin_left": ("bin", edges[:-1]),
+        "bin_right": ("bin", edges[1:]),
+    }
+    return xr.Dataset(
+        {name: (unit, values) for name, values in scores.items()} | means | dict(table.data_vars),
+        of_units | {"truth": (unit, np.asarray(classes)[true])} | of_table,
+        {key: attrs[key] for key in ("title", "simulated", "strain_energy") if key in attrs}
+        | {"prob": prob},
+    )
+
+
+def _checked_probability(probability: Any) -> xr.DataArray:
+    """Probabilities by unit and class."""
+    if isinstance(probability, xr.Dataset) and "class_probability" in probability:
+        probability = probability["class_probability"]
+    if not isinstance(probability, xr.DataArray):
+        raise TypeError(
+            "expected the result of ph.classify or an xarray.DataArray of probabilities, not "
+            f"{type(probability).__name__}"
+        )
+    dims = [str(dim) for dim in probability.dims]
+    if len(dims) != 2 or "class_label" not in dims or "class_label" not in probability.coords:
+        raise ValueError(
+            "probabilities must have two dimensions, the units and 'class_label', with the names "
+            f"of the classes as its coordinate; here are {dims}"
+        )
+    probability = probability.transpose(..., "class_label").astype(float)
+    classes = probability["class_label"].values.tolist()
+    if not probability.size or len(set(classes)) < len(classes):
+        raise ValueError(
+            f"there are probabilities of {len(probability)} unit(s) and of the classes {classes}; "
+            "expected one of each at least, and each class once"
+        )
+    for i, p in enumerate(probability.values):
+        if not np.all((p >= 0) & (p <= 1 + _SUM_TOLERANCE)) or abs(p.sum() - 1) > _SUM_TOLERANCE:
+            raise ValueError(
+                f"{_name_of_unit(probability, i)}: the probabilities {p.tolist()} are not numbers "
+                "between 0 and 1 that add up to 1"
+                + (" (not classified: leave the unit out)" if np.isnan(p).any() else "")
+            )
+    return probability
+
+
+def _checked_truth(truth: Any, probability: xr.DataArray) -> NDArray[np.int64]:
+    """Index of the true class of each unit."""
+    unit, classes = probability.dims[0], probability["class_label"].values.tolist()
+    if isinstance(truth, xr.DataArray):
+        for index in (unit,) if unit in truth.coords and unit in probability.coords else ():
+            if truth[index].values.tolist() != probability[index].values.tolist():
+                raise ValueError(f"probabilities and truth differ in {index!r}, or in its order")
+        truth = truth.values
+    labels = np.asarray(truth).tolist()
+    if not isinstance(labels, list) or len(labels) != len(probability):
+        raise ValueError(
+            f"truth must hold one class for each of {len(probability)} unit(s); got {truth!r}"
+        )
+    for i, label in enumerate(labels):
+        if label not in classes:
+            raise ValueError(
+                f"{_name_of_unit(probability, i)}: the true class {label!r} is not among the "
+                f"classes {classes}"
+            )
+    return np.array([classes.index(label) for label in labels])
+
+
+def _name_of_unit(probability: xr.DataArray, row: int) -> str:
+    """What a unit is called in a message."""
+    unit = str(probability.dims[0])
+    names = [n for n in ("specimen", "experiment") if n in probability.coords]
+    names = [n for n in names if probability[n].dims == (unit,)] or [unit]
+    known = [n for n in names if n in probability.coords]
+    described = ", ".join(f"{n} {probability[n].values.tolist()[row]!r}" for n in known)
+    return described or f"{unit} {row}"
+
+
+def _mean(values: Array) -> tuple[float, float]:
+    """Mean of the scores of units, and its standard error where there is one."""
+    mean = float(np.mean(values))
+    if len(values) == 1 or not np.isfinite(mean):
+        return mean, np.nan
+    return mean, float(np.std(values, ddof=1) / np.sqrt(len(values)))
+
+
+def _reliability(p: Array, came_true: NDArray[np.bool_], edges: Array, prob: float) -> xr.Dataset:
+    """Predicted and observed frequencies of one forecast, by bin."""
+    place = np.searchsorted(edges[1:-1], p)
+    count, hits = (np.bincount(place, w, len(edges) - 1).astype(int) for w in (None, came_true))
+    total = np.bincount(place, p, len(edges) - 1)
+    interval = np.full((len(count), 2), np.nan)
+    for m in np.flatnonzero(count):
+        interval[m] = binomtest(int(hits[m]), int(count[m])).proportion_ci(prob, "wilson")
+    filled = np.where(count > 0, count, np.nan)
+    columns = {
+        "count": count,
+        "predicted_probability": total / filled,
+        "observed_frequency": hits / filled,
+        "frequency_lower": interval[:, 0],
+        "frequency_upper": interval[:, 1],
+    }
+    return xr.Dataset({name: ("bin", values) for name, values in columns.items()})

@@ -1,0 +1,136 @@
+"""Inflation data that come with the package, each with its source."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.resources import files
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from pymc_hyperelastic.data.inflation import inflation_data
+from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
+
+__all__ = ["list_datasets", "load_dataset"]
+
+
+def list_datasets() -> dict[str, str]:
+    """List the datasets that come with the package.
+
+    Returns
+    -------
+    dict of str to str
+        Name and description in one line.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> sorted(ph.list_datasets())
+    ['murine_pulmonary_artery', 'simulated_sheep_aorta']
+    """
+    return {name: shipped.description for name, shipped in _SHIPPED.items()}
+
+
+def load_dataset(name: str) -> xr.Dataset:
+    """Load a dataset that comes with the package.
+
+    Parameters
+    ----------
+    name : str
+        One of the names of :func:`list_datasets`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Inflation data (mm, kPa), see :func:`pymc_hyperelastic.inflation_data`, with the
+        attributes ``title``, ``description``, ``source`` and ``simulated`` (1 or 0).
+
+    Raises
+    ------
+    ValueError
+        If there is no dataset of that name.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> data.attrs["title"], data.attrs["simulated"]
+    ('SIMULATED sheep aorta', 1)
+    """
+    if name not in _SHIPPED:
+        names = ", ".join(repr(known) for known in _SHIPPED)
+        raise ValueError(f"no dataset {name!r}; there are {names}")
+    shipped = _SHIPPED[name]
+    with files(__package__).joinpath(f"{name}.csv").open(encoding="utf-8") as file:
+        frame = pd.read_csv(file, comment="#")
+    return shipped.build(frame).assign_attrs(
+        title=shipped.title,
+        description=shipped.description,
+        source=shipped.source,
+        # An integer, because netCDF has no truth values.
+        simulated=int(shipped.simulated),
+    )
+
+
+def _simulated_sheep_aorta(frame: pd.DataFrame) -> xr.Dataset:
+    return inflation_data(
+        frame.rename(columns={"radius_mm": "radius", "pressure_mmHg": "pressure"}),
+        inner_radius="inner_radius_mm",
+        outer_radius="outer_radius_mm",
+        pressure_unit="mmHg",
+    )
+
+
+def _murine_pulmonary_artery(frame: pd.DataFrame) -> xr.Dataset:
+    # The unloaded vessel was not measured. The reference is the tube as mounted: axially stretched
+    # and without pressure; a wall of constant area then gives all inner radii.
+    current_outer = frame["outer_diameter_um"] / 2
+    outer = current_outer.groupby(frame["specimen"]).transform("first")
+    inner = np.sqrt(outer**2 - frame["wall_area_um2"] / np.pi)
+    radius = internal_radius_from_outer_radius(
+        current_outer, inner_radius=inner, outer_radius=outer
+    )
+    return inflation_data(
+        frame.assign(radius=radius, inner=inner, outer=outer, pressure=frame["pressure_mmHg"]),
+        inner_radius="inner",
+        outer_radius="outer",
+        radius_unit="um",
+        pressure_unit="mmHg",
+    )
+
+
+@dataclass(frozen=True)
+class _Shipped:
+    title: str
+    description: str
+    source: str
+    simulated: bool
+    build: Callable[[pd.DataFrame], xr.Dataset]
+
+
+_SHIPPED = {
+    "simulated_sheep_aorta": _Shipped(
+        title="SIMULATED sheep aorta",
+        description="SIMULATED inflation of 5 aortas, 3 experiments each, in two groups (C1, C2).",
+        source=(
+            "SIMULATED, not measured: a two-fibre-family exponential tube with variability and "
+            "errors, made by pymc_hyperelastic/data/datasets/simulate_sheep_aorta.py."
+        ),
+        simulated=True,
+        build=_simulated_sheep_aorta,
+    ),
+    "murine_pulmonary_artery": _Shipped(
+        title="Mouse left pulmonary artery, control and hypertensive",
+        description="Measured inflation of mouse pulmonary arteries: one mean curve a group.",
+        source=(
+            "D. M. Tabima and N. C. Chesler, The effects of vasoactivity and hypoxic pulmonary "
+            "hypertension on extralobar pulmonary artery biomechanics, Journal of Biomechanics 43 "
+            "(2010) 1864-1869, as tabulated with M. A. Haider, K. J. Pearce, N. C. Chesler, "
+            "N. A. Hill and M. S. Olufsen, arXiv:2202.12711 (2022)."
+        ),
+        simulated=False,
+        build=_murine_pulmonary_artery,
+    ),
+}

@@ -1,0 +1,95 @@
+"""Units at the door: inside, pressures are in kPa, lengths in mm, forces in mN, angles in rad."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import pint
+    from numpy.typing import ArrayLike, NDArray
+
+#: kPa in one (conventional) millimetre of mercury, so that 5 mmHg is written ``5 * ph.mmHg``.
+mmHg = 0.133322387415
+
+#: The unit that each quantity has inside the package.
+INTERNAL_UNITS = {"pressure": "kPa", "length": "mm", "force": "mN", "angle": "rad"}
+
+_EXAMPLES = {
+    "pressure": "'kPa', 'mmHg', 'Pa', 'MPa', 'psi'",
+    "length": "'mm', 'um', 'cm', 'm', 'inch'",
+    "force": "'mN', 'N', 'gram_force'",
+    "angle": "'rad', 'deg'",
+}
+
+
+def to_internal(
+    values: ArrayLike,
+    unit: str,
+    quantity: Literal["pressure", "length", "force", "angle"],
+    *,
+    keyword: str | None = None,
+) -> NDArray[np.float64]:
+    """Convert values to the unit that the package works in.
+
+    Parameters
+    ----------
+    values : array_like
+        Numbers in `unit`, any shape.
+    unit : str
+        A unit that pint knows, such as ``"mmHg"``, ``"um"`` or ``"deg"``.
+    quantity : {"pressure", "length", "force", "angle"}
+        What the values are: it decides between kPa, mm, mN and rad.
+    keyword : str, optional
+        The argument through which the caller received `unit`, to be named in an error;
+        ``f"{quantity}_unit"`` by default.
+
+    Returns
+    -------
+    numpy.ndarray
+        The values in kPa, mm, mN or rad, in the shape of `values`.
+
+    Raises
+    ------
+    ValueError
+        If the unit is unknown or measures something else.
+
+    Examples
+    --------
+    >>> from pymc_hyperelastic.data.units import to_internal
+    >>> float(to_internal(250.0, "um", "length"))
+    0.25
+    """
+    factor = _factor(unit, quantity, keyword or f"{quantity}_unit")
+    return np.asarray(values, dtype=float) * factor
+
+
+def _factor(unit: str, quantity: str, keyword: str) -> float:
+    """How many internal units one `unit` is."""
+    internal = INTERNAL_UNITS[quantity]
+    expected = f"expected a unit of {quantity}, for example {_EXAMPLES[quantity]}"
+    registry = _registry()
+    try:
+        given = registry.Unit(unit)
+        root = _root_units(registry, given)
+    # Beyond its own errors pint lets those of Python's tokenizer and parser through.
+    except Exception as error:
+        raise ValueError(f"{keyword}={unit!r} is not a known unit; {expected}") from error
+    if root != _root_units(registry, registry.Unit(internal)):
+        raise ValueError(f"{keyword}={unit!r} does not measure {quantity}; {expected}")
+    return float(registry.Quantity(1.0, given).m_as(internal))
+
+
+def _root_units(registry: pint.UnitRegistry, unit: Any) -> Any:
+    # Root units, not dimensions: to pint an angle and a percentage are both dimensionless.
+    return registry.get_root_units(unit)[1]
+
+
+@cache
+def _registry() -> pint.UnitRegistry:
+    # Here and not above: reading pint's definitions takes longer than the rest of this module.
+    import pint
+
+    return pint.UnitRegistry()

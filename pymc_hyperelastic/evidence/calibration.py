@@ -1,0 +1,319 @@
+"""Simulation-based calibration: whether posteriors of parameters mean what they say."""
+
+import json
+import warnings
+from collections.abc import Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pymc as pm
+import pytensor
+import xarray as xr
+from numpy.typing import NDArray
+from pymc.progress_bar import create_simple_progress
+from scipy.stats import chisquare
+
+from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.kernel import BatchedSMC, check_count
+from pymc_hyperelastic.evidence.smc import seed_sequence
+
+__all__ = ["simulation_based_calibration"]
+
+Array = NDArray[np.float64]
+
+# The chi-square distribution of the test is an approximation that needs so many counts in a bin.
+# What is wrong with a posterior shifts many ranks a little, which few bins show better than many.
+_LEAST_EXPECTED, _MOST_BINS = 10, 20
+_NO_DATA = (
+    "they have a density, but nothing can be drawn from them; give the likelihood as observed "
+    'variables, as ph.inflation_model(..., likelihood="generative") does, and leave others out'
+)
+
+
+def simulation_based_calibration(
+    model: pm.Model,
+    *,
+    simulations: int = 300,
+    draws: int = 500,
+    ranked_draws: int = 99,
+    var_names: Sequence[str] | None = None,
+    simulator: pm.Model | None = None,
+    random_seed: Any = None,
+    progressbar: bool = True,
+    **kernel_settings: Any,
+) -> xr.Dataset:
+    r"""Check by simulation that a model's posteriors are as wide, and lie where, they should.
+
+    Parameters ``θ`` are drawn from the prior, data ``y`` from the likelihood at ``θ``, and the
+    posterior given ``y`` is sampled. If model and sampler are right, the rank of each entry of
+    ``θ`` among ``L`` independent draws ``θ₁ … θ_L`` of the posterior is uniform [1]_:
+
+    .. math:: r = \sum_{l=1}^{L} 1[θ_l < θ], \qquad P(r = k) = \frac{1}{L + 1},
+        \quad k = 0, \dots, L
+
+    Ranks that pile up at both ends tell of posteriors that are too narrow, ranks in the middle of
+    such that are too wide, and ranks at one end of such that are biased.
+
+    Parameters
+    ----------
+    model : pymc.Model
+        Any model with continuous free variables and observed variables. The observed values are
+        replaced by simulated ones; the model itself is left as it is.
+    simulations : int, default 300
+        Number of simulated data sets, each of which is fitted by itself.
+    draws : int, default 500
+        Particles of each fit, one chain of :func:`pymc_hyperelastic.sample_smc`.
+    ranked_draws : int, default 99
+        ``L``, the number of them, chosen at random, among which a true value is ranked. Particles
+        may stand at one place in twos or threes; of a fifth of them hardly any do. Draws that equal
+        the true value count as smaller or not at random.
+    var_names : sequence of str, optional
+        Variables that are ranked, deterministics among them; all free variables when missing.
+    simulator : pymc.Model, optional
+        Another model, with variables of the same names, from which parameters and data are drawn.
+        With it one sees whether a wrong model would be found out.
+    random_seed : int or sequence of int, optional
+        One seed for the whole; the same seed gives the same result.
+    progressbar : bool
+        Whether to show progress. After an interrupt the simulations already complete are returned.
+    **kernel_settings
+        Further settings of :class:`pymc_hyperelastic.BatchedSMC`, such as ``threshold``.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``rank``, ``truth``, ``posterior_mean`` and ``posterior_sd``, each (simulation, parameter),
+        and ``p_value`` (parameter). The coordinate ``parameter`` names each entry, as in ``mu`` or
+        ``k[0, 1]``, and ``variable`` the variable that it belongs to. Attributes tell the settings
+        and the number of ``bins`` of the test.
+
+    Raises
+    ------
+    TypeError
+        If the model or the simulator is no PyMC model, or a number is not a whole one.
+    ValueError
+        If the model has no observed variables, or Potentials (nothing can be simulated from them),
+        or discrete free variables; if a variable is unknown, or the simulator lacks it; if
+        simulated data are not finite; or if a posterior cannot be sampled.
+
+    See Also
+    --------
+    plot_calibration_ranks : The figure that belongs to it.
+
+    Notes
+    -----
+    ``p_value`` is that of Pearson's chi-square test of uniform ranks. There are as many bins of
+    equal width, up to 20, as divide ``L + 1`` and hold ten ranks at least on average; with fewer
+    than 20 simulations, or if no such number divides ``L + 1``, the p-value is NaN. Each parameter
+    is tested by itself: of twenty, one has a p-value below 0.05 by chance.
+
+    A posterior that ignores the data, and equals the prior, passes too. Whether the data tell
+    anything is seen in ``posterior_sd`` beside the spread of ``truth``.
+
+    References
+    ----------
+    .. [1] S. Talts, M. Betancourt, D. Simpson, A. Vehtari and A. Gelman, Validating Bayesian
+       inference algorithms with simulation-based calibration, arXiv:1804.06788 (2018).
+
+    Examples
+    --------
+    >>> import pymc as pm, pymc_hyperelastic as ph
+    >>> with pm.Model() as model:
+    ...     mean = pm.Normal("mean", 0, 1)
+    ...     y = pm.Normal("y", mean, 1, observed=[0.0, 0.0, 0.0])
+    >>> sbc = ph.simulation_based_calibration(
+    ...     model, simulations=40, draws=200, random_seed=1, progressbar=False
+    ... )
+    >>> dict(sbc["rank"].sizes)
+    {'simulation': 40, 'parameter': 1}
+    >>> bool(sbc["p_value"].sel(parameter="mean") > 0.01)
+    True
+    """
+    check_count("simulations", simulations, 2)
+    check_count("ranked_draws", ranked_draws, 1)
+    check_count("draws", draws, ranked_draws)
+    _check_simulates("model", model)
+    names = _ranked_variables(model, var_names)
+    observed = [v.name for v in model.observed_RVs]
+    if simulator is not None:
+        _check_simulates("simulator", simulator)
+        lacking = [name for name in (*names, *observed) if name not in simulator.named_vars]
+        if lacking:
+            raise ValueError(f"the simulator has no variables {lacking}, which the model has")
+    seed = seed_sequence(random_seed)
+    seeds = seed.generate_state(1 + simulations).tolist()
+    simulated = _simulate(simulator or model, [*names, *observed], simulations, seeds.pop())
+    _check_simulated(model, simulated, names)
+
+    # One model, in which only the values of the data change: compiled once.
+    data = {
+        name: pytensor.shared(
+            simulated[name][0], name=f"{name}_simulated", shape=simulated[name].shape[1:]
+        )
+        for name in observed
+    }
+    conditioned = pm.observe(model, data)
+    kernel = BatchedSMC(draws=draws, model=conditioned, **kernel_settings)
+    variables = [conditioned[name] for name in names]
+    constrain = BatchedFunction.of_model(conditioned, conditioned.replace_rvs_by_values(variables))
+    truth = _columns([simulated[name] for name in names])
+    rank = np.zeros(truth.shape, dtype=int)
+    mean, sd = np.full(truth.shape, np.nan), np.full(truth.shape, np.nan)
+    complete = 0
+    progress = create_simple_progress(progressbar)
+    with progress:
+        bar = progress.add_task("Calibrating", completed=0, total=simulations)
+        try:
+            for i in range(simulations):
+                for name, shared in data.items():
+                    shared.set_value(simulated[name][i])
+                rng = np.random.default_rng(seeds[i])
+                posterior = _posterior(kernel, constrain, rng, i)
+                mean[i], sd[i] = posterior.mean(axis=0), posterior.std(axis=0, ddof=1)
+                rank[i] = _rank(truth[i], rng.permutation(posterior)[:ranked_draws], rng)
+                complete = i + 1
+                progress.advance(bar)
+        except KeyboardInterrupt:
+            if not complete:
+                raise
+            warnings.warn(
+                f"interrupted: {complete} of {simulations} simulations are complete", stacklevel=2
+            )
+    rank = rank[:complete]
+    bins = _number_of_bins(complete, ranked_draws)
+    of_both = ("simulation", "parameter")
+    entries = [_entries(model, name, simulated[name].shape[1:]) for name in names]
+    return xr.Dataset(
+        {
+            "rank": (of_both, rank),
+            "p_value": ("parameter", _uniformity(rank, bins, ranked_draws)),
+            "truth": (of_both, truth[:complete]),
+            "posterior_mean": (of_both, mean[:complete]),
+            "posterior_sd": (of_both, sd[:complete]),
+        },
+        {
+            "simulation": range(complete),
+            "parameter": [label for labels in entries for label in labels],
+            "variable": ("parameter", np.repeat(names, [len(labels) for labels in entries])),
+        },
+        {
+            "draws": draws,
+            "ranked_draws": ranked_draws,
+            "bins": bins,
+            "random_seed": json.dumps(seed.entropy),
+        },
+    )
+
+
+def _check_simulates(what: str, model: Any) -> None:
+    """Raise unless data can be drawn from the model."""
+    if not isinstance(model, pm.Model):
+        raise TypeError(f"the {what} must be a pm.Model, not {type(model).__name__}")
+    if not model.observed_RVs:
+        potentials = [v.name for v in model.potentials]
+        raise ValueError(
+            f"the {what} has no observed variables: there are no data to simulate"
+            + (f" ({potentials} are Potentials: {_NO_DATA})" if potentials else "")
+        )
+    if model.potentials:
+        raise ValueError(
+            f"the {what} has the Potentials {[v.name for v in model.potentials]}: {_NO_DATA}"
+        )
+
+
+def _ranked_variables(model: pm.Model, var_names: Sequence[str] | None) -> list[str]:
+    if isinstance(var_names, str):
+        raise TypeError(f"var_names must be a list of names, not {var_names!r}")
+    if var_names is None:
+        return [v.name for v in model.free_RVs]
+    known = [v.name for v in model.unobserved_RVs]
+    lacking = [name for name in var_names if name not in known]
+    if lacking or not var_names:
+        raise ValueError(
+            f"var_names is {list(var_names)}; the model has the variables {known} to rank"
+        )
+    return list(dict.fromkeys(var_names))
+
+
+def _simulate(
+    model: pm.Model, names: Sequence[str], simulations: int, random_seed: int
+) -> dict[str, Array]:
+    """Joint draws of the variables from the model's prior, simulations along the first axis."""
+    variables = [model[name] for name in names]
+    # Drawn a few hundred times, in all: not worth the time that other modes take to compile.
+    drawn = pm.draw(variables, simulations, random_seed=random_seed, mode="FAST_COMPILE")
+    return {name: np.asarray(v) for name, v in zip(names, drawn, strict=True)}
+
+
+def _check_simulated(model: pm.Model, simulated: dict[str, Array], parameters: list[str]) -> None:
+    """Raise unless all is finite, and of the shape that the model has."""
+    for name, values in simulated.items():
+        static = model[name].type.shape
+        if len(static) != values.ndim - 1 or any(
+            n not in (None, m) for n, m in zip(static, values.shape[1:], strict=True)
+        ):
+            raise ValueError(
+                f"the simulator's {name!r} has the shape {values.shape[1:]}, the model's {static}"
+            )
+        bad = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        if bad.any():
+            first = int(bad.argmax())
+            at = ", ".join(f"{p} = {simulated[p][first]}" for p in parameters)
+            raise ValueError(
+                f"{bad.sum()} of {len(values)} simulations have a {name!r} that is not finite, the "
+                f"first of them simulation {first}, at {at}: give priors under which data are "
+                "finite"
+            )
+
+
+def _posterior(
+    kernel: BatchedSMC, constrain: BatchedFunction, rng: np.random.Generator, simulation: int
+) -> Array:
+    """Sample the posterior of the data at hand: a row for each draw, a column for each entry."""
+    try:
+        kernel.temper(None, rng)
+    except ValueError as error:
+        raise ValueError(f"simulation {simulation}: {error}") from error
+    posterior = _columns(constrain(kernel.tempered_posterior))
+    if not np.isfinite(posterior).all():
+        raise ValueError(
+            f"simulation {simulation}: the posterior has draws that are not finite, which have no "
+            "rank: choose other variables by var_names"
+        )
+    return posterior
+
+
+def _columns(values: Sequence[Array]) -> Array:
+    """All entries of several variables, side by side."""
+    return np.concatenate([np.reshape(v, (len(v), -1)) for v in values], axis=1)
+
+
+def _rank(truth: Array, posterior: Array, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Number of draws that are smaller than the truth, ties broken at random."""
+    equal = (posterior == truth).sum(axis=0)
+    return (posterior < truth).sum(axis=0) + rng.integers(0, equal + 1)
+
+
+def _number_of_bins(simulations: int, ranked_draws: int) -> int:
+    """Largest number of equal bins in which enough ranks are expected."""
+    most = min(max(simulations // _LEAST_EXPECTED, 1), _MOST_BINS)
+    return max(n for n in range(1, most + 1) if (ranked_draws + 1) % n == 0)
+
+
+def _uniformity(rank: NDArray[np.int64], bins: int, ranked_draws: int) -> Array:
+    """P-value of the chi-square test of each column of ranks."""
+    if bins == 1:
+        return np.full(rank.shape[1], np.nan)
+    width = (ranked_draws + 1) // bins
+    counts = [np.bincount(column // width, minlength=bins) for column in rank.T]
+    return np.array([chisquare(count).pvalue for count in counts])
+
+
+def _entries(model: pm.Model, name: str, shape: tuple[int, ...]) -> list[str]:
+    """Label of each entry of a variable."""
+    if not shape:
+        return [name]
+    dims = model.named_vars_to_dims.get(name) or [None] * len(shape)
+    levels = [model.coords.get(dim) or range(n) for dim, n in zip(dims, shape, strict=True)]
+    return [f"{name}[{', '.join(map(str, index))}]" for index in product(*levels)]

@@ -1,0 +1,182 @@
+"""A mixture fitted to a population of particles, from which SMC proposes moves."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln
+
+__all__ = ["GaussianMixture", "components_for", "log_sum_exp"]
+
+Array = NDArray[np.float64]
+
+# Added to each variance, as a fraction of the population's: it keeps a component of coinciding
+# particles a proper distribution, and is too small to blur a mode a millionth as wide as the prior.
+_VARIANCE_FLOOR = 1e-13
+
+
+@dataclass(frozen=True)
+class GaussianMixture:
+    """Mixture of ``K`` normal, or Student-t, distributions in ``d`` dimensions.
+
+    Attributes
+    ----------
+    log_weights : array, shape (K,)
+        Logarithms of the weights.
+    means : array, shape (K, d)
+        Means.
+    factors : array, shape (K, d, d)
+        Lower Cholesky factors of the covariances, or of the scale matrices of Student's t.
+    freedom : float
+        Degrees of freedom; infinite for normal distributions.
+    """
+
+    log_weights: Array
+    means: Array
+    factors: Array
+    freedom: float = np.inf
+
+    @classmethod
+    def fit(
+        cls,
+        points: Array,
+        components: int,
+        rng: np.random.Generator,
+        *,
+        start: "GaussianMixture | None" = None,
+        iterations: int = 10,
+    ) -> "GaussianMixture":
+        """Fit by expectation maximisation, from `start` or from distinct points drawn far apart.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from pymc_hyperelastic.evidence.mixture import GaussianMixture
+        >>> rng = np.random.default_rng(1)
+        >>> points = np.concatenate([rng.normal(-5, 1, (500, 1)), rng.normal(5, 1, (500, 1))])
+        >>> sorted(GaussianMixture.fit(points, 2, rng).means.round().ravel().tolist())
+        [-5.0, 5.0]
+        """
+        if start is None:
+            responsibilities = _nearest_of_far_apart(points, components, rng)
+        else:
+            responsibilities = start.responsibilities(points)
+        mixture = cls._from_responsibilities(points, responsibilities)
+        for _ in range(iterations - 1 if components > 1 else 0):
+            mixture = cls._from_responsibilities(points, mixture.responsibilities(points))
+        return mixture
+
+    @classmethod
+    def _from_responsibilities(cls, points: Array, responsibilities: Array) -> "GaussianMixture":
+        counts = responsibilities.sum(axis=0)
+        # A component with fewer points than dimensions has no covariance of its own.
+        keep = counts > points.shape[1] + 1
+        if not keep.any():
+            counts, responsibilities = np.array([float(len(points))]), np.ones((len(points), 1))
+            keep = np.array([True])
+        counts, responsibilities = counts[keep], responsibilities[:, keep]
+        means = responsibilities.T @ points / counts[:, None]
+        centred = points.T - means[..., None]
+        weighted = responsibilities.T[:, None] * centred
+        covariances = weighted @ centred.mT / counts[:, None, None]
+        floor = _VARIANCE_FLOOR * points.var(axis=0) + np.finfo(float).tiny
+        factors = np.linalg.cholesky(covariances + np.diag(floor))
+        return cls(np.log(counts / counts.sum()), means, factors)
+
+    @cached_property
+    def _inverse_factors(self) -> Array:
+        return np.linalg.inv(self.factors)
+
+    @cached_property
+    def _log_peaks(self) -> Array:
+        """Logarithm of weight times density of each component at its mean."""
+        log_volumes = np.log(np.diagonal(self.factors, axis1=1, axis2=2)).sum(axis=1)
+        dimension, freedom = self.means.shape[1], self.freedom
+        if np.isinf(freedom):
+            log_norm = dimension / 2 * np.log(2 * np.pi)
+        else:
+            log_norm = dimension / 2 * np.log(freedom * np.pi)
+            log_norm += gammaln(freedom / 2) - gammaln((freedom + dimension) / 2)
+        return self.log_weights - log_volumes - log_norm
+
+    def log_density_of_components(self, points: Array) -> Array:
+        """Logarithm of weight times density of each component, shape (n, K)."""
+        # Points run along the last axis, where NumPy sums over the others are fast.
+        z = self._inverse_factors @ (points.T - self.means[..., None])
+        distance = (z**2).sum(axis=1).T
+        if np.isinf(self.freedom):
+            return self._log_peaks - distance / 2
+        power = (self.freedom + self.means.shape[1]) / 2
+        return self._log_peaks - power * np.log1p(distance / self.freedom)
+
+    def log_density(self, points: Array) -> Array:
+        """Logarithm of the density at each point, shape (n,)."""
+        return log_sum_exp(self.log_density_of_components(points))
+
+    def responsibilities(self, points: Array) -> Array:
+        """Probability with which each component made each point, shape (n, K)."""
+        terms = self.log_density_of_components(points)
+        terms = np.exp(terms - terms.max(axis=1, keepdims=True))
+        return terms / terms.sum(axis=1, keepdims=True)
+
+    def draw(self, size: int, rng: np.random.Generator) -> Array:
+        """Independent points, shape (size, d)."""
+        component = rng.choice(len(self.means), size=size, p=np.exp(self.log_weights))
+        return self.means[component] + self.draw_steps(component, rng)
+
+    def draw_steps(self, component: NDArray[np.intp], rng: np.random.Generator) -> Array:
+        """Centred steps, distributed as the given component each, shape (n, d)."""
+        noise = rng.standard_normal((len(component), self.means.shape[1]))
+        if np.isfinite(self.freedom):
+            noise /= np.sqrt(rng.chisquare(self.freedom, (len(component), 1)) / self.freedom)
+        return np.einsum("nij,nj->ni", self.factors[component], noise)
+
+    def joined(self, other: "GaussianMixture") -> "GaussianMixture":
+        """Mixture of itself and another, in equal shares."""
+        return GaussianMixture(
+            np.concatenate([self.log_weights, other.log_weights]) - np.log(2),
+            np.concatenate([self.means, other.means]),
+            np.concatenate([self.factors, other.factors]),
+            self.freedom,
+        )
+
+    def heavy_tailed(self) -> "GaussianMixture":
+        """The mixture as a proposal: its tails reach along a ridge far beyond the points fitted.
+
+        In many dimensions so heavy ones would go astray, and are lighter.
+        """
+        dimension = self.means.shape[1]
+        return self.widened(1 + 0.6 / dimension, freedom=max(1.0, dimension / 2))
+
+    def widened(self, factor: float, freedom: float = np.inf) -> "GaussianMixture":
+        """The mixture with every covariance multiplied by `factor`, and tails of Student's t."""
+        factors = self.factors * np.sqrt(factor)
+        return GaussianMixture(self.log_weights, self.means, factors, freedom)
+
+
+def components_for(points: float, dimension: int) -> int:
+    """Number of components, each known from five to ten times as many points as it has parameters.
+
+    There are six at most, and two as soon as that is possible: for two mirrored modes.
+    """
+    parameters = (dimension + 1) * (dimension + 2) // 2
+    return 1 if points < 10 * parameters else int(np.clip(points / (10 * parameters), 2, 6))
+
+
+def log_sum_exp(terms: Array) -> Array:
+    """``ln Σ exp`` over the last axis of finite terms; a tenth of SciPy's time for few of them."""
+    largest = terms.max(axis=-1, keepdims=True)
+    return largest[..., 0] + np.log(np.exp(terms - largest).sum(axis=-1))
+
+
+def _nearest_of_far_apart(points: Array, components: int, rng: np.random.Generator) -> Array:
+    """Responsibilities by the nearest of some points, drawn far apart (k-means++)."""
+    scaled = points / np.sqrt(points.var(axis=0) + np.finfo(float).tiny)
+    centres = scaled[rng.integers(len(points), size=1)]
+    distances = ((scaled - centres) ** 2).sum(axis=1, keepdims=True)
+    while distances.shape[1] < components and distances.min(axis=1).any():
+        nearest = distances.min(axis=1)
+        centre = scaled[rng.choice(len(points), p=nearest / nearest.sum())]
+        distances = np.column_stack([distances, ((scaled - centre) ** 2).sum(axis=1)])
+    return np.eye(distances.shape[1])[distances.argmin(axis=1)]

@@ -1,0 +1,231 @@
+"""Sampling by sequential Monte Carlo, and the evidence that it gives."""
+
+import warnings
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pymc as pm
+import xarray as xr
+from numpy.typing import NDArray
+from pymc.progress_bar import SMCProgressBarManager
+from pytensor.tensor.variable import TensorVariable
+from scipy.special import logsumexp
+from scipy.stats import chi2
+
+from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.kernel import BatchedSMC, check_count
+from pymc_hyperelastic.models.results import check_result, sampling_tree
+
+__all__ = ["Estimate", "log_evidence", "particles_to_tree", "sample_smc", "seed_sequence"]
+
+Array = NDArray[np.float64]
+
+# The spread of a few chains is a poor estimate of their variance, unless it refutes the other one.
+_CHANCE = 0.01
+
+
+class Estimate(NamedTuple):
+    """A number with its standard error; ``float(estimate)`` is the number."""
+
+    value: float
+    standard_error: float
+
+    def __float__(self) -> float:
+        return self.value
+
+    def __str__(self) -> str:
+        return f"{self.value:.3f} ± {self.standard_error:.3f}"
+
+
+def sample_smc(
+    model: pm.Model,
+    draws: int = 2000,
+    chains: int = 4,
+    random_seed: Any = None,
+    progressbar: bool = True,
+    *,
+    start: Sequence[dict[str, Array]] | None = None,
+    var_names: Sequence[str] | None = None,
+    **kernel_settings: Any,
+) -> xr.DataTree:
+    """Sample a model by sequential Monte Carlo and estimate its evidence.
+
+    Parameters
+    ----------
+    model : pymc.Model
+        Any model with continuous variables.
+    draws : int
+        Number of particles of a chain.
+    chains : int
+        Number of independent runs.
+    random_seed : int or sequence of int, optional
+        One seed for the whole; the same seed gives the same result.
+    progressbar : bool
+        Whether to show progress. After an interrupt the chains already complete are returned.
+    start : sequence of dict, optional
+        Initial particles of each chain on the unconstrained scale, see :class:`BatchedSMC`.
+    var_names : sequence of str, optional
+        Variables to keep in the posterior; all free variables and deterministics when missing.
+    **kernel_settings
+        Further settings of :class:`BatchedSMC`, such as ``threshold``.
+
+    Returns
+    -------
+    xarray.DataTree
+        ArviZ schema: ``posterior`` and ``unconstrained_posterior`` (chain, draw), ``sample_stats``
+        (chain, stage; padded with NaN where a chain had fewer stages) and ``evidence`` (chain).
+
+    Raises
+    ------
+    TypeError, ValueError
+        If a model has discrete variables, nothing to temper, or no finite likelihood anywhere, or
+        a setting is impossible.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
+    >>> model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
+    >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
+    >>> tree["posterior"].sizes["draw"]
+    500
+    """
+    if not isinstance(model, pm.Model):
+        raise TypeError(f"expected a pm.Model, not {type(model).__name__}")
+    check_count("chains", chains, 1)
+    if start is not None and len(start) != chains:
+        raise ValueError(f"start holds {len(start)} dict(s) of particles for {chains} chains")
+    variables = _variables_to_keep(model, var_names)
+    # Chosen here if it was not given, so that every result can be had again.
+    random_seed = seed_sequence(random_seed).entropy
+    kernel = BatchedSMC(draws=draws, model=model, **kernel_settings)
+    populations: list[Array] = []
+    stats: list[dict[str, list[float]]] = []
+    with SMCProgressBarManager(kernel, chains, progressbar) as progress:
+        for chain, seed in enumerate(np.random.SeedSequence(random_seed).spawn(chains)):
+            try:
+                kernel.initialize(start[chain] if start else None, np.random.default_rng(seed))
+                stats.append(_temper(kernel, chain, progress))
+            except KeyboardInterrupt:
+                if not populations:
+                    raise
+                warnings.warn(f"interrupted: {chain} of {chains} chains are complete", stacklevel=2)
+                break
+            populations.append(kernel.tempered_posterior)
+    return particles_to_tree(kernel, populations, stats, variables, random_seed)
+
+
+def seed_sequence(random_seed: Any) -> np.random.SeedSequence:
+    """Seed sequence of a number, several numbers or None; its entropy can be written as JSON."""
+    try:
+        return np.random.SeedSequence(
+            None if random_seed is None else np.asarray(random_seed).tolist()
+        )
+    except (TypeError, ValueError) as error:
+        raise type(error)(
+            f"random_seed is {random_seed!r}; expected a whole number, not negative, or several"
+        ) from None
+
+
+def _variables_to_keep(model: pm.Model, var_names: Sequence[str] | None) -> list[TensorVariable]:
+    variables = {v.name: v for v in model.unobserved_RVs}
+    if isinstance(var_names, str):
+        raise TypeError(f"var_names must be a list of names, not {var_names!r}")
+    lacking = sorted(set(var_names or ()) - set(variables))
+    if lacking:
+        raise ValueError(f"the model has no variables {lacking} to keep; it has {list(variables)}")
+    return [v for name, v in variables.items() if var_names is None or name in var_names]
+
+
+def log_evidence(tree: xr.DataTree) -> Estimate:
+    r"""Log evidence (log marginal likelihood) of a sampled model, with its standard error.
+
+    The evidences of independent chains are averaged. The relative variance of one chain is
+    estimated within the chains (see :class:`BatchedSMC`), unless they differ more from each other
+    than one time in a hundred by chance: then it is that of their spread.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        Result of :func:`sample_smc`, or one class of :func:`pymc_hyperelastic.fit_classes`.
+
+    Returns
+    -------
+    Estimate
+        The pair (value, standard error), in nats.
+
+    Raises
+    ------
+    ValueError
+        If the result holds no evidence.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
+    >>> model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
+    >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
+    >>> value, standard_error = ph.log_evidence(tree)
+    """
+    check_result(tree)
+    if "evidence" not in tree.children:
+        raise ValueError(
+            f"the result has no evidence; its groups are {sorted(tree.children)}. It comes from "
+            "ph.sample_smc or ph.fit_classes (for a class: ph.log_evidence(classes['C1']))"
+        )
+    evidence = tree["evidence"]
+    estimate = combine_chains(evidence["log_evidence"].values, evidence["log_evidence_se"].values)
+    # What all chains have in common no mean of theirs removes.
+    common = float(evidence["specimens_se"]) if "specimens_se" in evidence else 0.0
+    return Estimate(estimate.value, float(np.hypot(estimate.standard_error, common)))
+
+
+def combine_chains(log_evidences: Array, standard_errors: Array) -> Estimate:
+    """Mean evidence of independent chains, as its logarithm with a standard error."""
+    chains = len(log_evidences)
+    value = logsumexp(log_evidences) - np.log(chains)
+    variance = np.mean(np.square(standard_errors))
+    if chains > 1:
+        spread = np.var(np.exp(log_evidences - value), ddof=1)
+        if spread > variance * chi2.isf(_CHANCE, chains - 1) / (chains - 1):
+            variance = spread
+    return Estimate(float(value), float(np.sqrt(variance / chains)))
+
+
+def _temper(
+    kernel: BatchedSMC, chain: int, progress: SMCProgressBarManager
+) -> dict[str, list[float]]:
+    """Run one chain from the prior to the posterior; what each stage reports."""
+    stages: dict[str, list[float]] = {name: [] for name in kernel.stats_dtypes_shapes}
+    while kernel.beta < 1:
+        beta = kernel.beta
+        kernel.update_beta_and_weights()
+        progress.update(chain, len(stages["beta"]), kernel.beta, beta)
+        for name, value in kernel.step().items():
+            stages[name].append(value)
+    progress.update(chain, len(stages["beta"]), 1.0, 1.0, is_last=True)
+    return stages
+
+
+def particles_to_tree(
+    kernel: BatchedSMC,
+    populations: list[Array],
+    stats: list[dict[str, list[float]]],
+    variables: list[TensorVariable],
+    random_seed: Any,
+) -> xr.DataTree:
+    """Result of a model whose particles, and what each stage reports, are known for every chain."""
+    model = kernel.model
+    constrain = BatchedFunction.of_model(model, model.replace_rvs_by_values(variables))
+    chains = [constrain(population) for population in populations]
+    posterior = {v.name: np.stack([chain[i] for chain in chains]) for i, v in enumerate(variables)}
+    particles = np.stack(populations)
+    unconstrained, start = {}, 0
+    for name, (shape, size) in kernel.var_info.items():
+        column = particles[..., start : start + size]
+        unconstrained[name] = column.reshape(*particles.shape[:2], *shape)
+        start += size
+    return sampling_tree(
+        model, posterior, unconstrained, stats, kernel.sample_settings(), random_seed
+    )

@@ -1,0 +1,115 @@
+"""Reduced axial force of an inflated thick-walled tube."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from pytensor.graph.basic import Variable
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.mechanics.layers import Layer, Tube
+from pymc_hyperelastic.mechanics.pressure import WallIntegral, checked_tubes
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+
+__all__ = ["AxialForceIntegral", "axial_force", "force_response", "wall_force"]
+
+
+class AxialForceIntegral(WallIntegral):
+    r"""Reduced axial force of an inflated tube: what a force transducer at its end reads.
+
+    .. math:: F(a) = \frac{π}{k λ_z} \int_{\ln A}^{\ln B}
+        \big(2 (σ_{zz} - σ_{rr}) - (σ_{θθ} - σ_{rr})\big) R^2 \, d(\ln R)
+
+    It is the axial force in the wall less ``π a² p``, the thrust of the pressure on closed ends.
+    Inputs are those of :class:`PressureIntegral`; the output is in mN (kPa mm²).
+
+    Attributes
+    ----------
+    strain_energy : StrainEnergy
+        The material.
+    order : int, default 32
+        Nodes of the Gauss-Legendre rule, as in :class:`PressureIntegral`.
+    """
+
+    def build_inner_graph(self, *inputs: TensorVariable) -> list[Variable]:
+        """Gauss-Legendre quadrature over a last axis, which the sum removes."""
+        wall, log_axial, entries = self.wall(inputs)
+        response = self.response(wall.log_hoop, log_axial, entries)
+        return [(wall.force_weight * response).sum(axis=-1)]
+
+    def response(
+        self, log_hoop: TensorVariable, log_axial: TensorVariable, entries: Sequence[Any]
+    ) -> TensorVariable:
+        """``2 (σzz − σrr) − (σθθ − σrr)`` of the material."""
+        return force_response(self.strain_energy, log_hoop, log_axial, entries)
+
+
+def force_response(
+    energy: StrainEnergy,
+    log_hoop: TensorVariable,
+    log_axial: TensorVariable,
+    entries: Sequence[Any],
+) -> TensorVariable:
+    """``2 (σzz − σrr) − (σθθ − σrr)``, what axial force is linear in."""
+    parameters = energy.join(entries)
+    axial = energy.axial_stress_difference(log_hoop, log_axial, **parameters)
+    return 2 * axial - energy.stress_difference(log_hoop, log_axial, **parameters)
+
+
+def axial_force(
+    energy: StrainEnergy | Sequence[Layer],
+    internal_radius: Any,
+    *,
+    inner_radius: Any,
+    outer_radius: Any = None,
+    axial_stretch: Any = 1.0,
+    opening_angle: Any = 0.0,
+    order: int = 32,
+    **parameters: Any,
+) -> TensorVariable:
+    r"""Reduced axial force that holds a tube at the given internal radius and axial stretch.
+
+    .. math:: F(a) = \frac{π}{k λ_z} \int_A^B
+        \left(2 λ_z \frac{∂\hat W}{∂λ_z} - λ_θ \frac{∂\hat W}{∂λ_θ}\right) R \, dR
+
+    It is what must be applied at the ends of a closed tube besides the pressure within: the force
+    in the wall less ``π a² p``. Arguments are those of
+    :func:`~pymc_hyperelastic.inflation_pressure`, layers included.
+
+    Returns
+    -------
+    TensorVariable
+        Force in mN (kPa mm²), in the broadcast shape; tension is positive.
+
+    Raises
+    ------
+    TypeError
+        If a material parameter is missing or unknown.
+    ValueError
+        If a number given as geometry is impossible.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> force = ph.axial_force(
+    ...     ph.NeoHookean(), 1.0, inner_radius=1.0, outer_radius=1.5, axial_stretch=1.2, mu=10.0
+    ... )
+    >>> round(float(force.eval()), 3)
+    19.641
+    """
+    tubes = checked_tubes(
+        energy,
+        internal_radius,
+        inner_radius=inner_radius,
+        outer_radius=outer_radius,
+        axial_stretch=axial_stretch,
+        opening_angle=opening_angle,
+        parameters=parameters,
+    )
+    return wall_force(tubes, order)
+
+
+def wall_force(tubes: Sequence[Tube], order: int = 32) -> TensorVariable:
+    """Axial force of a wall, added up over the tubes that it is made of."""
+    return sum(
+        AxialForceIntegral(strain_energy=tube.energy, order=order)(*tube.inputs) for tube in tubes
+    )

@@ -1,0 +1,114 @@
+"""The radius at which a tube has a given pressure: the pressure integral, inverted."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytensor.tensor as pt
+from pytensor.gradient import DisconnectedType, disconnected_type, grad
+from pytensor.graph.basic import Variable
+from pytensor.graph.replace import _vectorize_node, clone_replace
+from pytensor.tensor.symbolic import TensorSymbolicOp
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
+from pymc_hyperelastic.mechanics.pressure import (
+    TubeOp,
+    broadcast_batches,
+    finite_or_zero,
+    wall_pressure,
+)
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+
+__all__ = ["RadiusAtPressure"]
+
+# Steps of Newton's method, and the largest fraction of the radius that one of them is long.
+_STEPS, _LARGEST_STEP = 10, 0.1
+
+
+class RadiusAtPressure(TensorSymbolicOp):
+    r"""Internal radius at which a tube has a given pressure.
+
+    Newton's method from a radius next to it, in steps of a tenth of the radius at most. The
+    gradient is that of the exact solution,
+
+    .. math:: \frac{∂a}{∂p} = \frac{1}{s}, \qquad \frac{∂a}{∂x} = -\frac{1}{s} \frac{∂p}{∂x}
+
+    with the stiffness ``s = ∂p/∂a``. Inputs are the pressure (kPa), the radius to start from, inner
+    radius, axial stretch, opening angle, and for each layer its thickness and parameters; they
+    broadcast against each other. Outputs are the radius, and the relative length of the last step,
+    infinite where pressure falls with the radius: large where no such radius was found.
+
+    Attributes
+    ----------
+    strain_energies : tuple of StrainEnergy
+        The material of each layer.
+    order : int
+        Nodes of the Gauss-Legendre rule.
+    """
+
+    __props__ = ("strain_energies", "order")
+    inline = True
+    filter_inputs = staticmethod(TubeOp.filter_inputs)
+    link_mode = TubeOp.link_mode
+
+    def __init__(
+        self,
+        input_types: Any = None,
+        *,
+        strain_energies: tuple[StrainEnergy, ...],
+        order: int = 32,
+        **settings: Any,
+    ) -> None:
+        settings.setdefault("name", f"{type(self).__name__}{list(strain_energies)}")
+        super().__init__(input_types, strain_energies=strain_energies, order=order, **settings)
+
+    def build_inner_graph(self, *inputs: TensorVariable) -> list[Variable]:
+        """Take all steps of Newton's method."""
+        pressure, radius, *wall = inputs
+        for _ in range(_STEPS):
+            here, stiffness = wall_pressure(self.tubes(radius, wall), self.order)
+            step = pt.where(stiffness > 0, (pressure - here) / (stiffness * radius), np.inf)
+            radius = radius * (1 + pt.clip(step, -_LARGEST_STEP, _LARGEST_STEP))
+        return [radius, pt.abs(step)]
+
+    def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
+        """Gradient of the exact solution; zero where it is not finite."""
+        cotangent = cotangents[0]
+        if isinstance(cotangent.type, DisconnectedType):
+            return [disconnected_type() for _ in inputs]
+        # Variables of their own keep inputs apart that depend on each other.
+        own = [x.type() for x in inputs]
+        radius, weight = outputs[0].type(), cotangent.type()
+        pressure, stiffness = wall_pressure(self.tubes(radius, own[2:]), self.order)
+        gradients = grad(
+            None,
+            own,
+            known_grads={pressure - own[0]: -weight / stiffness},
+            disconnected_inputs="ignore",  # the radius to start from does not matter
+            return_disconnected="zero",
+        )
+        known = zip([*own, radius, weight], [*inputs, outputs[0], cotangent], strict=True)
+        gradients = clone_replace(gradients, dict(known))
+        return finite_or_zero(gradients)
+
+    def tubes(self, radius: TensorVariable, wall: Sequence[Any]) -> list[Tube]:
+        """Layers at an internal radius, from the inputs behind it."""
+        inner_radius, axial_stretch, opening_angle, *rest = wall
+        layers = []
+        for energy in self.strain_energies:
+            thickness, *entries = rest[: 1 + len(energy.entry_names)]
+            rest = rest[1 + len(entries) :]
+            layers.append(Layer(energy, thickness, **energy.join(entries)))
+        return tubes_of(
+            layers,
+            radius,
+            inner_radius=inner_radius,
+            outer_radius=None,
+            axial_stretch=axial_stretch,
+            opening_angle=opening_angle,
+            parameters={},
+        )
+
+
+_vectorize_node.register(RadiusAtPressure)(broadcast_batches)

@@ -1,0 +1,341 @@
+"""PyMC model factories."""
+
+from collections.abc import Sequence
+from typing import Any, get_args
+
+import numpy as np
+import pymc as pm
+import pytensor
+import pytensor.tensor as pt
+import xarray as xr
+from pytensor.graph.replace import vectorize_graph
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.data.inflation import GEOMETRY, describe_test, points_of
+from pymc_hyperelastic.mechanics.axial_force import wall_force
+from pymc_hyperelastic.mechanics.collocation import (
+    CollocatedAxialForce,
+    CollocatedPressureIntegral,
+    curve_matrices,
+)
+from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
+from pymc_hyperelastic.mechanics.pressure import wall_pressure
+from pymc_hyperelastic.mechanics.strain_energy import (
+    CriscioneType,
+    Ogden,
+    PowerLawNeoHookean,
+    StrainEnergy,
+)
+from pymc_hyperelastic.mechanics.tube import inferred_geometry
+from pymc_hyperelastic.models.generative import Likelihood, check_generative, register_measurements
+from pymc_hyperelastic.models.likelihood import ErrorIn, check_likelihood, register_likelihood
+from pymc_hyperelastic.models.priors import (
+    check_geometry_priors,
+    check_prior,
+    complete_layers,
+    complete_priors,
+    is_inferred,
+    register_prior,
+    with_variables,
+)
+from pymc_hyperelastic.models.results import Study
+from pymc_hyperelastic.models.rules import Mode, Rule, current_tube, rule_for, tube_inputs
+
+# Radii of a test at which a pressure is seen to rise.
+_RADII_BETWEEN = 20
+# Draws from the prior by which it is known how many do so: to 3 % at the least share.
+_PRIOR_DRAWS, _LEAST_SHARE = 20000, 0.05
+
+__all__ = [
+    "criscione_model",
+    "inflation_model",
+    "ogden_model",
+    "power_law_neo_hookean_model",
+]
+
+
+def inflation_model(
+    energy: StrainEnergy | Sequence[Layer],
+    data: xr.Dataset,
+    *,
+    sigma: Any,
+    slope_weight: Any,
+    force_sigma: Any = None,
+    error_in: ErrorIn = "pressure",
+    priors: dict[str, Any] | None = None,
+    geometry: dict[str, Any] | None = None,
+    rising: bool = False,
+    likelihood: Likelihood = "paper",
+    mode: Mode = "auto",
+) -> pm.Model:
+    r"""PyMC model of inflation curves: every test shares one set of material parameters.
+
+    The model holds one random variable for each parameter, the deterministics ``pressure`` and
+    ``stiffness`` (with `force_sigma` also ``axial_force``, with `geometry` also ``radius``) over
+    ``obs``, and the Potential ``likelihood`` (see :func:`~pymc_hyperelastic.inflation_likelihood`)
+    or observed variables. Any PyMC sampler takes it. The model stands by itself: made in the
+    context of another one it is no part of that. Inside a model of your own use
+    :func:`~pymc_hyperelastic.inflation_likelihood`.
+
+    Parameters
+    ----------
+    energy : StrainEnergy or list of Layer
+        The material, such as ``ph.Ogden()``, or one of your own; or the layers of the wall from the
+        inside out, see :class:`~pymc_hyperelastic.Layer`. Random variables of a layer carry its
+        number, as in ``mu_1``.
+    data : xarray.Dataset
+        Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
+    sigma : float or distribution
+        The paper's ``σ``, kPa. With a distribution, such as ``pm.HalfNormal.dist(1)``, it is
+        inferred.
+    slope_weight : float or distribution
+        The paper's ``β``, mm², likewise; 0 leaves the slopes out.
+    force_sigma : float or distribution, optional
+        The same as `sigma` for measured axial forces, mN; without it they play no part.
+    error_in : {"pressure", "radius"}
+        What was measured with an error; with "radius", where curves are steep, `sigma` is in mm (of
+        the internal radius, or of half an outer diameter) and slopes play no part.
+    priors : dict of str to distribution, optional
+        Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. For the others the
+        default of the strain energy is taken: uniform over a documented physical range. A vector
+        parameter has a prior of its size.
+    geometry : dict of str to distribution, optional
+        Priors of what is not known of the tube, one value for all tests: ``inner_radius``,
+        ``axial_stretch``, ``opening_angle`` (rad), and one of ``outer_radius``, ``thickness`` (mm)
+        or ``wall_area`` (mm², of the cross-section of the unloaded ring). The integral is then
+        taken by direct quadrature, with gradients through the geometry.
+    rising : bool, default False
+        Whether the prior leaves out materials whose pressure falls somewhere between the smallest
+        and the largest radius of a test. The Potential ``rising`` then divides by the prior
+        probability of the others, so that the evidence stays one. What a posterior holds of them
+        without it is told by :func:`~pymc_hyperelastic.admissible`.
+    likelihood : {"paper", "generative"}
+        How the data enter. With "paper" it is the Potential. With "generative" the measured
+        pressures ``y`` of each test are the observed variable ``measured_pressure``,
+
+        .. math:: y \sim \mathcal{N}\left(P^{-1} (m + β D^T s),\ \tfrac{σ^2}{2} P^{-1}\right),
+            \qquad P = I + β D^T D,
+
+        with the model's pressures ``m`` and slopes ``s`` and the matrix ``D`` of central
+        differences. This is the paper's form as a density of the pressures, without its factor for
+        the small gap between ``s`` and ``D m``: data can be simulated from it, and it has a
+        log-likelihood by points, each given those before it in its test. Forces are
+        ``measured_axial_force``. The values are in the ``pm.Data`` ``pressure_data`` and
+        ``axial_force_data``. `slope_weight` must be a number, and the error in the pressure.
+    mode : {"auto", "collocation", "quadrature"}
+        How the wall is integrated, see :func:`~pymc_hyperelastic.inflation_likelihood`.
+
+    Returns
+    -------
+    pymc.Model
+        With the dimension ``obs`` (points) and ``test`` (experiments).
+
+    Raises
+    ------
+    TypeError
+        If the strain energy, the data or a prior is not one.
+    ValueError
+        If the data are unsound, a prior belongs to no parameter, or a number is impossible.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> model = ph.inflation_model(ph.Ogden(), data, sigma=5 * ph.mmHg, slope_weight=1.0)
+    >>> [rv.name for rv in model.free_RVs]
+    ['mu', 'alpha']
+
+    A tube whose unloaded inner radius was not measured:
+
+    >>> import pymc as pm
+    >>> model = ph.inflation_model(
+    ...     ph.Ogden(),
+    ...     data,
+    ...     sigma=5 * ph.mmHg,
+    ...     slope_weight=1.0,
+    ...     geometry={"inner_radius": pm.Uniform.dist(6, 8), "thickness": pm.Uniform.dist(1, 3)},
+    ... )
+    >>> [rv.name for rv in model.free_RVs]
+    ['mu', 'alpha', 'inner_radius', 'thickness']
+
+    Measurements as an observed variable:
+
+    >>> model = ph.inflation_model(
+    ...     ph.Ogden(), data, sigma=5 * ph.mmHg, slope_weight=1.0, likelihood="generative"
+    ... )
+    >>> [rv.name for rv in model.observed_RVs]
+    ['measured_pressure']
+    """
+    if likelihood not in get_args(Likelihood):
+        raise ValueError(f"likelihood is {likelihood!r}; expected one of {get_args(Likelihood)}")
+    wall: StrainEnergy | list[Layer]
+    layered = isinstance(energy, Sequence)
+    if isinstance(energy, Sequence):
+        if priors:
+            raise TypeError("layers take their own priors, Layer(..., mu=...): give no others")
+        check_layers(energy)
+        wall, distributions = complete_layers(energy)
+    else:
+        check_energy(energy)
+        wall, distributions = energy, complete_priors(energy, priors)
+    unknown = check_geometry_priors(geometry)
+    noise = {"sigma": sigma, "slope_weight": slope_weight}
+    if force_sigma is not None:
+        noise["force_sigma"] = force_sigma
+    of_material = {} if layered else distributions
+    stated = inferred_geometry(unknown)
+    check_likelihood(wall, data, of_material, geometry=stated, error_in=error_in, **noise)
+    if likelihood == "generative":
+        check_generative(slope_weight, error_in)
+    with_force = force_sigma is not None
+    rule = rule_for(
+        wall,
+        data,
+        of_material,
+        unknown,
+        mode=mode,
+        with_force=with_force,
+        known_radii=error_in == "pressure",
+    )
+    coords = {
+        "obs": np.arange(data.sizes["obs"]),
+        "test": [describe_test(data, test) for test in range(data.sizes["test"])],
+    }
+    with pm.Model(coords=coords, model=None) as model:
+        parameters = {name: register_prior(name, prior) for name, prior in distributions.items()}
+        if isinstance(wall, list):
+            wall = with_variables(wall, distributions, parameters)
+        tube = {name: register_prior(name, prior) for name, prior in unknown.items()}
+        registered = dict(noise)
+        for name, value in noise.items():
+            if is_inferred(value):
+                check_prior(name, value)
+                registered[name] = register_prior(name, value)
+        of_material = {} if layered else parameters
+        curves = {
+            name: pm.Deterministic(name, curve, dims="obs")
+            for name, curve in _curves(wall, data, rule, of_material, tube, with_force).items()
+        }
+        settings = {"geometry": tube, **registered}
+        if likelihood == "generative":
+            register_measurements(wall, data, rule, of_material, curves, **settings)
+        else:
+            settings["error_in"] = error_in
+            register_likelihood("likelihood", wall, data, rule, of_material, **settings)
+        if rising:
+            everywhere = _curves(wall, _between(data), rule, of_material, tube, False)["stiffness"]
+            rises = pt.all(everywhere > 0)
+            share = _prior_probability(rises, model.free_RVs)
+            pm.Potential("rising", pt.where(rises, -np.log(share), -np.inf))
+    model.study = Study(energy, data, distributions, noise, unknown, error_in, rising, likelihood)
+    return model
+
+
+def power_law_neo_hookean_model(data: xr.Dataset, **settings: Any) -> pm.Model:
+    """Model of the power-law neo-Hookean tube; see :func:`inflation_model` for the settings.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> model = ph.power_law_neo_hookean_model(data, sigma=5 * ph.mmHg, slope_weight=1.0)
+    """
+    return inflation_model(PowerLawNeoHookean(), data, **settings)
+
+
+def ogden_model(data: xr.Dataset, **settings: Any) -> pm.Model:
+    """Model of the Ogden tube; see :func:`inflation_model` for the settings.
+
+    The posterior is symmetric in ``alpha``: with the default prior it has two mirrored modes.
+    For NUTS, which cannot jump between them, give a one-sided prior: the evidence is the same.
+
+    Examples
+    --------
+    >>> import pymc as pm, pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> model = ph.ogden_model(
+    ...     data, sigma=5 * ph.mmHg, slope_weight=1.0, priors={"alpha": pm.Uniform.dist(0, 40)}
+    ... )
+    """
+    return inflation_model(Ogden(), data, **settings)
+
+
+def criscione_model(data: xr.Dataset, **settings: Any) -> pm.Model:
+    """Model of the Criscione-type tube; see :func:`inflation_model` for the settings.
+
+    The posterior is symmetric in ``b``; see :func:`ogden_model`.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> model = ph.criscione_model(data, sigma=5 * ph.mmHg, slope_weight=1.0)
+    """
+    return inflation_model(CriscioneType(), data, **settings)
+
+
+def _curves(
+    energy: StrainEnergy | Sequence[Layer],
+    data: xr.Dataset,
+    rule: Rule,
+    parameters: dict[str, Any],
+    geometry: dict[str, Any],
+    with_force: bool,
+) -> dict[str, TensorVariable]:
+    """What the model says at the points of the data."""
+    if rule.method == "quadrature" or not isinstance(energy, StrainEnergy):
+        current = current_tube(energy, tube_inputs(data), geometry, parameters)
+        pressure, stiffness = wall_pressure(current.tubes, rule.nodes)
+        curves = {"pressure": pressure, "stiffness": stiffness}
+        if with_force:
+            curves["axial_force"] = wall_force(current.tubes, rule.nodes)
+        if geometry and "outer_diameter" in data:
+            curves["radius"] = current.radius
+        return curves
+    entries = energy.split(parameters)
+    matrices, place = curve_matrices(data, rule.nodes)
+    shared = {key: pytensor.shared(value, name=f"curve_{key}") for key, value in matrices.items()}
+    force_matrix = shared.pop("force_matrix")
+    pressure, stiffness = CollocatedPressureIntegral(strain_energy=energy)(
+        *shared.values(), *entries
+    )
+    curves = {"pressure": pressure, "stiffness": stiffness}
+    if with_force:
+        stretches = shared["log_hoop"], shared["log_axial"]
+        integral = CollocatedAxialForce(strain_energy=energy)
+        curves["axial_force"] = integral(*stretches, force_matrix, *entries)
+    return {name: curve.flatten()[place] for name, curve in curves.items()}
+
+
+def _between(data: xr.Dataset) -> xr.Dataset:
+    """The same tests at radii evenly spread between the ends of each."""
+    spans = [points_of(data, test) for test in range(data.sizes["test"])]
+    steps = np.linspace(0, 1, _RADII_BETWEEN)
+    measured = {
+        name: (
+            "obs",
+            np.concatenate(
+                [v.min() + steps * np.ptp(v) for v in (data[name].values[span] for span in spans)]
+            ),
+        )
+        for name in ("radius", "outer_diameter")
+        if name in data
+    }
+    test = np.repeat(np.arange(len(spans)), _RADII_BETWEEN)
+    return xr.Dataset(measured, {"test": ("obs", test)}).assign(data[list(GEOMETRY)].data_vars)
+
+
+def _prior_probability(condition: TensorVariable, variables: Sequence[TensorVariable]) -> float:
+    """Probability that a condition on random variables holds, from many draws."""
+    draws = pm.draw(variables, draws=_PRIOR_DRAWS, random_seed=1, mode="FAST_COMPILE")
+    symbols = {v: pt.tensor(dtype=v.dtype, shape=(None, *v.type.shape)) for v in variables}
+    holds = vectorize_graph(condition, symbols)
+    function = pytensor.function(list(symbols.values()), holds, mode="FAST_COMPILE")
+    with np.errstate(all="ignore"):
+        share = float(np.mean(function(*draws)))
+    if share < _LEAST_SHARE:
+        raise ValueError(
+            f"of {_PRIOR_DRAWS} draws from the prior {share:.2%} have a pressure that rises with "
+            "the radius: give priors that do not contradict it"
+        )
+    return share

@@ -1,0 +1,310 @@
+"""Priors of material parameters: documented defaults, the user's own, and how they are stored."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pymc as pm
+import pytensor
+import pytensor.tensor as pt
+from pymc.distributions.distribution import SymbolicRandomVariable
+from pymc.exceptions import NotConstantValueError
+from pymc.pytensorf import constant_fold
+from pytensor.graph.basic import Constant, Variable
+from pytensor.graph.replace import clone_replace
+from pytensor.graph.traversal import ancestors
+from pytensor.tensor.random.op import RandomVariable
+from pytensor.tensor.random.type import RandomType
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+
+__all__ = [
+    "check_geometry_priors",
+    "check_prior",
+    "complete_layers",
+    "complete_priors",
+    "prior_from_record",
+    "prior_to_record",
+    "with_variables",
+]
+
+
+def complete_priors(
+    energy: StrainEnergy, priors: dict[str, TensorVariable] | None = None
+) -> dict[str, TensorVariable]:
+    """Priors of all parameters of `energy`: those given, and uniform defaults for the others.
+
+    A default prior is uniform over :attr:`Parameter.prior_range`, as in the paper. It is a fixed
+    physical range and knows nothing of the data.
+
+    Parameters
+    ----------
+    energy : StrainEnergy
+        The material.
+    priors : dict of str to TensorVariable, optional
+        Distributions such as ``{"mu": pm.Uniform.dist(0, 50)}``.
+
+    Returns
+    -------
+    dict of str to TensorVariable
+        One distribution for each parameter, in the order of the strain energy.
+
+    Raises
+    ------
+    TypeError
+        If a prior is not a distribution, or `priors` is not a dict.
+    ValueError
+        If a name is not a parameter of the strain energy.
+
+    Examples
+    --------
+    >>> import pymc as pm, pymc_hyperelastic as ph
+    >>> from pymc_hyperelastic.models.priors import complete_priors
+    >>> list(complete_priors(ph.Ogden(), {"alpha": pm.Uniform.dist(0, 20)}))
+    ['mu', 'alpha']
+    """
+    if priors is not None and not isinstance(priors, Mapping):
+        raise TypeError(
+            'priors must be a dict such as {"mu": pm.Uniform.dist(0, 50)}, not '
+            f"{type(priors).__name__}"
+        )
+    given = dict(priors or {})
+    for name, prior in given.items():
+        if name not in energy.parameter_names:
+            raise ValueError(
+                f"a prior is given for {name!r}, but {energy.name} has the parameters "
+                f"{list(energy.parameter_names)}"
+            )
+    for p in energy.parameters:
+        if p.name in given:
+            check_prior(p.name, given[p.name], p.size)
+    return {
+        p.name: given[p.name] if p.name in given else pm.Uniform.dist(*p.prior_range, shape=p.size)
+        for p in energy.parameters
+    }
+
+
+def complete_layers(
+    layers: Sequence[Layer],
+) -> tuple[list[Layer], dict[str, TensorVariable]]:
+    """Layers in which nothing is missing, and the distributions in them by name.
+
+    A name carries the number of the layer, counted from inside, unless the distribution stands in
+    several layers.
+    """
+    filled = []
+    places: dict[TensorVariable, list[tuple[str, int]]] = {}
+    for number, layer in enumerate(layers, start=1):
+        parameters = {
+            p.name: layer.parameters[p.name]
+            if p.name in layer.parameters
+            else pm.Uniform.dist(*p.prior_range, shape=p.size)
+            for p in layer.energy.parameters
+        }
+        sizes = {p.name: p.size for p in layer.energy.parameters} | {"thickness": None}
+        for name, value in {**parameters, "thickness": layer.thickness}.items():
+            if is_inferred(value):
+                check_prior(f"{name}_{number}", value, sizes[name])
+                places.setdefault(value, []).append((name, number))
+            else:
+                _check_number(f"{name}_{number}", value, sizes[name])
+        filled.append(Layer(layer.energy, layer.thickness, **parameters))
+    named = {}
+    for prior, [(name, number), *others] in places.items():
+        named[name if others else f"{name}_{number}"] = prior
+    if len(named) < len(places):
+        raise ValueError(
+            "two distributions would have one name: what is shared must be shared by all layers "
+            f"that have it; here are {sorted(named)}"
+        )
+    return filled, named
+
+
+def with_variables(
+    layers: Sequence[Layer],
+    distributions: Mapping[str, TensorVariable],
+    variables: Mapping[str, TensorVariable],
+) -> list[Layer]:
+    """The layers with random variables in place of their distributions."""
+    registered = {prior: variables[name] for name, prior in distributions.items()}
+
+    def variable(value: Any) -> Any:
+        return registered.get(value, value) if is_inferred(value) else value
+
+    return [
+        Layer(
+            layer.energy,
+            variable(layer.thickness),
+            **{name: variable(value) for name, value in layer.parameters.items()},
+        )
+        for layer in layers
+    ]
+
+
+# What may be inferred of a tube.
+_GEOMETRY = (
+    "inner_radius",
+    "outer_radius",
+    "thickness",
+    "wall_area",
+    "axial_stretch",
+    "opening_angle",
+)
+
+
+def check_geometry_priors(geometry: Mapping[str, TensorVariable] | None) -> dict[str, Any]:
+    """Priors of a tube's geometry, or an error if they do not state one."""
+    if geometry is not None and not isinstance(geometry, Mapping):
+        raise TypeError(
+            'geometry must be a dict such as {"inner_radius": pm.Uniform.dist(0.3, 0.5)}, not '
+            f"{type(geometry).__name__}"
+        )
+    given = dict(geometry or {})
+    for name, prior in given.items():
+        if name not in _GEOMETRY:
+            raise ValueError(f"a prior is given for {name!r}; of a tube one may infer {_GEOMETRY}")
+        check_prior(name, prior)
+    outer = [name for name in ("outer_radius", "thickness", "wall_area") if name in given]
+    if len(outer) > 1:
+        raise ValueError(f"{outer} state the same: give a prior for one of them")
+    if outer in (["thickness"], ["wall_area"]) and "inner_radius" not in given:
+        raise ValueError(
+            f"{outer[0]} is inferred together with inner_radius; where that is known, give a prior "
+            "for outer_radius"
+        )
+    return given
+
+
+def check_prior(name: str, prior: Any, size: int | None = None) -> None:
+    """Raise TypeError unless `prior` is a distribution of that size that belongs to no model yet.
+
+    A scalar has no size.
+    """
+    node = getattr(prior, "owner", None)
+    if node is None or not isinstance(node.op, RandomVariable | SymbolicRandomVariable):
+        raise TypeError(
+            f"the prior of {name!r} is {prior!r}; expected a distribution such as "
+            "pm.Uniform.dist(0, 50)"
+        )
+    # A distribution has no name until it is registered in a model.
+    parents = [v for v in ancestors(node.inputs) if _is_random(v)]
+    linked = [v for v in (prior, *parents) if v.name]
+    if _takes_scalars(node.op):
+        linked += parents
+    if linked:
+        culprit = linked[0].name or linked[0]
+        raise TypeError(
+            f"the prior of {name!r} depends on the random variable {culprit!r}; "
+            "expected a distribution by itself, such as pm.Uniform.dist(0, 50). Inside a model of "
+            "your own use ph.inflation_likelihood"
+        )
+    shape = () if size is None else (size,)
+    if prior.type.shape != shape:
+        expected = "a scalar" if size is None else f"{size} entries, as with shape={size}"
+        raise TypeError(
+            f"the prior of {name!r} has the shape {prior.type.shape}; expected {expected}"
+        )
+
+
+def _check_number(name: str, value: Any, size: int | None) -> None:
+    expected = "a number" if size is None else f"{size} numbers"
+    try:
+        number = np.asarray(value, float)
+    except (TypeError, ValueError):
+        number = np.array(np.nan)
+    if number.shape != (() if size is None else (size,)) or not np.isfinite(number).all():
+        raise TypeError(f"{name} is {value!r}; expected {expected}, or a distribution")
+
+
+def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
+    """Distribution as ``[name, parameters]``, for attributes of a file; a vector's size follows.
+
+    Raises
+    ------
+    ValueError
+        If the distribution is not one of PyMC's own with fixed parameters.
+    """
+    node = prior.owner
+    distribution = _DISTRIBUTIONS.get(type(node.op))
+    try:
+        if distribution is not None and _takes_scalars(node.op):
+            parameters = constant_fold(_in_double(node.op.dist_params(node)))
+            return [distribution, [p.tolist() for p in parameters], *prior.type.shape]
+    except NotConstantValueError:
+        pass
+    raise ValueError(
+        f"the prior of {name!r} cannot be stored with the results: use one of PyMC's univariate "
+        "distributions with numbers for parameters, such as pm.Gamma.dist(2, 0.1)"
+    )
+
+
+def prior_from_record(record: list[Any]) -> TensorVariable:
+    """Distribution from what :func:`prior_to_record` stored."""
+    name, parameters, *size = record
+    rv_op = getattr(pm, name).rv_op
+    return _rebuild(rv_op, [np.asarray(p, float) for p in parameters], size or None)
+
+
+# PyMC's distributions by the type of the random variable that they make.
+_DISTRIBUTIONS: dict[type, str] = {
+    member.rv_type: name
+    for name, member in vars(pm.distributions).items()
+    if isinstance(getattr(member, "rv_type", None), type)
+}
+
+
+def is_inferred(value: Any) -> bool:
+    """Whether a quantity is a variable, and not a number."""
+    return isinstance(value, Variable)
+
+
+def register_prior(name: str, prior: TensorVariable) -> TensorVariable:
+    """Make `prior` a random variable of the model in context.
+
+    A copy is registered: one distribution may serve several models, or several parameters.
+    """
+    node = prior.owner
+    if _takes_scalars(node.op):
+        size = prior.type.shape or None
+        copy = _rebuild(node.op, _in_double(node.op.dist_params(node)), size)
+    else:
+        inputs = [_generator() if isinstance(x.type, RandomType) else x for x in node.inputs]
+        copy = node.op.make_node(*inputs).outputs[node.outputs.index(prior)]
+    return pm.modelcontext(None).register_rv(copy, name=name)
+
+
+def _in_double(variables: Sequence[Variable]) -> list[Variable]:
+    """Copies in which numbers have double precision: as 3 or 0.5, PyTensor keeps them in less."""
+    short = ("int8", "int16", "float16", "float32")
+    numbers = [
+        v
+        for v in ancestors(variables)
+        if isinstance(v, Constant)
+        and getattr(v.type, "dtype", "") in short
+        and (v.type.ndim == 0 or v.type.dtype.startswith("float"))
+    ]
+    double = {v: pt.constant(v.data, dtype="float64") for v in numbers}
+    return clone_replace(list(variables), double, rebuild_strict=False)
+
+
+def _rebuild(op: Any, parameters: Sequence[Any], size: Sequence[int] | None) -> TensorVariable:
+    """Distribution of the same kind, with a random generator of its own."""
+    if isinstance(op, RandomVariable):
+        return op(*parameters, size=size, rng=_generator(), return_next_rng=True)[1]
+    return getattr(op, "rv_op", op)(*parameters, size=size)
+
+
+def _is_random(x: Variable) -> bool:
+    return x.owner is not None and isinstance(x.owner.op, RandomVariable | SymbolicRandomVariable)
+
+
+def _takes_scalars(op: Any) -> bool:
+    """Whether a distribution is stated by scalars alone, and by no other distributions."""
+    of_its_own = isinstance(op, RandomVariable) or str(op.extended_signature).startswith("[rng]")
+    return of_its_own and not any(op.ndims_params)
+
+
+def _generator() -> Variable:
+    return pytensor.shared(np.random.default_rng())

@@ -1,0 +1,176 @@
+"""Slopes of measured curves: central differences, and what they add to a likelihood."""
+
+import numpy as np
+import xarray as xr
+from scipy.linalg import cholesky_banded, eigvals_banded, solve_banded
+
+from pymc_hyperelastic.data.inflation import (
+    check_inflation_data,
+    describe_test,
+    measured_radius,
+    points_of,
+)
+from pymc_hyperelastic.mechanics.collocation import chebyshev_nodes, value_to_coefficient
+
+__all__ = [
+    "balanced_slope_weight",
+    "central_differences",
+    "compressed_spectrum",
+    "half_log_determinant",
+    "measured_slopes",
+    "precision_root",
+    "whiten",
+]
+
+
+def balanced_slope_weight(data: xr.Dataset) -> float:
+    r"""Slope weight ``β`` at which errors of slope and of pressure weigh alike.
+
+    .. math:: β = \frac{\sum_i p_i^2}{\sum_i s_i^2}
+
+    with the measured pressures ``p`` and their central differences ``s``: a model whose pressures
+    and slopes are all wrong by the same fraction is penalised equally for both.
+
+    Use one value for all classes (that of all data together): evidences under different
+    likelihoods cannot be compared.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Inflation data.
+
+    Returns
+    -------
+    float
+        ``β`` in mm².
+
+    Raises
+    ------
+    ValueError
+        If a test has too few points or repeated radii for a slope, or all pressures are equal.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> round(ph.balanced_slope_weight(ph.load_dataset("simulated_sheep_aorta")), 2)
+    3.03
+    """
+    check_inflation_data(data)
+    slope = measured_slopes(data)
+    if not np.any(slope):
+        raise ValueError("all slopes of the measured pressures are zero: no balance exists")
+    return float(np.sum(data["pressure"].values ** 2) / np.sum(slope**2))
+
+
+def measured_slopes(data: xr.Dataset) -> np.ndarray:
+    """Central differences of the measured pressures at the interior points, kPa/mm."""
+    interior, difference = central_differences(data)
+    pressure = data["pressure"].values
+    return difference * (pressure[interior + 1] - pressure[interior - 1])
+
+
+def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Interior points of every test, and the factor ``1/(r[i+1] − r[i−1])`` at each.
+
+    Raises
+    ------
+    ValueError
+        If a test has fewer than three points, or the two neighbours of a point share one radius.
+    """
+    interior, difference = [], []
+    radius = measured_radius(data).values
+    for test in range(data.sizes["test"]):
+        points = points_of(data, test)
+        rows = np.arange(points.start + 1, points.stop - 1)
+        if not rows.size:
+            raise ValueError(
+                f"{describe_test(data, test)} has {points.stop - points.start} point(s), but the "
+                "slope term needs at least 3: drop the experiment or set slope_weight=0"
+            )
+        step = radius[rows + 1] - radius[rows - 1]
+        if not np.all(step):
+            first = rows[np.flatnonzero(step == 0)[0]]
+            labels = data["row"].values if "row" in data.coords else np.arange(radius.size)
+            raise ValueError(
+                f"{describe_test(data, test)}: radius repeats at rows {labels[first - 1]} and "
+                f"{labels[first + 1]} ({radius[first - 1]:.6g} mm); the slope term needs distinct "
+                "neighbouring radii: drop one or set slope_weight=0"
+            )
+        interior.append(rows)
+        difference.append(1 / step)
+    return np.concatenate(interior), np.concatenate(difference)
+
+
+def half_log_determinant(data: xr.Dataset, slope_weight: float) -> float:
+    """``½ ln det(I + β DᵀD)``, of a matrix with two bands."""
+    bands = slope_weight * _gram_bands(*central_differences(data), data.sizes["obs"])
+    bands[-1] += 1.0
+    return float(np.sum(np.log(cholesky_banded(bands)[-1])))
+
+
+def compressed_spectrum(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    r"""Few numbers ``s`` and multiplicities ``m`` that stand for the eigenvalues of ``DᵀD``.
+
+    .. math:: \ln\det(I + β D^T D) = \sum_k m_k \ln(1 + β s_k) \quad \text{for every } β > 0
+
+    As a function of ``ln s``, ``ln(1 + β s)`` has its singularities ``±π`` away from the real axis,
+    whatever ``β``: interpolation at Chebyshev points in ``ln s`` converges as a geometric series.
+    """
+    bands = _gram_bands(*central_differences(data), data.sizes["obs"])
+    tests = (points_of(data, test) for test in range(data.sizes["test"]))
+    eigenvalues = np.concatenate([eigvals_banded(bands[:, points]) for points in tests])
+    # Two of each test are zero, but for rounding.
+    eigenvalues = eigenvalues[eigenvalues > 1e-14 * eigenvalues.max()]
+    logs = np.log(eigenvalues)
+    centre, half = (logs.max() + logs.min()) / 2, np.ptp(logs) / 2
+    if half > 0:
+        rate = (np.pi + np.hypot(np.pi, half)) / half
+        count = int(np.ceil(np.log(1e16) / np.log(rate)))
+        if count < len(logs):
+            angle = np.arccos(((logs - centre) / half).clip(-1, 1))
+            moments = np.array([np.cos(k * angle).sum() for k in range(count)])
+            eigenvalues = np.exp(centre + half * chebyshev_nodes(count))
+            return eigenvalues, moments @ value_to_coefficient(count)
+    return eigenvalues, np.ones(len(logs))
+
+
+def precision_root(data: xr.Dataset, slope_weight: float) -> np.ndarray:
+    """Lower triangular ``B`` with ``BᵀB = I + β DᵀD``, as the upper bands of ``Bᵀ``.
+
+    Row ``i`` of ``B`` holds what is told of a point by those before it: ``(B e)_i`` are independent
+    and of one variance if errors ``e`` have the precision ``BᵀB``. The only entries are those at
+    ``i`` and ``i − 2``, the last and the first band.
+    """
+    bands = slope_weight * _gram_bands(*central_differences(data), data.sizes["obs"])
+    bands[-1] += 1.0
+    # The usual factor has the transpose first: it is that of the points in reversed order.
+    reversed_bands = bands[:, ::-1].copy()
+    reversed_bands[0, 2:] = bands[0, :1:-1]
+    factor = cholesky_banded(reversed_bands)
+    root = factor[:, ::-1].copy()
+    root[0, :2], root[0, 2:] = 0.0, factor[0, :1:-1]
+    return root
+
+
+def whiten(
+    root: np.ndarray, data: xr.Dataset, slope_weight: float, pressure: np.ndarray, slope: np.ndarray
+) -> np.ndarray:
+    """``B μ̃ = B⁻ᵀ (m + β Dᵀ s)``: the expected ``B y`` of pressures and slopes at every point.
+
+    They may be columns. Slopes at the ends of a test play no part.
+    """
+    interior, difference = central_differences(data)
+    weighted = (slope_weight * difference * slope[interior].T).T
+    right = pressure.astype(float)
+    np.add.at(right, interior + 1, weighted)
+    np.add.at(right, interior - 1, -weighted)
+    return solve_banded((0, 2), root, right)
+
+
+def _gram_bands(interior: np.ndarray, difference: np.ndarray, size: int) -> np.ndarray:
+    """``DᵀD`` in SciPy's upper banded form; the row of ``D`` at ``i`` has ``∓d`` at ``i ∓ 1``."""
+    bands = np.zeros((3, size))
+    np.add.at(bands[2], interior - 1, difference**2)
+    np.add.at(bands[2], interior + 1, difference**2)
+    bands[0, interior + 1] = -(difference**2)
+    return bands

@@ -1,0 +1,1 @@
+"""What a posterior says of a tube: curves, elastic properties, stresses."""
