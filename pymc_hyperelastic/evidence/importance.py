@@ -7,9 +7,9 @@ from arviz_stats.base import array_stats
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.kernel import effective_sample_size, largest_step, systematic
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
-from pymc_hyperelastic.evidence.smc import Estimate
 
 __all__ = [
     "LARGEST_PARETO_K",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import xarray as xr
 
 from pymc_hyperelastic.data.units import to_internal
-from pymc_hyperelastic.models.results import check_result
+from pymc_hyperelastic.evidence.results import check_result
 
 # arviz_plots brings matplotlib along: it is imported when the first figure is drawn.
 if TYPE_CHECKING:

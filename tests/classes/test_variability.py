@@ -21,7 +21,8 @@ from pymc_hyperelastic.evidence.importance import (
 )
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.modes import mixture_at_modes
-from pymc_hyperelastic.models.population import ClassDistribution, NaturalScale
+from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.natural_scale import NaturalScale
 
 SEED = 911
 # An honest standard error is exceeded threefold once in 370 runs; seeds are fixed.

@@ -11,11 +11,11 @@ from pymc_hyperelastic.data.inflation import (
     VARIABLES,
     check_inflation_data,
     describe_test,
-    inflation_data,
     measured_radius,
     points_of,
-    select,
 )
+from pymc_hyperelastic.data.select import select
+from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.data.units import mmHg
 
 # Pint's factor for a unit may differ from ours in the last bit.
