@@ -20,7 +20,7 @@ from pymc_hyperelastic.classes.variable import (
 )
 from pymc_hyperelastic.data.inflation import check_inflation_data, tests_at
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.kernel import check_count
+from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.smc import (
     Estimate,
     log_evidence,

@@ -24,7 +24,7 @@ from pymc_hyperelastic.classes.variable import (
     sample_specimens,
 )
 from pymc_hyperelastic.data.inflation import check_inflation_data, tests_at
-from pymc_hyperelastic.evidence.kernel import check_count
+from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.smc import log_evidence, seed_sequence
 from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy

@@ -23,10 +23,11 @@ from pymc_hyperelastic.evidence.importance import (
     mean_weight,
     weighted_draws,
 )
-from pymc_hyperelastic.evidence.kernel import BatchedSMC, systematic
+from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import mixture_at_modes
 from pymc_hyperelastic.evidence.smc import Estimate
+from pymc_hyperelastic.evidence.weights import systematic
 from pymc_hyperelastic.models.likelihood import shared_inputs
 from pymc_hyperelastic.models.population import (
     ClassDistribution,

@@ -24,8 +24,9 @@ from pymc_hyperelastic.classes.specimens import (
     sample,
 )
 from pymc_hyperelastic.data.inflation import tests_at
-from pymc_hyperelastic.evidence.kernel import BatchedSMC, effective_sample_size
+from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.smc import Estimate, particles_to_tree
+from pymc_hyperelastic.evidence.weights import effective_sample_size
 from pymc_hyperelastic.models.population import (
     ClassDistribution,
     NaturalScale,

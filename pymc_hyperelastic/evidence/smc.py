@@ -14,7 +14,8 @@ from scipy.special import logsumexp
 from scipy.stats import chi2
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.kernel import BatchedSMC, check_count
+from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.models.results import check_result, sampling_tree
 
 __all__ = ["Estimate", "log_evidence", "particles_to_tree", "sample_smc", "seed_sequence"]
