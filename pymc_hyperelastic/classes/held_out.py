@@ -16,7 +16,7 @@ from pymc_hyperelastic.classes.fit import check_classes
 from pymc_hyperelastic.classes.interface import ClassKind
 from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.data.inflation import check_inflation_data
-from pymc_hyperelastic.evidence.kernel import check_count
+from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy

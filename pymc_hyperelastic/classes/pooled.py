@@ -265,11 +265,9 @@ class ClassPredictive:
             {name: particles[name].values[chain] for name in particles.data_vars}
             for chain in range(particles.sizes["chain"])
         ]
-        columns = [particles[v.name].values for v in model.value_vars]
-        shape = particles.sizes["chain"] * particles.sizes["draw"], -1
-        self._draws = np.concatenate([np.reshape(x, shape) for x in columns], axis=1)
         self._likelihood = BatchedFunction.of_model(model, [model.logp([new])])
         self._kernel = BatchedSMC(draws=particles.sizes["draw"], model=model, tempered=["new"])
+        self._draws = np.concatenate([self._kernel.columns(chain) for chain in self._chains])
 
         some = self._draws[:: max(1, len(self._draws) // _FINAL_DRAWS)]
         components = components_for(len(some), self._kernel.dimension)

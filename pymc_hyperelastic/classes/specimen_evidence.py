@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 
 from pymc_hyperelastic.classes.density import SpecimenDraws, independent, log_densities
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.kernel import effective_sample_size
+from pymc_hyperelastic.evidence.weights import effective_sample_size
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 
 __all__ = [

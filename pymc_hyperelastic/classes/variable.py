@@ -36,8 +36,10 @@ from pymc_hyperelastic.classes.specimens import (
 )
 from pymc_hyperelastic.classes.typicality import predictive_p_value
 from pymc_hyperelastic.data.select import specimens_of, tests_at
+from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.from_modes import sample_from_modes
-from pymc_hyperelastic.evidence.kernel import BatchedSMC, check_count
+from pymc_hyperelastic.evidence.importance import UNTRUSTED_PARETO_K
+from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
@@ -53,9 +55,6 @@ Array = NDArray[np.float64]
 # Draws of a specimen that stand for it in the model of its class: its density, which is mostly far
 # wider than what a specimen's curves leave open, is averaged over them.
 _IN_CLASS = 128
-# Weights of a larger Pareto shape do not make a mean: the specimen is sampled again, closer to the
-# class.
-_LARGEST_PARETO_K = 0.7
 
 
 @dataclass(frozen=True)
@@ -336,7 +335,8 @@ class SpecimenPredictive:
         predictions: list[Prediction] = []
         for name, distributions in self._distributions.items():
             evidence = specimen_evidence(draws, distributions)
-            if evidence.pareto_k >= _LARGEST_PARETO_K:
+            if evidence.pareto_k >= UNTRUSTED_PARETO_K:
+                # Sampled closer to the class.
                 again = specimen_evidence(self._near(name)(data, rng), distributions)
                 if again.pareto_k < evidence.pareto_k:
                     # From draws of its own, which no other class shares.

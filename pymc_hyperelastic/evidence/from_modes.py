@@ -5,23 +5,23 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import (
+    UNTRUSTED_PARETO_K,
     adapted_mixture,
     fitted_mixture,
     mean_weight,
     weighted_draws,
 )
-from pymc_hyperelastic.evidence.kernel import BatchedSMC, systematic
+from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import mixture_at_modes
+from pymc_hyperelastic.evidence.weights import systematic
 
 __all__ = ["sample_from_modes"]
 
 Array = NDArray[np.float64]
 
-# Draws of importance sampling, and the Pareto shape from which on their mean cannot be believed.
-_DRAWS, _LARGEST_PARETO_K = 8000, 0.7
-# Effective draws without which nothing is known of a mean.
-_ENOUGH = 300
+# Draws of importance sampling, and effective draws without which nothing is known of a mean.
+_DRAWS, _ENOUGH = 8000, 300
 
 
 def sample_from_modes(kernel: BatchedSMC, rng: np.random.Generator) -> tuple[Array, Estimate]:
@@ -33,8 +33,7 @@ def sample_from_modes(kernel: BatchedSMC, rng: np.random.Generator) -> tuple[Arr
     kernel.set_rng(rng)
     steps = max(1000, 250 * kernel.dimension)
     start = kernel.initialize_population()
-    columns = [np.reshape(start[v.name], (len(start[v.name]), -1)) for v in kernel.variables]
-    prior = np.concatenate(columns, axis=1)
+    prior = kernel.columns(start)
     modes = mixture_at_modes(kernel.score, prior)
     best, found = Estimate(-np.inf, np.inf), prior
     for broad in (False, True):
@@ -50,7 +49,7 @@ def sample_from_modes(kernel: BatchedSMC, rng: np.random.Generator) -> tuple[Arr
         if evidence.value > best.value:
             weights = np.exp(log_weights - log_weights.max())
             best, found = evidence, points[systematic(weights, kernel.draws, rng)]
-        if pareto_k < _LARGEST_PARETO_K:
+        if pareto_k < UNTRUSTED_PARETO_K:
             return rng.permutation(found), best
     kernel.temper(None, rng)
     # Both are unbiased, and miss modes rather than invent them: the larger is the better one.

@@ -12,7 +12,8 @@ from pymc.progress_bar import SMCProgressBarManager
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.kernel import BatchedSMC, check_count
+from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.results import sampling_tree
 
 __all__ = ["particles_to_tree", "sample_smc", "seed_sequence"]

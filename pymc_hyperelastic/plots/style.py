@@ -111,6 +111,13 @@ class Canvas:
             self.collection.add_title(text, size="medium", wrap=True)
 
 
+def stacked(name: str, **arrays: xr.DataArray) -> xr.Dataset:
+    """The coordinates of something to draw, along the dimension that visuals read."""
+    broadcast = xr.broadcast(*(a.reset_coords(drop=True).astype(float) for a in arrays.values()))
+    coordinates = xr.concat(broadcast, dim="plot_axis").assign_coords(plot_axis=list(arrays))
+    return coordinates.to_dataset(name=name)
+
+
 def per_kilopascal(pressure_unit: str) -> float:
     """How many of the unit make 1 kPa."""
     return 1 / float(to_internal(1.0, pressure_unit, "pressure"))
