@@ -1,6 +1,5 @@
 """Classes whose specimens differ: their densities and evidences, and what they say of others."""
 
-
 import numpy as np
 import pytest
 import xarray as xr
