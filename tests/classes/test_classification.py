@@ -408,7 +408,7 @@ def test_energy_of_ones_own_is_fitted_and_classifies(monkeypatch, tmp_path):
     assert_exact(result, truth)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_inferred_noise_has_the_exact_evidence(tmp_path):
     """With a prior of sigma the evidence is the mean, over that prior, of evidences at known sigma.
 

@@ -183,7 +183,7 @@ def test_class_posterior_is_exact(fits, law, name):
     assert_moments(np.abs(posterior[names[1]]), truth, np.abs(truth.exponent))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("law", ENERGIES)
 def test_class_predictives_are_exact(fits, law):
     """Five new experiments under two classes: the evidence gained by training on them as well.
@@ -396,7 +396,7 @@ def test_smc_agrees_with_quadrature(one_sided):
     assert_one_sided_moments(one_sided)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_nuts_agrees_with_quadrature():
     """Posterior means and sds of PyMC's NUTS under a one-sided prior, without divergences."""
     tree = pm.sample(draws=1000, tune=500, model=one_sided_model(), nuts_sampler="pymc", **SAMPLING)
@@ -406,7 +406,7 @@ def test_nuts_agrees_with_quadrature():
     assert tree["posterior"]["pressure"].dims == ("chain", "draw", "obs")
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_nutpie_agrees_with_quadrature():
     """Posterior means and sds of nutpie's NUTS, where it is installed."""
     pytest.importorskip("nutpie")
@@ -416,7 +416,7 @@ def test_nutpie_agrees_with_quadrature():
     assert_one_sided_moments(tree)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_metropolis_agrees_with_quadrature():
     """Posterior means and sds of random-walk Metropolis, the paper's algorithm."""
     with one_sided_model():
@@ -425,7 +425,7 @@ def test_metropolis_agrees_with_quadrature():
     assert_one_sided_moments(tree)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_stock_smc_takes_the_models():
     """PyMC's own kernel reaches the same evidence and posterior.
 
@@ -441,7 +441,7 @@ def test_stock_smc_takes_the_models():
     assert abs(mu.mean() - truth.mean(truth.modulus)) < 0.2 * truth.sd(truth.modulus)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_find_map_finds_the_mode():
     """Under uniform priors the mode is the largest likelihood, found here in one dimension."""
     curves = exact.curves_of(training("C1"))

@@ -410,7 +410,7 @@ def test_material_and_data_have_to_be_what_they_are_called(data):
         ph.population_model(ph.Ogden(), pd.DataFrame({"radius": [1.0]}), sigma=SIGMA)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_nuts_and_smc_agree():
     """Five specimens with two experiments each, unknown noise, default settings of NUTS.
 
