@@ -5,6 +5,7 @@ import pytest
 from bad_input import OGDEN, TUBE, assert_refused, table
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic import inflation_pressure, inflation_stiffness
 
 OGDEN_TUBE = {**TUBE, "mu": 6.0, "alpha": 8.0}
 
@@ -100,3 +101,62 @@ BAD_INPUT = [
 def test_bad_input(call, error, fragments):
     """Each kind of bad input raises one error that names the place and what was expected."""
     assert_refused(call, error, fragments)
+
+
+MATERIAL = {"mu": 6.0, "alpha": 8.0}
+
+
+@pytest.mark.parametrize("function", [inflation_pressure, inflation_stiffness])
+@pytest.mark.parametrize(
+    ("energy", "radius", "arguments", "error", "message"),
+    [
+        (ph.Ogden(), 8.0, {**TUBE, "mu": 6.0}, TypeError, r"Ogden.*'mu', 'alpha'.*\['mu'\]"),
+        (ph.Ogden(), 8.0, {**TUBE, **MATERIAL, "n": 1.0}, TypeError, r"Ogden.*'n'"),
+        (ph.Ogden(), 8.0, {**TUBE, "mu": 6.0, "n": 1.0}, TypeError, r"'alpha'.*'n'"),
+        (ph.Ogden, 8.0, {**TUBE, **MATERIAL}, TypeError, "call the class"),
+        ("Ogden", 8.0, {**TUBE, **MATERIAL}, TypeError, "'Ogden'"),
+        (
+            ph.Ogden(),
+            8.0,
+            {**MATERIAL, "inner_radius": 9.0, "outer_radius": 7.0},
+            ValueError,
+            "outer_radius must exceed inner_radius.*7.*9",
+        ),
+        (
+            ph.Ogden(),
+            8.0,
+            {**MATERIAL, "inner_radius": 7.0, "outer_radius": [9.0, 7.0]},
+            ValueError,
+            "outer_radius must exceed inner_radius",
+        ),
+        (ph.Ogden(), 8.0, {**TUBE, **MATERIAL, "opening_angle": 60.0}, ValueError, "np.deg2rad"),
+        (
+            ph.Ogden(),
+            [8.0, 0.0],
+            {**TUBE, **MATERIAL},
+            ValueError,
+            "internal_radius must be positive",
+        ),
+        (ph.Ogden(), np.nan, {**TUBE, **MATERIAL}, ValueError, "internal_radius must be positive"),
+        (
+            ph.Ogden(),
+            8.0,
+            {**TUBE, **MATERIAL, "inner_radius": -7.0},
+            ValueError,
+            "inner_radius must be positive.*-7",
+        ),
+        (
+            ph.Ogden(),
+            8.0,
+            {**TUBE, **MATERIAL, "axial_stretch": 0.0},
+            ValueError,
+            "axial_stretch must be positive",
+        ),
+    ],
+)
+def test_bad_input_is_refused_with_a_clear_message(
+    function, energy, radius, arguments, error, message
+):
+    """Each mistake has one error, which names the argument and the value."""
+    with pytest.raises(error, match=message):
+        function(energy, radius, **arguments)
