@@ -17,10 +17,12 @@ from pressures import (
     response,
 )
 from problems import AS_WRITTEN, LAWS, entries
+from tiers import tiers
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic import PressureIntegral
 
+# The oracle's differences of step 1e-15 do not tell what is smaller from 0.
 ORACLE_RESOLUTION = 1e-25
 # Second derivatives divide by small numbers where first ones do, once more.
 GRADIENT_TOLERANCE = 1e-7
@@ -85,7 +87,13 @@ EXACT_GRADIENTS = [
 ]
 
 
-@pytest.mark.parametrize(("law", "tube"), EXACT_GRADIENTS)
+def is_first(case):
+    """Whether a law and its tube belong to the first tier: of the largest law none does."""
+    law, tube = case
+    return tube == ("slackening" if law in FIBRE_LAWS else "in vivo") and law != "FourFiber"
+
+
+@pytest.mark.parametrize(("law", "tube"), tiers(EXACT_GRADIENTS, first=is_first))
 def test_gradient_agrees_with_the_oracle(law, tube):
     """The derivative of pressure and of stiffness by every input is the exact one."""
     table = problems_of(law)
