@@ -9,12 +9,13 @@ extras_lint := [dev]
 extras_docs := [docs]
 extras_benchmark := [test,jax,benchmark]
 
-.PHONY: help study artery test lint docs benchmark clean
+.PHONY: help study artery test test-deep lint docs benchmark clean
 
 help:
 	@echo "make study       the simulated sheep-aorta study: a table, figures and netCDF files in results/"
 	@echo "make artery      the same for a measured pulmonary artery, control against hypertensive"
-	@echo "make test        the whole test suite, on two processes"
+	@echo "make test        the tests of every module and every public name, on two processes, within 5 minutes"
+	@echo "make test-deep   the other tests: calibration, coverage, slow samplers, all digits"
 	@echo "make lint        ruff and mypy"
 	@echo "make docs        the documentation, in docs/_build/html"
 	@echo "make benchmark   time and accuracy against other ways, about 5 minutes"
@@ -26,11 +27,17 @@ study: $(VENV)/.ready-study
 artery: $(VENV)/.ready-study
 	$(PY) examples/pulmonary_hypertension.py
 
-# Two processes with one thread each; the tests of one file share its fitted results, so they stay together.
+# Two processes with one thread each. Tests of one file share its fitted results: a process takes them in a row, and
+# takes some of the other's when it has none left.
 # The plugin of the benchmarks, where it is installed, may warn that it cannot time two processes at once.
+pytest := OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist worksteal -p no:benchmark
+
+# The first tier, with the examples of the docstrings; a test of it that takes longer than --longest-test fails.
 test: $(VENV)/.ready-test
-	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist loadfile -p no:benchmark
-	OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --doctest-modules -p no:benchmark pymc_hyperelastic
+	$(pytest) -m "not deep" --doctest-modules --ignore=tests/benchmarks tests pymc_hyperelastic
+
+test-deep: $(VENV)/.ready-test
+	$(pytest) -m deep
 
 lint: $(VENV)/.ready-lint
 	$(PY) -m ruff check

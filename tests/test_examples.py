@@ -41,7 +41,7 @@ def csv_of_simulated_data(path, **changes):
     frame.assign(**changes).to_csv(path, index=False)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize(
     ("script", "numbers"),
     [("sheep_aorta.py", "SIMULATED"), ("pulmonary_hypertension.py", "One mean curve a group")],
@@ -63,7 +63,7 @@ def test_studies_run(script, numbers, tmp_path):
         assert (result["class_probability"].idxmax("class_label").values == truth).all()
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_csv_is_classified(tmp_path):
     """A CSV file of curves gives a table of class probabilities, with the right classes first."""
     csv_of_simulated_data(tmp_path / "curves.csv")
@@ -77,7 +77,7 @@ def test_csv_is_classified(tmp_path):
     assert xr.load_datatree(tmp_path / "out" / "classes.nc").children
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_cohort_runs(tmp_path):
     """Few specimens already show that the pooled scheme is surer than it may be."""
     few = ("--train", "8", "--new", "20", "--other", "8", "--quiet")

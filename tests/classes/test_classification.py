@@ -16,8 +16,6 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import classify as classification
 from pymc_hyperelastic.classes import pooled as predictive
 from pymc_hyperelastic.classes.variable import Variability
-from pymc_hyperelastic.evidence.importance import fitted_mixture, mean_weight
-from pymc_hyperelastic.evidence.mixture import GaussianMixture
 
 SEED = 411
 DRAWS, CHAINS = 1000, 4
@@ -304,21 +302,6 @@ def test_what_is_not_a_result_is_refused(classes):
         classify(new_data(), bare)
 
 
-# --- importance sampling --------------------------------------------------------------------------
-
-
-def test_nothing_is_learned_from_impossible_draws():
-    """A mixture is kept as it is, and the mean weight is zero, with any error."""
-    rng = np.random.default_rng(SEED)
-    mixture = GaussianMixture.fit(rng.standard_normal((500, 2)), 1, rng)
-
-    def score(points):
-        return np.full(len(points), -np.inf), np.zeros(len(points))
-
-    assert fitted_mixture(score, mixture, rng, 200) is mixture
-    assert mean_weight(np.full(2000, -np.inf)) == ((-np.inf, np.inf), np.inf)
-
-
 # --- divergence ----------------------------------------------------------------------------------
 
 
@@ -425,7 +408,7 @@ def test_energy_of_ones_own_is_fitted_and_classifies(monkeypatch, tmp_path):
     assert_exact(result, truth)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_inferred_noise_has_the_exact_evidence(tmp_path):
     """With a prior of sigma the evidence is the mean, over that prior, of evidences at known sigma.
 

@@ -1,187 +1,31 @@
 """Classes whose specimens differ: their densities and evidences, and what they say of others."""
 
-import json
-
 import numpy as np
-import pandas as pd
-import pymc as pm
 import pytest
 import xarray as xr
 from scipy import stats
 from scipy.special import logsumexp, softmax
+from variable_classes import (
+    NAMES,
+    SEED,
+    SIGMA,
+    TRAINING,
+    UNIT_PRESSURE,
+    classify,
+    curves,
+    fit,
+    unit_pressure,
+)
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.specimens import SpecimenDraws, class_model, log_density, sample
-from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.importance import (
-    LARGEST_PARETO_K,
-    draw_heavy_tailed,
-    fitted_mixture,
-    mean_weight,
-)
-from pymc_hyperelastic.evidence.kernel import BatchedSMC
-from pymc_hyperelastic.evidence.modes import mixture_at_modes
-from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.natural_scale import NaturalScale
 
-SEED = 911
 # An honest standard error is exceeded threefold once in 370 runs; seeds are fixed.
 STANDARD_ERRORS = 3
 # Nats.
 EVIDENCE_TOLERANCE = 0.1
 ROUNDING = 1e-12
-# Sums of some hundred densities.
-DENSITY_TOLERANCE = 1e-9
-# Nats, of five nodes over how much experiments differ, and of a single one in the tails.
-QUADRATURE_TOLERANCE, SINGLE_TEST_TOLERANCE = 0.01, 0.1
-TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
-RADIUS = np.linspace(7.3, 9.0, 7)
-SIGMA, STRESS = 0.5, 20.0
-NAMES = ("soft", "stiff")
-
-
-# --- the density of specimens under a class -------------------------------------------------------
-
-
-def random_draws(rng, size, tests, count):
-    """Draws of a specimen, and the coordinates of its tests, shape (draw, test, coordinate)."""
-    x = 0.3 * rng.standard_normal((count, tests, size))
-    centre = x.mean(axis=1)
-    draws = SpecimenDraws(
-        centre.T,
-        ((x - centre[:, None]) ** 2).sum(axis=1).T,
-        rng.normal(-0.5, 0.3, count),
-        rng.normal(0, 1, count),
-        tests,
-        0.01,
-    )
-    return draws, x
-
-
-def normal_factor(rng, size):
-    """Lower Cholesky factor of a random correlation matrix."""
-    root = rng.standard_normal((size, 2 * size))
-    covariance = root @ root.T
-    sd = np.sqrt(np.diagonal(covariance))
-    return np.linalg.cholesky(covariance / np.outer(sd, sd))
-
-
-def dense_density(x, draws, location, spread, factor, within=None, effect=None, noise=None):
-    """Log density of each draw: SciPy's normal density of the stacked coordinates of all tests.
-
-    How much experiments differ is integrated by a sum over a fine grid.
-    """
-    tests = x.shape[1]
-    common = np.diag(spread) @ factor @ factor.T @ np.diag(spread)
-    between = np.kron(np.ones((tests, tests)), common)
-    mean = np.tile(location, tests)
-    rows = x.reshape(len(x), -1)
-    if within is None:
-        total = np.array([stats.multivariate_normal(mean, between).logpdf(row) for row in rows])
-    else:
-        grid = np.linspace(-4, 4, 161)
-        own = np.kron(np.eye(tests), np.diag(within**2))
-        terms = [
-            stats.multivariate_normal(mean, between + np.exp(2 * u) * own).logpdf(rows)
-            + stats.norm(0, effect).logpdf(u)
-            for u in grid
-        ]
-        total = logsumexp(terms, axis=0) + np.log(grid[1] - grid[0])
-    if noise is not None:
-        total = total + stats.norm(*noise).logpdf(draws.log_sigma)
-    return total
-
-
-@pytest.mark.parametrize("noise", [None, (-0.4, 0.3)], ids=["known noise", "unknown noise"])
-@pytest.mark.parametrize(("size", "tests"), [(1, 1), (1, 4), (3, 1), (3, 4)])
-def test_density_of_a_specimen_whose_experiments_differ(size, tests, noise):
-    """With the specimen integrated out, its tests are normal together, and correlated."""
-    rng = np.random.default_rng(SEED)
-    draws, x = random_draws(rng, size, tests, 5)
-    location, spread = rng.normal(0, 0.3, size), rng.uniform(0.2, 0.6, size)
-    within, factor = rng.uniform(0.1, 0.3, size), normal_factor(rng, size)
-    rows = [list(factor[i, : i + 1]) for i in range(size)]
-    names = {} if noise is None else {"log_sigma": noise[0], "noise_spread": noise[1]}
-    distribution = ClassDistribution(location, spread, rows, within, 0.7, **names)
-    expected = dense_density(x, draws, location, spread, factor, within, 0.7, noise)
-    tolerance = QUADRATURE_TOLERANCE if tests > 1 else SINGLE_TEST_TOLERANCE
-    np.testing.assert_allclose(
-        log_density(np, vars(draws), distribution), expected, rtol=0, atol=tolerance
-    )
-
-
-def test_density_of_a_specimen_of_one_material():
-    """Without an effect of experiments a specimen is one draw of the class's normal density."""
-    rng = np.random.default_rng(SEED)
-    draws, x = random_draws(rng, 3, 1, 5)
-    location, spread, factor = np.zeros(3), np.array([0.5, 0.2, 0.4]), normal_factor(rng, 3)
-    rows = [list(factor[i, : i + 1]) for i in range(3)]
-    np.testing.assert_allclose(
-        log_density(np, vars(draws), ClassDistribution(location, spread, rows)),
-        dense_density(x, draws, location, spread, factor),
-        rtol=DENSITY_TOLERANCE,
-    )
-
-
-def test_potential_of_a_class_is_the_mean_over_the_draws_of_its_specimens():
-    """In the model of a class each specimen is a weighted sum over its draws, by SciPy."""
-    rng = np.random.default_rng(SEED)
-    scale = NaturalScale(ph.Yeoh())
-    specimens = [random_draws(rng, 3, tests, 20) for tests in (2, 3)]
-    model = class_model(
-        scale,
-        [draws for draws, _ in specimens],
-        ["S1", "S2"],
-        sigma=pm.LogNormal.dist(0.0, 1.0),
-        experiment_effect=True,
-    )
-    location, spread = rng.normal(0, 0.3, 3), rng.uniform(0.2, 0.6, 3)
-    within, effect, sigma, noise_spread = rng.uniform(0.1, 0.3, 3), 0.6, 0.8, 0.4
-    unit = rng.uniform(0.2, 0.8, 3)
-    point = {
-        "location": location,
-        "spread_log__": np.log(spread),
-        "correlation_unit_logodds__": np.log(unit / (1 - unit)),
-        "experiment_spread_log__": np.log(within),
-        "effect_spread_log__": np.log(effect),
-        "sigma_log__": np.log(sigma),
-        "noise_spread_log__": np.log(noise_spread),
-    }
-    outputs = model.replace_rvs_by_values([model["specimens"], model["correlation"]])
-    # As the package compiles it, for many points at once.
-    function = BatchedFunction.of_model(model, outputs)
-    joined = np.concatenate([np.ravel(point[v.name]) for v in model.value_vars])
-    potential, correlation = (values[0] for values in function(joined[None]))
-    factor = np.linalg.cholesky(correlation)
-    # Partial correlations: the first row of R holds them as they are.
-    np.testing.assert_allclose(correlation[1:, 0], 2 * unit[:2] - 1)
-    expected = 0.0
-    for draws, x in specimens:
-        noise = np.log(sigma), noise_spread
-        density = dense_density(x, draws, location, spread, factor, within, effect, noise)
-        expected += logsumexp(draws.log_weight + density)
-    np.testing.assert_allclose(potential, expected, rtol=0, atol=2 * QUADRATURE_TOLERANCE)
-
-
-def test_half_of_the_draws_can_stand_for_all():
-    """Draws that are left out leave their weight to the others."""
-    draws, _ = random_draws(np.random.default_rng(SEED), 2, 3, 40)
-    half = draws.first(20)
-    np.testing.assert_allclose(half.log_weight, draws.log_weight[:20] + np.log(2))
-    np.testing.assert_array_equal(half.centre, draws.centre[:, :20])
-
-
-# --- importance sampling from the modes -----------------------------------------------------------
-
-
-def evidence_from_modes(score, prior, draws=4000):
-    """Mixture, and the evidence that its weights give."""
-    rng = np.random.default_rng(SEED)
-    mixture = fitted_mixture(score, mixture_at_modes(score, prior), rng, 1000)
-    points, log_proposal = draw_heavy_tailed(mixture, draws, rng)
-    evidence, pareto_k = mean_weight(sum(score(points)) - log_proposal, 500)
-    assert pareto_k < LARGEST_PARETO_K
-    return mixture, evidence
+# The package's reference stress, in kPa.
+STRESS = 20.0
 
 
 def assert_evidence(evidence, truth):
@@ -190,121 +34,13 @@ def assert_evidence(evidence, truth):
     assert abs(evidence.value - truth) < STANDARD_ERRORS * evidence.standard_error
 
 
-def test_evidence_of_a_correlated_normal_posterior():
-    """Normal prior and correlated normal likelihood in 4-D: the evidence in closed form."""
-    rng = np.random.default_rng(SEED)
-    root = rng.standard_normal((4, 4))
-    covariance = 0.01 * (root @ root.T + 0.05 * np.eye(4))
-    centre = np.array([1.0, -2.0, 0.5, 3.0])
-    before, likelihood = stats.norm(0, 3), stats.multivariate_normal(centre, covariance)
-
-    def score(points):
-        return before.logpdf(points).sum(axis=1), likelihood.logpdf(points)
-
-    mixture, evidence = evidence_from_modes(score, 3 * rng.standard_normal((1000, 4)))
-    truth = stats.multivariate_normal(np.zeros(4), covariance + 9 * np.eye(4)).logpdf(centre)
-    assert_evidence(evidence, truth)
-    mean = np.exp(mixture.log_weights) @ mixture.means
-    posterior = np.linalg.inv(np.linalg.inv(covariance) + np.eye(4) / 9)
-    exact = posterior @ np.linalg.solve(covariance, centre)
-    assert np.all(np.abs(mean - exact) < 0.2 * np.sqrt(np.diagonal(posterior)))
-
-
-def test_both_of_two_modes_are_found():
-    """Two separate modes of weights 1 and 4 count both, and in that proportion."""
-    rng = np.random.default_rng(SEED)
-    centres, shares, width = np.array([[-3.0, 2.0], [4.0, 1.0]]), np.array([0.2, 0.8]), 0.3
-    before = stats.norm(0, 4)
-
-    def score(points):
-        distance = ((points[:, None] - centres) ** 2).sum(axis=2)
-        terms = np.log(shares) - distance / (2 * width**2) - np.log(2 * np.pi * width**2)
-        return before.logpdf(points).sum(axis=1), logsumexp(terms, axis=1)
-
-    prior = 4 * rng.standard_normal((1000, 2))
-    found = mixture_at_modes(score, prior)
-    assert len(found.means) == 2
-    for centre in centres:
-        assert np.min(np.abs(found.means - centre).max(axis=1)) < 0.1
-    _, evidence = evidence_from_modes(score, prior)
-    masses = np.log(shares) + stats.norm(0, np.hypot(4, width)).logpdf(centres).sum(axis=1)
-    assert_evidence(evidence, logsumexp(masses))
-    order = np.argsort(found.means[:, 0])
-    np.testing.assert_allclose(np.exp(found.log_weights[order]), softmax(masses), atol=0.02)
-
-
-def test_evidence_of_precise_points_of_unknown_noise():
-    """A line through 30 points, a thousand times as precise as the prior's noise expects."""
-    rng = np.random.default_rng(SEED)
-    t = np.linspace(-1, 1, 30)
-    y = 2.0 - 3.0 * t + 1e-3 * rng.standard_normal(30)
-    with pm.Model() as model:
-        line = pm.Normal("line", 0, 10, shape=2)
-        sigma = pm.LogNormal("sigma", 0, 2)
-        pm.Normal("y", line[0] + line[1] * t, sigma, observed=y)
-    rng = np.random.default_rng(SEED)
-    kernel = BatchedSMC(draws=1000, model=model)
-    kernel.set_rng(rng)
-    particles, evidence = sample(kernel, rng)
-    design = np.stack([np.ones(30), t], axis=1)
-
-    def marginal(log_sigma):
-        covariance = np.exp(2 * log_sigma) * np.eye(30) + 100 * design @ design.T
-        density = stats.multivariate_normal(np.zeros(30), covariance, allow_singular=True)
-        return density.logpdf(y) + stats.norm(0, 2).logpdf(log_sigma)
-
-    # Beyond this range there is nothing: the posterior of ln σ is about 0.13 wide.
-    grid = np.linspace(np.log(1e-3) - 1.0, np.log(1e-3) + 1.5, 401)
-    truth = logsumexp([marginal(x) for x in grid]) + np.log(grid[1] - grid[0])
-    assert_evidence(evidence, truth)
-    np.testing.assert_allclose(particles[:, :2].mean(axis=0), [2.0, -3.0], atol=1e-3)
-
-
 # --- classes of one-parameter specimens -----------------------------------------------------------
-
-
-def unit_pressure(radius):
-    """Pressure of a neo-Hookean tube of unit modulus."""
-    return ph.inflation_pressure(ph.NeoHookean(), radius, mu=1.0, **TUBE).eval()
-
-
-UNIT_PRESSURE = unit_pressure(RADIUS)
-
-
-def curves(specimens, seed):
-    """Data of specimens: the moduli of the experiments on each, by its name."""
-    rng = np.random.default_rng(seed)
-    tables = []
-    for name, moduli in specimens.items():
-        for experiment, mu in enumerate(moduli, start=1):
-            noise = SIGMA / np.sqrt(2) * rng.standard_normal(RADIUS.size)
-            points = {"radius": RADIUS, "pressure": mu * UNIT_PRESSURE + noise}
-            labels = {"specimen": name, "experiment": experiment, "group": "all"}
-            tables.append(pd.DataFrame(labels | points))
-    return ph.inflation_data(pd.concat(tables, ignore_index=True), **TUBE)
-
-
-TRAINING = {
-    "soft": curves({"A1": [30.0], "A2": [38.0], "A3": [50.0]}, 1),
-    "stiff": curves({"B1": [70.0], "B2": [85.0, 85.0], "B3": [110.0]}, 2),
-}
 
 
 @pytest.fixture(scope="module")
 def new_data():
     """A specimen of each class, the second with two tests, and one that is like neither."""
     return curves({"N1": [42.0], "N2": [90.0, 90.0], "N3": [9000.0]}, 3)
-
-
-def fit(energy=None, training=None, **settings):
-    defaults = {"draws": 500, "chains": 2, "sigma": SIGMA, "slope_weight": 0.0}
-    defaults |= {"variability": "specimen", "random_seed": SEED, "progressbar": False}
-    return ph.fit_classes(energy or ph.NeoHookean(), training or TRAINING, **defaults | settings)
-
-
-def classify(data, classes, **settings):
-    defaults = {"by": "specimen", "random_seed": SEED, "progressbar": False}
-    return ph.classify(data, classes, **defaults | settings)
 
 
 @pytest.fixture(scope="module")
@@ -648,119 +384,3 @@ def test_p_values_of_specimens_of_the_class_are_uniform(classes):
     p_value = classify(data, classes)["p_value"].sel(class_label="soft").values
     assert abs(p_value.mean() - 0.5) < 0.2
     assert stats.kstest(p_value, "uniform").pvalue > 1e-3
-
-
-# --- specimens left out ---------------------------------------------------------------------------
-
-SMALL = {
-    "soft": curves({"A1": [30.0], "A2": [38.0], "A3": [50.0]}, 5),
-    "stiff": curves({"B1": [95.0], "B2": [120.0], "B3": [150.0]}, 6),
-}
-SPECIMENS = ["A1", "A2", "A3", "B1", "B2", "B3"]
-
-
-def report_of(energy=None, classes=None, **settings):
-    defaults = {"sigma": SIGMA, "draws": 200, "random_seed": SEED, "progressbar": False}
-    return ph.calibration_report(energy or ph.NeoHookean(), classes or SMALL, **defaults | settings)
-
-
-@pytest.fixture(scope="module")
-def report():
-    """Two laws, and specimens that are left out in pairs."""
-    animals = dict(zip(SPECIMENS, ["x", "y", "z", "x", "y", "z"], strict=True))
-    return report_of([ph.NeoHookean(), ph.Ogden()], leave_out=animals)
-
-
-def test_probabilities_of_specimens_left_out(report):
-    """Every law and their average give each specimen probabilities that add up to one."""
-    assert report["strain_energy"].values.tolist() == ["NeoHookean", "Ogden", "average"]
-    assert report["specimen"].values.tolist() == SPECIMENS
-    assert report["true_class"].values.tolist() == ["soft"] * 3 + ["stiff"] * 3
-    assert report["left_out"].values.tolist() == ["x", "y", "z", "x", "y", "z"]
-    probability = report["class_probability"]
-    assert probability.dims == ("strain_energy", "specimen", "class_label")
-    np.testing.assert_allclose(probability.sum("class_label"), 1, atol=ROUNDING)
-    p_value = report["p_value"].values
-    assert np.all((p_value > 0) & (p_value <= 1))
-    right = probability.sel(class_label=report["true_class"]).sel(strain_energy="NeoHookean")
-    assert right.mean() > 0.5
-
-
-def test_scores_follow_from_probabilities(report):
-    """Logarithm of the probability of the true class, and Brier's score."""
-    for law in range(3):
-        for i, name in enumerate(report["true_class"].values.tolist()):
-            p = report["class_probability"].values[law, i]
-            right = NAMES.index(name)
-            np.testing.assert_allclose(report["log_score"].values[law, i], np.log(p[right]))
-            brier = (p[right] - 1) ** 2 + p[1 - right] ** 2
-            np.testing.assert_allclose(report["brier_score"].values[law, i], brier)
-
-
-def test_average_of_a_report_is_weighted_by_what_was_not_left_out(report):
-    """Evidences of the laws are averaged; specimens left out together have the same weights."""
-    laws = report["strain_energy_probability"]
-    np.testing.assert_allclose(laws.isel(strain_energy=slice(2)).sum("strain_energy"), 1)
-    assert np.isnan(laws.sel(strain_energy="average")).all()
-    np.testing.assert_array_equal(laws.values[:2, :3], laws.values[:2, 3:])
-    value = report["log_evidence"].values
-    expected = logsumexp(value[:2] + np.log(laws.values[:2])[..., None], axis=0)
-    np.testing.assert_allclose(value[2], expected)
-
-
-def test_a_specimen_left_out_is_a_new_one(report):
-    """Fitted by hand to all other animals, classes say the same of the specimens of one."""
-    train = {
-        name: ph.select(data, specimen=[s for s in np.unique(data["specimen"]) if s[1] != "2"])
-        for name, data in SMALL.items()
-    }
-    classes = fit(training=train, draws=300)
-    for name, specimen in (("soft", "A2"), ("stiff", "B2")):
-        result = classify(ph.select(SMALL[name], specimen=specimen), classes)
-        mine = report["log_evidence"].sel(strain_energy="NeoHookean", specimen=specimen)
-        # The report has a fifth of the draws.
-        np.testing.assert_allclose(mine, result["log_evidence"].values[0], atol=0.3)
-
-
-def test_report_without_variability():
-    """Pooled classes are left out likewise; they have no p-values."""
-    report = report_of(
-        variability="none",
-        draws=100,
-        leave_out=dict.fromkeys(["A1"], 0) | {s: s[1] for s in SPECIMENS[1:]},
-    )
-    np.testing.assert_allclose(report["class_probability"].sum("class_label"), 1, atol=ROUNDING)
-    assert "p_value" not in report and report.sizes["strain_energy"] == 1
-    assert report["log_score"].notnull().all()
-    assert report.attrs["variability"] == "none"
-    assert json.loads(report.attrs["random_seed"]) == SEED
-
-
-@pytest.mark.parametrize(
-    ("settings", "error", "message"),
-    [
-        ({"leave_out": {"A1": "x"}}, ValueError, "leave_out does not say .* 'A2' belongs"),
-        (
-            {"leave_out": dict.fromkeys(SPECIMENS, "x")},
-            ValueError,
-            "class 'soft' has no specimen left without 'x'",
-        ),
-        (
-            {"classes": SMALL | {"third": curves({"C1": [30.0]}, 7)}},
-            ValueError,
-            "class 'third' has no specimen left without 'C1'",
-        ),
-        (
-            {"classes": SMALL | {"third": SMALL["soft"]}},
-            ValueError,
-            "specimen 'A1' stands in the classes 'soft' and 'third'",
-        ),
-        ({"classes": SMALL["soft"]}, TypeError, "classes must be a dict .* not Dataset"),
-        ({"slope_weight": 1.0}, ValueError, "slope_weight must be 0"),
-        ({"sigma": -1.0}, ValueError, "class 'soft': sigma is -1.0"),
-    ],
-)
-def test_a_report_that_cannot_be_made_says_why(settings, error, message):
-    """One error each, before anything is sampled."""
-    with pytest.raises(error, match=message):
-        report_of(**settings)

@@ -225,7 +225,7 @@ def test_evidence_and_posterior_are_the_exact_ones(name):
     np.testing.assert_array_less(np.abs(sd / problem.sd - 1), PARTICLE_TOLERANCE)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("name", ["Gaussian in 5 dimensions", "two modes", "regression"])
 def test_error_bars_are_honest(name):
     """The error bars of single chains, known from within each, are as wide as the chains' errors.

@@ -1,9 +1,5 @@
 """Runs of several chains: seeds, trees, files and interrupts, and the evidence that they give."""
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pymc as pm
 import pytest
@@ -169,44 +165,3 @@ def test_error_is_that_within_chains_unless_chance_cannot_explain_the_spread():
 def test_errors_of_chains_are_averaged_as_variances():
     """Equal chains of the errors 0.3 and 0.4: half the mean square, 0.125/2, is 1/16."""
     assert combine_chains(np.zeros(2), np.array([0.3, 0.4])) == pytest.approx((0.0, 0.25))
-
-
-# --- threads -------------------------------------------------------------------------------------
-
-EVIDENCES = """
-import pymc_hyperelastic as ph
-
-data = ph.load_dataset("simulated_sheep_aorta")
-fitted = ph.fit_classes(
-    ph.Ogden(),
-    {"C1": ph.select(data, group="C1", experiment=1)},
-    sigma=15 * ph.mmHg,
-    slope_weight=3.0,
-    draws=200,
-    chains=2,
-    random_seed=1,
-    progressbar=False,
-)
-new = ph.select(data, specimen="S4", experiment=2)
-result = ph.classify(new, fitted, random_seed=1, progressbar=False)
-for number in (*ph.log_evidence(fitted["C1"]), result["log_evidence"].item()):
-    print(number.hex())
-"""
-
-
-@pytest.mark.slow
-def test_number_of_threads_does_not_change_a_bit():
-    """One thread and two give the same evidences of sampling and of classifying, exactly."""
-    printed = []
-    for threads in ("1", "2"):
-        limits = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), threads)
-        run = subprocess.run(
-            [sys.executable, "-c", EVIDENCES],
-            env=os.environ | limits,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        printed.append(run.stdout.split())
-    assert len(printed[0]) == 3
-    assert printed[0] == printed[1]

@@ -1,14 +1,11 @@
 """Simulation-based calibration of the models themselves: posteriors mean what they say."""
 
-import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pymc as pm
 import pytest
 
 import pymc_hyperelastic as ph
-
-mpl.use("Agg")
 
 SEED = 1
 SIMULATIONS = 300
@@ -37,9 +34,8 @@ def pooled(energy, sigma, slope_weight):
 
 
 def calibrate(model, **settings):
-    return ph.simulation_based_calibration(
-        model, simulations=SIMULATIONS, random_seed=SEED, progressbar=False, **settings
-    )
+    settings = {"simulations": SIMULATIONS, "random_seed": SEED, "progressbar": False} | settings
+    return ph.simulation_based_calibration(model, **settings)
 
 
 def assert_calibrated(result):
@@ -47,7 +43,7 @@ def assert_calibrated(result):
     assert (p_values > CHANCE / p_values.size).all(), p_values
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("slope_weight", [0.0, 3.0])
 @pytest.mark.parametrize("energy", PRIORS, ids=lambda energy: energy.name)
 def test_pooled_model_is_calibrated(energy, slope_weight):
@@ -55,7 +51,7 @@ def test_pooled_model_is_calibrated(energy, slope_weight):
     assert_calibrated(calibrate(pooled(energy, 5 * ph.mmHg, slope_weight)))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("energy", PRIORS, ids=lambda energy: energy.name)
 def test_wrong_noise_is_found_out(energy):
     """Data of half as much noise again as the model believes in."""
@@ -63,7 +59,7 @@ def test_wrong_noise_is_found_out(energy):
     assert calibrate(right, simulator=wrong)["p_value"].min() < FAILS
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_population_model_is_calibrated():
     """Class and specimens together: location, spread, correlation, and every coordinate."""
     radius = np.linspace(7.2, 8.8, 8)
@@ -82,3 +78,17 @@ def test_population_model_is_calibrated():
     result = calibrate(model)
     assert result.sizes["parameter"] == 2 + 2 + 1 + 2 * 3
     assert_calibrated(result)
+
+
+def test_inflation_models_need_the_generative_likelihood():
+    """Pressures are simulated from observed variables; a Potential says what to do instead."""
+    data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1", experiment=1)
+    settings = {"sigma": 5 * ph.mmHg, "slope_weight": 1.0}
+    model = ph.power_law_neo_hookean_model(data, likelihood="generative", **settings)
+    few = {"draws": 200, "simulations": 4}
+    sbc = calibrate(model, **few)
+    assert sbc["parameter"].values.tolist() == ["mu", "n"]
+    # Pressures tell much of mu: posteriors are narrower than the prior.
+    assert sbc["posterior_sd"].sel(parameter="mu").max() < sbc["truth"].sel(parameter="mu").std()
+    with pytest.raises(ValueError, match='likelihood="generative"'):
+        calibrate(ph.power_law_neo_hookean_model(data, **settings), **few)

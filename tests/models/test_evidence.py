@@ -23,6 +23,8 @@ STANDARD_ERRORS = 3
 EVIDENCE_TOLERANCE = 0.15
 # The quadrature's own, and that of the known number, which is stated to this many digits.
 EXACT_TOLERANCE = 1e-6
+# Two independent quadratures, one of them good to 1e-6.
+QUADRATURE_TOLERANCE = 2e-6
 # Share of a mirrored mode, half by symmetry: thirty standard deviations of a fair coin would be
 # 0.17 with 8000 particles, so what this catches is a mode that is lost or half lost.
 MODE_SHARE_TOLERANCE = 0.05
@@ -181,7 +183,7 @@ def test_class_posterior_is_exact(fits, law, name):
     assert_moments(np.abs(posterior[names[1]]), truth, np.abs(truth.exponent))
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 @pytest.mark.parametrize("law", ENERGIES)
 def test_class_predictives_are_exact(fits, law):
     """Five new experiments under two classes: the evidence gained by training on them as well.
@@ -209,6 +211,21 @@ def test_mirrored_modes_have_equal_shares(fits, law, exponent, name):
     """Both signs of the exponent are found, and half of the particles have either."""
     share = float((fits(law)[name]["posterior"][exponent] > 0).mean())
     assert abs(share - 0.5) < MODE_SHARE_TOLERANCE
+
+
+@pytest.mark.parametrize(
+    ("law", "box"),
+    [("Ogden", ((0, 100), (-40, 40))), ("PowerLawNeoHookean", ((0, 200), (0.3, 30)))],
+)
+def test_agrees_with_a_second_quadrature(law, box):
+    """Mirrored modes, and a posterior that touches the prior's edge, on the simulated study."""
+    data = ph.load_dataset("simulated_sheep_aorta")
+    noise = {"sigma": 15 * ph.mmHg, "slope_weight": ph.balanced_slope_weight(data)}
+    training = ph.select(data, group="C2", experiment=[1, 2])
+    energy = ph.StrainEnergy.from_name(law)
+    found = ph.log_evidence_by_quadrature(ph.inflation_model(energy, training, **noise))
+    truth = exact.log_evidence_2d(training, law, **noise, box=box)
+    assert abs(found.value - truth) < QUADRATURE_TOLERANCE
 
 
 # --- a thin ridge --------------------------------------------------------------------------------
@@ -379,7 +396,7 @@ def test_smc_agrees_with_quadrature(one_sided):
     assert_one_sided_moments(one_sided)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_nuts_agrees_with_quadrature():
     """Posterior means and sds of PyMC's NUTS under a one-sided prior, without divergences."""
     tree = pm.sample(draws=1000, tune=500, model=one_sided_model(), nuts_sampler="pymc", **SAMPLING)
@@ -389,7 +406,7 @@ def test_nuts_agrees_with_quadrature():
     assert tree["posterior"]["pressure"].dims == ("chain", "draw", "obs")
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_nutpie_agrees_with_quadrature():
     """Posterior means and sds of nutpie's NUTS, where it is installed."""
     pytest.importorskip("nutpie")
@@ -399,7 +416,7 @@ def test_nutpie_agrees_with_quadrature():
     assert_one_sided_moments(tree)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_metropolis_agrees_with_quadrature():
     """Posterior means and sds of random-walk Metropolis, the paper's algorithm."""
     with one_sided_model():
@@ -408,7 +425,7 @@ def test_metropolis_agrees_with_quadrature():
     assert_one_sided_moments(tree)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_stock_smc_takes_the_models():
     """PyMC's own kernel reaches the same evidence and posterior.
 
@@ -424,7 +441,7 @@ def test_stock_smc_takes_the_models():
     assert abs(mu.mean() - truth.mean(truth.modulus)) < 0.2 * truth.sd(truth.modulus)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_find_map_finds_the_mode():
     """Under uniform priors the mode is the largest likelihood, found here in one dimension."""
     curves = exact.curves_of(training("C1"))

@@ -338,9 +338,13 @@ def test_prior_predictive_sampling_runs(model, data):
     assert measured.sizes == {"chain": 1, "draw": 50, "obs": data.sizes["obs"]}
 
 
-def test_model_can_be_sampled(model):
+@pytest.fixture(scope="module")
+def tree(model):
+    return ph.sample_smc(model, 300, 1, random_seed=SEED, progressbar=False)
+
+
+def test_model_can_be_sampled(tree):
     """Sequential Monte Carlo gives specimens by name, each near the parameters of its curve."""
-    tree = ph.sample_smc(model, 300, 1, random_seed=SEED, progressbar=False)
     posterior = tree["posterior"].to_dataset()
     assert posterior["mu"].dims == ("chain", "draw", "specimen")
     assert posterior["specimen"].values.tolist() == ["S2", "S1"]
@@ -349,6 +353,12 @@ def test_model_can_be_sampled(model):
     alpha = posterior["alpha"].sel(specimen="S1")
     assert abs(float(alpha.mean()) - 5.0) < 4 * float(alpha.std())
     assert np.isfinite(ph.log_evidence(tree).value)
+
+
+def test_a_population_has_no_one_curve(tree):
+    """Whose curve is to be predicted has to be said."""
+    with pytest.raises(ValueError, match="'specimen'"):
+        ph.predict_pressure(tree, [7.5])
 
 
 # --- bad input ------------------------------------------------------------------------------------
@@ -412,7 +422,7 @@ def test_material_and_data_have_to_be_what_they_are_called(data):
         ph.population_model(ph.Ogden(), pd.DataFrame({"radius": [1.0]}), sigma=SIGMA)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_nuts_and_smc_agree():
     """Five specimens with two experiments each, unknown noise, default settings of NUTS.
 
@@ -445,6 +455,7 @@ def test_nuts_and_smc_agree():
         np.testing.assert_array_less(abs(particles[name].std(over) / sd - 1), 0.2)
 
 
+@pytest.mark.deep
 def test_arviz_takes_results():
     """Scores by leaving points out, and predictions with their figure, as of any PyMC model."""
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), group="C1")
@@ -459,5 +470,3 @@ def test_arviz_takes_results():
     # The curve of a specimen is drawn for each of its own points.
     predicted = tree["posterior_predictive"]["measured_pressure"].mean(("chain", "draw"))
     assert abs(predicted - data["pressure"].values).max() < 4 * SIGMA
-    with pytest.raises(ValueError, match="'specimen'"):
-        ph.predict_pressure(tree, [7.5])

@@ -1,0 +1,43 @@
+"""What holds for all tests: how long one may take that is not marked ``deep``."""
+
+import pytest
+
+# Seconds. Tests are made to take less than half of it on two idle cores, so that a computer half
+# as fast, or a busy one, passes too.
+LONGEST_TEST = 10.0
+
+_spent = pytest.StashKey[float]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let the command line say how long."""
+    parser.addoption(
+        "--longest-test",
+        type=float,
+        default=LONGEST_TEST,
+        metavar="SECONDS",
+        help="fail a test that takes longer and is not marked deep; 0 for no limit "
+        f"(default: {LONGEST_TEST:g})",
+    )
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo) -> pytest.TestReport:
+    """Fail a test that took too long, with the fixtures that it was the first to need."""
+    report = yield
+    limit = item.config.getoption("longest_test")
+    before = item.stash.get(_spent, 0.0)
+    item.stash[_spent] = spent = before + call.duration
+    # A fixture that takes long is told with the test for which it was made.
+    too_long = limit < spent and (call.when == "call" or before <= limit)
+    if limit and too_long and call.when != "setup" and report.passed and not _is_deep(item):
+        report.outcome = "failed"
+        report.longrepr = (
+            f"took {spent:.1f} s with its fixtures, and a test may take {limit:g} s: make it "
+            "faster, mark it deep, or raise --longest-test on a slow computer"
+        )
+    return report
+
+
+def _is_deep(item: pytest.Item) -> bool:
+    return item.get_closest_marker("deep") is not None

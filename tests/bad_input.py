@@ -1,0 +1,103 @@
+"""Input that is wrong, and how a test says that it is refused."""
+
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pymc as pm
+import pytest
+import xarray as xr
+
+import pymc_hyperelastic as ph
+
+OGDEN = ph.Ogden()
+TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
+NOISE = {"sigma": 1.0, "slope_weight": 1.0}
+PLACE = "specimen 'S2', experiment 3"
+"""Specimen and experiment of the curves here, as errors name them."""
+
+
+def table(rows):
+    """Values and ids for ``pytest.mark.parametrize`` of (what is wrong, call, error, fragments)."""
+    return [pytest.param(*row[1:], id=row[0]) for row in rows]
+
+
+def assert_refused(call, error, fragments) -> None:
+    """The call raises the error, whose message holds all fragments, and no sampler starts."""
+    with pytest.MonkeyPatch.context() as patch:
+        begun = "sampling began before the input was checked"
+        patch.setattr(ph.BatchedSMC, "update_beta_and_weights", lambda kernel: pytest.fail(begun))
+        with pytest.raises(error) as raised:
+            call()
+    message = str(raised.value)
+    assert not [fragment for fragment in fragments if fragment not in message], message
+
+
+def curves(radius=(7.2, 7.6, 8.0, 8.4), pressure=(2.0, 4.0, 7.0, 12.0)) -> xr.Dataset:
+    """One test of specimen S2, experiment 3, whose rows are labelled from 41."""
+    frame = pd.DataFrame({"specimen": "S2", "experiment": 3, "radius": radius})
+    frame["pressure"] = pressure
+    frame.index += 41
+    return ph.inflation_data(frame, **TUBE)
+
+
+def unknown_curves(forces=None, **geometry) -> xr.Dataset:
+    """The same test of a tube of which something is not known, perhaps with forces."""
+    frame = pd.DataFrame({"specimen": "S2", "experiment": 3, "radius": [7.2, 7.6, 8.0, 8.4]})
+    frame["pressure"] = [2.0, 4.0, 7.0, 12.0]
+    if forces is not None:
+        frame["axial_force"] = forces
+    return ph.inflation_data(frame, **TUBE | geometry)
+
+
+def with_nan() -> xr.Dataset:
+    data = curves()
+    data["pressure"][2] = np.nan
+    return data
+
+
+def two_tubes() -> xr.Dataset:
+    """Two specimens of different inner radius."""
+    frame = pd.DataFrame({"specimen": ["S1"] * 3 + ["S2"] * 3, "experiment": 1})
+    frame["radius"] = [7.2, 7.6, 8.0] * 2
+    frame["pressure"] = [2.0, 4.0, 7.0] * 2
+    frame["A"] = [7.0] * 3 + [6.5] * 3
+    return ph.inflation_data(frame, inner_radius="A", outer_radius=9.0)
+
+
+def model(data=None, energy=OGDEN, **settings) -> pm.Model:
+    return ph.inflation_model(energy, curves() if data is None else data, **{**NOISE, **settings})
+
+
+def likelihood(parameters=None, energy=OGDEN, name="curves", data=None, **settings) -> None:
+    """The likelihood inside a model of one's own."""
+    with pm.Model():
+        mu = pm.Uniform("mu", 0, 50)
+        parameters = {"mu": mu, "alpha": 6.0} if parameters is None else parameters
+        data = curves() if data is None else data
+        ph.inflation_likelihood(name, energy, data, parameters, **{**NOISE, **settings})
+
+
+def plain_model() -> pm.Model:
+    """The smallest model that can be sampled: it compiles in no time."""
+    with pm.Model() as plain:
+        x = pm.Normal("x")
+        pm.Potential("likelihood", -(x**2))
+    return plain
+
+
+def fit(classes=None, energy=OGDEN, **settings) -> xr.DataTree:
+    classes = {"C1": curves(), "C2": curves()} if classes is None else classes
+    few = {"draws": 50, "chains": 1, "progressbar": False}
+    return ph.fit_classes(energy, classes, **{**NOISE, **few, **settings})
+
+
+@cache
+def fitted() -> xr.DataTree:
+    """Two fitted classes."""
+    return fit({"C1": curves(), "C2": two_tubes()}, random_seed=1)
+
+
+def without(group: str) -> xr.DataTree:
+    """A fitted class that lacks a group."""
+    return fitted()["C1"].copy().filter(lambda node: node.name != group)

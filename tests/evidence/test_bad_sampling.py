@@ -1,0 +1,113 @@
+"""Models and settings that cannot be sampled: one error says why, before sampling."""
+
+import numpy as np
+import pymc as pm
+import pytest
+import xarray as xr
+from bad_input import assert_refused, plain_model, table
+
+import pymc_hyperelastic as ph
+
+
+def smc(model=None, **settings) -> xr.DataTree:
+    model = plain_model() if model is None else model
+    return ph.sample_smc(model, **{"draws": 50, "chains": 1, "progressbar": False, **settings})
+
+
+def model_of(kind: str) -> pm.Model:
+    """A model that SMC cannot sample."""
+    with pm.Model() as other:
+        if kind == "discrete":
+            count = pm.Poisson("count", 3)
+            pm.Potential("likelihood", -count)
+        elif kind == "no likelihood":
+            pm.Normal("x")
+        elif kind == "nothing free":
+            pm.Normal("y", observed=1.0)
+        elif kind == "impossible":
+            x = pm.Uniform("x", 0, 1)
+            pm.Potential("likelihood", pm.math.log(-x))
+        elif kind == "flat":
+            x = pm.Flat("x")
+            pm.Potential("likelihood", -(x**2))
+    return other
+
+
+# Each row: what is wrong, a call that does it, the error, and fragments that its message must hold.
+BAD_INPUT = [
+    ("data for a model", lambda: smc(xr.Dataset()), TypeError, ["pm.Model", "Dataset"]),
+    ("no draws", lambda: smc(draws=0), ValueError, ["draws is 0", "at least"]),
+    ("one draw", lambda: smc(draws=1), ValueError, ["draws is 1", "at least"]),
+    ("negative draws", lambda: smc(draws=-5), ValueError, ["draws is -5", "at least"]),
+    ("half a draw", lambda: smc(draws=99.5), TypeError, ["draws is 99.5", "whole number"]),
+    ("no chains", lambda: smc(chains=0), ValueError, ["chains is 0", "at least 1"]),
+    ("half a chain", lambda: smc(chains=1.5), TypeError, ["chains is 1.5", "whole number"]),
+    (
+        "discrete variables",
+        lambda: smc(model_of("discrete")),
+        ValueError,
+        ["continuous", "discrete: ['count']"],
+    ),
+    ("nothing free", lambda: smc(model_of("nothing free")), ValueError, ["free variables", "none"]),
+    (
+        "no likelihood",
+        lambda: smc(model_of("no likelihood")),
+        ValueError,
+        ["nothing to temper", "[]"],
+    ),
+    (
+        "impossible everywhere",
+        lambda: smc(model_of("impossible")),
+        ValueError,
+        ["none of the 50", "finite likelihood", "50 are NaN", "prior", "unit"],
+    ),
+    (
+        "prior that cannot be drawn",
+        lambda: smc(model_of("flat")),
+        ValueError,
+        ["drawn from the prior", "proper"],
+    ),
+    (
+        "unknown variable to keep",
+        lambda: smc(var_names=["x", "y"]),
+        ValueError,
+        ["no variables ['y']", "['x']"],
+    ),
+    ("name for names", lambda: smc(var_names="x"), TypeError, ["var_names", "list", "'x'"]),
+    (
+        "unknown term to temper",
+        lambda: smc(tempered=["new"]),
+        ValueError,
+        ["['likelihood']", "not ['new']"],
+    ),
+    ("threshold of one", lambda: smc(threshold=1.0), ValueError, ["threshold", "1.0"]),
+    ("negative threshold", lambda: smc(threshold=-0.5), ValueError, ["threshold", "-0.5"]),
+    ("no moves", lambda: smc(max_moves=0), ValueError, ["max_moves", "0"]),
+    ("forgets too much", lambda: smc(forget=1.5), ValueError, ["forget", "1.5"]),
+    ("text for a seed", lambda: smc(random_seed="lucky"), TypeError, ["random_seed", "'lucky'"]),
+    ("negative seed", lambda: smc(random_seed=-1), ValueError, ["random_seed", "-1"]),
+    (
+        "start of too few chains",
+        lambda: smc(chains=2, start=[{"x": np.zeros(50)}]),
+        ValueError,
+        ["start", "1", "2 chains"],
+    ),
+    (
+        "start of another variable",
+        lambda: smc(start=[{"y": np.zeros(50)}]),
+        ValueError,
+        ["start", "['x']", "['y']"],
+    ),
+    (
+        "evidence of a model",
+        lambda: ph.log_evidence(plain_model()),
+        TypeError,
+        ["ph.sample_smc", "Model"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("call", "error", "fragments"), table(BAD_INPUT))
+def test_bad_input(call, error, fragments):
+    """Each kind of bad input raises one error that names the place and what was expected."""
+    assert_refused(call, error, fragments)

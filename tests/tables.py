@@ -1,0 +1,55 @@
+"""A table of measurements that is right, and ways to make it wrong."""
+
+import pandas as pd
+import xarray as xr
+
+from pymc_hyperelastic.data.inflation import inflation_data
+
+GEOMETRY = {"inner_radius": 7.0, "outer_radius": 9.0}
+
+
+def good_frame() -> pd.DataFrame:
+    """Two specimens, three tests of two points, rows labelled 10 to 15."""
+    return pd.DataFrame(
+        {
+            "group": ["C1", "C1", "C1", "C1", "C2", "C2"],
+            "specimen": ["S1", "S1", "S1", "S1", "S2", "S2"],
+            "experiment": [1, 1, 2, 2, 1, 1],
+            "radius": [7.2, 8.0, 7.3, 8.1, 7.1, 7.6],
+            "pressure": [10.0, 60.0, 12.0, 65.0, 11.0, 90.0],
+            "A": 7.0,
+            "B": 9.0,
+            "stretch": 1.2,
+            "angle": 60.0,
+        },
+        index=range(10, 16),
+    )
+
+
+def changed(column: str, row: int, value: object) -> pd.DataFrame:
+    """Build the good frame with one value replaced."""
+    frame = good_frame()
+    frame[column] = frame[column].astype(object)
+    frame.loc[row, column] = value
+    return frame
+
+
+def build(frame: object = None, **arguments: object) -> xr.Dataset:
+    frame = good_frame() if frame is None else frame
+    return inflation_data(frame, **{**GEOMETRY, **arguments})
+
+
+def with_values(name: str, values: object) -> xr.Dataset:
+    """Build good data, then replace a variable behind the builder's back."""
+    data = build()
+    return data.assign({name: (data[name].dims, values, data[name].attrs)})
+
+
+def with_diameters(diameter=(20.0, 22.0, 20.4, 22.4, 19.8, 21.0), **columns) -> pd.DataFrame:
+    """Outer diameters in place of internal radii, and perhaps other columns."""
+    return good_frame().drop(columns="radius").assign(outer_diameter=diameter, **columns)
+
+
+def by_diameter(frame: object = None, **arguments: object) -> xr.Dataset:
+    frame = with_diameters() if frame is None else frame
+    return build(frame, measured="outer_diameter", **arguments)
