@@ -16,7 +16,6 @@ from pymc_hyperelastic.data.inflation import (
     points_of,
 )
 from pymc_hyperelastic.data.select import select
-from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.data.units import mmHg
 
 # Pint's factor for a unit may differ from ours in the last bit.
