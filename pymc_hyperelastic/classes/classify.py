@@ -19,8 +19,6 @@ from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.smc import seed_sequence
 
-__all__ = ["classify"]
-
 _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
 
 

@@ -6,8 +6,6 @@ import xarray as xr
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.evidence.estimate import Estimate, log_evidence
 
-__all__ = ["kl_divergence"]
-
 
 def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     r"""Kullback-Leibler divergence of the posterior of one class from that of another, in nats.

@@ -13,8 +13,6 @@ from pymc_hyperelastic.evidence.estimate import Estimate, log_evidence
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.study import inflation_data_of
 
-__all__ = ["ClassKind", "Fold", "Prediction", "Predictor", "without_specimens"]
-
 Array = NDArray[np.float64]
 
 

@@ -36,8 +36,6 @@ from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import complete_priors
 from pymc_hyperelastic.models.study import inflation_data_of, model_settings_of
 
-__all__ = ["ClassPredictive", "Pooled"]
-
 Array = NDArray[np.float64]
 
 # Draws of the final estimate, and of a class's own evidence.

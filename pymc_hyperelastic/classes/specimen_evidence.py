@@ -14,14 +14,6 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.weights import effective_sample_size
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 
-__all__ = [
-    "SpecimenEvidence",
-    "distributions_of",
-    "error_of_specimens",
-    "near_class",
-    "specimen_evidence",
-]
-
 Array = NDArray[np.float64]
 
 # Draws of a class's distribution against which a specimen is held.

@@ -26,8 +26,6 @@ from pymc_hyperelastic.models.natural_scale import NaturalScale
 from pymc_hyperelastic.models.population import register_curves, register_specimens
 from pymc_hyperelastic.models.priors import is_inferred
 
-__all__ = ["SpecimenSampler", "class_model", "fresh_specimens", "reference_of"]
-
 Array = NDArray[np.float64]
 
 # Particles of a specimen.

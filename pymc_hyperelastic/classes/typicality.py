@@ -4,8 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-__all__ = ["predictive_p_value"]
-
 Array = NDArray[np.float64]
 
 # kPa: curves beyond these are not of tubes. With fewer than so many of them at the radii of a

@@ -48,8 +48,6 @@ from pymc_hyperelastic.models.population import check_population, population_for
 from pymc_hyperelastic.models.priors import is_inferred, prior_from_record, prior_to_record
 from pymc_hyperelastic.models.study import Study, strain_energy_attrs, strain_energy_of
 
-__all__ = ["SpecimenPredictive", "Variability", "fit_distribution", "sample_specimens"]
-
 Array = NDArray[np.float64]
 
 # Draws of a specimen that stand for it in the model of its class: its density, which is mostly far

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import check_inflation_data, listed
 
-__all__ = ["select", "specimens_of", "tests_at"]
-
 
 def select(
     data: xr.Dataset,

@@ -33,13 +33,6 @@ from pymc_hyperelastic.models.study import Study
 # the least share.
 _PRIOR_DRAWS, _LEAST_SHARE = 20000, 0.05
 
-__all__ = [
-    "criscione_model",
-    "inflation_model",
-    "ogden_model",
-    "power_law_neo_hookean_model",
-]
-
 
 def inflation_model(
     energy: StrainEnergy | Sequence[Layer],

@@ -22,14 +22,6 @@ from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import check_prior, is_inferred
 from pymc_hyperelastic.models.study import Study
 
-__all__ = [
-    "check_population",
-    "population_forward",
-    "population_model",
-    "register_curves",
-    "register_specimens",
-]
-
 # Standard deviations over which it is asked whether curves can be collocated.
 _REACH = 3.0
 # Draws of a prior that tell whether it is one of positive numbers.

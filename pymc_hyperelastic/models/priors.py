@@ -20,17 +20,6 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 
-__all__ = [
-    "check_geometry_priors",
-    "check_prior",
-    "complete_layers",
-    "complete_priors",
-    "complete_wall",
-    "prior_from_record",
-    "prior_to_record",
-    "with_variables",
-]
-
 
 def complete_priors(
     energy: StrainEnergy, priors: dict[str, TensorVariable] | None = None

@@ -23,14 +23,6 @@ from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.observation.observation import NOISE_UNITS, Observation
 from pymc_hyperelastic.models.priors import is_inferred, prior_from_record, prior_to_record
 
-__all__ = [
-    "Study",
-    "inflation_data_of",
-    "model_settings_of",
-    "strain_energy_attrs",
-    "strain_energy_of",
-]
-
 
 @dataclass(frozen=True)
 class Study:

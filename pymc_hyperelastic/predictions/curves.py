@@ -7,8 +7,6 @@ import xarray as xr
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.predictions.draws import checked_numbers, checked_radii, draws_of
 
-__all__ = ["predict_axial_force", "predict_pressure", "radius_at_pressure"]
-
 
 def predict_pressure(
     tree: xr.DataTree,

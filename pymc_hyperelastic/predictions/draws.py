@@ -19,14 +19,6 @@ from pymc_hyperelastic.mechanics.tube import (
 from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.models.study import inflation_data_of, strain_energy_of
 
-__all__ = [
-    "Draws",
-    "checked_numbers",
-    "checked_radii",
-    "draws_of",
-    "radii_of_data",
-]
-
 Array = NDArray[np.float64]
 
 # Radii between the ends of the data.

@@ -16,8 +16,6 @@ from pymc_hyperelastic.predictions.draws import (
     radii_of_data,
 )
 
-__all__ = ["admissible", "pulse_wave_velocity", "tube_properties", "wall_stress"]
-
 # Circles of the wall at which admissibility is looked at.
 _CIRCLES = 11
 # Stretches whose logarithms differ by less have no order that rounding leaves intact.

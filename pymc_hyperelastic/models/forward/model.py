@@ -17,10 +17,9 @@ from pymc_hyperelastic.data.inflation import points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
+from pymc_hyperelastic.models.forward.direct import WallVariables
 from pymc_hyperelastic.models.forward.rules import Mode, way_to_integrate
 from pymc_hyperelastic.models.priors import with_variables
-
-__all__ = ["ForwardModel", "Misfits"]
 
 Arrays = dict[str, NDArray]
 
@@ -140,14 +139,14 @@ class ForwardModel:
         depends on what is unknown of the tube.
         """
         inputs = self.share("curves", self._way.curve_arrays)
-        return self._way.curves(inputs, *self._material(parameters), geometry or {})
+        return self._way.curves(inputs, self._wall_of(parameters, geometry))
 
     def conditions(
         self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None = None
     ) -> list[TensorVariable]:
         """What must hold for there to be such a tube, where that is not known beforehand."""
         inputs = self.share("curves", self._way.curve_arrays)
-        return self._way.conditions(inputs, *self._material(parameters), geometry or {})
+        return self._way.conditions(inputs, self._wall_of(parameters, geometry))
 
     def misfits(
         self,
@@ -178,8 +177,8 @@ class ForwardModel:
         inputs = self.share(
             ("misfits", key), lambda data: way.misfit_arrays(data, targets_of(data))
         )
-        material = self._material(parameters)
-        differences, conditions = way.differences(inputs, *material, geometry or {}, self._error_in)
+        wall = self._wall_of(parameters, geometry)
+        differences, conditions = way.differences(inputs, wall, self._error_in)
         squares = {}
         for name, difference in differences.items():
             total = pt.sum(pt.square(difference))
@@ -205,15 +204,16 @@ class ForwardModel:
         """
         way = self._way
         inputs = self.share(("mapped", key), lambda data: way.mapped_arrays(data, linear_of(data)))
-        return way.mapped(inputs, *self._material(parameters), geometry or {})
+        return way.mapped(inputs, self._wall_of(parameters, geometry))
 
-    def _material(
-        self, parameters: Mapping[str, Any]
-    ) -> tuple[StrainEnergy | list[Layer], dict[str, Any]]:
-        """The wall with variables in place of distributions, and the parameters of one material."""
+    def _wall_of(
+        self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None
+    ) -> WallVariables:
+        """The wall with variables in place of distributions."""
         if isinstance(self._wall, StrainEnergy):
-            return self._wall, dict(parameters)
-        return with_variables(self._wall, self._distributions, parameters), {}
+            return WallVariables(self._wall, dict(parameters), geometry or {})
+        layers = with_variables(self._wall, self._distributions, parameters)
+        return WallVariables(layers, {}, geometry or {})
 
 
 def _shared_variable(name: str, value: NDArray) -> Variable:

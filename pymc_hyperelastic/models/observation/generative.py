@@ -18,8 +18,6 @@ from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.forward.blocks import block_arrays, block_product, identity_of_tests
 from pymc_hyperelastic.models.observation.slopes import precision_root, whiten, with_slopes
 
-__all__ = ["register_measurements"]
-
 Array = NDArray[np.float64]
 
 # kPa, or mN: beyond any tube; the square of what is smaller does not overflow.

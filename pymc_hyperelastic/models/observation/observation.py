@@ -23,8 +23,6 @@ from pymc_hyperelastic.models.observation.paper import paper_log_likelihood
 from pymc_hyperelastic.models.observation.slopes import central_differences, with_slopes
 from pymc_hyperelastic.models.priors import check_prior, is_inferred, register_prior
 
-__all__ = ["NOISE_UNITS", "ErrorIn", "Likelihood", "Observation", "inflation_likelihood"]
-
 ErrorIn = Literal["pressure", "radius"]
 Likelihood = Literal["paper", "generative"]
 

@@ -21,8 +21,6 @@ from pymc_hyperelastic.models.observation.slopes import (
     with_slopes,
 )
 
-__all__ = ["paper_log_likelihood"]
-
 Array = NDArray[np.float64]
 
 
