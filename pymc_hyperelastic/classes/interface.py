@@ -35,6 +35,9 @@ class Fold(NamedTuple):
     """By specimen, for every class."""
 
 
+Data = Mapping[str, xr.Dataset]  # by class
+Fitted = Mapping[str, xr.DataTree]
+Seed = np.random.SeedSequence
 Predictor = Callable[[xr.Dataset], list[Prediction]]
 
 
@@ -95,29 +98,16 @@ class ClassKind(ABC):
 
     @abstractmethod
     def fit(
-        self,
-        classes: Mapping[str, xr.Dataset],
-        draws: int,
-        chains: int,
-        seed: np.random.SeedSequence,
-        progressbar: bool = False,
+        self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False
     ) -> Iterator[tuple[str, xr.DataTree]]:
         """Fit class after class. All input is checked before the first is sampled."""
 
     @abstractmethod
-    def predictor(
-        self,
-        classes: Mapping[str, xr.DataTree],
-        new_data: xr.Dataset,
-        count: int,
-        seed: np.random.SeedSequence,
-    ) -> Predictor:
+    def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:
         """What classes say of `count` parts of new data, one after another."""
 
     @abstractmethod
-    def leave_out(
-        self, classes: Mapping[str, xr.Dataset], seed: np.random.SeedSequence
-    ) -> Callable[[Collection[str], int, int], Fold]:
+    def leave_out(self, classes: Data, seed: Seed) -> Callable[[Collection[str], int, int], Fold]:
         """Fit classes, and hold them against specimens that are left out.
 
         What is common to all fits is done at once; then specimens, draws and chains give a fold.

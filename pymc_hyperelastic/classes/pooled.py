@@ -1,6 +1,6 @@
 """Classes whose specimens share one set of parameters, as in the paper."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
+    Data,
+    Fitted,
     Fold,
     Prediction,
     Predictor,
+    Seed,
     training_evidence,
     without_specimens,
 )
@@ -95,12 +98,7 @@ class Pooled(ClassKind):
         self.observation.check(self.energy, data, complete_priors(self.energy, self.priors))
 
     def fit(
-        self,
-        classes: Mapping[str, xr.Dataset],
-        draws: int,
-        chains: int,
-        seed: np.random.SeedSequence,
-        progressbar: bool = False,
+        self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False
     ) -> Iterator[tuple[str, xr.DataTree]]:
         """Sample the posterior of class after class."""
         models = {}
@@ -115,7 +113,7 @@ class Pooled(ClassKind):
 
     def _sampled(
         self,
-        models: Mapping[str, pm.Model],
+        models: dict[str, pm.Model],
         draws: int,
         chains: int,
         seeds: list[int],
@@ -131,13 +129,7 @@ class Pooled(ClassKind):
             except ValueError as error:
                 raise ValueError(f"class {name!r}: {error}") from error
 
-    def predictor(
-        self,
-        classes: Mapping[str, xr.DataTree],
-        new_data: xr.Dataset,
-        count: int,
-        seed: np.random.SeedSequence,
-    ) -> Predictor:
+    def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:
         """What classes say of parts of new data: everything is compiled once, for all of them."""
         self.check(new_data)
         priors = complete_priors(self.energy, self.priors)
@@ -156,9 +148,7 @@ class Pooled(ClassKind):
 
         return predict
 
-    def leave_out(
-        self, classes: Mapping[str, xr.Dataset], seed: np.random.SeedSequence
-    ) -> Callable[[Collection[str], int, int], Fold]:
+    def leave_out(self, classes: Data, seed: Seed) -> Callable[[Collection[str], int, int], Fold]:
         """Fit all classes again for each of the specimens left out."""
 
         def fold(left_out: Collection[str], draws: int, chains: int) -> Fold:

@@ -17,9 +17,12 @@ from pymc.progress_bar import create_simple_progress
 from pymc_hyperelastic.classes.density import SpecimenDraws
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
+    Data,
+    Fitted,
     Fold,
     Prediction,
     Predictor,
+    Seed,
     training_evidence,
 )
 from pymc_hyperelastic.classes.specimen_evidence import (
@@ -158,12 +161,7 @@ class Variability(ClassKind):
         )
 
     def fit(
-        self,
-        classes: Mapping[str, xr.Dataset],
-        draws: int,
-        chains: int,
-        seed: np.random.SeedSequence,
-        progressbar: bool = False,
+        self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False
     ) -> Iterator[tuple[str, xr.DataTree]]:
         """Fit the distribution of class after class, of specimens that are sampled once."""
         check_count("draws", draws, 100)
@@ -173,12 +171,7 @@ class Variability(ClassKind):
         return self._fitted(classes, draws, chains, seed, progressbar)
 
     def _fitted(
-        self,
-        classes: Mapping[str, xr.Dataset],
-        draws: int,
-        chains: int,
-        seed: np.random.SeedSequence,
-        progressbar: bool,
+        self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool
     ) -> Iterator[tuple[str, xr.DataTree]]:
         progress = create_simple_progress(progressbar)
         with progress:
@@ -193,22 +186,14 @@ class Variability(ClassKind):
                 progress.advance(bar)
                 yield name, fitted
 
-    def predictor(
-        self,
-        classes: Mapping[str, xr.DataTree],
-        new_data: xr.Dataset,
-        count: int,
-        seed: np.random.SeedSequence,
-    ) -> Predictor:
+    def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:
         """What classes say of new specimens, each of which is sampled by itself."""
         self.check(new_data)
         predictive = SpecimenPredictive(self, classes, self.sampler(new_data))
         seeds = iter(seed.spawn(count))
         return lambda data: predictive(data, np.random.default_rng(next(seeds)))
 
-    def leave_out(
-        self, classes: Mapping[str, xr.Dataset], seed: np.random.SeedSequence
-    ) -> Callable[[Collection[str], int, int], Fold]:
+    def leave_out(self, classes: Data, seed: Seed) -> Callable[[Collection[str], int, int], Fold]:
         """Sample all specimens once; without some of them only the distributions are fitted."""
         rng = np.random.default_rng(seed)
         samplers = {name: self.sampler(data) for name, data in classes.items()}

@@ -22,7 +22,7 @@ from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import check_prior, is_inferred
 from pymc_hyperelastic.models.study import Study
 
-# Standard deviations over which it is asked whether curves can be collocated.
+# Standard deviations of the coordinates over which curves must be right.
 _REACH = 3.0
 # Draws of a prior that tell whether it is one of positive numbers.
 _SIGMA_DRAWS = 2000
