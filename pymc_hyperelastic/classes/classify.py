@@ -161,7 +161,7 @@ def classify(
     )
 
 
-def _check_limits(by: Any, undecided_below: Any, none_below: Any) -> None:
+def _check_limits(by: str, undecided_below: float, none_below: float) -> None:
     if by not in ("test", "specimen"):
         raise ValueError(f"by must be 'test' or 'specimen', not {by!r}")
     for limit, bound in (("undecided_below", undecided_below), ("none_below", none_below)):

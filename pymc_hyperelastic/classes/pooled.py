@@ -246,7 +246,7 @@ class ClassPredictive:
         parameters = {name: model[name] for name in kind.energy.parameter_names}
         with model:
             observation = replace(kind.observation, **noise)
-            new = pm.Potential("new", observation.log_likelihood(forward, parameters))
+            new = pm.Potential("new", observation.log_likelihood(forward.tube(parameters)))
 
         particles = fitted["unconstrained_posterior"].to_dataset()
         self._chains = [

@@ -77,18 +77,20 @@ class Variability(ClassKind):
         cls,
         energy: StrainEnergy,
         *,
-        sigma: Any,
+        sigma: Any = None,
         slope_weight: Any = 0.0,
         force_sigma: Any = None,
         priors: Mapping[str, Any] | None = None,
         experiment_effect: bool = False,
         reference_stress: float = 20.0,
+        **noise: Any,
     ) -> "Variability":
         """The kind, of settings that ask for nothing but pressures."""
-        if slope_weight != 0 or force_sigma is not None:
+        if slope_weight != 0 or force_sigma is not None or noise:
+            others = "".join(f" and {name}" for name in noise)
             raise ValueError(
                 "with variability='specimen' pressures alone are compared: expected slope_weight=0 "
-                f"and no force_sigma; got {slope_weight} and {force_sigma}"
+                f"and no force_sigma; got {slope_weight} and {force_sigma}{others}"
             )
         return cls(energy, sigma, experiment_effect, reference_stress, priors)
 

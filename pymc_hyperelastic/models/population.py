@@ -229,9 +229,8 @@ def register_curves(
     dims: str | None = None,
 ) -> None:
     """Curves of the tests, and what was measured about them, with ``σ`` of every test."""
-    parameters = scale.parameters(coordinates)
-    curves = forward.curves(parameters)
+    tube = forward.tube(scale.parameters(coordinates))
+    curves = tube.curves()
     curves["pressure"] = pm.Deterministic("pressure", curves["pressure"], dims=dims)
     test = forward.share("test", lambda data: {"test": data["test"].values})["test"]
-    observation = Observation(sigma[test], likelihood="generative")
-    observation.register(forward, parameters, curves=curves, dims=dims)
+    Observation(sigma[test], likelihood="generative").register(tube, curves, dims)

@@ -101,8 +101,9 @@ class Study:
         except ValueError:
             # Sampling a model with a prior of one's own is fine; it cannot serve as a stored class,
             # which `fit_classes` checks before it samples.
-            known = isinstance(self.energy, StrainEnergy)
-            return {"strain_energy": self.energy.name} if known else {}
+            if isinstance(self.energy, StrainEnergy):
+                return {"strain_energy": self.energy.name}
+            return {}
 
 
 def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:

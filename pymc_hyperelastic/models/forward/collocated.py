@@ -21,13 +21,14 @@ from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward.direct import WallVariables
 
 Array = NDArray[np.float64]
+Arrays = dict[str, NDArray]
 
 
 def known_tubes(data: xr.Dataset) -> KnownTubes:
     """The tube at every point of the data."""
     test, radius = data["test"].values, data["radius"].values.astype(float)
-    geometry = [data[name].values[test].astype(float) for name in GEOMETRY]
-    return KnownTubes(radius, *geometry, growth=measured_radius(data).values / radius)
+    geometry = {name: data[name].values[test].astype(float) for name in GEOMETRY}
+    return KnownTubes(radius, **geometry, growth=measured_radius(data).values / radius)
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Collocated:
     with_force: bool = False
     by_test: bool = False
 
-    def curve_arrays(self, data: xr.Dataset) -> dict[str, Array]:
+    def curve_arrays(self, data: xr.Dataset) -> Arrays:
         """Arrays by which the data enter :meth:`curves`."""
         group = data["test"].values if self.by_test else None
         matrices, place = curve_matrices(known_tubes(data), self.nodes, group)
@@ -64,7 +65,7 @@ class Collocated:
         """None: known tubes are possible."""
         return []
 
-    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> dict[str, Array]:
+    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
         """Arrays by which data and targets, NaN where there are none, enter :meth:`differences`.
 
         As many numbers as there are stretches stand for all points, see :func:`collocate`.
@@ -85,7 +86,7 @@ class Collocated:
             response["force"] = self._force(inputs, wall) - inputs["force_target"]
         return response, []
 
-    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> dict[str, Array]:
+    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
         """Arrays by which the data, and a linear map of each test, enter :meth:`mapped`."""
         arrays = self.curve_arrays(data)
         shape, place = arrays["pressure_matrix"].shape, arrays["place"]

@@ -20,6 +20,7 @@ from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, openin
 from pymc_hyperelastic.models.forward.blocks import block_arrays, block_product, identity_of_tests
 
 Array = NDArray[np.float64]
+Arrays = dict[str, NDArray]
 
 # Of the radius: where the last step towards that at a pressure is longer, none was found.
 _LARGEST_LAST_STEP = 1e-6
@@ -27,7 +28,7 @@ _LARGEST_LAST_STEP = 1e-6
 _OVERFLOW = np.float64(1e60)
 
 
-def tube_inputs(data: xr.Dataset) -> dict[str, Array]:
+def tube_inputs(data: xr.Dataset) -> Arrays:
     """What was measured of the tube at each point: its geometry, and one of its current radii."""
     inputs = {name: data[name].values.astype(float)[data["test"].values] for name in GEOMETRY}
     name = "current_outer_radius" if "outer_diameter" in data else "radius"
@@ -37,7 +38,8 @@ def tube_inputs(data: xr.Dataset) -> dict[str, Array]:
 class WallVariables(NamedTuple):
     """What a wall is made of: variables of a model in place of distributions."""
 
-    energy: StrainEnergy | Sequence[Layer]
+    energy: Any
+    """A strain energy, or layers."""
     parameters: dict[str, Any]
     """Of the strain energy; layers bring their own."""
     geometry: Mapping[str, Any]
@@ -127,7 +129,7 @@ class Direct:
     with_force: bool = False
     by_test: bool = False
 
-    def curve_arrays(self, data: xr.Dataset) -> dict[str, Array]:
+    def curve_arrays(self, data: xr.Dataset) -> Arrays:
         """Arrays by which the data enter :meth:`curves`."""
         return tube_inputs(data) | ({"test": data["test"].values} if self.by_test else {})
 
@@ -148,7 +150,7 @@ class Direct:
             return []
         return [self._tube(inputs, wall).possible]
 
-    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> dict[str, Array]:
+    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
         """Arrays by which data and targets, NaN where there are none, enter :meth:`differences`."""
         arrays = self.curve_arrays(data)
         for name, target in targets.items():
@@ -177,7 +179,7 @@ class Direct:
             response["force"] = force - inputs["force_target"]
         return response, conditions
 
-    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> dict[str, Array]:
+    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
         """Arrays by which the data, and a linear map of each test, enter :meth:`mapped`."""
         identity = identity_of_tests(data)
         zero = np.zeros_like(identity)

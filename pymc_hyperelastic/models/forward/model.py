@@ -29,14 +29,6 @@ _LARGEST_MISFIT = np.float64(1e60)
 _RADII_BETWEEN = 20
 
 
-class Misfits(NamedTuple):
-    """Sums of squared differences between a model and what was measured, by quantity."""
-
-    squares: dict[str, TensorVariable]
-    conditions: list[TensorVariable]
-    """What must hold for there to be any."""
-
-
 class ForwardModel:
     """What a tube shows where it was measured, for any parameters.
 
@@ -83,8 +75,8 @@ class ForwardModel:
     ) -> None:
         self.data = data
         self._wall, self._distributions = wall, dict(parameters)
-        self._error_in = error_in
-        self._way: Any = way_to_integrate(
+        self.error_in = error_in
+        self.way: Any = way_to_integrate(
             wall,
             data,
             self._distributions,
@@ -130,90 +122,78 @@ class ForwardModel:
             self._shared[key] = arrays_of, inputs
         return self._shared[key][1]
 
-    def curves(
+    def tube(
         self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None = None
-    ) -> dict[str, TensorVariable]:
-        """Pressure and stiffness at the points of the data, by their names.
+    ) -> "SymbolicTube":
+        """The tube with variables of a model in place of the distributions."""
+        if isinstance(self._wall, StrainEnergy):
+            return SymbolicTube(self, WallVariables(self._wall, dict(parameters), geometry or {}))
+        layers = with_variables(self._wall, self._distributions, parameters)
+        return SymbolicTube(self, WallVariables(layers, {}, geometry or {}))
+
+
+class Misfits(NamedTuple):
+    """Sums of squared differences between a model and what was measured, by quantity."""
+
+    squares: dict[str, TensorVariable]
+    conditions: list[TensorVariable]
+    """What must hold for there to be any."""
+
+
+class SymbolicTube(NamedTuple):
+    """What a tube of variable material and geometry shows at the points of the data."""
+
+    forward: ForwardModel
+    wall: WallVariables
+
+    def curves(self) -> dict[str, TensorVariable]:
+        """Pressure and stiffness at the points, by their names.
 
         With measured forces ``axial_force`` as well, and ``radius``, the internal one, where it
         depends on what is unknown of the tube.
         """
-        inputs = self.share("curves", self._way.curve_arrays)
-        return self._way.curves(inputs, self._wall_of(parameters, geometry))
+        way = self.forward.way
+        return way.curves(self.forward.share("curves", way.curve_arrays), self.wall)
 
-    def conditions(
-        self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None = None
-    ) -> list[TensorVariable]:
+    def conditions(self) -> list[TensorVariable]:
         """What must hold for there to be such a tube, where that is not known beforehand."""
-        inputs = self.share("curves", self._way.curve_arrays)
-        return self._way.conditions(inputs, self._wall_of(parameters, geometry))
+        way = self.forward.way
+        return way.conditions(self.forward.share("curves", way.curve_arrays), self.wall)
 
-    def misfits(
-        self,
-        key: Hashable,
-        targets_of: Callable[[xr.Dataset], Arrays],
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-    ) -> Misfits:
+    def misfits(self, key: Hashable, targets_of: Callable[[xr.Dataset], Arrays]) -> Misfits:
         """Sums of squared differences between the curves and targets.
 
-        Parameters
-        ----------
-        key : hashable
-            What tells these targets from others of the same data.
-        targets_of : callable
-            From data to what was measured at each point, NaN where nothing was: ``"pressure"``
-            (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"`` (mN).
-        parameters, geometry : dict of str to tensor_like
-            Variables in place of the distributions.
-
-        Returns
-        -------
-        Misfits
-            By the names of the targets; with the error in the radius ``"radius"`` (mm²) in place of
-            the pressure.
+        `targets_of` gives what was measured at each point of data, NaN where nothing was:
+        ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"``
+        (mN). Its `key` tells them from other targets of the same data. The sums have these names;
+        with the error in the radius there is ``"radius"`` (mm²) in place of the pressure.
         """
-        way = self._way
-        inputs = self.share(
+        way = self.forward.way
+        inputs = self.forward.share(
             ("misfits", key), lambda data: way.misfit_arrays(data, targets_of(data))
         )
-        wall = self._wall_of(parameters, geometry)
-        differences, conditions = way.differences(inputs, wall, self._error_in)
+        differences, conditions = way.differences(inputs, self.wall, self.forward.error_in)
         squares = {}
         for name, difference in differences.items():
             total = pt.sum(pt.square(difference))
             conditions.append(total < _LARGEST_MISFIT)
             # Else a noise parameter's gradient would be 0 * inf. That of the material is zero by
             # the integral itself.
-            squares[name] = pt.where(conditions[-1], total, 0.0) + inputs.get(
-                f"{name}_residual", 0.0
-            )
+            known = pt.where(conditions[-1], total, 0.0)
+            squares[name] = known + inputs.get(f"{name}_residual", 0.0)
         return Misfits(squares, conditions)
 
-    def mapped(
-        self,
-        key: Hashable,
-        linear_of: Callable[[xr.Dataset], Callable[[NDArray, NDArray], NDArray]],
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-    ) -> TensorVariable:
+    def mapped(self, key: Hashable, linear_of: Callable[[xr.Dataset], Callable]) -> TensorVariable:
         """A linear map of the pressures, and of the slopes by the radius that was measured.
 
         `linear_of` gives the map that belongs to data: it takes both as columns over ``obs``, and
-        mixes no two tests.
+        mixes no two tests. Its `key` tells it from other maps of the same data.
         """
-        way = self._way
-        inputs = self.share(("mapped", key), lambda data: way.mapped_arrays(data, linear_of(data)))
-        return way.mapped(inputs, self._wall_of(parameters, geometry))
-
-    def _wall_of(
-        self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None
-    ) -> WallVariables:
-        """The wall with variables in place of distributions."""
-        if isinstance(self._wall, StrainEnergy):
-            return WallVariables(self._wall, dict(parameters), geometry or {})
-        layers = with_variables(self._wall, self._distributions, parameters)
-        return WallVariables(layers, {}, geometry or {})
+        way = self.forward.way
+        inputs = self.forward.share(
+            ("mapped", key), lambda data: way.mapped_arrays(data, linear_of(data))
+        )
+        return way.mapped(inputs, self.wall)
 
 
 def _shared_variable(name: str, value: NDArray) -> Variable:
