@@ -42,11 +42,15 @@ autodoc_inherit_docstrings = False
 autodoc_typehints = "none"  # numpydoc's parameter lists already say it
 numpydoc_show_class_members = False
 
-# Gallery: the two studies are run, the other scripts are shown.
+# Gallery: the two studies are run, the other scripts are shown. What several of them import is no
+# example by itself, and lies beside them for download.
+imported_by_examples = r"(murine_tables|outer_diameter)\.py$"
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
     "filename_pattern": r"(sheep_aorta|pulmonary)",
+    "ignore_pattern": imported_by_examples,
+    "copyfile_regex": imported_by_examples,
     "download_all_examples": False,
     "remove_config_comments": True,
     "show_signature": False,

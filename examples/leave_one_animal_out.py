@@ -18,15 +18,15 @@ had been looked at; no number was adjusted to the score.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
 (2019) 021011. They are not part of this package: give the folder of the two tables, ``python
-leave_one_animal_out.py FOLDER``.
+leave_one_animal_out.py FOLDER``. They are read by :download:`murine_tables.py`, which has to lie
+beside this script.
 """
 
-import argparse
-import os
 import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import murine_tables
 import numpy as np
 import pandas as pd
 import pymc as pm
@@ -34,65 +34,24 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-FOLDER = "MURINE_ELASTASE"
-FORMAT = f"""
-The folder, or the environment variable {FOLDER}, holds two tables:
-
-murine_elastase_geometry.csv, one row a specimen: specimen, group, animal,
-  outer_diameter_unloaded_mm, thickness_unloaded_mm, opening_angle_deg
-murine_elastase_pd.csv, one row a point: specimen, test, axial_stretch, pressure_mmHg,
-  outer_diameter_um
-"""
-
-options = argparse.ArgumentParser(
-    description="Classify each animal's specimens by those of the others.",
-    epilog=FORMAT,
-    formatter_class=argparse.RawDescriptionHelpFormatter,
-)
-options.add_argument("folder", type=Path, nargs="?", help="where the two tables are")
+options = murine_tables.options("Classify each animal's specimens by those of the others.")
 options.add_argument("--draws", type=int, default=1000, help="draws of a class (%(default)s)")
 options.add_argument("--quiet", action="store_true", help="show no progress bars")
 options.add_argument(
     "--out", type=Path, default="results/leave_one_animal_out", help="where results go"
 )
 args = options.parse_args()
-folder = args.folder or os.environ.get(FOLDER)
-if not folder:
+if not args.folder:
     options.print_help()
     sys.exit()
 args.out.mkdir(parents=True, exist_ok=True)
 
 # %%
-# The tube that is free of stress
-# -------------------------------
-# The opening angle was measured from the middle of the inner side of the cut ring to its two ends,
-# half of what the sector lacks of a full circle. Opened, the ring keeps its thickness, and its
-# middle line its length. Below 3.5 mmHg the wall, which lies folded at rest, is unfolding.
-LOWEST = 3.5  # mmHg
-geometry = pd.read_csv(Path(folder) / "murine_elastase_geometry.csv")
-points = pd.read_csv(Path(folder) / "murine_elastase_pd.csv")
-points = points.drop(columns=["group", "animal"], errors="ignore")
-points = points[points["pressure_mmHg"] > LOWEST].merge(geometry, on="specimen")
-angle = 2 * points["opening_angle_deg"]
-thickness = points["thickness_unloaded_mm"]
-middle = 360 / (360 - angle) * (points["outer_diameter_unloaded_mm"] - thickness) / 2
-data = ph.inflation_data(
-    points.assign(
-        experiment=points["test"],
-        pressure=points["pressure_mmHg"],
-        outer_diameter=points["outer_diameter_um"] / 1e3,
-        inner=middle - thickness / 2,
-        outer=middle + thickness / 2,
-        angle=angle,
-    ),
-    inner_radius="inner",
-    outer_radius="outer",
-    axial_stretch="axial_stretch",
-    opening_angle="angle",
-    measured="outer_diameter",
-    pressure_unit="mmHg",
-    angle_unit="deg",
-)
+# The specimens, and the animals that they are of
+# -----------------------------------------------
+# The tube that is free of stress is the cut ring, sprung open. Points below 3.5 mmHg are left out:
+# there the wall, which lies folded at rest, is unfolding.
+data, geometry = murine_tables.read(args.folder)
 classes = {name: ph.select(data, group=name) for name in ("control", "elastase")}
 animals = dict(zip(geometry["specimen"], geometry["animal"], strict=True))
 

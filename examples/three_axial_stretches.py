@@ -18,39 +18,24 @@ other two curves.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
 (2019) 021011. They are not part of this package: give the folder of the two tables, ``python
-three_axial_stretches.py FOLDER``.
+three_axial_stretches.py FOLDER``. They are read by :download:`murine_tables.py`, and diameters
+predicted by :download:`outer_diameter.py`, which have to lie beside this script.
 """
 
-import argparse
-import os
 import sys
-import warnings
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import murine_tables
 import numpy as np
 import pandas as pd
 import pymc as pm
 import xarray as xr
+from outer_diameter import predicted_diameter
 
 import pymc_hyperelastic as ph
 
-FOLDER = "MURINE_ELASTASE"
-FORMAT = f"""
-The folder, or the environment variable {FOLDER}, holds two tables:
-
-murine_elastase_geometry.csv, one row a specimen: specimen, group, outer_diameter_unloaded_mm,
-  thickness_unloaded_mm, opening_angle_deg
-murine_elastase_pd.csv, one row a point: specimen, test (test1, test2, test3 by rising axial
-  stretch), axial_stretch, pressure_mmHg, outer_diameter_um
-"""
-
-options = argparse.ArgumentParser(
-    description="Predict one axial stretch of a tube from two others.",
-    epilog=FORMAT,
-    formatter_class=argparse.RawDescriptionHelpFormatter,
-)
-options.add_argument("folder", type=Path, nargs="?", help="where the two tables are")
+options = murine_tables.options("Predict one axial stretch of a tube from two others.")
 options.add_argument("--draws", type=int, default=300, help="particles of a chain (%(default)s)")
 options.add_argument("--chains", type=int, default=2, help="independent runs (%(default)s)")
 options.add_argument("--quiet", action="store_true", help="show no progress bars")
@@ -58,46 +43,18 @@ options.add_argument(
     "--out", type=Path, default="results/three_axial_stretches", help="where results go"
 )
 args = options.parse_args()
-folder = args.folder or os.environ.get(FOLDER)
-if not folder:
+if not args.folder:
     options.print_help()
     sys.exit()
 args.out.mkdir(parents=True, exist_ok=True)
 rng = np.random.default_rng(3)
 
 # %%
-# The tube that is free of stress
-# -------------------------------
-# A ring of the unloaded tube that is cut springs open. The angle is measured from the middle of its
-# inner side to its two ends, which is half of what the sector lacks of a full circle. Opened, the
-# ring keeps its thickness, and its middle line its length: with k = 360/(360 − Φ) the middle radius
-# is k times as large, and the area stays exactly.
-#
-# Below 3.5 mmHg the wall, which lies folded at rest, is unfolding: there is no tube yet.
-LOWEST = 3.5  # mmHg
-geometry = pd.read_csv(Path(folder) / "murine_elastase_geometry.csv")
-points = pd.read_csv(Path(folder) / "murine_elastase_pd.csv").drop(columns="group", errors="ignore")
-points = points[points["pressure_mmHg"] > LOWEST].merge(geometry, on="specimen")
-angle = 2 * points["opening_angle_deg"]
-thickness = points["thickness_unloaded_mm"]
-middle = 360 / (360 - angle) * (points["outer_diameter_unloaded_mm"] - thickness) / 2
-data = ph.inflation_data(
-    points.assign(
-        experiment=points["test"],
-        pressure=points["pressure_mmHg"],
-        outer_diameter=points["outer_diameter_um"] / 1e3,
-        inner=middle - thickness / 2,
-        outer=middle + thickness / 2,
-        angle=angle,
-    ),
-    inner_radius="inner",
-    outer_radius="outer",
-    axial_stretch="axial_stretch",
-    opening_angle="angle",
-    measured="outer_diameter",
-    pressure_unit="mmHg",
-    angle_unit="deg",
-)
+# The specimens
+# -------------
+# The tube that is free of stress is the cut ring, sprung open. Points below 3.5 mmHg are left out:
+# there the wall, which lies folded at rest, is unfolding.
+data, geometry = murine_tables.read(args.folder)
 specimens = list(geometry["specimen"])
 
 # %%
@@ -136,26 +93,6 @@ def fit(energy: ph.StrainEnergy, curves: xr.Dataset) -> xr.DataTree:
     return ph.sample_smc(model, args.draws, args.chains, 1, progressbar=not args.quiet)
 
 
-def predicted_diameter(tree: xr.DataTree, curve: xr.Dataset) -> list[np.ndarray]:
-    """Outer diameter (µm) at a curve's pressures: median, and ends of 95 % of measurements.
-
-    An error of pressure moves the inner radius by 1/stiffness, and the outer one, as the wall keeps
-    its area, by inner/outer of that. σ is √2 standard deviations. Draws whose curve ends below a
-    pressure are left out there.
-    """
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "of .* draws .* do not reach")
-        tube = ph.tube_properties(
-            tree, curve["pressure"].values, axial_stretch=curve["axial_stretch"].item()
-        )
-    sigma = tree["posterior"]["sigma"]
-    error = sigma / np.sqrt(2) * sigma.copy(data=rng.normal(size=sigma.shape))
-    outer = tube["outer_radius"]
-    measured = outer + tube["radius"] / (outer * tube["stiffness"]) * error
-    low, high = measured.quantile([0.025, 0.975], dim=("chain", "draw")).values
-    return [2e3 * radius for radius in (outer.median(dim=("chain", "draw")).values, low, high)]
-
-
 # %%
 # Train on the outer two, predict the middle one
 # ----------------------------------------------
@@ -167,7 +104,9 @@ for specimen in specimens:
     measured = 1e3 * left_out["outer_diameter"].values
     for energy in LAWS:
         tree = fit(energy, outer)
-        middle, low, high = predicted_diameter(tree, left_out)
+        middle, low, high = predicted_diameter(
+            tree, left_out["pressure"].values, rng, axial_stretch=left_out["axial_stretch"].item()
+        )
         bands[specimen, energy.name] = middle, low, high
         errors[specimen, energy.name] = middle - measured, (low <= measured) & (measured <= high)
         evidence[specimen, energy.name] = ph.log_evidence(tree)

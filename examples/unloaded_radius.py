@@ -12,11 +12,11 @@ out, and the outer diameter there is predicted.
 it stiffens: what is inferred is the radius *given the law*, and laws may disagree by more than
 either admits. A point left out has neighbours 5 mmHg away on both sides of the same mean curve:
 its error says how well a law follows the curve, and nothing about other animals. A straight line
-between the neighbours is the comparison.
+between the neighbours is the comparison. Diameters are predicted by :download:`outer_diameter.py`,
+which has to lie beside this script.
 """
 
 import argparse
-import warnings
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -24,6 +24,7 @@ import numpy as np
 import pandas as pd
 import pymc as pm
 import xarray as xr
+from outer_diameter import predicted_diameter
 
 import pymc_hyperelastic as ph
 
@@ -102,24 +103,6 @@ def fit(energy: ph.StrainEnergy, curve: xr.Dataset) -> xr.DataTree:
     return ph.sample_smc(model, args.draws, args.chains, 1, progressbar=not args.quiet)
 
 
-def predicted_diameter(tree: xr.DataTree, pressure: np.ndarray) -> list[np.ndarray]:
-    """Outer diameter (µm) at pressures in kPa: median, and ends of 95 % of measurements.
-
-    An error of pressure moves the inner radius by 1/stiffness, and the outer one, as the wall keeps
-    its area, by inner/outer of that. σ is √2 standard deviations. The few draws whose curve ends
-    below a pressure are left out there.
-    """
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "of .* draws .* do not reach")
-        tube = ph.tube_properties(tree, pressure)
-    sigma = tree["posterior"]["sigma"]
-    error = sigma / np.sqrt(2) * sigma.copy(data=rng.normal(size=sigma.shape))
-    outer = tube["outer_radius"]
-    measured = outer + tube["radius"] / (outer * tube["stiffness"]) * error
-    low, high = measured.quantile([0.025, 0.975], dim=("chain", "draw")).values
-    return [2e3 * radius for radius in (outer.median(dim=("chain", "draw")).values, low, high)]
-
-
 # %%
 # Fit all points, then every other one
 # ------------------------------------
@@ -168,7 +151,7 @@ for group in WALL_AREA:
     line = np.interp(pressure, known["pressure"], 1e3 * known["outer_diameter"])
     answers = {"(straight lines)": (line, "", "")}
     for energy in LAWS:
-        middle, low, high = predicted_diameter(trained[energy.name, group], pressure)
+        middle, low, high = predicted_diameter(trained[energy.name, group], pressure, rng)
         inside = (low <= measured) & (measured <= high)
         width = f"{(high - low).mean():.0f}"
         answers[energy.name] = middle, f"{inside.sum()} of {inside.size}", width
@@ -194,7 +177,7 @@ figure, axes = plt.subplots(
 for row, group in zip(axes, WALL_AREA, strict=True):
     curve = ph.select(data, group=group)
     for ax, law in zip(row, laws, strict=True):
-        middle, low, high = predicted_diameter(trained[law, group], pressures)
+        middle, low, high = predicted_diameter(trained[law, group], pressures, rng)
         ax.fill_between(pressures / ph.mmHg, low, high, color=colours[law], alpha=0.25, lw=0)
         ax.plot(pressures / ph.mmHg, middle, color=colours[law])
         for first, filled, label in ((0, "k", "trained on"), (1, "w", "left out")):

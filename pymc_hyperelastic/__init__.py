@@ -6,16 +6,20 @@ evidences and class probabilities come out, as ordinary PyMC models and ArviZ re
 
 from importlib.metadata import version
 
-from pymc_hyperelastic.classes.classify import classify, fit_classes, kl_divergence
+from pymc_hyperelastic.classes.classify import classify
+from pymc_hyperelastic.classes.compare import kl_divergence
+from pymc_hyperelastic.classes.fit import fit_classes
 from pymc_hyperelastic.classes.held_out import calibration_report
 from pymc_hyperelastic.classes.scores import score_probabilities
 from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
-from pymc_hyperelastic.data.inflation import inflation_data, select
+from pymc_hyperelastic.data.select import select
+from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.data.units import mmHg
 from pymc_hyperelastic.evidence.calibration import simulation_based_calibration
+from pymc_hyperelastic.evidence.estimate import Estimate, log_evidence
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.quadrature import log_evidence_by_quadrature
-from pymc_hyperelastic.evidence.smc import Estimate, log_evidence, sample_smc
+from pymc_hyperelastic.evidence.smc import sample_smc
 from pymc_hyperelastic.mechanics import strain_energy
 from pymc_hyperelastic.mechanics.axial_force import axial_force
 from pymc_hyperelastic.mechanics.layers import Layer
@@ -31,9 +35,9 @@ from pymc_hyperelastic.models.inflation import (
     ogden_model,
     power_law_neo_hookean_model,
 )
-from pymc_hyperelastic.models.likelihood import inflation_likelihood
+from pymc_hyperelastic.models.observation import inflation_likelihood
+from pymc_hyperelastic.models.observation.slopes import balanced_slope_weight
 from pymc_hyperelastic.models.population import population_model
-from pymc_hyperelastic.models.slopes import balanced_slope_weight
 from pymc_hyperelastic.plots import (
     plot_calibration_ranks,
     plot_class_probability,

@@ -3,7 +3,7 @@
 import pandas as pd
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import inflation_data
+from pymc_hyperelastic.data.table import inflation_data
 
 GEOMETRY = {"inner_radius": 7.0, "outer_radius": 9.0}
 

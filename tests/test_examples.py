@@ -14,6 +14,7 @@ import pymc_hyperelastic as ph
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 FEW = ("--draws", "200", "--chains", "2", "--quiet")
+ROUNDING = 1e-12  # of sums and products of a few numbers
 LAWS = ("PowerLawNeoHookean", "Ogden", "CriscioneType")
 
 
@@ -141,10 +142,38 @@ def test_csv_without_a_column(tmp_path):
     assert "none.csv" in done.stderr and "Traceback" not in done.stderr
 
 
-def test_study_of_missing_data_says_how_to_call(tmp_path, monkeypatch):
-    """The study whose data are not part of the package ends well without them."""
+@pytest.mark.parametrize("script", ["leave_one_animal_out.py", "three_axial_stretches.py"])
+def test_study_of_missing_data_says_how_to_call(script, tmp_path, monkeypatch):
+    """A study whose data are not part of the package ends well without them."""
     monkeypatch.delenv("MURINE_ELASTASE", raising=False)
-    done = run("three_axial_stretches.py", folder=tmp_path)
+    done = run(script, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "usage:" in done.stdout and "murine_elastase_pd.csv" in done.stdout
     assert not list(tmp_path.iterdir())
+
+
+def test_cut_ring_keeps_its_middle_line(tmp_path, monkeypatch):
+    """The murine tables give sectors as thick as the rings were, with middle lines as long."""
+    monkeypatch.syspath_prepend(EXAMPLES)
+    import murine_tables
+
+    rings = {"outer_diameter_unloaded_mm": [4.6, 5.2], "thickness_unloaded_mm": [0.8, 0.7]}
+    rings |= {"opening_angle_deg": [74.0, 20.0], "group": ["control", "elastase"]}
+    rings |= {"specimen": ["S1", "S2"], "animal": ["M1", "M1"]}
+    points = pd.DataFrame({"pressure_mmHg": [2.0, 5.0, 9.0], "outer_diameter_um": [5e3, 6e3, 7e3]})
+    points = points.assign(test="test1", axial_stretch=1.2)
+    points = pd.concat([points.assign(specimen=name) for name in rings["specimen"]])
+    pd.DataFrame(rings).to_csv(tmp_path / "murine_elastase_geometry.csv", index=False)
+    points.to_csv(tmp_path / "murine_elastase_pd.csv", index=False)
+    data, _ = murine_tables.read(tmp_path)
+    assert data["group"].values.tolist() == rings["group"]
+    inner, outer = data["inner_radius"].values, data["outer_radius"].values
+    thickness = np.array(rings["thickness_unloaded_mm"])
+    sector = 2 * np.pi - data["opening_angle"].values
+    middle_line = np.pi * (np.array(rings["outer_diameter_unloaded_mm"]) - thickness)
+    np.testing.assert_allclose(sector, 2 * np.pi - 2 * np.radians([74.0, 20.0]), rtol=ROUNDING)
+    np.testing.assert_allclose(outer - inner, thickness, rtol=ROUNDING)
+    np.testing.assert_allclose(sector * (inner + outer) / 2, middle_line, rtol=ROUNDING)
+    # Below 3.5 mmHg the wall is unfolding.
+    np.testing.assert_allclose(data["pressure"] / ph.mmHg, [5, 9, 5, 9], rtol=ROUNDING)
+    np.testing.assert_allclose(data["outer_diameter"], [6, 7, 6, 7], rtol=ROUNDING)

@@ -3,33 +3,27 @@
 import json
 import warnings
 from collections.abc import Hashable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 from pymc.progress_bar import create_simple_progress
 from scipy.special import logsumexp, softmax
 
-from pymc_hyperelastic.classes.classify import (
-    check_classes,
-    check_variability,
-    classify,
-    fit_classes,
-    labels_of,
-)
-from pymc_hyperelastic.classes.variable import (
-    SpecimenPredictive,
-    Variability,
-    fit_distribution,
-    sample_specimens,
-)
-from pymc_hyperelastic.data.inflation import check_inflation_data, tests_at
-from pymc_hyperelastic.evidence.kernel import check_count
-from pymc_hyperelastic.evidence.smc import log_evidence, seed_sequence
+from pymc_hyperelastic.classes.average import labels_of
+from pymc_hyperelastic.classes.fit import check_classes
+from pymc_hyperelastic.classes.interface import ClassKind
+from pymc_hyperelastic.classes.kinds import kind_of_settings
+from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 
 __all__ = ["calibration_report"]
+
+Array = NDArray[np.float64]
 
 
 def calibration_report(
@@ -47,6 +41,7 @@ def calibration_report(
     chains: int = 1,
     random_seed: Any = None,
     progressbar: bool = True,
+    **noise: Any,
 ) -> xr.Dataset:
     r"""Leave specimens out, one after another, and classify them by all others.
 
@@ -74,6 +69,8 @@ def calibration_report(
         The same seed gives the same result.
     progressbar : bool
         Whether to show progress. After an interrupt what is not yet known is NaN.
+    **noise
+        Errors of what else was measured, see :func:`pymc_hyperelastic.inflation_model`.
 
     Returns
     -------
@@ -112,7 +109,6 @@ def calibration_report(
         raise ValueError("energy holds no strain energy")
     for law in energies:
         check_energy(law)
-    check_variability(variability, experiment_effect, reference_stress)
     check_count("draws", draws, 100)
     check_count("chains", chains, 1)
     check_classes(classes)
@@ -125,84 +121,31 @@ def calibration_report(
     }
     true_class = _true_classes(classes)
     units = _units(true_class, leave_out)
-    for unit in dict.fromkeys(units.values()):
-        for name in classes:
-            left = [s for s, c in true_class.items() if c == name and units[s] != unit]
-            if not left:
-                raise ValueError(f"class {name!r} has no specimen left without {unit!r}")
-    noise = {"sigma": sigma, "slope_weight": slope_weight}
-    settings = {
-        "experiment_effect": experiment_effect,
-        "reference_stress": reference_stress,
-        "priors": priors,
-    }
-    folds = [
-        _VariableFolds(law, classes, units, noise, settings)
-        if variability == "specimen"
-        else _PooledFolds(law, classes, units, noise, settings)
+    _check_left(classes, true_class, units)
+    kinds = [
+        kind_of_settings(
+            variability,
+            law,
+            sigma=sigma,
+            slope_weight=slope_weight,
+            priors=priors,
+            experiment_effect=experiment_effect,
+            reference_stress=reference_stress,
+            **noise,
+        )
         for law in energies
     ]
-    names, specimens = list(classes), list(true_class)
-    shape = len(energies), len(specimens), len(names)
-    value, p_value = np.full(shape, np.nan), np.full(shape, np.nan)
-    training = np.full(shape[:2], np.nan)
-    seed_of_all = seed_sequence(random_seed)
-    seeds = seed_of_all.spawn(len(energies))
-    progress = create_simple_progress(progressbar)
-    with progress:
-        count = len(energies) * (1 + len(set(units.values())))
-        bar = progress.add_task("Leaving out", completed=0, total=count)
-        try:
-            for i, (fold, seed) in enumerate(zip(folds, seeds, strict=True)):
-                fold.prepare(seed)
-                progress.advance(bar)
-                for unit in dict.fromkeys(units.values()):
-                    out = [s for s in specimens if units[s] == unit]
-                    evidence, of_classes = fold(unit, out, draws, chains)
-                    for specimen, (values, p_values) in of_classes.items():
-                        j = specimens.index(specimen)
-                        value[i, j], p_value[i, j], training[i, j] = values, p_values, evidence
-                    progress.advance(bar)
-        except KeyboardInterrupt:
-            warnings.warn("interrupted: specimens not yet classified are NaN", stacklevel=2)
-    labels = labels_of(energies)
-    extra = {}
-    if len(energies) > 1:
-        laws = softmax(training, axis=0)
-        with np.errstate(divide="ignore"):
-            average = logsumexp(value + np.log(laws)[..., None], axis=0)
-        value = np.concatenate([value, average[None]])
-        p_value = np.concatenate([p_value, np.einsum("is,isc->sc", laws, p_value)[None]])
-        extra["strain_energy_probability"] = (
-            ("strain_energy", "specimen"),
-            np.concatenate([laws, np.full((1, len(specimens)), np.nan)]),
-        )
-        labels.append("average")
-    dims = ("strain_energy", "specimen", "class_label")
-    report = xr.Dataset(
-        {
-            "class_probability": (dims, softmax(value, axis=2)),
-            "log_evidence": (dims, value),
-            **({"p_value": (dims, p_value)} if variability == "specimen" else {}),
-            **extra,
-        },
-        {
-            "strain_energy": labels,
-            "specimen": specimens,
-            "class_label": names,
-            "true_class": ("specimen", [true_class[s] for s in specimens]),
-            "left_out": ("specimen", [str(units[s]) for s in specimens]),
-        },
-        {"variability": variability, "random_seed": json.dumps(seed_of_all.entropy)},
+    for kind in kinds:
+        kind.check_classes(classes)
+    seed = seed_sequence(random_seed)
+    found = _leave_out_each(
+        kinds, classes, true_class, units, draws, chains, seed.spawn(len(kinds)), progressbar
     )
-    probability = report["class_probability"]
-    known = probability.notnull().all("class_label")
-    chance = xr.where(known, probability.sel(class_label=report["true_class"]), np.nan)
-    hit = (report["class_label"] == report["true_class"]).astype(float)
-    with np.errstate(divide="ignore"):
-        report["log_score"] = np.log(chance).drop_vars("class_label")
-    report["brier_score"] = ((probability - hit) ** 2).sum("class_label", skipna=False)
-    return report
+    report = _tabulate(found, labels_of(energies), list(classes), true_class, units)
+    if not kinds[0].has_p_value:
+        report = report.drop_vars("p_value")
+    report.attrs = {"variability": variability, "random_seed": json.dumps(seed.entropy)}
+    return _with_scores(report)
 
 
 def _true_classes(classes: Mapping[str, xr.Dataset]) -> dict[str, str]:
@@ -237,121 +180,111 @@ def _units(
     return {specimen: units[specimen] for specimen in true_class}
 
 
-_Predictions = dict[str, tuple[list[float], list[float]]]
+def _check_left(
+    classes: Mapping[str, xr.Dataset],
+    true_class: Mapping[str, str],
+    units: Mapping[str, Hashable],
+) -> None:
+    """Raise unless each class has a specimen without those that are left out."""
+    for unit in dict.fromkeys(units.values()):
+        for name in classes:
+            left = [s for s, c in true_class.items() if c == name and units[s] != unit]
+            if not left:
+                raise ValueError(f"class {name!r} has no specimen left without {unit!r}")
 
 
-class _Folds:
-    """One strain energy: fit the classes without some specimens, and classify those."""
+class _Found(NamedTuple):
+    """What is said of specimens left out, by law, specimen and class; NaN where not yet known."""
 
-    def __init__(
-        self,
-        energy: StrainEnergy,
-        classes: Mapping[str, xr.Dataset],
-        units: Mapping[str, Hashable],
-        noise: dict[str, Any],
-        settings: dict[str, Any],
-    ) -> None:
-        self.energy, self.classes, self.units = energy, classes, units
-        self.noise, self.settings = noise, settings
-
-    def prepare(self, seed: np.random.SeedSequence) -> None:
-        """Do what is common to all fits."""
-        self.seed = seed
-
-    def tests_of(self, data: xr.Dataset, specimens: Sequence[str]) -> xr.Dataset:
-        """Tests of the given specimens."""
-        return tests_at(data, np.flatnonzero(np.isin(data["specimen"].values, list(specimens))))
+    log_evidence: Array
+    p_value: Array
+    training: Array
+    """Log evidence of all other specimens, by law and specimen."""
 
 
-class _PooledFolds(_Folds):
-    """Classes whose specimens share one set of parameters."""
+def _leave_out_each(
+    kinds: Sequence[ClassKind],
+    classes: Mapping[str, xr.Dataset],
+    true_class: Mapping[str, str],
+    units: Mapping[str, Hashable],
+    draws: int,
+    chains: int,
+    seeds: Sequence[np.random.SeedSequence],
+    progressbar: bool,
+) -> _Found:
+    """Fit and classify, one law after another and one unit after another."""
+    specimens, every_unit = list(true_class), list(dict.fromkeys(units.values()))
+    shape = len(kinds), len(specimens), len(classes)
+    found = _Found(*(np.full(s, np.nan) for s in (shape, shape, shape[:2])))
+    progress = create_simple_progress(progressbar)
+    with progress:
+        total = len(kinds) * (1 + len(every_unit))
+        bar = progress.add_task("Leaving out", completed=0, total=total)
+        try:
+            for i, (kind, seed) in enumerate(zip(kinds, seeds, strict=True)):
+                fold = kind.leave_out(classes, seed)
+                progress.advance(bar)
+                for unit in every_unit:
+                    out = [s for s in specimens if units[s] == unit]
+                    training, predictions = fold(out, draws, chains)
+                    for specimen, of_classes in predictions.items():
+                        place = i, specimens.index(specimen)
+                        found.log_evidence[place] = [p.log_evidence.value for p in of_classes]
+                        found.p_value[place] = [p.p_value for p in of_classes]
+                        found.training[place] = training
+                    progress.advance(bar)
+        except KeyboardInterrupt:
+            warnings.warn("interrupted: specimens not yet classified are NaN", stacklevel=3)
+    return found
 
-    def __call__(
-        self, unit: Hashable, out: Sequence[str], draws: int, chains: int
-    ) -> tuple[float, _Predictions]:
-        """Training evidence, and of each specimen left out its evidence under every class."""
-        fit, new = self.seed.spawn(2)
-        train = {}
-        for name, data in self.classes.items():
-            stay = [s for s in data["specimen"].values.tolist() if self.units[s] != unit]
-            train[name] = self.tests_of(data, stay)
-        tree = fit_classes(
-            self.energy,
-            train,
-            **self.noise,
-            priors=self.settings["priors"],
-            draws=draws,
-            chains=chains,
-            random_seed=fit.generate_state(4),
-            progressbar=False,
+
+def _tabulate(
+    found: _Found,
+    labels: list[str],
+    names: list[str],
+    true_class: Mapping[str, str],
+    units: Mapping[str, Hashable],
+) -> xr.Dataset:
+    """Tables by law, specimen and class; of several laws the average as well."""
+    value, p_value, training = found
+    specimens = list(true_class)
+    extra = {}
+    if len(labels) > 1:
+        laws = softmax(training, axis=0)
+        with np.errstate(divide="ignore"):
+            averaged = logsumexp(value + np.log(laws)[..., None], axis=0)
+        value = np.concatenate([value, averaged[None]])
+        p_value = np.concatenate([p_value, np.einsum("is,isc->sc", laws, p_value)[None]])
+        extra["strain_energy_probability"] = (
+            ("strain_energy", "specimen"),
+            np.concatenate([laws, np.full((1, len(specimens)), np.nan)]),
         )
-        # What an interrupt has left of the classes is of no use here: it ends the report.
-        fitted = list(tree.children.values())
-        if len(fitted) < len(train) or any(f["evidence"].sizes["chain"] < chains for f in fitted):
-            raise KeyboardInterrupt
-        predictions: _Predictions = {}
-        for data in self.classes.values():
-            here = [s for s in out if s in data["specimen"].values]
-            if here:
-                result = classify(
-                    self.tests_of(data, here),
-                    tree,
-                    by="specimen",
-                    random_seed=new.generate_state(4),
-                    progressbar=False,
-                )
-                if (result["method"] == "").any():
-                    raise KeyboardInterrupt
-                for specimen in here:
-                    row = result["specimen"].values.tolist().index(specimen)
-                    values = result["log_evidence"].values[row].tolist()
-                    predictions[specimen] = values, [np.nan] * len(values)
-        return sum(log_evidence(of_class).value for of_class in fitted), predictions
+        labels = [*labels, "average"]
+    dims = ("strain_energy", "specimen", "class_label")
+    return xr.Dataset(
+        {
+            "class_probability": (dims, softmax(value, axis=2)),
+            "log_evidence": (dims, value),
+            "p_value": (dims, p_value),
+            **extra,
+        },
+        {
+            "strain_energy": labels,
+            "specimen": specimens,
+            "class_label": names,
+            "true_class": ("specimen", [true_class[s] for s in specimens]),
+            "left_out": ("specimen", [str(units[s]) for s in specimens]),
+        },
+    )
 
 
-class _VariableFolds(_Folds):
-    """Classes whose specimens differ: each specimen is sampled only once."""
-
-    def prepare(self, seed: np.random.SeedSequence) -> None:
-        """Sample all specimens."""
-        super().prepare(seed)
-        rng = np.random.default_rng(seed)
-        self.samplers = {name: self.model.sampler(data) for name, data in self.classes.items()}
-        self.draws = {
-            name: sample_specimens(self.samplers[name], data, rng)
-            for name, data in self.classes.items()
-        }
-
-    def __init__(self, *args: Any) -> None:
-        super().__init__(*args)
-        if self.noise["slope_weight"] != 0:
-            raise ValueError("with variability='specimen' slope_weight must be 0")
-        self.model = Variability(
-            self.energy,
-            self.noise["sigma"],
-            self.settings["experiment_effect"],
-            self.settings["reference_stress"],
-            self.settings["priors"],
-        )
-        self.model.check_classes(self.classes)
-
-    def __call__(
-        self, unit: Hashable, out: Sequence[str], draws: int, chains: int
-    ) -> tuple[float, _Predictions]:
-        """Training evidence, and of each specimen left out its evidence under every class."""
-        trees = {}
-        for name, specimens in self.draws.items():
-            stay = {s: d for s, d in specimens.items() if self.units[s] != unit}
-            trees[name] = fit_distribution(self.model, stay, draws, chains, *self.seed.spawn(1))
-        rng = np.random.default_rng(*self.seed.spawn(1))
-        predictions: _Predictions = {}
-        for name, data in self.classes.items():
-            here = [s for s in out if s in self.draws[name]]
-            if not here:
-                continue
-            predictive = SpecimenPredictive(self.model, trees, self.samplers[name])
-            for specimen in here:
-                found = predictive(self.tests_of(data, [specimen]), rng, self.draws[name][specimen])
-                values = [p.evidence.log_evidence.value for p in found]
-                predictions[specimen] = values, [p.p_value for p in found]
-        return sum(log_evidence(tree).value for tree in trees.values()), predictions
+def _with_scores(report: xr.Dataset) -> xr.Dataset:
+    """The report with the log score and Brier score of each specimen."""
+    probability = report["class_probability"]
+    known = probability.notnull().all("class_label")
+    chance = xr.where(known, probability.sel(class_label=report["true_class"]), np.nan)
+    hit = (report["class_label"] == report["true_class"]).astype(float)
+    with np.errstate(divide="ignore"):
+        report["log_score"] = np.log(chance).drop_vars("class_label")
+    report["brier_score"] = ((probability - hit) ** 2).sum("class_label", skipna=False)
+    return report

@@ -1,13 +1,25 @@
-"""Marginal likelihood of new data under a fitted class, without fitting the class again."""
+"""Classes whose specimens share one set of parameters, as in the paper."""
 
-from typing import Any, NamedTuple
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
 
 import numpy as np
 import pymc as pm
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.classes.interface import (
+    ClassKind,
+    Fold,
+    Prediction,
+    Predictor,
+    training_evidence,
+    without_specimens,
+)
+from pymc_hyperelastic.data.select import specimens_of, tests_at
 from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
     LARGEST_PARETO_K,
     adapted_mixture,
@@ -16,13 +28,15 @@ from pymc_hyperelastic.evidence.importance import (
 )
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
-from pymc_hyperelastic.evidence.smc import Estimate, combine_chains
+from pymc_hyperelastic.evidence.smc import sample_smc, seed_sequence
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.inflation import inflation_model
-from pymc_hyperelastic.models.likelihood import log_likelihood, shared_inputs
-from pymc_hyperelastic.models.results import inflation_data_of
-from pymc_hyperelastic.models.rules import Rule
+from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.priors import complete_priors
+from pymc_hyperelastic.models.study import inflation_data_of, model_settings_of
 
-__all__ = ["ClassPredictive", "Predictive"]
+__all__ = ["ClassPredictive", "Pooled"]
 
 Array = NDArray[np.float64]
 
@@ -30,15 +44,169 @@ Array = NDArray[np.float64]
 _FINAL_DRAWS, _CLASS_DRAWS = 4000, 20000
 
 
-class Predictive(NamedTuple):
-    """Log marginal likelihood of new data, and how it was found.
+@dataclass(frozen=True)
+class Pooled(ClassKind):
+    """Settings of classes whose specimens share one set of parameters."""
 
-    The Pareto shape of the importance weights is NaN where there are none.
-    """
+    variability: ClassVar[str] = "none"
+    has_p_value: ClassVar[bool] = False
+    common_attrs: ClassVar[tuple[str, ...]] = ("priors", "noise")
 
-    log_evidence: Estimate
-    method: str
-    pareto_k: float
+    energy: StrainEnergy
+    observation: Observation
+    priors: dict[str, Any] | None = None
+
+    @classmethod
+    def of_settings(
+        cls,
+        energy: StrainEnergy,
+        *,
+        priors: dict[str, Any] | None = None,
+        experiment_effect: bool = False,
+        reference_stress: float = 20.0,
+        **noise: Any,
+    ) -> "Pooled":
+        """The kind, of settings that say nothing of how specimens differ."""
+        for name, value, default in (
+            ("experiment_effect", experiment_effect, False),
+            ("reference_stress", reference_stress, 20.0),
+        ):
+            if value != default:
+                raise ValueError(
+                    f"{name} is {value!r}: it is used only with variability='specimen'"
+                )
+        return cls(energy, Observation(**noise), priors)
+
+    @classmethod
+    def of_tree(cls, fitted: xr.DataTree) -> "Pooled":
+        """Settings of a fitted class."""
+        settings = model_settings_of(fitted)
+        energy, priors = settings.pop("energy"), settings.pop("priors")
+        return cls(energy, Observation(**settings), priors)
+
+    def model(self, data: xr.Dataset) -> pm.Model:
+        """Model of a class with these data."""
+        return inflation_model(self.energy, data, priors=self.priors, **self.observation.noise)
+
+    def attrs(self) -> dict[str, str]:
+        """Settings are those of the models, and stored with each."""
+        return {}
+
+    def check(self, data: xr.Dataset) -> None:
+        """Raise unless these data can be modelled so."""
+        self.observation.check(self.energy, data, complete_priors(self.energy, self.priors))
+
+    def fit(
+        self,
+        classes: Mapping[str, xr.Dataset],
+        draws: int,
+        chains: int,
+        seed: np.random.SeedSequence,
+        progressbar: bool = False,
+    ) -> Iterator[tuple[str, xr.DataTree]]:
+        """Sample the posterior of class after class."""
+        models = {}
+        for name, data in classes.items():
+            try:
+                models[name] = self.model(data)
+                models[name].study.attrs()
+            except (TypeError, ValueError) as error:
+                raise type(error)(f"class {name!r}: {error}") from error
+        seeds = seed.generate_state(len(models)).tolist()
+        return self._sampled(models, draws, chains, seeds, progressbar)
+
+    def _sampled(
+        self,
+        models: Mapping[str, pm.Model],
+        draws: int,
+        chains: int,
+        seeds: list[int],
+        progressbar: bool,
+    ) -> Iterator[tuple[str, xr.DataTree]]:
+        parameters = [rv.name for rv in next(iter(models.values())).free_RVs]
+        for (name, model), seed in zip(models.items(), seeds, strict=True):
+            try:
+                yield (
+                    name,
+                    sample_smc(model, draws, chains, seed, progressbar, var_names=parameters),
+                )
+            except ValueError as error:
+                raise ValueError(f"class {name!r}: {error}") from error
+
+    def predictor(
+        self,
+        classes: Mapping[str, xr.DataTree],
+        new_data: xr.Dataset,
+        count: int,
+        seed: np.random.SeedSequence,
+    ) -> Predictor:
+        """What classes say of parts of new data: everything is compiled once, for all of them."""
+        self.check(new_data)
+        priors = complete_priors(self.energy, self.priors)
+        forward = self.observation.forward_model(self.energy, new_data, priors)
+        seeds = seed.generate_state(1 + count * len(classes)).tolist()
+        rng = np.random.default_rng(seeds.pop())
+        predictives: list[ClassPredictive] = []
+
+        def predict(data: xr.Dataset) -> list[Prediction]:
+            forward.set_data(data)
+            if not predictives:
+                predictives.extend(
+                    ClassPredictive(fitted, self, forward, rng) for fitted in classes.values()
+                )
+            return [predictive(seeds.pop()) for predictive in predictives]
+
+        return predict
+
+    def leave_out(
+        self, classes: Mapping[str, xr.Dataset], seed: np.random.SeedSequence
+    ) -> Callable[[Collection[str], int, int], Fold]:
+        """Fit all classes again for each of the specimens left out."""
+
+        def fold(left_out: Collection[str], draws: int, chains: int) -> Fold:
+            fit, new = (seed_sequence(s.generate_state(4)) for s in seed.spawn(2))
+            train = {name: without_specimens(data, left_out) for name, data in classes.items()}
+            fitted = dict(self.fit(train, draws, chains, fit))
+            if any(of_class["evidence"].sizes["chain"] < chains for of_class in fitted.values()):
+                # What an interrupt has left of the chains is of no use here.
+                raise KeyboardInterrupt
+            stored = self.of_tree(next(iter(fitted.values())))
+            predictions = {}
+            for data in classes.values():
+                names, of_test = specimens_of(data)
+                here = [i for i, name in enumerate(names) if name in left_out]
+                if here:
+                    new_data = tests_at(data, np.flatnonzero(np.isin(of_test, here)))
+                    predict = stored.predictor(fitted, new_data, len(here), new)
+                    for i in here:
+                        part = tests_at(data, np.flatnonzero(of_test == i))
+                        predictions[names[i]] = predict(part)
+            return Fold(training_evidence(fitted), predictions)
+
+        return fold
+
+    def noise_in_words(self, fitted: xr.DataTree) -> str:
+        """How measurements differ from curves."""
+        return f"the noise {fitted.attrs['noise']} of all specimens"
+
+    def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
+        """Parameters of new specimens, which are those of the class: draws of its posterior."""
+        posterior = fitted["posterior"].to_dataset().stack(sample=("chain", "draw"))
+        return {
+            name: posterior[name].transpose("sample", ...).values
+            for name in self.energy.parameter_names
+        }
+
+    def log_density(self, fitted: xr.DataTree, particles: xr.Dataset) -> Array:
+        """Log density of a class's posterior, its evidence left out."""
+        model = self.model(inflation_data_of(fitted))
+        values = [particles[v.name].values.ravel() for v in model.value_vars]
+        return BatchedFunction.of_model(model, [model.logp()])(np.stack(values, axis=1))[0]
+
+
+def _prediction(estimate: Estimate, method: str, pareto_k: float) -> Prediction:
+    """Prediction of one class, whose draws no other one shares."""
+    return Prediction(estimate, estimate.standard_error, method, pareto_k)
 
 
 class ClassPredictive:
@@ -64,12 +232,10 @@ class ClassPredictive:
     ----------
     fitted : xarray.DataTree
         A class of :func:`pymc_hyperelastic.fit_classes`.
-    settings : dict
-        Its model's settings.
-    rule : Rule
-        How the walls of the new data are integrated.
-    inputs : dict of str to array
-        Some new data, as ``likelihood_inputs`` gives them; later ones replace them.
+    kind : Pooled
+        Its settings.
+    forward : ForwardModel
+        Curves of the new data, which it may share with other classes.
     rng : numpy.random.Generator
         For the class's own integral.
 
@@ -82,34 +248,26 @@ class ClassPredictive:
     def __init__(
         self,
         fitted: xr.DataTree,
-        settings: dict[str, Any],
-        rule: Rule,
-        inputs: dict[str, Array],
+        kind: "Pooled",
+        forward: ForwardModel,
         rng: np.random.Generator,
     ) -> None:
-        self._inputs = shared_inputs("new", inputs)
-        model = inflation_model(data=inflation_data_of(fitted), **settings)
-        energy = settings["energy"]
-        noise = {
-            name: model[name] if name in model.named_vars else value
-            for name, value in settings.items()
-            if name not in ("energy", "priors")
-        }
-        parameters = {name: model[name] for name in energy.parameter_names}
+        model = kind.model(inflation_data_of(fitted))
+        known = kind.observation.noise
+        noise = {name: model[name] for name in known if name in model.named_vars}
+        parameters = {name: model[name] for name in kind.energy.parameter_names}
         with model:
-            likelihood = log_likelihood(energy, self._inputs, rule, parameters, **noise)
-            new = pm.Potential("new", likelihood)
+            observation = replace(kind.observation, **noise)
+            new = pm.Potential("new", observation.log_likelihood(forward, parameters))
 
         particles = fitted["unconstrained_posterior"].to_dataset()
         self._chains = [
             {name: particles[name].values[chain] for name in particles.data_vars}
             for chain in range(particles.sizes["chain"])
         ]
-        columns = [particles[v.name].values for v in model.value_vars]
-        shape = particles.sizes["chain"] * particles.sizes["draw"], -1
-        self._draws = np.concatenate([np.reshape(x, shape) for x in columns], axis=1)
         self._likelihood = BatchedFunction.of_model(model, [model.logp([new])])
         self._kernel = BatchedSMC(draws=particles.sizes["draw"], model=model, tempered=["new"])
+        self._draws = np.concatenate([self._kernel.columns(chain) for chain in self._chains])
 
         some = self._draws[:: max(1, len(self._draws) // _FINAL_DRAWS)]
         components = components_for(len(some), self._kernel.dimension)
@@ -119,21 +277,19 @@ class ClassPredictive:
             self._kernel.score(points)[0] - log_density
         )
 
-    def __call__(self, inputs: dict[str, Array], random_seed: int) -> Predictive:
-        """Marginal likelihood of the data with these inputs."""
-        for name, value in inputs.items():
-            self._inputs[name].set_value(value, borrow=True)
+    def __call__(self, random_seed: int) -> Prediction:
+        """Marginal likelihood of the data that the forward model holds."""
         rng = np.random.default_rng(random_seed)
         return self._from_class_draws() or self._from_adapted_draws(rng) or self._by_tempering(rng)
 
-    def _from_class_draws(self) -> Predictive | None:
+    def _from_class_draws(self) -> Prediction | None:
         log_weights = np.nan_to_num(self._likelihood(self._draws)[0], nan=-np.inf, neginf=-np.inf)
         estimate, pareto_k = mean_weight(log_weights)
         if pareto_k >= LARGEST_PARETO_K:
             return None
-        return Predictive(estimate, "class draws", pareto_k)
+        return _prediction(estimate, "class draws", pareto_k)
 
-    def _from_adapted_draws(self, rng: np.random.Generator) -> Predictive | None:
+    def _from_adapted_draws(self, rng: np.random.Generator) -> Prediction | None:
         if self._normaliser_k >= LARGEST_PARETO_K:
             return None
         mixture = adapted_mixture(self._kernel.score, self._mixture, rng)
@@ -148,12 +304,12 @@ class ClassPredictive:
             integral.value - self._normaliser.value,
             float(np.hypot(integral.standard_error, self._normaliser.standard_error)),
         )
-        return Predictive(estimate, "adapted draws", max(pareto_k, self._normaliser_k))
+        return _prediction(estimate, "adapted draws", max(pareto_k, self._normaliser_k))
 
-    def _by_tempering(self, rng: np.random.Generator) -> Predictive:
+    def _by_tempering(self, rng: np.random.Generator) -> Prediction:
         values, errors = [], []
         for chain in self._chains:
             self._kernel.temper(chain, rng)
             values.append(self._kernel.log_marginal_likelihood)
             errors.append(np.sqrt(self._kernel.log_evidence_variance))
-        return Predictive(combine_chains(np.array(values), np.array(errors)), "tempering", np.nan)
+        return _prediction(combine_chains(np.array(values), np.array(errors)), "tempering", np.nan)

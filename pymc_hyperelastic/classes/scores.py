@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from pymc_hyperelastic.evidence.kernel import check_count
+from pymc_hyperelastic.evidence.checks import check_count
 
 __all__ = ["score_probabilities"]
 

@@ -1,75 +1,95 @@
-"""Classes whose specimens differ: how they are fitted, stored, and held against new specimens."""
+"""Classes whose specimens differ: each has parameters of its own, drawn from a distribution."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 import pymc as pm
+import pytensor
+import pytensor.tensor as pt
 import xarray as xr
-from arviz_stats.base import array_stats
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from pymc.progress_bar import create_simple_progress
 
+from pymc_hyperelastic.classes.density import SpecimenDraws
+from pymc_hyperelastic.classes.interface import (
+    ClassKind,
+    Fold,
+    Prediction,
+    Predictor,
+    training_evidence,
+)
+from pymc_hyperelastic.classes.specimen_evidence import (
+    distributions_of,
+    error_of_specimens,
+    near_class,
+    specimen_evidence,
+)
 from pymc_hyperelastic.classes.specimens import (
-    SpecimenDraws,
     SpecimenSampler,
     class_model,
     fresh_specimens,
-    independent,
-    log_densities,
     reference_of,
-    sample,
 )
-from pymc_hyperelastic.data.inflation import tests_at
-from pymc_hyperelastic.evidence.kernel import BatchedSMC, effective_sample_size
-from pymc_hyperelastic.evidence.smc import Estimate, particles_to_tree
-from pymc_hyperelastic.models.population import (
-    ClassDistribution,
-    NaturalScale,
-    check_population,
-    population_rule,
-    specimens_of,
-)
+from pymc_hyperelastic.classes.typicality import predictive_p_value
+from pymc_hyperelastic.data.select import specimens_of, tests_at
+from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.from_modes import sample_from_modes
+from pymc_hyperelastic.evidence.importance import UNTRUSTED_PARETO_K
+from pymc_hyperelastic.evidence.kernel import BatchedSMC
+from pymc_hyperelastic.evidence.smc import particles_to_tree
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.natural_scale import NaturalScale
+from pymc_hyperelastic.models.population import check_population, population_forward
 from pymc_hyperelastic.models.priors import is_inferred, prior_from_record, prior_to_record
-from pymc_hyperelastic.models.results import strain_energy_attrs, strain_energy_of
+from pymc_hyperelastic.models.study import Study, strain_energy_attrs, strain_energy_of
 
-__all__ = [
-    "SpecimenPredictive",
-    "Variability",
-    "fit_distribution",
-    "sample_specimens",
-]
+__all__ = ["SpecimenPredictive", "Variability", "fit_distribution", "sample_specimens"]
 
 Array = NDArray[np.float64]
 
 # Draws of a specimen that stand for it in the model of its class: its density, which is mostly far
 # wider than what a specimen's curves leave open, is averaged over them.
 _IN_CLASS = 128
-# Draws of a class's distribution against which a specimen is held.
-_DISTRIBUTIONS = 1000
-# Weights of a larger Pareto shape, or fewer effective ones, do not make a mean: the specimen is
-# sampled again, closer to the class.
-_LARGEST_PARETO_K, _ENOUGH = 0.7, 50
-# kPa: curves beyond these are not of tubes. With fewer than so many of them at the radii of a
-# specimen there is no telling how unlikely it is.
-_SMALLEST_PRESSURE, _LARGEST_PRESSURE, _FEWEST_CURVES = 1e-6, 1e6, 100
-# Curves of a class differ along directions in which they differ by this fraction, or more, of how
-# they do along the first.
-_LEAST_SHARE = 0.003
 
 
 @dataclass(frozen=True)
-class Variability:
-    """Settings that all classes of one comparison share."""
+class Variability(ClassKind):
+    """Settings of classes whose specimens differ."""
 
-    energy: Any
+    variability: ClassVar[str] = "specimen"
+    has_p_value: ClassVar[bool] = True
+    common_attrs: ClassVar[tuple[str, ...]] = ("variability_settings",)
+
+    energy: StrainEnergy
     sigma: Any
     experiment_effect: bool = False
     reference_stress: float = 20.0
     priors: Mapping[str, Any] | None = None
+
+    @classmethod
+    def of_settings(
+        cls,
+        energy: StrainEnergy,
+        *,
+        sigma: Any,
+        slope_weight: Any = 0.0,
+        force_sigma: Any = None,
+        priors: Mapping[str, Any] | None = None,
+        experiment_effect: bool = False,
+        reference_stress: float = 20.0,
+    ) -> "Variability":
+        """The kind, of settings that ask for nothing but pressures."""
+        if slope_weight != 0 or force_sigma is not None:
+            raise ValueError(
+                "with variability='specimen' pressures alone are compared: expected slope_weight=0 "
+                f"and no force_sigma; got {slope_weight} and {force_sigma}"
+            )
+        return cls(energy, sigma, experiment_effect, reference_stress, priors)
 
     @property
     def scale(self) -> NaturalScale:
@@ -90,18 +110,10 @@ class Variability:
         """Raise unless these data can be modelled so."""
         check_population(self.scale, data, self.sigma, self.experiment_effect, self.priors)
 
-    def check_classes(self, classes: Mapping[str, xr.Dataset]) -> None:
-        """Raise, naming the class, unless the data of each can be modelled so."""
-        for name, data in classes.items():
-            try:
-                self.check(data)
-            except (TypeError, ValueError) as error:
-                raise type(error)(f"class {name!r}: {error}") from error
-
     def sampler(self, data: xr.Dataset) -> SpecimenSampler:
         """Sampler of the specimens of these data, each by itself."""
-        rule = population_rule(self.scale, data)
-        return SpecimenSampler(self.scale, rule, self.reference, self.known_sigma)
+        forward = population_forward(self.scale, data)
+        return SpecimenSampler(self.scale, forward, self.reference, self.known_sigma)
 
     def model(self, draws: Mapping[str, SpecimenDraws]) -> pm.Model:
         """Model of a class with these specimens."""
@@ -135,17 +147,112 @@ class Variability:
         }
 
     @classmethod
-    def of_tree(cls, tree: xr.DataTree) -> "Variability":
+    def of_tree(cls, fitted: xr.DataTree) -> "Variability":
         """Settings of a fitted class."""
-        settings = json.loads(tree.attrs["variability_settings"])
+        settings = json.loads(fitted.attrs["variability_settings"])
         sigma = settings["sigma"]
         return cls(
-            strain_energy_of(tree),
+            strain_energy_of(fitted),
             sigma if isinstance(sigma, float) else prior_from_record(sigma),
             settings["experiment_effect"],
             settings["reference_stress"],
             {name: prior_from_record(record) for name, record in settings["priors"].items()},
         )
+
+    def fit(
+        self,
+        classes: Mapping[str, xr.Dataset],
+        draws: int,
+        chains: int,
+        seed: np.random.SeedSequence,
+        progressbar: bool = False,
+    ) -> Iterator[tuple[str, xr.DataTree]]:
+        """Fit the distribution of class after class, of specimens that are sampled once."""
+        check_count("draws", draws, 100)
+        check_count("chains", chains, 1)
+        self.check_classes(classes)
+        self.attrs()
+        return self._fitted(classes, draws, chains, seed, progressbar)
+
+    def _fitted(
+        self,
+        classes: Mapping[str, xr.Dataset],
+        draws: int,
+        chains: int,
+        seed: np.random.SeedSequence,
+        progressbar: bool,
+    ) -> Iterator[tuple[str, xr.DataTree]]:
+        progress = create_simple_progress(progressbar)
+        with progress:
+            bar = progress.add_task("Fitting classes", completed=0, total=2 * len(classes))
+            for (name, data), own in zip(classes.items(), seed.spawn(len(classes)), strict=True):
+                rng = np.random.default_rng(own)
+                specimens = sample_specimens(self.sampler(data), data, rng)
+                progress.advance(bar)
+                fitted = fit_distribution(self, specimens, draws, chains, own)
+                for group, dataset in Study(self.energy, data, {}).groups().items():
+                    fitted[group] = dataset
+                progress.advance(bar)
+                yield name, fitted
+
+    def predictor(
+        self,
+        classes: Mapping[str, xr.DataTree],
+        new_data: xr.Dataset,
+        count: int,
+        seed: np.random.SeedSequence,
+    ) -> Predictor:
+        """What classes say of new specimens, each of which is sampled by itself."""
+        self.check(new_data)
+        predictive = SpecimenPredictive(self, classes, self.sampler(new_data))
+        seeds = iter(seed.spawn(count))
+        return lambda data: predictive(data, np.random.default_rng(next(seeds)))
+
+    def leave_out(
+        self, classes: Mapping[str, xr.Dataset], seed: np.random.SeedSequence
+    ) -> Callable[[Collection[str], int, int], Fold]:
+        """Sample all specimens once; without some of them only the distributions are fitted."""
+        rng = np.random.default_rng(seed)
+        samplers = {name: self.sampler(data) for name, data in classes.items()}
+        specimens = {
+            name: sample_specimens(samplers[name], data, rng) for name, data in classes.items()
+        }
+
+        def fold(left_out: Collection[str], draws: int, chains: int) -> Fold:
+            fitted = {}
+            for name, of_class in specimens.items():
+                stay = {s: d for s, d in of_class.items() if s not in left_out}
+                fitted[name] = fit_distribution(self, stay, draws, chains, *seed.spawn(1))
+            rng = np.random.default_rng(*seed.spawn(1))
+            predictions = {}
+            for name, data in classes.items():
+                predictive = SpecimenPredictive(self, fitted, samplers[name])
+                names, of_test = specimens_of(data)
+                for i, specimen in enumerate(names):
+                    if specimen in left_out:
+                        part = tests_at(data, np.flatnonzero(of_test == i))
+                        known = specimens[name][specimen]
+                        predictions[specimen] = predictive(part, rng, known)
+            return Fold(training_evidence(fitted), predictions)
+
+        return fold
+
+    def noise_in_words(self, fitted: xr.DataTree) -> str:
+        """Noise is a part of the model, as the specimens are, and may differ as these may."""
+        return "variability='specimen'"
+
+    def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
+        """Parameters of fresh draws from the class's distribution."""
+        distributions = distributions_of(fitted)
+        draws = fresh_specimens(self.scale, distributions, 1, rng)
+        coordinates = [pt.constant(draws[name][:, 0]) for name in self.scale.names]
+        parameters = self.scale.parameters(coordinates)
+        symbols = [
+            pt.stack(value, axis=-1) if isinstance(value, tuple) else value
+            for value in parameters.values()
+        ]
+        values = pytensor.function([], symbols, mode="FAST_COMPILE")()
+        return dict(zip(parameters, values, strict=True))
 
 
 def sample_specimens(
@@ -171,7 +278,7 @@ def fit_distribution(
     kernel = BatchedSMC(draws=count, model=settings.model(few))
     populations, stats = [], []
     for seed in random_seed.spawn(chains):
-        particles, evidence = sample(kernel, np.random.default_rng(seed))
+        particles, evidence = sample_from_modes(kernel, np.random.default_rng(seed))
         populations.append(particles)
         last = {
             "beta": 1.0,
@@ -182,7 +289,7 @@ def fit_distribution(
     tree = particles_to_tree(
         kernel, populations, stats, kernel.model.unobserved_RVs, random_seed.entropy
     )
-    error = _error_of_specimens(few, distributions_of(tree))
+    error = error_of_specimens(few, distributions_of(tree))
     tree["evidence"] = tree["evidence"].to_dataset().assign(specimens_se=error)
     dims = {
         "centre": ("specimen", "coordinate", "particle"),
@@ -198,105 +305,6 @@ def fit_distribution(
     )
     tree.attrs |= settings.attrs()
     return tree
-
-
-def distributions_of(tree: xr.DataTree) -> ClassDistribution:
-    """Draws of a class's distribution, along the first of two axes."""
-    posterior = tree["posterior"].to_dataset().stack(sample=("chain", "draw"))
-    chosen = np.linspace(0, posterior.sizes["sample"] - 1, _DISTRIBUTIONS).round().astype(int)
-    posterior = posterior.isel(sample=np.unique(chosen))
-
-    def vector(name: str) -> Array | None:
-        if name not in posterior:
-            return None
-        return posterior[name].transpose("coordinate", "sample").values[..., None]
-
-    size = posterior.sizes["coordinate"]
-    factors = np.ones((posterior.sizes["sample"], 1, 1))
-    if size > 1:
-        factors = np.linalg.cholesky(posterior["correlation"].transpose("sample", ...).values)
-    optional = {
-        name: posterior[name].values[:, None]
-        for name in ("effect_spread", "noise_spread")
-        if name in posterior
-    }
-    if "noise_spread" in posterior:
-        optional["log_sigma"] = np.log(posterior["sigma"].values)[:, None]
-    return ClassDistribution(
-        vector("location"),
-        vector("spread"),
-        [[factors[:, i, j, None] for j in range(i + 1)] for i in range(size)],
-        vector("experiment_spread"),
-        **optional,
-    )
-
-
-def _error_of_specimens(
-    draws: Mapping[str, SpecimenDraws], distributions: ClassDistribution
-) -> float:
-    """Standard error of a class's log evidence that comes from the draws of its specimens."""
-    variance = 0.0
-    for specimen in draws.values():
-        log_weights = specimen.log_weight + log_densities(specimen, distributions)
-        log_weights -= logsumexp(log_weights, axis=1, keepdims=True)
-        effective = np.exp(-logsumexp(2 * log_weights, axis=1))
-        variance += specimen.standard_error**2 + np.mean(1 / effective) - 1 / log_weights.shape[1]
-    return float(np.sqrt(variance))
-
-
-class SpecimenEvidence(NamedTuple):
-    """Log evidence of a specimen under a class, and how far it can be trusted.
-
-    The second standard error leaves out what the evidences of all classes have in common, the
-    draws of the specimen.
-    """
-
-    log_evidence: Estimate
-    own_error: float
-    pareto_k: float
-
-
-def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) -> SpecimenEvidence:
-    """Evidence of a specimen that is a fresh draw from a class, its distribution averaged over."""
-    density = log_densities(draws, distributions)
-    count = len(density)
-    log_weights = draws.log_weight + logsumexp(density, axis=0) - np.log(count)
-    value = float(logsumexp(log_weights))
-    effective = effective_sample_size(log_weights)
-    pareto_k = float(array_stats.psislw(-log_weights)[1])
-    of_draws = max(1 / effective - 1 / log_weights.size, 0.0)
-    each = np.exp(logsumexp(density + draws.log_weight, axis=1) - value)
-    own = float(np.sqrt(of_draws + np.var(each) / count))
-    estimate = Estimate(value, float(np.hypot(own, draws.standard_error)))
-    if effective < _ENOUGH:
-        pareto_k = np.inf
-    return SpecimenEvidence(estimate, own, pareto_k)
-
-
-def near_class(distributions: ClassDistribution) -> ClassDistribution:
-    """One distribution like those of a class, and wider: a reference for a specimen of it."""
-    d = distributions
-    location, spread = np.asarray(d.location)[..., 0], np.asarray(d.spread)[..., 0]
-    mean = location.mean(axis=1)
-    wide = 1.5 * np.sqrt(location.var(axis=1) + (spread**2).mean(axis=1))
-    optional: dict[str, Any] = {}
-    if d.experiment_spread is not None:
-        within = np.asarray(d.experiment_spread)[..., 0]
-        optional |= {
-            "experiment_spread": 1.5 * np.sqrt((within**2).mean(axis=1)),
-            "effect_spread": np.sqrt(np.mean(np.square(d.effect_spread))),
-        }
-    if d.log_sigma is not None:
-        spread_of = np.var(d.log_sigma) + np.mean(np.square(d.noise_spread))
-        optional |= {"log_sigma": np.mean(d.log_sigma), "noise_spread": 1.5 * np.sqrt(spread_of)}
-    return ClassDistribution(mean, wide, independent(len(mean)), **optional)
-
-
-class ClassPrediction(NamedTuple):
-    """What a class says of a new specimen."""
-
-    evidence: SpecimenEvidence
-    p_value: float
 
 
 class SpecimenPredictive:
@@ -321,19 +329,28 @@ class SpecimenPredictive:
 
     def __call__(
         self, data: xr.Dataset, rng: np.random.Generator, draws: SpecimenDraws | None = None
-    ) -> list[ClassPrediction]:
+    ) -> list[Prediction]:
         """Evidence and predictive p-value of the specimen of these data under each class."""
         draws = draws or self._sampler(data, rng)
-        predictions = []
+        predictions: list[Prediction] = []
         for name, distributions in self._distributions.items():
             evidence = specimen_evidence(draws, distributions)
-            if evidence.pareto_k >= _LARGEST_PARETO_K:
+            if evidence.pareto_k >= UNTRUSTED_PARETO_K:
+                # Sampled closer to the class.
                 again = specimen_evidence(self._near(name)(data, rng), distributions)
                 if again.pareto_k < evidence.pareto_k:
                     # From draws of its own, which no other class shares.
                     evidence = again._replace(own_error=again.log_evidence.standard_error)
             p_value = self._p_value(data, distributions, rng)
-            predictions.append(ClassPrediction(evidence, p_value))
+            predictions.append(
+                Prediction(
+                    evidence.log_evidence,
+                    evidence.own_error,
+                    "specimen draws",
+                    evidence.pareto_k,
+                    p_value,
+                )
+            )
         return predictions
 
     def _near(self, name: str) -> SpecimenSampler:
@@ -341,7 +358,7 @@ class SpecimenPredictive:
         if name not in self._closer:
             self._closer[name] = SpecimenSampler(
                 self._settings.scale,
-                self._sampler.rule,
+                self._sampler.forward,
                 near_class(self._distributions[name]),
                 self._settings.known_sigma,
             )
@@ -350,41 +367,10 @@ class SpecimenPredictive:
     def _p_value(
         self, data: xr.Dataset, distributions: ClassDistribution, rng: np.random.Generator
     ) -> float:
-        """Share of the specimens of a class that are as unlikely as this one, or more.
-
-        The class brings forth specimens, measured as this one was. Each, and the new one, is held
-        against all the others: how likely it is depends on how far it is from its neighbours. What
-        no combination of the class's curves could follow is noise, and says nothing here: else
-        specimens measured better than usual would be of every class, and others of none.
-        """
-        tests = data.sizes["test"]
+        """How typical the specimen is of a class."""
+        tests, sigma = data.sizes["test"], self._settings.known_sigma
         draws = fresh_specimens(self._settings.scale, distributions, tests, rng)
         curves = self._sampler.curves(data, draws)
-        sigma = self._settings.known_sigma
         sd = np.full((len(curves), 1), sigma) if sigma else np.exp(draws["log_specimen_sigma"])
-        sd = sd / np.sqrt(2)
-        sizes = np.abs(curves).max(axis=1)
-        # No comparison with NaN is true.
-        possible = (sizes < _LARGEST_PRESSURE) & (sizes > _SMALLEST_PRESSURE)
-        if possible.sum() < _FEWEST_CURVES:
-            return np.nan
-        curves, sd = curves[possible], sd[possible]
-        alike = curves / np.linalg.norm(curves, axis=1, keepdims=True)
-        _, shares, directions = np.linalg.svd(alike, full_matrices=False)
-        directions = directions[shares > _LEAST_SHARE * shares[0]].T
-        curves = curves @ directions
-        measured = np.concatenate(
-            [
-                data["pressure"].values[None] @ directions,
-                curves + sd * rng.standard_normal(curves.shape),
-            ]
-        )
-        scaled = curves / sd**2
-        squares = (measured**2).sum(axis=1, keepdims=True)
-        misfit = squares / (sd**2).T - 2 * measured @ scaled.T + (scaled * curves).sum(axis=1)
-        log_likelihood = -misfit / 2 - curves.shape[1] * np.log(sd).T
-        # Not against itself.
-        np.fill_diagonal(log_likelihood[1:], -np.inf)
-        likely = logsumexp(log_likelihood, axis=1)
-        likely[0] += np.log((len(curves) - 1) / len(curves))
-        return float((1 + np.sum(likely[1:] <= likely[0])) / len(likely))
+        measured = data["pressure"].values.astype(float)
+        return predictive_p_value(measured, curves, sd / np.sqrt(2), rng)

@@ -33,7 +33,7 @@ from pytensor.tensor.type import TensorType
 from pytensor.tensor.utils import import_func_from_string
 from pytensor.tensor.variable import TensorVariable
 
-__all__ = ["BatchedFunction", "prior_sampler", "value_shapes"]
+__all__ = ["BatchedFunction", "prior_sampler", "side_by_side", "value_shapes"]
 
 Array = NDArray[np.float64]
 
@@ -199,6 +199,11 @@ def value_shapes(model: pm.Model) -> dict[str, tuple[int, ...]]:
         point = model.initial_point(random_seed=0)
         shapes = {name: np.shape(point[name]) for name in shapes}
     return shapes
+
+
+def side_by_side(values: Sequence[Array]) -> Array:
+    """All entries of several variables as columns, the points along the first axis."""
+    return np.concatenate([np.reshape(v, (len(v), -1)) for v in values], axis=1)
 
 
 @_without_traces

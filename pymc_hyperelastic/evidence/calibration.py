@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from pymc.progress_bar import create_simple_progress
 from scipy.stats import chisquare
 
-from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.kernel import BatchedSMC, check_count
+from pymc_hyperelastic.evidence.batched import BatchedFunction, side_by_side
+from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.smc import seed_sequence
 
 __all__ = ["simulation_based_calibration"]
@@ -146,54 +147,23 @@ def simulation_based_calibration(
     simulated = _simulate(simulator or model, [*names, *observed], simulations, seeds.pop())
     _check_simulated(model, simulated, names)
 
-    # One model, in which only the values of the data change: compiled once.
-    data = {
-        name: pytensor.shared(
-            simulated[name][0], name=f"{name}_simulated", shape=simulated[name].shape[1:]
-        )
-        for name in observed
-    }
-    conditioned = pm.observe(model, data)
-    kernel = BatchedSMC(draws=draws, model=conditioned, **kernel_settings)
-    variables = [conditioned[name] for name in names]
-    constrain = BatchedFunction.of_model(conditioned, conditioned.replace_rvs_by_values(variables))
-    truth = _columns([simulated[name] for name in names])
-    rank = np.zeros(truth.shape, dtype=int)
-    mean, sd = np.full(truth.shape, np.nan), np.full(truth.shape, np.nan)
-    complete = 0
-    progress = create_simple_progress(progressbar)
-    with progress:
-        bar = progress.add_task("Calibrating", completed=0, total=simulations)
-        try:
-            for i in range(simulations):
-                for name, shared in data.items():
-                    shared.set_value(simulated[name][i])
-                rng = np.random.default_rng(seeds[i])
-                posterior = _posterior(kernel, constrain, rng, i)
-                mean[i], sd[i] = posterior.mean(axis=0), posterior.std(axis=0, ddof=1)
-                rank[i] = _rank(truth[i], rng.permutation(posterior)[:ranked_draws], rng)
-                complete = i + 1
-                progress.advance(bar)
-        except KeyboardInterrupt:
-            if not complete:
-                raise
-            warnings.warn(
-                f"interrupted: {complete} of {simulations} simulations are complete", stacklevel=2
-            )
-    rank = rank[:complete]
-    bins = _number_of_bins(complete, ranked_draws)
+    data = {name: simulated[name] for name in observed}
+    posterior = _PosteriorOfSimulation(model, names, data, draws, kernel_settings)
+    truth = side_by_side([simulated[name] for name in names])
+    rank, mean, sd = _compared(posterior, truth, ranked_draws, seeds, progressbar)
+    bins = _number_of_bins(len(rank), ranked_draws)
     of_both = ("simulation", "parameter")
     entries = [_entries(model, name, simulated[name].shape[1:]) for name in names]
     return xr.Dataset(
         {
             "rank": (of_both, rank),
             "p_value": ("parameter", _uniformity(rank, bins, ranked_draws)),
-            "truth": (of_both, truth[:complete]),
-            "posterior_mean": (of_both, mean[:complete]),
-            "posterior_sd": (of_both, sd[:complete]),
+            "truth": (of_both, truth[: len(rank)]),
+            "posterior_mean": (of_both, mean),
+            "posterior_sd": (of_both, sd),
         },
         {
-            "simulation": range(complete),
+            "simulation": range(len(rank)),
             "parameter": [label for labels in entries for label in labels],
             "variable": ("parameter", np.repeat(names, [len(labels) for labels in entries])),
         },
@@ -267,26 +237,79 @@ def _check_simulated(model: pm.Model, simulated: dict[str, Array], parameters: l
             )
 
 
-def _posterior(
-    kernel: BatchedSMC, constrain: BatchedFunction, rng: np.random.Generator, simulation: int
-) -> Array:
-    """Sample the posterior of the data at hand: a row for each draw, a column for each entry."""
-    try:
-        kernel.temper(None, rng)
-    except ValueError as error:
-        raise ValueError(f"simulation {simulation}: {error}") from error
-    posterior = _columns(constrain(kernel.tempered_posterior))
-    if not np.isfinite(posterior).all():
-        raise ValueError(
-            f"simulation {simulation}: the posterior has draws that are not finite, which have no "
-            "rank: choose other variables by var_names"
-        )
-    return posterior
+class _PosteriorOfSimulation:
+    """Draws of the ranked variables, given the data of one simulation or another.
+
+    One model, in which only the values of the data change: compiled once.
+    """
+
+    def __init__(
+        self,
+        model: pm.Model,
+        names: Sequence[str],
+        simulated: dict[str, Array],
+        draws: int,
+        kernel_settings: dict[str, Any],
+    ) -> None:
+        self._simulated = simulated
+        self._data = {
+            name: pytensor.shared(values[0], name=f"{name}_simulated", shape=values.shape[1:])
+            for name, values in simulated.items()
+        }
+        conditioned = pm.observe(model, self._data)
+        self._kernel = BatchedSMC(draws=draws, model=conditioned, **kernel_settings)
+        ranked = conditioned.replace_rvs_by_values([conditioned[name] for name in names])
+        self._constrain = BatchedFunction.of_model(conditioned, ranked)
+
+    def __call__(self, simulation: int, rng: np.random.Generator) -> Array:
+        """Sample one posterior: a row for each draw, a column for each entry."""
+        for name, shared in self._data.items():
+            shared.set_value(self._simulated[name][simulation])
+        try:
+            self._kernel.temper(None, rng)
+        except ValueError as error:
+            raise ValueError(f"simulation {simulation}: {error}") from error
+        posterior = side_by_side(self._constrain(self._kernel.tempered_posterior))
+        if not np.isfinite(posterior).all():
+            raise ValueError(
+                f"simulation {simulation}: the posterior has draws that are not finite, which have "
+                "no rank: choose other variables by var_names"
+            )
+        return posterior
 
 
-def _columns(values: Sequence[Array]) -> Array:
-    """All entries of several variables, side by side."""
-    return np.concatenate([np.reshape(v, (len(v), -1)) for v in values], axis=1)
+def _compared(
+    posterior: _PosteriorOfSimulation,
+    truth: Array,
+    ranked_draws: int,
+    seeds: Sequence[int],
+    progressbar: bool,
+) -> tuple[NDArray[np.int64], Array, Array]:
+    """Rank of each truth in its posterior, and the posterior's mean and standard deviation.
+
+    After an interrupt, of the simulations that are complete.
+    """
+    rank = np.zeros(truth.shape, dtype=int)
+    mean, sd = np.full(truth.shape, np.nan), np.full(truth.shape, np.nan)
+    complete = 0
+    progress = create_simple_progress(progressbar)
+    with progress:
+        bar = progress.add_task("Calibrating", completed=0, total=len(truth))
+        try:
+            for i, seed in enumerate(seeds):
+                rng = np.random.default_rng(seed)
+                draws = posterior(i, rng)
+                mean[i], sd[i] = draws.mean(axis=0), draws.std(axis=0, ddof=1)
+                rank[i] = _rank(truth[i], rng.permutation(draws)[:ranked_draws], rng)
+                complete = i + 1
+                progress.advance(bar)
+        except KeyboardInterrupt:
+            if not complete:
+                raise
+            warnings.warn(
+                f"interrupted: {complete} of {len(truth)} simulations are complete", stacklevel=3
+            )
+    return rank[:complete], mean[:complete], sd[:complete]
 
 
 def _rank(truth: Array, posterior: Array, rng: np.random.Generator) -> NDArray[np.int64]:

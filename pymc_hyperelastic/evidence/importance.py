@@ -7,12 +7,13 @@ from arviz_stats.base import array_stats
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from pymc_hyperelastic.evidence.kernel import effective_sample_size, largest_step, systematic
+from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
-from pymc_hyperelastic.evidence.smc import Estimate
+from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
 
 __all__ = [
     "LARGEST_PARETO_K",
+    "UNTRUSTED_PARETO_K",
     "adapted_mixture",
     "draw_heavy_tailed",
     "fitted_mixture",
@@ -22,8 +23,10 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-# Importance weights of a smaller Pareto shape have a variance, and a mean whose error is known.
-LARGEST_PARETO_K = 0.5
+# Pareto shapes of the largest weights. Below the first, weights have a variance, and their mean an
+# error that is known. From the second on the mean itself is not to be trusted: it exists up to a
+# shape of 1, but the few largest weights decide it.
+LARGEST_PARETO_K, UNTRUSTED_PARETO_K = 0.5, 0.7
 # Effective draws that a mean of weights needs: its relative error is then a thirtieth at most.
 _ENOUGH = 1000
 # A step of adaptation goes so far that this fraction of its draws is effective.

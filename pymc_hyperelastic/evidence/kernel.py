@@ -1,9 +1,8 @@
 """Sequential Monte Carlo that scores all particles in one call."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle, islice
 from math import prod
-from numbers import Integral, Real
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,14 +12,21 @@ from numpy.typing import NDArray
 from pymc.smc.kernels import SMC_KERNEL
 from pymc.vartypes import discrete_types
 from pytensor.graph.traversal import ancestors
-from scipy.optimize import brentq
+from pytensor.tensor.variable import TensorVariable
 from scipy.special import logsumexp
 
-from pymc_hyperelastic.evidence.batched import BatchedFunction, prior_sampler, value_shapes
+from pymc_hyperelastic.evidence.batched import (
+    BatchedFunction,
+    prior_sampler,
+    side_by_side,
+    value_shapes,
+)
+from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for, log_sum_exp
 from pymc_hyperelastic.evidence.modes import mixture_at_modes
+from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
 
-__all__ = ["BatchedSMC", "check_count", "effective_sample_size", "largest_step", "systematic"]
+__all__ = ["BatchedSMC"]
 
 Array = NDArray[np.float64]
 
@@ -142,10 +148,9 @@ class BatchedSMC(SMC_KERNEL):
     ) -> None:
         # The base class would compile functions that score one particle; everything that it sets is
         # set here instead.
-        given = {"forget": forget} | ({} if threshold is None else {"threshold": threshold})
-        for name, fraction in given.items():
-            if not isinstance(fraction, Real) or not 0 < fraction < 1:
-                raise ValueError(f"{name} is {fraction!r}; expected a number between 0 and 1")
+        check_fraction("forget", forget)
+        if threshold is not None:
+            check_fraction("threshold", threshold)
         check_count("max_moves", max_moves, 1)
         self.model = model = pm.modelcontext(model)
         self.variables = model.value_vars
@@ -165,24 +170,12 @@ class BatchedSMC(SMC_KERNEL):
         self.threshold = threshold or (0.5 if self.dimension <= 2 else 0.8)
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
-        terms = [*model.observed_RVs, *model.potentials]
-        names = [term.name for term in terms]
-        unknown = sorted(set(tempered or ()) - set(names))
-        if unknown or not terms:
-            raise ValueError(
-                f"nothing to temper: the model has the observed variables and Potentials {names}"
-                + (f", not {unknown}" if unknown else "")
-            )
-        hot = [term for term in terms if tempered is None or term.name in tempered]
-        cold = [*model.free_RVs, *(term for term in terms if term not in hot)]
-        logp = model.logp([*cold, *hot], sum=False)
-        groups = logp[: len(cold)], logp[len(cold) :]
-        totals = [sum(pt.sum(term) for term in group) for group in groups]
+        prior_and_likelihood = _scored_terms(model, tempered)
         if from_modes and (start is not None or tempered is not None):
             raise ValueError("from_modes is for particles that start from the prior, all tempered")
         hierarchical = start is None and tempered is None and _is_hierarchical(model)
         self.from_modes = hierarchical if from_modes is None else from_modes
-        self._score = BatchedFunction.of_model(model, totals, compile_kwargs)
+        self._score = BatchedFunction.of_model(model, prior_and_likelihood, compile_kwargs)
         self._draw_prior: Callable[[np.random.Generator], dict[str, Array]] | None = None
         self._reset_state()
 
@@ -201,14 +194,17 @@ class BatchedSMC(SMC_KERNEL):
                 f"prior, with a density that integrates to 1; here are {list(self.var_info)}"
             ) from error
 
+    def columns(self, particles: Mapping[str, Array]) -> Array:
+        """Particles by the name of the value variable as a matrix, in which each has a row."""
+        return side_by_side([particles[v.name] for v in self.variables]).astype(float)
+
     def _initialize_kernel(self) -> None:
         start = self.start or self.initialize_population()
         if set(start) != set(self.var_info):
             raise ValueError(
                 f"start must hold the particles of {list(self.var_info)}; it has {list(start)}"
             )
-        columns = [np.reshape(start[v.name], (len(start[v.name]), -1)) for v in self.variables]
-        self.tempered_posterior = np.concatenate(columns, axis=1).astype(float)
+        self.tempered_posterior = self.columns(start)
         self.draws = len(self.tempered_posterior)
         self.prior_logp, self.likelihood_logp = self.score(self.tempered_posterior)
         if not np.isfinite(self.likelihood_logp).any():
@@ -392,56 +388,27 @@ class BatchedSMC(SMC_KERNEL):
         }
 
 
+def _scored_terms(model: pm.Model, tempered: Sequence[str] | None) -> list[TensorVariable]:
+    """Log density of all that counts as prior, and of all that is tempered."""
+    terms = [*model.observed_RVs, *model.potentials]
+    names = [term.name for term in terms]
+    unknown = sorted(set(tempered or ()) - set(names))
+    if unknown or not terms:
+        raise ValueError(
+            f"nothing to temper: the model has the observed variables and Potentials {names}"
+            + (f", not {unknown}" if unknown else "")
+        )
+    hot = [term for term in terms if tempered is None or term.name in tempered]
+    cold = [*model.free_RVs, *(term for term in terms if term not in hot)]
+    logp = model.logp([*cold, *hot], sum=False)
+    groups = logp[: len(cold)], logp[len(cold) :]
+    return [sum(pt.sum(term) for term in group) for group in groups]
+
+
 def _is_hierarchical(model: pm.Model) -> bool:
     """Whether the prior of a variable depends on another one."""
     free = set(model.free_RVs)
     return any(free.intersection(ancestors(rv.owner.inputs)) for rv in model.free_RVs)
-
-
-def check_count(name: str, value: Any, least: int) -> None:
-    """Raise unless `value` is a whole number, `least` at least."""
-    if not isinstance(value, Integral) or isinstance(value, bool):
-        raise TypeError(f"{name} is {value!r}; expected a whole number")
-    if value < least:
-        raise ValueError(f"{name} is {value}; expected at least {least}")
-
-
-def largest_step(logp: Array, fraction: float, largest: float, log_weights: Any = 0.0) -> float:
-    """Step of ``β`` after which this fraction of the particles is effective, `largest` at most.
-
-    Particles weigh ``exp(step logp)``, times weights that they may have before. Where these are
-    already worse than that, the step is 0.
-    """
-    possible = np.isfinite(logp + log_weights)
-    target = fraction * possible.sum()
-
-    def excess(step: float) -> float:
-        return effective_sample_size(log_weights + step * logp) - target
-
-    if excess(largest) >= 0:
-        return largest
-    # Searched on a logarithmic scale: the first steps may be 1e-13.
-    least = 1e-6 / np.ptp(logp[possible])
-    if excess(least) <= 0:
-        return 0.0
-    log_step = brentq(lambda x: excess(np.exp(x)), np.log(least), np.log(largest), xtol=0.01)
-    return float(np.exp(log_step))
-
-
-def effective_sample_size(log_weights: Array) -> float:
-    """``(Σ w)² / Σ w²``; 0 if no weight is finite."""
-    largest = log_weights.max()
-    if largest == -np.inf:
-        return 0.0
-    weights = np.exp(log_weights - largest)
-    return float(weights.sum() ** 2 / np.sum(weights**2))
-
-
-def systematic(weights: Array, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Indices drawn by their weights, as evenly as possible."""
-    cumulative = np.cumsum(weights)
-    positions = (rng.random() + np.arange(size)) / size
-    return np.searchsorted(cumulative / cumulative[-1], positions)
 
 
 def _largest_correlation(before: Array, after: Array) -> float:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.integrate import cubature
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
-from pymc_hyperelastic.evidence.smc import Estimate
 
 __all__ = ["log_evidence_by_quadrature"]
 

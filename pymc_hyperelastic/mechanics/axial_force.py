@@ -6,9 +6,9 @@ from typing import Any
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.mechanics.layers import Layer, Tube
-from pymc_hyperelastic.mechanics.pressure import WallIntegral, checked_tubes
+from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.wall import WallIntegral
 
 __all__ = ["AxialForceIntegral", "axial_force", "force_response", "wall_force"]
 

@@ -8,37 +8,32 @@ of points is then, by a QR factorisation, that of ``K`` numbers.
 
 from collections.abc import Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-import pymc as pm
 import pytensor
 import pytensor.tensor as pt
-import xarray as xr
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from pytensor.graph.basic import Apply, Variable
 from pytensor.graph.replace import _vectorize_node
-from pytensor.graph.utils import MissingInputError
 from pytensor.tensor.blockwise import vectorize_node_fallback
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import GEOMETRY, measured_radius
 from pymc_hyperelastic.mechanics.axial_force import force_response
-from pymc_hyperelastic.mechanics.pressure import TubeOp, wall_rule
+from pymc_hyperelastic.mechanics.chebyshev import chebyshev_nodes, value_to_coefficient
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import stretches
+from pymc_hyperelastic.mechanics.wall import TubeOp, wall_rule
 
 __all__ = [
     "CollocatedAxialForce",
     "CollocatedIntegral",
     "CollocatedPressureIntegral",
-    "chebyshev_nodes",
+    "KnownTubes",
     "collocate",
     "curve_matrices",
     "nodes_needed",
-    "representative_values",
-    "value_to_coefficient",
 ]
 
 Array = NDArray[np.float64]
@@ -50,6 +45,28 @@ _COEFFICIENT_TOLERANCE = 1e-14
 _MOST_NODES = 64
 # Points whose walls are handled at once: bounds memory, whatever the size of the data.
 _CHUNK = 2048
+
+
+class KnownTubes(NamedTuple):
+    """Tubes whose radii and geometry are known, one entry a point."""
+
+    radius: Array
+    """Internal radius, mm."""
+    inner_radius: Array
+    outer_radius: Array
+    axial_stretch: Array
+    opening_angle: Array
+    growth: Array
+    """How the internal radius grows with the one that was measured."""
+
+    def at(self, points: NDArray[np.intp]) -> "KnownTubes":
+        """Some of the points."""
+        return KnownTubes(*(values[points] for values in self))
+
+    @property
+    def walls(self) -> list[Array]:
+        """Internal radius and geometry, each (point, 1)."""
+        return [values[:, None] for values in self[:-1]]
 
 
 class CollocatedIntegral(TubeOp):
@@ -130,24 +147,17 @@ def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: TensorVa
 
 
 def nodes_needed(
-    energy: StrainEnergy,
-    data: xr.Dataset,
-    parameters: dict[str, TensorVariable],
-    *,
-    with_force: bool = False,
+    energy: StrainEnergy, tubes: KnownTubes, values: Sequence[Array], *, with_force: bool = False
 ) -> int | None:
     """Number ``K`` of Chebyshev stretches at which the response must be known, or None.
 
-    The response is expanded at the corners of the parameters' range and at random draws from it;
-    ``K`` is where the coefficients have fallen below rounding for all of them. None means that more
-    than 64 were needed or the parameters cannot be drawn: then the direct rule is to be used.
+    The response is expanded for all the `values` of the parameters' entries; ``K`` is where the
+    coefficients have fallen below rounding for all of them. None means that more than 64 were
+    needed: then the direct rule is to be used.
     """
-    values = representative_values(energy.split(parameters))
-    if values is None:
-        return None
     node = chebyshev_nodes(2 * _MOST_NODES)
     needed = 2
-    for axial_stretch, _, (centre, half) in _groups(data):
+    for axial_stretch, _, (centre, half) in _groups(tubes):
         shape = (-1, 1)
         with np.errstate(all="ignore"):
             responses = _response_function(energy, with_force)(
@@ -165,7 +175,7 @@ def nodes_needed(
     return needed if needed <= _MOST_NODES else None
 
 
-def collocate(data: xr.Dataset, count: int, targets: dict[str, Array]) -> dict[str, Any]:
+def collocate(tubes: KnownTubes, count: int, targets: dict[str, Array]) -> dict[str, Any]:
     """Matrices of :class:`CollocatedIntegral`, compressed against the measured values.
 
     With a QR factorisation ``[M y] = Q [R c; 0 ρ]`` of a group, ``|M g − y|² = |R g − c|² + ρ²``
@@ -174,8 +184,8 @@ def collocate(data: xr.Dataset, count: int, targets: dict[str, Array]) -> dict[s
 
     Parameters
     ----------
-    data : xarray.Dataset
-        Inflation data.
+    tubes : KnownTubes
+        The tubes at every point.
     count : int
         Number of Chebyshev stretches.
     targets : dict of str to array
@@ -192,13 +202,13 @@ def collocate(data: xr.Dataset, count: int, targets: dict[str, Array]) -> dict[s
     hoop, axial = [], []
     factors: dict[str, list[Array]] = {name: [] for name in targets}
     residual = dict.fromkeys(targets, 0.0)
-    for axial_stretch, points, (centre, half) in _groups(data):
+    for axial_stretch, points, (centre, half) in _groups(tubes):
         hoop.append(centre + half * node)
         axial.append(np.log(axial_stretch))
         augmented = {name: np.zeros((count + 1, count + 1)) for name in factors}
         for start in range(0, len(points), _CHUNK):
             chunk = points[start : start + _CHUNK]
-            matrices = _matrices(data, chunk, centre, half, count)
+            matrices = _matrices(tubes.at(chunk), centre, half, count)
             for name, target in targets.items():
                 rows = np.column_stack([matrices[name], target[chunk]])
                 rows = rows[~np.isnan(rows[:, -1])]
@@ -217,28 +227,28 @@ def collocate(data: xr.Dataset, count: int, targets: dict[str, Array]) -> dict[s
 
 
 def curve_matrices(
-    data: xr.Dataset, count: int, *, by_test: bool = False
+    tubes: KnownTubes, count: int, group: NDArray | None = None
 ) -> tuple[dict[str, Array], NDArray[np.intp]]:
     """Matrices of :class:`CollocatedIntegral` for the points themselves, uncompressed.
 
-    Tests of one axial stretch form a group, or every test its own. Groups are padded to the same
-    number of rows. With the matrices come the places of the points among all rows, group by group.
-    Slopes are by the internal radius.
+    Points of one `group` stand together; when missing, those of one axial stretch do. Groups are
+    padded to the same number of rows. With the matrices come the places of the points among all
+    rows, group by group. Slopes are by the internal radius.
     """
-    groups = _groups(data, by_test=by_test)
+    groups = _groups(tubes, group)
     node = chebyshev_nodes(count)
     most = max(len(points) for _, points, _ in groups)
     shape = len(groups), most, count
     matrices = {name: np.zeros(shape) for name in ("pressure", "stiffness", "force")}
-    place = np.zeros(data.sizes["obs"], int)
-    for group, (_, points, (centre, half)) in enumerate(groups):
-        place[points] = group * most + np.arange(len(points))
+    place = np.zeros(len(tubes.radius), int)
+    for number, (_, points, (centre, half)) in enumerate(groups):
+        place[points] = number * most + np.arange(len(points))
         for start in range(0, len(points), _CHUNK):
             chunk = points[start : start + _CHUNK]
             rows = slice(start, start + len(chunk))
-            blocks = _matrices(data, chunk, centre, half, count)
+            blocks = _matrices(tubes.at(chunk), centre, half, count)
             for name, matrix in matrices.items():
-                matrix[group, rows] = blocks[name]
+                matrix[number, rows] = blocks[name]
     return {
         "log_hoop": np.array([centre + half * node for *_, (centre, half) in groups]),
         "log_axial": np.array([np.log(axial_stretch) for axial_stretch, *_ in groups]),
@@ -246,14 +256,12 @@ def curve_matrices(
     }, place
 
 
-def _matrices(
-    data: xr.Dataset, points: NDArray[np.intp], centre: float, half: float, count: int
-) -> dict[str, Array]:
-    """From responses at the nodes to what is measured at the given points: (point, node) each.
+def _matrices(tubes: KnownTubes, centre: float, half: float, count: int) -> dict[str, Array]:
+    """From responses at the nodes to what is measured at the points: (point, node) each.
 
     ``"slope"`` is the stiffness by the radius that was measured.
     """
-    wall = wall_rule(np, *_walls(data, points))
+    wall = wall_rule(np, *tubes.walls)
     vandermonde = chebyshev.chebvander((wall.log_hoop - centre) / half, count - 1)
     coefficient = value_to_coefficient(count)
     derivative = chebyshev.chebder(coefficient, axis=0) / half
@@ -263,57 +271,30 @@ def _matrices(
 
     weighted = moments(wall.stiffness_weight)
     stiffness = weighted[:, :-1] @ derivative / 2 - weighted @ coefficient
-    growth = measured_radius(data).values[points] / data["radius"].values[points]
     return {
         "pressure": moments(wall.pressure_weight) @ coefficient,
         "stiffness": stiffness,
-        "slope": stiffness * growth[:, None],
+        "slope": stiffness * tubes.growth[:, None],
         "force": moments(wall.force_weight) @ coefficient,
     }
 
 
 def _groups(
-    data: xr.Dataset, *, by_test: bool = False
+    tubes: KnownTubes, group: NDArray | None = None
 ) -> list[tuple[float, NDArray[np.intp], tuple[float, float]]]:
     """Axial stretch, points, and the centre and half width of ``ln λθ``, of each group."""
-    test = data["test"].values
-    axial_stretch = data["axial_stretch"].values[test]
-    key = test if by_test else axial_stretch
+    key = tubes.axial_stretch if group is None else group
     groups = []
     for value in np.unique(key):
         points = np.flatnonzero(key == value)
         # Along a wall the stretch is monotonic: its two faces bound it.
-        radius, inner, outer, axial, angle = _walls(data, points)
+        radius, inner, outer, axial, angle = tubes.at(points).walls
         tube = {"inner_radius": inner, "axial_stretch": axial, "opening_angle": angle}
         faces = [np.log(stretches(face, radius, **tube)[1]) for face in (inner, outer)]
         low, high = np.min(faces), np.max(faces)
         half = max((high - low) / 2, 1e-3)
-        groups.append((float(axial_stretch[points[0]]), points, ((low + high) / 2, half)))
+        groups.append((float(axial[0, 0]), points, ((low + high) / 2, half)))
     return groups
-
-
-def _walls(data: xr.Dataset, points: NDArray[np.intp]) -> list[Array]:
-    """Internal radius and geometry at the given points, each (point, 1)."""
-    test = data["test"].values[points]
-    geometry = [data[name].values[test] for name in GEOMETRY]
-    return [values[:, None].astype(float) for values in (data["radius"].values[points], *geometry)]
-
-
-def representative_values(parameters: list[TensorVariable]) -> list[Array] | None:
-    """Draws of the parameters, and the corners of the box that holds them."""
-    try:
-        draws = pm.draw(parameters, draws=256, random_seed=1, mode="FAST_COMPILE")
-    except (MissingInputError, NotImplementedError):
-        # They depend on something that is not random, or on a distribution that cannot be drawn
-        # from, so that nothing is known of their range.
-        return None
-    ends = np.array([[d.min(), d.max()] for d in draws])
-    # All corners of the box; of one with many, some.
-    count = len(draws)
-    corner = np.random.default_rng(1).permutation(2**count)[:1024]
-    bits = (corner >> np.arange(count)[:, None]) & 1
-    corners = np.take_along_axis(ends, bits, axis=1)
-    return [np.concatenate([d, c]) for d, c in zip(draws, corners, strict=True)]
 
 
 @cache
@@ -327,17 +308,3 @@ def _response_function(energy: StrainEnergy, with_force: bool) -> Any:
     if with_force:
         responses.append(force_response(energy, hoop, axial, full))
     return pytensor.function([log_hoop, log_axial, *entries], responses, mode="FAST_COMPILE")
-
-
-@cache
-def chebyshev_nodes(count: int) -> Array:
-    """Chebyshev points of the first kind in (-1, 1)."""
-    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
-
-
-@cache
-def value_to_coefficient(count: int) -> Array:
-    """Matrix from values at the Chebyshev nodes to Chebyshev coefficients."""
-    cosines = np.cos(np.pi / count * np.outer(np.arange(count), np.arange(count) + 0.5))
-    cosines[0] /= 2
-    return 2 / count * cosines

@@ -12,13 +12,9 @@ from pytensor.tensor.symbolic import TensorSymbolicOp
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
-from pymc_hyperelastic.mechanics.pressure import (
-    TubeOp,
-    broadcast_batches,
-    finite_or_zero,
-    wall_pressure,
-)
+from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.wall import TubeOp, broadcast_batches, finite_or_zero
 
 __all__ = ["RadiusAtPressure"]
 

@@ -9,7 +9,15 @@ from pytensor.graph.basic import Variable
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import current_radius
 
-__all__ = ["Layer", "Tube", "check_energy", "check_layers", "tubes_of"]
+__all__ = [
+    "Layer",
+    "Tube",
+    "check_energy",
+    "check_geometry",
+    "check_layers",
+    "checked_tubes",
+    "tubes_of",
+]
 
 
 class Layer:
@@ -132,6 +140,60 @@ def tubes_of(
         tubes.append(Tube(layer.energy, geometry, entries, within=bool(tubes)))
         inner, current = outer, current_radius(outer, internal_radius, **reference)
     return tubes
+
+
+def checked_tubes(
+    energy: StrainEnergy | Sequence[Layer],
+    internal_radius: Any,
+    *,
+    inner_radius: Any,
+    outer_radius: Any,
+    axial_stretch: Any,
+    opening_angle: Any,
+    parameters: dict[str, Any],
+) -> list[Tube]:
+    """The tubes that make up a wall, after a check of what is given as numbers."""
+    geometry = {
+        "inner_radius": inner_radius,
+        "axial_stretch": axial_stretch,
+        "opening_angle": opening_angle,
+    }
+    outer = {} if outer_radius is None else {"outer_radius": outer_radius}
+    check_geometry(internal_radius=internal_radius, **geometry, **outer)
+    return tubes_of(
+        energy, internal_radius, outer_radius=outer_radius, parameters=parameters, **geometry
+    )
+
+
+def check_geometry(**geometry: Any) -> None:
+    """Raise for impossible numbers; random variables have no value to look at yet."""
+    known = {
+        name: _as_numbers(name, value)
+        for name, value in geometry.items()
+        if not isinstance(value, Variable)
+    }
+    for name, value in known.items():
+        if name != "opening_angle" and not np.all((value > 0) & (value < np.inf)):
+            raise ValueError(f"{name} must be positive and finite; got {value}")
+    if {"inner_radius", "outer_radius"} <= set(known) and not np.all(
+        known["outer_radius"] > known["inner_radius"]
+    ):
+        raise ValueError(
+            f"outer_radius must exceed inner_radius; got {known['outer_radius']} and "
+            f"{known['inner_radius']}"
+        )
+    if not np.all(np.abs(known.get("opening_angle", 0.0)) < 2 * np.pi):
+        raise ValueError(
+            f"opening_angle is in radians and below 2π; got {known['opening_angle']} (from "
+            "degrees: np.deg2rad(angle))"
+        )
+
+
+def _as_numbers(name: str, value: Any) -> np.ndarray:
+    try:
+        return np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} is {value!r}; expected a number or an array of numbers") from None
 
 
 def check_layers(layers: Sequence[Any]) -> None:

@@ -16,6 +16,7 @@ from math import pi
 from typing import Any
 
 __all__ = [
+    "GEOMETRY",
     "current_radius",
     "first_invariant",
     "hoop_elongation",
@@ -27,6 +28,9 @@ __all__ = [
     "second_invariant",
     "stretches",
 ]
+
+# What states the reference tube, in the order in which functions take it.
+GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
 
 
 def opening_factor(opening_angle: Any) -> Any:

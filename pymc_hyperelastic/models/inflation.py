@@ -1,7 +1,7 @@
 """PyMC model factories."""
 
 from collections.abc import Sequence
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pymc as pm
@@ -11,39 +11,26 @@ import xarray as xr
 from pytensor.graph.replace import vectorize_graph
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import GEOMETRY, describe_test, points_of
-from pymc_hyperelastic.mechanics.axial_force import wall_force
-from pymc_hyperelastic.mechanics.collocation import (
-    CollocatedAxialForce,
-    CollocatedPressureIntegral,
-    curve_matrices,
-)
-from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
-from pymc_hyperelastic.mechanics.pressure import wall_pressure
+from pymc_hyperelastic.data.inflation import describe_test
+from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import (
     CriscioneType,
     Ogden,
     PowerLawNeoHookean,
     StrainEnergy,
 )
-from pymc_hyperelastic.mechanics.tube import inferred_geometry
-from pymc_hyperelastic.models.generative import Likelihood, check_generative, register_measurements
-from pymc_hyperelastic.models.likelihood import ErrorIn, check_likelihood, register_likelihood
+from pymc_hyperelastic.models.forward import Mode
+from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.observation.observation import ErrorIn, Likelihood
 from pymc_hyperelastic.models.priors import (
     check_geometry_priors,
-    check_prior,
-    complete_layers,
-    complete_priors,
-    is_inferred,
-    register_prior,
-    with_variables,
+    complete_wall,
+    register_priors,
 )
-from pymc_hyperelastic.models.results import Study
-from pymc_hyperelastic.models.rules import Mode, Rule, current_tube, rule_for, tube_inputs
+from pymc_hyperelastic.models.study import Study
 
-# Radii of a test at which a pressure is seen to rise.
-_RADII_BETWEEN = 20
-# Draws from the prior by which it is known how many do so: to 3 % at the least share.
+# Draws from the prior by which it is known how many of them have a pressure that rises: to 3 % at
+# the least share.
 _PRIOR_DRAWS, _LEAST_SHARE = 20000, 0.05
 
 __all__ = [
@@ -166,68 +153,29 @@ def inflation_model(
     >>> [rv.name for rv in model.observed_RVs]
     ['measured_pressure']
     """
-    if likelihood not in get_args(Likelihood):
-        raise ValueError(f"likelihood is {likelihood!r}; expected one of {get_args(Likelihood)}")
-    wall: StrainEnergy | list[Layer]
-    layered = isinstance(energy, Sequence)
-    if isinstance(energy, Sequence):
-        if priors:
-            raise TypeError("layers take their own priors, Layer(..., mu=...): give no others")
-        check_layers(energy)
-        wall, distributions = complete_layers(energy)
-    else:
-        check_energy(energy)
-        wall, distributions = energy, complete_priors(energy, priors)
+    wall, distributions = complete_wall(energy, priors)
     unknown = check_geometry_priors(geometry)
-    noise = {"sigma": sigma, "slope_weight": slope_weight}
-    if force_sigma is not None:
-        noise["force_sigma"] = force_sigma
-    of_material = {} if layered else distributions
-    stated = inferred_geometry(unknown)
-    check_likelihood(wall, data, of_material, geometry=stated, error_in=error_in, **noise)
-    if likelihood == "generative":
-        check_generative(slope_weight, error_in)
-    with_force = force_sigma is not None
-    rule = rule_for(
-        wall,
-        data,
-        of_material,
-        unknown,
-        mode=mode,
-        with_force=with_force,
-        known_radii=error_in == "pressure",
-    )
+    observation = Observation(sigma, slope_weight, force_sigma, error_in, likelihood)
+    observation.check(wall, data, distributions, unknown)
+    forward = observation.forward_model(wall, data, distributions, unknown, mode=mode)
     coords = {
         "obs": np.arange(data.sizes["obs"]),
         "test": [describe_test(data, test) for test in range(data.sizes["test"])],
     }
     with pm.Model(coords=coords, model=None) as model:
-        parameters = {name: register_prior(name, prior) for name, prior in distributions.items()}
-        if isinstance(wall, list):
-            wall = with_variables(wall, distributions, parameters)
-        tube = {name: register_prior(name, prior) for name, prior in unknown.items()}
-        registered = dict(noise)
-        for name, value in noise.items():
-            if is_inferred(value):
-                check_prior(name, value)
-                registered[name] = register_prior(name, value)
-        of_material = {} if layered else parameters
+        parameters = register_priors(distributions)
+        tube = register_priors(unknown)
+        observed = observation.with_variables()
         curves = {
             name: pm.Deterministic(name, curve, dims="obs")
-            for name, curve in _curves(wall, data, rule, of_material, tube, with_force).items()
+            for name, curve in forward.curves(parameters, tube).items()
         }
-        settings = {"geometry": tube, **registered}
-        if likelihood == "generative":
-            register_measurements(wall, data, rule, of_material, curves, **settings)
-        else:
-            settings["error_in"] = error_in
-            register_likelihood("likelihood", wall, data, rule, of_material, **settings)
+        observed.register(forward, parameters, tube, curves=curves)
         if rising:
-            everywhere = _curves(wall, _between(data), rule, of_material, tube, False)["stiffness"]
-            rises = pt.all(everywhere > 0)
+            rises = pt.all(forward.between().curves(parameters, tube)["stiffness"] > 0)
             share = _prior_probability(rises, model.free_RVs)
             pm.Potential("rising", pt.where(rises, -np.log(share), -np.inf))
-    model.study = Study(energy, data, distributions, noise, unknown, error_in, rising, likelihood)
+    model.study = Study(energy, data, distributions, observation, unknown, rising)
     return model
 
 
@@ -272,57 +220,6 @@ def criscione_model(data: xr.Dataset, **settings: Any) -> pm.Model:
     >>> model = ph.criscione_model(data, sigma=5 * ph.mmHg, slope_weight=1.0)
     """
     return inflation_model(CriscioneType(), data, **settings)
-
-
-def _curves(
-    energy: StrainEnergy | Sequence[Layer],
-    data: xr.Dataset,
-    rule: Rule,
-    parameters: dict[str, Any],
-    geometry: dict[str, Any],
-    with_force: bool,
-) -> dict[str, TensorVariable]:
-    """What the model says at the points of the data."""
-    if rule.method == "quadrature" or not isinstance(energy, StrainEnergy):
-        current = current_tube(energy, tube_inputs(data), geometry, parameters)
-        pressure, stiffness = wall_pressure(current.tubes, rule.nodes)
-        curves = {"pressure": pressure, "stiffness": stiffness}
-        if with_force:
-            curves["axial_force"] = wall_force(current.tubes, rule.nodes)
-        if geometry and "outer_diameter" in data:
-            curves["radius"] = current.radius
-        return curves
-    entries = energy.split(parameters)
-    matrices, place = curve_matrices(data, rule.nodes)
-    shared = {key: pytensor.shared(value, name=f"curve_{key}") for key, value in matrices.items()}
-    force_matrix = shared.pop("force_matrix")
-    pressure, stiffness = CollocatedPressureIntegral(strain_energy=energy)(
-        *shared.values(), *entries
-    )
-    curves = {"pressure": pressure, "stiffness": stiffness}
-    if with_force:
-        stretches = shared["log_hoop"], shared["log_axial"]
-        integral = CollocatedAxialForce(strain_energy=energy)
-        curves["axial_force"] = integral(*stretches, force_matrix, *entries)
-    return {name: curve.flatten()[place] for name, curve in curves.items()}
-
-
-def _between(data: xr.Dataset) -> xr.Dataset:
-    """The same tests at radii evenly spread between the ends of each."""
-    spans = [points_of(data, test) for test in range(data.sizes["test"])]
-    steps = np.linspace(0, 1, _RADII_BETWEEN)
-    measured = {
-        name: (
-            "obs",
-            np.concatenate(
-                [v.min() + steps * np.ptp(v) for v in (data[name].values[span] for span in spans)]
-            ),
-        )
-        for name in ("radius", "outer_diameter")
-        if name in data
-    }
-    test = np.repeat(np.arange(len(spans)), _RADII_BETWEEN)
-    return xr.Dataset(measured, {"test": ("obs", test)}).assign(data[list(GEOMETRY)].data_vars)
 
 
 def _prior_probability(condition: TensorVariable, variables: Sequence[TensorVariable]) -> float:

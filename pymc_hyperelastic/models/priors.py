@@ -17,7 +17,7 @@ from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 
 __all__ = [
@@ -25,6 +25,7 @@ __all__ = [
     "check_prior",
     "complete_layers",
     "complete_priors",
+    "complete_wall",
     "prior_from_record",
     "prior_to_record",
     "with_variables",
@@ -84,6 +85,27 @@ def complete_priors(
         p.name: given[p.name] if p.name in given else pm.Uniform.dist(*p.prior_range, shape=p.size)
         for p in energy.parameters
     }
+
+
+def complete_wall(
+    energy: StrainEnergy | Sequence[Layer], priors: dict[str, TensorVariable] | None = None
+) -> tuple[StrainEnergy | list[Layer], dict[str, TensorVariable]]:
+    """A material, or layers in which nothing is missing, and the priors of its parameters by name.
+
+    Raises
+    ------
+    TypeError
+        If `energy` is neither, a prior is no distribution, or priors are given beside layers.
+    ValueError
+        If a name is not a parameter.
+    """
+    if not isinstance(energy, Sequence):
+        check_energy(energy)
+        return energy, complete_priors(energy, priors)
+    if priors:
+        raise TypeError("layers take their own priors, Layer(..., mu=...): give no others")
+    check_layers(energy)
+    return complete_layers(energy)
 
 
 def complete_layers(
@@ -258,6 +280,11 @@ _DISTRIBUTIONS: dict[type, str] = {
 def is_inferred(value: Any) -> bool:
     """Whether a quantity is a variable, and not a number."""
     return isinstance(value, Variable)
+
+
+def register_priors(priors: Mapping[str, TensorVariable]) -> dict[str, TensorVariable]:
+    """Make priors random variables of the model in context."""
+    return {name: register_prior(name, prior) for name, prior in priors.items()}
 
 
 def register_prior(name: str, prior: TensorVariable) -> TensorVariable:

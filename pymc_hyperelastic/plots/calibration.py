@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals
+from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals, stacked
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -99,16 +99,19 @@ def plot_calibration_ranks(
     rank, values = sbc["rank"], sbc.attrs["ranked_draws"] + 1
     if rank.ndim == 1:
         rank = rank.expand_dims("parameter", axis=1)
-    parameters = np.atleast_1d(rank["parameter"].values).tolist()
-    p_values = np.atleast_1d(sbc["p_value"].values).tolist()
+    parameters = rank["parameter"].values.tolist()
+    p_values = dict(zip(parameters, np.atleast_1d(sbc["p_value"].values).tolist(), strict=True))
     bins = int(sbc.attrs["bins"])
     if kind == "histogram" and bins == 1:
         raise ValueError("the ranks are too few for a histogram, or no bins divide them evenly")
     rows, columns = -(-len(parameters) // 4), min(len(parameters), 4)
-    drawn = _ecdf(rank, values) if kind == "ecdf" else _histogram(rank, values, bins)
+    if kind == "ecdf":
+        ranks = _ecdf(rank, values, prob)
+    else:
+        ranks = _histogram(rank, values, bins, prob)
     canvas = Canvas(
         "wrap",
-        drawn,
+        ranks.drawn,
         "band reference line bar xlabel ylabel title",
         backend,
         visuals,
@@ -118,35 +121,21 @@ def plot_calibration_ranks(
         aes={"color": ["parameter"]},
         color=PALETTE[:1],
     )
-    simulations = rank.sizes["simulation"]
-    if kind == "ecdf":
-        x, low, high = _simultaneous_band(simulations, values, prob)
-        due = np.zeros(2)
-    else:
-        expected = simulations / bins
-        low, high = (np.full(2, q) for q in binom.interval(prob, simulations, 1 / bins))
-        x, due = np.array([0.0, 1.0]), np.full(2, expected)
     grey = {"ignore_aes": "all", "color": "0.5"}
-    canvas.draw("band", fill_between_y, x=x, y_bottom=low, y_top=high, alpha=0.3, **grey)
+    canvas.draw("band", fill_between_y, **ranks.band, alpha=0.3, **grey)
     if kind == "ecdf":
         canvas.draw("line", line_xy, width=1.5)
     else:
         canvas.draw("bar", hist, alpha=0.75)
-    reference = _straight("ranks", due, parameter=parameters)
-    canvas.draw("reference", line_xy, data=reference, width=0.8, **grey)
+    due = _straight("ranks", np.full(2, ranks.due), parameter=parameters)
+    canvas.draw("reference", line_xy, data=due, width=0.8, **grey)
     canvas.adjust(set_xticks, values=_TICKS, labels=_TICK_LABELS)
-    for i, (name, p_value) in enumerate(zip(parameters, p_values, strict=True)):
-        where = {"coords": {"parameter": name}}
-        canvas.label("title", f"{name}\n({_p_value(p_value)})", size="medium", **where)
-        if i + columns >= len(parameters):
-            canvas.label("xlabel", "rank / $(L+1)$", **where)
-        if i % columns == 0:
-            text = "ECDF − uniform" if kind == "ecdf" else "simulations"
-            canvas.label("ylabel", text, **where)
+    _label_ranks(canvas, p_values, columns, ranks.ylabel)
     band = "" if kind == "histogram" else "simultaneous "
     canvas.title(
         [sbc.attrs],
-        f"simulation-based calibration, {simulations} simulations, {100 * prob:.3g} % {band}band",
+        f"simulation-based calibration, {rank.sizes['simulation']} simulations, "
+        f"{100 * prob:.3g} % {band}band",
     )
     return canvas.collection
 
@@ -212,16 +201,7 @@ def plot_reliability(
     if "forecast" not in scores.dims:
         scores = scores.expand_dims("forecast")
     forecasts = scores["forecast"].values.tolist()
-    table = {
-        "x": scores["predicted_probability"],
-        "y": scores["observed_frequency"],
-        "y_bottom": scores["frequency_lower"],
-        "y_top": scores["frequency_upper"],
-        "left_edges": scores["bin_left"],
-        "right_edges": scores["bin_right"],
-        "histogram": scores["count"],
-    }
-    drawn = _stacked("reliability", **table)
+    drawn = _frequencies(scores)
     canvas = Canvas(
         "grid",
         drawn.expand_dims(part=["diagram", "count"]),
@@ -247,14 +227,7 @@ def plot_reliability(
     canvas.adjust(set_xlim, limits=(-0.03, 1.03))
     canvas.adjust(set_xticks, values=_TICKS, labels=_TICK_LABELS)
     canvas.adjust(set_ylim, limits=(-0.03, 1.03), **diagram)
-    for name in forecasts:
-        error = float(scores["expected_calibration_error"].sel(forecast=name))
-        where = {"coords": {"forecast": name, "part": "diagram"}}
-        canvas.label("title", f"{name}\n(ECE = {error:.3f})", size="medium", **where)
-        where = {"coords": {"forecast": name, "part": "count"}}
-        canvas.label("xlabel", "predicted probability", **where)
-    for part, text in (("diagram", "observed frequency"), ("count", "count")):
-        canvas.label("ylabel", text, coords={"forecast": forecasts[0], "part": part})
+    _label_reliability(canvas, forecasts, scores)
     intervals = f"{100 * scores.attrs['prob']:.3g} % intervals"
     canvas.title([scores.attrs], f"reliability of class probabilities, {intervals}")
     return canvas.collection
@@ -269,11 +242,30 @@ def _check(result: Any, name: str, origin: str) -> None:
         raise ValueError(f"the result lacks {name!r}; it comes from {origin}")
 
 
-def _stacked(name: str, **arrays: xr.DataArray) -> xr.Dataset:
-    """The coordinates of something to draw, along the dimension that visuals read."""
-    broadcast = xr.broadcast(*(a.reset_coords(drop=True).astype(float) for a in arrays.values()))
-    stacked = xr.concat(broadcast, dim="plot_axis").assign_coords(plot_axis=list(arrays))
-    return stacked.to_dataset(name=name)
+def _frequencies(scores: xr.Dataset) -> xr.Dataset:
+    """Observed over predicted probabilities with their intervals, and how many are in each bin."""
+    return stacked(
+        "reliability",
+        x=scores["predicted_probability"],
+        y=scores["observed_frequency"],
+        y_bottom=scores["frequency_lower"],
+        y_top=scores["frequency_upper"],
+        left_edges=scores["bin_left"],
+        right_edges=scores["bin_right"],
+        histogram=scores["count"],
+    )
+
+
+def _label_reliability(canvas: Canvas, forecasts: list[str], scores: xr.Dataset) -> None:
+    """Each column says how wrong its forecasts are, the first one what is drawn."""
+    for name in forecasts:
+        error = float(scores["expected_calibration_error"].sel(forecast=name))
+        where = {"coords": {"forecast": name, "part": "diagram"}}
+        canvas.label("title", f"{name}\n(ECE = {error:.3f})", size="medium", **where)
+        where = {"coords": {"forecast": name, "part": "count"}}
+        canvas.label("xlabel", "predicted probability", **where)
+    for part, text in (("diagram", "observed frequency"), ("count", "count")):
+        canvas.label("ylabel", text, coords={"forecast": forecasts[0], "part": part})
 
 
 def _straight(name: str, y: Array, **panels: list) -> xr.Dataset:
@@ -289,19 +281,36 @@ def _counts(rank: xr.DataArray, bins: int, width: int, name: str) -> xr.DataArra
     return xr.DataArray(counts, {"parameter": rank["parameter"].values}, ("parameter", name))
 
 
-def _ecdf(rank: xr.DataArray, values: int) -> xr.Dataset:
+class _Ranks(NamedTuple):
+    """What is drawn of ranks, what is due to uniform ones, and the band in which these lie."""
+
+    drawn: xr.Dataset
+    due: float
+    band: dict[str, Array]
+    ylabel: str
+
+
+def _ecdf(rank: xr.DataArray, values: int, prob: float) -> _Ranks:
     """Share of ranks below each value, less the share that is due."""
-    share = _counts(rank, values, 1, "value").cumsum("value") / rank.sizes["simulation"]
+    simulations = rank.sizes["simulation"]
+    share = _counts(rank, values, 1, "value").cumsum("value") / simulations
     share = share.pad(value=(1, 0), constant_values=0)
     due = xr.DataArray(np.arange(values + 1) / values, dims="value")
-    return _stacked("ranks", x=due, y=share - due)
+    x, low, high = _simultaneous_band(simulations, values, prob)
+    band = {"x": x, "y_bottom": low, "y_top": high}
+    return _Ranks(stacked("ranks", x=due, y=share - due), 0.0, band, "ECDF − uniform")
 
 
-def _histogram(rank: xr.DataArray, values: int, bins: int) -> xr.Dataset:
+def _histogram(rank: xr.DataArray, values: int, bins: int, prob: float) -> _Ranks:
+    """Counts of ranks in bins of equal width."""
+    simulations = rank.sizes["simulation"]
     edges = np.arange(bins + 1) / bins
     left, right = (xr.DataArray(e, dims="bin") for e in (edges[:-1], edges[1:]))
     counts = _counts(rank, bins, values // bins, "bin")
-    return _stacked("ranks", left_edges=left, right_edges=right, histogram=counts)
+    drawn = stacked("ranks", left_edges=left, right_edges=right, histogram=counts)
+    low, high = (np.full(2, q) for q in binom.interval(prob, simulations, 1 / bins))
+    band = {"x": np.array([0.0, 1.0]), "y_bottom": low, "y_top": high}
+    return _Ranks(drawn, simulations / bins, band, "simulations")
 
 
 def _simultaneous_band(simulations: int, values: int, prob: float) -> tuple[Array, Array, Array]:
@@ -315,6 +324,17 @@ def _simultaneous_band(simulations: int, values: int, prob: float) -> tuple[Arra
     low, high = get_pointwise_confidence_band(pointwise, simulations, due)
     x, low, high = (np.concatenate([[0.0], v, [1.0]]) for v in (due, low, high))
     return x, low - x, high - x
+
+
+def _label_ranks(canvas: Canvas, p_values: dict[str, float], columns: int, ylabel: str) -> None:
+    """Each panel tells its p-value; only the outermost say what is drawn."""
+    for i, (name, p_value) in enumerate(p_values.items()):
+        where = {"coords": {"parameter": name}}
+        canvas.label("title", f"{name}\n({_p_value(p_value)})", size="medium", **where)
+        if i + columns >= len(p_values):
+            canvas.label("xlabel", "rank / $(L+1)$", **where)
+        if i % columns == 0:
+            canvas.label("ylabel", ylabel, **where)
 
 
 def _p_value(p_value: float) -> str:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import GEOMETRY, check_inflation_data, points_of
+from pymc_hyperelastic.data.inflation import check_inflation_data, points_of
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.results import inflation_data_of
+from pymc_hyperelastic.mechanics.tube import GEOMETRY
+from pymc_hyperelastic.models.study import inflation_data_of
 from pymc_hyperelastic.plots.style import (
     MOST_DRAWS,
     RADIUS_LABEL,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals
+from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, stacked
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -96,10 +96,12 @@ def plot_class_probability(
     )
     place = xr.DataArray(np.arange(len(classes)), dims="class_label")
     place = place.where(probability.notnull())  # no bar where nothing is known
-    bars = _stacked(left_edges=place - 0.35, right_edges=place + 0.35, histogram=probability)
+    edges = {"left_edges": place - 0.35, "right_edges": place + 0.35}
+    bars = stacked("class_probability", **edges, histogram=probability)
     canvas.draw("bar", hist, data=bars.expand_dims("bar", axis=-1), alpha=0.75)
     top = (probability + error).clip(0, 1)
-    ends = _stacked(x=place, y_bottom=(probability - error).clip(0, 1), y_top=top)
+    bottom = (probability - error).clip(0, 1)
+    ends = stacked("class_probability", x=place, y_bottom=bottom, y_top=top)
     canvas.draw("error", ci_line_y, data=ends, color="0.1", width=1.2)
     settings = {"vertical_align": "bottom", "color": "0.1", "size": 8}
     canvas.draw("number", annotate_xy, text=_number, x=place, y=top + 0.04, **settings)
@@ -142,12 +144,6 @@ def _labels(result: Any) -> tuple[str, list[str], list[str]]:
     if len(set(headings)) < len(headings):
         headings = [f"{i}: {heading}" for i, heading in enumerate(headings, 1)]
     return row, headings, classes
-
-
-def _stacked(**arrays: xr.DataArray) -> xr.Dataset:
-    """The coordinates of something to draw, along the dimension that visuals read."""
-    stacked = xr.concat(arrays.values(), dim="plot_axis").assign_coords(plot_axis=list(arrays))
-    return stacked.to_dataset(name="class_probability")
 
 
 def _number(probability: float) -> str:

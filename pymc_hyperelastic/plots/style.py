@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import xarray as xr
 
 from pymc_hyperelastic.data.units import to_internal
-from pymc_hyperelastic.models.results import check_result
+from pymc_hyperelastic.evidence.results import check_result
 
 # arviz_plots brings matplotlib along: it is imported when the first figure is drawn.
 if TYPE_CHECKING:
@@ -109,6 +109,13 @@ class Canvas:
             text = f"{text}, SIMULATED data" if text else "SIMULATED data"
         if text:
             self.collection.add_title(text, size="medium", wrap=True)
+
+
+def stacked(name: str, **arrays: xr.DataArray) -> xr.Dataset:
+    """The coordinates of something to draw, along the dimension that visuals read."""
+    broadcast = xr.broadcast(*(a.reset_coords(drop=True).astype(float) for a in arrays.values()))
+    coordinates = xr.concat(broadcast, dim="plot_axis").assign_coords(plot_axis=list(arrays))
+    return coordinates.to_dataset(name=name)
 
 
 def per_kilopascal(pressure_unit: str) -> float:

@@ -4,10 +4,8 @@ from typing import Any
 
 import xarray as xr
 
-from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
-from pymc_hyperelastic.mechanics.pressure import PressureIntegral
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.predictions.draws import checked_numbers, checked_radii, draws_of, radius_at
+from pymc_hyperelastic.predictions.draws import checked_numbers, checked_radii, draws_of
 
 __all__ = ["predict_axial_force", "predict_pressure", "radius_at_pressure"]
 
@@ -63,10 +61,9 @@ def predict_pressure(
     >>> curve["pressure"].dims
     ('chain', 'draw', 'radius')
     """
-    tube = (inner_radius, outer_radius, axial_stretch, opening_angle)
-    draws = draws_of(tree, energy, tube)
+    draws = draws_of(tree, energy, (inner_radius, outer_radius, axial_stretch, opening_angle))
     radius = checked_radii(internal_radius)
-    pressure, stiffness = draws.integrate(PressureIntegral, radius)
+    pressure, stiffness = draws.tube.pressure(radius)
     return draws.dataset({"radius": radius}, pressure=pressure, stiffness=stiffness)
 
 
@@ -101,11 +98,9 @@ def predict_axial_force(
     >>> force["axial_force"].values.round(3).ravel()
     array([19.641, 39.282])
     """
-    tube = (inner_radius, outer_radius, axial_stretch, opening_angle)
-    draws = draws_of(tree, energy, tube)
+    draws = draws_of(tree, energy, (inner_radius, outer_radius, axial_stretch, opening_angle))
     radius = checked_radii(internal_radius)
-    (force,) = draws.integrate(AxialForceIntegral, radius)
-    return draws.dataset({"radius": radius}, axial_force=force)
+    return draws.dataset({"radius": radius}, axial_force=draws.tube.axial_force(radius))
 
 
 def radius_at_pressure(
@@ -167,7 +162,6 @@ def radius_at_pressure(
     array([[[7.    , 8.1932],
             [7.    , 7.7094]]])
     """
-    tube = (inner_radius, outer_radius, axial_stretch, opening_angle)
-    draws = draws_of(tree, energy, tube)
+    draws = draws_of(tree, energy, (inner_radius, outer_radius, axial_stretch, opening_angle))
     pressure = checked_numbers("pressure", pressure, "pressures in kPa")
-    return draws.dataset({"pressure": pressure}, radius=radius_at(draws, pressure))
+    return draws.dataset({"pressure": pressure}, radius=draws.radius_at(pressure))

@@ -1,50 +1,34 @@
-"""Material and tube of each draw of a posterior, and what follows for all draws at once."""
+"""Material and tube of each draw of a posterior."""
 
 import warnings
 from collections.abc import Sequence
-from functools import cache
 from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
-import pytensor
-import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.inflation import GEOMETRY
-from pymc_hyperelastic.mechanics.layers import check_energy
-from pymc_hyperelastic.mechanics.pressure import PressureIntegral, check_geometry
+from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.mechanics.layers import check_energy, check_geometry
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import (
-    current_radius,
-    hoop_elongation,
+    GEOMETRY,
     inferred_geometry,
-    opening_factor,
 )
-from pymc_hyperelastic.models.results import check_result, inflation_data_of, strain_energy_of
+from pymc_hyperelastic.models.forward import TubeNumbers
+from pymc_hyperelastic.models.study import inflation_data_of, strain_energy_of
 
 __all__ = [
     "Draws",
-    "Wall",
     "checked_numbers",
     "checked_radii",
     "draws_of",
     "radii_of_data",
-    "radius_at",
-    "wall_of",
 ]
 
 Array = NDArray[np.float64]
 
-# A curve is followed in steps of the logarithm of the radius, so short that none leaps over a
-# maximum and the minimum beyond it, and no further than 20 times the radius at which it starts.
-_STEP, _FARTHEST = 0.05, np.log(20.0)
-# Newton's method squares its error: a step of this size leaves one below rounding. An interval that
-# is shorter than the second number without such a step holds the end of the branch.
-_NEWTON_STEP, _NO_LENGTH = 1e-9, 1e-13
-# Points that are integrated together: their arrays stay in the processor's cache.
-_PIECE = 4096
 # Radii between the ends of the data.
 _RADII = 40
 
@@ -69,24 +53,23 @@ _NAMES = {
 
 
 class Draws(NamedTuple):
-    """Material and tube of each draw: arrays that broadcast to (chain, draw, 1)."""
+    """Material and tube of each draw."""
 
-    energy: StrainEnergy
-    geometry: dict[str, Array]
-    """By the names of GEOMETRY, in their order."""
-    entries: list[Array]
+    tube: TubeNumbers
+    """Arrays that broadcast to (chain, draw, 1)."""
     coords: dict[str, xr.DataArray]
 
-    def with_axis(self) -> "Draws":
-        """The same with one axis more, for places in the wall."""
-        geometry = {name: value[..., None] for name, value in self.geometry.items()}
-        entries = [entry[..., None] for entry in self.entries]
-        return self._replace(geometry=geometry, entries=entries)
+    def radius_at(self, pressure: Array) -> Array:
+        """Internal radius (chain, draw, pressure) on the rising branch; NaN and a warning if none.
 
-    def integrate(self, kind: Any, radius: Any, **other: Any) -> list[Array]:
-        """Outputs of an integral over the wall at internal radii, or over the wall of `other`."""
-        function = _integral(kind, self.energy)
-        return _evaluate(function, radius, *(self.geometry | other).values(), *self.entries)
+        Raises
+        ------
+        ValueError
+            If no draw reaches any of the pressures.
+        """
+        radius = self.tube.radius_at(pressure)
+        _report_unreached(radius, pressure)
+        return radius
 
     def dataset(self, axes: dict[str, Array], **variables: Array) -> xr.Dataset:
         """Label arrays of the dimensions chain, draw and those of `axes`."""
@@ -121,7 +104,7 @@ def draws_of(tree: xr.DataTree, energy: StrainEnergy | None, tube: Sequence[Any]
     parameters = {p.name: _values(posterior, p.name, p.size) for p in energy.parameters}
     coords = {name: posterior[name] for name in ("chain", "draw")}
     geometry = _geometry_of(tree, posterior, dict(zip(GEOMETRY, tube, strict=True)))
-    return Draws(energy, geometry, energy.split(parameters), coords)
+    return Draws(TubeNumbers(energy, geometry, energy.split(parameters)), coords)
 
 
 def _geometry_of(
@@ -208,107 +191,6 @@ def radii_of_data(tree: xr.DataTree) -> Array:
     if not measured.size:
         raise ValueError("the result holds no radii: say at which to look, internal_radius=...")
     return np.linspace(measured.min(), measured.max(), _RADII)
-
-
-# --- calculations for all draws at once ----------------------------------------------------------
-
-
-@cache
-def _integral(kind: Any, energy: StrainEnergy) -> Any:
-    """Compile an integral for vectors: internal radius, geometry, entries of the parameters."""
-    inputs = [pt.dvector() for _ in range(5 + len(energy.entry_names))]
-    return pytensor.function(inputs, kind(strain_energy=energy)(*inputs, return_list=True))
-
-
-@cache
-def _stress_differences(energy: StrainEnergy) -> Any:
-    """Compile ``σθθ − σrr`` and ``σzz − σrr`` for vectors: logarithms of two stretches, entries."""
-    inputs = [pt.dvector() for _ in range(2 + len(energy.entry_names))]
-    log_hoop, log_axial, *entries = inputs
-    parameters = energy.join(entries)
-    outputs = [
-        energy.stress_difference(log_hoop, log_axial, **parameters),
-        energy.axial_stress_difference(log_hoop, log_axial, **parameters),
-    ]
-    return pytensor.function(inputs, outputs, on_unused_input="ignore")
-
-
-def _evaluate(function: Any, *inputs: Any) -> list[Array]:
-    """Outputs of a function of vectors at inputs that broadcast."""
-    full = np.broadcast_arrays(*inputs)
-    starts = range(0, max(full[0].size, 1), _PIECE)
-    # A radius may be NaN, or so large that the stress overflows.
-    with np.errstate(all="ignore"):
-        pieces = [function(*(x.flat[start : start + _PIECE] for x in full)) for start in starts]
-    return [np.concatenate(parts).reshape(full[0].shape) for parts in zip(*pieces, strict=True)]
-
-
-class Wall(NamedTuple):
-    """Circles of the wall: radii, stretches and stress differences by (chain, draw, ..., place)."""
-
-    reference: Array
-    current: Array
-    log_hoop: Array
-    log_axial: Array
-    hoop_difference: Array
-    axial_difference: Array
-
-
-def wall_of(draws: Draws, radius: Array, position: Array) -> Wall:
-    """State of the wall at internal radii, whose last axis is that of the places."""
-    inner, outer, axial, angle = draws.geometry.values()
-    tube = {"inner_radius": inner, "axial_stretch": axial, "opening_angle": angle}
-    reference = inner + position * (outer - inner)
-    delta = hoop_elongation(radius, reference, **tube)
-    log_hoop = (np.log(opening_factor(angle) / axial) + np.log1p(delta)) / 2
-    log_axial = np.broadcast_to(np.log(axial), log_hoop.shape)
-    differences = _evaluate(_stress_differences(draws.energy), log_hoop, log_axial, *draws.entries)
-    current = current_radius(reference, radius, **tube)
-    return Wall(reference, current, log_hoop, log_axial, *differences)
-
-
-def radius_at(draws: Draws, pressure: Array) -> Array:
-    """Internal radius (chain, draw, pressure) on the rising branch; NaN, with a warning, if none.
-
-    Newton's method in the logarithm of the radius. It starts at ``a₀`` and moves along the branch
-    in short steps until the pressure has been passed, or the slope is no longer positive; from then
-    on it stays between the last place before that and the first one after.
-    """
-    full = np.broadcast_arrays(pressure, *draws.geometry.values(), *draws.entries)
-    target, *inputs = (np.ravel(x) for x in full)
-    inner, _, axial, angle = inputs[:4]
-    start = inner / np.sqrt(opening_factor(angle) * axial)
-    curve = _integral(PressureIntegral, draws.energy)
-    way = np.sign(target - _evaluate(curve, start, *inputs)[0])
-    # Places are |ln(a/a₀)|: the last before the end, the first beyond it, the next to look at.
-    before, beyond, place = np.zeros_like(start), np.full_like(start, np.inf), np.zeros_like(start)
-    lacking_before = np.full_like(start, np.inf)
-    found = np.full_like(start, np.nan)
-    active, turn = np.arange(start.size), 0
-    while active.size:
-        turn += 1
-        at, direction = place[active], way[active]
-        radius = start[active] * np.exp(direction * at)
-        value, slope = _evaluate(curve, radius, *(x[active] for x in inputs))
-        with np.errstate(all="ignore"):
-            lacking = direction * (target[active] - value)
-            newton = at + np.where(slope > 0, lacking / (slope * radius), np.nan)
-        passed = ~((lacking > 0) & (lacking <= lacking_before[active]) & (slope > 0))
-        beyond[active[passed]] = at[passed]
-        before[active[~passed]] = at[~passed]
-        lacking_before[active[~passed]] = lacking[~passed]
-        solved = np.abs(newton - at) < _NEWTON_STEP
-        found[active[solved]] = (radius * (1 + direction * (newton - at)))[solved]
-        low, high = before[active], np.minimum(beyond[active], before[active] + _STEP)
-        further = np.where(high < beyond[active], high, (low + high) / 2)
-        # Now and then the interval is halved, so that the search ends in any case.
-        trusted = (newton > low) & (newton < high) & (turn % 4 > 0)
-        place[active] = np.where(trusted, newton, further)
-        ended = (high - low < _NO_LENGTH) | (low > _FARTHEST)
-        active = active[~solved & ~ended]
-    result = found.reshape(full[0].shape)
-    _report_unreached(result, pressure)
-    return result
 
 
 def _report_unreached(radius: Array, pressure: Array) -> None:

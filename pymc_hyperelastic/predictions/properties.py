@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.mechanics.pressure import PressureIntegral
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.strain_energy.isotropic import _Isotropic
 from pymc_hyperelastic.mechanics.tube import current_radius
@@ -15,8 +14,6 @@ from pymc_hyperelastic.predictions.draws import (
     checked_radii,
     draws_of,
     radii_of_data,
-    radius_at,
-    wall_of,
 )
 
 __all__ = ["admissible", "pulse_wave_velocity", "tube_properties", "wall_stress"]
@@ -112,12 +109,11 @@ def tube_properties(
     """
     if not (isinstance(density, Real) and 0 < density < np.inf):
         raise ValueError(f"density must be a positive number in kg/m³; got {density!r}")
-    tube = (inner_radius, outer_radius, axial_stretch, opening_angle)
-    draws = draws_of(tree, energy, tube)
+    draws = draws_of(tree, energy, (inner_radius, outer_radius, axial_stretch, opening_angle))
     pressure = checked_numbers("pressure", pressure, "pressures in kPa")
-    a = radius_at(draws, pressure)
-    _, slope = draws.integrate(PressureIntegral, a)
-    inner, outer, axial, angle = draws.geometry.values()
+    a = draws.radius_at(pressure)
+    _, slope = draws.tube.pressure(a)
+    inner, outer, axial, angle = draws.tube.geometry.values()
     b = current_radius(outer, a, inner_radius=inner, axial_stretch=axial, opening_angle=angle)
     per_area = 2 / (a * slope)
     return draws.dataset(
@@ -246,19 +242,18 @@ def wall_stress(
     >>> stress["sigma_tt"].isel(draw=0).values.round(2).ravel()
     array([10.8 ,  9.23,  8.13])
     """
-    tube = (inner_radius, outer_radius, axial_stretch, opening_angle)
-    draws = draws_of(tree, energy, tube)
+    draws = draws_of(tree, energy, (inner_radius, outer_radius, axial_stretch, opening_angle))
     pressure = checked_numbers("pressure", pressure, "pressures in kPa")
     if isinstance(points, int) and not isinstance(points, bool) and points > 0:
         points = np.linspace(0.0, 1.0, points)
     position = checked_numbers("points", points, "a number of circles, or places from 0 to 1")
     if not np.all((position >= 0) & (position <= 1)):
         raise ValueError(f"points must be places in the wall, from 0 to 1; got {points!r}")
-    radius = radius_at(draws, pressure)
-    draws = draws.with_axis()
-    wall = wall_of(draws, radius[..., None], position)
+    radius = draws.radius_at(pressure)
+    tube = draws.tube.with_axis()
+    wall = tube.wall(radius[..., None], position)
     # What lies beyond a circle is a tube as well: its pressure is what the circle carries.
-    load, _ = draws.integrate(PressureIntegral, wall.current, inner_radius=wall.reference)
+    load, _ = tube.pressure(wall.current, inner_radius=wall.reference)
     return draws.dataset(
         {"pressure": pressure, "position": position},
         sigma_rr=-load,
@@ -335,13 +330,12 @@ def admissible(
     >>> print(passed.attrs["summary"])
     From 7 to 10 mm, of 2 draws: pressure rises in 50.0 %, Baker-Ericksen holds in 50.0 %.
     """
-    tube = (inner_radius, outer_radius, axial_stretch, opening_angle)
-    draws = draws_of(tree, energy, tube)
+    draws = draws_of(tree, energy, (inner_radius, outer_radius, axial_stretch, opening_angle))
     radius = radii_of_data(tree) if internal_radius is None else checked_radii(internal_radius)
-    _, slope = draws.integrate(PressureIntegral, radius)
+    _, slope = draws.tube.pressure(radius)
     passed: dict[str, Any] = {"pressure_rises": ((slope > 0) & (slope < np.inf)).all(axis=-1)}
-    if isinstance(draws.energy, _Isotropic):
-        wall = wall_of(draws.with_axis(), radius[:, None], np.linspace(0.0, 1.0, _CIRCLES))
+    if isinstance(draws.tube.energy, _Isotropic):
+        wall = draws.tube.with_axis().wall(radius[:, None], np.linspace(0.0, 1.0, _CIRCLES))
         log_radial = -wall.log_hoop - wall.log_axial
         # Stresses less the radial one. Where they overflow their difference is NaN: nothing holds.
         stress = (np.zeros_like(log_radial), wall.hoop_difference, wall.axial_difference)

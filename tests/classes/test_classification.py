@@ -13,8 +13,7 @@ from interrupts import interrupt
 from scipy.special import logsumexp, softmax
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes import classify as classification
-from pymc_hyperelastic.classes import pooled as predictive
+from pymc_hyperelastic.classes import pooled
 from pymc_hyperelastic.classes.variable import Variability
 
 SEED = 411
@@ -205,7 +204,7 @@ def test_classes_read_from_a_file_give_the_same_probabilities(classes, by_specim
 
 def test_interrupt_leaves_nan_and_keeps_the_rest(classes, by_test, monkeypatch):
     """Ctrl-C in the second experiment keeps the first and says that the others are unknown."""
-    interrupt(monkeypatch, predictive.ClassPredictive, "__call__", 4)
+    interrupt(monkeypatch, pooled.ClassPredictive, "__call__", 4)
     with pytest.warns(UserWarning, match="NaN"):
         result = classify(new_data(), classes)
     assert result.sizes == by_test.sizes
@@ -219,11 +218,11 @@ def test_interrupt_leaves_nan_and_keeps_the_rest(classes, by_test, monkeypatch):
 
 def test_interrupt_keeps_the_classes_already_fitted(monkeypatch):
     """Ctrl-C in the second class returns the first; in the first class there is nothing yet."""
-    interrupt(monkeypatch, classification, "sample_smc", 2)
+    interrupt(monkeypatch, pooled, "sample_smc", 2)
     with pytest.warns(UserWarning, match=r"only \['C1'\]"):
         kept = fit(draws=100, chains=1)
     assert list(kept.children) == ["C1"]
-    interrupt(monkeypatch, classification, "sample_smc", 1)
+    interrupt(monkeypatch, pooled, "sample_smc", 1)
     with pytest.raises(KeyboardInterrupt):
         fit(draws=100, chains=1)
 

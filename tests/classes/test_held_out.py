@@ -7,8 +7,7 @@ import xarray as xr
 from interrupts import interrupt
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes import classify as classification
-from pymc_hyperelastic.classes import pooled as predictive
+from pymc_hyperelastic.classes import pooled
 from pymc_hyperelastic.evidence import smc
 
 SEED = 377
@@ -55,9 +54,9 @@ def report_of(energy=None, classes=None, **settings):
 
 # What is interrupted, and the call of it that belongs to the second specimen left out.
 INTERRUPTS = {
-    "second class": (classification, "sample_smc", 4, 1),
+    "second class": (pooled, "sample_smc", 4, 1),
     "second chain": (smc, "_temper", 6, 2),
-    "classification": (predictive.ClassPredictive, "__call__", 3, 1),
+    "classification": (pooled.ClassPredictive, "__call__", 3, 1),
 }
 
 

@@ -7,10 +7,13 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.specimens import SpecimenDraws, class_model, log_density, sample
+from pymc_hyperelastic.classes.density import SpecimenDraws, log_density
+from pymc_hyperelastic.classes.specimens import class_model
 from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.from_modes import sample_from_modes
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
-from pymc_hyperelastic.models.population import ClassDistribution, NaturalScale
+from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.natural_scale import NaturalScale
 
 SEED = 911
 # An honest standard error is exceeded threefold once in 370 runs; seeds are fixed.
@@ -163,7 +166,7 @@ def test_evidence_of_precise_points_of_unknown_noise():
     rng = np.random.default_rng(SEED)
     kernel = BatchedSMC(draws=1000, model=model)
     kernel.set_rng(rng)
-    particles, evidence = sample(kernel, rng)
+    particles, evidence = sample_from_modes(kernel, rng)
     design = np.stack([np.ones(30), t], axis=1)
 
     def marginal(log_sigma):

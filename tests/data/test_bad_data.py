@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 from tables import build, by_diameter, changed, good_frame, with_diameters, with_values
 
-from pymc_hyperelastic.data.inflation import check_inflation_data, select
+from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.select import select
 
 # Each row: what is wrong, a call that does it, the error, and fragments that its message must hold.
 S1E2 = "specimen 'S1', experiment 2"

@@ -14,8 +14,8 @@ from pymc_hyperelastic.data.inflation import (
     describe_test,
     measured_radius,
     points_of,
-    select,
 )
+from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.units import mmHg
 
 # Pint's factor for a unit may differ from ours in the last bit.

@@ -8,7 +8,8 @@ import pytest
 import xarray as xr
 
 from pymc_hyperelastic.data.datasets import list_datasets, load_dataset, simulate_sheep_aorta
-from pymc_hyperelastic.data.inflation import check_inflation_data, points_of, select
+from pymc_hyperelastic.data.inflation import check_inflation_data, points_of
+from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.units import mmHg
 
 NAMES = ["murine_pulmonary_artery", "simulated_sheep_aorta"]

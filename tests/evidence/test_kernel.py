@@ -11,9 +11,9 @@ from scipy import integrate, stats
 from scipy.special import gammaln, logsumexp
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.evidence.kernel import effective_sample_size, largest_step, systematic
+from pymc_hyperelastic.evidence.estimate import combine_chains
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for, log_sum_exp
-from pymc_hyperelastic.evidence.smc import combine_chains
+from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
 
 SEED = 20250
 # Tests of one estimate with a fixed seed: an honest error bar is exceeded three times over once in

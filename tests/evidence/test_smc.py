@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.evidence.smc import combine_chains
+from pymc_hyperelastic.evidence.estimate import combine_chains
 
 SEED = 20250
 # Sums and logarithms of a few numbers of order one.

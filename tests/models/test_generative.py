@@ -15,7 +15,7 @@ from pytensor.graph.replace import clone_replace
 from scipy.stats import multivariate_normal, norm
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.models.results import inflation_data_of, model_settings_of
+from pymc_hyperelastic.models.study import inflation_data_of, model_settings_of
 
 # Compiles in a second; the numbers are those of the default linker to rounding.
 FAST = "FAST_COMPILE"

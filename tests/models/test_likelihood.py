@@ -13,9 +13,8 @@ import pytest
 from problems import AS_WRITTEN, LAWS, entries
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.models.likelihood import likelihood_inputs, log_likelihood
-from pymc_hyperelastic.models.rules import Rule
-from pymc_hyperelastic.models.slopes import central_differences, compressed_spectrum
+from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.observation.slopes import central_differences, compressed_spectrum
 
 ENERGIES = (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType())
 
@@ -28,7 +27,6 @@ ROUNDING = 1e-12
 # Second differences of a parabola are exact but for rounding, here of logs of size 1e2.
 CURVATURE_TOLERANCE = 1e-8
 SIGMA, SLOPE_WEIGHT = 15 * ph.mmHg, 3.2
-DIRECT = Rule("quadrature", 32)
 
 
 def tube_frame(specimen, inner, outer, axial, angle, *, points=9, seed=1):
@@ -153,21 +151,13 @@ def test_likelihood_is_a_density_of_the_pressures(points, slope_weight):
     noise = {"sigma": sigma, "slope_weight": slope_weight}
     values = dict(zip(energy.parameter_names, parameters, strict=True))
 
-    def inputs_of(pressure):
-        moved = data.assign(pressure=data["pressure"].copy(data=pressure))
-        return likelihood_inputs(moved, DIRECT, slope_weight=slope_weight)
-
-    inputs = {
-        name: pt.tensor(name, dtype=value.dtype, shape=(None,) * value.ndim)
-        for name, value in inputs_of(np.zeros(points)).items()
-    }
-    output = log_likelihood(energy, inputs, DIRECT, values, **noise)
-    function = pytensor.function(
-        [*inputs.values()], output, mode=AS_WRITTEN, on_unused_input="ignore"
-    )
+    observation = Observation(**noise)
+    forward = observation.forward_model(energy, data, values, mode="quadrature")
+    function = pytensor.function([], observation.log_likelihood(forward, values), mode=AS_WRITTEN)
 
     def log_density(pressure):
-        return float(function(*inputs_of(pressure).values()))
+        forward.set_data(data.assign(pressure=data["pressure"].copy(data=pressure)))
+        return float(function())
 
     unit, base = np.eye(points), np.zeros(points)
     zero = log_density(base)

@@ -12,7 +12,9 @@ from scipy import stats
 from scipy.special import expit, logit
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.models.population import NaturalScale, register_class, specimens_of
+from pymc_hyperelastic.data.select import specimens_of
+from pymc_hyperelastic.models.class_distribution import register_class
+from pymc_hyperelastic.models.natural_scale import NaturalScale
 
 mpl.use("Agg")
 

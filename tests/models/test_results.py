@@ -9,7 +9,8 @@ import pytest
 import xarray as xr
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.models.results import inflation_data_of, model_settings_of, sampling_tree
+from pymc_hyperelastic.evidence.results import sampling_tree
+from pymc_hyperelastic.models.study import inflation_data_of, model_settings_of
 
 # One expression twice; only the order of sums may differ.
 SAME_DENSITY = 1e-12

@@ -9,9 +9,11 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence import batched
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.mechanics.tube import inferred_geometry
-from pymc_hyperelastic.models.likelihood import register_likelihood
+from pymc_hyperelastic.models.forward.collocated import Collocated
+from pymc_hyperelastic.models.forward.direct import Direct
+from pymc_hyperelastic.models.forward.rules import way_to_integrate
+from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import complete_priors
-from pymc_hyperelastic.models.rules import Rule, rule_for
 
 # Sums of squares of pressures that are right to about 1e-11.
 LIKELIHOOD_TOLERANCE = 1e-9
@@ -20,6 +22,7 @@ ROUNDING = 1e-13
 
 FAST = "FAST_COMPILE"
 NOISE = {"sigma": 1.0, "slope_weight": 1.0}
+OBSERVATION = Observation(**NOISE)
 FIBRES = {
     "c": pm.Uniform.dist(1, 5),
     "k1": pm.Uniform.dist(1, 4),
@@ -41,6 +44,12 @@ def curve(radius=(1.1, 1.15, 1.2, 1.25, 1.3), *, outer_radius=1.4, **geometry):
     return ph.inflation_data(frame, **tube)
 
 
+def way(energy, data, priors, geometry=None, *, mode="auto", with_force=False):
+    """How the wall is integrated."""
+    settings = {"mode": mode, "with_force": with_force, "known_radii": True, "by_test": False}
+    return way_to_integrate(energy, data, priors, geometry or {}, **settings)
+
+
 @pytest.mark.parametrize("with_force", [False, True], ids=["pressure", "force"])
 @pytest.mark.parametrize(
     "energy", [ph.Ogden(), ph.PowerLawNeoHookean(), ph.OgdenSeries(terms=1)], ids=repr
@@ -48,32 +57,32 @@ def curve(radius=(1.1, 1.15, 1.2, 1.25, 1.3), *, outer_radius=1.4, **geometry):
 def test_smooth_laws_are_collocated(energy, with_force):
     """Over the default priors, constant matrices are right to rounding, and so they are chosen."""
     priors = complete_priors(energy)
-    rule = rule_for(energy, curve(), priors, with_force=with_force)
-    assert rule.method == "collocation"
-    assert rule == rule_for(energy, curve(), priors, mode="collocation", with_force=with_force)
-    assert rule_for(energy, curve(), priors, mode="quadrature") == Rule("quadrature", 32)
+    chosen = way(energy, curve(), priors, with_force=with_force)
+    assert isinstance(chosen, Collocated)
+    assert chosen == way(energy, curve(), priors, mode="collocation", with_force=with_force)
+    assert way(energy, curve(), priors, mode="quadrature") == Direct(32)
 
 
 def test_fibres_that_slacken_are_not_collocated():
     """Taut all over the data the law is smooth; where fibres slacken in them it has a kink."""
     energy = ph.HolzapfelGasserOgden()
-    assert rule_for(energy, curve(), FIBRES).method == "collocation"
+    assert isinstance(way(energy, curve(), FIBRES), Collocated)
     slack = curve(SLACK)
-    assert rule_for(energy, slack, FIBRES).method == "quadrature"
+    assert isinstance(way(energy, slack, FIBRES), Direct)
     with pytest.raises(ValueError, match=r"HolzapfelGasserOgden.*mode='quadrature'"):
-        rule_for(energy, slack, FIBRES, mode="collocation")
+        way(energy, slack, FIBRES, mode="collocation")
     # Whether there are kinks also depends on the angles that the prior allows.
     across = curve(axial_stretch=1.5, opening_angle=-1.0)
     along = FIBRES | {"beta": pm.Uniform.dist(60, 80)}
-    assert rule_for(energy, across, along).method == "collocation"
+    assert isinstance(way(energy, across, along), Collocated)
 
 
 def test_rule_is_the_same_each_time():
     """It is found by random draws, but always the same ones."""
     energy, priors = ph.HolzapfelGasserOgden(), FIBRES
     geometry = inferred_geometry({"inner_radius": pm.Uniform.dist(0.9, 1.1)})
-    rules = {rule_for(energy, curve(), priors, geometry) for _ in range(2)}
-    assert len(rules) == 1
+    ways = {way(energy, curve(), priors, geometry) for _ in range(2)}
+    assert len(ways) == 1
 
 
 CASES = {
@@ -90,10 +99,11 @@ def test_chosen_order_is_exact(name):
     data = curve(**tube)
     priors = {"mu": pm.Uniform.dist(1, 20), "alpha": pm.Uniform.dist(1, 10)}
     priors = FIBRES if name == "slack fibres" else priors
-    chosen = rule_for(energy, data, priors, inferred_geometry(unknown))
-    assert chosen.method == "quadrature" and chosen.nodes <= 64
+    forward = OBSERVATION.forward_model(energy, data, priors, unknown)
+    chosen = forward._way
+    assert isinstance(chosen, Direct) and chosen.order <= 64
     functions = []
-    for rule in (chosen, Rule("quadrature", 64)):
+    for other in (chosen, Direct(64)):
         with pm.Model() as model:
             parameters, geometry = (
                 {
@@ -102,9 +112,9 @@ def test_chosen_order_is_exact(name):
                 }
                 for distributions in (priors, unknown)
             )
-            register_likelihood(
-                "curves", energy, data, rule, parameters, geometry=geometry, **NOISE
-            )
+            same = forward.with_data(data)
+            same._way = other
+            pm.Potential("curves", OBSERVATION.log_likelihood(same, parameters, geometry))
         functions.append(
             BatchedFunction.of_model(model, model.replace_rvs_by_values(model.potentials))
         )
@@ -118,12 +128,12 @@ def test_thin_walls_take_fewer_nodes():
     """The order is no more than what the wall needs."""
     priors = {"mu": pm.Uniform.dist(1, 20), "alpha": pm.Uniform.dist(1, 10)}
     orders = [
-        rule_for(
+        way(
             ph.Ogden(),
             curve(outer_radius=outer),
             priors,
             {"inner_radius": pm.Uniform.dist(0.95, 1.02)},
-        ).nodes
+        ).order
         for outer in (1.1, 3.0)
     ]
     assert orders[0] < orders[1]

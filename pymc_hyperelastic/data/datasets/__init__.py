@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import inflation_data
+from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
 
 __all__ = ["list_datasets", "load_dataset"]

@@ -1,7 +1,10 @@
 """Slopes of measured curves: central differences, and what they add to a likelihood."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
+from pytensor.graph.basic import Variable
 from scipy.linalg import cholesky_banded, eigvals_banded, solve_banded
 
 from pymc_hyperelastic.data.inflation import (
@@ -10,7 +13,7 @@ from pymc_hyperelastic.data.inflation import (
     measured_radius,
     points_of,
 )
-from pymc_hyperelastic.mechanics.collocation import chebyshev_nodes, value_to_coefficient
+from pymc_hyperelastic.mechanics.chebyshev import chebyshev_nodes, value_to_coefficient
 
 __all__ = [
     "balanced_slope_weight",
@@ -20,6 +23,7 @@ __all__ = [
     "measured_slopes",
     "precision_root",
     "whiten",
+    "with_slopes",
 ]
 
 
@@ -165,6 +169,11 @@ def whiten(
     np.add.at(right, interior + 1, weighted)
     np.add.at(right, interior - 1, -weighted)
     return solve_banded((0, 2), root, right)
+
+
+def with_slopes(slope_weight: Any) -> bool:
+    """Whether slopes play a part."""
+    return isinstance(slope_weight, Variable) or slope_weight != 0
 
 
 def _gram_bands(interior: np.ndarray, difference: np.ndarray, size: int) -> np.ndarray:

@@ -1,0 +1,78 @@
+"""The tables of the murine vaginal walls, before and after elastase, as inflation data.
+
+The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
+(2019) 021011. They are not part of this package.
+"""
+
+import argparse
+import os
+from pathlib import Path
+
+import pandas as pd
+import xarray as xr
+
+import pymc_hyperelastic as ph
+
+FOLDER = "MURINE_ELASTASE"
+FORMAT = f"""
+The folder, or the environment variable {FOLDER}, holds two tables:
+
+murine_elastase_geometry.csv, one row a specimen: specimen, group, animal,
+  outer_diameter_unloaded_mm, thickness_unloaded_mm, opening_angle_deg
+murine_elastase_pd.csv, one row a point: specimen, test (test1, test2, test3 by rising axial
+  stretch), axial_stretch, pressure_mmHg, outer_diameter_um
+"""
+# Below this pressure the wall, which lies folded at rest, is unfolding: there is no tube yet.
+LOWEST = 3.5  # mmHg
+
+
+def options(description: str) -> argparse.ArgumentParser:
+    """Options of a study of these tables: where they are."""
+    parser = argparse.ArgumentParser(
+        description=description,
+        epilog=FORMAT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument(
+        "folder",
+        type=Path,
+        nargs="?",
+        default=os.environ.get(FOLDER) or None,
+        help="where the two tables are",
+    )
+    return parser
+
+
+def read(folder: Path) -> tuple[xr.Dataset, pd.DataFrame]:
+    """Inflation data of all specimens, and the table of these.
+
+    A ring of the unloaded tube that is cut springs open. The angle is measured from the middle of
+    its inner side to its two ends, which is half of what the sector lacks of a full circle. Opened,
+    the ring keeps its thickness, and its middle line its length: with k = 360/(360 − Φ) the middle
+    radius is k times as large, and the area stays exactly.
+    """
+    geometry = pd.read_csv(folder / "murine_elastase_geometry.csv")
+    points = pd.read_csv(folder / "murine_elastase_pd.csv")
+    points = points.drop(columns=["group", "animal"], errors="ignore")
+    points = points[points["pressure_mmHg"] > LOWEST].merge(geometry, on="specimen")
+    angle = 2 * points["opening_angle_deg"]
+    thickness = points["thickness_unloaded_mm"]
+    middle = 360 / (360 - angle) * (points["outer_diameter_unloaded_mm"] - thickness) / 2
+    data = ph.inflation_data(
+        points.assign(
+            experiment=points["test"],
+            pressure=points["pressure_mmHg"],
+            outer_diameter=points["outer_diameter_um"] / 1e3,
+            inner=middle - thickness / 2,
+            outer=middle + thickness / 2,
+            angle=angle,
+        ),
+        inner_radius="inner",
+        outer_radius="outer",
+        axial_stretch="axial_stretch",
+        opening_angle="angle",
+        measured="outer_diameter",
+        pressure_unit="mmHg",
+        angle_unit="deg",
+    )
+    return data, geometry

@@ -1,0 +1,195 @@
+"""Draws of a specimen, and their density under any distribution of a class."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pymc_hyperelastic.models.class_distribution import ClassDistribution
+
+__all__ = ["SpecimenDraws", "independent", "log_densities", "log_density", "stacked"]
+
+Array = NDArray[np.float64]
+
+# Log densities of how many draws of a specimen are found at once, under many distributions.
+_BLOCK = 25
+# Gauss-Hermite quadrature over how much experiments on a specimen differ. Five nodes, placed where
+# the integrand is, have an error of 0.002 nats in nine cases of ten; of a single test, which has no
+# scatter to place them by, up to 0.1 nats in the tails.
+_NODES, _WEIGHTS = np.polynomial.hermite.hermgauss(5)
+_LOG_WEIGHTS = np.log(_WEIGHTS) + _NODES**2
+_NO_SCATTER = 1e-12
+
+
+@dataclass(frozen=True)
+class SpecimenDraws:
+    r"""Draws ``x_i`` of the coordinates of one specimen, with weights ``w_i``.
+
+    For every density ``f`` of its coordinates, ``∫ p(D | x) f(x) dx ≈ Σ w_i f(x_i)``.
+
+    Attributes
+    ----------
+    centre, scatter : array, shape (coordinate, draw)
+        Mean of the tests' coordinates, and the sum of their squared deviations from it.
+    log_sigma : array, shape (draw)
+        ``ln σ``, zero if the noise is known.
+    log_weight : array, shape (draw)
+        Logarithm of the weights.
+    tests : int
+        Number of tests with coordinates of their own.
+    standard_error : float
+        Standard error of the logarithm of all weights together.
+    """
+
+    centre: Array
+    scatter: Array
+    log_sigma: Array
+    log_weight: Array
+    tests: int
+    standard_error: float
+
+    def first(self, count: int) -> "SpecimenDraws":
+        """So many of the draws, in place of all."""
+        return replace(
+            self,
+            centre=self.centre[:, :count],
+            scatter=self.scatter[:, :count],
+            log_sigma=self.log_sigma[:count],
+            log_weight=self.log_weight[:count] + np.log(len(self.log_weight) / count),
+        )
+
+
+def independent(size: int) -> list[list[float]]:
+    """Cholesky factor of no correlation, row by row."""
+    return [row[: i + 1] for i, row in enumerate(np.eye(size).tolist())]
+
+
+def stacked(specimens: Sequence[SpecimenDraws]) -> dict[str, Array]:
+    """Arrays of several specimens, which follow the coordinates and come before the draws."""
+    arrays = {
+        name: np.stack([getattr(draws, name) for draws in specimens], axis=-2)
+        for name in ("centre", "scatter")
+    }
+    for name in ("log_sigma", "log_weight"):
+        arrays[name] = np.stack([getattr(draws, name) for draws in specimens])
+    return arrays | {"tests": np.array([[float(draws.tests)] for draws in specimens])}
+
+
+def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDistribution) -> Any:
+    r"""Log density of draws of specimens under a class distribution.
+
+    The coordinates of the specimen itself are integrated out: with the mean ``x̄`` of the
+    coordinates of its ``T`` tests
+
+    .. math:: \int \prod_t N(x_t; x, Ω) N(x; m, Σ) dx = N(\bar x; m, Σ + Ω/T) \,
+        \frac{\exp(-\frac12 \sum_t |Ω^{-1/2} (x_t - \bar x)|^2)}{T^{d/2} \, |2πΩ|^{(T-1)/2}}
+
+    and so is, by quadrature, how much its experiments differ.
+
+    `draws` holds the arrays of :class:`SpecimenDraws`, coordinates along the first axis, and
+    `distribution` what broadcasts against them; `xp` is ``numpy`` for numbers and
+    ``pytensor.tensor`` for variables.
+    """
+    if distribution.experiment_spread is None:
+        total = _log_density_of_centre(xp, draws["centre"], distribution)
+    else:
+        total = _log_density_of_tests(xp, draws, distribution)
+    if distribution.log_sigma is not None:
+        mean, sd = distribution.log_sigma, distribution.noise_spread
+        total = total + _log_normal(xp, draws["log_sigma"], mean, sd)
+    return total
+
+
+def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Array:
+    """Log density of every draw of a specimen under each of many class distributions."""
+    of_draws = ("centre", "scatter", "log_sigma")
+    blocks = np.split(
+        np.arange(len(draws.log_weight)), range(_BLOCK, len(draws.log_weight), _BLOCK)
+    )
+    return np.concatenate(
+        [
+            log_density(
+                np,
+                {name: getattr(draws, name)[..., block] for name in of_draws}
+                | {"tests": draws.tests},
+                distributions,
+            )
+            for block in blocks
+        ],
+        axis=1,
+    )
+
+
+def _log_density_of_centre(
+    xp: ModuleType, centre: Any, distribution: ClassDistribution, added: Sequence[Any] = ()
+) -> Any:
+    """Normal log density of the mean of the tests' coordinates, with variances that add."""
+    size, spread = len(distribution.factor), distribution.spread
+
+    def covariance(i: int, j: int) -> Any:
+        rows = distribution.factor[i], distribution.factor[j]
+        common = sum(a * b for a, b in zip(*rows, strict=False)) * spread[i] * spread[j]
+        return common + added[i] if added and i == j else common
+
+    total: Any = -size / 2 * np.log(2 * np.pi)
+    factor: list[list[Any]] = []
+    standard: list[Any] = []
+    # The Cholesky factor, entry by entry: for many distributions at once that is far faster than
+    # one after the other.
+    for i in range(size):
+        row: list[Any] = []
+        for j in range(i):
+            known = sum(a * b for a, b in zip(row, factor[j], strict=False))
+            row.append((covariance(i, j) - known) / factor[j][j])
+        row.append(xp.sqrt(covariance(i, i) - sum(a * a for a in row)))
+        factor.append(row)
+        offset = centre[i] - distribution.location[i]
+        offset = offset - sum(a * z for a, z in zip(row, standard, strict=False))
+        standard.append(offset / row[i])
+        total = total - xp.square(standard[i]) / 2 - xp.log(row[i])
+    return total
+
+
+def _log_density_of_tests(
+    xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDistribution
+) -> Any:
+    r"""Log density where experiments on a specimen differ, by an unknown ``u = ln κ_s``.
+
+    The scatter of its tests says what ``u`` is, far more sharply than the class does: quadrature
+    has its nodes around the maximum of
+
+    .. math:: -\tfrac12 Q e^{-2u} - a u - u^2/(2η^2), \qquad
+        Q = \sum_t |\mathrm{diag}(ω)^{-1} (x_t - \bar x)|^2, \quad a = (T - 1) d
+
+    which is at :math:`u = w/2 - aη^2` with :math:`w + \ln w = \ln(2 η^2 Q) + 2 a η^2`, the Wright
+    omega function, and as wide as :math:`η/\sqrt{1 + w}`.
+    """
+    size, tests, effect = len(distribution.factor), draws["tests"], distribution.effect_spread
+    variance = [xp.square(distribution.experiment_spread[i]) for i in range(size)]
+    squares = sum(draws["scatter"][i] / variance[i] for i in range(size))
+    count, squared_effect = (tests - 1) * size, effect**2
+    # A single test has no scatter.
+    level = xp.log(2 * squared_effect * (squares + _NO_SCATTER)) + 2 * count * squared_effect
+    omega = xp.logaddexp(0.0, level)
+    for _ in range(2):
+        omega = omega * (1 + level - xp.log(omega)) / (1 + omega)
+    middle, width = omega / 2 - count * squared_effect, effect / xp.sqrt(1 + omega)
+
+    shape = (-1,) + (1,) * middle.ndim
+    log_effect = middle + np.sqrt(2) * width * _NODES.reshape(shape)
+    growth = xp.exp(2 * log_effect)
+    added = [v * growth / tests for v in variance]
+    terms = _log_density_of_centre(xp, draws["centre"], distribution, added)
+    terms = terms - squares / (2 * growth) - count * log_effect
+    terms = terms + _log_normal(xp, log_effect, 0.0, effect) + _LOG_WEIGHTS.reshape(shape)
+    largest = xp.max(terms, axis=0)
+    total = largest + xp.log(xp.sum(xp.exp(terms - largest), axis=0)) + xp.log(np.sqrt(2) * width)
+    normaliser = sum(xp.log(2 * np.pi * v) for v in variance)
+    return total - (tests - 1) / 2 * normaliser - size / 2 * xp.log(tests)
+
+
+def _log_normal(xp: ModuleType, x: Any, mean: Any, sd: Any) -> Any:
+    return -xp.square((x - mean) / sd) / 2 - xp.log(sd) - np.log(2 * np.pi) / 2

@@ -1,0 +1,130 @@
+"""Fit classes of inflation experiments."""
+
+import json
+import warnings
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import xarray as xr
+
+from pymc_hyperelastic.classes.kinds import kind_of_settings
+from pymc_hyperelastic.evidence.smc import seed_sequence
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+
+__all__ = ["check_classes", "fit_classes"]
+
+
+def fit_classes(
+    energy: StrainEnergy,
+    classes: Mapping[str, xr.Dataset],
+    *,
+    sigma: Any,
+    slope_weight: Any,
+    force_sigma: Any = None,
+    priors: dict[str, Any] | None = None,
+    variability: Literal["none", "specimen"] = "none",
+    experiment_effect: bool = False,
+    reference_stress: float = 20.0,
+    draws: int = 2000,
+    chains: int = 4,
+    random_seed: Any = None,
+    progressbar: bool = True,
+    **noise: Any,
+) -> xr.DataTree:
+    """Sample the posterior of each class from its training experiments.
+
+    All models are built, and so all input is checked, before the first is sampled.
+
+    Without variability, as in the paper, all specimens of a class share one set of parameters. The
+    posterior shrinks to a point as data grow, however different the specimens are, and a new one
+    that differs from them as they do from each other is classified with a certainty that it does
+    not deserve. With ``variability="specimen"`` each has its own, drawn from a distribution of the
+    class that is learned: see :func:`~pymc_hyperelastic.population_model`. Every specimen is then
+    sampled once, by itself, and integrated out.
+
+    Parameters
+    ----------
+    energy : StrainEnergy
+        The material, such as ``ph.Ogden()``.
+    classes : dict of str to xarray.Dataset
+        Training data of each class by its name.
+    sigma, slope_weight, force_sigma, priors
+        See :func:`pymc_hyperelastic.inflation_model`; they hold for all classes. With variability
+        `slope_weight` is 0, `force_sigma` is not given, and `sigma` and `priors` are those of
+        :func:`~pymc_hyperelastic.population_model`.
+    variability : {"none", "specimen"}
+        Whether specimens of a class differ.
+    experiment_effect, reference_stress
+        See :func:`~pymc_hyperelastic.population_model`; only with variability.
+    draws, chains, random_seed, progressbar
+        See :func:`pymc_hyperelastic.sample_smc`. After an interrupt the classes already fitted are
+        returned.
+    **noise
+        Errors of what else was measured, see :func:`pymc_hyperelastic.inflation_model`.
+
+    Returns
+    -------
+    xarray.DataTree
+        One child a class, each with posterior, evidence, training data and settings. It can be
+        saved with ``classes.to_netcdf(path)`` and read with ``xarray.open_datatree(path)``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there are no classes, or anything is wrong with the data, priors or numbers.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> classes = ph.fit_classes(
+    ...     ph.Ogden(),
+    ...     {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")},
+    ...     sigma=5 * ph.mmHg,
+    ...     slope_weight=3.0,
+    ...     draws=500,
+    ...     chains=2,
+    ...     random_seed=1,
+    ...     progressbar=False,
+    ... )
+    >>> list(classes.children)
+    ['C1', 'C2']
+    """
+    check_classes(classes)
+    kind = kind_of_settings(
+        variability,
+        energy,
+        sigma=sigma,
+        slope_weight=slope_weight,
+        force_sigma=force_sigma,
+        priors=priors,
+        experiment_effect=experiment_effect,
+        reference_stress=reference_stress,
+        **noise,
+    )
+    seed = seed_sequence(random_seed)
+    tree = xr.DataTree.from_dict({})
+    try:
+        for name, fitted in kind.fit(classes, draws, chains, seed, progressbar):
+            tree[name] = fitted
+    except KeyboardInterrupt:
+        if not tree.children:
+            raise
+        warnings.warn(f"interrupted: only {list(tree.children)} are fitted", stacklevel=2)
+    tree.attrs |= kind.attrs() | {"random_seed": json.dumps(seed.entropy)}
+    return tree
+
+
+def check_classes(classes: Any) -> None:
+    """Raise unless `classes` are data by the name of a class."""
+    # A Dataset is a mapping too, of its variables.
+    if not isinstance(classes, Mapping) or isinstance(classes, xr.Dataset | xr.DataTree):
+        raise TypeError(
+            'classes must be a dict of names to training data, such as {"C1": data}, not '
+            f"{type(classes).__name__}"
+        )
+    if not classes:
+        raise ValueError("classes must be a dict of names to training data; it is {}")
+    for name in classes:
+        if not isinstance(name, str) or not name or "/" in name:
+            raise ValueError(f"a class is named by text without '/'; got {name!r}")

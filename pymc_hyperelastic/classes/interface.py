@@ -1,0 +1,162 @@
+"""What every kind of class can do."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Iterator, Mapping
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from pymc_hyperelastic.data.select import tests_at
+from pymc_hyperelastic.evidence.estimate import Estimate, log_evidence
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.study import inflation_data_of
+
+__all__ = ["ClassKind", "Fold", "Prediction", "Predictor", "without_specimens"]
+
+Array = NDArray[np.float64]
+
+
+class Prediction(NamedTuple):
+    """What a class says of new data."""
+
+    log_evidence: Estimate
+    own_error: float
+    """Standard error without what the evidences of all classes have in common."""
+    method: str
+    pareto_k: float
+    p_value: float = np.nan
+
+
+class Fold(NamedTuple):
+    """What classes that were fitted without some specimens say of these."""
+
+    training_evidence: float
+    predictions: dict[str, list[Prediction]]
+    """By specimen, for every class."""
+
+
+Predictor = Callable[[xr.Dataset], list[Prediction]]
+
+
+class ClassKind(ABC):
+    """How the specimens of a class are modelled.
+
+    An instance holds the settings that all classes of one comparison share. Fitting, classifying,
+    cross-validation and comparison are written against this, and know no kind by its name: a new
+    one is a subclass, and a row in :mod:`pymc_hyperelastic.classes.kinds`.
+    """
+
+    #: What users call it.
+    variability: ClassVar[str]
+    #: Whether a prediction has a p-value.
+    has_p_value: ClassVar[bool]
+    #: Attributes of a fitted class that must be alike in all classes of a comparison.
+    common_attrs: ClassVar[tuple[str, ...]]
+
+    energy: StrainEnergy
+
+    @classmethod
+    @abstractmethod
+    def of_settings(cls, energy: StrainEnergy, **settings: Any) -> Self:
+        """The kind with what :func:`~pymc_hyperelastic.fit_classes` was given.
+
+        Raises
+        ------
+        ValueError
+            If something was given that it does not use.
+        """
+
+    @classmethod
+    @abstractmethod
+    def of_tree(cls, fitted: xr.DataTree) -> Self:
+        """The kind of a fitted class, as it was stored."""
+
+    @abstractmethod
+    def attrs(self) -> dict[str, str]:
+        """The settings as text, for attributes of a file.
+
+        Raises
+        ------
+        ValueError
+            If one of them cannot be written down.
+        """
+
+    @abstractmethod
+    def check(self, data: xr.Dataset) -> None:
+        """Raise TypeError or ValueError unless these data can be modelled so."""
+
+    def check_classes(self, classes: Mapping[str, xr.Dataset]) -> None:
+        """Raise, naming the class, unless the data of each can be modelled so."""
+        for name, data in classes.items():
+            try:
+                self.check(data)
+            except (TypeError, ValueError) as error:
+                raise type(error)(f"class {name!r}: {error}") from error
+
+    @abstractmethod
+    def fit(
+        self,
+        classes: Mapping[str, xr.Dataset],
+        draws: int,
+        chains: int,
+        seed: np.random.SeedSequence,
+        progressbar: bool = False,
+    ) -> Iterator[tuple[str, xr.DataTree]]:
+        """Fit class after class. All input is checked before the first is sampled."""
+
+    @abstractmethod
+    def predictor(
+        self,
+        classes: Mapping[str, xr.DataTree],
+        new_data: xr.Dataset,
+        count: int,
+        seed: np.random.SeedSequence,
+    ) -> Predictor:
+        """What classes say of `count` parts of new data, one after another."""
+
+    @abstractmethod
+    def leave_out(
+        self, classes: Mapping[str, xr.Dataset], seed: np.random.SeedSequence
+    ) -> Callable[[Collection[str], int, int], Fold]:
+        """Fit classes, and hold them against specimens that are left out.
+
+        What is common to all fits is done at once; then specimens, draws and chains give a fold.
+        """
+
+    @abstractmethod
+    def noise_in_words(self, fitted: xr.DataTree) -> str:
+        """How measurements differ from curves: evidences compare where that is the same."""
+
+    @abstractmethod
+    def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
+        """Material parameters of new specimens of a class, draws along the first axis."""
+
+    def log_density(self, fitted: xr.DataTree, particles: xr.Dataset) -> Array:
+        """Log density of a class's posterior at unconstrained particles.
+
+        Raises
+        ------
+        ValueError
+            If the kind has none that could be compared.
+        """
+        raise ValueError(
+            "the divergence is that of classes without variability, whose posteriors are "
+            "distributions of the same material parameters"
+        )
+
+
+def without_specimens(data: xr.Dataset, specimens: Collection[str]) -> xr.Dataset:
+    """Tests of all other specimens."""
+    return tests_at(data, np.flatnonzero(~np.isin(data["specimen"].values, list(specimens))))
+
+
+def training_evidence(fitted: Mapping[str, xr.DataTree]) -> float:
+    """Log evidence of the training data of all classes together."""
+    return sum(log_evidence(of_class).value for of_class in fitted.values())
+
+
+def same_training_data(first: xr.DataTree, second: xr.DataTree) -> bool:
+    """Whether two classes were fitted to the same data."""
+    return inflation_data_of(first).equals(inflation_data_of(second))

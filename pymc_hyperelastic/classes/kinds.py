@@ -1,0 +1,68 @@
+"""The kinds of classes that there are, and which of them is meant."""
+
+from typing import Any
+
+import xarray as xr
+
+from pymc_hyperelastic.classes.interface import ClassKind
+from pymc_hyperelastic.classes.pooled import Pooled
+from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+
+__all__ = ["kind_of_classes", "kind_of_settings"]
+
+_KINDS: dict[str, type[ClassKind]] = {kind.variability: kind for kind in (Pooled, Variability)}
+
+
+def kind_of_settings(variability: Any, energy: StrainEnergy, **settings: Any) -> ClassKind:
+    """The kind of class that :func:`~pymc_hyperelastic.fit_classes` is asked for.
+
+    Raises
+    ------
+    ValueError
+        If there is no such kind, or a setting is not used by it.
+    """
+    if variability not in _KINDS:
+        names = " or ".join(map(repr, _KINDS))
+        raise ValueError(f"variability must be {names}, not {variability!r}")
+    return _KINDS[variability].of_settings(energy, **settings)
+
+
+def kind_of_classes(classes: xr.DataTree) -> ClassKind:
+    """Kind and settings of fitted classes, which have to be one, or evidences cannot be compared.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If these are no classes, or not of one model.
+    """
+    check_result(classes, "ph.fit_classes")
+    if not classes.children:
+        raise ValueError("classes must be the result of ph.fit_classes; here are no classes")
+    first = next(iter(classes.children.values()))
+    kind = _KINDS.get(first.attrs.get("variability", Pooled.variability))
+    if kind is None:
+        raise ValueError(
+            f"classes of the variability {first.attrs['variability']!r} are not known here; known "
+            f"are {list(_KINDS)}"
+        )
+    stored = {name for known in _KINDS.values() for name in known.common_attrs}
+    for name, fitted in classes.children.items():
+        if not stored & set(fitted.attrs):
+            raise ValueError(
+                f"classes must be the result of ph.fit_classes, all of it; {name!r} is no class"
+            )
+        if "likelihood" in fitted.attrs:
+            raise ValueError(
+                f"class {name!r} has the likelihood {fitted.attrs['likelihood']!r}: classes come "
+                "from ph.fit_classes"
+            )
+        for key in ("strain_energy", "strain_energy_settings", *kind.common_attrs):
+            mine, theirs = fitted.attrs.get(key), first.attrs.get(key)
+            if mine != theirs:
+                raise ValueError(
+                    f"class {name!r} was fitted with {key} {mine}, others with {theirs}: evidences "
+                    "can only be compared under one strain energy, one prior and one noise"
+                )
+    return kind.of_tree(first)

@@ -1,0 +1,122 @@
+"""Evidence of a specimen under a class whose specimens differ, by the draws of the specimen."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from arviz_stats.base import array_stats
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from pymc_hyperelastic.classes.density import SpecimenDraws, independent, log_densities
+from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.evidence.weights import effective_sample_size
+from pymc_hyperelastic.models.class_distribution import ClassDistribution
+
+__all__ = [
+    "SpecimenEvidence",
+    "distributions_of",
+    "error_of_specimens",
+    "near_class",
+    "specimen_evidence",
+]
+
+Array = NDArray[np.float64]
+
+# Draws of a class's distribution against which a specimen is held.
+_DISTRIBUTIONS = 1000
+# With fewer effective weights nothing is known of their mean.
+_ENOUGH = 50
+
+
+def distributions_of(tree: xr.DataTree) -> ClassDistribution:
+    """Draws of a class's distribution, along the first of two axes."""
+    posterior = tree["posterior"].to_dataset().stack(sample=("chain", "draw"))
+    chosen = np.linspace(0, posterior.sizes["sample"] - 1, _DISTRIBUTIONS).round().astype(int)
+    posterior = posterior.isel(sample=np.unique(chosen))
+
+    def vector(name: str) -> Array | None:
+        if name not in posterior:
+            return None
+        return posterior[name].transpose("coordinate", "sample").values[..., None]
+
+    size = posterior.sizes["coordinate"]
+    factors = np.ones((posterior.sizes["sample"], 1, 1))
+    if size > 1:
+        factors = np.linalg.cholesky(posterior["correlation"].transpose("sample", ...).values)
+    optional = {
+        name: posterior[name].values[:, None]
+        for name in ("effect_spread", "noise_spread")
+        if name in posterior
+    }
+    if "noise_spread" in posterior:
+        optional["log_sigma"] = np.log(posterior["sigma"].values)[:, None]
+    return ClassDistribution(
+        vector("location"),
+        vector("spread"),
+        [[factors[:, i, j, None] for j in range(i + 1)] for i in range(size)],
+        vector("experiment_spread"),
+        **optional,
+    )
+
+
+def error_of_specimens(
+    draws: Mapping[str, SpecimenDraws], distributions: ClassDistribution
+) -> float:
+    """Standard error of a class's log evidence that comes from the draws of its specimens."""
+    variance = 0.0
+    for specimen in draws.values():
+        log_weights = specimen.log_weight + log_densities(specimen, distributions)
+        log_weights -= logsumexp(log_weights, axis=1, keepdims=True)
+        effective = np.exp(-logsumexp(2 * log_weights, axis=1))
+        variance += specimen.standard_error**2 + np.mean(1 / effective) - 1 / log_weights.shape[1]
+    return float(np.sqrt(variance))
+
+
+class SpecimenEvidence(NamedTuple):
+    """Log evidence of a specimen under a class, and how far it can be trusted.
+
+    The second standard error leaves out what the evidences of all classes have in common, the
+    draws of the specimen.
+    """
+
+    log_evidence: Estimate
+    own_error: float
+    pareto_k: float
+
+
+def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) -> SpecimenEvidence:
+    """Evidence of a specimen that is a fresh draw from a class, its distribution averaged over."""
+    density = log_densities(draws, distributions)
+    count = len(density)
+    log_weights = draws.log_weight + logsumexp(density, axis=0) - np.log(count)
+    value = float(logsumexp(log_weights))
+    effective = effective_sample_size(log_weights)
+    pareto_k = float(array_stats.psislw(-log_weights)[1])
+    of_draws = max(1 / effective - 1 / log_weights.size, 0.0)
+    each = np.exp(logsumexp(density + draws.log_weight, axis=1) - value)
+    own = float(np.sqrt(of_draws + np.var(each) / count))
+    estimate = Estimate(value, float(np.hypot(own, draws.standard_error)))
+    if effective < _ENOUGH:
+        pareto_k = np.inf
+    return SpecimenEvidence(estimate, own, pareto_k)
+
+
+def near_class(distributions: ClassDistribution) -> ClassDistribution:
+    """One distribution like those of a class, and wider: a reference for a specimen of it."""
+    d = distributions
+    location, spread = np.asarray(d.location)[..., 0], np.asarray(d.spread)[..., 0]
+    mean = location.mean(axis=1)
+    wide = 1.5 * np.sqrt(location.var(axis=1) + (spread**2).mean(axis=1))
+    optional: dict[str, Any] = {}
+    if d.experiment_spread is not None:
+        within = np.asarray(d.experiment_spread)[..., 0]
+        optional |= {
+            "experiment_spread": 1.5 * np.sqrt((within**2).mean(axis=1)),
+            "effect_spread": np.sqrt(np.mean(np.square(d.effect_spread))),
+        }
+    if d.log_sigma is not None:
+        spread_of = np.var(d.log_sigma) + np.mean(np.square(d.noise_spread))
+        optional |= {"log_sigma": np.mean(d.log_sigma), "noise_spread": 1.5 * np.sqrt(spread_of)}
+    return ClassDistribution(mean, wide, independent(len(mean)), **optional)

@@ -1,0 +1,97 @@
+"""Parts of inflation data: some tests, by label or by position."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Sequence
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from pymc_hyperelastic.data.inflation import check_inflation_data, listed
+
+__all__ = ["select", "specimens_of", "tests_at"]
+
+
+def select(
+    data: xr.Dataset,
+    specimen: Hashable | Iterable[Hashable] | None = None,
+    experiment: Hashable | Iterable[Hashable] | None = None,
+    group: Hashable | Iterable[Hashable] | None = None,
+) -> xr.Dataset:
+    """Keep the tests with the given labels.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Inflation data, see :func:`inflation_data`.
+    specimen, experiment, group : label or list of labels, optional
+        What to keep; a test must satisfy all that are given.
+
+    Returns
+    -------
+    xarray.Dataset
+        The tests that were asked for, in the order of `data`, with ``test`` counted anew.
+
+    Raises
+    ------
+    ValueError
+        If a label is unknown or no test is left; the message lists what exists.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> ph.select(data, group="C2", experiment=[1, 2]).sizes["test"]
+    4
+    """
+    check_inflation_data(data)
+    keep = np.ones(data.sizes["test"], dtype=bool)
+    given = {"specimen": specimen, "experiment": experiment, "group": group}
+    asked = {name: _as_labels(wanted) for name, wanted in given.items() if wanted is not None}
+    for name, wanted in asked.items():
+        # Compared as text: a specimen named 7 in a spreadsheet is '7' here.
+        present = [str(label) for label in data[name].values.tolist()]
+        unknown = [label for label in wanted if str(label) not in present]
+        if unknown:
+            existing = dict.fromkeys(data[name].values.tolist())
+            raise ValueError(f"no {name} {unknown[0]!r} in the data; there are {listed(existing)}")
+        keep &= np.isin(present, [str(label) for label in wanted])
+    if not keep.any():
+        criteria = ", ".join(f"{name}={wanted!r}" for name, wanted in asked.items())
+        raise ValueError(f"no test with {criteria} in the data; there are {_inventory(data)}")
+
+    return tests_at(data, np.flatnonzero(keep))
+
+
+def tests_at(data: xr.Dataset, positions: Sequence[int] | np.ndarray) -> xr.Dataset:
+    """Keep the tests at the given positions, which must rise, with ``test`` counted anew."""
+    test = data["test"].values
+    points = np.isin(test, positions)
+    chosen = data.isel(obs=points, test=positions)
+    renumbered = np.searchsorted(positions, test[points])
+    return chosen.assign_coords(test=("obs", renumbered, data["test"].attrs))
+
+
+def specimens_of(data: xr.Dataset) -> tuple[list[str], NDArray[np.intp]]:
+    """Specimens in the order of the data, and which of them each test is of."""
+    labels = [str(name) for name in data["specimen"].values.tolist()]
+    specimens = list(dict.fromkeys(labels))
+    return specimens, np.array([specimens.index(name) for name in labels])
+
+
+def _inventory(data: xr.Dataset) -> str:
+    experiments: dict[tuple, list[str]] = {}
+    labels = (data[name].values.tolist() for name in ("group", "specimen", "experiment"))
+    for group, specimen, experiment in zip(*labels, strict=True):
+        experiments.setdefault((group, specimen), []).append(repr(experiment))
+    return "; ".join(
+        f"group {group!r}, specimen {specimen!r}, experiment {', '.join(names)}"
+        for (group, specimen), names in experiments.items()
+    )
+
+
+def _as_labels(wanted: Hashable | Iterable[Hashable]) -> list[Hashable]:
+    if isinstance(wanted, Iterable) and not isinstance(wanted, str):
+        return [x.item() if isinstance(x, np.generic) else x for x in wanted]
+    return [wanted.item() if isinstance(wanted, np.generic) else wanted]

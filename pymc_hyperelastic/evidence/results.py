@@ -1,0 +1,94 @@
+"""What is stored of a sampled model: ArviZ's schema, in a DataTree that netCDF can hold.
+
+ArviZ calls the schema InferenceData; its container is :class:`xarray.DataTree`. A sampled model
+has the groups
+
+``posterior``, ``unconstrained_posterior`` : (chain, draw)
+    The variables, and the particles on the scale on which they were moved.
+``sample_stats`` : (chain, stage)
+    What each stage of tempering did; NaN where a chain had fewer stages.
+``evidence`` : (chain)
+    ``log_evidence`` and ``log_evidence_se`` of each chain.
+"""
+
+import json
+from functools import cache
+from importlib.metadata import version
+from typing import Any, Protocol
+
+import numpy as np
+import pymc as pm
+import xarray as xr
+from arviz_base import dict_to_dataset
+from numpy.typing import NDArray
+from pymc.backends.arviz import coords_and_dims_for_inferencedata
+
+__all__ = ["Study", "check_result", "sampling_tree"]
+
+Array = NDArray[np.float64]
+
+_PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy")
+
+
+class Study(Protocol):
+    """What a model was made from."""
+
+    def result_groups(self, model: pm.Model) -> dict[str, xr.Dataset]:
+        """Groups that its result has besides those of sampling."""
+
+    def result_attrs(self) -> dict[str, str]:
+        """Attributes of its result."""
+
+
+def sampling_tree(
+    model: pm.Model,
+    posterior: dict[str, Array],
+    unconstrained: dict[str, Array],
+    stats: list[dict[str, list]],
+    settings: dict[str, Any],
+    random_seed: Any,
+) -> xr.DataTree:
+    """Collect what sampling gave: arrays by (chain, draw), and one dict of stages a chain.
+
+    A model that says what it was made from, as :class:`Study` in ``model.study``, has that in its
+    result too.
+    """
+    coords, dims = coords_and_dims_for_inferencedata(model)
+    stages = max(len(chain["beta"]) for chain in stats)
+    padded = {name: np.full((len(stats), stages), np.nan) for name in stats[0]}
+    for name, values in padded.items():
+        for row, chain in zip(values, stats, strict=True):
+            row[: len(chain[name])] = chain[name]
+    evidence = {
+        "log_evidence": np.array([chain["log_marginal_likelihood"][-1] for chain in stats]),
+        "log_evidence_se": np.sqrt([chain["log_evidence_variance"][-1] for chain in stats]),
+    }
+    study: Study | None = getattr(model, "study", None)
+    tree = xr.DataTree.from_dict(
+        (study.result_groups(model) if study else {})
+        | {
+            "posterior": dict_to_dataset(posterior, coords=coords, dims=dims),
+            "unconstrained_posterior": dict_to_dataset(unconstrained),
+            "sample_stats": dict_to_dataset(padded, sample_dims=["chain", "stage"]),
+            "evidence": dict_to_dataset(evidence, sample_dims=["chain"]),
+        }
+    )
+    # A list of one does not come back from netCDF as a list.
+    del tree["evidence"].attrs["sample_dims"]
+    tree["sample_stats"].attrs.update(settings)
+    tree.attrs["versions"] = _versions()
+    tree.attrs["random_seed"] = json.dumps(random_seed)
+    if study:
+        tree.attrs |= study.result_attrs()
+    return tree
+
+
+@cache
+def _versions() -> str:
+    return json.dumps({name: version(name) for name in _PACKAGES})
+
+
+def check_result(tree: Any, origin: str = "ph.sample_smc, or a class of ph.fit_classes") -> None:
+    """Raise TypeError unless `tree` is a DataTree."""
+    if not isinstance(tree, xr.DataTree):
+        raise TypeError(f"expected the DataTree of {origin}, not {type(tree).__name__}")

@@ -1,0 +1,49 @@
+"""Weights of particles: how many of them count, how far to temper, which particles to keep."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+__all__ = ["effective_sample_size", "largest_step", "systematic"]
+
+Array = NDArray[np.float64]
+
+
+def largest_step(logp: Array, fraction: float, largest: float, log_weights: Any = 0.0) -> float:
+    """Step of ``β`` after which this fraction of the particles is effective, `largest` at most.
+
+    Particles weigh ``exp(step logp)``, times weights that they may have before. Where these are
+    already worse than that, the step is 0.
+    """
+    possible = np.isfinite(logp + log_weights)
+    target = fraction * possible.sum()
+
+    def excess(step: float) -> float:
+        return effective_sample_size(log_weights + step * logp) - target
+
+    if excess(largest) >= 0:
+        return largest
+    # Searched on a logarithmic scale: the first steps may be 1e-13.
+    least = 1e-6 / np.ptp(logp[possible])
+    if excess(least) <= 0:
+        return 0.0
+    log_step = brentq(lambda x: excess(np.exp(x)), np.log(least), np.log(largest), xtol=0.01)
+    return float(np.exp(log_step))
+
+
+def effective_sample_size(log_weights: Array) -> float:
+    """``(Σ w)² / Σ w²``; 0 if no weight is finite."""
+    largest = log_weights.max()
+    if largest == -np.inf:
+        return 0.0
+    weights = np.exp(log_weights - largest)
+    return float(weights.sum() ** 2 / np.sum(weights**2))
+
+
+def systematic(weights: Array, size: int, rng: np.random.Generator) -> NDArray[np.intp]:
+    """Indices drawn by their weights, as evenly as possible."""
+    cumulative = np.cumsum(weights)
+    positions = (rng.random() + np.arange(size)) / size
+    return np.searchsorted(cumulative / cumulative[-1], positions)

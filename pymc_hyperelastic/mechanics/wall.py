@@ -1,0 +1,210 @@
+"""Integrals over the wall of a tube: their rule of quadrature, and the Op that they share."""
+
+from collections.abc import Sequence
+from functools import cache
+from itertools import pairwise
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytensor.tensor as pt
+from pytensor.compile.inner_function import link_only_mode
+from pytensor.compile.mode import Mode
+from pytensor.gradient import DisconnectedType, grad
+from pytensor.graph.basic import Apply, Variable
+from pytensor.graph.op import Op
+from pytensor.graph.replace import _vectorize_node, clone_replace
+from pytensor.tensor.symbolic import TensorSymbolicOp
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.mechanics.layers import check_energy
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.tube import hoop_elongation, opening_factor
+
+__all__ = ["TubeOp", "WallIntegral", "WallRule", "broadcast_batches", "finite_or_zero", "wall_rule"]
+
+
+class TubeOp(TensorSymbolicOp):
+    """What the integrals over the wall have in common: a strain energy, and a tame gradient."""
+
+    # Inlined when compiled, value and gradient share their common terms: two to four times faster.
+    inline = True
+
+    def __init__(
+        self, input_types: Any = None, *, strain_energy: StrainEnergy, **settings: Any
+    ) -> None:
+        check_energy(strain_energy)
+        settings.setdefault("name", f"{type(self).__name__}[{strain_energy!r}]")
+        super().__init__(input_types, strain_energy=strain_energy, **settings)
+
+    @staticmethod
+    def filter_inputs(*inputs: Any) -> tuple[TensorVariable, ...]:
+        """Inputs in double precision: PyTensor reads the number 7.0 as a single-precision one."""
+        return tuple(pt.cast(pt.as_tensor_variable(x), "float64") for x in inputs)
+
+    def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
+        """Gradient by every input: the same rule, differentiated under the integral.
+
+        Where pressure overflows no gradient exists. Zero is returned there, so that a likelihood
+        that rejects such pressures has the gradient zero and not NaN.
+        """
+        # Variables of their own keep inputs apart that depend on each other.
+        own = [x.type() for x in inputs]
+        known = {
+            output: cotangent
+            for output, cotangent in zip(self.build_inner_graph(*own), cotangents, strict=True)
+            if not isinstance(cotangent.type, DisconnectedType)
+        }
+        gradients = grad(
+            None,
+            own,
+            known_grads=known,
+            disconnected_inputs="ignore",
+            return_disconnected="disconnected",
+        )
+        gradients = clone_replace(gradients, dict(zip(own, inputs, strict=True)))
+        return finite_or_zero(gradients)
+
+    def link_mode(self, impl: str | None) -> Mode:
+        """Python for Python: PyMC asks for shapes in this way, and needs no compiler for it."""
+        return link_only_mode("py") if impl == "py" else super().link_mode(impl)
+
+    def response(
+        self, log_hoop: TensorVariable, log_axial: TensorVariable, entries: Sequence[Any]
+    ) -> TensorVariable:
+        """What the integral is linear in: the stress difference ``T`` of the material."""
+        parameters = self.strain_energy.join(entries)
+        return self.strain_energy.stress_difference(log_hoop, log_axial, **parameters)
+
+
+def finite_or_zero(gradients: Sequence[Variable]) -> list[Variable]:
+    """Gradients with 0 in place of what is not finite; those that are disconnected stay."""
+    return [
+        pt.where(pt.isfinite(g), g, 0.0) if isinstance(g, TensorVariable) else g for g in gradients
+    ]
+
+
+class WallRule(NamedTuple):
+    """Quadrature of a wall, over the last axis: where, and weights of what is integrated.
+
+    Pressure is the weighted sum of ``T``, stiffness that of ``½ ∂T/∂ln λθ − T``, and axial force
+    that of ``2 (σzz − σrr) − T``.
+    """
+
+    log_hoop: Any
+    pressure_weight: Any
+    stiffness_weight: Any
+    force_weight: Any
+
+
+class WallIntegral(TubeOp):
+    """An integral over the wall by direct quadrature, at any radius and geometry.
+
+    Inputs are internal radius ``a``, inner radius ``A``, outer radius ``B`` (mm), axial stretch,
+    opening angle (rad), then the parameters in the order of the strain energy, vectors entry by
+    entry; they broadcast against each other.
+    """
+
+    __props__ = ("strain_energy", "order")
+
+    def __init__(self, input_types: Any = None, *, order: int = 32, **settings: Any) -> None:
+        super().__init__(input_types, order=order, **settings)
+
+    def wall(self, inputs: Sequence[TensorVariable]) -> tuple[WallRule, TensorVariable, Any]:
+        """The quadrature, ``ln λz`` and the parameters' entries, nodes along a new last axis."""
+        inputs = pt.broadcast_arrays(*(pt.expand_dims(x, -1) for x in inputs))
+        geometry, entries = inputs[:5], inputs[5:]
+        log_axial = pt.log(geometry[3])
+        kinks = self.strain_energy.kinks(log_axial, **self.strain_energy.join(entries))
+        return wall_rule(pt, *geometry, order=self.order, kinks=kinks), log_axial, entries
+
+
+def wall_rule(
+    xp: ModuleType,
+    internal_radius: Any,
+    inner_radius: Any,
+    outer_radius: Any,
+    axial_stretch: Any,
+    opening_angle: Any,
+    *,
+    order: int = 32,
+    kinks: Sequence[Any] = (),
+) -> WallRule:
+    """Quadrature of a wall, in pieces between the `kinks`, values of ``ln λθ``.
+
+    The nodes run along the last axis, along which the arguments have length 1. `xp` is ``numpy``
+    for numbers and ``pytensor.tensor`` for variables.
+    """
+    log_ratio = xp.log(outer_radius / inner_radius)
+    k = opening_factor(opening_angle)
+    tube = {
+        "inner_radius": inner_radius,
+        "axial_stretch": axial_stretch,
+        "opening_angle": opening_angle,
+    }
+    node, weight = gauss_legendre(order)
+    if kinks:
+        excess = hoop_elongation(internal_radius, inner_radius, **tube)
+        places = [_place(kink + xp.log(axial_stretch / k) / 2, excess, log_ratio) for kink in kinks]
+        node, weight = _divided(node, weight, places)
+    radius = inner_radius * xp.exp(node * log_ratio)
+    delta = hoop_elongation(internal_radius, radius, **tube)
+    log_hoop = (xp.log(k) - xp.log(axial_stretch) + xp.log1p(delta)) / 2
+    stretching = 2 * k * axial_stretch * internal_radius / (radius * (1 + delta)) ** 2
+    return WallRule(
+        log_hoop,
+        weight * log_ratio / (1 + delta),
+        weight * log_ratio * stretching,
+        np.pi / (k * axial_stretch) * weight * log_ratio * radius**2,
+    )
+
+
+def _place(log_stretch: Any, excess: Any, log_ratio: Any) -> TensorVariable:
+    """Place of a hoop stretch in the wall, from 0 inside to 1 outside; 0 if it is not there.
+
+    The stretch is given relative to that of the unloaded tube. Its square exceeds 1 by ``δ``, which
+    falls with the square of the radius from `excess` at the inner surface.
+    """
+    beyond = pt.expm1(2 * log_stretch)
+    ratio = excess / pt.where(pt.eq(beyond, 0.0), 1.0, beyond)
+    inside = (ratio > 1) & (ratio < pt.exp(2 * log_ratio)) & pt.neq(beyond, 0.0)
+    return pt.where(inside, pt.log(pt.where(inside, ratio, 1.0)) / (2 * log_ratio), 0.0)
+
+
+def _divided(node: Any, weight: Any, places: Sequence[Any]) -> tuple[Any, Any]:
+    """The rule on [0, 1] as one rule on each piece between the given places."""
+    ends = [pt.zeros_like(places[0]), *_in_order(places), pt.ones_like(places[0])]
+    pieces = list(pairwise(ends))
+    return (
+        pt.concatenate([low + (high - low) * node for low, high in pieces], axis=-1),
+        pt.concatenate([(high - low) * weight for low, high in pieces], axis=-1),
+    )
+
+
+def _in_order(places: Sequence[Any]) -> list[Any]:
+    """Few variables by their size; the gradient of PyTensor's own sort does not run in JAX."""
+    ordered: list[Any] = []
+    for place in places:
+        for i, other in enumerate(ordered):
+            ordered[i], place = pt.minimum(other, place), pt.maximum(other, place)
+        ordered.append(place)
+    return ordered
+
+
+@_vectorize_node.register(WallIntegral)
+def broadcast_batches(op: Op, node: Apply, *inputs: TensorVariable) -> Apply:
+    """Broadcast batch dimensions from the left; the Op needs no loop over them."""
+    core_ndim = node.outputs[0].type.ndim
+    aligned = []
+    for core, batched in zip(node.inputs, inputs, strict=True):
+        batch_ndim = batched.type.ndim - core.type.ndim
+        missing = range(batch_ndim, batch_ndim + core_ndim - core.type.ndim)
+        aligned.append(pt.expand_dims(batched, tuple(missing)))
+    return type(op)(**op._props_dict())(*aligned, return_list=True)[0].owner
+
+
+@cache
+def gauss_legendre(order: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights of the Gauss-Legendre rule on [0, 1]."""
+    node, weight = np.polynomial.legendre.leggauss(order)
+    return (node + 1) / 2, weight / 2

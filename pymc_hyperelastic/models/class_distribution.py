@@ -1,0 +1,109 @@
+"""The distribution of a class's specimens, and its priors."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pymc as pm
+import pytensor.tensor as pt
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.models.natural_scale import SPREAD, NaturalScale
+from pymc_hyperelastic.models.priors import is_inferred, register_prior
+
+__all__ = ["ClassDistribution", "register_class"]
+
+# Priors of a class, each as the median and the standard deviation of a logarithm.
+_EXPERIMENT_SPREAD, _EFFECT_SPREAD, _NOISE_SPREAD = (0.15, 0.8), (0.5, 0.5), (0.3, 0.5)
+# Exponent of the prior of a correlation matrix, its determinant to the power of η − 1.
+_CONCENTRATION = 2.0
+
+
+@dataclass(frozen=True)
+class ClassDistribution:
+    """The distribution of a class's specimens: variables of a model, or numbers.
+
+    Attributes
+    ----------
+    location, spread : tensor_like, shape (coordinate)
+        Mean and standard deviation of the specimens' coordinates.
+    factor : sequence of sequence
+        Lower Cholesky factor of their correlation matrix, row by row.
+    experiment_spread : tensor_like, shape (coordinate), optional
+        Standard deviation by which experiments on a typical specimen differ from it.
+    effect_spread : tensor_like, optional
+        Standard deviation of the logarithm of that, between specimens.
+    log_sigma, noise_spread : tensor_like, optional
+        Mean and standard deviation of ``ln σ`` of the specimens, if the noise is inferred.
+    """
+
+    location: Any
+    spread: Any
+    factor: Sequence[Sequence[Any]]
+    experiment_spread: Any = None
+    effect_spread: Any = None
+    log_sigma: Any = None
+    noise_spread: Any = None
+
+
+def register_class(
+    scale: NaturalScale,
+    sigma: Any,
+    experiment_effect: bool,
+    priors: Mapping[str, Any] | None = None,
+) -> ClassDistribution:
+    """Variables of a class's distribution, in the model of the context."""
+    given = dict(priors or {})
+    size = len(scale.names)
+
+    def variable(name: str, default: TensorVariable, dims: str | None = "coordinate") -> Any:
+        prior = register_prior(name, given.get(name, default))
+        if dims:
+            pm.modelcontext(None).named_vars_to_dims[name] = (dims,)
+        return prior
+
+    mean, sd = scale.location_prior
+    location = variable("location", pm.Normal.dist(mean, sd, shape=size))
+    logs, sd_of_logs = scale.spread_prior
+    spread = variable("spread", pm.LogNormal.dist(logs, sd_of_logs, shape=size))
+    factor = _correlation_factor(size)
+    optional: dict[str, Any] = {}
+    if experiment_effect:
+        # Experiments differ less than specimens, on any scale in the same proportion.
+        medians = logs + np.log(_EXPERIMENT_SPREAD[0] / SPREAD[0])
+        prior = pm.LogNormal.dist(medians, _EXPERIMENT_SPREAD[1], shape=size)
+        optional["experiment_spread"] = variable("experiment_spread", prior)
+        prior = pm.LogNormal.dist(np.log(_EFFECT_SPREAD[0]), _EFFECT_SPREAD[1])
+        optional["effect_spread"] = variable("effect_spread", prior, dims=None)
+    if is_inferred(sigma):
+        optional["log_sigma"] = pt.log(register_prior("sigma", sigma))
+        prior = pm.LogNormal.dist(np.log(_NOISE_SPREAD[0]), _NOISE_SPREAD[1])
+        optional["noise_spread"] = variable("noise_spread", prior, dims=None)
+    return ClassDistribution(location, spread, factor, **optional)
+
+
+def _correlation_factor(size: int) -> list[list[Any]]:
+    """Cholesky factor of a random correlation matrix, entry by entry."""
+    rows: list[list[Any]] = [[np.float64(1.0)]]
+    if size == 1:
+        return rows
+    column = np.array([j for i in range(1, size) for j in range(i)])
+    shape = _CONCENTRATION + (size - 2 - column) / 2
+    partial = 2 * pm.Beta("correlation_unit", shape, shape, shape=len(column)) - 1
+    place = 0
+    for i in range(1, size):
+        left: Any = np.float64(1.0)
+        row = []
+        for _ in range(i):
+            row.append(partial[place] * left)
+            left = left * pt.sqrt(1 - pt.square(partial[place]))
+            place += 1
+        rows.append([*row, left])
+    correlation = [
+        [sum(a * b for a, b in zip(rows[i], rows[j], strict=False)) for j in range(size)]
+        for i in range(size)
+    ]
+    matrix = pt.stack([pt.stack([pt.as_tensor(v) for v in row]) for row in correlation])
+    pm.Deterministic("correlation", matrix, dims=("coordinate", "coordinate_2"))
+    return rows

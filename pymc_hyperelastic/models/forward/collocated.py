@@ -1,0 +1,152 @@
+"""Curves as constant matrices times the material's response, for known radii and geometry."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.data.inflation import measured_radius
+from pymc_hyperelastic.mechanics.collocation import (
+    CollocatedAxialForce,
+    CollocatedPressureIntegral,
+    KnownTubes,
+    collocate,
+    curve_matrices,
+)
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.tube import GEOMETRY
+
+__all__ = ["Collocated", "known_tubes"]
+
+Array = NDArray[np.float64]
+
+
+def known_tubes(data: xr.Dataset) -> KnownTubes:
+    """The tube at every point of the data."""
+    test, radius = data["test"].values, data["radius"].values.astype(float)
+    geometry = [data[name].values[test].astype(float) for name in GEOMETRY]
+    return KnownTubes(radius, *geometry, growth=measured_radius(data).values / radius)
+
+
+@dataclass(frozen=True)
+class Collocated:
+    """Constant matrices of so many Chebyshev stretches.
+
+    The methods are those of :class:`~pymc_hyperelastic.models.forward.direct.Direct`; geometry is
+    known, and plays no part in them.
+    """
+
+    nodes: int
+    with_force: bool = False
+    by_test: bool = False
+
+    def curve_arrays(self, data: xr.Dataset) -> dict[str, Array]:
+        """Arrays by which the data enter :meth:`curves`."""
+        group = data["test"].values if self.by_test else None
+        matrices, place = curve_matrices(known_tubes(data), self.nodes, group)
+        if not self.with_force:
+            del matrices["force_matrix"]
+        return matrices | {"place": place}
+
+    def curves(
+        self,
+        inputs: Mapping[str, Any],
+        energy: StrainEnergy,
+        parameters: dict[str, Any],
+        geometry: Mapping[str, Any],
+    ) -> dict[str, TensorVariable]:
+        """What the model says at the points."""
+        pressure, stiffness = self._pressure(
+            inputs, inputs["pressure_matrix"], inputs["stiffness_matrix"], energy, parameters
+        )
+        curves = {"pressure": pressure, "stiffness": stiffness}
+        if self.with_force:
+            curves["axial_force"] = self._force(inputs, energy, parameters)
+        return {name: curve.flatten()[inputs["place"]] for name, curve in curves.items()}
+
+    def conditions(self, *_: Any) -> list[TensorVariable]:
+        """None: known tubes are possible."""
+        return []
+
+    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> dict[str, Array]:
+        """Arrays by which data and targets, NaN where there are none, enter :meth:`differences`.
+
+        As many numbers as there are stretches stand for all points, see :func:`collocate`.
+        """
+        return collocate(known_tubes(data), self.nodes, dict(targets))
+
+    def differences(
+        self,
+        inputs: Mapping[str, Any],
+        energy: StrainEnergy,
+        parameters: dict[str, Any],
+        geometry: Mapping[str, Any],
+        error_in: str,
+    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
+        """Differences between curves and targets, compressed."""
+        # Without slopes, as many rows of nothing.
+        slope_matrix = inputs.get("slope_matrix", inputs["pressure_matrix"][:, :0])
+        pressure, slope = self._pressure(
+            inputs, inputs["pressure_matrix"], slope_matrix, energy, parameters
+        )
+        response = {"pressure": pressure - inputs["pressure_target"]}
+        if "slope_target" in inputs:
+            response["slope"] = slope - inputs["slope_target"]
+        if "force_target" in inputs:
+            response["force"] = self._force(inputs, energy, parameters) - inputs["force_target"]
+        return response, []
+
+    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> dict[str, Array]:
+        """Arrays by which the data, and a linear map of each test, enter :meth:`mapped`."""
+        arrays = self.curve_arrays(data)
+        shape, place = arrays["pressure_matrix"].shape, arrays["place"]
+        pressure, stiffness = (
+            arrays[name].reshape(-1, self.nodes)[place]
+            for name in ("pressure_matrix", "stiffness_matrix")
+        )
+        growth = known_tubes(data).growth[:, None]
+        matrix = np.zeros((shape[0] * shape[1], shape[2]))
+        matrix[place] = linear(pressure, stiffness * growth)
+        return {
+            "log_hoop": arrays["log_hoop"],
+            "log_axial": arrays["log_axial"],
+            "mapped_matrix": matrix.reshape(shape),
+            "no_slopes": np.zeros((shape[0], 0, shape[2])),
+            "place": place,
+        }
+
+    def mapped(
+        self,
+        inputs: Mapping[str, Any],
+        energy: StrainEnergy,
+        parameters: dict[str, Any],
+        geometry: Mapping[str, Any],
+    ) -> TensorVariable:
+        """A linear map of pressures and slopes: one constant matrix times the response."""
+        mapped, _ = self._pressure(
+            inputs, inputs["mapped_matrix"], inputs["no_slopes"], energy, parameters
+        )
+        return mapped.flatten()[inputs["place"]]
+
+    def _pressure(
+        self,
+        inputs: Mapping[str, Any],
+        pressure_matrix: Any,
+        stiffness_matrix: Any,
+        energy: StrainEnergy,
+        parameters: dict[str, Any],
+    ) -> tuple[TensorVariable, TensorVariable]:
+        integral = CollocatedPressureIntegral(strain_energy=energy, per_group=self.by_test)
+        stretches = inputs["log_hoop"], inputs["log_axial"]
+        return integral(*stretches, pressure_matrix, stiffness_matrix, *energy.split(parameters))
+
+    def _force(
+        self, inputs: Mapping[str, Any], energy: StrainEnergy, parameters: dict[str, Any]
+    ) -> TensorVariable:
+        integral = CollocatedAxialForce(strain_energy=energy, per_group=self.by_test)
+        stretches = inputs["log_hoop"], inputs["log_axial"]
+        return integral(*stretches, inputs["force_matrix"], *energy.split(parameters))

@@ -1,0 +1,247 @@
+"""Curves by quadrature of the wall at every point: any radius, geometry and layers."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytensor.tensor as pt
+import xarray as xr
+from numpy.typing import NDArray
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.data.inflation import measured_radius
+from pymc_hyperelastic.mechanics.axial_force import wall_force
+from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
+from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
+from pymc_hyperelastic.mechanics.pressure import wall_pressure
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opening_factor
+from pymc_hyperelastic.models.forward.blocks import block_arrays, block_product, identity_of_tests
+
+__all__ = ["CurrentTube", "Direct", "current_tube", "tube_inputs"]
+
+Array = NDArray[np.float64]
+
+# Of the radius: where the last step towards that at a pressure is longer, none was found.
+_LARGEST_LAST_STEP = 1e-6
+# kPa/mm: its square is beyond what a misfit may be.
+_OVERFLOW = np.float64(1e60)
+
+
+def tube_inputs(data: xr.Dataset) -> dict[str, Array]:
+    """What was measured of the tube at each point: its geometry, and one of its current radii."""
+    inputs = {name: data[name].values.astype(float)[data["test"].values] for name in GEOMETRY}
+    name = "current_outer_radius" if "outer_diameter" in data else "radius"
+    return inputs | {name: measured_radius(data).values.astype(float)}
+
+
+@dataclass(frozen=True)
+class CurrentTube:
+    """A tube as it was measured, at each point.
+
+    Attributes
+    ----------
+    radius : tensor_like
+        Internal radius, mm. Where the tube is not possible, that of another one.
+    possible : TensorVariable
+        Whether there is such a tube at all.
+    wall : tensor_like, optional
+        ``r_o² − a²``, if the outer radius ``r_o`` was measured.
+    """
+
+    energy: StrainEnergy | Sequence[Layer]
+    reference: Mapping[str, Any]
+    parameters: dict[str, Any]
+    radius: Any
+    possible: TensorVariable
+    wall: Any = None
+
+    @property
+    def tubes(self) -> list[Tube]:
+        """The tubes that its wall is made of."""
+        return tubes_of(self.energy, self.radius, **self.reference, parameters=self.parameters)
+
+    def measured(self, radius: Any) -> Any:
+        """The radius that was measured, of an internal radius."""
+        return radius if self.wall is None else (radius**2 + self.wall) ** 0.5
+
+    @property
+    def growth(self) -> Any:
+        """How the internal radius grows with the one that was measured."""
+        return 1.0 if self.wall is None else self.measured(self.radius) / self.radius
+
+
+def current_tube(
+    energy: StrainEnergy | Sequence[Layer],
+    inputs: Mapping[str, Any],
+    geometry: Mapping[str, Any],
+    parameters: dict[str, Any],
+) -> CurrentTube:
+    """Tube of the given `inputs`, see :func:`tube_inputs`, but for the `geometry` given.
+
+    It may hold what :func:`~pymc_hyperelastic.mechanics.tube.inferred_geometry` takes.
+    """
+    known = {name: inputs[name] for name in GEOMETRY} | dict(geometry)
+    closed = pt.abs(known["opening_angle"]) < 2 * np.pi
+    if "wall_area" in known:
+        # An impossible one may have no root; one of zero is as impossible.
+        known["wall_area"] = pt.where(closed, pt.maximum(known["wall_area"], 0.0), 0.0)
+    tube = inferred_geometry(known)
+    outer = tube["outer_radius"]
+    possible = pt.all(closed) & pt.all(pt.gt(tube["inner_radius"], 0.0))
+    if isinstance(energy, StrainEnergy):
+        possible &= pt.all(outer > tube["inner_radius"])
+    else:
+        outer = tube["inner_radius"] + sum(layer.thickness for layer in energy)
+        tube["outer_radius"] = None
+        for layer in energy:
+            possible &= pt.all(pt.gt(layer.thickness, 0.0))
+    if "current_outer_radius" not in inputs:
+        return CurrentTube(energy, tube, parameters, inputs["radius"], possible)
+    k = opening_factor(tube["opening_angle"])
+    wall = (outer**2 - tube["inner_radius"] ** 2) / (k * tube["axial_stretch"])
+    square = inputs["current_outer_radius"] ** 2 - wall
+    possible &= pt.all(square > 0)
+    wall = pt.where(square > 0, wall, 0.0)
+    radius = pt.sqrt(inputs["current_outer_radius"] ** 2 - wall)
+    return CurrentTube(energy, tube, parameters, radius, possible, wall)
+
+
+@dataclass(frozen=True)
+class Direct:
+    """Quadrature of so many nodes at every point.
+
+    `parameters` of its methods are those of the strain energy, of every test with `by_test`; layers
+    bring their own.
+    """
+
+    order: int
+    with_force: bool = False
+    by_test: bool = False
+
+    def curve_arrays(self, data: xr.Dataset) -> dict[str, Array]:
+        """Arrays by which the data enter :meth:`curves`."""
+        return tube_inputs(data) | ({"test": data["test"].values} if self.by_test else {})
+
+    def curves(
+        self,
+        inputs: Mapping[str, Any],
+        energy: StrainEnergy | Sequence[Layer],
+        parameters: dict[str, Any],
+        geometry: Mapping[str, Any],
+    ) -> dict[str, TensorVariable]:
+        """What the model says at the points."""
+        current = self._tube(inputs, energy, parameters, geometry)
+        pressure, stiffness = wall_pressure(current.tubes, self.order)
+        curves = {"pressure": pressure, "stiffness": stiffness}
+        if self.with_force:
+            curves["axial_force"] = wall_force(current.tubes, self.order)
+        if geometry and current.wall is not None:
+            curves["radius"] = current.radius
+        return curves
+
+    def conditions(
+        self,
+        inputs: Mapping[str, Any],
+        energy: StrainEnergy | Sequence[Layer],
+        parameters: dict[str, Any],
+        geometry: Mapping[str, Any],
+    ) -> list[TensorVariable]:
+        """Conditions of there being such a tube, where it depends on what is unknown."""
+        if not geometry and isinstance(energy, StrainEnergy):
+            return []
+        return [self._tube(inputs, energy, parameters, geometry).possible]
+
+    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> dict[str, Array]:
+        """Arrays by which data and targets, NaN where there are none, enter :meth:`differences`."""
+        arrays = self.curve_arrays(data)
+        for name, target in targets.items():
+            rows = np.flatnonzero(np.isfinite(target))
+            arrays |= {f"{name}_rows": rows, f"{name}_target": target[rows]}
+        return arrays
+
+    def differences(
+        self,
+        inputs: Mapping[str, Any],
+        energy: StrainEnergy | Sequence[Layer],
+        parameters: dict[str, Any],
+        geometry: Mapping[str, Any],
+        error_in: str,
+    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
+        """Differences between curves and targets, and conditions of there being any."""
+        current = self._tube(inputs, energy, parameters, geometry)
+        conditions = self.conditions(inputs, energy, parameters, geometry)
+        if error_in == "radius":
+            found, error = self._error_in_radius(current, inputs["pressure_target"])
+            conditions.append(found)
+            response = {"radius": error}
+        else:
+            pressure, stiffness = wall_pressure(current.tubes, self.order)
+            response = {"pressure": pressure - inputs["pressure_target"]}
+            if "slope_rows" in inputs:
+                slope = _bounded(stiffness) * current.growth
+                response["slope"] = slope[inputs["slope_rows"]] - inputs["slope_target"]
+        if "force_rows" in inputs:
+            force = wall_force(current.tubes, self.order)[inputs["force_rows"]]
+            response["force"] = force - inputs["force_target"]
+        return response, conditions
+
+    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> dict[str, Array]:
+        """Arrays by which the data, and a linear map of each test, enter :meth:`mapped`."""
+        identity = identity_of_tests(data)
+        zero = np.zeros_like(identity)
+        of_pressure = block_arrays(data, linear(identity, zero))
+        of_slope = block_arrays(data, linear(zero, identity))
+        return self.curve_arrays(data) | {
+            "of_pressure": of_pressure.pop("blocks"),
+            "of_slope": of_slope.pop("blocks"),
+            **of_slope,
+        }
+
+    def mapped(
+        self,
+        inputs: Mapping[str, Any],
+        energy: StrainEnergy | Sequence[Layer],
+        parameters: dict[str, Any],
+        geometry: Mapping[str, Any],
+    ) -> TensorVariable:
+        """A linear map of the pressures and of the slopes by what was measured."""
+        current = self._tube(inputs, energy, parameters, geometry)
+        pressure, stiffness = wall_pressure(current.tubes, self.order)
+        slope = _bounded(stiffness) * current.growth
+        return block_product(inputs["of_pressure"], inputs, pressure) + block_product(
+            inputs["of_slope"], inputs, slope
+        )
+
+    def _tube(
+        self,
+        inputs: Mapping[str, Any],
+        energy: StrainEnergy | Sequence[Layer],
+        parameters: dict[str, Any],
+        geometry: Mapping[str, Any],
+    ) -> CurrentTube:
+        if self.by_test and isinstance(energy, StrainEnergy):
+            parameters = energy.join([x[inputs["test"]] for x in energy.split(parameters)])
+        return current_tube(energy, inputs, geometry, parameters)
+
+    def _error_in_radius(
+        self, current: CurrentTube, pressure: Any
+    ) -> tuple[TensorVariable, TensorVariable]:
+        """Whether there are radii of the measured pressures; how far they are from the measured."""
+        energies, inputs = [], []
+        for tube in current.tubes:
+            _, inner_radius, outer_radius, *_ = tube.geometry
+            energies.append(tube.energy)
+            inputs += [outer_radius - inner_radius, *tube.entries]
+        _, inner_radius, _, *reference = current.tubes[0].geometry
+        op = RadiusAtPressure(strain_energies=tuple(energies), order=self.order)
+        radius, last_step = op(pressure, current.radius, inner_radius, *reference, *inputs)
+        found = last_step < _LARGEST_LAST_STEP
+        radius = pt.where(found, radius, current.radius)
+        return pt.all(found), current.measured(radius) - current.measured(current.radius)
+
+
+def _bounded(stiffness: TensorVariable) -> TensorVariable:
+    """Where it overflows, the gradient by the growth of the radius would be 0 * inf."""
+    return pt.where(pt.isfinite(stiffness), stiffness, _OVERFLOW)

@@ -1,0 +1,237 @@
+"""The forward model of a tube."""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from copy import copy
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytensor
+import pytensor.tensor as pt
+import xarray as xr
+from numpy.typing import NDArray
+from pytensor.compile.sharedvalue import SharedVariable
+from pytensor.graph.basic import Variable
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.data.inflation import points_of
+from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.tube import GEOMETRY
+from pymc_hyperelastic.models.forward.rules import Mode, way_to_integrate
+from pymc_hyperelastic.models.priors import with_variables
+
+__all__ = ["ForwardModel", "Misfits"]
+
+Arrays = dict[str, NDArray]
+
+# kPa², or (kPa/mm)²: far beyond any tube; what is made of smaller numbers does not overflow.
+_LARGEST_MISFIT = np.float64(1e60)
+# Radii of a test at which a pressure is seen to rise.
+_RADII_BETWEEN = 20
+
+
+class Misfits(NamedTuple):
+    """Sums of squared differences between a model and what was measured, by quantity."""
+
+    squares: dict[str, TensorVariable]
+    conditions: list[TensorVariable]
+    """What must hold for there to be any."""
+
+
+class ForwardModel:
+    """What a tube shows where it was measured, for any parameters.
+
+    The data enter compiled expressions as shared variables: :meth:`set_data` puts others in their
+    place.
+
+    Parameters
+    ----------
+    wall : StrainEnergy or sequence of Layer
+        The material, or its layers with distributions for what is inferred of them.
+    data : xarray.Dataset
+        Inflation data.
+    parameters : dict of str to TensorVariable
+        Distributions, or random expressions, of all that is inferred of the material, by name:
+        curves are right over their range.
+    geometry : dict of str to TensorVariable, optional
+        The same of what is not known of the tube.
+    mode : {"auto", "collocation", "quadrature"}
+        How the wall is integrated.
+    with_force : bool
+        Whether axial force is measured.
+    error_in : {"pressure", "radius"}
+        What was measured with an error; with "radius" that is what a misfit tells.
+    by_test : bool
+        Whether each test has parameters of its own: vectors of the length of the tests.
+
+    Raises
+    ------
+    ValueError
+        If there is no such mode, or collocation was asked for and is not possible.
+    """
+
+    def __init__(
+        self,
+        wall: StrainEnergy | Sequence[Layer],
+        data: xr.Dataset,
+        parameters: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None = None,
+        *,
+        mode: Mode = "auto",
+        with_force: bool = False,
+        error_in: str = "pressure",
+        by_test: bool = False,
+    ) -> None:
+        self.data = data
+        self._wall, self._distributions = wall, dict(parameters)
+        self._error_in = error_in
+        self._way: Any = way_to_integrate(
+            wall,
+            data,
+            self._distributions,
+            geometry or {},
+            mode=mode,
+            with_force=with_force,
+            known_radii=error_in == "pressure",
+            by_test=by_test,
+        )
+        self._shared: dict[Hashable, tuple[Callable, dict[str, SharedVariable]]] = {}
+
+    def with_data(self, data: xr.Dataset) -> "ForwardModel":
+        """The same for other data of the same kind, at other radii say."""
+        other = copy(self)
+        other.data, other._shared = data, {}
+        return other
+
+    def between(self) -> "ForwardModel":
+        """The same tests at radii evenly spread between the ends of each."""
+        return self.with_data(_between(self.data))
+
+    def set_data(self, data: xr.Dataset) -> None:
+        """Put other data of the same kind in the place of these, in all that was made of them."""
+        self.data = data
+        for arrays_of, inputs in self._shared.values():
+            for name, value in arrays_of(data).items():
+                inputs[name].set_value(value, borrow=True)
+
+    def share(
+        self,
+        key: Hashable,
+        arrays_of: Callable[[xr.Dataset], Arrays],
+        make: Callable[[str, NDArray], SharedVariable] | None = None,
+    ) -> dict[str, SharedVariable]:
+        """Shared variables of arrays that are made of the data, and follow them.
+
+        Where arrays of the same `key` have been shared, those are returned. Data of other lengths
+        may replace these.
+        """
+        if key not in self._shared:
+            make = make or _shared_variable
+            inputs = {name: make(name, value) for name, value in arrays_of(self.data).items()}
+            self._shared[key] = arrays_of, inputs
+        return self._shared[key][1]
+
+    def curves(
+        self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None = None
+    ) -> dict[str, TensorVariable]:
+        """Pressure and stiffness at the points of the data, by their names.
+
+        With measured forces ``axial_force`` as well, and ``radius``, the internal one, where it
+        depends on what is unknown of the tube.
+        """
+        inputs = self.share("curves", self._way.curve_arrays)
+        return self._way.curves(inputs, *self._material(parameters), geometry or {})
+
+    def conditions(
+        self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None = None
+    ) -> list[TensorVariable]:
+        """What must hold for there to be such a tube, where that is not known beforehand."""
+        inputs = self.share("curves", self._way.curve_arrays)
+        return self._way.conditions(inputs, *self._material(parameters), geometry or {})
+
+    def misfits(
+        self,
+        key: Hashable,
+        targets_of: Callable[[xr.Dataset], Arrays],
+        parameters: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None = None,
+    ) -> Misfits:
+        """Sums of squared differences between the curves and targets.
+
+        Parameters
+        ----------
+        key : hashable
+            What tells these targets from others of the same data.
+        targets_of : callable
+            From data to what was measured at each point, NaN where nothing was: ``"pressure"``
+            (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"`` (mN).
+        parameters, geometry : dict of str to tensor_like
+            Variables in place of the distributions.
+
+        Returns
+        -------
+        Misfits
+            By the names of the targets; with the error in the radius ``"radius"`` (mm²) in place of
+            the pressure.
+        """
+        way = self._way
+        inputs = self.share(
+            ("misfits", key), lambda data: way.misfit_arrays(data, targets_of(data))
+        )
+        material = self._material(parameters)
+        differences, conditions = way.differences(inputs, *material, geometry or {}, self._error_in)
+        squares = {}
+        for name, difference in differences.items():
+            total = pt.sum(pt.square(difference))
+            conditions.append(total < _LARGEST_MISFIT)
+            # Else a noise parameter's gradient would be 0 * inf. That of the material is zero by
+            # the integral itself.
+            squares[name] = pt.where(conditions[-1], total, 0.0) + inputs.get(
+                f"{name}_residual", 0.0
+            )
+        return Misfits(squares, conditions)
+
+    def mapped(
+        self,
+        key: Hashable,
+        linear_of: Callable[[xr.Dataset], Callable[[NDArray, NDArray], NDArray]],
+        parameters: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None = None,
+    ) -> TensorVariable:
+        """A linear map of the pressures, and of the slopes by the radius that was measured.
+
+        `linear_of` gives the map that belongs to data: it takes both as columns over ``obs``, and
+        mixes no two tests.
+        """
+        way = self._way
+        inputs = self.share(("mapped", key), lambda data: way.mapped_arrays(data, linear_of(data)))
+        return way.mapped(inputs, *self._material(parameters), geometry or {})
+
+    def _material(
+        self, parameters: Mapping[str, Any]
+    ) -> tuple[StrainEnergy | list[Layer], dict[str, Any]]:
+        """The wall with variables in place of distributions, and the parameters of one material."""
+        if isinstance(self._wall, StrainEnergy):
+            return self._wall, dict(parameters)
+        return with_variables(self._wall, self._distributions, parameters), {}
+
+
+def _shared_variable(name: str, value: NDArray) -> Variable:
+    return pytensor.shared(value, name=name, shape=(None,) * value.ndim)
+
+
+def _between(data: xr.Dataset) -> xr.Dataset:
+    spans = [points_of(data, test) for test in range(data.sizes["test"])]
+    steps = np.linspace(0, 1, _RADII_BETWEEN)
+    measured = {
+        name: (
+            "obs",
+            np.concatenate(
+                [v.min() + steps * np.ptp(v) for v in (data[name].values[span] for span in spans)]
+            ),
+        )
+        for name in ("radius", "outer_diameter")
+        if name in data
+    }
+    test = np.repeat(np.arange(len(spans)), _RADII_BETWEEN)
+    return xr.Dataset(measured, {"test": ("obs", test)}).assign(data[list(GEOMETRY)].data_vars)

@@ -1,0 +1,153 @@
+"""Which way a wall is integrated: constant matrices of how many stretches, or how many nodes."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any, Literal, get_args
+
+import numpy as np
+import pymc as pm
+import pytensor
+import pytensor.tensor as pt
+import xarray as xr
+from numpy.typing import NDArray
+from pytensor.graph.basic import Constant, Variable
+from pytensor.graph.replace import vectorize_graph
+from pytensor.graph.utils import MissingInputError
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.data.inflation import measured_radius, points_of
+from pymc_hyperelastic.mechanics.axial_force import wall_force
+from pymc_hyperelastic.mechanics.collocation import nodes_needed
+from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.pressure import wall_pressure
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.models.forward.collocated import Collocated, known_tubes
+from pymc_hyperelastic.models.forward.direct import Direct, current_tube, tube_inputs
+
+__all__ = ["Mode", "representative_values", "way_to_integrate"]
+
+Array = NDArray[np.float64]
+Mode = Literal["auto", "collocation", "quadrature"]
+
+# Orders of Gauss-Legendre quadrature that are tried against the last one, and what they may err,
+# relative to the largest value of a curve. With the mode "quadrature" it is the order between.
+_ORDERS, _USUAL_ORDER = (8, 12, 16, 24, 32, 64), 32
+_ORDER_TOLERANCE = 1e-11
+# Parameters whose pressures exceed the measured ones by this factor are left out: their likelihood
+# is nil, whatever the rule.
+_BEYOND = 10.0
+# Points and parameters at which they are tried.
+_MOST_POINTS, _MOST_VALUES = 16, 200
+# Draws of the parameters, and corners of the box that holds these.
+_DRAWS, _MOST_CORNERS = 256, 1024
+
+
+def way_to_integrate(
+    wall: StrainEnergy | Sequence[Layer],
+    data: xr.Dataset,
+    parameters: dict[str, Any],
+    geometry: Mapping[str, Any],
+    *,
+    mode: Mode,
+    with_force: bool,
+    known_radii: bool,
+    by_test: bool,
+) -> Collocated | Direct:
+    """The cheapest way that is exact, but for rounding, over the range of the parameters.
+
+    Raises
+    ------
+    ValueError
+        If there is no such mode, or collocation was asked for and is not possible.
+    """
+    if mode not in get_args(Mode):
+        raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
+    settings = {"with_force": with_force, "by_test": by_test}
+    if mode == "quadrature":
+        return Direct(_USUAL_ORDER, **settings)
+    reason = "layers, a geometry that is inferred, and an error in the radius"
+    if isinstance(wall, StrainEnergy) and not geometry and known_radii:
+        values = representative_values(wall.split(parameters))
+        if values is not None:
+            nodes = nodes_needed(wall, known_tubes(data), values, with_force=with_force)
+            if nodes is not None:
+                return Collocated(nodes, **settings)
+        reason = f"the response of {wall.name} over the range of these parameters"
+    if mode == "collocation":
+        raise ValueError(f"{reason} cannot be collocated: use mode='quadrature'")
+    return Direct(_order_needed(wall, data, parameters, geometry, with_force), **settings)
+
+
+def _order_needed(
+    wall: StrainEnergy | Sequence[Layer],
+    data: xr.Dataset,
+    parameters: dict[str, Any],
+    geometry: Mapping[str, Any],
+    with_force: bool,
+) -> int:
+    """The order after the least at which curves agree with those of the highest one."""
+    # At both ends of every curve; of many curves at some.
+    radius = measured_radius(data).values
+    spans = [points_of(data, test) for test in range(data.sizes["test"])]
+    ends = [span.start + f(radius[span]) for span in spans for f in (np.argmin, np.argmax)]
+    inputs = {k: v[_some(np.array(ends), _MOST_POINTS)] for k, v in tube_inputs(data).items()}
+    layered = not isinstance(wall, StrainEnergy)
+    tubes = current_tube(wall, inputs, geometry, {} if layered else parameters).tubes
+    unknown = [*(v for tube in tubes for v in tube.entries), *geometry.values()]
+    if not isinstance(wall, StrainEnergy):
+        unknown += [layer.thickness for layer in wall]
+    inferred = (v for v in unknown if isinstance(v, Variable) and not isinstance(v, Constant))
+    variables = list(dict.fromkeys(inferred))  # in order, and each once
+    values = representative_values(variables) if variables else None
+    if values is None:
+        return _USUAL_ORDER
+    symbols = {v: pt.vector(dtype="float64") for v in variables}
+
+    def curves(order: int) -> list[Array]:
+        outputs = list(wall_pressure(tubes, order))
+        if with_force:
+            outputs.append(wall_force(tubes, order))
+        batch = vectorize_graph(outputs, symbols)
+        function = pytensor.function(list(symbols.values()), batch, mode="FAST_COMPILE")
+        with np.errstate(all="ignore"):
+            return function(*(_some(v, _MOST_VALUES) for v in values))
+
+    *orders, highest = _ORDERS
+    exact = curves(highest)
+    possible = np.abs(exact[0]).max(axis=1) < _BEYOND * np.abs(data["pressure"].values).max()
+    if not possible.any():
+        return _USUAL_ORDER
+
+    def agree(curve: Array, expected: Array) -> bool:
+        error = np.abs(curve[possible] - expected[possible])
+        scale = np.abs(expected[possible]).max(axis=1, keepdims=True)
+        return bool(np.all(error <= _ORDER_TOLERANCE * scale))
+
+    for order, safer in pairwise([*orders, highest]):
+        if all(map(agree, curves(order), exact)):
+            return safer
+    return highest
+
+
+def _some(values: NDArray, count: int) -> NDArray:
+    """At most so many of the values, evenly spread, the ends included."""
+    return values[np.unique(np.linspace(0, len(values) - 1, count).round().astype(int))]
+
+
+def representative_values(parameters: list[TensorVariable]) -> list[Array] | None:
+    """Draws of the parameters, and the corners of the box that holds them.
+
+    None if they depend on something that is not random, or on a distribution that cannot be drawn
+    from, so that nothing is known of their range.
+    """
+    try:
+        draws = pm.draw(parameters, draws=_DRAWS, random_seed=1, mode="FAST_COMPILE")
+    except (MissingInputError, NotImplementedError):
+        return None
+    ends = np.array([[d.min(), d.max()] for d in draws])
+    # All corners of the box; of one with many, some.
+    count = len(draws)
+    corner = np.random.default_rng(1).permutation(2**count)[:_MOST_CORNERS]
+    bits = (corner >> np.arange(count)[:, None]) & 1
+    corners = np.take_along_axis(ends, bits, axis=1)
+    return [np.concatenate([d, c]) for d, c in zip(draws, corners, strict=True)]

@@ -1,0 +1,363 @@
+"""What was measured of a tube, and with which error."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite
+from numbers import Real
+from typing import Any, Literal, get_args
+
+import numpy as np
+import pymc as pm
+import pytensor.tensor as pt
+import xarray as xr
+from pytensor.graph.basic import Constant, Variable
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
+from pymc_hyperelastic.mechanics.layers import Layer, check_energy
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
+from pymc_hyperelastic.models.forward import ForwardModel, Mode
+from pymc_hyperelastic.models.observation.generative import register_measurements
+from pymc_hyperelastic.models.observation.paper import paper_log_likelihood
+from pymc_hyperelastic.models.observation.slopes import central_differences, with_slopes
+from pymc_hyperelastic.models.priors import check_prior, is_inferred, register_prior
+
+__all__ = ["NOISE_UNITS", "ErrorIn", "Likelihood", "Observation", "inflation_likelihood"]
+
+ErrorIn = Literal["pressure", "radius"]
+Likelihood = Literal["paper", "generative"]
+
+# What is said of the errors, and the unit that it has.
+NOISE_UNITS = {"sigma": "kPa", "slope_weight": "mm2", "force_sigma": "mN"}
+_EXPECTED = {
+    "sigma": "a positive number of kPa (5 mmHg is 5 * ph.mmHg)",
+    "slope_weight": "a number of mm², 0 to leave the slopes out",
+    "force_sigma": "a positive number of mN",
+}
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What was measured of a tube, and with which error.
+
+    Attributes
+    ----------
+    sigma, slope_weight, force_sigma : float or TensorVariable
+        See :func:`~pymc_hyperelastic.inflation_model`; without `force_sigma` forces play no part.
+    error_in : {"pressure", "radius"}
+        What was measured with an error.
+    likelihood : {"paper", "generative"}
+        How the data enter a model.
+    """
+
+    sigma: Any
+    slope_weight: Any = 0.0
+    force_sigma: Any = None
+    error_in: ErrorIn = "pressure"
+    likelihood: Likelihood = "paper"
+
+    @property
+    def noise(self) -> dict[str, Any]:
+        """What is said of the errors, by name."""
+        noise = {"sigma": self.sigma, "slope_weight": self.slope_weight}
+        if self.force_sigma is not None:
+            noise["force_sigma"] = self.force_sigma
+        return noise
+
+    def check(
+        self,
+        wall: StrainEnergy | Sequence[Layer],
+        data: xr.Dataset,
+        parameters: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Raise unless these data can have been measured so of this wall.
+
+        The `geometry` may hold what :func:`~pymc_hyperelastic.inflation_model` infers.
+        """
+        if self.likelihood not in get_args(Likelihood):
+            raise ValueError(
+                f"likelihood is {self.likelihood!r}; expected one of {get_args(Likelihood)}"
+            )
+        if isinstance(wall, StrainEnergy):
+            _check_parameters(wall, parameters)
+        check_inflation_data(data)
+        _check_geometry(wall, data, geometry)
+        for name, value in self.noise.items():
+            _check_noise(name, value)
+        if self.force_sigma is not None and (
+            "axial_force" not in data or data["axial_force"].isnull().all()
+        ):
+            raise ValueError(
+                "force_sigma is given, but the data hold no axial forces: add a column "
+                "'axial_force'"
+            )
+        self._check_form(data)
+
+    def _check_form(self, data: xr.Dataset) -> None:
+        """Raise unless slopes, errors and the likelihood go together."""
+        if self.error_in not in get_args(ErrorIn):
+            raise ValueError(f"error_in is {self.error_in!r}; expected one of {get_args(ErrorIn)}")
+        if self.error_in == "radius" and with_slopes(self.slope_weight):
+            raise ValueError(
+                f"slope_weight is {self.slope_weight}, but with error_in='radius' slopes play no "
+                "part: expected 0"
+            )
+        if with_slopes(self.slope_weight):
+            central_differences(data)
+        if self.likelihood == "paper":
+            return
+        if self.error_in == "radius":
+            raise ValueError(
+                "with likelihood='generative' the measured pressures are drawn at known radii: "
+                "leave error_in='radius' away, or take likelihood='paper'"
+            )
+        if isinstance(self.slope_weight, Variable):
+            raise ValueError(
+                "with likelihood='generative' slope_weight must be a number of mm², such as "
+                "ph.balanced_slope_weight(data), and no distribution: it is part of the "
+                "covariance, which is factorised once; take likelihood='paper' to infer it"
+            )
+
+    def forward_model(
+        self,
+        wall: StrainEnergy | Sequence[Layer],
+        data: xr.Dataset,
+        parameters: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None = None,
+        *,
+        mode: Mode = "auto",
+        by_test: bool = False,
+    ) -> ForwardModel:
+        """Forward model of what is observed, see :class:`ForwardModel` for the arguments."""
+        return ForwardModel(
+            wall,
+            data,
+            parameters,
+            geometry,
+            mode=mode,
+            with_force=self.force_sigma is not None,
+            error_in=self.error_in,
+            by_test=by_test,
+        )
+
+    def with_variables(self) -> "Observation":
+        """The same with random variables of the model in context in place of distributions."""
+        registered = {}
+        for name, value in self.noise.items():
+            if is_inferred(value):
+                check_prior(name, value)
+                registered[name] = register_prior(name, value)
+        return replace(self, **registered)
+
+    def register(
+        self,
+        forward: ForwardModel,
+        parameters: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None = None,
+        *,
+        curves: Mapping[str, TensorVariable],
+        dims: str | None = "obs",
+    ) -> None:
+        """Add what was measured to the model in context: a Potential, or observed variables."""
+        geometry = geometry or {}
+        if self.likelihood == "generative":
+            register_measurements(forward, parameters, geometry, curves, dims=dims, **self.noise)
+        else:
+            pm.Potential("likelihood", self.log_likelihood(forward, parameters, geometry))
+
+    def log_likelihood(
+        self,
+        forward: ForwardModel,
+        parameters: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None = None,
+    ) -> TensorVariable:
+        """The paper's log-likelihood, see :func:`~pymc_hyperelastic.inflation_likelihood`."""
+        return paper_log_likelihood(
+            forward,
+            parameters,
+            geometry or {},
+            sigma=self.sigma,
+            slope_weight=self.slope_weight,
+            force_sigma=self.force_sigma,
+            error_in=self.error_in,
+        )
+
+
+def inflation_likelihood(
+    name: str,
+    energy: StrainEnergy,
+    data: xr.Dataset,
+    parameters: dict[str, Any],
+    *,
+    sigma: Any,
+    slope_weight: Any,
+    force_sigma: Any = None,
+    error_in: ErrorIn = "pressure",
+    geometry: Mapping[str, Any] | None = None,
+    mode: Mode = "auto",
+) -> TensorVariable:
+    r"""Add the likelihood of inflation curves to the PyMC model of the context, as a Potential.
+
+    With ``Δp`` the model's pressures minus the measured ones, ``Δs`` its stiffnesses minus the
+    central differences ``(p[i+1] − p[i−1])/(r[i+1] − r[i−1])`` at the interior points of each
+    test, and ``D`` the matrix of these differences,
+
+    .. math::
+
+        \ln L = -\frac{|Δp|^2}{σ^2} - \frac{β}{σ^2} |Δs|^2
+            - \frac{N}{2} \ln(π σ^2) + \frac12 \ln\det(I + β D^T D).
+
+    The first two terms are the paper's. The others do not depend on the material: they normalise
+    the likelihood as a density of the pressures, but for the small gap between the model's slopes
+    and the differences of its own pressures, so that evidences are absolute and ``σ`` and ``β``
+    can be inferred. There is no factor ½ with ``σ``, which is ``√2`` standard deviations.
+    Where the pressure of a parameter overflows, the log-likelihood is ``−inf`` and its gradient 0.
+
+    With the error in the radius, ``Δr`` replaces ``Δp``: the radius at which the model has the
+    measured pressure minus the measured one (half of an outer diameter).
+
+    With `force_sigma`, measured axial forces add ``−|ΔF|²/σ_F² − (N_F/2) ln(π σ_F²)``.
+
+    Parameters
+    ----------
+    name : str
+        Name of the Potential.
+    energy : StrainEnergy
+        The material.
+    data : xarray.Dataset
+        Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
+    parameters : dict of str to tensor_like
+        The material parameters by name: random variables, expressions or numbers.
+    sigma : tensor_like
+        The paper's ``σ``, kPa, or mm if the error is in the radius; a number or a random variable.
+    slope_weight : tensor_like
+        The paper's ``β``, mm²; a number or a random variable. With the number 0 slopes play no
+        part. See :func:`~pymc_hyperelastic.balanced_slope_weight`.
+    force_sigma : tensor_like, optional
+        The same as `sigma` for axial forces, mN; without it they play no part.
+    error_in : {"pressure", "radius"}
+        What was measured with an error. Where curves are steep it is the radius; slopes then play
+        no part.
+    geometry : dict of str to tensor_like, optional
+        What of ``inner_radius``, ``outer_radius`` (mm), ``axial_stretch`` and ``opening_angle``
+        (rad) is not to be taken from the data, as for an unknown unloaded radius: scalars, of all
+        tests alike.
+    mode : {"auto", "collocation", "quadrature"}
+        How the integral over the wall is taken. With "auto" it is a constant matrix, whose cost
+        does not depend on the number of points, where that reaches rounding error over the range of
+        the parameters' prior, and else direct quadrature at every point.
+
+    Returns
+    -------
+    TensorVariable
+        The Potential, a scalar.
+
+    Raises
+    ------
+    TypeError
+        If the parameters are not those of the strain energy, something is not a scalar, or no
+        model is in context.
+    ValueError
+        If the name is taken, `sigma` or `slope_weight` is an impossible number, or a test has too
+        few points or repeated radii for a slope.
+
+    Examples
+    --------
+    >>> import pymc as pm, pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> with pm.Model():
+    ...     stiffness = pm.Gamma("stiffness", 2, 0.1)
+    ...     potential = ph.inflation_likelihood(
+    ...         "curves",
+    ...         ph.Ogden(),
+    ...         data,
+    ...         {"mu": stiffness, "alpha": 6.0},
+    ...         sigma=5 * ph.mmHg,
+    ...         slope_weight=1.0,
+    ...     )
+    """
+    if pm.Model.get_context(error_if_none=False) is None:
+        raise TypeError("no model is in context: add the likelihood inside `with pm.Model():`")
+    check_energy(energy)
+    if geometry is not None and not isinstance(geometry, Mapping):
+        raise TypeError(
+            f"geometry must be a dict with keys of {GEOMETRY}, not {type(geometry).__name__}"
+        )
+    strangers = [key for key in geometry or {} if key not in GEOMETRY]
+    if strangers:
+        raise ValueError(f"geometry holds {strangers[0]!r}; it may hold {GEOMETRY}")
+    observation = Observation(sigma, slope_weight, force_sigma, error_in)
+    observation.check(energy, data, parameters, geometry)
+    sizes = {p.name: p.size for p in energy.parameters}
+    parameters = {key: _as_tensor(key, value, sizes[key]) for key, value in parameters.items()}
+    geometry = {key: _as_tensor(key, value) for key, value in (geometry or {}).items()}
+    forward = observation.forward_model(energy, data, parameters, geometry, mode=mode)
+    return pm.Potential(name, observation.log_likelihood(forward, parameters, geometry))
+
+
+def _check_parameters(energy: StrainEnergy, parameters: Mapping[str, Any]) -> None:
+    if not isinstance(parameters, Mapping):
+        raise TypeError(
+            f"parameters must be a dict with the keys {list(energy.parameter_names)}, not "
+            f"{type(parameters).__name__}"
+        )
+    energy.split(parameters)
+
+
+def _check_geometry(
+    wall: StrainEnergy | Sequence[Layer], data: xr.Dataset, geometry: Mapping[str, Any] | None
+) -> None:
+    """Raise unless the tube is known, but for what is inferred of it."""
+    inferred = inferred_geometry(geometry or {})
+    needed = set(GEOMETRY) - set(inferred)
+    if not isinstance(wall, StrainEnergy):
+        needed.discard("outer_radius")
+        if "outer_radius" in inferred or not data["outer_radius"].isnull().all():
+            raise ValueError(
+                "layers state the thickness of the wall, and the data its outer radius: leave that "
+                "away, ph.inflation_data(..., outer_radius=None)"
+            )
+    for name in sorted(needed):
+        unknown = np.flatnonzero(data[name].isnull().values)
+        if unknown.size:
+            raise ValueError(
+                f"{describe_test(data, int(unknown[0]))}: {name} is not known: give it a prior, "
+                f"geometry={{{name!r}: ...}}"
+            )
+
+
+def _check_noise(name: str, value: Any) -> None:
+    """Raise unless an error has a size, or a distribution of one."""
+    expected = _EXPECTED[name]
+    if isinstance(value, Variable):
+        if value.type.ndim:
+            raise TypeError(
+                f"{name} has {value.type.ndim} dimension(s); expected {expected}, or a scalar "
+                "distribution"
+            )
+        return
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise TypeError(f"{name} is {value!r}; expected {expected}, or a distribution")
+    if not isfinite(value) or value < 0 or (name != "slope_weight" and value == 0):
+        raise ValueError(f"{name} is {value}; expected {expected}")
+
+
+def _as_tensor(name: str, value: Any, size: int | None = None) -> TensorVariable:
+    try:
+        # As 6.0, PyTensor would keep a number in single precision.
+        tensor = pt.as_tensor(value if isinstance(value, Variable) else np.asarray(value, float))
+    except (TypeError, ValueError):
+        raise TypeError(
+            f"parameter {name!r} is {value!r}; expected a number, an expression or a random "
+            "variable"
+        ) from None
+    if tensor.type.ndim != (size is not None):
+        expected = "a scalar" if size is None else f"a vector of {size}"
+        raise TypeError(
+            f"parameter {name!r} has {tensor.type.ndim} dimension(s); expected {expected}"
+        )
+    if isinstance(tensor, Constant) and not np.all(np.isfinite(tensor.data)):
+        raise ValueError(f"parameter {name!r} is {value}; expected a finite number")
+    return tensor
