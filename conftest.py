@@ -26,20 +26,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--compiled",
         action="store_true",
-        help="compile what states no mode as users do, also in tests that are not marked deep",
+        help="run tests that are not marked deep as those that are: compiled as users have it, "
+        "for as long as it takes",
     )
 
 
-def _is_deep(item: pytest.Item) -> bool:
-    return item.get_closest_marker("deep") is not None
+def _is_quick(item: pytest.Item) -> bool:
+    """Whether a test runs as one of the first tier."""
+    return not (item.get_closest_marker("deep") or item.config.getoption("compiled"))
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     """Run a test in Python: what it evaluates a few times takes longer to compile for numba."""
-    as_users = _is_deep(item) or item.config.getoption("compiled")
-    quickly = pytensor.config.change_flags(mode="FAST_COMPILE")
-    with nullcontext() if as_users else quickly:
+    in_python = pytensor.config.change_flags(mode="FAST_COMPILE")
+    with in_python if _is_quick(item) else nullcontext():
         return (yield)
 
 
@@ -54,7 +55,7 @@ def pytest_runtest_makereport(
     item.stash[_spent] = spent = before + call.duration
     # What takes long to set up is told with the test for which it was.
     too_long = limit < spent and (call.when == "call" or before <= limit)
-    if limit and too_long and call.when != "setup" and report.passed and not _is_deep(item):
+    if limit and too_long and call.when != "setup" and report.passed and _is_quick(item):
         report.outcome = "failed"
         report.longrepr = (
             f"took {spent:.1f} s with its fixtures, and a test may take {limit:g} s: make it "
