@@ -15,7 +15,7 @@ help:
 	@echo "make study       the simulated sheep-aorta study: a table, figures and netCDF files in results/"
 	@echo "make artery      the same for a measured pulmonary artery, control against hypertensive"
 	@echo "make test        the tests of every module and every public name, on two processes, within 5 minutes"
-	@echo "make test-deep   the other tests: calibration, coverage, slow samplers, all digits"
+	@echo "make test-deep   the tests that take longer: calibration, slow samplers, other compilers, all digits"
 	@echo "make test-lowest what make test runs, on the oldest versions that pyproject.toml allows"
 	@echo "make lint        ruff and mypy"
 	@echo "make docs        the documentation, in docs/_build/html"
@@ -33,12 +33,15 @@ artery: $(VENV)/.ready-study
 # The plugin of the benchmarks, where it is installed, may warn that it cannot time two processes at once.
 pytest := OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist worksteal -p no:benchmark
 
-# The first tier, with the examples of the docstrings; a test of it that takes longer than --longest-test fails.
+# The first tier, with the examples of the docstrings. A test of it that takes longer than this many seconds fails.
+LONGEST_TEST ?= 10
 test: $(VENV)/.ready-test
-	$(pytest) -m "not deep" --doctest-modules --ignore=tests/benchmarks tests pymc_hyperelastic
+	$(pytest) -m "not deep" --longest-test $(LONGEST_TEST) --doctest-modules --ignore=tests/benchmarks tests pymc_hyperelastic
 
+# The second tier, and what the first one runs in Python once more as users have it.
 test-deep: $(VENV)/.ready-test
-	$(pytest) -m deep
+	$(pytest) -m "deep or compiled" --compiled
+	$(pytest) --compiled --doctest-modules pymc_hyperelastic
 
 # The oldest versions that pyproject.toml allows, in an environment within the environment.
 test-lowest: $(VENV)/lowest/.ready-test

@@ -22,8 +22,8 @@ AS_WRITTEN = Mode("py", RewriteDatabaseQuery(include=["minimum_compile", "merge"
 """Compiles a graph as it is, for numbers that are asked for a few times.
 
 To simplify it first, as the default and ``"FAST_COMPILE"`` do, takes ten times as long. That the
-simplified graphs have the same numbers is tested for every law in tests/test_pressure.py and
-tests/test_axial_force.py, and for other linkers in the former.
+simplified graphs have the same numbers is tested for every law in tests/mechanics/test_pressure.py
+and test_axial_force.py, and for other linkers in test_pressure_places.py.
 """
 
 Parameters = Mapping[str, float | tuple[float, ...]]

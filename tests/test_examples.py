@@ -1,6 +1,7 @@
 """The example scripts run as a user runs them, and leave what they promise."""
 
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from tiers import deep
 
 import pymc_hyperelastic as ph
 
@@ -28,6 +30,29 @@ def run(script, *arguments, folder):
         env={**os.environ, "MPLBACKEND": "agg", "PYTHONIOENCODING": "utf-8"},
         check=False,
     )
+
+
+@pytest.fixture(params=["here", *deep(["in a process of its own"])])
+def run_alike(request, monkeypatch, capsys):
+    """A script run by this process, which has imported everything already, or as a user runs it."""
+
+    def run_here(script, *arguments, folder):
+        monkeypatch.chdir(folder)
+        monkeypatch.syspath_prepend(EXAMPLES)
+        monkeypatch.setenv("MPLBACKEND", "agg")
+        monkeypatch.setattr(sys, "argv", [script, *map(str, arguments)])
+        code = 0
+        try:
+            runpy.run_path(str(EXAMPLES / script), run_name="__main__")
+        except SystemExit as end:  # its code is a number, or a message for the user
+            code = end.code or 0
+            if not isinstance(code, int):
+                print(code, file=sys.stderr)
+                code = 1
+        printed = capsys.readouterr()
+        return subprocess.CompletedProcess(script, code, printed.out, printed.err)
+
+    return run_here if request.param == "here" else run
 
 
 def csv_of_simulated_data(path, **changes):
@@ -104,9 +129,9 @@ def test_cohort_runs(tmp_path):
     assert flagged.loc["neither class", "share"] > flagged.loc[["A", "B"], "share"].max()
 
 
-def test_csv_help_documents_the_format(tmp_path):
+def test_csv_help_documents_the_format(run_alike, tmp_path):
     """``--help`` names every column."""
-    done = run("classify_csv.py", "--help", folder=tmp_path)
+    done = run_alike("classify_csv.py", "--help", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     for column in (
         "group specimen experiment split radius pressure inner_radius outer_radius "
@@ -124,29 +149,29 @@ def test_csv_help_documents_the_format(tmp_path):
         ({"outer_radius": 5.0}, "outer_radius is 5 mm; expected more than inner_radius"),
     ],
 )
-def test_csv_errors(changes, message, tmp_path):
+def test_csv_errors(run_alike, changes, message, tmp_path):
     """Wrong content ends in one line that names the line of the file."""
     csv_of_simulated_data(tmp_path / "curves.csv", **changes)
-    done = run("classify_csv.py", "curves.csv", "--sigma", "2", folder=tmp_path)
+    done = run_alike("classify_csv.py", "curves.csv", "--sigma", "2", folder=tmp_path)
     assert done.returncode == 1
     assert message in done.stderr
     assert "Traceback" not in done.stderr
 
 
-def test_csv_without_a_column(tmp_path):
+def test_csv_without_a_column(run_alike, tmp_path):
     """A missing column is named; a missing file too."""
     (tmp_path / "curves.csv").write_text("specimen,radius\nS1,7.0\n", encoding="utf-8")
-    done = run("classify_csv.py", "curves.csv", "--sigma", "2", folder=tmp_path)
+    done = run_alike("classify_csv.py", "curves.csv", "--sigma", "2", folder=tmp_path)
     assert "has no column group, experiment, split" in done.stderr
-    done = run("classify_csv.py", "none.csv", "--sigma", "2", folder=tmp_path)
+    done = run_alike("classify_csv.py", "none.csv", "--sigma", "2", folder=tmp_path)
     assert "none.csv" in done.stderr and "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize("script", ["leave_one_animal_out.py", "three_axial_stretches.py"])
-def test_study_of_missing_data_says_how_to_call(script, tmp_path, monkeypatch):
+def test_study_of_missing_data_says_how_to_call(run_alike, script, tmp_path, monkeypatch):
     """A study whose data are not part of the package ends well without them."""
     monkeypatch.delenv("MURINE_ELASTASE", raising=False)
-    done = run(script, folder=tmp_path)
+    done = run_alike(script, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "usage:" in done.stdout and "murine_elastase_pd.csv" in done.stdout
     assert not list(tmp_path.iterdir())

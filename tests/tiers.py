@@ -7,15 +7,11 @@ import pytest
 
 
 def deep(values: Iterable[Any]) -> list:
-    """Parameters of the second tier."""
-    return [
-        pytest.param(*(value if isinstance(value, tuple) else (value,)), marks=pytest.mark.deep)
-        for value in values
-    ]
+    """Parameters of the second tier; a tuple holds several."""
+    several = (value if isinstance(value, tuple) else (value,) for value in values)
+    return [pytest.param(*value, marks=pytest.mark.deep) for value in several]
 
 
 def tiers(values: Iterable[Any], first: Callable[[Any], bool]) -> list:
     """Parameters in their order, those of the first tier as they are and all others deep."""
-    return [
-        value if first(value) else pytest.param(value, marks=pytest.mark.deep) for value in values
-    ]
+    return [value if first(value) else deep([value])[0] for value in values]

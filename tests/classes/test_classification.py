@@ -342,6 +342,7 @@ def test_divergence_names_an_unknown_class(classes):
 # --- predictions ---------------------------------------------------------------------------------
 
 
+@pytest.mark.compiled
 def test_predicted_pressure_is_that_of_each_draw(classes):
     """Pressure and stiffness of single draws, against the other way of integrating the wall."""
     radius = np.array([6.5, 7.0, 8.3, 10.0])

@@ -12,8 +12,6 @@ from scipy.special import gammaln, logsumexp
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.estimate import combine_chains
-from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for, log_sum_exp
-from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
 
 SEED = 20250
 # Tests of one estimate with a fixed seed: an honest error bar is exceeded three times over once in
@@ -26,8 +24,6 @@ EVIDENCE_TOLERANCE = 0.15
 PARTICLE_TOLERANCE = 0.15
 # A test of honesty fails for this fraction of honest kernels, on either side.
 SIGNIFICANCE = 0.001
-# Sums and logarithms of a few numbers of order one.
-ROUNDING = 1e-12
 
 
 # --- models with known evidence ------------------------------------------------------------------
@@ -437,144 +433,6 @@ def test_only_tempered_terms_enter_the_evidence():
     assert abs(value - exact) < STANDARD_ERRORS * error
 
 
-# --- stages: effective particles, steps of the temperature, resampling ---------------------------
-
-
-def test_threshold_is_the_share_effective_after_the_first_step():
-    """The first stage is weighted from the prior until just this share is effective."""
-    for threshold in (0.3, 0.8):
-        tree = ph.sample_smc(
-            regression().build(),
-            500,
-            1,
-            random_seed=SEED,
-            progressbar=False,
-            threshold=threshold,
-        )
-        effective = tree["sample_stats"]["effective_sample_size"].values[0, 0]
-        # The step is found to a thousandth of itself, and moves the share by less than that.
-        assert effective == pytest.approx(threshold * 500, rel=2e-3)
-
-
-def test_effective_sample_size_counts_equal_weights():
-    """As many as have equal weights, whatever their size; none where nothing is possible."""
-    assert effective_sample_size(np.full(7, -1e5)) == pytest.approx(7, rel=ROUNDING)
-    assert effective_sample_size(np.array([2.0, -np.inf, 2.0])) == pytest.approx(2, rel=ROUNDING)
-    # (1 + 3)^2/(1 + 9)
-    assert effective_sample_size(np.log([1.0, 3.0])) == pytest.approx(1.6, rel=ROUNDING)
-    assert effective_sample_size(np.full(4, -np.inf)) == 0
-
-
-def test_largest_step_keeps_the_fraction_effective():
-    """Normal scores of any width, some of them impossible: the fraction is of the possible ones.
-
-    The step is found to a thousandth of itself. The logarithm of the effective size falls as the
-    square of the step, ``-(step sd)^2`` for many normal scores, and thus by two thousandths of
-    what it fell in all.
-    """
-    rng = np.random.default_rng(SEED)
-    for width in (1e-3, 1.0, 1e13):
-        logp = width * rng.standard_normal(1000)
-        logp[:100] = -np.inf
-        for fraction in (0.1, 0.5, 0.9):
-            step = largest_step(logp, fraction, 1e9)
-            effective = effective_sample_size(step * logp)
-            assert np.log(effective / 900) == pytest.approx(np.log(fraction), rel=4e-3)
-
-
-def test_largest_step_is_all_that_remains_where_that_is_good_enough():
-    """Exactly, so that the last stage ends at a temperature of one."""
-    logp = np.array([0.0, 0.1, -0.1, 0.05])
-    assert largest_step(logp, 0.5, 0.37) == 0.37
-    assert largest_step(np.full(5, -3.0), 0.99, 1.0) == 1.0
-
-
-def test_largest_step_is_nothing_where_weights_are_too_bad_already():
-    """Weights from before count, and no step makes up for them that only spreads them further."""
-    logp = np.linspace(-1, 1, 10)
-    before = np.where(np.arange(10) == 9, 0.0, -20.0)
-    assert largest_step(logp, 0.5, 1.0, before) == 0.0
-    mild = np.linspace(0.0, -0.5, 10)
-    step = largest_step(20 * logp, 0.5, 1.0, mild)
-    assert effective_sample_size(mild + step * 20 * logp) == pytest.approx(5, rel=4e-3)
-
-
-def test_systematic_resampling_is_even():
-    """Each is chosen as often as it weighs, rounded up or down, and on average exactly so."""
-    weights = np.array([0.0, 0.5, 1.7, 0.0, 3.1, 0.7, 0.0])
-    rng = np.random.default_rng(SEED)
-    expected = 11 * weights / weights.sum()
-    runs = 4000
-    counts = np.array([np.bincount(systematic(weights, 11, rng), minlength=7) for _ in range(runs)])
-    assert np.all((counts == np.floor(expected)) | (counts == np.ceil(expected)))
-    # A count that is rounded up with probability p has the variance p (1 - p), 1/4 at most.
-    assert np.all(np.abs(counts.mean(axis=0) - expected) < 4 * 0.5 / np.sqrt(runs))
-
-
-# --- the mixture that moves are drawn from -------------------------------------------------------
-
-
-def mixture(dimension: int) -> GaussianMixture:
-    """Three components of unlike weights, with correlated coordinates."""
-    rng = np.random.default_rng(SEED)
-    factors = np.tril(rng.normal(size=(3, dimension, dimension)))
-    factors[:, range(dimension), range(dimension)] = rng.uniform(0.5, 2, (3, dimension))
-    return GaussianMixture(np.log([0.2, 0.5, 0.3]), rng.normal(0, 3, (3, dimension)), factors)
-
-
-@pytest.mark.parametrize("dimension", [1, 2, 5])
-def test_density_of_the_mixture_is_that_of_scipy(dimension):
-    """Normal components, and the same with the heavy tails of proposals.
-
-    These are wider by ``1 + 0.6/d`` and of Student's t with ``max(1, d/2)`` degrees of freedom.
-    """
-    normal = mixture(dimension)
-    points = np.random.default_rng(1).normal(0, 10, (50, dimension))
-    covariances = normal.factors @ normal.factors.mT
-    weights = np.exp(normal.log_weights)
-
-    def density(kind, *args, widening=1.0):
-        return sum(
-            w * kind(m, widening * c, *args).pdf(points)
-            for w, m, c in zip(weights, normal.means, covariances, strict=True)
-        )
-
-    expected = density(stats.multivariate_normal)
-    np.testing.assert_allclose(np.exp(normal.log_density(points)), expected, rtol=1e-10)
-    freedom = max(1.0, dimension / 2)
-    expected = density(stats.multivariate_t, freedom, widening=1 + 0.6 / dimension)
-    heavy = normal.heavy_tailed()
-    np.testing.assert_allclose(np.exp(heavy.log_density(points)), expected, rtol=1e-10)
-
-
-def test_draws_of_the_mixture_have_its_density():
-    """Heavy-tailed draws in one dimension against the distribution function of Student's t."""
-    heavy = mixture(1).heavy_tailed()
-    draws = heavy.draw(5000, np.random.default_rng(SEED))[:, 0]
-    components = [
-        (w, stats.t(heavy.freedom, m[0], f[0, 0]))
-        for w, m, f in zip(np.exp(heavy.log_weights), heavy.means, heavy.factors, strict=True)
-    ]
-    result = stats.kstest(draws, lambda x: sum(w * t.cdf(x) for w, t in components))
-    assert result.pvalue > SIGNIFICANCE
-
-
-def test_components_are_as_many_as_the_points_can_tell():
-    """Ten points for each of ``(d + 1)(d + 2)/2`` parameters, five if there are but two."""
-    assert components_for(59, 2) == 1  # 6 parameters
-    assert components_for(60, 2) == 2
-    assert components_for(179, 2) == 2
-    assert components_for(359, 2) == 5
-    assert components_for(1e9, 2) == 6
-    assert components_for(5, 20) == 1
-
-
-def test_log_sum_exp_is_that_of_scipy():
-    """Of terms far below and above where their exponentials would be lost."""
-    terms = np.random.default_rng(SEED).normal(0, 50, (4, 3, 5)) + np.array([-1e4, 0, 1e4])[:, None]
-    np.testing.assert_allclose(log_sum_exp(terms), logsumexp(terms, axis=-1), rtol=ROUNDING)
-
-
 def test_an_edge_of_the_likelihood_is_kept():
     """A uniform's share: most of what is drawn is impossible, and the Potential is of float32."""
     with pm.Model() as model:
@@ -594,3 +452,19 @@ def test_overflow_of_a_wild_proposal_is_no_warning():
     # |x| stays below sqrt(ln 1e30) = 8.3, where the Gaussian is negligible.
     exact = -np.log(1 + 30**2)
     assert abs(value - exact) < min(STANDARD_ERRORS * error, EVIDENCE_TOLERANCE)
+
+
+def test_threshold_is_the_share_effective_after_the_first_step():
+    """The first stage is weighted from the prior until just this share is effective."""
+    for threshold in (0.3, 0.8):
+        tree = ph.sample_smc(
+            regression().build(),
+            500,
+            1,
+            random_seed=SEED,
+            progressbar=False,
+            threshold=threshold,
+        )
+        effective = tree["sample_stats"]["effective_sample_size"].values[0, 0]
+        # The step is found to a thousandth of itself, and moves the share by less than that.
+        assert effective == pytest.approx(threshold * 500, rel=2e-3)

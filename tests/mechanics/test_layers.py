@@ -9,6 +9,7 @@ import pytensor
 import pytensor.tensor as pt
 import pytest
 from problems import AS_WRITTEN, LAWS, entries
+from tiers import tiers
 
 import pymc_hyperelastic as ph
 
@@ -50,6 +51,8 @@ TUBES = (
     (1.156, 0.9, 60.0),  # and in the outer one
 )
 SLACKENING = (-2, -1)
+# The wall of which hundred digits of all derivatives do not take long.
+FIRST = "a rubber tube in another"
 CASES = [pytest.param(wall, tube, id=f"{wall}, {tube}") for wall, tube in product(WALLS, TUBES)]
 
 
@@ -190,7 +193,7 @@ def test_gradient_agrees_with_finite_differences(wall, function):
     )
 
 
-@pytest.mark.parametrize("wall", WALLS)
+@pytest.mark.parametrize("wall", tiers(WALLS, first=lambda wall: wall == FIRST))
 def test_gradient_agrees_with_the_oracle(wall):
     """The derivative of each quantity by each input is the exact one."""
     inputs = inputs_of(wall, TUBES[-2])

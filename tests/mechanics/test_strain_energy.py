@@ -20,7 +20,7 @@ CLOSED_FORM_TOLERANCE = 1e-13
 ENERGY_TOLERANCE = 1e-12
 # The gradient of an energy is a difference of two derivatives, which nearly cancel at small strain.
 DEFAULT_TOLERANCE = 1e-11
-# Tubes of the energies that only these tests know: see tests/test_pressure.py.
+# Tubes of the energies that only these tests know: see tests/mechanics/test_pressure.py.
 PRESSURE_TOLERANCE = 1e-9
 STIFFNESS_TOLERANCE = 1e-7
 # Over twice this step in ln(hoop stretch) a smooth slope changes by far less than by this part.

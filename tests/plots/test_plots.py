@@ -256,6 +256,7 @@ def test_classes_have_their_own_colours(classes):
     assert figure.aes["color"]["mapping"].values.tolist() == PALETTE[:2]
 
 
+@pytest.mark.compiled
 def test_band_contains_the_median_and_the_prediction(classes):
     """Median and band are the quantiles of the predicted pressure and stiffness."""
     figure = ph.plot_pressure_fit(classes, prob=0.8, pressure_unit="kPa", backend="none")

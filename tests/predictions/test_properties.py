@@ -24,6 +24,8 @@ from scipy.integrate import quad
 
 import pymc_hyperelastic as ph
 
+pytestmark = pytest.mark.compiled  # predictions are compiled for each law
+
 # The same quantity by another compiled function, or from another formula of the same digits.
 ROUNDING = 1e-12
 # Central differences of step h err by h² and by rounding over h: with h = 1e-4 of the pressure.
