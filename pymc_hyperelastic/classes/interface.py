@@ -8,7 +8,6 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.evidence.estimate import Estimate, log_evidence
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.study import inflation_data_of
@@ -133,11 +132,6 @@ class ClassKind(ABC):
             "the divergence is that of classes without variability, whose posteriors are "
             "distributions of the same material parameters"
         )
-
-
-def without_specimens(data: xr.Dataset, specimens: Collection[str]) -> xr.Dataset:
-    """Tests of all other specimens."""
-    return tests_at(data, np.flatnonzero(~np.isin(data["specimen"].values, list(specimens))))
 
 
 def training_evidence(fitted: Mapping[str, xr.DataTree]) -> float:

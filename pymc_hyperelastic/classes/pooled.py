@@ -18,9 +18,8 @@ from pymc_hyperelastic.classes.interface import (
     Predictor,
     Seed,
     training_evidence,
-    without_specimens,
 )
-from pymc_hyperelastic.data.select import specimens_of, tests_at
+from pymc_hyperelastic.data.select import specimens_apart, specimens_of, without_specimens
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
@@ -109,25 +108,19 @@ class Pooled(ClassKind):
             except (TypeError, ValueError) as error:
                 raise type(error)(f"class {name!r}: {error}") from error
         seeds = seed.generate_state(len(models)).tolist()
-        return self._sampled(models, draws, chains, seeds, progressbar)
+        settings = {"draws": draws, "chains": chains, "progressbar": progressbar}
+        return self._sampled(models, seeds, **settings)
 
     def _sampled(
-        self,
-        models: dict[str, pm.Model],
-        draws: int,
-        chains: int,
-        seeds: list[int],
-        progressbar: bool,
+        self, models: dict[str, pm.Model], seeds: list[int], **settings: Any
     ) -> Iterator[tuple[str, xr.DataTree]]:
         parameters = [rv.name for rv in next(iter(models.values())).free_RVs]
         for (name, model), seed in zip(models.items(), seeds, strict=True):
             try:
-                yield (
-                    name,
-                    sample_smc(model, draws, chains, seed, progressbar, var_names=parameters),
-                )
+                fitted = sample_smc(model, random_seed=seed, var_names=parameters, **settings)
             except ValueError as error:
                 raise ValueError(f"class {name!r}: {error}") from error
+            yield name, fitted
 
     def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:
         """What classes say of parts of new data: everything is compiled once, for all of them."""
@@ -159,16 +152,13 @@ class Pooled(ClassKind):
                 # What an interrupt has left of the chains is of no use here.
                 raise KeyboardInterrupt
             stored = self.of_tree(next(iter(fitted.values())))
-            predictions = {}
+            predictions: dict[str, list[Prediction]] = {}
             for data in classes.values():
-                names, of_test = specimens_of(data)
-                here = [i for i, name in enumerate(names) if name in left_out]
-                if here:
-                    new_data = tests_at(data, np.flatnonzero(np.isin(of_test, here)))
-                    predict = stored.predictor(fitted, new_data, len(here), new)
-                    for i in here:
-                        part = tests_at(data, np.flatnonzero(of_test == i))
-                        predictions[names[i]] = predict(part)
+                parts = specimens_apart(data, left_out)
+                if parts:
+                    new_data = without_specimens(data, set(specimens_of(data)[0]) - set(parts))
+                    predict = stored.predictor(fitted, new_data, len(parts), new)
+                    predictions |= {name: predict(part) for name, part in parts.items()}
             return Fold(training_evidence(fitted), predictions)
 
         return fold
@@ -214,38 +204,20 @@ class ClassPredictive:
         SMC from the class's draws to the new data, see :class:`BatchedSMC`.
 
     The first two are trusted if the Pareto shape of the weights is below 0.5 and at least 1000
-    draws are effective. Everything is compiled once, and for all classes of one law together.
-
-    Parameters
-    ----------
-    fitted : xarray.DataTree
-        A class of :func:`pymc_hyperelastic.fit_classes`.
-    kind : Pooled
-        Its settings.
-    forward : ForwardModel
-        Curves of the new data, which it may share with other classes.
-    rng : numpy.random.Generator
-        For the class's own integral.
-
-    References
-    ----------
-    A. Vehtari, D. Simpson, A. Gelman, Y. Yao and J. Gabry, Pareto smoothed importance sampling,
-    Journal of Machine Learning Research 25 (2024) 72.
+    draws are effective (A. Vehtari, D. Simpson, A. Gelman, Y. Yao and J. Gabry, Pareto smoothed
+    importance sampling, Journal of Machine Learning Research 25 (2024) 72). Everything is compiled
+    once, and for all classes of one law together: they may share the `forward` model of the new
+    data.
     """
 
     def __init__(
-        self,
-        fitted: xr.DataTree,
-        kind: "Pooled",
-        forward: ForwardModel,
-        rng: np.random.Generator,
+        self, fitted: xr.DataTree, kind: Pooled, forward: ForwardModel, rng: np.random.Generator
     ) -> None:
-        model = kind.model(inflation_data_of(fitted))
-        known = kind.observation.noise
-        noise = {name: model[name] for name in known if name in model.named_vars}
+        model, variables = kind.model(inflation_data_of(fitted)), kind.observation.noise
+        noise = {name: model[name] for name in variables if name in model.named_vars}
         parameters = {name: model[name] for name in kind.energy.parameter_names}
+        observation = replace(kind.observation, **noise)
         with model:
-            observation = replace(kind.observation, **noise)
             new = pm.Potential("new", observation.log_likelihood(forward.tube(parameters)))
 
         particles = fitted["unconstrained_posterior"].to_dataset()

@@ -47,18 +47,8 @@ class _SpecimenModel(NamedTuple):
 class SpecimenSampler:
     """Sample specimens, each by itself, under one reference distribution.
 
-    Specimens with the same number of tests share one compiled model.
-
-    Parameters
-    ----------
-    scale : NaturalScale
-        The coordinates.
-    forward : ForwardModel
-        Curves of specimens; each brings data of its own.
-    reference : ClassDistribution
-        The reference distribution, in numbers.
-    sigma : float, optional
-        The noise; None where each specimen has its own.
+    Specimens with the same number of tests share one compiled model. Each brings data of its own,
+    and noise of its own if `sigma` is None.
     """
 
     def __init__(

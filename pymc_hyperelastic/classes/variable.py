@@ -29,6 +29,7 @@ from pymc_hyperelastic.classes.specimen_evidence import (
     distributions_of,
     error_of_specimens,
     near_class,
+    predictive_p_value,
     specimen_evidence,
 )
 from pymc_hyperelastic.classes.specimens import (
@@ -37,8 +38,7 @@ from pymc_hyperelastic.classes.specimens import (
     fresh_specimens,
     reference_of,
 )
-from pymc_hyperelastic.classes.typicality import predictive_p_value
-from pymc_hyperelastic.data.select import specimens_of, tests_at
+from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.from_modes import sample_from_modes
 from pymc_hyperelastic.evidence.importance import UNTRUSTED_PARETO_K
@@ -212,12 +212,8 @@ class Variability(ClassKind):
             predictions = {}
             for name, data in classes.items():
                 predictive = SpecimenPredictive(self, fitted, samplers[name])
-                names, of_test = specimens_of(data)
-                for i, specimen in enumerate(names):
-                    if specimen in left_out:
-                        part = tests_at(data, np.flatnonzero(of_test == i))
-                        known = specimens[name][specimen]
-                        predictions[specimen] = predictive(part, rng, known)
+                for specimen, part in specimens_apart(data, left_out).items():
+                    predictions[specimen] = predictive(part, rng, specimens[name][specimen])
             return Fold(training_evidence(fitted), predictions)
 
         return fold
@@ -244,11 +240,7 @@ def sample_specimens(
     sampler: SpecimenSampler, data: xr.Dataset, rng: np.random.Generator
 ) -> dict[str, SpecimenDraws]:
     """Draws of each specimen of the data."""
-    names, of_test = specimens_of(data)
-    return {
-        name: sampler(tests_at(data, np.flatnonzero(of_test == i)), rng)
-        for i, name in enumerate(names)
-    }
+    return {name: sampler(part, rng) for name, part in specimens_apart(data).items()}
 
 
 def fit_distribution(

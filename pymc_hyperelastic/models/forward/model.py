@@ -41,19 +41,17 @@ class ForwardModel:
         The material, or its layers with distributions for what is inferred of them.
     data : xarray.Dataset
         Inflation data.
-    parameters : dict of str to TensorVariable
-        Distributions, or random expressions, of all that is inferred of the material, by name:
-        curves are right over their range.
-    geometry : dict of str to TensorVariable, optional
-        The same of what is not known of the tube.
+    parameters, geometry : dict of str to TensorVariable
+        Distributions, or random expressions, of what is inferred of the material, and of what is
+        not known of the tube, by name: curves are right over their range.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated.
     with_force : bool
         Whether axial force is measured.
     error_in : {"pressure", "radius"}
-        What was measured with an error; with "radius" that is what a misfit tells.
+        What was measured with an error, and what a misfit tells.
     by_test : bool
-        Whether each test has parameters of its own: vectors of the length of the tests.
+        Whether each test has parameters of its own, vectors of the length of the tests.
 
     Raises
     ------
