@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-import pymc as pm
 import pytensor
 import pytensor.tensor as pt
 import xarray as xr
@@ -46,9 +45,8 @@ from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.natural_scale import NaturalScale
-from pymc_hyperelastic.models.population import check_population, population_forward
-from pymc_hyperelastic.models.priors import is_inferred, prior_from_record, prior_to_record
+from pymc_hyperelastic.models.population import Population
+from pymc_hyperelastic.models.priors import prior_from_record, prior_to_record
 from pymc_hyperelastic.models.study import Study, strain_energy_attrs, strain_energy_of
 
 Array = NDArray[np.float64]
@@ -59,18 +57,12 @@ _IN_CLASS = 128
 
 
 @dataclass(frozen=True)
-class Variability(ClassKind):
+class Variability(Population, ClassKind):
     """Settings of classes whose specimens differ."""
 
     variability: ClassVar[str] = "specimen"
     has_p_value: ClassVar[bool] = True
     common_attrs: ClassVar[tuple[str, ...]] = ("variability_settings",)
-
-    energy: StrainEnergy
-    sigma: Any
-    experiment_effect: bool = False
-    reference_stress: float = 20.0
-    priors: Mapping[str, Any] | None = None
 
     @classmethod
     def of_settings(
@@ -94,40 +86,14 @@ class Variability(ClassKind):
             )
         return cls(energy, sigma, experiment_effect, reference_stress, priors)
 
-    @property
-    def scale(self) -> NaturalScale:
-        """Coordinates of the specimens."""
-        return NaturalScale(self.energy, self.reference_stress)
-
-    @property
-    def known_sigma(self) -> float | None:
-        """The noise, or None if it is inferred."""
-        return None if is_inferred(self.sigma) else float(self.sigma)
-
     @cached_property
     def reference(self) -> ClassDistribution:
         """Distribution under which each specimen is sampled."""
-        return reference_of(self.scale, self.sigma, self.experiment_effect)
-
-    def check(self, data: xr.Dataset) -> None:
-        """Raise unless these data can be modelled so."""
-        check_population(self.scale, data, self.sigma, self.experiment_effect, self.priors)
+        return reference_of(self)
 
     def sampler(self, data: xr.Dataset) -> SpecimenSampler:
         """Sampler of the specimens of these data, each by itself."""
-        forward = population_forward(self.scale, data)
-        return SpecimenSampler(self.scale, forward, self.reference, self.known_sigma)
-
-    def model(self, draws: Mapping[str, SpecimenDraws]) -> pm.Model:
-        """Model of a class with these specimens."""
-        return class_model(
-            self.scale,
-            list(draws.values()),
-            list(draws),
-            sigma=self.sigma,
-            experiment_effect=self.experiment_effect,
-            priors=self.priors,
-        )
+        return SpecimenSampler(self, self.forward_model(data), self.reference)
 
     def attrs(self) -> dict[str, str]:
         """The settings as text, for attributes of a file.
@@ -252,7 +218,7 @@ def fit_distribution(
 ) -> xr.DataTree:
     """Posterior and evidence of a class's distribution, with the draws of its specimens."""
     few = {name: specimen.first(_IN_CLASS) for name, specimen in draws.items()}
-    kernel = BatchedSMC(draws=count, model=settings.model(few))
+    kernel = BatchedSMC(draws=count, model=class_model(settings, few))
     populations, stats = [], []
     for seed in random_seed.spawn(chains):
         particles, evidence = sample_from_modes(kernel, np.random.default_rng(seed))
@@ -333,12 +299,8 @@ class SpecimenPredictive:
     def _near(self, name: str) -> SpecimenSampler:
         """Sampler under a distribution like that of a class."""
         if name not in self._closer:
-            self._closer[name] = SpecimenSampler(
-                self._settings.scale,
-                self._sampler.forward,
-                near_class(self._distributions[name]),
-                self._settings.known_sigma,
-            )
+            near = near_class(self._distributions[name])
+            self._closer[name] = SpecimenSampler(self._settings, self._sampler.forward, near)
         return self._closer[name]
 
     def _p_value(
