@@ -53,10 +53,9 @@ def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     for name in (first, second):
         if name not in classes.children:
             raise ValueError(f"there is no class {name!r}; there are {list(classes.children)}")
-    particles = classes[first]["unconstrained_posterior"].to_dataset()
     evidences = [log_evidence(classes[name]) for name in (first, second)]
     log_posteriors = [
-        kind.log_density(classes[name], particles) - evidence.value
+        kind.log_density(classes[name], classes[first]) - evidence.value
         for name, evidence in zip((first, second), evidences, strict=True)
     ]
     difference = log_posteriors[0] - log_posteriors[1]

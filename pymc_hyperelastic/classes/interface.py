@@ -120,8 +120,8 @@ class ClassKind(ABC):
     def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
         """Material parameters of new specimens of a class, draws along the first axis."""
 
-    def log_density(self, fitted: xr.DataTree, particles: xr.Dataset) -> Array:
-        """Log density of a class's posterior at unconstrained particles.
+    def log_density(self, fitted: xr.DataTree, other: xr.DataTree) -> Array:
+        """Log density of a class's posterior at the draws of another, its evidence left out.
 
         Raises
         ------

@@ -175,8 +175,9 @@ class Pooled(ClassKind):
             for name in self.energy.parameter_names
         }
 
-    def log_density(self, fitted: xr.DataTree, particles: xr.Dataset) -> Array:
-        """Log density of a class's posterior, its evidence left out."""
+    def log_density(self, fitted: xr.DataTree, other: xr.DataTree) -> Array:
+        """Log density of a class's posterior at the draws of another, its evidence left out."""
+        particles = other["unconstrained_posterior"].to_dataset()
         model = self.model(inflation_data_of(fitted))
         values = [particles[v.name].values.ravel() for v in model.value_vars]
         return BatchedFunction.of_model(model, [model.logp()])(np.stack(values, axis=1))[0]
