@@ -13,8 +13,6 @@ import xarray as xr
 from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
 
-__all__ = ["list_datasets", "load_dataset"]
-
 
 def list_datasets() -> dict[str, str]:
     """List the datasets that come with the package.
@@ -116,7 +114,7 @@ _SHIPPED = {
         description="SIMULATED inflation of 5 aortas, 3 experiments each, in two groups (C1, C2).",
         source=(
             "SIMULATED, not measured: a two-fibre-family exponential tube with variability and "
-            "errors, made by pymc_hyperelastic/data/datasets/simulate_sheep_aorta.py."
+            "errors, made by docs/simulate_sheep_aorta.py."
         ),
         simulated=True,
         build=_simulated_sheep_aorta,
