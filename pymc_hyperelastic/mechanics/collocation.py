@@ -21,12 +21,10 @@ from pytensor.tensor.blockwise import vectorize_node_fallback
 from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.axial_force import force_response
-from pymc_hyperelastic.mechanics.chebyshev import chebyshev_nodes, value_to_coefficient
+from pymc_hyperelastic.mechanics.chebyshev import Array, chebyshev_nodes, value_to_coefficient
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import stretches
 from pymc_hyperelastic.mechanics.wall import TubeOp, wall_rule
-
-Array = NDArray[np.float64]
 
 # Chebyshev coefficients of the response below this fraction of the largest are left out. The
 # pressure is then right to about 1e-12 of the largest in the data, and rounding is not mistaken
