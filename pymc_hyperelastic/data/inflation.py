@@ -5,8 +5,6 @@ coordinate ``test`` on ``obs`` says to which experiment a point belongs. Pressur
 lengths in mm, angles in rad.
 """
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterable
 from math import pi
 

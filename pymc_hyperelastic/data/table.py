@@ -1,7 +1,5 @@
 """Inflation data from a table of measured points."""
 
-from __future__ import annotations
-
 from numbers import Real
 from typing import Any, Literal, get_args
 

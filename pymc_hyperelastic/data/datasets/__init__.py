@@ -1,7 +1,5 @@
 """Inflation data that come with the package, each with its source."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files
