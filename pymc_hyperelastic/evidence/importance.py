@@ -28,10 +28,7 @@ _DRAWS_FROM_MODES, _ENOUGH_FROM_MODES = 8000, 300
 
 
 def adapted_mixture(
-    score: Score,
-    mixture: GaussianMixture,
-    rng: np.random.Generator,
-    draws: int = 1000,
+    score: Score, mixture: GaussianMixture, rng: np.random.Generator, draws: int = 1000
 ) -> GaussianMixture | None:
     """Mixture like the posterior, from one like the prior; None if it gets stuck.
 
@@ -66,10 +63,7 @@ def adapted_mixture(
 
 
 def fitted_mixture(
-    score: Score,
-    mixture: GaussianMixture,
-    rng: np.random.Generator,
-    draws: int,
+    score: Score, mixture: GaussianMixture, rng: np.random.Generator, draws: int
 ) -> GaussianMixture:
     """Mixture fitted to the posterior by importance sampling from one that is near it."""
     for _ in range(_MOST_FITS):
@@ -88,10 +82,7 @@ def fitted_mixture(
 
 
 def weighted_draws(
-    score: Score,
-    mixture: GaussianMixture,
-    draws: int,
-    rng: np.random.Generator,
+    score: Score, mixture: GaussianMixture, draws: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Points from the mixture with heavy tails, and the logarithms of their weights."""
     points, log_density = draw_heavy_tailed(mixture, draws, rng)
