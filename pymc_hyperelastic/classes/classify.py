@@ -95,16 +95,10 @@ def classify(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> classes = ph.fit_classes(
-    ...     ph.Ogden(),
-    ...     {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")},
-    ...     sigma=5 * ph.mmHg,
-    ...     slope_weight=3.0,
-    ...     draws=500,
-    ...     chains=2,
-    ...     random_seed=1,
-    ...     progressbar=False,
-    ... )
+    >>> train = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
+    >>> noise = {"sigma": 5 * ph.mmHg, "slope_weight": 3.0}
+    >>> settings = {"draws": 500, "chains": 2, "random_seed": 1, "progressbar": False}
+    >>> classes = ph.fit_classes(ph.Ogden(), train, **noise, **settings)
     >>> new = ph.select(data, specimen="S4", experiment=3)
     >>> result = ph.classify(new, classes, random_seed=2, progressbar=False)
     >>> result["class_probability"].idxmax("class_label").item()

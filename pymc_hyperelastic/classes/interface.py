@@ -60,13 +60,7 @@ class ClassKind(ABC):
     @classmethod
     @abstractmethod
     def of_settings(cls, energy: StrainEnergy, **settings: Any) -> Self:
-        """The kind with what :func:`~pymc_hyperelastic.fit_classes` was given.
-
-        Raises
-        ------
-        ValueError
-            If something was given that it does not use.
-        """
+        """The kind with what :func:`~pymc_hyperelastic.fit_classes` was given, if it uses that."""
 
     @classmethod
     @abstractmethod
@@ -75,13 +69,7 @@ class ClassKind(ABC):
 
     @abstractmethod
     def attrs(self) -> dict[str, str]:
-        """The settings as text, for attributes of a file.
-
-        Raises
-        ------
-        ValueError
-            If one of them cannot be written down.
-        """
+        """The settings as text, for attributes of a file; ValueError if they cannot be written."""
 
     @abstractmethod
     def check(self, data: xr.Dataset) -> None:
@@ -121,13 +109,7 @@ class ClassKind(ABC):
         """Material parameters of new specimens of a class, draws along the first axis."""
 
     def log_density(self, fitted: xr.DataTree, other: xr.DataTree) -> Array:
-        """Log density of a class's posterior at the draws of another, its evidence left out.
-
-        Raises
-        ------
-        ValueError
-            If the kind has none that could be compared.
-        """
+        """Log density of a class's posterior at the draws of another, its evidence left out."""
         raise ValueError(
             "the divergence is that of classes without variability, whose posteriors are "
             "distributions of the same material parameters"

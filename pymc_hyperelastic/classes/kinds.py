@@ -17,15 +17,7 @@ _KINDS: dict[str, type[ClassKind]] = {kind.variability: kind for kind in (Pooled
 def kind_of_settings(
     variability: Any, energy: StrainEnergy, noise: dict[str, Any], **settings: Any
 ) -> ClassKind:
-    """The kind of class that :func:`~pymc_hyperelastic.fit_classes` is asked for.
-
-    Raises
-    ------
-    TypeError
-        If the `noise` is that of nothing that can be measured.
-    ValueError
-        If there is no such kind, or a setting is not used by it.
-    """
+    """The kind of class that :func:`~pymc_hyperelastic.fit_classes` is asked for."""
     strangers = [name for name in noise if name not in NOISE_UNITS]
     if strangers:
         raise TypeError(
@@ -38,13 +30,7 @@ def kind_of_settings(
 
 
 def kind_of_classes(classes: xr.DataTree) -> ClassKind:
-    """Kind and settings of fitted classes, which have to be one, or evidences cannot be compared.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If these are no classes, or not of one model.
-    """
+    """Kind and settings of fitted classes: they have to be one, or evidences do not compare."""
     check_result(classes, "ph.fit_classes")
     if not classes.children:
         raise ValueError("classes must be the result of ph.fit_classes; here are no classes")

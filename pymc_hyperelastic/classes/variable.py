@@ -95,13 +95,7 @@ class Variability(Population, ClassKind):
         return SpecimenSampler(self, self.forward_model(data), self.reference)
 
     def attrs(self) -> dict[str, str]:
-        """The settings as text, for attributes of a file.
-
-        Raises
-        ------
-        ValueError
-            If a prior, or a setting of the strain energy, cannot be written down.
-        """
+        """The settings as text; ValueError if a prior, or one of the law's, cannot be written."""
         sigma = self.known_sigma
         settings = {
             "sigma": prior_to_record("sigma", self.sigma) if sigma is None else sigma,

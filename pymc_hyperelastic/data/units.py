@@ -53,7 +53,7 @@ def _factor(unit: str, quantity: str, keyword: str) -> float:
     expected = f"expected a unit of {quantity}, for example {_EXAMPLES[quantity]}"
     registry = _registry()
     try:
-        given = registry.Unit(unit)
+        given = registry.Unit(str(unit))
         root = _root_units(registry, given)
     # Beyond its own errors pint lets those of Python's tokenizer and parser through.
     except Exception as error:

@@ -123,17 +123,6 @@ def second_invariant(radial: Any, hoop: Any, axial: Any) -> Any:
     return (radial * hoop) ** 2 + (hoop * axial) ** 2 + (axial * radial) ** 2
 
 
-def inflation_constant(internal_radius: Any, *, inner_radius: Any, axial_stretch: Any = 1.0) -> Any:
-    """Constant ``c = (a² − A²/λz)/2`` of the paper's wall map ``r² = R²/λz + 2c`` (``Φ = 0``).
-
-    Examples
-    --------
-    >>> inflation_constant(2.0, inner_radius=1.0)
-    1.5
-    """
-    return (internal_radius**2 - inner_radius**2 / axial_stretch) / 2
-
-
 def internal_radius_from_outer_radius(
     current_outer_radius: Any,
     *,
@@ -178,14 +167,3 @@ def inferred_geometry(known: Mapping[str, Any]) -> dict[str, Any]:
         area = k * known["wall_area"] / pi
         geometry["outer_radius"] = (known["inner_radius"] ** 2 + area) ** 0.5
     return geometry
-
-
-def internal_radius_from_volume(volume: Any, length: Any) -> Any:
-    """Internal radius ``a = √(V/(π ℓ))`` of a lumen of volume ``V`` (mm³) and current length ``ℓ``.
-
-    Examples
-    --------
-    >>> round(internal_radius_from_volume(volume=1000.0, length=20.0), 6)
-    3.989423
-    """
-    return (volume / (pi * length)) ** 0.5

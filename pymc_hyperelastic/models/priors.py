@@ -199,13 +199,7 @@ def _check_number(name: str, value: Any, size: int | None) -> None:
 
 
 def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
-    """Distribution as ``[name, parameters]``, for attributes of a file; a vector's size follows.
-
-    Raises
-    ------
-    ValueError
-        If the distribution is not one of PyMC's own with fixed parameters.
-    """
+    """Distribution as ``[name, parameters]``, for attributes of a file; a vector's size follows."""
     node = prior.owner
     distribution = _DISTRIBUTIONS.get(type(node.op))
     try:

@@ -67,13 +67,7 @@ class Study:
         return {"observed_data": xr.Dataset(observed), "constant_data": data}
 
     def attrs(self) -> dict[str, str]:
-        """All that is needed to build the model again, as text.
-
-        Raises
-        ------
-        ValueError
-            If a prior, or a setting of the strain energy, cannot be written down.
-        """
+        """All that is needed to build the model again, as text."""
         if not isinstance(self.energy, StrainEnergy) or self.geometry:
             raise ValueError("layers, or a geometry that is inferred, do not make a class")
         observed = self.observation
@@ -115,13 +109,7 @@ def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:
 
 
 def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
-    """Settings of :func:`pymc_hyperelastic.inflation_model`, but for the data.
-
-    Raises
-    ------
-    ValueError
-        If the tree is not a fitted class, or its strain energy is not defined here.
-    """
+    """Settings of :func:`pymc_hyperelastic.inflation_model`, but for the data."""
     if "priors" not in tree.attrs:
         raise ValueError("this result does not say from which model it came; see ph.fit_classes")
     noise = {
@@ -138,13 +126,7 @@ def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
 
 
 def strain_energy_attrs(energy: StrainEnergy) -> dict[str, str]:
-    """Strain energy as text, from which :func:`strain_energy_of` makes it again.
-
-    Raises
-    ------
-    ValueError
-        If a setting of it cannot be written down.
-    """
+    """Strain energy as text, from which :func:`strain_energy_of` makes it again."""
     try:
         settings = json.dumps(vars(energy))
     except TypeError as error:
@@ -153,13 +135,7 @@ def strain_energy_attrs(energy: StrainEnergy) -> dict[str, str]:
 
 
 def strain_energy_of(tree: xr.DataTree) -> StrainEnergy:
-    """Strain energy of a result that names it.
-
-    Raises
-    ------
-    ValueError
-        If it is not named, or not defined here.
-    """
+    """Strain energy of a result that names it."""
     if "strain_energy" not in tree.attrs:
         raise ValueError("the result does not name its strain energy: give it as energy=ph.Ogden()")
     settings = json.loads(tree.attrs.get("strain_energy_settings", "{}"))

@@ -50,7 +50,7 @@ def test_mmhg_is_the_registry_s():
         ("mmhg", "pressure", "not a known unit"),
         ("5 kPa", "pressure", "not a known unit"),
         ("kPa(", "pressure", "not a known unit"),
-        (None, "length", "does not measure length"),
+        (None, "length", "not a known unit"),
         (3, "length", "not a known unit"),
         ("mm", "pressure", "does not measure pressure"),
         ("kPa", "length", "does not measure length"),

@@ -100,15 +100,6 @@ def test_hoop_elongation_keeps_its_digits_near_zero_pressure(excess):
     np.testing.assert_allclose(delta, float(exact), rtol=ROUNDING, atol=0)
 
 
-def test_inflation_constant_is_that_of_the_wall_map():
-    """``r² = R²/λz + 2c``, and ``c = (a² − A²)/2`` without axial stretch."""
-    for axial in (1.0, 0.8, 1.9):
-        c = tube.inflation_constant(4.0, inner_radius=INNER, axial_stretch=axial)
-        current = tube.current_radius(WALL, 4.0, inner_radius=INNER, axial_stretch=axial)
-        np.testing.assert_allclose(current**2, WALL**2 / axial + 2 * c, rtol=ROUNDING)
-    assert tube.inflation_constant(4.0, inner_radius=INNER) == (4.0**2 - INNER**2) / 2
-
-
 def test_outer_radius_gives_the_internal_radius_back(state):
     """A measured outer radius leads to the internal radius that produced it."""
     internal_radius, tube_state = state
@@ -116,14 +107,6 @@ def test_outer_radius_gives_the_internal_radius_back(state):
     back = tube.internal_radius_from_outer_radius(outer, outer_radius=OUTER, **tube_state)
     # ro² − wall cancels, at most to a fifth here.
     np.testing.assert_allclose(back, internal_radius, rtol=5 * ROUNDING)
-
-
-def test_volume_gives_the_internal_radius():
-    """A lumen of radius a and length ℓ holds π a² ℓ."""
-    radius, length = np.array([0.4, 7.0]), 20.0
-    np.testing.assert_allclose(
-        tube.internal_radius_from_volume(np.pi * radius**2 * length, length), radius, rtol=ROUNDING
-    )
 
 
 def test_invariants():

@@ -10,7 +10,7 @@ from pymc_hyperelastic.evidence import batched
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.mechanics.tube import inferred_geometry
 from pymc_hyperelastic.models.forward.collocated import Collocated
-from pymc_hyperelastic.models.forward.direct import Direct
+from pymc_hyperelastic.models.forward.direct import Direct, WallVariables
 from pymc_hyperelastic.models.forward.rules import way_to_integrate
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import complete_priors
@@ -47,7 +47,7 @@ def curve(radius=(1.1, 1.15, 1.2, 1.25, 1.3), *, outer_radius=1.4, **geometry):
 def way(energy, data, priors, geometry=None, *, mode="auto", with_force=False):
     """How the wall is integrated."""
     settings = {"mode": mode, "with_force": with_force, "known_radii": True, "by_test": False}
-    return way_to_integrate(energy, data, priors, geometry or {}, **settings)
+    return way_to_integrate(WallVariables(energy, priors, geometry or {}), data, **settings)
 
 
 @pytest.mark.parametrize("with_force", [False, True], ids=["pressure", "force"])

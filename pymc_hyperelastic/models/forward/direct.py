@@ -1,6 +1,6 @@
 """Curves by quadrature of the wall at every point: any radius, geometry and layers."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.data.inflation import measured_radius
 from pymc_hyperelastic.mechanics.axial_force import wall_force
 from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
-from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
+from pymc_hyperelastic.mechanics.layers import Tube, tubes_of
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opening_factor
@@ -46,54 +46,38 @@ class WallVariables(NamedTuple):
     """What is not known of the tube."""
 
 
-@dataclass(frozen=True)
-class CurrentTube:
-    """A tube as it was measured, at each point.
+class CurrentTube(NamedTuple):
+    """A tube as it was measured, at each point."""
 
-    Attributes
-    ----------
-    radius : tensor_like
-        Internal radius, mm. Where the tube is not possible, that of another one.
-    possible : TensorVariable
-        Whether there is such a tube at all.
-    wall : tensor_like, optional
-        ``r_o² − a²``, if the outer radius ``r_o`` was measured.
-    """
-
-    energy: StrainEnergy | Sequence[Layer]
+    wall: WallVariables
     reference: Mapping[str, Any]
-    parameters: dict[str, Any]
     radius: Any
+    """Internal radius, mm. Where the tube is not possible, that of another one."""
     possible: TensorVariable
-    wall: Any = None
+    """Whether there is such a tube at all."""
+    excess: Any = None
+    """``r_o² − a²``, if the outer radius ``r_o`` was measured."""
 
     @property
     def tubes(self) -> list[Tube]:
         """The tubes that its wall is made of."""
         reference = [self.reference[name] for name in GEOMETRY]
-        return tubes_of(self.energy, self.radius, reference, self.parameters)
+        return tubes_of(self.wall.energy, self.radius, reference, self.wall.parameters)
 
     def measured(self, radius: Any) -> Any:
         """The radius that was measured, of an internal radius."""
-        return radius if self.wall is None else (radius**2 + self.wall) ** 0.5
+        return radius if self.excess is None else (radius**2 + self.excess) ** 0.5
 
     @property
     def growth(self) -> Any:
         """How the internal radius grows with the one that was measured."""
-        return 1.0 if self.wall is None else self.measured(self.radius) / self.radius
+        return 1.0 if self.excess is None else self.measured(self.radius) / self.radius
 
 
-def current_tube(
-    energy: StrainEnergy | Sequence[Layer],
-    inputs: Mapping[str, Any],
-    geometry: Mapping[str, Any],
-    parameters: dict[str, Any],
-) -> CurrentTube:
-    """Tube of the given `inputs`, see :func:`tube_inputs`, but for the `geometry` given.
-
-    It may hold what :func:`~pymc_hyperelastic.mechanics.tube.inferred_geometry` takes.
-    """
-    known = {name: inputs[name] for name in GEOMETRY} | dict(geometry)
+def current_tube(inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
+    """Tube of the given `inputs`, see :func:`tube_inputs`, but for what the wall says of it."""
+    energy = wall.energy
+    known = {name: inputs[name] for name in GEOMETRY} | dict(wall.geometry)
     closed = pt.abs(known["opening_angle"]) < 2 * np.pi
     if "wall_area" in known:
         # An impossible one may have no root; one of zero is as impossible.
@@ -109,14 +93,14 @@ def current_tube(
         for layer in energy:
             possible &= pt.all(pt.gt(layer.thickness, 0.0))
     if "current_outer_radius" not in inputs:
-        return CurrentTube(energy, tube, parameters, inputs["radius"], possible)
+        return CurrentTube(wall, tube, inputs["radius"], possible)
     k = opening_factor(tube["opening_angle"])
-    wall = (outer**2 - tube["inner_radius"] ** 2) / (k * tube["axial_stretch"])
-    square = inputs["current_outer_radius"] ** 2 - wall
+    excess = (outer**2 - tube["inner_radius"] ** 2) / (k * tube["axial_stretch"])
+    square = inputs["current_outer_radius"] ** 2 - excess
     possible &= pt.all(square > 0)
-    wall = pt.where(square > 0, wall, 0.0)
-    radius = pt.sqrt(inputs["current_outer_radius"] ** 2 - wall)
-    return CurrentTube(energy, tube, parameters, radius, possible, wall)
+    excess = pt.where(square > 0, excess, 0.0)
+    radius = pt.sqrt(inputs["current_outer_radius"] ** 2 - excess)
+    return CurrentTube(wall, tube, radius, possible, excess)
 
 
 @dataclass(frozen=True)
@@ -141,7 +125,7 @@ class Direct:
         curves = {"pressure": pressure, "stiffness": stiffness}
         if self.with_force:
             curves["axial_force"] = wall_force(current.tubes, self.order)
-        if wall.geometry and current.wall is not None:
+        if wall.geometry and current.excess is not None:
             curves["radius"] = current.radius
         return curves
 
@@ -202,10 +186,11 @@ class Direct:
         )
 
     def _tube(self, inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
-        energy, parameters = wall.energy, wall.parameters
-        if self.by_test and isinstance(energy, StrainEnergy):
-            parameters = energy.join([x[inputs["test"]] for x in energy.split(parameters)])
-        return current_tube(energy, inputs, wall.geometry, parameters)
+        if self.by_test:
+            entries = wall.energy.split(wall.parameters)
+            of_points = wall.energy.join([x[inputs["test"]] for x in entries])
+            wall = wall._replace(parameters=of_points)
+        return current_tube(inputs, wall)
 
     def _error_in_radius(
         self, current: CurrentTube, pressure: Any

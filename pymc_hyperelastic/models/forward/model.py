@@ -71,18 +71,13 @@ class ForwardModel:
         error_in: str = "pressure",
         by_test: bool = False,
     ) -> None:
-        self.data = data
+        self.data, self.error_in = data, error_in
         self._wall, self._distributions = wall, dict(parameters)
-        self.error_in = error_in
+        settings = {"with_force": with_force, "by_test": by_test}
+        known_radii = error_in == "pressure"
+        stated = WallVariables(wall, self._parameters(parameters), geometry or {})
         self.way: Any = way_to_integrate(
-            wall,
-            data,
-            self._distributions,
-            geometry or {},
-            mode=mode,
-            with_force=with_force,
-            known_radii=error_in == "pressure",
-            by_test=by_test,
+            stated, data, mode=mode, known_radii=known_radii, **settings
         )
         self._shared: dict[Hashable, tuple[Callable, dict[str, SharedVariable]]] = {}
 
@@ -124,10 +119,14 @@ class ForwardModel:
         self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None = None
     ) -> "SymbolicTube":
         """The tube with variables of a model in place of the distributions."""
-        if isinstance(self._wall, StrainEnergy):
-            return SymbolicTube(self, WallVariables(self._wall, dict(parameters), geometry or {}))
-        layers = with_variables(self._wall, self._distributions, parameters)
-        return SymbolicTube(self, WallVariables(layers, {}, geometry or {}))
+        wall: Any = self._wall
+        if not isinstance(wall, StrainEnergy):
+            wall = with_variables(wall, self._distributions, parameters)
+        return SymbolicTube(self, WallVariables(wall, self._parameters(parameters), geometry or {}))
+
+    def _parameters(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """Parameters of one material; layers bring their own."""
+        return dict(parameters) if isinstance(self._wall, StrainEnergy) else {}
 
 
 class Misfits(NamedTuple):

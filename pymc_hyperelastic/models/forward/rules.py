@@ -1,8 +1,7 @@
 """Which way a wall is integrated: constant matrices of how many stretches, or how many nodes."""
 
-from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 import pymc as pm
@@ -18,11 +17,10 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.data.inflation import measured_radius, points_of
 from pymc_hyperelastic.mechanics.axial_force import wall_force
 from pymc_hyperelastic.mechanics.collocation import nodes_needed
-from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.forward.collocated import Collocated, known_tubes
-from pymc_hyperelastic.models.forward.direct import Direct, current_tube, tube_inputs
+from pymc_hyperelastic.models.forward.direct import Direct, WallVariables, current_tube, tube_inputs
 
 Array = NDArray[np.float64]
 Mode = Literal["auto", "collocation", "quadrature"]
@@ -41,59 +39,38 @@ _DRAWS, _MOST_CORNERS = 256, 1024
 
 
 def way_to_integrate(
-    wall: StrainEnergy | Sequence[Layer],
-    data: xr.Dataset,
-    parameters: dict[str, Any],
-    geometry: Mapping[str, Any],
-    *,
-    mode: Mode,
-    with_force: bool,
-    known_radii: bool,
-    by_test: bool,
+    wall: WallVariables, data: xr.Dataset, *, mode: Mode, known_radii: bool, **settings: bool
 ) -> Collocated | Direct:
-    """The cheapest way that is exact, but for rounding, over the range of the parameters.
-
-    Raises
-    ------
-    ValueError
-        If there is no such mode, or collocation was asked for and is not possible.
-    """
+    """The cheapest way that is exact, but for rounding, over the range of the parameters."""
     if mode not in get_args(Mode):
         raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
-    settings = {"with_force": with_force, "by_test": by_test}
     if mode == "quadrature":
         return Direct(_USUAL_ORDER, **settings)
     reason = "layers, a geometry that is inferred, and an error in the radius"
-    if isinstance(wall, StrainEnergy) and not geometry and known_radii:
-        values = representative_values(wall.split(parameters))
+    with_force = settings["with_force"]
+    if isinstance(wall.energy, StrainEnergy) and not wall.geometry and known_radii:
+        values = representative_values(wall.energy.split(wall.parameters))
         if values is not None:
-            nodes = nodes_needed(wall, known_tubes(data), values, with_force=with_force)
+            nodes = nodes_needed(wall.energy, known_tubes(data), values, with_force=with_force)
             if nodes is not None:
                 return Collocated(nodes, **settings)
-        reason = f"the response of {wall.name} over the range of these parameters"
+        reason = f"the response of {wall.energy.name} over the range of these parameters"
     if mode == "collocation":
         raise ValueError(f"{reason} cannot be collocated: use mode='quadrature'")
-    return Direct(_order_needed(wall, data, parameters, geometry, with_force), **settings)
+    return Direct(_order_needed(wall, data, with_force), **settings)
 
 
-def _order_needed(
-    wall: StrainEnergy | Sequence[Layer],
-    data: xr.Dataset,
-    parameters: dict[str, Any],
-    geometry: Mapping[str, Any],
-    with_force: bool,
-) -> int:
+def _order_needed(wall: WallVariables, data: xr.Dataset, with_force: bool) -> int:
     """The order after the least at which curves agree with those of the highest one."""
     # At both ends of every curve; of many curves at some.
     radius = measured_radius(data).values
     spans = [points_of(data, test) for test in range(data.sizes["test"])]
     ends = [span.start + f(radius[span]) for span in spans for f in (np.argmin, np.argmax)]
     inputs = {k: v[_some(np.array(ends), _MOST_POINTS)] for k, v in tube_inputs(data).items()}
-    layered = not isinstance(wall, StrainEnergy)
-    tubes = current_tube(wall, inputs, geometry, {} if layered else parameters).tubes
-    unknown = [*(v for tube in tubes for v in tube.entries), *geometry.values()]
-    if not isinstance(wall, StrainEnergy):
-        unknown += [layer.thickness for layer in wall]
+    tubes = current_tube(inputs, wall).tubes
+    unknown = [*(v for tube in tubes for v in tube.entries), *wall.geometry.values()]
+    if not isinstance(wall.energy, StrainEnergy):
+        unknown += [layer.thickness for layer in wall.energy]
     inferred = (v for v in unknown if isinstance(v, Variable) and not isinstance(v, Constant))
     variables = list(dict.fromkeys(inferred))  # in order, and each once
     values = representative_values(variables) if variables else None

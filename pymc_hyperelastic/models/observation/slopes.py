@@ -63,13 +63,7 @@ def measured_slopes(data: xr.Dataset) -> np.ndarray:
 
 
 def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Interior points of every test, and the factor ``1/(r[i+1] − r[i−1])`` at each.
-
-    Raises
-    ------
-    ValueError
-        If a test has fewer than three points, or the two neighbours of a point share one radius.
-    """
+    """Interior points of every test, and the factor ``1/(r[i+1] − r[i−1])`` at each."""
     interior, difference = [], []
     radius = measured_radius(data).values
     for test in range(data.sizes["test"]):
