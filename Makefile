@@ -9,13 +9,14 @@ extras_lint := [dev]
 extras_docs := [docs]
 extras_benchmark := [test,jax,benchmark]
 
-.PHONY: help study artery test test-deep lint docs benchmark clean
+.PHONY: help study artery test test-deep test-lowest lint docs benchmark clean
 
 help:
 	@echo "make study       the simulated sheep-aorta study: a table, figures and netCDF files in results/"
 	@echo "make artery      the same for a measured pulmonary artery, control against hypertensive"
 	@echo "make test        the tests of every module and every public name, on two processes, within 5 minutes"
 	@echo "make test-deep   the tests that take longer: calibration, slow samplers, other compilers, all digits"
+	@echo "make test-lowest what make test runs, on the oldest versions that pyproject.toml allows"
 	@echo "make lint        ruff and mypy"
 	@echo "make docs        the documentation, in docs/_build/html"
 	@echo "make benchmark   time and accuracy against other ways, about 5 minutes"
@@ -42,6 +43,10 @@ test-deep: $(VENV)/.ready-test
 	$(pytest) -m "deep or compiled" --compiled
 	$(pytest) --compiled --doctest-modules pymc_hyperelastic
 
+# The oldest versions that pyproject.toml allows, in an environment within the environment.
+test-lowest: $(VENV)/lowest/.ready-test
+	@$(MAKE) --no-print-directory VENV=$(VENV)/lowest test
+
 lint: $(VENV)/.ready-lint
 	$(PY) -m ruff check
 	$(PY) -m ruff format --check
@@ -67,6 +72,16 @@ clean:
 $(VENV)/.ready-%: pyproject.toml | $(PY)
 	@echo "Installing pymc_hyperelastic$(extras_$*) in $(VENV)"
 	@$(PY) -m pip install --quiet --disable-pip-version-check --editable ".$(extras_$*)"
+	@touch $@
+
+# pip takes the newest versions and only uv the oldest; it keeps what is installed already, so it starts afresh.
+# Wheels only: where a version has none for this Python, the oldest that has one.
+$(VENV)/lowest/.ready-test: pyproject.toml | $(PY)
+	@echo "Installing the oldest versions in $(VENV)/lowest"
+	@$(PY) -m venv --clear $(VENV)/lowest
+	@$(VENV)/lowest/bin/python -m pip install --quiet --disable-pip-version-check uv
+	@$(VENV)/lowest/bin/uv pip install --quiet --python $(VENV)/lowest/bin/python \
+	--resolution lowest-direct --only-binary :all: --editable ".[test]"
 	@touch $@
 
 $(PY):

@@ -1,13 +1,20 @@
 """The architecture page, the API page and the package say the same."""
 
 import ast
+import math
 import re
+import subprocess
+import sys
 from pathlib import Path
+
+import pytest
 
 import pymc_hyperelastic as ph
 
 PACKAGE = Path(ph.__file__).parent
 DOCS = Path(__file__).parents[1] / "docs"
+# Nats: five standard errors of 500 particles.
+ALONE_TOLERANCE = 0.15
 
 # The names that users' scripts rely on, by step of a study: more may join them, none may go.
 CONTRACT = """
@@ -22,22 +29,33 @@ CONTRACT = """
 """.split()
 
 
-def mapped_modules() -> list[str]:
-    """List the modules of the architecture page's table, from top to bottom, without suffix."""
-    page = (DOCS / "architecture.md").read_text(encoding="utf-8")
-    return re.findall(r"^\| `(\w+)(?:\.py|/)` \|", page, flags=re.MULTILINE)
+def page() -> str:
+    return (DOCS / "architecture.md").read_text(encoding="utf-8")
 
 
-def packaged_modules() -> list[str]:
+def mapped_wings() -> list[str]:
+    """List the wings of the page's first table, from top to bottom."""
+    return re.findall(r"^\| `(\w+)/` \|", page().split("\n## ")[0], flags=re.MULTILINE)
+
+
+def mapped_rooms(wing: str) -> list[str]:
+    """List the rooms of a wing's table, from top to bottom, without suffix."""
+    section = next(s for s in page().split("\n## ") if s.startswith(f"`{wing}/`\n"))
+    return re.findall(r"^\| `(\w+)(?:\.py|/)` \|", section, flags=re.MULTILINE)
+
+
+def inside(folder: Path) -> list[str]:
+    """Modules and packages of a folder."""
     return [
         path.stem
-        for path in PACKAGE.iterdir()
-        if path.suffix == ".py" or (path.is_dir() and path.name != "__pycache__")
+        for path in folder.iterdir()
+        if (path.suffix == ".py" and path.stem != "__init__")
+        or (path.is_dir() and path.name != "__pycache__")
     ]
 
 
-def imported_modules(path: Path) -> set[str]:
-    """Find the package's own modules that a file imports, anywhere in it."""
+def imports(path: Path) -> set[tuple[str, ...]]:
+    """Parts of the names that a file imports from the package, anywhere in it."""
     folder = [PACKAGE.name, *path.relative_to(PACKAGE).parts[:-1]]
     dotted = []
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -47,28 +65,104 @@ def imported_modules(path: Path) -> set[str]:
             base = folder[: len(folder) + 1 - node.level] if node.level else []
             module = ".".join([*base, *filter(None, [node.module])])
             dotted += [f"{module}.{alias.name}" for alias in node.names]
-    parts = [name.split(".") for name in dotted]
-    modules = [part[1] if len(part) > 1 else "" for part in parts if part[0] == PACKAGE.name]
-    # What is no module is a name that the package's __init__ provides.
-    return {name if name in packaged_modules() else "__init__" for name in modules}
+    parts = (tuple(name.split(".")) for name in dotted)
+    return {part[1:] for part in parts if part[0] == PACKAGE.name}
 
 
-def test_map_lists_exactly_the_modules():
-    """The architecture page lists every module and package once, and none that is not there."""
-    assert sorted(mapped_modules()) == sorted(packaged_modules())
+def arrows(folder: Path, below: tuple[str, ...] = ()) -> set[tuple[str, str]]:
+    """Which of a folder's modules and packages import which others; names of its own as ""."""
+    known = inside(folder)
+    found = set()
+    for name in known:
+        paths = [folder / f"{name}.py"] if (folder / f"{name}.py").exists() else []
+        for path in [*paths, *(folder / name).rglob("*.py")]:
+            for target in imports(path):
+                if target[: len(below)] == below:
+                    first = (*target[len(below) :], "")[0]
+                    found.add((name, first if first in known else ""))
+    return {(importer, target) for importer, target in found if importer != target}
 
 
-def test_imports_point_upward():
-    """Each module imports only from modules above it on the architecture page."""
-    rank = {name: row for row, name in enumerate(mapped_modules())}
-    imports = {
-        (path.relative_to(PACKAGE).parts[0].removesuffix(".py"), target)
-        for path in PACKAGE.rglob("*.py")
-        for target in imported_modules(path)
-    }
-    between = {(importer, target) for importer, target in imports if importer != target}
-    assert between, "no import was found: the search itself is broken"
-    assert not {pair for pair in between if rank[pair[0]] <= rank[pair[1]]}
+def test_map_lists_exactly_the_wings_and_rooms():
+    """The architecture page lists every wing and room once, and none that is not there."""
+    assert sorted(mapped_wings()) == sorted(inside(PACKAGE))
+    for wing in mapped_wings():
+        assert sorted(mapped_rooms(wing)) == sorted(inside(PACKAGE / wing)), wing
+
+
+def assert_upward(order: list[str], found: set[tuple[str, str]]) -> None:
+    rank = {name: row for row, name in enumerate(order)}
+    assert found, "no import was found: the search itself is broken"
+    # What is no module is a name that the package's, or the wing's, __init__ provides.
+    last = len(order)
+    assert not {pair for pair in found if rank[pair[0]] <= rank.get(pair[1], last)}
+
+
+def test_imports_between_wings_point_upward():
+    """Each wing imports only from those above it on the architecture page."""
+    assert_upward(mapped_wings(), arrows(PACKAGE))
+
+
+@pytest.mark.parametrize("wing", ["mechanics", "data", "evidence", "models", "classes", "plots"])
+def test_imports_within_a_wing_point_upward(wing):
+    """Each room imports only from those above it in its wing."""
+    assert_upward(mapped_rooms(wing), arrows(PACKAGE / wing, (wing,)))
+
+
+def test_nobody_else_knows_how_a_wall_is_integrated():
+    """Outside mechanics and the forward model only a user's `mode` speaks of it."""
+    word = re.compile("collocat|quadrature rule|quadrature of the wall|\\bRule\\b", re.IGNORECASE)
+    known = (PACKAGE / "mechanics", PACKAGE / "models" / "forward")
+    for path in PACKAGE.rglob("*.py"):
+        if not any(folder in path.parents for folder in known):
+            lines = path.read_text(encoding="utf-8").splitlines()
+            told = [line for line in lines if word.search(line)]
+            assert not [line for line in told if "mode" not in line], path
+
+
+ALONE = """
+import sys, types
+from importlib.machinery import PathFinder
+
+package, others = types.ModuleType("pymc_hyperelastic"), {others!r}
+package.__path__ = [{folder!r}]
+sys.modules["pymc_hyperelastic"] = package
+
+
+class Walled:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[:1] == ["pymc_hyperelastic"] and name.split(".")[1] in others:
+            raise ImportError(f"{{name}} is another wing")
+
+
+sys.meta_path.insert(0, Walled())
+import pkgutil, importlib
+import pymc_hyperelastic.evidence as evidence
+
+for module in pkgutil.iter_modules(evidence.__path__):
+    importlib.import_module(f"pymc_hyperelastic.evidence.{{module.name}}")
+
+import pymc as pm
+from pymc_hyperelastic.evidence.estimate import log_evidence
+from pymc_hyperelastic.evidence.smc import sample_smc
+
+with pm.Model() as model:
+    mean = pm.Normal("mean", 0.0, 3.0)
+    pm.Normal("y", mean, 4.0, observed=1.0)
+tree = sample_smc(model, 500, 1, 1, False)
+print(log_evidence(tree).value)
+"""
+
+
+def test_evidence_is_a_library_of_its_own():
+    """It samples a model in a process in which no other wing can be imported."""
+    others = [wing for wing in inside(PACKAGE) if wing != "evidence"]
+    code = ALONE.format(others=others, folder=str(PACKAGE))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    # ln N(1; 0, √(3² + 4²))
+    exact = -0.5 * math.log(2 * math.pi * 25) - 1 / 50
+    assert abs(float(done.stdout) - exact) < ALONE_TOLERANCE
 
 
 def test_contract_is_exported():

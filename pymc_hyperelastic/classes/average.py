@@ -15,8 +15,6 @@ from pymc_hyperelastic.classes.interface import (
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 
-__all__ = ["average", "labels_of", "weights_of_laws"]
-
 
 def weights_of_laws(trees: Sequence[xr.DataTree], kinds: Sequence[ClassKind]) -> xr.DataArray:
     """Posterior probability of each strain energy, equal beforehand."""

@@ -19,8 +19,6 @@ from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.smc import seed_sequence
 
-__all__ = ["classify"]
-
 _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
 
 
@@ -163,7 +161,7 @@ def classify(
     )
 
 
-def _check_limits(by: Any, undecided_below: Any, none_below: Any) -> None:
+def _check_limits(by: str, undecided_below: float, none_below: float) -> None:
     if by not in ("test", "specimen"):
         raise ValueError(f"by must be 'test' or 'specimen', not {by!r}")
     for limit, bound in (("undecided_below", undecided_below), ("none_below", none_below)):

@@ -6,8 +6,6 @@ import xarray as xr
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.evidence.estimate import Estimate, log_evidence
 
-__all__ = ["kl_divergence"]
-
 
 def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     r"""Kullback-Leibler divergence of the posterior of one class from that of another, in nats.
@@ -55,10 +53,9 @@ def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     for name in (first, second):
         if name not in classes.children:
             raise ValueError(f"there is no class {name!r}; there are {list(classes.children)}")
-    particles = classes[first]["unconstrained_posterior"].to_dataset()
     evidences = [log_evidence(classes[name]) for name in (first, second)]
     log_posteriors = [
-        kind.log_density(classes[name], particles) - evidence.value
+        kind.log_density(classes[name], classes[first]) - evidence.value
         for name, evidence in zip((first, second), evidences, strict=True)
     ]
     difference = log_posteriors[0] - log_posteriors[1]

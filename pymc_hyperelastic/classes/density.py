@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 
-__all__ = ["SpecimenDraws", "independent", "log_densities", "log_density", "stacked"]
-
 Array = NDArray[np.float64]
 
 # Log densities of how many draws of a specimen are found at once, under many distributions.

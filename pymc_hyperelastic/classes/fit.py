@@ -11,8 +11,6 @@ from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 
-__all__ = ["check_classes", "fit_classes"]
-
 
 def fit_classes(
     energy: StrainEnergy,

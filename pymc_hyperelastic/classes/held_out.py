@@ -21,8 +21,6 @@ from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 
-__all__ = ["calibration_report"]
-
 Array = NDArray[np.float64]
 
 

@@ -8,12 +8,9 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.evidence.estimate import Estimate, log_evidence
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.study import inflation_data_of
-
-__all__ = ["ClassKind", "Fold", "Prediction", "Predictor", "without_specimens"]
 
 Array = NDArray[np.float64]
 
@@ -37,6 +34,9 @@ class Fold(NamedTuple):
     """By specimen, for every class."""
 
 
+Data = Mapping[str, xr.Dataset]  # by class
+Fitted = Mapping[str, xr.DataTree]
+Seed = np.random.SeedSequence
 Predictor = Callable[[xr.Dataset], list[Prediction]]
 
 
@@ -97,29 +97,16 @@ class ClassKind(ABC):
 
     @abstractmethod
     def fit(
-        self,
-        classes: Mapping[str, xr.Dataset],
-        draws: int,
-        chains: int,
-        seed: np.random.SeedSequence,
-        progressbar: bool = False,
+        self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False
     ) -> Iterator[tuple[str, xr.DataTree]]:
         """Fit class after class. All input is checked before the first is sampled."""
 
     @abstractmethod
-    def predictor(
-        self,
-        classes: Mapping[str, xr.DataTree],
-        new_data: xr.Dataset,
-        count: int,
-        seed: np.random.SeedSequence,
-    ) -> Predictor:
+    def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:
         """What classes say of `count` parts of new data, one after another."""
 
     @abstractmethod
-    def leave_out(
-        self, classes: Mapping[str, xr.Dataset], seed: np.random.SeedSequence
-    ) -> Callable[[Collection[str], int, int], Fold]:
+    def leave_out(self, classes: Data, seed: Seed) -> Callable[[Collection[str], int, int], Fold]:
         """Fit classes, and hold them against specimens that are left out.
 
         What is common to all fits is done at once; then specimens, draws and chains give a fold.
@@ -133,8 +120,8 @@ class ClassKind(ABC):
     def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
         """Material parameters of new specimens of a class, draws along the first axis."""
 
-    def log_density(self, fitted: xr.DataTree, particles: xr.Dataset) -> Array:
-        """Log density of a class's posterior at unconstrained particles.
+    def log_density(self, fitted: xr.DataTree, other: xr.DataTree) -> Array:
+        """Log density of a class's posterior at the draws of another, its evidence left out.
 
         Raises
         ------
@@ -145,11 +132,6 @@ class ClassKind(ABC):
             "the divergence is that of classes without variability, whose posteriors are "
             "distributions of the same material parameters"
         )
-
-
-def without_specimens(data: xr.Dataset, specimens: Collection[str]) -> xr.Dataset:
-    """Tests of all other specimens."""
-    return tests_at(data, np.flatnonzero(~np.isin(data["specimen"].values, list(specimens))))
 
 
 def training_evidence(fitted: Mapping[str, xr.DataTree]) -> float:

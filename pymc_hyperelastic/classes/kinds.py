@@ -10,8 +10,6 @@ from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 
-__all__ = ["kind_of_classes", "kind_of_settings"]
-
 _KINDS: dict[str, type[ClassKind]] = {kind.variability: kind for kind in (Pooled, Variability)}
 
 

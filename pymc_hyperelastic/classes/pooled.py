@@ -1,6 +1,6 @@
 """Classes whose specimens share one set of parameters, as in the paper."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
+    Data,
+    Fitted,
     Fold,
     Prediction,
     Predictor,
+    Seed,
     training_evidence,
-    without_specimens,
 )
-from pymc_hyperelastic.data.select import specimens_of, tests_at
+from pymc_hyperelastic.data.select import specimens_apart, specimens_of, without_specimens
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
@@ -35,8 +37,6 @@ from pymc_hyperelastic.models.inflation import inflation_model
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import complete_priors
 from pymc_hyperelastic.models.study import inflation_data_of, model_settings_of
-
-__all__ = ["ClassPredictive", "Pooled"]
 
 Array = NDArray[np.float64]
 
@@ -97,12 +97,7 @@ class Pooled(ClassKind):
         self.observation.check(self.energy, data, complete_priors(self.energy, self.priors))
 
     def fit(
-        self,
-        classes: Mapping[str, xr.Dataset],
-        draws: int,
-        chains: int,
-        seed: np.random.SeedSequence,
-        progressbar: bool = False,
+        self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False
     ) -> Iterator[tuple[str, xr.DataTree]]:
         """Sample the posterior of class after class."""
         models = {}
@@ -113,33 +108,21 @@ class Pooled(ClassKind):
             except (TypeError, ValueError) as error:
                 raise type(error)(f"class {name!r}: {error}") from error
         seeds = seed.generate_state(len(models)).tolist()
-        return self._sampled(models, draws, chains, seeds, progressbar)
+        settings = {"draws": draws, "chains": chains, "progressbar": progressbar}
+        return self._sampled(models, seeds, **settings)
 
     def _sampled(
-        self,
-        models: Mapping[str, pm.Model],
-        draws: int,
-        chains: int,
-        seeds: list[int],
-        progressbar: bool,
+        self, models: dict[str, pm.Model], seeds: list[int], **settings: Any
     ) -> Iterator[tuple[str, xr.DataTree]]:
         parameters = [rv.name for rv in next(iter(models.values())).free_RVs]
         for (name, model), seed in zip(models.items(), seeds, strict=True):
             try:
-                yield (
-                    name,
-                    sample_smc(model, draws, chains, seed, progressbar, var_names=parameters),
-                )
+                fitted = sample_smc(model, random_seed=seed, var_names=parameters, **settings)
             except ValueError as error:
                 raise ValueError(f"class {name!r}: {error}") from error
+            yield name, fitted
 
-    def predictor(
-        self,
-        classes: Mapping[str, xr.DataTree],
-        new_data: xr.Dataset,
-        count: int,
-        seed: np.random.SeedSequence,
-    ) -> Predictor:
+    def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:
         """What classes say of parts of new data: everything is compiled once, for all of them."""
         self.check(new_data)
         priors = complete_priors(self.energy, self.priors)
@@ -158,9 +141,7 @@ class Pooled(ClassKind):
 
         return predict
 
-    def leave_out(
-        self, classes: Mapping[str, xr.Dataset], seed: np.random.SeedSequence
-    ) -> Callable[[Collection[str], int, int], Fold]:
+    def leave_out(self, classes: Data, seed: Seed) -> Callable[[Collection[str], int, int], Fold]:
         """Fit all classes again for each of the specimens left out."""
 
         def fold(left_out: Collection[str], draws: int, chains: int) -> Fold:
@@ -171,16 +152,13 @@ class Pooled(ClassKind):
                 # What an interrupt has left of the chains is of no use here.
                 raise KeyboardInterrupt
             stored = self.of_tree(next(iter(fitted.values())))
-            predictions = {}
+            predictions: dict[str, list[Prediction]] = {}
             for data in classes.values():
-                names, of_test = specimens_of(data)
-                here = [i for i, name in enumerate(names) if name in left_out]
-                if here:
-                    new_data = tests_at(data, np.flatnonzero(np.isin(of_test, here)))
-                    predict = stored.predictor(fitted, new_data, len(here), new)
-                    for i in here:
-                        part = tests_at(data, np.flatnonzero(of_test == i))
-                        predictions[names[i]] = predict(part)
+                parts = specimens_apart(data, left_out)
+                if parts:
+                    new_data = without_specimens(data, set(specimens_of(data)[0]) - set(parts))
+                    predict = stored.predictor(fitted, new_data, len(parts), new)
+                    predictions |= {name: predict(part) for name, part in parts.items()}
             return Fold(training_evidence(fitted), predictions)
 
         return fold
@@ -197,8 +175,9 @@ class Pooled(ClassKind):
             for name in self.energy.parameter_names
         }
 
-    def log_density(self, fitted: xr.DataTree, particles: xr.Dataset) -> Array:
-        """Log density of a class's posterior, its evidence left out."""
+    def log_density(self, fitted: xr.DataTree, other: xr.DataTree) -> Array:
+        """Log density of a class's posterior at the draws of another, its evidence left out."""
+        particles = other["unconstrained_posterior"].to_dataset()
         model = self.model(inflation_data_of(fitted))
         values = [particles[v.name].values.ravel() for v in model.value_vars]
         return BatchedFunction.of_model(model, [model.logp()])(np.stack(values, axis=1))[0]
@@ -226,39 +205,21 @@ class ClassPredictive:
         SMC from the class's draws to the new data, see :class:`BatchedSMC`.
 
     The first two are trusted if the Pareto shape of the weights is below 0.5 and at least 1000
-    draws are effective. Everything is compiled once, and for all classes of one law together.
-
-    Parameters
-    ----------
-    fitted : xarray.DataTree
-        A class of :func:`pymc_hyperelastic.fit_classes`.
-    kind : Pooled
-        Its settings.
-    forward : ForwardModel
-        Curves of the new data, which it may share with other classes.
-    rng : numpy.random.Generator
-        For the class's own integral.
-
-    References
-    ----------
-    A. Vehtari, D. Simpson, A. Gelman, Y. Yao and J. Gabry, Pareto smoothed importance sampling,
-    Journal of Machine Learning Research 25 (2024) 72.
+    draws are effective (A. Vehtari, D. Simpson, A. Gelman, Y. Yao and J. Gabry, Pareto smoothed
+    importance sampling, Journal of Machine Learning Research 25 (2024) 72). Everything is compiled
+    once, and for all classes of one law together: they may share the `forward` model of the new
+    data.
     """
 
     def __init__(
-        self,
-        fitted: xr.DataTree,
-        kind: "Pooled",
-        forward: ForwardModel,
-        rng: np.random.Generator,
+        self, fitted: xr.DataTree, kind: Pooled, forward: ForwardModel, rng: np.random.Generator
     ) -> None:
-        model = kind.model(inflation_data_of(fitted))
-        known = kind.observation.noise
-        noise = {name: model[name] for name in known if name in model.named_vars}
+        model, variables = kind.model(inflation_data_of(fitted)), kind.observation.noise
+        noise = {name: model[name] for name in variables if name in model.named_vars}
         parameters = {name: model[name] for name in kind.energy.parameter_names}
+        observation = replace(kind.observation, **noise)
         with model:
-            observation = replace(kind.observation, **noise)
-            new = pm.Potential("new", observation.log_likelihood(forward, parameters))
+            new = pm.Potential("new", observation.log_likelihood(forward.tube(parameters)))
 
         particles = fitted["unconstrained_posterior"].to_dataset()
         self._chains = [

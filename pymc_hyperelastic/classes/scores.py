@@ -9,8 +9,6 @@ from scipy.stats import binomtest
 
 from pymc_hyperelastic.evidence.checks import check_count
 
-__all__ = ["score_probabilities"]
-
 Array = NDArray[np.float64]
 
 # By how much probabilities of classes that were rounded may miss a sum of 1.

@@ -5,7 +5,7 @@ specimen is sampled once, under a wide reference distribution; under any class d
 likelihood is then a weighted mean over these draws, and a class has few unknowns left.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -20,13 +20,11 @@ from pymc_hyperelastic.classes.density import SpecimenDraws, independent, log_de
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.from_modes import sample_from_modes
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
-from pymc_hyperelastic.models.class_distribution import ClassDistribution, register_class
+from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.natural_scale import NaturalScale
-from pymc_hyperelastic.models.population import register_curves, register_specimens
+from pymc_hyperelastic.models.population import Population, register_curves, register_specimens
 from pymc_hyperelastic.models.priors import is_inferred
-
-__all__ = ["SpecimenSampler", "class_model", "fresh_specimens", "reference_of"]
 
 Array = NDArray[np.float64]
 
@@ -49,28 +47,15 @@ class _SpecimenModel(NamedTuple):
 class SpecimenSampler:
     """Sample specimens, each by itself, under one reference distribution.
 
-    Specimens with the same number of tests share one compiled model.
-
-    Parameters
-    ----------
-    scale : NaturalScale
-        The coordinates.
-    forward : ForwardModel
-        Curves of specimens; each brings data of its own.
-    reference : ClassDistribution
-        The reference distribution, in numbers.
-    sigma : float, optional
-        The noise; None where each specimen has its own.
+    Specimens with the same number of tests share one compiled model. Each brings data of its own,
+    and noise of its own if that is not known.
     """
 
     def __init__(
-        self,
-        scale: NaturalScale,
-        forward: ForwardModel,
-        reference: ClassDistribution,
-        sigma: float | None,
+        self, population: Population, forward: ForwardModel, reference: ClassDistribution
     ) -> None:
-        self.scale, self.forward, self.reference, self.sigma = scale, forward, reference, sigma
+        self.scale, self.sigma = population.scale, population.known_sigma
+        self.forward, self.reference = forward, reference
         self._models: dict[int, _SpecimenModel] = {}
 
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
@@ -122,12 +107,12 @@ class SpecimenSampler:
         return _SpecimenModel(forward, BatchedSMC(draws=_PARTICLES, model=model), pressure)
 
 
-def reference_of(scale: NaturalScale, sigma: Any, experiment_effect: bool) -> ClassDistribution:
+def reference_of(population: Population) -> ClassDistribution:
     """Distribution of a specimen of which not even the class is known."""
-    mean, sd = scale.location_prior
-    spread = _WIDER * np.exp(scale.spread_prior[0])
+    sigma, (mean, sd) = population.sigma, population.scale.location_prior
+    spread = _WIDER * np.exp(population.scale.spread_prior[0])
     optional: dict[str, Any] = {}
-    if experiment_effect:
+    if population.experiment_effect:
         optional |= {"experiment_spread": spread / 2, "effect_spread": _EFFECT}
     if is_inferred(sigma):
         logs = np.log(pm.draw(sigma, draws=_NOISE_DRAWS, random_seed=1, mode="FAST_COMPILE"))
@@ -159,22 +144,15 @@ def fresh_specimens(
     return draws
 
 
-def class_model(
-    scale: NaturalScale,
-    specimens: Sequence[SpecimenDraws],
-    names: Sequence[str],
-    *,
-    sigma: Any,
-    experiment_effect: bool,
-    priors: Any = None,
-) -> pm.Model:
+def class_model(population: Population, specimens: Mapping[str, SpecimenDraws]) -> pm.Model:
     """PyMC model of a class's distribution alone, its specimens integrated out by their draws."""
-    coords = {"coordinate": scale.names, "coordinate_2": scale.names, "specimen": list(names)}
+    names = population.scale.names
+    coords = {"coordinate": names, "coordinate_2": names, "specimen": list(specimens)}
     with pm.Model(coords=coords, model=None) as model:
-        distribution = register_class(scale, sigma, experiment_effect, priors)
+        distribution = population.register_class()
         inputs = {
             name: pytensor.shared(value, name=f"specimens_{name}", shape=(None,) * value.ndim)
-            for name, value in stacked(specimens).items()
+            for name, value in stacked([*specimens.values()]).items()
         }
         inputs["tests"] = pt.specify_broadcastable(inputs["tests"], 1)
         terms = inputs["log_weight"] + log_density(pt, inputs, distribution)

@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-import pymc as pm
 import pytensor
 import pytensor.tensor as pt
 import xarray as xr
@@ -17,15 +16,19 @@ from pymc.progress_bar import create_simple_progress
 from pymc_hyperelastic.classes.density import SpecimenDraws
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
+    Data,
+    Fitted,
     Fold,
     Prediction,
     Predictor,
+    Seed,
     training_evidence,
 )
 from pymc_hyperelastic.classes.specimen_evidence import (
     distributions_of,
     error_of_specimens,
     near_class,
+    predictive_p_value,
     specimen_evidence,
 )
 from pymc_hyperelastic.classes.specimens import (
@@ -34,8 +37,7 @@ from pymc_hyperelastic.classes.specimens import (
     fresh_specimens,
     reference_of,
 )
-from pymc_hyperelastic.classes.typicality import predictive_p_value
-from pymc_hyperelastic.data.select import specimens_of, tests_at
+from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.from_modes import sample_from_modes
 from pymc_hyperelastic.evidence.importance import UNTRUSTED_PARETO_K
@@ -43,12 +45,9 @@ from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.natural_scale import NaturalScale
-from pymc_hyperelastic.models.population import check_population, population_forward
-from pymc_hyperelastic.models.priors import is_inferred, prior_from_record, prior_to_record
+from pymc_hyperelastic.models.population import Population
+from pymc_hyperelastic.models.priors import prior_from_record, prior_to_record
 from pymc_hyperelastic.models.study import Study, strain_energy_attrs, strain_energy_of
-
-__all__ = ["SpecimenPredictive", "Variability", "fit_distribution", "sample_specimens"]
 
 Array = NDArray[np.float64]
 
@@ -58,73 +57,43 @@ _IN_CLASS = 128
 
 
 @dataclass(frozen=True)
-class Variability(ClassKind):
+class Variability(Population, ClassKind):
     """Settings of classes whose specimens differ."""
 
     variability: ClassVar[str] = "specimen"
     has_p_value: ClassVar[bool] = True
     common_attrs: ClassVar[tuple[str, ...]] = ("variability_settings",)
 
-    energy: StrainEnergy
-    sigma: Any
-    experiment_effect: bool = False
-    reference_stress: float = 20.0
-    priors: Mapping[str, Any] | None = None
-
     @classmethod
     def of_settings(
         cls,
         energy: StrainEnergy,
         *,
-        sigma: Any,
+        sigma: Any = None,
         slope_weight: Any = 0.0,
         force_sigma: Any = None,
         priors: Mapping[str, Any] | None = None,
         experiment_effect: bool = False,
         reference_stress: float = 20.0,
+        **noise: Any,
     ) -> "Variability":
         """The kind, of settings that ask for nothing but pressures."""
-        if slope_weight != 0 or force_sigma is not None:
+        if slope_weight != 0 or force_sigma is not None or noise:
+            others = "".join(f" and {name}" for name in noise)
             raise ValueError(
                 "with variability='specimen' pressures alone are compared: expected slope_weight=0 "
-                f"and no force_sigma; got {slope_weight} and {force_sigma}"
+                f"and no force_sigma; got {slope_weight} and {force_sigma}{others}"
             )
         return cls(energy, sigma, experiment_effect, reference_stress, priors)
-
-    @property
-    def scale(self) -> NaturalScale:
-        """Coordinates of the specimens."""
-        return NaturalScale(self.energy, self.reference_stress)
-
-    @property
-    def known_sigma(self) -> float | None:
-        """The noise, or None if it is inferred."""
-        return None if is_inferred(self.sigma) else float(self.sigma)
 
     @cached_property
     def reference(self) -> ClassDistribution:
         """Distribution under which each specimen is sampled."""
-        return reference_of(self.scale, self.sigma, self.experiment_effect)
-
-    def check(self, data: xr.Dataset) -> None:
-        """Raise unless these data can be modelled so."""
-        check_population(self.scale, data, self.sigma, self.experiment_effect, self.priors)
+        return reference_of(self)
 
     def sampler(self, data: xr.Dataset) -> SpecimenSampler:
         """Sampler of the specimens of these data, each by itself."""
-        forward = population_forward(self.scale, data)
-        return SpecimenSampler(self.scale, forward, self.reference, self.known_sigma)
-
-    def model(self, draws: Mapping[str, SpecimenDraws]) -> pm.Model:
-        """Model of a class with these specimens."""
-        return class_model(
-            self.scale,
-            list(draws.values()),
-            list(draws),
-            sigma=self.sigma,
-            experiment_effect=self.experiment_effect,
-            priors=self.priors,
-        )
+        return SpecimenSampler(self, self.forward_model(data), self.reference)
 
     def attrs(self) -> dict[str, str]:
         """The settings as text, for attributes of a file.
@@ -160,12 +129,7 @@ class Variability(ClassKind):
         )
 
     def fit(
-        self,
-        classes: Mapping[str, xr.Dataset],
-        draws: int,
-        chains: int,
-        seed: np.random.SeedSequence,
-        progressbar: bool = False,
+        self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False
     ) -> Iterator[tuple[str, xr.DataTree]]:
         """Fit the distribution of class after class, of specimens that are sampled once."""
         check_count("draws", draws, 100)
@@ -175,12 +139,7 @@ class Variability(ClassKind):
         return self._fitted(classes, draws, chains, seed, progressbar)
 
     def _fitted(
-        self,
-        classes: Mapping[str, xr.Dataset],
-        draws: int,
-        chains: int,
-        seed: np.random.SeedSequence,
-        progressbar: bool,
+        self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool
     ) -> Iterator[tuple[str, xr.DataTree]]:
         progress = create_simple_progress(progressbar)
         with progress:
@@ -195,22 +154,14 @@ class Variability(ClassKind):
                 progress.advance(bar)
                 yield name, fitted
 
-    def predictor(
-        self,
-        classes: Mapping[str, xr.DataTree],
-        new_data: xr.Dataset,
-        count: int,
-        seed: np.random.SeedSequence,
-    ) -> Predictor:
+    def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:
         """What classes say of new specimens, each of which is sampled by itself."""
         self.check(new_data)
         predictive = SpecimenPredictive(self, classes, self.sampler(new_data))
         seeds = iter(seed.spawn(count))
         return lambda data: predictive(data, np.random.default_rng(next(seeds)))
 
-    def leave_out(
-        self, classes: Mapping[str, xr.Dataset], seed: np.random.SeedSequence
-    ) -> Callable[[Collection[str], int, int], Fold]:
+    def leave_out(self, classes: Data, seed: Seed) -> Callable[[Collection[str], int, int], Fold]:
         """Sample all specimens once; without some of them only the distributions are fitted."""
         rng = np.random.default_rng(seed)
         samplers = {name: self.sampler(data) for name, data in classes.items()}
@@ -227,12 +178,8 @@ class Variability(ClassKind):
             predictions = {}
             for name, data in classes.items():
                 predictive = SpecimenPredictive(self, fitted, samplers[name])
-                names, of_test = specimens_of(data)
-                for i, specimen in enumerate(names):
-                    if specimen in left_out:
-                        part = tests_at(data, np.flatnonzero(of_test == i))
-                        known = specimens[name][specimen]
-                        predictions[specimen] = predictive(part, rng, known)
+                for specimen, part in specimens_apart(data, left_out).items():
+                    predictions[specimen] = predictive(part, rng, specimens[name][specimen])
             return Fold(training_evidence(fitted), predictions)
 
         return fold
@@ -259,11 +206,7 @@ def sample_specimens(
     sampler: SpecimenSampler, data: xr.Dataset, rng: np.random.Generator
 ) -> dict[str, SpecimenDraws]:
     """Draws of each specimen of the data."""
-    names, of_test = specimens_of(data)
-    return {
-        name: sampler(tests_at(data, np.flatnonzero(of_test == i)), rng)
-        for i, name in enumerate(names)
-    }
+    return {name: sampler(part, rng) for name, part in specimens_apart(data).items()}
 
 
 def fit_distribution(
@@ -275,7 +218,7 @@ def fit_distribution(
 ) -> xr.DataTree:
     """Posterior and evidence of a class's distribution, with the draws of its specimens."""
     few = {name: specimen.first(_IN_CLASS) for name, specimen in draws.items()}
-    kernel = BatchedSMC(draws=count, model=settings.model(few))
+    kernel = BatchedSMC(draws=count, model=class_model(settings, few))
     populations, stats = [], []
     for seed in random_seed.spawn(chains):
         particles, evidence = sample_from_modes(kernel, np.random.default_rng(seed))
@@ -356,12 +299,8 @@ class SpecimenPredictive:
     def _near(self, name: str) -> SpecimenSampler:
         """Sampler under a distribution like that of a class."""
         if name not in self._closer:
-            self._closer[name] = SpecimenSampler(
-                self._settings.scale,
-                self._sampler.forward,
-                near_class(self._distributions[name]),
-                self._settings.known_sigma,
-            )
+            near = near_class(self._distributions[name])
+            self._closer[name] = SpecimenSampler(self._settings, self._sampler.forward, near)
         return self._closer[name]
 
     def _p_value(

@@ -15,15 +15,6 @@ import xarray as xr
 
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 
-__all__ = [
-    "check_inflation_data",
-    "describe_test",
-    "listed",
-    "measured_radius",
-    "points_of",
-]
-
-
 # What the Dataset holds: name, (dimension, unit, name for people).
 VARIABLES = {
     "radius": ("obs", "mm", "internal radius"),

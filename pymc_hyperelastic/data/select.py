@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Collection, Hashable, Iterable, Sequence
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import check_inflation_data, listed
-
-__all__ = ["select", "specimens_of", "tests_at"]
 
 
 def select(
@@ -78,6 +76,23 @@ def specimens_of(data: xr.Dataset) -> tuple[list[str], NDArray[np.intp]]:
     labels = [str(name) for name in data["specimen"].values.tolist()]
     specimens = list(dict.fromkeys(labels))
     return specimens, np.array([specimens.index(name) for name in labels])
+
+
+def specimens_apart(
+    data: xr.Dataset, specimens: Collection[str] | None = None
+) -> dict[str, xr.Dataset]:
+    """Those of the specimens that the data hold, or all of them, each by itself."""
+    names, of_test = specimens_of(data)
+    return {
+        name: tests_at(data, np.flatnonzero(of_test == i))
+        for i, name in enumerate(names)
+        if specimens is None or name in specimens
+    }
+
+
+def without_specimens(data: xr.Dataset, specimens: Collection[str]) -> xr.Dataset:
+    """Tests of all other specimens."""
+    return tests_at(data, np.flatnonzero(~np.isin(data["specimen"].values, list(specimens))))
 
 
 def _inventory(data: xr.Dataset) -> str:

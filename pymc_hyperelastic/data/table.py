@@ -19,8 +19,6 @@ from pymc_hyperelastic.data.inflation import (
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, internal_radius_from_outer_radius
 
-__all__ = ["inflation_data"]
-
 Measured = Literal["radius", "outer_diameter"]
 
 

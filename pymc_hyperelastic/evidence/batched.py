@@ -33,8 +33,6 @@ from pytensor.tensor.type import TensorType
 from pytensor.tensor.utils import import_func_from_string
 from pytensor.tensor.variable import TensorVariable
 
-__all__ = ["BatchedFunction", "prior_sampler", "side_by_side", "value_shapes"]
-
 Array = NDArray[np.float64]
 
 

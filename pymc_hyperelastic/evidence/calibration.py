@@ -19,8 +19,6 @@ from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.smc import seed_sequence
 
-__all__ = ["simulation_based_calibration"]
-
 Array = NDArray[np.float64]
 
 # The chi-square distribution of the test is an approximation that needs so many counts in a bin.

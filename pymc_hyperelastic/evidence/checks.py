@@ -3,8 +3,6 @@
 from numbers import Integral, Real
 from typing import Any
 
-__all__ = ["check_count", "check_fraction"]
-
 
 def check_count(name: str, value: Any, least: int) -> None:
     """Raise unless `value` is a whole number, `least` at least."""

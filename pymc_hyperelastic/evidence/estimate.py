@@ -10,8 +10,6 @@ from scipy.stats import chi2
 
 from pymc_hyperelastic.evidence.results import check_result
 
-__all__ = ["Estimate", "combine_chains", "log_evidence"]
-
 Array = NDArray[np.float64]
 
 # The spread of a few chains is a poor estimate of their variance, unless it refutes the other one.

@@ -16,8 +16,6 @@ from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import mixture_at_modes
 from pymc_hyperelastic.evidence.weights import systematic
 
-__all__ = ["sample_from_modes"]
-
 Array = NDArray[np.float64]
 
 # Draws of importance sampling, and effective draws without which nothing is known of a mean.

@@ -11,16 +11,6 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
 
-__all__ = [
-    "LARGEST_PARETO_K",
-    "UNTRUSTED_PARETO_K",
-    "adapted_mixture",
-    "draw_heavy_tailed",
-    "fitted_mixture",
-    "mean_weight",
-    "weighted_draws",
-]
-
 Array = NDArray[np.float64]
 
 # Pareto shapes of the largest weights. Below the first, weights have a variance, and their mean an

@@ -26,8 +26,6 @@ from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for, 
 from pymc_hyperelastic.evidence.modes import mixture_at_modes
 from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
 
-__all__ = ["BatchedSMC"]
-
 Array = NDArray[np.float64]
 
 # Correlation cannot show how fast particles move before they had a few moves.

@@ -7,8 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln
 
-__all__ = ["GaussianMixture", "components_for", "log_sum_exp"]
-
 Array = NDArray[np.float64]
 
 # Added to each variance, as a fraction of the population's: it keeps a component of coinciding

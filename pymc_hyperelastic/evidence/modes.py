@@ -9,8 +9,6 @@ from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 
-__all__ = ["mixture_at_modes"]
-
 Array = NDArray[np.float64]
 
 # Starting points of a search for modes; modes that are less likely by so many nats are nothing.

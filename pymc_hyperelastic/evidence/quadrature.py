@@ -13,8 +13,6 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 
-__all__ = ["log_evidence_by_quadrature"]
-
 Array = NDArray[np.float64]
 
 # The box ends where the posterior density is below its peak by this many nats.

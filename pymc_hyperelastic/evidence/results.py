@@ -23,8 +23,6 @@ from arviz_base import dict_to_dataset
 from numpy.typing import NDArray
 from pymc.backends.arviz import coords_and_dims_for_inferencedata
 
-__all__ = ["Study", "check_result", "sampling_tree"]
-
 Array = NDArray[np.float64]
 
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy")

@@ -16,8 +16,6 @@ from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.results import sampling_tree
 
-__all__ = ["particles_to_tree", "sample_smc", "seed_sequence"]
-
 Array = NDArray[np.float64]
 
 

@@ -6,8 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-__all__ = ["effective_sample_size", "largest_step", "systematic"]
-
 Array = NDArray[np.float64]
 
 

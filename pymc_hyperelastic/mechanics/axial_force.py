@@ -10,8 +10,6 @@ from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.wall import WallIntegral
 
-__all__ = ["AxialForceIntegral", "axial_force", "force_response", "wall_force"]
-
 
 class AxialForceIntegral(WallIntegral):
     r"""Reduced axial force of an inflated tube: what a force transducer at its end reads.

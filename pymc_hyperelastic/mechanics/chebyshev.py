@@ -5,8 +5,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["chebyshev_nodes", "value_to_coefficient"]
-
 Array = NDArray[np.float64]
 
 

@@ -26,16 +26,6 @@ from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import stretches
 from pymc_hyperelastic.mechanics.wall import TubeOp, wall_rule
 
-__all__ = [
-    "CollocatedAxialForce",
-    "CollocatedIntegral",
-    "CollocatedPressureIntegral",
-    "KnownTubes",
-    "collocate",
-    "curve_matrices",
-    "nodes_needed",
-]
-
 Array = NDArray[np.float64]
 
 # Chebyshev coefficients of the response below this fraction of the largest are left out. The

@@ -16,8 +16,6 @@ from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.wall import TubeOp, broadcast_batches, finite_or_zero
 
-__all__ = ["RadiusAtPressure"]
-
 # Steps of Newton's method, and the largest fraction of the radius that one of them is long.
 _STEPS, _LARGEST_STEP = 10, 0.1
 

@@ -9,16 +9,6 @@ from pytensor.graph.basic import Variable
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import current_radius
 
-__all__ = [
-    "Layer",
-    "Tube",
-    "check_energy",
-    "check_geometry",
-    "check_layers",
-    "checked_tubes",
-    "tubes_of",
-]
-
 
 class Layer:
     """One layer of a wall: a material, its thickness and its parameters.

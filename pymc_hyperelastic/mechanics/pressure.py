@@ -10,8 +10,6 @@ from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
 from pymc_hyperelastic.mechanics.wall import WallIntegral
 
-__all__ = ["PressureIntegral", "inflation_pressure", "inflation_stiffness", "wall_pressure"]
-
 
 class PressureIntegral(WallIntegral):
     r"""Pressure of an inflated tube, and its derivative by the internal radius.

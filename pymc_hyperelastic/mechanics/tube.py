@@ -15,20 +15,6 @@ from collections.abc import Mapping
 from math import pi
 from typing import Any
 
-__all__ = [
-    "GEOMETRY",
-    "current_radius",
-    "first_invariant",
-    "hoop_elongation",
-    "inferred_geometry",
-    "inflation_constant",
-    "internal_radius_from_outer_radius",
-    "internal_radius_from_volume",
-    "opening_factor",
-    "second_invariant",
-    "stretches",
-]
-
 # What states the reference tube, in the order in which functions take it.
 GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
 

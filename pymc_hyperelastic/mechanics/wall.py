@@ -21,8 +21,6 @@ from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import hoop_elongation, opening_factor
 
-__all__ = ["TubeOp", "WallIntegral", "WallRule", "broadcast_batches", "finite_or_zero", "wall_rule"]
-
 
 class TubeOp(TensorSymbolicOp):
     """What the integrals over the wall have in common: a strain energy, and a tame gradient."""

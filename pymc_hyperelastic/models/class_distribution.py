@@ -12,8 +12,6 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.models.natural_scale import SPREAD, NaturalScale
 from pymc_hyperelastic.models.priors import is_inferred, register_prior
 
-__all__ = ["ClassDistribution", "register_class"]
-
 # Priors of a class, each as the median and the standard deviation of a logarithm.
 _EXPERIMENT_SPREAD, _EFFECT_SPREAD, _NOISE_SPREAD = (0.15, 0.8), (0.5, 0.5), (0.3, 0.5)
 # Exponent of the prior of a correlation matrix, its determinant to the power of η − 1.

@@ -33,13 +33,6 @@ from pymc_hyperelastic.models.study import Study
 # the least share.
 _PRIOR_DRAWS, _LEAST_SHARE = 20000, 0.05
 
-__all__ = [
-    "criscione_model",
-    "inflation_model",
-    "ogden_model",
-    "power_law_neo_hookean_model",
-]
-
 
 def inflation_model(
     energy: StrainEnergy | Sequence[Layer],
@@ -164,15 +157,14 @@ def inflation_model(
     }
     with pm.Model(coords=coords, model=None) as model:
         parameters = register_priors(distributions)
-        tube = register_priors(unknown)
-        observed = observation.with_variables()
+        of_tube = register_priors(unknown)
+        tube, observed = forward.tube(parameters, of_tube), observation.with_variables()
         curves = {
-            name: pm.Deterministic(name, curve, dims="obs")
-            for name, curve in forward.curves(parameters, tube).items()
+            name: pm.Deterministic(name, curve, dims="obs") for name, curve in tube.curves().items()
         }
-        observed.register(forward, parameters, tube, curves=curves)
+        observed.register(tube, curves)
         if rising:
-            rises = pt.all(forward.between().curves(parameters, tube)["stiffness"] > 0)
+            rises = pt.all(forward.between().tube(parameters, of_tube).curves()["stiffness"] > 0)
             share = _prior_probability(rises, model.free_RVs)
             pm.Potential("rising", pt.where(rises, -np.log(share), -np.inf))
     model.study = Study(energy, data, distributions, observation, unknown, rising)

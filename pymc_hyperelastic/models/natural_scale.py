@@ -11,8 +11,6 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.mechanics.strain_energy.base import Parameter, StrainEnergy
 
-__all__ = ["SPREAD", "NaturalScale", "check_moduli"]
-
 Array = NDArray[np.float64]
 
 # Priors of a class, each as the median and the standard deviation of a logarithm.

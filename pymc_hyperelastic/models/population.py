@@ -1,6 +1,7 @@
 """Specimens of a class differ: each has its own parameters, drawn from the class's distribution."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
@@ -22,18 +23,72 @@ from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import check_prior, is_inferred
 from pymc_hyperelastic.models.study import Study
 
-__all__ = [
-    "check_population",
-    "population_forward",
-    "population_model",
-    "register_curves",
-    "register_specimens",
-]
-
-# Standard deviations over which it is asked whether curves can be collocated.
+# Standard deviations of the coordinates over which curves must be right.
 _REACH = 3.0
 # Draws of a prior that tell whether it is one of positive numbers.
 _SIGMA_DRAWS = 2000
+
+
+@dataclass(frozen=True)
+class Population:
+    """Settings of specimens that differ, see :func:`population_model`."""
+
+    energy: StrainEnergy
+    sigma: Any
+    experiment_effect: bool = False
+    reference_stress: float = 20.0
+    priors: Mapping[str, Any] | None = None
+
+    @property
+    def scale(self) -> NaturalScale:
+        """Coordinates of the specimens."""
+        return NaturalScale(self.energy, self.reference_stress)
+
+    @property
+    def known_sigma(self) -> float | None:
+        """The noise, or None if it is inferred."""
+        return None if is_inferred(self.sigma) else float(self.sigma)
+
+    def check(self, data: xr.Dataset) -> None:
+        """Raise unless these data can be modelled so."""
+        check_energy(self.energy)
+        check_moduli(self.energy)
+        if is_inferred(self.sigma):
+            _check_sigma(self.sigma)
+        stress = self.reference_stress
+        if not isinstance(stress, Real) or not np.isfinite(stress) or stress <= 0:
+            raise ValueError(f"reference_stress is {stress!r}; expected a positive number of kPa")
+        parameters = {p.name: np.zeros(p.size) if p.size else 0.0 for p in self.energy.parameters}
+        Observation(self.sigma).check(self.energy, data, parameters)
+        if self.priors is not None and not isinstance(self.priors, Mapping):
+            raise TypeError(
+                'priors must be a dict such as {"noise_spread": pm.LogNormal.dist(-1, 0.5)}, not '
+                f"{type(self.priors).__name__}"
+            )
+        count = len(self.scale.names)
+        sizes = {"location": count, "spread": count}
+        if self.experiment_effect:
+            sizes |= {"experiment_spread": count, "effect_spread": None}
+        if is_inferred(self.sigma):
+            sizes["noise_spread"] = None
+        for name, prior in (self.priors or {}).items():
+            if name not in sizes:
+                raise ValueError(
+                    f"a prior is given for {name!r}; this class has the unknowns {list(sizes)}"
+                )
+            check_prior(name, prior, sizes[name])
+
+    def register_class(self) -> ClassDistribution:
+        """Variables of the class's distribution, in the model of the context."""
+        return register_class(self.scale, self.sigma, self.experiment_effect, self.priors)
+
+    def forward_model(self, data: xr.Dataset) -> ForwardModel:
+        """Curves of tests with parameters of their own, over the range of the coordinates."""
+        mean, sd = self.scale.location_prior
+        reach = _REACH * sd
+        coordinates = [pm.Uniform.dist(m - r, m + r) for m, r in zip(mean, reach, strict=True)]
+        parameters = self.scale.parameters(coordinates)
+        return ForwardModel(self.energy, data, parameters, by_test=True)
 
 
 def population_model(
@@ -122,8 +177,9 @@ def population_model(
     >>> [rv.name for rv in model.free_RVs]
     ['location', 'spread', 'correlation_unit', 'log_reference_strain', 'log_alpha']
     """
-    scale = NaturalScale(energy, reference_stress)
-    check_population(scale, data, sigma, experiment_effect, priors)
+    population = Population(energy, sigma, experiment_effect, reference_stress, priors)
+    population.check(data)
+    scale = population.scale
     specimens, of_test = specimens_of(data)
     coords = {
         "specimen": specimens,
@@ -133,49 +189,14 @@ def population_model(
         "test": [describe_test(data, test) for test in range(data.sizes["test"])],
     }
     with pm.Model(coords=coords, model=None) as model:
-        distribution = register_class(scale, sigma, experiment_effect, priors)
+        distribution = population.register_class()
         coordinates, specimen_sigma = register_specimens(scale, distribution, of_test)
         if specimen_sigma is None:
             specimen_sigma = pt.full((len(specimens),), np.float64(sigma))
-        forward = population_forward(scale, data)
+        forward = population.forward_model(data)
         register_curves(forward, scale, coordinates, specimen_sigma[of_test], dims="obs")
     model.study = Study(energy, data, {})
     return model
-
-
-def check_population(
-    scale: NaturalScale,
-    data: xr.Dataset,
-    sigma: Any,
-    experiment_effect: bool,
-    priors: Mapping[str, Any] | None,
-) -> None:
-    """Raise unless the population model of these can be written down."""
-    check_energy(scale.energy)
-    check_moduli(scale.energy)
-    if is_inferred(sigma):
-        _check_sigma(sigma)
-    stress = scale.reference_stress
-    if not isinstance(stress, Real) or not np.isfinite(stress) or stress <= 0:
-        raise ValueError(f"reference_stress is {stress!r}; expected a positive number of kPa")
-    parameters = {p.name: np.zeros(p.size) if p.size else 0.0 for p in scale.energy.parameters}
-    Observation(sigma).check(scale.energy, data, parameters)
-    if priors is not None and not isinstance(priors, Mapping):
-        raise TypeError(
-            'priors must be a dict such as {"noise_spread": pm.LogNormal.dist(-1, 0.5)}, not '
-            f"{type(priors).__name__}"
-        )
-    sizes = {"location": len(scale.names), "spread": len(scale.names)}
-    if experiment_effect:
-        sizes |= {"experiment_spread": len(scale.names), "effect_spread": None}
-    if is_inferred(sigma):
-        sizes["noise_spread"] = None
-    for name, prior in (priors or {}).items():
-        if name not in sizes:
-            raise ValueError(
-                f"a prior is given for {name!r}; this class has the unknowns {list(sizes)}"
-            )
-        check_prior(name, prior, sizes[name])
 
 
 def _check_sigma(sigma: Any) -> None:
@@ -221,14 +242,6 @@ def register_specimens(
     return of_tests, pt.exp(log_sigma)
 
 
-def population_forward(scale: NaturalScale, data: xr.Dataset) -> ForwardModel:
-    """Forward model of tests with parameters of their own, over the range of the coordinates."""
-    mean, sd = scale.location_prior
-    reach = _REACH * sd
-    coordinates = [pm.Uniform.dist(m - r, m + r) for m, r in zip(mean, reach, strict=True)]
-    return ForwardModel(scale.energy, data, scale.parameters(coordinates), by_test=True)
-
-
 def register_curves(
     forward: ForwardModel,
     scale: NaturalScale,
@@ -237,9 +250,8 @@ def register_curves(
     dims: str | None = None,
 ) -> None:
     """Curves of the tests, and what was measured about them, with ``σ`` of every test."""
-    parameters = scale.parameters(coordinates)
-    curves = forward.curves(parameters)
+    tube = forward.tube(scale.parameters(coordinates))
+    curves = tube.curves()
     curves["pressure"] = pm.Deterministic("pressure", curves["pressure"], dims=dims)
     test = forward.share("test", lambda data: {"test": data["test"].values})["test"]
-    observation = Observation(sigma[test], likelihood="generative")
-    observation.register(forward, parameters, curves=curves, dims=dims)
+    Observation(sigma[test], likelihood="generative").register(tube, curves, dims)

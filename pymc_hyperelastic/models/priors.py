@@ -20,17 +20,6 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 
-__all__ = [
-    "check_geometry_priors",
-    "check_prior",
-    "complete_layers",
-    "complete_priors",
-    "complete_wall",
-    "prior_from_record",
-    "prior_to_record",
-    "with_variables",
-]
-
 
 def complete_priors(
     energy: StrainEnergy, priors: dict[str, TensorVariable] | None = None
@@ -40,27 +29,6 @@ def complete_priors(
     A default prior is uniform over :attr:`Parameter.prior_range`, as in the paper. It is a fixed
     physical range and knows nothing of the data.
 
-    Parameters
-    ----------
-    energy : StrainEnergy
-        The material.
-    priors : dict of str to TensorVariable, optional
-        Distributions such as ``{"mu": pm.Uniform.dist(0, 50)}``.
-
-    Returns
-    -------
-    dict of str to TensorVariable
-        One distribution for each parameter, in the order of the strain energy.
-
-    Raises
-    ------
-    TypeError
-        If a prior is not a distribution, or `priors` is not a dict.
-    ValueError
-        If a name is not a parameter of the strain energy.
-
-    Examples
-    --------
     >>> import pymc as pm, pymc_hyperelastic as ph
     >>> from pymc_hyperelastic.models.priors import complete_priors
     >>> list(complete_priors(ph.Ogden(), {"alpha": pm.Uniform.dist(0, 20)}))
@@ -90,15 +58,7 @@ def complete_priors(
 def complete_wall(
     energy: StrainEnergy | Sequence[Layer], priors: dict[str, TensorVariable] | None = None
 ) -> tuple[StrainEnergy | list[Layer], dict[str, TensorVariable]]:
-    """A material, or layers in which nothing is missing, and the priors of its parameters by name.
-
-    Raises
-    ------
-    TypeError
-        If `energy` is neither, a prior is no distribution, or priors are given beside layers.
-    ValueError
-        If a name is not a parameter.
-    """
+    """A material, or layers in which nothing is missing, and the priors of all parameters."""
     if not isinstance(energy, Sequence):
         check_energy(energy)
         return energy, complete_priors(energy, priors)

@@ -23,14 +23,6 @@ from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.observation.observation import NOISE_UNITS, Observation
 from pymc_hyperelastic.models.priors import is_inferred, prior_from_record, prior_to_record
 
-__all__ = [
-    "Study",
-    "inflation_data_of",
-    "model_settings_of",
-    "strain_energy_attrs",
-    "strain_energy_of",
-]
-
 
 @dataclass(frozen=True)
 class Study:
@@ -109,8 +101,9 @@ class Study:
         except ValueError:
             # Sampling a model with a prior of one's own is fine; it cannot serve as a stored class,
             # which `fit_classes` checks before it samples.
-            known = isinstance(self.energy, StrainEnergy)
-            return {"strain_energy": self.energy.name} if known else {}
+            if isinstance(self.energy, StrainEnergy):
+                return {"strain_energy": self.energy.name}
+            return {}
 
 
 def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:

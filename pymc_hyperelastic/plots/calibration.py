@@ -14,8 +14,6 @@ from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals, sta
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-__all__ = ["plot_calibration_ranks", "plot_reliability"]
-
 Array = NDArray[np.float64]
 
 # Uniform samples by which a simultaneous band is found: its coverage is then known to 1 %.

@@ -17,8 +17,6 @@ from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, fitted_class
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-__all__ = ["plot_parameter_density"]
-
 Array = NDArray[np.float64]
 
 _GRID = 100  # points along each side of the grid on which a density is computed

@@ -27,8 +27,6 @@ from pymc_hyperelastic.predictions.curves import predict_pressure
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-__all__ = ["plot_pressure_fit"]
-
 _CURVE = 80  # points of a posterior curve
 
 

@@ -13,8 +13,6 @@ from pymc_hyperelastic.plots.style import RADIUS_LABEL, Backend, Canvas, Visuals
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-__all__ = ["plot_inflation"]
-
 _LABELS = ("group", "specimen", "experiment")
 _MARKERS = ["o", "^", "s", "d", "x", "+", "."]
 

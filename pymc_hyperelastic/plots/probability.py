@@ -13,8 +13,6 @@ from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, stacked
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-__all__ = ["plot_class_probability"]
-
 
 def plot_class_probability(
     result: xr.Dataset | Mapping[str, xr.Dataset],

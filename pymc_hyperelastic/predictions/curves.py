@@ -1,24 +1,16 @@
 """Curves of a tube as posteriors, from any sampled result: pressure, axial force and radius."""
 
-from typing import Any
+from typing import Any, Unpack
 
 import xarray as xr
 
-from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.predictions.draws import checked_numbers, checked_radii, draws_of
-
-__all__ = ["predict_axial_force", "predict_pressure", "radius_at_pressure"]
+from pymc_hyperelastic.predictions.draws import GivenTube, checked_numbers, checked_radii, draws_of
 
 
 def predict_pressure(
     tree: xr.DataTree,
     internal_radius: Any,
-    *,
-    energy: StrainEnergy | None = None,
-    inner_radius: float | None = None,
-    outer_radius: float | None = None,
-    axial_stretch: float | None = None,
-    opening_angle: float | None = None,
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     """Posterior of the tube's pressure and stiffness at new radii, without measurement error.
 
@@ -29,14 +21,13 @@ def predict_pressure(
         :func:`pymc_hyperelastic.fit_classes`, or any result with a ``posterior`` group.
     internal_radius : array_like, shape (radius,)
         Current internal radii, mm.
-    energy : StrainEnergy, optional
-        The material; needed where the result does not name it.
-    inner_radius, outer_radius, axial_stretch, opening_angle : float, optional
-        The tube (mm, rad). What is not given is that of each draw where the posterior has a
-        variable of the name; for the outer radius also ``thickness`` (mm) or ``wall_area`` (mm²,
-        area of the unloaded wall's cross-section). Failing that it is that of the result's data,
-        which must be the same for all its tests; without data the axial stretch is 1 and the
-        opening angle 0.
+    **tube
+        ``energy``, the strain energy, needed where the result does not name it; ``inner_radius``,
+        ``outer_radius`` (mm), ``axial_stretch``, ``opening_angle`` (rad), numbers. What is not
+        given is that of each draw where the posterior has a variable of the name; for the outer
+        radius also ``thickness`` (mm) or ``wall_area`` (mm², area of the unloaded wall's
+        cross-section). Failing that it is that of the result's data, which must be the same for
+        all its tests; without data the axial stretch is 1 and the opening angle 0.
 
     Returns
     -------
@@ -61,7 +52,7 @@ def predict_pressure(
     >>> curve["pressure"].dims
     ('chain', 'draw', 'radius')
     """
-    draws = draws_of(tree, energy, (inner_radius, outer_radius, axial_stretch, opening_angle))
+    draws = draws_of(tree, **tube)
     radius = checked_radii(internal_radius)
     pressure, stiffness = draws.tube.pressure(radius)
     return draws.dataset({"radius": radius}, pressure=pressure, stiffness=stiffness)
@@ -70,12 +61,7 @@ def predict_pressure(
 def predict_axial_force(
     tree: xr.DataTree,
     internal_radius: Any,
-    *,
-    energy: StrainEnergy | None = None,
-    inner_radius: float | None = None,
-    outer_radius: float | None = None,
-    axial_stretch: float | None = None,
-    opening_angle: float | None = None,
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     """Posterior of the tube's reduced axial force at new radii, without measurement error.
 
@@ -98,7 +84,7 @@ def predict_axial_force(
     >>> force["axial_force"].values.round(3).ravel()
     array([19.641, 39.282])
     """
-    draws = draws_of(tree, energy, (inner_radius, outer_radius, axial_stretch, opening_angle))
+    draws = draws_of(tree, **tube)
     radius = checked_radii(internal_radius)
     return draws.dataset({"radius": radius}, axial_force=draws.tube.axial_force(radius))
 
@@ -106,12 +92,7 @@ def predict_axial_force(
 def radius_at_pressure(
     tree: xr.DataTree,
     pressure: Any,
-    *,
-    energy: StrainEnergy | None = None,
-    inner_radius: float | None = None,
-    outer_radius: float | None = None,
-    axial_stretch: float | None = None,
-    opening_angle: float | None = None,
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the internal radius at which the tube carries given pressures.
 
@@ -127,11 +108,11 @@ def radius_at_pressure(
     Parameters
     ----------
     tree : xarray.DataTree
-        A sampled model, see :func:`predict_pressure`, as for the keywords.
+        A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
         Internal pressures, kPa.
-    energy, inner_radius, outer_radius, axial_stretch, opening_angle : optional
-        The material and the tube (mm, rad).
+    **tube
+        The material and the tube, see :func:`predict_pressure`.
 
     Returns
     -------
@@ -162,6 +143,6 @@ def radius_at_pressure(
     array([[[7.    , 8.1932],
             [7.    , 7.7094]]])
     """
-    draws = draws_of(tree, energy, (inner_radius, outer_radius, axial_stretch, opening_angle))
+    draws = draws_of(tree, **tube)
     pressure = checked_numbers("pressure", pressure, "pressures in kPa")
     return draws.dataset({"pressure": pressure}, radius=draws.radius_at(pressure))

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 import xarray as xr
@@ -18,14 +18,6 @@ from pymc_hyperelastic.mechanics.tube import (
 )
 from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.models.study import inflation_data_of, strain_energy_of
-
-__all__ = [
-    "Draws",
-    "checked_numbers",
-    "checked_radii",
-    "draws_of",
-    "radii_of_data",
-]
 
 Array = NDArray[np.float64]
 
@@ -82,9 +74,25 @@ class Draws(NamedTuple):
         return result
 
 
-def draws_of(tree: xr.DataTree, energy: StrainEnergy | None, tube: Sequence[Any]) -> Draws:
-    """Material and tube by draw; `tube` is what the caller gives of GEOMETRY, else None."""
+class GivenTube(TypedDict, total=False):
+    """What a caller may say of the tube, where the result does not, or something else is meant."""
+
+    energy: StrainEnergy | None
+    inner_radius: float | None
+    outer_radius: float | None
+    axial_stretch: float | None
+    opening_angle: float | None
+
+
+def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
+    """Material and tube by draw: as given, else as inferred, else that of the data."""
     check_result(tree)
+    strangers = [name for name in tube if name not in GivenTube.__annotations__]
+    if strangers:
+        raise TypeError(
+            f"{strangers[0]!r} is no property of a tube; expected {list(GivenTube.__annotations__)}"
+        )
+    energy = tube.get("energy")
     if "posterior" not in tree.children:
         raise ValueError(
             f"the result has no posterior; its groups are {sorted(tree.children)} (of a class: "
@@ -103,14 +111,14 @@ def draws_of(tree: xr.DataTree, energy: StrainEnergy | None, tube: Sequence[Any]
         raise ValueError(f"the posterior lacks {lacking}, parameters of {energy.name}")
     parameters = {p.name: _values(posterior, p.name, p.size) for p in energy.parameters}
     coords = {name: posterior[name] for name in ("chain", "draw")}
-    geometry = _geometry_of(tree, posterior, dict(zip(GEOMETRY, tube, strict=True)))
+    given = {name: value for name, value in tube.items() if name in GEOMETRY}
+    geometry = _geometry_of(tree, posterior, given)
     return Draws(TubeNumbers(energy, geometry, energy.split(parameters)), coords)
 
 
 def _geometry_of(
     tree: xr.DataTree, posterior: xr.Dataset, given: dict[str, Any]
 ) -> dict[str, Array]:
-    """The tube by draw: as given, else as inferred, else that of the data."""
     given = {name: value for name, value in given.items() if value is not None}
     for name, value in given.items():
         if not isinstance(value, Real):

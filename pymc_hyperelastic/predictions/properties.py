@@ -1,22 +1,20 @@
 """What laboratories report of a tube, as posteriors: elastic properties, stresses, stability."""
 
 from numbers import Real
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.strain_energy.isotropic import _Isotropic
 from pymc_hyperelastic.mechanics.tube import current_radius
 from pymc_hyperelastic.predictions.draws import (
+    GivenTube,
     checked_numbers,
     checked_radii,
     draws_of,
     radii_of_data,
 )
-
-__all__ = ["admissible", "pulse_wave_velocity", "tube_properties", "wall_stress"]
 
 # Circles of the wall at which admissibility is looked at.
 _CIRCLES = 11
@@ -29,11 +27,7 @@ def tube_properties(
     pressure: Any,
     *,
     density: float = 1060.0,
-    energy: StrainEnergy | None = None,
-    inner_radius: float | None = None,
-    outer_radius: float | None = None,
-    axial_stretch: float | None = None,
-    opening_angle: float | None = None,
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the elastic properties that are reported of a vessel, at given pressures.
 
@@ -43,13 +37,13 @@ def tube_properties(
     Parameters
     ----------
     tree : xarray.DataTree
-        A sampled model, see :func:`predict_pressure`, as for the keywords.
+        A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
         Internal pressures, kPa.
     density : float, default 1060
         Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
-    energy, inner_radius, outer_radius, axial_stretch, opening_angle : optional
-        The material and the tube (mm, rad).
+    **tube
+        The material and the tube, see :func:`predict_pressure`.
 
     Returns
     -------
@@ -109,7 +103,7 @@ def tube_properties(
     """
     if not (isinstance(density, Real) and 0 < density < np.inf):
         raise ValueError(f"density must be a positive number in kg/m³; got {density!r}")
-    draws = draws_of(tree, energy, (inner_radius, outer_radius, axial_stretch, opening_angle))
+    draws = draws_of(tree, **tube)
     pressure = checked_numbers("pressure", pressure, "pressures in kPa")
     a = draws.radius_at(pressure)
     _, slope = draws.tube.pressure(a)
@@ -131,7 +125,7 @@ def tube_properties(
 
 
 def pulse_wave_velocity(
-    tree: xr.DataTree, pressure: Any, *, density: float = 1060.0, **tube: Any
+    tree: xr.DataTree, pressure: Any, *, density: float = 1060.0, **tube: Unpack[GivenTube]
 ) -> xr.Dataset:
     r"""Posterior of the speed at which a pulse travels along the tube, at given pressures.
 
@@ -149,8 +143,7 @@ def pulse_wave_velocity(
     density : float, default 1060
         Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
     **tube
-        The material and the tube, ``energy``, ``inner_radius``, ``outer_radius``,
-        ``axial_stretch``, ``opening_angle`` (mm, rad), where the result does not tell them.
+        The material and the tube, see :func:`predict_pressure`.
 
     Returns
     -------
@@ -180,11 +173,7 @@ def wall_stress(
     pressure: Any,
     *,
     points: Any = 21,
-    energy: StrainEnergy | None = None,
-    inner_radius: float | None = None,
-    outer_radius: float | None = None,
-    axial_stretch: float | None = None,
-    opening_angle: float | None = None,
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the Cauchy stresses through the wall at given pressures.
 
@@ -204,14 +193,14 @@ def wall_stress(
     Parameters
     ----------
     tree : xarray.DataTree
-        A sampled model, see :func:`predict_pressure`, as for the keywords.
+        A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
         Internal pressures, kPa; the radius is that of :func:`radius_at_pressure`.
     points : int or array_like, default 21
         Where in the wall: a number of circles at equal distances in the reference tube, or their
         places ``(R − A)/(B − A)`` from 0 (inside) to 1 (outside).
-    energy, inner_radius, outer_radius, axial_stretch, opening_angle : optional
-        The material and the tube (mm, rad).
+    **tube
+        The material and the tube, see :func:`predict_pressure`.
 
     Returns
     -------
@@ -242,7 +231,7 @@ def wall_stress(
     >>> stress["sigma_tt"].isel(draw=0).values.round(2).ravel()
     array([10.8 ,  9.23,  8.13])
     """
-    draws = draws_of(tree, energy, (inner_radius, outer_radius, axial_stretch, opening_angle))
+    draws = draws_of(tree, **tube)
     pressure = checked_numbers("pressure", pressure, "pressures in kPa")
     if isinstance(points, int) and not isinstance(points, bool) and points > 0:
         points = np.linspace(0.0, 1.0, points)
@@ -250,10 +239,10 @@ def wall_stress(
     if not np.all((position >= 0) & (position <= 1)):
         raise ValueError(f"points must be places in the wall, from 0 to 1; got {points!r}")
     radius = draws.radius_at(pressure)
-    tube = draws.tube.with_axis()
-    wall = tube.wall(radius[..., None], position)
+    deep = draws.tube.with_axis()
+    wall = deep.wall(radius[..., None], position)
     # What lies beyond a circle is a tube as well: its pressure is what the circle carries.
-    load, _ = tube.pressure(wall.current, inner_radius=wall.reference)
+    load, _ = deep.pressure(wall.current, inner_radius=wall.reference)
     return draws.dataset(
         {"pressure": pressure, "position": position},
         sigma_rr=-load,
@@ -266,12 +255,7 @@ def wall_stress(
 def admissible(
     tree: xr.DataTree,
     internal_radius: Any = None,
-    *,
-    energy: StrainEnergy | None = None,
-    inner_radius: float | None = None,
-    outer_radius: float | None = None,
-    axial_stretch: float | None = None,
-    opening_angle: float | None = None,
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Which draws of a posterior are materials that behave as solids do, over a range of radii.
 
@@ -291,11 +275,11 @@ def admissible(
     Parameters
     ----------
     tree : xarray.DataTree
-        A sampled model, see :func:`predict_pressure`, as for the keywords.
+        A sampled model, see :func:`predict_pressure`.
     internal_radius : array_like, shape (radius,), optional
         Current internal radii, mm; by default 40 between the ends of the result's data.
-    energy, inner_radius, outer_radius, axial_stretch, opening_angle : optional
-        The material and the tube (mm, rad).
+    **tube
+        The material and the tube, see :func:`predict_pressure`.
 
     Returns
     -------
@@ -330,7 +314,7 @@ def admissible(
     >>> print(passed.attrs["summary"])
     From 7 to 10 mm, of 2 draws: pressure rises in 50.0 %, Baker-Ericksen holds in 50.0 %.
     """
-    draws = draws_of(tree, energy, (inner_radius, outer_radius, axial_stretch, opening_angle))
+    draws = draws_of(tree, **tube)
     radius = radii_of_data(tree) if internal_radius is None else checked_radii(internal_radius)
     _, slope = draws.tube.pressure(radius)
     passed: dict[str, Any] = {"pressure_rises": ((slope > 0) & (slope < np.inf)).all(axis=-1)}

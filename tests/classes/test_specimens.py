@@ -13,7 +13,7 @@ from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.from_modes import sample_from_modes
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.natural_scale import NaturalScale
+from pymc_hyperelastic.models.population import Population
 
 SEED = 911
 # An honest standard error is exceeded threefold once in 370 runs; seeds are fixed.
@@ -109,15 +109,9 @@ def test_density_of_a_specimen_of_one_material():
 def test_potential_of_a_class_is_the_mean_over_the_draws_of_its_specimens():
     """In the model of a class each specimen is a weighted sum over its draws, by SciPy."""
     rng = np.random.default_rng(SEED)
-    scale = NaturalScale(ph.Yeoh())
+    population = Population(ph.Yeoh(), pm.LogNormal.dist(0.0, 1.0), experiment_effect=True)
     specimens = [random_draws(rng, 3, tests, 20) for tests in (2, 3)]
-    model = class_model(
-        scale,
-        [draws for draws, _ in specimens],
-        ["S1", "S2"],
-        sigma=pm.LogNormal.dist(0.0, 1.0),
-        experiment_effect=True,
-    )
+    model = class_model(population, {f"S{i}": draws for i, (draws, _) in enumerate(specimens)})
     location, spread = rng.normal(0, 0.3, 3), rng.uniform(0.2, 0.6, 3)
     within, effect, sigma, noise_spread = rng.uniform(0.1, 0.3, 3), 0.6, 0.8, 0.4
     unit = rng.uniform(0.2, 0.8, 3)

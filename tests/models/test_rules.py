@@ -99,7 +99,7 @@ def test_chosen_order_is_exact(name):
     priors = {"mu": pm.Uniform.dist(1, 20), "alpha": pm.Uniform.dist(1, 10)}
     priors = FIBRES if name == "slack fibres" else priors
     forward = OBSERVATION.forward_model(energy, data, priors, unknown)
-    chosen = forward._way
+    chosen = forward.way
     assert isinstance(chosen, Direct) and chosen.order <= 64
     functions = []
     for other in (chosen, Direct(64)):
@@ -112,8 +112,8 @@ def test_chosen_order_is_exact(name):
                 for distributions in (priors, unknown)
             )
             same = forward.with_data(data)
-            same._way = other
-            pm.Potential("curves", OBSERVATION.log_likelihood(same, parameters, geometry))
+            same.way = other
+            pm.Potential("curves", OBSERVATION.log_likelihood(same.tube(parameters, geometry)))
         functions.append(
             BatchedFunction.of_model(model, model.replace_rvs_by_values(model.potentials))
         )

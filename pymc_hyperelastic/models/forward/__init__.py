@@ -3,8 +3,8 @@
 *How* its wall is integrated is decided here alone, and nobody else knows.
 """
 
-from pymc_hyperelastic.models.forward.model import ForwardModel
+from pymc_hyperelastic.models.forward.model import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.forward.numbers import TubeNumbers
 from pymc_hyperelastic.models.forward.rules import Mode
 
-__all__ = ["ForwardModel", "Mode", "TubeNumbers"]
+__all__ = ["ForwardModel", "Mode", "SymbolicTube", "TubeNumbers"]

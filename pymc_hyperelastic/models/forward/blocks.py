@@ -10,8 +10,6 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import points_of
 
-__all__ = ["block_arrays", "block_product", "identity_of_tests"]
-
 Array = NDArray[np.float64]
 
 

@@ -17,19 +17,18 @@ from pymc_hyperelastic.mechanics.collocation import (
     collocate,
     curve_matrices,
 )
-from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
-
-__all__ = ["Collocated", "known_tubes"]
+from pymc_hyperelastic.models.forward.direct import WallVariables
 
 Array = NDArray[np.float64]
+Arrays = dict[str, NDArray]
 
 
 def known_tubes(data: xr.Dataset) -> KnownTubes:
     """The tube at every point of the data."""
     test, radius = data["test"].values, data["radius"].values.astype(float)
-    geometry = [data[name].values[test].astype(float) for name in GEOMETRY]
-    return KnownTubes(radius, *geometry, growth=measured_radius(data).values / radius)
+    geometry = {name: data[name].values[test].astype(float) for name in GEOMETRY}
+    return KnownTubes(radius, **geometry, growth=measured_radius(data).values / radius)
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Collocated:
     with_force: bool = False
     by_test: bool = False
 
-    def curve_arrays(self, data: xr.Dataset) -> dict[str, Array]:
+    def curve_arrays(self, data: xr.Dataset) -> Arrays:
         """Arrays by which the data enter :meth:`curves`."""
         group = data["test"].values if self.by_test else None
         matrices, place = curve_matrices(known_tubes(data), self.nodes, group)
@@ -52,27 +51,21 @@ class Collocated:
             del matrices["force_matrix"]
         return matrices | {"place": place}
 
-    def curves(
-        self,
-        inputs: Mapping[str, Any],
-        energy: StrainEnergy,
-        parameters: dict[str, Any],
-        geometry: Mapping[str, Any],
-    ) -> dict[str, TensorVariable]:
+    def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """What the model says at the points."""
         pressure, stiffness = self._pressure(
-            inputs, inputs["pressure_matrix"], inputs["stiffness_matrix"], energy, parameters
+            inputs, inputs["pressure_matrix"], inputs["stiffness_matrix"], wall
         )
         curves = {"pressure": pressure, "stiffness": stiffness}
         if self.with_force:
-            curves["axial_force"] = self._force(inputs, energy, parameters)
+            curves["axial_force"] = self._force(inputs, wall)
         return {name: curve.flatten()[inputs["place"]] for name, curve in curves.items()}
 
     def conditions(self, *_: Any) -> list[TensorVariable]:
         """None: known tubes are possible."""
         return []
 
-    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> dict[str, Array]:
+    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
         """Arrays by which data and targets, NaN where there are none, enter :meth:`differences`.
 
         As many numbers as there are stretches stand for all points, see :func:`collocate`.
@@ -80,27 +73,20 @@ class Collocated:
         return collocate(known_tubes(data), self.nodes, dict(targets))
 
     def differences(
-        self,
-        inputs: Mapping[str, Any],
-        energy: StrainEnergy,
-        parameters: dict[str, Any],
-        geometry: Mapping[str, Any],
-        error_in: str,
+        self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
     ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
         """Differences between curves and targets, compressed."""
         # Without slopes, as many rows of nothing.
         slope_matrix = inputs.get("slope_matrix", inputs["pressure_matrix"][:, :0])
-        pressure, slope = self._pressure(
-            inputs, inputs["pressure_matrix"], slope_matrix, energy, parameters
-        )
+        pressure, slope = self._pressure(inputs, inputs["pressure_matrix"], slope_matrix, wall)
         response = {"pressure": pressure - inputs["pressure_target"]}
         if "slope_target" in inputs:
             response["slope"] = slope - inputs["slope_target"]
         if "force_target" in inputs:
-            response["force"] = self._force(inputs, energy, parameters) - inputs["force_target"]
+            response["force"] = self._force(inputs, wall) - inputs["force_target"]
         return response, []
 
-    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> dict[str, Array]:
+    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
         """Arrays by which the data, and a linear map of each test, enter :meth:`mapped`."""
         arrays = self.curve_arrays(data)
         shape, place = arrays["pressure_matrix"].shape, arrays["place"]
@@ -119,34 +105,27 @@ class Collocated:
             "place": place,
         }
 
-    def mapped(
-        self,
-        inputs: Mapping[str, Any],
-        energy: StrainEnergy,
-        parameters: dict[str, Any],
-        geometry: Mapping[str, Any],
-    ) -> TensorVariable:
+    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
         """A linear map of pressures and slopes: one constant matrix times the response."""
-        mapped, _ = self._pressure(
-            inputs, inputs["mapped_matrix"], inputs["no_slopes"], energy, parameters
-        )
+        mapped, _ = self._pressure(inputs, inputs["mapped_matrix"], inputs["no_slopes"], wall)
         return mapped.flatten()[inputs["place"]]
 
     def _pressure(
         self,
         inputs: Mapping[str, Any],
         pressure_matrix: Any,
-        stiffness_matrix: Any,
-        energy: StrainEnergy,
-        parameters: dict[str, Any],
+        slope_matrix: Any,
+        wall: WallVariables,
     ) -> tuple[TensorVariable, TensorVariable]:
-        integral = CollocatedPressureIntegral(strain_energy=energy, per_group=self.by_test)
-        stretches = inputs["log_hoop"], inputs["log_axial"]
-        return integral(*stretches, pressure_matrix, stiffness_matrix, *energy.split(parameters))
+        integral = CollocatedPressureIntegral(strain_energy=wall.energy, per_group=self.by_test)
+        stretches, entries = _stretches(inputs), wall.energy.split(wall.parameters)
+        return integral(*stretches, pressure_matrix, slope_matrix, *entries)
 
-    def _force(
-        self, inputs: Mapping[str, Any], energy: StrainEnergy, parameters: dict[str, Any]
-    ) -> TensorVariable:
-        integral = CollocatedAxialForce(strain_energy=energy, per_group=self.by_test)
-        stretches = inputs["log_hoop"], inputs["log_axial"]
-        return integral(*stretches, inputs["force_matrix"], *energy.split(parameters))
+    def _force(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
+        integral = CollocatedAxialForce(strain_energy=wall.energy, per_group=self.by_test)
+        entries = wall.energy.split(wall.parameters)
+        return integral(*_stretches(inputs), inputs["force_matrix"], *entries)
+
+
+def _stretches(inputs: Mapping[str, Any]) -> tuple[Any, Any]:
+    return inputs["log_hoop"], inputs["log_axial"]

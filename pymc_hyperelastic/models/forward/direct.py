@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytensor.tensor as pt
@@ -19,9 +19,8 @@ from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opening_factor
 from pymc_hyperelastic.models.forward.blocks import block_arrays, block_product, identity_of_tests
 
-__all__ = ["CurrentTube", "Direct", "current_tube", "tube_inputs"]
-
 Array = NDArray[np.float64]
+Arrays = dict[str, NDArray]
 
 # Of the radius: where the last step towards that at a pressure is longer, none was found.
 _LARGEST_LAST_STEP = 1e-6
@@ -29,11 +28,22 @@ _LARGEST_LAST_STEP = 1e-6
 _OVERFLOW = np.float64(1e60)
 
 
-def tube_inputs(data: xr.Dataset) -> dict[str, Array]:
+def tube_inputs(data: xr.Dataset) -> Arrays:
     """What was measured of the tube at each point: its geometry, and one of its current radii."""
     inputs = {name: data[name].values.astype(float)[data["test"].values] for name in GEOMETRY}
     name = "current_outer_radius" if "outer_diameter" in data else "radius"
     return inputs | {name: measured_radius(data).values.astype(float)}
+
+
+class WallVariables(NamedTuple):
+    """What a wall is made of: variables of a model in place of distributions."""
+
+    energy: Any
+    """A strain energy, or layers."""
+    parameters: dict[str, Any]
+    """Of the strain energy; layers bring their own."""
+    geometry: Mapping[str, Any]
+    """What is not known of the tube."""
 
 
 @dataclass(frozen=True)
@@ -112,48 +122,35 @@ def current_tube(
 class Direct:
     """Quadrature of so many nodes at every point.
 
-    `parameters` of its methods are those of the strain energy, of every test with `by_test`; layers
-    bring their own.
+    With `by_test` each test has parameters of its own.
     """
 
     order: int
     with_force: bool = False
     by_test: bool = False
 
-    def curve_arrays(self, data: xr.Dataset) -> dict[str, Array]:
+    def curve_arrays(self, data: xr.Dataset) -> Arrays:
         """Arrays by which the data enter :meth:`curves`."""
         return tube_inputs(data) | ({"test": data["test"].values} if self.by_test else {})
 
-    def curves(
-        self,
-        inputs: Mapping[str, Any],
-        energy: StrainEnergy | Sequence[Layer],
-        parameters: dict[str, Any],
-        geometry: Mapping[str, Any],
-    ) -> dict[str, TensorVariable]:
+    def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """What the model says at the points."""
-        current = self._tube(inputs, energy, parameters, geometry)
+        current = self._tube(inputs, wall)
         pressure, stiffness = wall_pressure(current.tubes, self.order)
         curves = {"pressure": pressure, "stiffness": stiffness}
         if self.with_force:
             curves["axial_force"] = wall_force(current.tubes, self.order)
-        if geometry and current.wall is not None:
+        if wall.geometry and current.wall is not None:
             curves["radius"] = current.radius
         return curves
 
-    def conditions(
-        self,
-        inputs: Mapping[str, Any],
-        energy: StrainEnergy | Sequence[Layer],
-        parameters: dict[str, Any],
-        geometry: Mapping[str, Any],
-    ) -> list[TensorVariable]:
+    def conditions(self, inputs: Mapping[str, Any], wall: WallVariables) -> list[TensorVariable]:
         """Conditions of there being such a tube, where it depends on what is unknown."""
-        if not geometry and isinstance(energy, StrainEnergy):
+        if not wall.geometry and isinstance(wall.energy, StrainEnergy):
             return []
-        return [self._tube(inputs, energy, parameters, geometry).possible]
+        return [self._tube(inputs, wall).possible]
 
-    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> dict[str, Array]:
+    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
         """Arrays by which data and targets, NaN where there are none, enter :meth:`differences`."""
         arrays = self.curve_arrays(data)
         for name, target in targets.items():
@@ -162,16 +159,11 @@ class Direct:
         return arrays
 
     def differences(
-        self,
-        inputs: Mapping[str, Any],
-        energy: StrainEnergy | Sequence[Layer],
-        parameters: dict[str, Any],
-        geometry: Mapping[str, Any],
-        error_in: str,
+        self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
     ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
         """Differences between curves and targets, and conditions of there being any."""
-        current = self._tube(inputs, energy, parameters, geometry)
-        conditions = self.conditions(inputs, energy, parameters, geometry)
+        current = self._tube(inputs, wall)
+        conditions = self.conditions(inputs, wall)
         if error_in == "radius":
             found, error = self._error_in_radius(current, inputs["pressure_target"])
             conditions.append(found)
@@ -187,7 +179,7 @@ class Direct:
             response["force"] = force - inputs["force_target"]
         return response, conditions
 
-    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> dict[str, Array]:
+    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
         """Arrays by which the data, and a linear map of each test, enter :meth:`mapped`."""
         identity = identity_of_tests(data)
         zero = np.zeros_like(identity)
@@ -199,31 +191,20 @@ class Direct:
             **of_slope,
         }
 
-    def mapped(
-        self,
-        inputs: Mapping[str, Any],
-        energy: StrainEnergy | Sequence[Layer],
-        parameters: dict[str, Any],
-        geometry: Mapping[str, Any],
-    ) -> TensorVariable:
+    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
         """A linear map of the pressures and of the slopes by what was measured."""
-        current = self._tube(inputs, energy, parameters, geometry)
+        current = self._tube(inputs, wall)
         pressure, stiffness = wall_pressure(current.tubes, self.order)
         slope = _bounded(stiffness) * current.growth
         return block_product(inputs["of_pressure"], inputs, pressure) + block_product(
             inputs["of_slope"], inputs, slope
         )
 
-    def _tube(
-        self,
-        inputs: Mapping[str, Any],
-        energy: StrainEnergy | Sequence[Layer],
-        parameters: dict[str, Any],
-        geometry: Mapping[str, Any],
-    ) -> CurrentTube:
+    def _tube(self, inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
+        energy, parameters = wall.energy, wall.parameters
         if self.by_test and isinstance(energy, StrainEnergy):
             parameters = energy.join([x[inputs["test"]] for x in energy.split(parameters)])
-        return current_tube(energy, inputs, geometry, parameters)
+        return current_tube(energy, inputs, wall.geometry, parameters)
 
     def _error_in_radius(
         self, current: CurrentTube, pressure: Any

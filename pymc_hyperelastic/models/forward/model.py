@@ -17,10 +17,9 @@ from pymc_hyperelastic.data.inflation import points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
+from pymc_hyperelastic.models.forward.direct import WallVariables
 from pymc_hyperelastic.models.forward.rules import Mode, way_to_integrate
 from pymc_hyperelastic.models.priors import with_variables
-
-__all__ = ["ForwardModel", "Misfits"]
 
 Arrays = dict[str, NDArray]
 
@@ -28,14 +27,6 @@ Arrays = dict[str, NDArray]
 _LARGEST_MISFIT = np.float64(1e60)
 # Radii of a test at which a pressure is seen to rise.
 _RADII_BETWEEN = 20
-
-
-class Misfits(NamedTuple):
-    """Sums of squared differences between a model and what was measured, by quantity."""
-
-    squares: dict[str, TensorVariable]
-    conditions: list[TensorVariable]
-    """What must hold for there to be any."""
 
 
 class ForwardModel:
@@ -50,19 +41,17 @@ class ForwardModel:
         The material, or its layers with distributions for what is inferred of them.
     data : xarray.Dataset
         Inflation data.
-    parameters : dict of str to TensorVariable
-        Distributions, or random expressions, of all that is inferred of the material, by name:
-        curves are right over their range.
-    geometry : dict of str to TensorVariable, optional
-        The same of what is not known of the tube.
+    parameters, geometry : dict of str to TensorVariable
+        Distributions, or random expressions, of what is inferred of the material, and of what is
+        not known of the tube, by name: curves are right over their range.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated.
     with_force : bool
         Whether axial force is measured.
     error_in : {"pressure", "radius"}
-        What was measured with an error; with "radius" that is what a misfit tells.
+        What was measured with an error, and what a misfit tells.
     by_test : bool
-        Whether each test has parameters of its own: vectors of the length of the tests.
+        Whether each test has parameters of its own, vectors of the length of the tests.
 
     Raises
     ------
@@ -84,8 +73,8 @@ class ForwardModel:
     ) -> None:
         self.data = data
         self._wall, self._distributions = wall, dict(parameters)
-        self._error_in = error_in
-        self._way: Any = way_to_integrate(
+        self.error_in = error_in
+        self.way: Any = way_to_integrate(
             wall,
             data,
             self._distributions,
@@ -131,89 +120,78 @@ class ForwardModel:
             self._shared[key] = arrays_of, inputs
         return self._shared[key][1]
 
-    def curves(
+    def tube(
         self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None = None
-    ) -> dict[str, TensorVariable]:
-        """Pressure and stiffness at the points of the data, by their names.
+    ) -> "SymbolicTube":
+        """The tube with variables of a model in place of the distributions."""
+        if isinstance(self._wall, StrainEnergy):
+            return SymbolicTube(self, WallVariables(self._wall, dict(parameters), geometry or {}))
+        layers = with_variables(self._wall, self._distributions, parameters)
+        return SymbolicTube(self, WallVariables(layers, {}, geometry or {}))
+
+
+class Misfits(NamedTuple):
+    """Sums of squared differences between a model and what was measured, by quantity."""
+
+    squares: dict[str, TensorVariable]
+    conditions: list[TensorVariable]
+    """What must hold for there to be any."""
+
+
+class SymbolicTube(NamedTuple):
+    """What a tube of variable material and geometry shows at the points of the data."""
+
+    forward: ForwardModel
+    wall: WallVariables
+
+    def curves(self) -> dict[str, TensorVariable]:
+        """Pressure and stiffness at the points, by their names.
 
         With measured forces ``axial_force`` as well, and ``radius``, the internal one, where it
         depends on what is unknown of the tube.
         """
-        inputs = self.share("curves", self._way.curve_arrays)
-        return self._way.curves(inputs, *self._material(parameters), geometry or {})
+        way = self.forward.way
+        return way.curves(self.forward.share("curves", way.curve_arrays), self.wall)
 
-    def conditions(
-        self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None = None
-    ) -> list[TensorVariable]:
+    def conditions(self) -> list[TensorVariable]:
         """What must hold for there to be such a tube, where that is not known beforehand."""
-        inputs = self.share("curves", self._way.curve_arrays)
-        return self._way.conditions(inputs, *self._material(parameters), geometry or {})
+        way = self.forward.way
+        return way.conditions(self.forward.share("curves", way.curve_arrays), self.wall)
 
-    def misfits(
-        self,
-        key: Hashable,
-        targets_of: Callable[[xr.Dataset], Arrays],
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-    ) -> Misfits:
+    def misfits(self, key: Hashable, targets_of: Callable[[xr.Dataset], Arrays]) -> Misfits:
         """Sums of squared differences between the curves and targets.
 
-        Parameters
-        ----------
-        key : hashable
-            What tells these targets from others of the same data.
-        targets_of : callable
-            From data to what was measured at each point, NaN where nothing was: ``"pressure"``
-            (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"`` (mN).
-        parameters, geometry : dict of str to tensor_like
-            Variables in place of the distributions.
-
-        Returns
-        -------
-        Misfits
-            By the names of the targets; with the error in the radius ``"radius"`` (mm²) in place of
-            the pressure.
+        `targets_of` gives what was measured at each point of data, NaN where nothing was:
+        ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"``
+        (mN). Its `key` tells them from other targets of the same data. The sums have these names;
+        with the error in the radius there is ``"radius"`` (mm²) in place of the pressure.
         """
-        way = self._way
-        inputs = self.share(
+        way = self.forward.way
+        inputs = self.forward.share(
             ("misfits", key), lambda data: way.misfit_arrays(data, targets_of(data))
         )
-        material = self._material(parameters)
-        differences, conditions = way.differences(inputs, *material, geometry or {}, self._error_in)
+        differences, conditions = way.differences(inputs, self.wall, self.forward.error_in)
         squares = {}
         for name, difference in differences.items():
             total = pt.sum(pt.square(difference))
             conditions.append(total < _LARGEST_MISFIT)
             # Else a noise parameter's gradient would be 0 * inf. That of the material is zero by
             # the integral itself.
-            squares[name] = pt.where(conditions[-1], total, 0.0) + inputs.get(
-                f"{name}_residual", 0.0
-            )
+            known = pt.where(conditions[-1], total, 0.0)
+            squares[name] = known + inputs.get(f"{name}_residual", 0.0)
         return Misfits(squares, conditions)
 
-    def mapped(
-        self,
-        key: Hashable,
-        linear_of: Callable[[xr.Dataset], Callable[[NDArray, NDArray], NDArray]],
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-    ) -> TensorVariable:
+    def mapped(self, key: Hashable, linear_of: Callable[[xr.Dataset], Callable]) -> TensorVariable:
         """A linear map of the pressures, and of the slopes by the radius that was measured.
 
         `linear_of` gives the map that belongs to data: it takes both as columns over ``obs``, and
-        mixes no two tests.
+        mixes no two tests. Its `key` tells it from other maps of the same data.
         """
-        way = self._way
-        inputs = self.share(("mapped", key), lambda data: way.mapped_arrays(data, linear_of(data)))
-        return way.mapped(inputs, *self._material(parameters), geometry or {})
-
-    def _material(
-        self, parameters: Mapping[str, Any]
-    ) -> tuple[StrainEnergy | list[Layer], dict[str, Any]]:
-        """The wall with variables in place of distributions, and the parameters of one material."""
-        if isinstance(self._wall, StrainEnergy):
-            return self._wall, dict(parameters)
-        return with_variables(self._wall, self._distributions, parameters), {}
+        way = self.forward.way
+        inputs = self.forward.share(
+            ("mapped", key), lambda data: way.mapped_arrays(data, linear_of(data))
+        )
+        return way.mapped(inputs, self.wall)
 
 
 def _shared_variable(name: str, value: NDArray) -> Variable:

@@ -13,8 +13,6 @@ from pymc_hyperelastic.mechanics.pressure import PressureIntegral
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import current_radius, hoop_elongation, opening_factor
 
-__all__ = ["TubeNumbers", "Wall"]
-
 Array = NDArray[np.float64]
 
 # A curve is followed in steps of the logarithm of the radius, so short that none leaps over a

@@ -24,8 +24,6 @@ from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.forward.collocated import Collocated, known_tubes
 from pymc_hyperelastic.models.forward.direct import Direct, current_tube, tube_inputs
 
-__all__ = ["Mode", "representative_values", "way_to_integrate"]
-
 Array = NDArray[np.float64]
 Mode = Literal["auto", "collocation", "quadrature"]
 

@@ -14,11 +14,9 @@ from pytensor.compile.sharedvalue import SharedVariable
 from pytensor.tensor.variable import TensorVariable
 from scipy.linalg import solve_banded
 
-from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.forward.blocks import block_arrays, block_product, identity_of_tests
 from pymc_hyperelastic.models.observation.slopes import precision_root, whiten, with_slopes
-
-__all__ = ["register_measurements"]
 
 Array = NDArray[np.float64]
 
@@ -27,9 +25,7 @@ _LARGEST_MEAN = np.float64(1e30)
 
 
 def register_measurements(
-    forward: ForwardModel,
-    parameters: Mapping[str, Any],
-    geometry: Mapping[str, Any],
+    tube: SymbolicTube,
     curves: Mapping[str, TensorVariable],
     *,
     sigma: Any,
@@ -46,7 +42,7 @@ def register_measurements(
     log-density, with ``ln B_ii``, is ``ln p(y_i | the y before)``. Where the curves of a parameter
     overflow, or the tube is impossible, means are infinite and the log-likelihood ``−inf``.
     """
-    conditions = forward.conditions(parameters, geometry)
+    forward, conditions = tube.forward, tube.conditions()
 
     def possible(mean: TensorVariable) -> TensorVariable:
         small = pt.all(pt.abs(mean) < _LARGEST_MEAN)
@@ -61,7 +57,7 @@ def register_measurements(
         def linear_of(data: xr.Dataset) -> Callable[[Array, Array], Array]:
             return partial(whiten, precision_root(data, slope_weight), data, slope_weight)
 
-        mean = forward.mapped(("whitened", slope_weight), linear_of, parameters, geometry)
+        mean = tube.mapped(("whitened", slope_weight), linear_of)
         _correlated_normal(forward, possible(mean), sigma, slope_weight, **settings)
     if force_sigma is not None:
         rows = forward.share("force_rows", lambda data: {"rows": _rows_of_forces(data)})["rows"]

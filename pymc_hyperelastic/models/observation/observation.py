@@ -17,13 +17,11 @@ from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
-from pymc_hyperelastic.models.forward import ForwardModel, Mode
+from pymc_hyperelastic.models.forward import ForwardModel, Mode, SymbolicTube
 from pymc_hyperelastic.models.observation.generative import register_measurements
 from pymc_hyperelastic.models.observation.paper import paper_log_likelihood
 from pymc_hyperelastic.models.observation.slopes import central_differences, with_slopes
 from pymc_hyperelastic.models.priors import check_prior, is_inferred, register_prior
-
-__all__ = ["NOISE_UNITS", "ErrorIn", "Likelihood", "Observation", "inflation_likelihood"]
 
 ErrorIn = Literal["pressure", "radius"]
 Likelihood = Literal["paper", "generative"]
@@ -126,21 +124,11 @@ class Observation:
         data: xr.Dataset,
         parameters: Mapping[str, Any],
         geometry: Mapping[str, Any] | None = None,
-        *,
-        mode: Mode = "auto",
-        by_test: bool = False,
+        **settings: Any,
     ) -> ForwardModel:
         """Forward model of what is observed, see :class:`ForwardModel` for the arguments."""
-        return ForwardModel(
-            wall,
-            data,
-            parameters,
-            geometry,
-            mode=mode,
-            with_force=self.force_sigma is not None,
-            error_in=self.error_in,
-            by_test=by_test,
-        )
+        settings |= {"with_force": self.force_sigma is not None, "error_in": self.error_in}
+        return ForwardModel(wall, data, parameters, geometry, **settings)
 
     def with_variables(self) -> "Observation":
         """The same with random variables of the model in context in place of distributions."""
@@ -152,37 +140,17 @@ class Observation:
         return replace(self, **registered)
 
     def register(
-        self,
-        forward: ForwardModel,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-        *,
-        curves: Mapping[str, TensorVariable],
-        dims: str | None = "obs",
+        self, tube: SymbolicTube, curves: Mapping[str, TensorVariable], dims: str | None = "obs"
     ) -> None:
         """Add what was measured to the model in context: a Potential, or observed variables."""
-        geometry = geometry or {}
         if self.likelihood == "generative":
-            register_measurements(forward, parameters, geometry, curves, dims=dims, **self.noise)
+            register_measurements(tube, curves, dims=dims, **self.noise)
         else:
-            pm.Potential("likelihood", self.log_likelihood(forward, parameters, geometry))
+            pm.Potential("likelihood", self.log_likelihood(tube))
 
-    def log_likelihood(
-        self,
-        forward: ForwardModel,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-    ) -> TensorVariable:
+    def log_likelihood(self, tube: SymbolicTube) -> TensorVariable:
         """The paper's log-likelihood, see :func:`~pymc_hyperelastic.inflation_likelihood`."""
-        return paper_log_likelihood(
-            forward,
-            parameters,
-            geometry or {},
-            sigma=self.sigma,
-            slope_weight=self.slope_weight,
-            force_sigma=self.force_sigma,
-            error_in=self.error_in,
-        )
+        return paper_log_likelihood(tube, **self.noise)
 
 
 def inflation_likelihood(
@@ -294,7 +262,7 @@ def inflation_likelihood(
     parameters = {key: _as_tensor(key, value, sizes[key]) for key, value in parameters.items()}
     geometry = {key: _as_tensor(key, value) for key, value in (geometry or {}).items()}
     forward = observation.forward_model(energy, data, parameters, geometry, mode=mode)
-    return pm.Potential(name, observation.log_likelihood(forward, parameters, geometry))
+    return pm.Potential(name, observation.log_likelihood(forward.tube(parameters, geometry)))
 
 
 def _check_parameters(energy: StrainEnergy, parameters: Mapping[str, Any]) -> None:

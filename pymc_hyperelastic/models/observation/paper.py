@@ -1,6 +1,5 @@
 """The paper's likelihood: misfits of pressure and slope, normalised as a density of pressures."""
 
-from collections.abc import Mapping
 from functools import reduce
 from operator import and_
 from typing import Any
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.forward import SymbolicTube
 from pymc_hyperelastic.models.observation.slopes import (
     central_differences,
     compressed_spectrum,
@@ -21,22 +20,13 @@ from pymc_hyperelastic.models.observation.slopes import (
     with_slopes,
 )
 
-__all__ = ["paper_log_likelihood"]
-
 Array = NDArray[np.float64]
 
 
 def paper_log_likelihood(
-    forward: ForwardModel,
-    parameters: Mapping[str, Any],
-    geometry: Mapping[str, Any],
-    *,
-    sigma: Any,
-    slope_weight: Any,
-    force_sigma: Any,
-    error_in: str,
+    tube: SymbolicTube, *, sigma: Any, slope_weight: Any, force_sigma: Any = None
 ) -> TensorVariable:
-    """Log-likelihood of :func:`~pymc_hyperelastic.inflation_likelihood`, of the forward's data."""
+    """Log-likelihood of :func:`~pymc_hyperelastic.inflation_likelihood`, of the tube's data."""
     slopes, forces = with_slopes(slope_weight), force_sigma is not None
     unknown_weight = isinstance(slope_weight, Variable)
 
@@ -60,12 +50,12 @@ def paper_log_likelihood(
             arrays["forces"] = np.array(float(measured.sum()))
         return arrays
 
-    key = slopes, forces
-    squares, conditions = forward.misfits(key, targets_of, parameters, geometry)
+    forward = tube.forward
+    squares, conditions = tube.misfits((slopes, forces), targets_of)
     weight = None if unknown_weight else float(slope_weight)
     inputs = forward.share(("normalisers", weight, forces), normalisers_of)
     log_density = -inputs["points"] / 2 * pt.log(np.pi * pt.square(sigma))
-    log_density -= squares[error_in] / pt.square(sigma)
+    log_density -= squares[forward.error_in] / pt.square(sigma)
     if slopes:
         log_density -= slope_weight * squares["slope"] / pt.square(sigma)
         if unknown_weight:

@@ -15,17 +15,6 @@ from pymc_hyperelastic.data.inflation import (
 )
 from pymc_hyperelastic.mechanics.chebyshev import chebyshev_nodes, value_to_coefficient
 
-__all__ = [
-    "balanced_slope_weight",
-    "central_differences",
-    "compressed_spectrum",
-    "half_log_determinant",
-    "measured_slopes",
-    "precision_root",
-    "whiten",
-    "with_slopes",
-]
-
 
 def balanced_slope_weight(data: xr.Dataset) -> float:
     r"""Slope weight ``β`` at which errors of slope and of pressure weigh alike.
