@@ -33,7 +33,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Spare the garbage collector what was imported, which it would look through again and again."""
+    """Spare the garbage collector what was imported: it would look through it again and again."""
     gc.collect()
     gc.freeze()
 
