@@ -13,9 +13,9 @@ import sys
 from pathlib import Path
 
 import pandas as pd
+import pint
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.data.units import to_internal
 
 FORMAT = """\
 format of the CSV file: one row a measured point, one column each for
@@ -107,7 +107,7 @@ def study(args: argparse.Namespace) -> None:
     classes = ph.fit_classes(
         LAWS[args.law],
         training,
-        sigma=float(to_internal(args.sigma, args.pressure_unit, "pressure")),
+        sigma=pint.UnitRegistry().Quantity(args.sigma, args.pressure_unit).m_as("kPa"),
         slope_weight=args.slope_weight,
         draws=args.draws,
         chains=args.chains,

@@ -38,14 +38,11 @@ from pymc_hyperelastic.models.inflation import (
 from pymc_hyperelastic.models.observation import inflation_likelihood
 from pymc_hyperelastic.models.observation.slopes import balanced_slope_weight
 from pymc_hyperelastic.models.population import population_model
-from pymc_hyperelastic.plots import (
-    plot_calibration_ranks,
-    plot_class_probability,
-    plot_inflation,
-    plot_parameter_density,
-    plot_pressure_fit,
-    plot_reliability,
-)
+from pymc_hyperelastic.plots.calibration import plot_calibration_ranks, plot_reliability
+from pymc_hyperelastic.plots.density import plot_parameter_density
+from pymc_hyperelastic.plots.fit import plot_pressure_fit
+from pymc_hyperelastic.plots.inflation import plot_inflation
+from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.predictions.curves import (
     predict_axial_force,
     predict_pressure,

@@ -199,10 +199,7 @@ def _predict_all(
 
 
 def _tabulate(
-    predictions: Sequence[Sequence[Prediction]],
-    prior: np.ndarray,
-    by: str,
-    names: Sequence[str],
+    predictions: Sequence[Sequence[Prediction]], prior: np.ndarray, by: str, names: Sequence[str]
 ) -> xr.Dataset:
     """Predictions as tables, with the probabilities of the classes."""
 

@@ -92,13 +92,13 @@ def fit_classes(
     kind = kind_of_settings(
         variability,
         energy,
+        noise,
         sigma=sigma,
         slope_weight=slope_weight,
         force_sigma=force_sigma,
         priors=priors,
         experiment_effect=experiment_effect,
         reference_stress=reference_stress,
-        **noise,
     )
     seed = seed_sequence(random_seed)
     tree = xr.DataTree.from_dict({})

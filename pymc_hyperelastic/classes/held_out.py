@@ -124,12 +124,12 @@ def calibration_report(
         kind_of_settings(
             variability,
             law,
+            noise,
             sigma=sigma,
             slope_weight=slope_weight,
             priors=priors,
             experiment_effect=experiment_effect,
             reference_stress=reference_stress,
-            **noise,
         )
         for law in energies
     ]
@@ -179,9 +179,7 @@ def _units(
 
 
 def _check_left(
-    classes: Mapping[str, xr.Dataset],
-    true_class: Mapping[str, str],
-    units: Mapping[str, Hashable],
+    classes: Mapping[str, xr.Dataset], true_class: Mapping[str, str], units: Mapping[str, Hashable]
 ) -> None:
     """Raise unless each class has a specimen without those that are left out."""
     for unit in dict.fromkeys(units.values()):

@@ -9,22 +9,32 @@ from pymc_hyperelastic.classes.pooled import Pooled
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.observation.observation import NOISE_UNITS
 
 _KINDS: dict[str, type[ClassKind]] = {kind.variability: kind for kind in (Pooled, Variability)}
 
 
-def kind_of_settings(variability: Any, energy: StrainEnergy, **settings: Any) -> ClassKind:
+def kind_of_settings(
+    variability: Any, energy: StrainEnergy, noise: dict[str, Any], **settings: Any
+) -> ClassKind:
     """The kind of class that :func:`~pymc_hyperelastic.fit_classes` is asked for.
 
     Raises
     ------
+    TypeError
+        If the `noise` is that of nothing that can be measured.
     ValueError
         If there is no such kind, or a setting is not used by it.
     """
+    strangers = [name for name in noise if name not in NOISE_UNITS]
+    if strangers:
+        raise TypeError(
+            f"{strangers[0]!r} is no setting of classes; of errors there are {list(NOISE_UNITS)}"
+        )
     if variability not in _KINDS:
         names = " or ".join(map(repr, _KINDS))
         raise ValueError(f"variability must be {names}, not {variability!r}")
-    return _KINDS[variability].of_settings(energy, **settings)
+    return _KINDS[variability].of_settings(energy, **settings, **noise)
 
 
 def kind_of_classes(classes: xr.DataTree) -> ClassKind:

@@ -19,11 +19,7 @@ TOP_CLASS = "most probable class"
 
 
 def score_probabilities(
-    probability: xr.DataArray | xr.Dataset,
-    truth: Any,
-    *,
-    bins: int = 10,
-    prob: float = 0.94,
+    probability: xr.DataArray | xr.Dataset, truth: Any, *, bins: int = 10, prob: float = 0.94
 ) -> xr.Dataset:
     r"""Score class probabilities against the true classes, and tabulate how reliable they are.
 

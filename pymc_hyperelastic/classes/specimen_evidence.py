@@ -145,10 +145,7 @@ def predictive_p_value(
     directions = directions[shares > _LEAST_SHARE * shares[0]].T
     curves = curves @ directions
     projected = np.concatenate(
-        [
-            measured[None] @ directions,
-            curves + sd * rng.standard_normal(curves.shape),
-        ]
+        [measured[None] @ directions, curves + sd * rng.standard_normal(curves.shape)]
     )
     scaled = curves / sd**2
     squares = (projected**2).sum(axis=1, keepdims=True)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.classes.density import SpecimenDraws, independent, log_density, stacked
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.from_modes import sample_from_modes
+from pymc_hyperelastic.evidence.importance import sample_from_modes
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel

@@ -39,8 +39,7 @@ from pymc_hyperelastic.classes.specimens import (
 )
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.from_modes import sample_from_modes
-from pymc_hyperelastic.evidence.importance import UNTRUSTED_PARETO_K
+from pymc_hyperelastic.evidence.importance import UNTRUSTED_PARETO_K, sample_from_modes
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy

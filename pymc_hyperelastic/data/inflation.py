@@ -5,8 +5,6 @@ coordinate ``test`` on ``obs`` says to which experiment a point belongs. Pressur
 lengths in mm, angles in rad.
 """
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Iterable
 from math import pi
 
@@ -39,23 +37,10 @@ COORDINATES = {
 
 
 def describe_test(data: xr.Dataset, i: int) -> str:
-    """Name test `i` as messages do.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Inflation data, see :func:`inflation_data`.
-    i : int
-        Position along dimension ``test``.
-
-    Returns
-    -------
-    str
-        Specimen and experiment.
+    """Specimen and experiment of the test at position `i`, as messages name it.
 
     Examples
     --------
-    >>> from pymc_hyperelastic.data.inflation import describe_test
     >>> from pymc_hyperelastic.data.datasets import load_dataset
     >>> describe_test(load_dataset("simulated_sheep_aorta"), 5)
     "specimen 'S2', experiment 3"
@@ -65,28 +50,10 @@ def describe_test(data: xr.Dataset, i: int) -> str:
 
 
 def points_of(data: xr.Dataset, i: int) -> slice:
-    """Find the points of test `i`.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Inflation data, see :func:`inflation_data`.
-    i : int
-        Position along dimension ``test``, from 0.
-
-    Returns
-    -------
-    slice
-        The positions of its points along dimension ``obs``.
-
-    Raises
-    ------
-    IndexError
-        If there is no such test.
+    """Positions along dimension ``obs`` of the points of test `i`, counted from 0.
 
     Examples
     --------
-    >>> from pymc_hyperelastic.data.inflation import points_of
     >>> from pymc_hyperelastic.data.datasets import load_dataset
     >>> points_of(load_dataset("simulated_sheep_aorta"), 2)
     slice(40, 60, None)
@@ -102,7 +69,6 @@ def measured_radius(data: xr.Dataset) -> xr.DataArray:
 
     Examples
     --------
-    >>> from pymc_hyperelastic.data.inflation import measured_radius
     >>> from pymc_hyperelastic.data.datasets import load_dataset
     >>> data = load_dataset("simulated_sheep_aorta")
     >>> measured_radius(data).equals(data["radius"])
@@ -114,25 +80,13 @@ def measured_radius(data: xr.Dataset) -> xr.DataArray:
 def check_inflation_data(data: xr.Dataset) -> None:
     """Raise unless `data` is a sound inflation Dataset, as :func:`inflation_data` builds it.
 
-    Whoever makes or alters a Dataset by hand is told here what is wrong with it.
-
-    Parameters
-    ----------
-    data : xarray.Dataset
-        Inflation data. The coordinate ``row`` may be missing.
-
-    Raises
-    ------
-    TypeError
-        If `data` is not a Dataset.
-    ValueError
-        If a variable is missing, lies on another dimension, has another unit or is not numeric; if
-        the points of a test do not stand together; if a value is not finite or impossible for a
-        tube.
+    Whoever makes or alters a Dataset by hand is told here what is wrong with it: a variable that is
+    missing, lies on another dimension, has another unit or is not numeric; points of a test that do
+    not stand together; a value that is not finite or impossible for a tube. The coordinate ``row``
+    may be missing.
 
     Examples
     --------
-    >>> from pymc_hyperelastic.data.inflation import check_inflation_data
     >>> from pymc_hyperelastic.data.datasets import load_dataset
     >>> check_inflation_data(load_dataset("simulated_sheep_aorta"))
     """

@@ -1,7 +1,5 @@
 """Parts of inflation data: some tests, by label or by position."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Hashable, Iterable, Sequence
 
 import numpy as np

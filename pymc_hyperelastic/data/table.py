@@ -1,7 +1,5 @@
 """Inflation data from a table of measured points."""
 
-from __future__ import annotations
-
 from numbers import Real
 from typing import Any, Literal, get_args
 
@@ -125,7 +123,11 @@ def inflation_data(
         force = _numbers(frame, "axial_force", may_be_missing=True)[order]
         values["axial_force"] = to_internal(force, force_unit, "force")
     if measured == "outer_diameter":
-        values["radius"] = _internal_radius(values, test[order])
+        geometry = {name: values[name][test[order]] for name in GEOMETRY}
+        outer = values["outer_diameter"] / 2
+        # NaN where the geometry is not known or the wall does not fit in.
+        with np.errstate(invalid="ignore"):
+            values["radius"] = internal_radius_from_outer_radius(outer, **geometry)
     coordinates = {
         "test": test[order],
         "row": _plain_array(frame.index[order].tolist()),
@@ -137,13 +139,6 @@ def inflation_data(
     data = xr.Dataset(_variables(kinds, values), _variables(COORDINATES, coordinates))
     check_inflation_data(data)
     return data
-
-
-def _internal_radius(values: dict[str, np.ndarray], test: np.ndarray) -> np.ndarray:
-    """From outer diameters; NaN where the geometry is not known or the wall does not fit in."""
-    geometry = {name: values[name][test] for name in GEOMETRY}
-    with np.errstate(invalid="ignore"):
-        return internal_radius_from_outer_radius(values["outer_diameter"] / 2, **geometry)
 
 
 def _variables(kinds: dict, values: dict[str, np.ndarray]) -> dict[str, tuple]:

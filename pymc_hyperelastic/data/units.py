@@ -32,33 +32,14 @@ def to_internal(
     *,
     keyword: str | None = None,
 ) -> NDArray[np.float64]:
-    """Convert values to the unit that the package works in.
+    """Convert values of any shape to the unit that the package works in: kPa, mm, mN or rad.
 
-    Parameters
-    ----------
-    values : array_like
-        Numbers in `unit`, any shape.
-    unit : str
-        A unit that pint knows, such as ``"mmHg"``, ``"um"`` or ``"deg"``.
-    quantity : {"pressure", "length", "force", "angle"}
-        What the values are: it decides between kPa, mm, mN and rad.
-    keyword : str, optional
-        The argument through which the caller received `unit`, to be named in an error;
-        ``f"{quantity}_unit"`` by default.
-
-    Returns
-    -------
-    numpy.ndarray
-        The values in kPa, mm, mN or rad, in the shape of `values`.
-
-    Raises
-    ------
-    ValueError
-        If the unit is unknown or measures something else.
+    The `unit` is one that pint knows, such as ``"mmHg"``, ``"um"`` or ``"deg"``. If it is unknown,
+    or measures something else than the `quantity`, a ValueError names the argument through which
+    the caller received it, `keyword` or else ``f"{quantity}_unit"``.
 
     Examples
     --------
-    >>> from pymc_hyperelastic.data.units import to_internal
     >>> float(to_internal(250.0, "um", "length"))
     0.25
     """

@@ -17,9 +17,8 @@ from scipy.stats import chisquare
 from pymc_hyperelastic.evidence.batched import BatchedFunction, side_by_side
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
+from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.smc import seed_sequence
-
-Array = NDArray[np.float64]
 
 # The chi-square distribution of the test is an approximation that needs so many counts in a bin.
 # What is wrong with a posterior shifts many ranks a little, which few bins show better than many.

@@ -4,13 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 from scipy.stats import chi2
 
+from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
-
-Array = NDArray[np.float64]
 
 # The spread of a few chains is a poor estimate of their variance, unless it refutes the other one.
 _CHANCE = 0.01

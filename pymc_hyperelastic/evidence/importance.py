@@ -1,17 +1,14 @@
-"""Importance sampling from a mixture that follows a tempered likelihood."""
-
-from collections.abc import Callable
+"""Importance sampling from mixtures that are like the posterior: at its modes, or adapted to it."""
 
 import numpy as np
 from arviz_stats.base import array_stats
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
+from pymc_hyperelastic.evidence.kernel import BatchedSMC
+from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
+from pymc_hyperelastic.evidence.modes import Score, mixture_at_modes
 from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
-
-Array = NDArray[np.float64]
 
 # Pareto shapes of the largest weights. Below the first, weights have a variance, and their mean an
 # error that is known. From the second on the mean itself is not to be trusted: it exists up to a
@@ -26,26 +23,16 @@ _STEP_EFFECTIVE, _MOST_STEPS = 0.1, 60
 _ALIKE, _LAST_STEPS = 0.4, 5
 # Fits of a mixture to weighted draws.
 _MOST_FITS = 8
+# Draws from the mixture at the modes, and effective ones without which nothing is known of a mean.
+_DRAWS_FROM_MODES, _ENOUGH_FROM_MODES = 8000, 300
 
 
 def adapted_mixture(
-    score: Callable[[Array], tuple[Array, Array]],
-    mixture: GaussianMixture,
-    rng: np.random.Generator,
-    draws: int = 1000,
+    score: Score, mixture: GaussianMixture, rng: np.random.Generator, draws: int = 1000
 ) -> GaussianMixture | None:
     """Mixture like the posterior, from one like the prior; None if it gets stuck.
 
-    Parameters
-    ----------
-    score : callable
-        Log prior and log likelihood of points, shape (n, d).
-    mixture : GaussianMixture
-        Where to start.
-    rng : numpy.random.Generator
-        Source of randomness.
-    draws : int
-        Draws of a step.
+    Each step learns from so many draws.
 
     References
     ----------
@@ -76,10 +63,7 @@ def adapted_mixture(
 
 
 def fitted_mixture(
-    score: Callable[[Array], tuple[Array, Array]],
-    mixture: GaussianMixture,
-    rng: np.random.Generator,
-    draws: int,
+    score: Score, mixture: GaussianMixture, rng: np.random.Generator, draws: int
 ) -> GaussianMixture:
     """Mixture fitted to the posterior by importance sampling from one that is near it."""
     for _ in range(_MOST_FITS):
@@ -98,10 +82,7 @@ def fitted_mixture(
 
 
 def weighted_draws(
-    score: Callable[[Array], tuple[Array, Array]],
-    mixture: GaussianMixture,
-    draws: int,
-    rng: np.random.Generator,
+    score: Score, mixture: GaussianMixture, draws: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Points from the mixture with heavy tails, and the logarithms of their weights."""
     points, log_density = draw_heavy_tailed(mixture, draws, rng)
@@ -132,3 +113,39 @@ def mean_weight(log_weights: Array, enough: int = _ENOUGH) -> tuple[Estimate, fl
     value = float(logsumexp(log_weights) - np.log(log_weights.size))
     variance = max(1 / effective - 1 / log_weights.size, 0.0)
     return Estimate(value, float(np.sqrt(variance))), pareto_k
+
+
+def sample_from_modes(kernel: BatchedSMC, rng: np.random.Generator) -> tuple[Array, Estimate]:
+    """Particles of the posterior in random order, and the evidence.
+
+    Posteriors here have few variables and mostly one mode: importance sampling from a mixture gives
+    them in a tenth of the time of SMC, which is left the others.
+    """
+    kernel.set_rng(rng)
+    steps = max(1000, 250 * kernel.dimension)
+    prior = kernel.columns(kernel.initialize_population())
+    modes = mixture_at_modes(kernel.score, prior)
+    best, found = Estimate(-np.inf, np.inf), prior
+    for broad in (False, True):
+        mixture = modes
+        if broad:
+            # A posterior that is hardly narrower than the prior is not like its mode.
+            wide = GaussianMixture.fit(prior, components_for(steps, kernel.dimension), rng)
+            followed = adapted_mixture(kernel.score, wide, rng, steps)
+            mixture = modes.joined(followed or wide)
+        mixture = fitted_mixture(kernel.score, mixture, rng, steps)
+        points, log_weights = weighted_draws(kernel.score, mixture, _DRAWS_FROM_MODES, rng)
+        evidence, pareto_k = mean_weight(log_weights, enough=_ENOUGH_FROM_MODES)
+        if evidence.value > best.value:
+            weights = np.exp(log_weights - log_weights.max())
+            best, found = evidence, points[systematic(weights, kernel.draws, rng)]
+        if pareto_k < UNTRUSTED_PARETO_K:
+            return rng.permutation(found), best
+    kernel.temper(None, rng)
+    # Both are unbiased, and miss modes rather than invent them: the larger is the better one.
+    if kernel.log_marginal_likelihood > best.value:
+        best = Estimate(
+            kernel.log_marginal_likelihood, float(np.sqrt(kernel.log_evidence_variance))
+        )
+        found = kernel.tempered_posterior
+    return rng.permutation(found), best

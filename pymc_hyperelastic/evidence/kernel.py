@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 import numpy as np
 import pymc as pm
 import pytensor.tensor as pt
-from numpy.typing import NDArray
 from pymc.smc.kernels import SMC_KERNEL
 from pymc.vartypes import discrete_types
 from pytensor.graph.traversal import ancestors
@@ -22,11 +21,9 @@ from pymc_hyperelastic.evidence.batched import (
     value_shapes,
 )
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
-from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for, log_sum_exp
+from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for, log_sum_exp
 from pymc_hyperelastic.evidence.modes import mixture_at_modes
 from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
-
-Array = NDArray[np.float64]
 
 # Correlation cannot show how fast particles move before they had a few moves.
 _FEWEST_MOVES = 4

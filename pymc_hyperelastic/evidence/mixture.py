@@ -16,24 +16,16 @@ _VARIANCE_FLOOR = 1e-13
 
 @dataclass(frozen=True)
 class GaussianMixture:
-    """Mixture of ``K`` normal, or Student-t, distributions in ``d`` dimensions.
-
-    Attributes
-    ----------
-    log_weights : array, shape (K,)
-        Logarithms of the weights.
-    means : array, shape (K, d)
-        Means.
-    factors : array, shape (K, d, d)
-        Lower Cholesky factors of the covariances, or of the scale matrices of Student's t.
-    freedom : float
-        Degrees of freedom; infinite for normal distributions.
-    """
+    """Mixture of ``K`` normal, or Student-t, distributions in ``d`` dimensions."""
 
     log_weights: Array
+    """Logarithms of the weights, shape (K,)."""
     means: Array
+    """Shape (K, d)."""
     factors: Array
+    """Lower Cholesky factors of covariances, or of Student's scale matrices, shape (K, d, d)."""
     freedom: float = np.inf
+    """Degrees of freedom; infinite for normal distributions."""
 
     @classmethod
     def fit(
@@ -49,8 +41,6 @@ class GaussianMixture:
 
         Examples
         --------
-        >>> import numpy as np
-        >>> from pymc_hyperelastic.evidence.mixture import GaussianMixture
         >>> rng = np.random.default_rng(1)
         >>> points = np.concatenate([rng.normal(-5, 1, (500, 1)), rng.normal(5, 1, (500, 1))])
         >>> sorted(GaussianMixture.fit(points, 2, rng).means.round().ravel().tolist())

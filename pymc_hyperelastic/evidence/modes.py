@@ -3,13 +3,13 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, minimize
 from scipy.special import logsumexp
 
-from pymc_hyperelastic.evidence.mixture import GaussianMixture
+from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
 
-Array = NDArray[np.float64]
+# Log prior and log likelihood of points, shape (n, d).
+Score = Callable[[Array], tuple[Array, Array]]
 
 # Starting points of a search for modes; modes that are less likely by so many nats are nothing.
 _SEARCHES, _NEGLIGIBLE = 8, 20.0
@@ -20,21 +20,12 @@ _SLOPE_STEP, _CURVATURE_STEP = 1e-4, 0.1
 _IMPOSSIBLE = 1e12
 
 
-def mixture_at_modes(
-    score: Callable[[Array], tuple[Array, Array]], prior: Array
-) -> GaussianMixture:
+def mixture_at_modes(score: Score, prior: Array) -> GaussianMixture:
     """Mixture like the posterior, from its modes and the curvature of the density there.
 
     Where the noise is unknown, a tempered likelihood prefers large noise up to a certain power, and
     then all of a sudden the small noise of the true curve: a population that follows it misses
-    that. Climbing from draws of the prior does not.
-
-    Parameters
-    ----------
-    score : callable
-        Log prior and log likelihood of points, shape (n, d).
-    prior : array, shape (n, d)
-        Draws from the prior.
+    that. Climbing from draws of the prior, shape (n, d), does not.
     """
     width = prior.std(axis=0)
 

@@ -5,15 +5,12 @@ from itertools import pairwise, product
 
 import numpy as np
 import pymc as pm
-from numpy.typing import NDArray
 from scipy.integrate import cubature
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
-from pymc_hyperelastic.evidence.mixture import GaussianMixture
-
-Array = NDArray[np.float64]
+from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
 
 # The box ends where the posterior density is below its peak by this many nats.
 _NEGLIGIBLE = 35.0

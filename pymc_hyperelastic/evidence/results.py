@@ -20,10 +20,9 @@ import numpy as np
 import pymc as pm
 import xarray as xr
 from arviz_base import dict_to_dataset
-from numpy.typing import NDArray
 from pymc.backends.arviz import coords_and_dims_for_inferencedata
 
-Array = NDArray[np.float64]
+from pymc_hyperelastic.evidence.mixture import Array
 
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy")
 

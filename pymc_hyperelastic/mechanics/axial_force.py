@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from pytensor.graph.basic import Variable
-from pytensor.tensor.variable import TensorVariable
+from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
@@ -18,35 +18,23 @@ class AxialForceIntegral(WallIntegral):
         \big(2 (σ_{zz} - σ_{rr}) - (σ_{θθ} - σ_{rr})\big) R^2 \, d(\ln R)
 
     It is the axial force in the wall less ``π a² p``, the thrust of the pressure on closed ends.
-    Inputs are those of :class:`PressureIntegral`; the output is in mN (kPa mm²).
-
-    Attributes
-    ----------
-    strain_energy : StrainEnergy
-        The material.
-    order : int, default 32
-        Nodes of the Gauss-Legendre rule, as in :class:`PressureIntegral`.
+    Inputs and attributes are those of :class:`PressureIntegral`; the output is in mN (kPa mm²).
     """
 
-    def build_inner_graph(self, *inputs: TensorVariable) -> list[Variable]:
+    def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Gauss-Legendre quadrature over a last axis, which the sum removes."""
         wall, log_axial, entries = self.wall(inputs)
         response = self.response(wall.log_hoop, log_axial, entries)
         return [(wall.force_weight * response).sum(axis=-1)]
 
-    def response(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, entries: Sequence[Any]
-    ) -> TensorVariable:
+    def response(self, log_hoop: Tensor, log_axial: Tensor, entries: Sequence[Any]) -> Tensor:
         """``2 (σzz − σrr) − (σθθ − σrr)`` of the material."""
         return force_response(self.strain_energy, log_hoop, log_axial, entries)
 
 
 def force_response(
-    energy: StrainEnergy,
-    log_hoop: TensorVariable,
-    log_axial: TensorVariable,
-    entries: Sequence[Any],
-) -> TensorVariable:
+    energy: StrainEnergy, log_hoop: Tensor, log_axial: Tensor, entries: Sequence[Any]
+) -> Tensor:
     """``2 (σzz − σrr) − (σθθ − σrr)``, what axial force is linear in."""
     parameters = energy.join(entries)
     axial = energy.axial_stress_difference(log_hoop, log_axial, **parameters)
@@ -63,7 +51,7 @@ def axial_force(
     opening_angle: Any = 0.0,
     order: int = 32,
     **parameters: Any,
-) -> TensorVariable:
+) -> Tensor:
     r"""Reduced axial force that holds a tube at the given internal radius and axial stretch.
 
     .. math:: F(a) = \frac{π}{k λ_z} \int_A^B
@@ -94,19 +82,12 @@ def axial_force(
     >>> round(float(force.eval()), 3)
     19.641
     """
-    tubes = checked_tubes(
-        energy,
-        internal_radius,
-        inner_radius=inner_radius,
-        outer_radius=outer_radius,
-        axial_stretch=axial_stretch,
-        opening_angle=opening_angle,
-        parameters=parameters,
-    )
+    reference = inner_radius, outer_radius, axial_stretch, opening_angle
+    tubes = checked_tubes(energy, internal_radius, reference, parameters)
     return wall_force(tubes, order)
 
 
-def wall_force(tubes: Sequence[Tube], order: int = 32) -> TensorVariable:
+def wall_force(tubes: Sequence[Tube], order: int = 32) -> Tensor:
     """Axial force of a wall, added up over the tubes that it is made of."""
     return sum(
         AxialForceIntegral(strain_energy=tube.energy, order=order)(*tube.inputs) for tube in tubes

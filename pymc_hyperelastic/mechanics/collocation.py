@@ -18,15 +18,13 @@ from numpy.typing import NDArray
 from pytensor.graph.basic import Apply, Variable
 from pytensor.graph.replace import _vectorize_node
 from pytensor.tensor.blockwise import vectorize_node_fallback
-from pytensor.tensor.variable import TensorVariable
+from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.axial_force import force_response
-from pymc_hyperelastic.mechanics.chebyshev import chebyshev_nodes, value_to_coefficient
+from pymc_hyperelastic.mechanics.chebyshev import Array, chebyshev_nodes, value_to_coefficient
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import stretches
 from pymc_hyperelastic.mechanics.wall import TubeOp, wall_rule
-
-Array = NDArray[np.float64]
 
 # Chebyshev coefficients of the response below this fraction of the largest are left out. The
 # pressure is then right to about 1e-12 of the largest in the data, and rounding is not mistaken
@@ -74,7 +72,7 @@ class CollocatedIntegral(TubeOp):
     ) -> None:
         super().__init__(input_types, per_group=per_group, **settings)
 
-    def build_inner_graph(self, *inputs: TensorVariable) -> list[Variable]:
+    def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Response at the nodes, then one matrix product a group."""
         log_hoop, log_axial, *matrices = inputs[: self.constants]
         entries = inputs[self.constants :]
@@ -102,11 +100,6 @@ class CollocatedPressureIntegral(CollocatedIntegral):
         p_{gj} = \sum_k M_{gjk} T_{gk}, \qquad s_{gj} = \sum_k S_{gjk} T_{gk}
 
     See :class:`CollocatedIntegral` for the inputs.
-
-    Attributes
-    ----------
-    strain_energy : StrainEnergy
-        The material.
     """
 
     constants = 4
@@ -117,15 +110,13 @@ class CollocatedAxialForce(CollocatedIntegral):
 
     constants = 3
 
-    def response(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, entries: Sequence[Any]
-    ) -> TensorVariable:
+    def response(self, log_hoop: Tensor, log_axial: Tensor, entries: Sequence[Any]) -> Tensor:
         """``2 (σzz − σrr) − (σθθ − σrr)`` of the material."""
         return force_response(self.strain_energy, log_hoop, log_axial, entries)
 
 
 @_vectorize_node.register(CollocatedIntegral)
-def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: TensorVariable) -> Apply:
+def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: Tensor) -> Apply:
     """Take a batch of parameters in one call; anything else is looped over."""
     constants, entries = inputs[: op.constants], inputs[op.constants :]
     deepest = max(x.type.ndim for x in entries)
@@ -170,23 +161,13 @@ def collocate(tubes: KnownTubes, count: int, targets: dict[str, Array]) -> dict[
 
     With a QR factorisation ``[M y] = Q [R c; 0 ρ]`` of a group, ``|M g − y|² = |R g − c|² + ρ²``
     for every response ``g``. Each kind of measurement is compressed separately, so that their
-    weights may be unknown.
+    weights may be unknown. The `targets` are what was measured at each point, NaN where nothing
+    was: ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"``
+    (mN).
 
-    Parameters
-    ----------
-    tubes : KnownTubes
-        The tubes at every point.
-    count : int
-        Number of Chebyshev stretches.
-    targets : dict of str to array
-        What was measured at each point, NaN where nothing was: ``"pressure"`` (kPa), ``"slope"``
-        (kPa/mm, by the radius that was measured), ``"force"`` (mN).
-
-    Returns
-    -------
-    dict of str to array
-        ``log_hoop`` (group, node), ``log_axial`` (group), and for each target the ``_matrix``
-        (group, node, node), ``_target`` (group, node) and ``_residual`` (the sum of all ``ρ²``).
+    Given back are ``log_hoop`` (group, node), ``log_axial`` (group), and for each target the
+    ``_matrix`` (group, node, node), ``_target`` (group, node) and ``_residual`` (the sum of all
+    ``ρ²``), with `count` nodes.
     """
     node = chebyshev_nodes(count)
     hoop, axial = [], []

@@ -9,7 +9,7 @@ from pytensor.gradient import DisconnectedType, disconnected_type, grad
 from pytensor.graph.basic import Variable
 from pytensor.graph.replace import _vectorize_node, clone_replace
 from pytensor.tensor.symbolic import TensorSymbolicOp
-from pytensor.tensor.variable import TensorVariable
+from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
@@ -32,13 +32,7 @@ class RadiusAtPressure(TensorSymbolicOp):
     radius, axial stretch, opening angle, and for each layer its thickness and parameters; they
     broadcast against each other. Outputs are the radius, and the relative length of the last step,
     infinite where pressure falls with the radius: large where no such radius was found.
-
-    Attributes
-    ----------
-    strain_energies : tuple of StrainEnergy
-        The material of each layer.
-    order : int
-        Nodes of the Gauss-Legendre rule.
+    `strain_energies` are those of the layers, `order` the nodes of the Gauss-Legendre rule.
     """
 
     __props__ = ("strain_energies", "order")
@@ -57,7 +51,7 @@ class RadiusAtPressure(TensorSymbolicOp):
         settings.setdefault("name", f"{type(self).__name__}{list(strain_energies)}")
         super().__init__(input_types, strain_energies=strain_energies, order=order, **settings)
 
-    def build_inner_graph(self, *inputs: TensorVariable) -> list[Variable]:
+    def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Take all steps of Newton's method."""
         pressure, radius, *wall = inputs
         for _ in range(_STEPS):
@@ -86,7 +80,7 @@ class RadiusAtPressure(TensorSymbolicOp):
         gradients = clone_replace(gradients, dict(known))
         return finite_or_zero(gradients)
 
-    def tubes(self, radius: TensorVariable, wall: Sequence[Any]) -> list[Tube]:
+    def tubes(self, radius: Tensor, wall: Sequence[Any]) -> list[Tube]:
         """Layers at an internal radius, from the inputs behind it."""
         inner_radius, axial_stretch, opening_angle, *rest = wall
         layers = []
@@ -94,15 +88,7 @@ class RadiusAtPressure(TensorSymbolicOp):
             thickness, *entries = rest[: 1 + len(energy.entry_names)]
             rest = rest[1 + len(entries) :]
             layers.append(Layer(energy, thickness, **energy.join(entries)))
-        return tubes_of(
-            layers,
-            radius,
-            inner_radius=inner_radius,
-            outer_radius=None,
-            axial_stretch=axial_stretch,
-            opening_angle=opening_angle,
-            parameters={},
-        )
+        return tubes_of(layers, radius, (inner_radius, None, axial_stretch, opening_angle), {})
 
 
 _vectorize_node.register(RadiusAtPressure)(broadcast_batches)

@@ -1,13 +1,13 @@
 """A wall as a sequence of layers, each a tube within the tube."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from pytensor.graph.basic import Variable
 
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import current_radius
+from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius
 
 
 class Layer:
@@ -90,69 +90,53 @@ class Tube(NamedTuple):
 def tubes_of(
     energy: StrainEnergy | Sequence[Layer],
     internal_radius: Any,
-    *,
-    inner_radius: Any,
-    outer_radius: Any,
-    axial_stretch: Any,
-    opening_angle: Any,
-    parameters: dict[str, Any],
+    reference: Sequence[Any],
+    parameters: Mapping[str, Any],
 ) -> list[Tube]:
     """The tubes, one within the other, that make up a wall of one material or of layers.
 
-    Raises
-    ------
-    TypeError
-        If `energy` is neither a strain energy nor a list of layers, if a material parameter is
-        missing or unknown, or if the outer radius is missing or given twice.
+    `reference` states the tube in the order of GEOMETRY; with layers its outer radius is None.
+    Raises TypeError for what is no such wall, and for parameters that are not those of its law.
     """
+    inner_radius, outer_radius, axial_stretch, opening_angle = reference
     if isinstance(energy, str) or not isinstance(energy, Sequence):
         check_energy(energy)
         if outer_radius is None:
             raise TypeError("outer_radius is missing: the reference outer radius of the tube, mm")
-        geometry = (internal_radius, inner_radius, outer_radius, axial_stretch, opening_angle)
-        return [Tube(energy, geometry, energy.split(parameters))]
+        return [Tube(energy, (internal_radius, *reference), energy.split(parameters))]
     check_layers(energy)
     if outer_radius is not None or parameters:
         given = [*(["outer_radius"] if outer_radius is not None else []), *sorted(parameters)]
         raise TypeError(f"{given} cannot be given with layers: each has its own thickness and law")
-    reference = {
+    unloaded = {
         "inner_radius": _number_or_variable(inner_radius),
         "axial_stretch": _number_or_variable(axial_stretch),
         "opening_angle": _number_or_variable(opening_angle),
     }
     internal_radius = _number_or_variable(internal_radius)
     tubes: list[Tube] = []
-    inner, current = reference["inner_radius"], internal_radius
+    inner, current = unloaded["inner_radius"], internal_radius
     for layer in energy:
         outer = inner + _number_or_variable(layer.thickness)
         geometry = (current, inner, outer, axial_stretch, opening_angle)
         entries = layer.energy.split(layer.parameters)
         tubes.append(Tube(layer.energy, geometry, entries, within=bool(tubes)))
-        inner, current = outer, current_radius(outer, internal_radius, **reference)
+        inner, current = outer, current_radius(outer, internal_radius, **unloaded)
     return tubes
 
 
 def checked_tubes(
     energy: StrainEnergy | Sequence[Layer],
     internal_radius: Any,
-    *,
-    inner_radius: Any,
-    outer_radius: Any,
-    axial_stretch: Any,
-    opening_angle: Any,
-    parameters: dict[str, Any],
+    reference: Sequence[Any],
+    parameters: Mapping[str, Any],
 ) -> list[Tube]:
-    """The tubes that make up a wall, after a check of what is given as numbers."""
-    geometry = {
-        "inner_radius": inner_radius,
-        "axial_stretch": axial_stretch,
-        "opening_angle": opening_angle,
-    }
-    outer = {} if outer_radius is None else {"outer_radius": outer_radius}
-    check_geometry(internal_radius=internal_radius, **geometry, **outer)
-    return tubes_of(
-        energy, internal_radius, outer_radius=outer_radius, parameters=parameters, **geometry
-    )
+    """The tubes that make up a wall, see :func:`tubes_of`, after a check of given numbers."""
+    known = dict(zip(GEOMETRY, reference, strict=True))
+    if known["outer_radius"] is None:
+        del known["outer_radius"]
+    check_geometry(internal_radius=internal_radius, **known)
+    return tubes_of(energy, internal_radius, reference, parameters)
 
 
 def check_geometry(**geometry: Any) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from pytensor.graph.basic import Variable
-from pytensor.tensor.variable import TensorVariable
+from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
@@ -46,7 +46,7 @@ class PressureIntegral(WallIntegral):
         on each piece.
     """
 
-    def build_inner_graph(self, *inputs: TensorVariable) -> list[Variable]:
+    def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Gauss-Legendre quadrature over a last axis, which the sums remove."""
         wall, log_axial, entries = self.wall(inputs)
         stress = self.response(wall.log_hoop, log_axial, entries)
@@ -67,7 +67,7 @@ def inflation_pressure(
     opening_angle: Any = 0.0,
     order: int = 32,
     **parameters: Any,
-) -> TensorVariable:
+) -> Tensor:
     r"""Internal pressure that holds a tube at the given internal radius.
 
     .. math:: p(a) = \int_A^B \frac{∂\hat W/∂λ_θ}{λ_z r} \, dR
@@ -115,15 +115,8 @@ def inflation_pressure(
     >>> (p.eval() / ph.mmHg).round(2)
     array([ 0.  ,  8.88, 19.  ])
     """
-    tubes = checked_tubes(
-        energy,
-        internal_radius,
-        inner_radius=inner_radius,
-        outer_radius=outer_radius,
-        axial_stretch=axial_stretch,
-        opening_angle=opening_angle,
-        parameters=parameters,
-    )
+    reference = inner_radius, outer_radius, axial_stretch, opening_angle
+    tubes = checked_tubes(energy, internal_radius, reference, parameters)
     return wall_pressure(tubes, order)[0]
 
 
@@ -137,7 +130,7 @@ def inflation_stiffness(
     opening_angle: Any = 0.0,
     order: int = 32,
     **parameters: Any,
-) -> TensorVariable:
+) -> Tensor:
     r"""Stiffness ``dp/da`` of a tube: derivative of its pressure by the internal radius.
 
     It governs the local speed of the pulse wave. Arguments are those of :func:`inflation_pressure`.
@@ -163,19 +156,12 @@ def inflation_stiffness(
     >>> round(float(s.eval()), 3)
     1.165
     """
-    tubes = checked_tubes(
-        energy,
-        internal_radius,
-        inner_radius=inner_radius,
-        outer_radius=outer_radius,
-        axial_stretch=axial_stretch,
-        opening_angle=opening_angle,
-        parameters=parameters,
-    )
+    reference = inner_radius, outer_radius, axial_stretch, opening_angle
+    tubes = checked_tubes(energy, internal_radius, reference, parameters)
     return wall_pressure(tubes, order)[1]
 
 
-def wall_pressure(tubes: Sequence[Tube], order: int = 32) -> tuple[TensorVariable, TensorVariable]:
+def wall_pressure(tubes: Sequence[Tube], order: int = 32) -> tuple[Tensor, Tensor]:
     """Pressure and stiffness of a wall, added up over the tubes that it is made of."""
     pressure, stiffness = 0.0, 0.0
     for tube in tubes:

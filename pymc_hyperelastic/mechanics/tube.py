@@ -43,17 +43,8 @@ def hoop_elongation(
     .. math:: δ(R) = \frac{k λ_z a^2 - A^2}{R^2}, \qquad λ_θ^2 = \frac{k}{λ_z} (1 + δ)
 
     With ``k = 1`` an isotropic tube carries no pressure at ``δ = 0``. The difference of squares is
-    factored, so that ``δ`` keeps all its digits when ``a`` is close to ``A``, where measured curves
-    start.
-
-    Parameters
-    ----------
-    internal_radius : number, array or TensorVariable
-        Current internal radius ``a``, mm.
-    radius : number, array or TensorVariable
-        Reference radius ``R`` of the material circle, mm.
-    inner_radius, axial_stretch, opening_angle : number, array or TensorVariable
-        Reference inner radius ``A`` (mm), axial stretch ``λz`` and opening angle ``Φ`` (rad).
+    factored, so that ``δ`` keeps all its digits when the internal radius ``a`` is close to ``A``,
+    where measured curves start.
 
     Examples
     --------

@@ -15,7 +15,7 @@ from pytensor.graph.basic import Apply, Variable
 from pytensor.graph.op import Op
 from pytensor.graph.replace import _vectorize_node, clone_replace
 from pytensor.tensor.symbolic import TensorSymbolicOp
-from pytensor.tensor.variable import TensorVariable
+from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
@@ -36,7 +36,7 @@ class TubeOp(TensorSymbolicOp):
         super().__init__(input_types, strain_energy=strain_energy, **settings)
 
     @staticmethod
-    def filter_inputs(*inputs: Any) -> tuple[TensorVariable, ...]:
+    def filter_inputs(*inputs: Any) -> tuple[Tensor, ...]:
         """Inputs in double precision: PyTensor reads the number 7.0 as a single-precision one."""
         return tuple(pt.cast(pt.as_tensor_variable(x), "float64") for x in inputs)
 
@@ -67,9 +67,7 @@ class TubeOp(TensorSymbolicOp):
         """Python for Python: PyMC asks for shapes in this way, and needs no compiler for it."""
         return link_only_mode("py") if impl == "py" else super().link_mode(impl)
 
-    def response(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, entries: Sequence[Any]
-    ) -> TensorVariable:
+    def response(self, log_hoop: Tensor, log_axial: Tensor, entries: Sequence[Any]) -> Tensor:
         """What the integral is linear in: the stress difference ``T`` of the material."""
         parameters = self.strain_energy.join(entries)
         return self.strain_energy.stress_difference(log_hoop, log_axial, **parameters)
@@ -77,9 +75,7 @@ class TubeOp(TensorSymbolicOp):
 
 def finite_or_zero(gradients: Sequence[Variable]) -> list[Variable]:
     """Gradients with 0 in place of what is not finite; those that are disconnected stay."""
-    return [
-        pt.where(pt.isfinite(g), g, 0.0) if isinstance(g, TensorVariable) else g for g in gradients
-    ]
+    return [pt.where(pt.isfinite(g), g, 0.0) if isinstance(g, Tensor) else g for g in gradients]
 
 
 class WallRule(NamedTuple):
@@ -108,7 +104,7 @@ class WallIntegral(TubeOp):
     def __init__(self, input_types: Any = None, *, order: int = 32, **settings: Any) -> None:
         super().__init__(input_types, order=order, **settings)
 
-    def wall(self, inputs: Sequence[TensorVariable]) -> tuple[WallRule, TensorVariable, Any]:
+    def wall(self, inputs: Sequence[Tensor]) -> tuple[WallRule, Tensor, Any]:
         """The quadrature, ``ln λz`` and the parameters' entries, nodes along a new last axis."""
         inputs = pt.broadcast_arrays(*(pt.expand_dims(x, -1) for x in inputs))
         geometry, entries = inputs[:5], inputs[5:]
@@ -157,7 +153,7 @@ def wall_rule(
     )
 
 
-def _place(log_stretch: Any, excess: Any, log_ratio: Any) -> TensorVariable:
+def _place(log_stretch: Any, excess: Any, log_ratio: Any) -> Tensor:
     """Place of a hoop stretch in the wall, from 0 inside to 1 outside; 0 if it is not there.
 
     The stretch is given relative to that of the unloaded tube. Its square exceeds 1 by ``δ``, which
@@ -190,7 +186,7 @@ def _in_order(places: Sequence[Any]) -> list[Any]:
 
 
 @_vectorize_node.register(WallIntegral)
-def broadcast_batches(op: Op, node: Apply, *inputs: TensorVariable) -> Apply:
+def broadcast_batches(op: Op, node: Apply, *inputs: Tensor) -> Apply:
     """Broadcast batch dimensions from the left; the Op needs no loop over them."""
     core_ndim = node.outputs[0].type.ndim
     aligned = []

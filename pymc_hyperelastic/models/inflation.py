@@ -22,11 +22,7 @@ from pymc_hyperelastic.mechanics.strain_energy import (
 from pymc_hyperelastic.models.forward import Mode
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.observation import ErrorIn, Likelihood
-from pymc_hyperelastic.models.priors import (
-    check_geometry_priors,
-    complete_wall,
-    register_priors,
-)
+from pymc_hyperelastic.models.priors import check_geometry_priors, complete_wall, register_priors
 from pymc_hyperelastic.models.study import Study
 
 # Draws from the prior by which it is known how many of them have a pressure that rises: to 3 % at

@@ -68,9 +68,7 @@ def complete_wall(
     return complete_layers(energy)
 
 
-def complete_layers(
-    layers: Sequence[Layer],
-) -> tuple[list[Layer], dict[str, TensorVariable]]:
+def complete_layers(layers: Sequence[Layer]) -> tuple[list[Layer], dict[str, TensorVariable]]:
     """Layers in which nothing is missing, and the distributions in them by name.
 
     A name carries the number of the layer, counted from inside, unless the distribution stands in

@@ -57,7 +57,7 @@ class Study:
         if self.likelihood == "paper":
             return self.groups()
         data, observed = self.data.copy(), {}
-        for name in ("pressure", "axial_force"):
+        for name in map(str, self.data.data_vars):
             if f"{name}_data" in model.named_vars:
                 values = model[f"{name}_data"].get_value()
                 observed[f"measured_{name}"] = model.named_vars_to_dims[f"{name}_data"], values

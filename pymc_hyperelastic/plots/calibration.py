@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals, stacked
+from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals, check_table, stacked
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -89,7 +89,7 @@ def plot_calibration_ranks(
     """
     from arviz_plots.visuals import fill_between_y, hist, line_xy, set_xticks
 
-    _check(sbc, "rank", "ph.simulation_based_calibration")
+    check_table(sbc, "ph.simulation_based_calibration", "rank")
     if kind not in ("ecdf", "histogram"):
         raise ValueError(f"kind must be 'ecdf' or 'histogram', not {kind!r}")
     if not 0 < prob < 1:
@@ -195,11 +195,20 @@ def plot_reliability(
         set_ylim,
     )
 
-    _check(scores, "observed_frequency", "ph.score_probabilities")
+    check_table(scores, "ph.score_probabilities", "observed_frequency")
     if "forecast" not in scores.dims:
         scores = scores.expand_dims("forecast")
     forecasts = scores["forecast"].values.tolist()
-    drawn = _frequencies(scores)
+    drawn = stacked(
+        "reliability",
+        x=scores["predicted_probability"],
+        y=scores["observed_frequency"],
+        y_bottom=scores["frequency_lower"],
+        y_top=scores["frequency_upper"],
+        left_edges=scores["bin_left"],
+        right_edges=scores["bin_right"],
+        histogram=scores["count"],
+    )
     canvas = Canvas(
         "grid",
         drawn.expand_dims(part=["diagram", "count"]),
@@ -229,29 +238,6 @@ def plot_reliability(
     intervals = f"{100 * scores.attrs['prob']:.3g} % intervals"
     canvas.title([scores.attrs], f"reliability of class probabilities, {intervals}")
     return canvas.collection
-
-
-def _check(result: Any, name: str, origin: str) -> None:
-    if not isinstance(result, xr.Dataset):
-        raise TypeError(
-            f"expected the result of {origin}, an xarray.Dataset, not {type(result).__name__}"
-        )
-    if name not in result.variables:
-        raise ValueError(f"the result lacks {name!r}; it comes from {origin}")
-
-
-def _frequencies(scores: xr.Dataset) -> xr.Dataset:
-    """Observed over predicted probabilities with their intervals, and how many are in each bin."""
-    return stacked(
-        "reliability",
-        x=scores["predicted_probability"],
-        y=scores["observed_frequency"],
-        y_bottom=scores["frequency_lower"],
-        y_top=scores["frequency_upper"],
-        left_edges=scores["bin_left"],
-        right_edges=scores["bin_right"],
-        histogram=scores["count"],
-    )
 
 
 def _label_reliability(canvas: Canvas, forecasts: list[str], scores: xr.Dataset) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, stacked
+from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, check_table, stacked
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -120,13 +120,8 @@ def plot_class_probability(
 
 def _labels(result: Any) -> tuple[str, list[str], list[str]]:
     """Dimension of the rows, their headings, and the classes."""
-    if not isinstance(result, xr.Dataset):
-        raise TypeError(
-            f"expected the result of ph.classify, an xarray.Dataset, not {type(result).__name__}"
-        )
-    for name in ("class_probability", "class_probability_se", "class_label"):
-        if name not in result.variables:
-            raise ValueError(f"the result lacks {name!r}; it comes from ph.classify")
+    variables = ("class_probability", "class_probability_se", "class_label")
+    check_table(result, "ph.classify", *variables)
     row = next(str(d) for d in result["class_probability"].dims if d != "class_label")
     classes = result["class_label"].values.tolist()
     known = [name for name in ("specimen", "experiment", "group") if name in result.coords]

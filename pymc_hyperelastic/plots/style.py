@@ -111,6 +111,17 @@ class Canvas:
             self.collection.add_title(text, size="medium", wrap=True)
 
 
+def check_table(result: Any, origin: str, *names: str) -> None:
+    """Raise unless this is a Dataset with such variables."""
+    if not isinstance(result, xr.Dataset):
+        raise TypeError(
+            f"expected the result of {origin}, an xarray.Dataset, not {type(result).__name__}"
+        )
+    for name in names:
+        if name not in result.variables:
+            raise ValueError(f"the result lacks {name!r}; it comes from {origin}")
+
+
 def stacked(name: str, **arrays: xr.DataArray) -> xr.Dataset:
     """The coordinates of something to draw, along the dimension that visuals read."""
     broadcast = xr.broadcast(*(a.reset_coords(drop=True).astype(float) for a in arrays.values()))

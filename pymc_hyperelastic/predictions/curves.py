@@ -8,9 +8,7 @@ from pymc_hyperelastic.predictions.draws import GivenTube, checked_numbers, chec
 
 
 def predict_pressure(
-    tree: xr.DataTree,
-    internal_radius: Any,
-    **tube: Unpack[GivenTube],
+    tree: xr.DataTree, internal_radius: Any, **tube: Unpack[GivenTube]
 ) -> xr.Dataset:
     """Posterior of the tube's pressure and stiffness at new radii, without measurement error.
 
@@ -59,9 +57,7 @@ def predict_pressure(
 
 
 def predict_axial_force(
-    tree: xr.DataTree,
-    internal_radius: Any,
-    **tube: Unpack[GivenTube],
+    tree: xr.DataTree, internal_radius: Any, **tube: Unpack[GivenTube]
 ) -> xr.Dataset:
     """Posterior of the tube's reduced axial force at new radii, without measurement error.
 
@@ -89,11 +85,7 @@ def predict_axial_force(
     return draws.dataset({"radius": radius}, axial_force=draws.tube.axial_force(radius))
 
 
-def radius_at_pressure(
-    tree: xr.DataTree,
-    pressure: Any,
-    **tube: Unpack[GivenTube],
-) -> xr.Dataset:
+def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTube]) -> xr.Dataset:
     r"""Posterior of the internal radius at which the tube carries given pressures.
 
     It is the inverse of :func:`predict_pressure`, ``p(a) = pressure``, draw by draw.

@@ -12,10 +12,7 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.mechanics.layers import check_energy, check_geometry
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import (
-    GEOMETRY,
-    inferred_geometry,
-)
+from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
 from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.models.study import inflation_data_of, strain_energy_of
 

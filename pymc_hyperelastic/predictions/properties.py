@@ -23,11 +23,7 @@ _SAME_STRETCH = 1e-6
 
 
 def tube_properties(
-    tree: xr.DataTree,
-    pressure: Any,
-    *,
-    density: float = 1060.0,
-    **tube: Unpack[GivenTube],
+    tree: xr.DataTree, pressure: Any, *, density: float = 1060.0, **tube: Unpack[GivenTube]
 ) -> xr.Dataset:
     r"""Posterior of the elastic properties that are reported of a vessel, at given pressures.
 
@@ -169,11 +165,7 @@ def pulse_wave_velocity(
 
 
 def wall_stress(
-    tree: xr.DataTree,
-    pressure: Any,
-    *,
-    points: Any = 21,
-    **tube: Unpack[GivenTube],
+    tree: xr.DataTree, pressure: Any, *, points: Any = 21, **tube: Unpack[GivenTube]
 ) -> xr.Dataset:
     r"""Posterior of the Cauchy stresses through the wall at given pressures.
 
@@ -253,9 +245,7 @@ def wall_stress(
 
 
 def admissible(
-    tree: xr.DataTree,
-    internal_radius: Any = None,
-    **tube: Unpack[GivenTube],
+    tree: xr.DataTree, internal_radius: Any = None, **tube: Unpack[GivenTube]
 ) -> xr.Dataset:
     r"""Which draws of a posterior are materials that behave as solids do, over a range of radii.
 

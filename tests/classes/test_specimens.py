@@ -10,7 +10,7 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.density import SpecimenDraws, log_density
 from pymc_hyperelastic.classes.specimens import class_model
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.from_modes import sample_from_modes
+from pymc_hyperelastic.evidence.importance import sample_from_modes
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.population import Population

@@ -1,16 +1,23 @@
 """The shipped data are what their sources say, and the simulated ones say that they are."""
 
+import doctest
 from importlib.resources import files
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
 
-from pymc_hyperelastic.data.datasets import list_datasets, load_dataset, simulate_sheep_aorta
+from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
 from pymc_hyperelastic.data.inflation import check_inflation_data, points_of
 from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.units import mmHg
+
+SCRIPT = Path(__file__).parents[2] / "docs" / "simulate_sheep_aorta.py"
+simulate_sheep_aorta = module_from_spec(spec_from_file_location(SCRIPT.stem, SCRIPT))
+simulate_sheep_aorta.__spec__.loader.exec_module(simulate_sheep_aorta)
 
 NAMES = ["murine_pulmonary_artery", "simulated_sheep_aorta"]
 
@@ -82,6 +89,11 @@ def test_simulated_data_say_so():
 def test_script_reproduces_the_file():
     """The committed file is exactly what the script writes."""
     assert simulate_sheep_aorta.PATH.read_text(encoding="utf-8") == simulate_sheep_aorta.csv_text()
+
+
+def test_script_s_examples():
+    """The examples in the script's docstrings, which pytest does not collect from there."""
+    assert doctest.testmod(simulate_sheep_aorta) == (0, 3)
 
 
 def test_simulated_study_has_the_paper_s_layout():

@@ -1,7 +1,5 @@
 """Inflation data that come with the package, each with its source."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files
@@ -12,8 +10,6 @@ import xarray as xr
 
 from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
-
-__all__ = ["list_datasets", "load_dataset"]
 
 
 def list_datasets() -> dict[str, str]:
@@ -116,7 +112,7 @@ _SHIPPED = {
         description="SIMULATED inflation of 5 aortas, 3 experiments each, in two groups (C1, C2).",
         source=(
             "SIMULATED, not measured: a two-fibre-family exponential tube with variability and "
-            "errors, made by pymc_hyperelastic/data/datasets/simulate_sheep_aorta.py."
+            "errors, made by docs/simulate_sheep_aorta.py."
         ),
         simulated=True,
         build=_simulated_sheep_aorta,

@@ -11,16 +11,7 @@ import numpy as np
 import pytensor.tensor as pt
 from pytensor.gradient import grad
 from pytensor.graph.basic import Variable
-from pytensor.tensor.variable import TensorVariable
-
-__all__ = [
-    "Parameter",
-    "StrainEnergy",
-    "elementwise_derivative",
-    "first_invariant_excess",
-    "half_difference",
-    "list_strain_energies",
-]
+from pytensor.tensor.variable import TensorVariable as Tensor
 
 
 @dataclass(frozen=True)
@@ -117,14 +108,12 @@ class StrainEnergy(ABC):
             )
 
     @abstractmethod
-    def energy(
-        self, radial: Any, hoop: Any, axial: Any, **parameters: TensorVariable
-    ) -> TensorVariable:
+    def energy(self, radial: Any, hoop: Any, axial: Any, **parameters: Tensor) -> Tensor:
         """Strain energy ``W(λr, λθ, λz)`` in kPa, elementwise in the stretches and parameters."""
 
     def stress_difference(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, **parameters: TensorVariable
-    ) -> TensorVariable:
+        self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor
+    ) -> Tensor:
         r"""Cauchy stress difference ``σθθ − σrr`` in kPa, the wall's response to its stretches.
 
         .. math:: σ_{θθ} - σ_{rr} = λ_θ \frac{∂\hat W}{∂λ_θ} = \frac{∂\hat W}{∂\ln λ_θ}, \qquad
@@ -145,18 +134,12 @@ class StrainEnergy(ABC):
         )
 
     def axial_stress_difference(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, **parameters: TensorVariable
-    ) -> TensorVariable:
+        self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor
+    ) -> Tensor:
         r"""Cauchy stress difference ``σzz − σrr = ∂Ŵ/∂ln λz`` in kPa, which axial force feels.
 
-        Like :meth:`stress_difference` it is derived from :meth:`energy`, or overridden.
-
-        Parameters
-        ----------
-        log_hoop, log_axial : TensorVariable
-            Natural logarithms of the stretches; ``log_hoop`` has the full broadcast shape.
-        **parameters : TensorVariable
-            The material parameters, by name.
+        Like :meth:`stress_difference`, whose arguments it takes, it is derived from :meth:`energy`,
+        or overridden.
         """
         # Along a wall the axial stretch may be given once, but the stress differs: each entry of
         # the energy needs one of its own to be differentiated by.
@@ -165,16 +148,12 @@ class StrainEnergy(ABC):
             self._reduced_energy(log_hoop, log_axial, **parameters), log_axial
         )
 
-    def _reduced_energy(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, **parameters: TensorVariable
-    ) -> TensorVariable:
+    def _reduced_energy(self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor) -> Tensor:
         """``Ŵ(λθ, λz) = W(1/(λθ λz), λθ, λz)`` of an incompressible solid."""
         hoop, axial = pt.exp(log_hoop), pt.exp(log_axial)
         return self.energy(pt.exp(-log_hoop - log_axial), hoop, axial, **parameters)
 
-    def kinks(
-        self, log_axial: TensorVariable, **parameters: TensorVariable
-    ) -> Sequence[TensorVariable]:
+    def kinks(self, log_axial: Tensor, **parameters: Tensor) -> Sequence[Tensor]:
         """Values of ``ln λθ`` at which the stress is not smooth, or NaN where there is none.
 
         The wall is integrated piece by piece between them: fibres that carry load in tension only
@@ -284,17 +263,17 @@ def list_strain_energies() -> list[str]:
     return list(StrainEnergy._registry)
 
 
-def elementwise_derivative(y: TensorVariable, x: TensorVariable) -> TensorVariable:
+def elementwise_derivative(y: Tensor, x: Tensor) -> Tensor:
     """Derivative of `y` by `x`, where each entry of `y` depends on that of `x` alone."""
     return grad(y.sum(), x, disconnected_inputs="ignore")
 
 
-def half_difference(log_hoop: TensorVariable, log_axial: TensorVariable) -> TensorVariable:
+def half_difference(log_hoop: Tensor, log_axial: Tensor) -> Tensor:
     """``½ (λθ² − λr²) = e^{−z} sinh γ`` with ``γ = 2 ln λθ + ln λz``, ``z = ln λz``."""
     return pt.exp(-log_axial) * pt.sinh(2 * log_hoop + log_axial)
 
 
-def first_invariant_excess(log_hoop: TensorVariable, log_axial: TensorVariable) -> TensorVariable:
+def first_invariant_excess(log_hoop: Tensor, log_axial: Tensor) -> Tensor:
     """``I₁ − 3 = 4 e^{−z} sinh²(γ/2) + 2 e^{−z} + e^{2z} − 3``, with its digits near 0."""
     across = 4 * pt.exp(-log_axial) * pt.sinh(log_hoop + log_axial / 2) ** 2
     return across + 2 * pt.expm1(-log_axial) + pt.expm1(2 * log_axial)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytensor.tensor as pt
-from pytensor.tensor.variable import TensorVariable
+from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.strain_energy.base import (
     Parameter,
@@ -34,8 +34,8 @@ class _Isotropic(StrainEnergy):
     """An energy in which the three stretches play the same part."""
 
     def axial_stress_difference(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, **parameters: TensorVariable
-    ) -> TensorVariable:
+        self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor
+    ) -> Tensor:
         """``σzz − σrr``: hoop and axial direction change places."""
         return self.stress_difference(log_axial, log_hoop, **parameters)
 
@@ -44,12 +44,10 @@ class _FirstInvariant(_Isotropic):
     """An energy of the first invariant alone, known by its derivative."""
 
     @abstractmethod
-    def derivative(self, excess: TensorVariable, **parameters: Any) -> TensorVariable:
+    def derivative(self, excess: Tensor, **parameters: Any) -> Tensor:
         """``dW/dI₁`` in kPa at the excess ``I₁ − 3``."""
 
-    def stress_difference(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, **parameters: Any
-    ) -> TensorVariable:
+    def stress_difference(self, log_hoop: Tensor, log_axial: Tensor, **parameters: Any) -> Tensor:
         r"""``4 e^{−z} sinh γ dW/dI₁`` with ``γ = 2 ln λθ + ln λz``, ``z = ln λz``."""
         excess = first_invariant_excess(log_hoop, log_axial)
         return 4 * half_difference(log_hoop, log_axial) * self.derivative(excess, **parameters)
@@ -68,11 +66,11 @@ class NeoHookean(_FirstInvariant):
 
     parameters = (Parameter("mu", r"\mu", "kPa", (0.0, 200.0), "shear modulus" + _MODULUS_RANGE),)
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any) -> TensorVariable:
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any) -> Tensor:
         """Strain energy in kPa."""
         return mu / 2 * (first_invariant(radial, hoop, axial) - 3)
 
-    def derivative(self, excess: TensorVariable, *, mu: Any) -> TensorVariable:
+    def derivative(self, excess: Tensor, *, mu: Any) -> Tensor:
         """``μ/2``."""
         return mu / 2
 
@@ -99,14 +97,14 @@ class MooneyRivlin(_Isotropic):
         ),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, c10: Any, c01: Any) -> TensorVariable:
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, c10: Any, c01: Any) -> Tensor:
         """Strain energy in kPa."""
         first = first_invariant(radial, hoop, axial) - 3
         return c10 * first + c01 * (second_invariant(radial, hoop, axial) - 3)
 
     def stress_difference(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, *, c10: Any, c01: Any
-    ) -> TensorVariable:
+        self, log_hoop: Tensor, log_axial: Tensor, *, c10: Any, c01: Any
+    ) -> Tensor:
         r"""``4 sinh γ (c10 e^{−z} + c01 e^{z})``, ``γ = 2 ln λθ + ln λz``, ``z = ln λz``."""
         gamma = 2 * log_hoop + log_axial
         return 4 * pt.sinh(gamma) * (c10 * pt.exp(-log_axial) + c01 * pt.exp(log_axial))
@@ -136,14 +134,12 @@ class Yeoh(_FirstInvariant):
         Parameter("c3", "c_3", "kPa", (0.0, 3000.0), "stiffening at larger strain"),
     )
 
-    def energy(
-        self, radial: Any, hoop: Any, axial: Any, *, c1: Any, c2: Any, c3: Any
-    ) -> TensorVariable:
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, c1: Any, c2: Any, c3: Any) -> Tensor:
         """Strain energy in kPa."""
         excess = first_invariant(radial, hoop, axial) - 3
         return excess * (c1 + excess * (c2 + excess * c3))
 
-    def derivative(self, excess: TensorVariable, *, c1: Any, c2: Any, c3: Any) -> TensorVariable:
+    def derivative(self, excess: Tensor, *, c1: Any, c2: Any, c3: Any) -> Tensor:
         """``c1 + 2 c2 (I₁ − 3) + 3 c3 (I₁ − 3)²``."""
         return c1 + excess * (2 * c2 + excess * (3 * c3))
 
@@ -172,7 +168,7 @@ class Gent(_FirstInvariant):
         ),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, limit: Any) -> TensorVariable:
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, limit: Any) -> Tensor:
         """Strain energy in kPa."""
         fraction = (first_invariant(radial, hoop, axial) - 3) / limit
         inside = fraction < 1
@@ -180,7 +176,7 @@ class Gent(_FirstInvariant):
             inside, -mu * limit / 2 * pt.log1p(-pt.where(inside, fraction, 0.0)), np.inf
         )
 
-    def derivative(self, excess: TensorVariable, *, mu: Any, limit: Any) -> TensorVariable:
+    def derivative(self, excess: Tensor, *, mu: Any, limit: Any) -> Tensor:
         """``(μ/2) Jm/(Jm − (I₁ − 3))``."""
         inside = excess < limit
         return pt.where(inside, mu / 2 * limit / pt.where(inside, limit - excess, 1.0), np.inf)
@@ -202,11 +198,11 @@ class Demiray(_FirstInvariant):
         Parameter("b", "b", "", (0.0, 20.0), "stiffening exponent; about 0.5 to 10 in arteries"),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, b: Any) -> TensorVariable:
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, b: Any) -> Tensor:
         """Strain energy in kPa."""
         return mu / (2 * b) * pt.expm1(b * (first_invariant(radial, hoop, axial) - 3))
 
-    def derivative(self, excess: TensorVariable, *, mu: Any, b: Any) -> TensorVariable:
+    def derivative(self, excess: Tensor, *, mu: Any, b: Any) -> Tensor:
         """``(μ/2) exp(b (I₁ − 3))``."""
         return mu / 2 * pt.exp(b * excess)
 
@@ -232,13 +228,13 @@ class ArrudaBoyce(_FirstInvariant):
         ),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, lock: Any) -> TensorVariable:
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, lock: Any) -> Tensor:
         """Strain energy in kPa."""
         first = first_invariant(radial, hoop, axial)
         terms = enumerate(_LANGEVIN, start=1)
         return mu * sum(c / lock ** (2 * i - 2) * (first**i - 3**i) for i, c in terms)
 
-    def derivative(self, excess: TensorVariable, *, mu: Any, lock: Any) -> TensorVariable:
+    def derivative(self, excess: Tensor, *, mu: Any, lock: Any) -> Tensor:
         """``μ Σ i C_i (I₁/λm²)^{i−1}``."""
         relative = (excess + 3) / lock**2
         terms = enumerate(_LANGEVIN, start=1)
@@ -262,13 +258,7 @@ class PowerLawNeoHookean(_FirstInvariant):
     """
 
     parameters = (
-        Parameter(
-            "mu",
-            r"\mu",
-            "kPa",
-            (0.0, 200.0),
-            "small-strain shear modulus" + _MODULUS_RANGE,
-        ),
+        Parameter("mu", r"\mu", "kPa", (0.0, 200.0), "small-strain shear modulus" + _MODULUS_RANGE),
         Parameter(
             "n",
             "n",
@@ -278,11 +268,11 @@ class PowerLawNeoHookean(_FirstInvariant):
         ),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, n: Any) -> TensorVariable:
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, n: Any) -> Tensor:
         """Strain energy in kPa."""
         return mu / 2 * ((1 + (first_invariant(radial, hoop, axial) - 3) / n) ** n - 1)
 
-    def derivative(self, excess: TensorVariable, *, mu: Any, n: Any) -> TensorVariable:
+    def derivative(self, excess: Tensor, *, mu: Any, n: Any) -> Tensor:
         """``(μ/2) [1 + (I₁ − 3)/n]^{n−1}``."""
         return mu / 2 * pt.exp((n - 1) * pt.log1p(excess / n))
 
@@ -318,18 +308,18 @@ class Ogden(_Isotropic):
         ),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, alpha: Any) -> TensorVariable:
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, alpha: Any) -> Tensor:
         """Strain energy in kPa, finite at ``α = 0``."""
 
-        def term(stretch: Any) -> TensorVariable:
+        def term(stretch: Any) -> Tensor:
             strain = pt.log(stretch)
             return _sinh_ratio(alpha / 2, strain) ** 2
 
         return 2 * mu * (term(radial) + term(hoop) + term(axial))
 
     def stress_difference(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, *, mu: Any, alpha: Any
-    ) -> TensorVariable:
+        self, log_hoop: Tensor, log_axial: Tensor, *, mu: Any, alpha: Any
+    ) -> Tensor:
         r"""``(8μ/α) sinh(αγ/2) cosh(αz/2)`` with ``γ = 2 ln λθ + ln λz``, ``z = ln λz``."""
         gamma = 2 * log_hoop + log_axial
         return 4 * mu * _sinh_ratio(alpha / 2, gamma) * pt.cosh(alpha / 2 * log_axial)
@@ -382,7 +372,7 @@ class OgdenSeries(_Isotropic):
             ),
         )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, alpha: Any) -> TensorVariable:
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, alpha: Any) -> Tensor:
         """Strain energy in kPa."""
         logs = [pt.log(stretch) for stretch in (radial, hoop, axial)]
         return sum(
@@ -390,8 +380,8 @@ class OgdenSeries(_Isotropic):
         )
 
     def stress_difference(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, *, mu: Any, alpha: Any
-    ) -> TensorVariable:
+        self, log_hoop: Tensor, log_axial: Tensor, *, mu: Any, alpha: Any
+    ) -> Tensor:
         r"""``Σ 2 μp e^{−αp z/2} sinh(αp γ/2)`` with ``γ = 2 ln λθ + ln λz``, ``z = ln λz``."""
         gamma = 2 * log_hoop + log_axial
         return sum(
@@ -400,7 +390,7 @@ class OgdenSeries(_Isotropic):
         )
 
 
-def _sinh_ratio(a: TensorVariable, x: TensorVariable) -> TensorVariable:
+def _sinh_ratio(a: Tensor, x: Tensor) -> Tensor:
     """``sinh(a x)/a``, with its Taylor series near ``a x = 0`` so that derivatives stay exact."""
     # Two terms are exact to rounding up to 0.01. Beyond, the quotient's derivatives have lost few
     # digits to cancellation: the second is right to 1e-11.

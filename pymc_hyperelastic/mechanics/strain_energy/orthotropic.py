@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytensor.tensor as pt
-from pytensor.tensor.variable import TensorVariable
+from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.strain_energy.base import (
     Parameter,
@@ -76,20 +76,18 @@ class CriscioneType(StrainEnergy):
         ),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, a: Any, b: Any) -> TensorVariable:
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, a: Any, b: Any) -> Tensor:
         """Strain energy in kPa."""
         return a * pt.cosh(b * (2 * pt.log(hoop) + pt.log(axial)))
 
-    def stress_difference(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, *, a: Any, b: Any
-    ) -> TensorVariable:
+    def stress_difference(self, log_hoop: Tensor, log_axial: Tensor, *, a: Any, b: Any) -> Tensor:
         """``2 a b sinh(b γ₃)``."""
         gamma = 2 * log_hoop + log_axial
         return 2 * a * b * pt.sinh(b * gamma)
 
     def axial_stress_difference(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, *, a: Any, b: Any
-    ) -> TensorVariable:
+        self, log_hoop: Tensor, log_axial: Tensor, *, a: Any, b: Any
+    ) -> Tensor:
         """``a b sinh(b γ₃)``."""
         return self.stress_difference(log_hoop, log_axial, a=a, b=b) / 2
 
@@ -115,35 +113,22 @@ class FungOrthotropic(StrainEnergy):
 
     def energy(
         self, radial: Any, hoop: Any, axial: Any, *, c: Any, a1: Any, a2: Any, a4: Any
-    ) -> TensorVariable:
+    ) -> Tensor:
         """Strain energy in kPa."""
         strain = (hoop**2 - 1) / 2, (axial**2 - 1) / 2
         return c / 2 * pt.expm1(_quadratic(*strain, a1, a2, a4))
 
     def stress_difference(
-        self,
-        log_hoop: TensorVariable,
-        log_axial: TensorVariable,
-        *,
-        c: Any,
-        a1: Any,
-        a2: Any,
-        a4: Any,
-    ) -> TensorVariable:
+        self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, a1: Any, a2: Any, a4: Any
+    ) -> Tensor:
         """``c e^Q (a1 Eθ + a4 Ez) λθ²``."""
         hoop, axial = pt.expm1(2 * log_hoop) / 2, pt.expm1(2 * log_axial) / 2
         growth = c * pt.exp(_quadratic(hoop, axial, a1, a2, a4) + 2 * log_hoop)
         return growth * (a1 * hoop + a4 * axial)
 
     def axial_stress_difference(
-        self,
-        log_hoop: TensorVariable,
-        log_axial: TensorVariable,
-        *,
-        a1: Any,
-        a2: Any,
-        **others: Any,
-    ) -> TensorVariable:
+        self, log_hoop: Tensor, log_axial: Tensor, *, a1: Any, a2: Any, **others: Any
+    ) -> Tensor:
         """``c e^Q (a2 Ez + a4 Eθ) λz²``: hoop and axial direction change places."""
         return self.stress_difference(log_axial, log_hoop, a1=a2, a2=a1, **others)
 
@@ -177,9 +162,7 @@ class _FibreReinforced(StrainEnergy):
     def families(self, **parameters: Any) -> Sequence[_Family]:
         """The families, of parameters without ``c``."""
 
-    def energy(
-        self, radial: Any, hoop: Any, axial: Any, *, c: Any, **parameters: Any
-    ) -> TensorVariable:
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, c: Any, **parameters: Any) -> Tensor:
         """Strain energy in kPa."""
         log_hoop, log_axial = pt.log(hoop), pt.log(axial)
         total = c / 2 * (first_invariant(radial, hoop, axial) - 3)
@@ -189,8 +172,8 @@ class _FibreReinforced(StrainEnergy):
         return total
 
     def stress_difference(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, *, c: Any, **parameters: Any
-    ) -> TensorVariable:
+        self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, **parameters: Any
+    ) -> Tensor:
         """That of the matrix, and for each family ``k1 E exp(k2 E²) ∂E/∂ln λθ``."""
         stress = 2 * c * half_difference(log_hoop, log_axial)
         for family in self.families(**parameters):
@@ -199,8 +182,8 @@ class _FibreReinforced(StrainEnergy):
         return stress
 
     def axial_stress_difference(
-        self, log_hoop: TensorVariable, log_axial: TensorVariable, *, c: Any, **parameters: Any
-    ) -> TensorVariable:
+        self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, **parameters: Any
+    ) -> Tensor:
         """That of the matrix, and for each family ``k1 E exp(k2 E²) ∂E/∂ln λz``."""
         stress = 2 * c * half_difference(log_axial, log_hoop)
         for family in self.families(**parameters):
@@ -208,9 +191,7 @@ class _FibreReinforced(StrainEnergy):
             stress += _fibre_stress(family, log_hoop, log_axial, along, (log_axial, log_hoop))
         return stress
 
-    def kinks(
-        self, log_axial: TensorVariable, *, c: Any, **parameters: Any
-    ) -> list[TensorVariable]:
+    def kinks(self, log_axial: Tensor, *, c: Any, **parameters: Any) -> list[Tensor]:
         """Where families slacken: ``E = 0``, a quadratic equation in ``λθ²``."""
         axial = pt.exp(2 * log_axial)
         logs = []
@@ -339,17 +320,15 @@ class FourFiber(_FibreReinforced):
         ]
 
 
-def _squared_cosine(angle: Any) -> TensorVariable:
+def _squared_cosine(angle: Any) -> Tensor:
     return pt.cos(angle * _RADIAN) ** 2
 
 
-def _squared_sine(angle: Any) -> TensorVariable:
+def _squared_sine(angle: Any) -> Tensor:
     return pt.sin(angle * _RADIAN) ** 2
 
 
-def _fibre_strain(
-    family: _Family, log_hoop: TensorVariable, log_axial: TensorVariable
-) -> TensorVariable:
+def _fibre_strain(family: _Family, log_hoop: Tensor, log_axial: Tensor) -> Tensor:
     """``E``, with all its digits near zero."""
     aligned = _squared_cosine(family.angle) * pt.expm1(2 * log_hoop)
     aligned += _squared_sine(family.angle) * pt.expm1(2 * log_axial)
@@ -361,11 +340,11 @@ def _fibre_strain(
 
 def _fibre_stress(
     family: _Family,
-    log_hoop: TensorVariable,
-    log_axial: TensorVariable,
-    along: TensorVariable,
-    stretched: tuple[TensorVariable, TensorVariable],
-) -> TensorVariable:
+    log_hoop: Tensor,
+    log_axial: Tensor,
+    along: Tensor,
+    stretched: tuple[Tensor, Tensor],
+) -> Tensor:
     """``k1 E exp(k2 E²) ∂E``, where ``2 along`` is what aligned fibres have for ``∂E``."""
     strain = pt.maximum(_fibre_strain(family, log_hoop, log_axial), 0.0)
     if family.dispersion is not None:

@@ -70,7 +70,8 @@ class CurrentTube:
     @property
     def tubes(self) -> list[Tube]:
         """The tubes that its wall is made of."""
-        return tubes_of(self.energy, self.radius, **self.reference, parameters=self.parameters)
+        reference = [self.reference[name] for name in GEOMETRY]
+        return tubes_of(self.energy, self.radius, reference, self.parameters)
 
     def measured(self, radius: Any) -> Any:
         """The radius that was measured, of an internal radius."""

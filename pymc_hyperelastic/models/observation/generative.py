@@ -91,11 +91,7 @@ def _rows_of_forces(data: xr.Dataset) -> NDArray[np.intp]:
 
 
 def _correlated_normal(
-    forward: ForwardModel,
-    mean: TensorVariable,
-    sigma: Any,
-    slope_weight: float,
-    **settings: Any,
+    forward: ForwardModel, mean: TensorVariable, sigma: Any, slope_weight: float, **settings: Any
 ) -> TensorVariable:
     """Pressures ``y`` with independent ``B y`` about `mean`, of the standard deviation ``σ/√2``."""
 

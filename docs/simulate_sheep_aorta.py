@@ -1,7 +1,6 @@
 """Make ``simulated_sheep_aorta.csv``: SIMULATED inflation of five aortas, nothing is measured.
 
-``python -m pymc_hyperelastic.data.datasets.simulate_sheep_aorta`` writes the file anew, always the
-same.
+``python docs/simulate_sheep_aorta.py`` writes the file anew, always the same.
 
 The tissue is a two-fibre-family exponential material, which is none of the package's laws with two
 parameters: whoever fits one of them meets a model error, as with real tissue. The integral over the
@@ -15,9 +14,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pymc_hyperelastic.data import datasets
 from pymc_hyperelastic.data.units import mmHg
 
-PATH = Path(__file__).with_name("simulated_sheep_aorta.csv")
+PATH = Path(datasets.__file__).with_name("simulated_sheep_aorta.csv")
 
 # Any number would do; it was not picked for what it gives. It feeds a `RandomState`, whose streams
 # NumPy promises never to change, unlike those of `default_rng`: the file always comes out the same.
@@ -70,8 +70,6 @@ def pressure(internal_radius: np.ndarray, c: float, k1: float, k2: float) -> np.
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from pymc_hyperelastic.data.datasets.simulate_sheep_aorta import pressure
     >>> pressure(np.array([8.0, 10.0]), c=55.0, k1=24.0, k2=2.0).round(1).tolist()
     [51.8, 155.9]
     """
@@ -99,7 +97,6 @@ def simulate() -> pd.DataFrame:
 
     Examples
     --------
-    >>> from pymc_hyperelastic.data.datasets.simulate_sheep_aorta import simulate
     >>> len(simulate())
     300
     """
@@ -159,7 +156,6 @@ def csv_text() -> str:
 
     Examples
     --------
-    >>> from pymc_hyperelastic.data.datasets.simulate_sheep_aorta import csv_text
     >>> csv_text()[:11]
     '# SIMULATED'
     """
