@@ -6,13 +6,18 @@ from typing import NamedTuple
 import numpy as np
 import pytensor
 import pytensor.tensor as pt
-from problems import LAWS, PROBLEMS
+import pytest
+from problems import AS_WRITTEN, LAWS, PROBLEMS
+from tiers import deep
 
 from pymc_hyperelastic import PressureIntegral
 
-# The graph of every law is simplified, and run in Python.
 SIMPLIFIED = "FAST_COMPILE"
 
+in_python = pytest.mark.parametrize(
+    "mode", [AS_WRITTEN, *deep([SIMPLIFIED])], ids=["as written", "simplified"]
+)
+"""The graph of a law as it is, and simplified, which takes ten times as long to compile."""
 
 FIBRE_LAWS = [name for name, law in LAWS.items() if law.slackens]
 SMOOTH_LAWS = [name for name in LAWS if name not in FIBRE_LAWS]
@@ -42,7 +47,7 @@ def compiled_response(law, mode):
 
 
 @cache
-def response(law, mode=SIMPLIFIED):
+def response(law, mode):
     """Everything that the Op says about all problems of a law."""
     function = compiled_response(law, mode)
     columns = [

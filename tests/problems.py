@@ -466,6 +466,10 @@ TUBES = (
 )
 
 
+# Answers by the problem, and what is asked of it.
+_answers: dict[tuple, float] = {}
+
+
 @dataclass(frozen=True)
 class Problem:
     """One tube of one material; the exact answer comes from `oracles`."""
@@ -492,8 +496,11 @@ class Problem:
         }
 
     def exact(self, *by: str, **settings) -> float:
-        """Return the pressure, or its derivative by the named inputs."""
-        return LAWS[self.law].exact(self.inputs, *by, **settings)
+        """Return the pressure, or its derivative by the named inputs; each is computed once."""
+        key = (self.name, by, *settings.items())
+        if key not in _answers:
+            _answers[key] = LAWS[self.law].exact(self.inputs, *by, **settings)
+        return _answers[key]
 
     @property
     def slackens(self) -> bool:

@@ -273,6 +273,7 @@ def test_laws_of_other_noise_are_refused(classes, other):
         classify(new_data(), classes, average_over=[stranger])
 
 
+@pytest.mark.deep
 def test_laws_of_one_name_are_told_apart(classes):
     """Two laws that differ in a setting are labelled with it; others by their names."""
     one, two = (fit(ph.OgdenSeries(terms), draws=100, chains=1) for terms in (1, 2))

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 from interrupts import interrupt
+from tiers import deep
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import pooled
@@ -72,7 +73,7 @@ def test_an_interrupt_ends_the_report(monkeypatch, module, name, call, chains):
         assert np.isnan(report[value].values[:, 1:]).all()
 
 
-@pytest.mark.parametrize("variability", ["none", "specimen"])
+@pytest.mark.parametrize("variability", ["none", *deep(["specimen"])])
 def test_specimens_may_be_named_by_numbers(variability):
     """Numbers as names, in the data and in `leave_out`, give the report of the same text."""
     numbered = {
@@ -90,6 +91,7 @@ def test_specimens_may_be_named_by_numbers(variability):
     xr.testing.assert_identical(report, text)
 
 
+@pytest.mark.deep
 def test_laws_far_apart_and_laws_of_one_name():
     """A law of no weight is no warning; laws that differ in a setting are labelled with it."""
     right, wrong = FixedExponent(9.0), FixedExponent(2.0)

@@ -371,6 +371,7 @@ def test_laws_of_other_training_data_are_refused(classes, new_data):
 # --- p-values -------------------------------------------------------------------------------------
 
 
+@pytest.mark.deep
 def test_p_values_of_specimens_of_the_class_are_uniform(classes):
     """Of 24 specimens drawn from the class itself; their mean has a standard error of 0.06."""
     rng = np.random.default_rng(SEED)

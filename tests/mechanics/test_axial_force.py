@@ -5,6 +5,7 @@ import oracles
 import pytensor
 import pytensor.tensor as pt
 import pytest
+from pressures import in_python
 from problems import AS_WRITTEN, LAWS, PROBLEMS
 from pytensor.graph.replace import vectorize_graph
 from pytensor.graph.traversal import ancestors
@@ -64,13 +65,14 @@ def columns_of(problems):
     return [np.array(column) for column in zip(*(p.inputs.values() for p in problems), strict=True)]
 
 
+@in_python
 @pytest.mark.parametrize("law", LAWS)
-def test_force_agrees_with_adaptive_quadrature(law):
+def test_force_agrees_with_adaptive_quadrature(law, mode):
     """Force is exact relative to itself, or to rounding of the thrust that it is the rest of."""
     inputs, force = force_of(law)
     problems = problems_of(law)
     assert {tube_of(p) for p in problems} == set(TUBES)
-    values = pytensor.function(inputs, force, mode="FAST_COMPILE")(*columns_of(problems))
+    values = pytensor.function(inputs, force, mode=mode)(*columns_of(problems))
     for value, problem in zip(values, problems, strict=True):
         exact = problem.exact(quantity=oracles.layered_force)
         thrust = np.pi * problem.internal_radius**2 * abs(problem.exact())
@@ -91,8 +93,9 @@ def test_tube_at_rest_carries_exactly_no_force(law):
 FIRST = ("NeoHookean", "Ogden", "FungOrthotropic", "HolzapfelGasserOgden")
 
 
+@in_python
 @pytest.mark.parametrize("law", tiers(LAWS, first=lambda law: law in FIRST))
-def test_gradient_agrees_with_the_oracle(law):
+def test_gradient_agrees_with_the_oracle(law, mode):
     """The derivative by every input is exact, also in walls within which fibres slacken."""
     inputs, force = force_of(law)
     chosen = ("in vivo", "slackening, shortened")
@@ -100,7 +103,7 @@ def test_gradient_agrees_with_the_oracle(law):
     problems = [p for p in problems_of(law) if p.parameters == ordinary and tube_of(p) in chosen]
     assert len(problems) == len(chosen)
     assert problems[1].slackens == LAWS[law].slackens
-    gradient = pytensor.function(inputs, pytensor.grad(force.sum(), inputs), mode="FAST_COMPILE")
+    gradient = pytensor.function(inputs, pytensor.grad(force.sum(), inputs), mode=mode)
     values = gradient(*columns_of(problems))
     thrusts = [np.pi * p.internal_radius**2 * abs(p.exact()) for p in problems]
     for i, (name, size) in enumerate(problems[0].inputs.items()):

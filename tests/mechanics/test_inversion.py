@@ -179,7 +179,7 @@ def exact_likelihood(measured, inner, outer):
     return normaliser - np.sum(error**2) / SIGMA**2
 
 
-@pytest.mark.parametrize("measured", ["radius", "outer_diameter"])
+@pytest.mark.parametrize("measured", ["radius", *deep(["outer_diameter"])])
 def test_likelihood_of_radii(measured, mode):
     """Differences of the radius that was measured, normalised; geometry is known or inferred."""
     settings = {"sigma": SIGMA, "slope_weight": 0, "error_in": "radius"}

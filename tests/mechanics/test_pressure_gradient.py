@@ -13,6 +13,7 @@ from pressures import (
     SMOOTH_LAWS,
     columns_of,
     has_stiffness,
+    in_python,
     problems_of,
     response,
 )
@@ -93,13 +94,14 @@ def is_first(case):
     return tube == ("slackening" if law in FIBRE_LAWS else "in vivo") and law != "FourFiber"
 
 
+@in_python
 @pytest.mark.parametrize(("law", "tube"), tiers(EXACT_GRADIENTS, first=is_first))
-def test_gradient_agrees_with_the_oracle(law, tube):
+def test_gradient_agrees_with_the_oracle(law, tube, mode):
     """The derivative of pressure and of stiffness by every input is the exact one."""
     table = problems_of(law)
     index, problem = next((i, p) for i, p in enumerate(table) if p.name.endswith(f", {tube}"))
     assert problem.slackens == (tube in SLACKENING and law in FIBRE_LAWS)
-    values = response(law)
+    values = response(law, mode)
     # A derivative that is all but zero is so to the rounding of what its dimension says.
     stiffness = STEEP_ROUNDING * abs(values.stiffness[index])
     for i, (name, size) in enumerate(problem.inputs.items()):
@@ -122,10 +124,11 @@ def test_gradient_agrees_with_the_oracle(law, tube):
         )
 
 
+@in_python
 @pytest.mark.parametrize("law", LAWS)
-def test_stiffness_is_the_gradient_of_pressure(law):
+def test_stiffness_is_the_gradient_of_pressure(law, mode):
     """The second output and the first output's gradient are two computations of one number."""
-    values = response(law)
+    values = response(law, mode)
     chosen = [has_stiffness(problem) for problem in problems_of(law)]
     np.testing.assert_allclose(
         values.pressure_gradient[0, chosen],

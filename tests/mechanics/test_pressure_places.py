@@ -32,13 +32,20 @@ IDENTITY_TOLERANCE = 1e-12
 BACKEND_TOLERANCE = 1e-12
 # What users run is the default mode; it is held to the numbers of plain Python for laws of each
 # kind: powers, exponentials, an end, and fibres.
-LINKED = ("PowerLawNeoHookean", "Ogden", "CriscioneType", "Gent", "HolzapfelGasserOgden")
+LINKED = (
+    "NeoHookean",
+    "PowerLawNeoHookean",
+    "Ogden",
+    "CriscioneType",
+    "Gent",
+    "HolzapfelGasserOgden",
+)
 # The one of them whose functions other compilers make in a few seconds.
-QUICKLY_LINKED = "CriscioneType"
+QUICKLY_LINKED = "NeoHookean"
 
 
 @pytest.mark.parametrize("law", tiers(LINKED, first=lambda law: law == QUICKLY_LINKED))
-@pytest.mark.parametrize("mode", ["NUMBA", "CVM", "JAX"])
+@pytest.mark.parametrize("mode", [*deep(["NUMBA"]), "CVM", "JAX"])
 def test_linkers_agree(law, mode):
     """Values and gradients of every problem are the same under numba, C, JAX and plain Python."""
     if mode == "JAX":
@@ -48,7 +55,7 @@ def test_linkers_agree(law, mode):
     table = problems_of(law)
     chosen = [has_stiffness(problem) for problem in table]
     values = Response(*(x[..., chosen] for x in response(law, mode)))
-    expected = Response(*(x[..., chosen] for x in response(law)))
+    expected = Response(*(x[..., chosen] for x in response(law, SIMPLIFIED)))
     size = np.abs(columns_of([p.inputs for p, one in zip(table, chosen, strict=True) if one]))
     size[4:] = np.maximum(size[4:], 1)  # an angle or an exponent may be 0
     for output in ("pressure", "stiffness"):
@@ -59,6 +66,20 @@ def test_linkers_agree(law, mode):
         assert np.isfinite(gradient).all()
         difference = np.abs(getattr(values, f"{output}_gradient") - gradient)
         assert (difference <= BACKEND_TOLERANCE * (np.abs(gradient) + scale / size)).all()
+
+
+def test_numba_agrees_about_one_tube():
+    """What users run by default, in the first tier: pressure, stiffness and their gradient."""
+    radius, mu = pt.dvector(), pt.dscalar()
+    op = PressureIntegral(strain_energy=ph.NeoHookean())
+    pressure, stiffness = op(radius, 7.0, 9.0, 1.1, 0.3, mu)
+    outputs = [pressure, stiffness, *pytensor.grad((pressure * stiffness).sum(), [radius, mu])]
+    numba, python = (
+        pytensor.function([radius, mu], outputs, mode=mode) for mode in ("NUMBA", AS_WRITTEN)
+    )
+    point = np.array([6.5, 7.5, 9.5]), 20.0
+    for found, expected in zip(numba(*point), python(*point), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=BACKEND_TOLERANCE)
 
 
 def scalar_tube(internal_radius, **parameters):
@@ -150,7 +171,7 @@ def test_functions_are_the_outputs_of_the_op():
     geometry = {name: problem.inputs[name] for name in oracles.GEOMETRY}
     radius = geometry.pop("internal_radius")
     energy = LAWS[problem.law].strain_energy
-    values = response(problem.law)
+    values = response(problem.law, AS_WRITTEN)
     for function, expected in (
         (inflation_pressure, values.pressure[index]),
         (inflation_stiffness, values.stiffness[index]),

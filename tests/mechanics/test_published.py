@@ -6,6 +6,7 @@ import numpy as np
 import oracles
 import pytensor
 import pytest
+from problems import AS_WRITTEN
 from published import (
     ADVENTITIA,
     CAROTID,
@@ -21,8 +22,6 @@ from scipy.integrate import quad
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.mechanics.tube import current_radius, opening_factor, stretches
-
-FAST = "FAST_COMPILE"
 
 # Two different integrals of the same tube, each asked for eleven digits.
 INDEPENDENT_TOLERANCE = 1e-8
@@ -72,12 +71,12 @@ def answers(case, radii):
         function(wall, radii, **geometry_of(case))
         for function in (ph.inflation_pressure, ph.axial_force)
     ]
-    return pytensor.function([], outputs, mode=FAST)()
+    return pytensor.function([], outputs, mode=AS_WRITTEN)()
 
 
 def stiffness(case, radius):
     return float(
-        ph.inflation_stiffness(layers_of(case), radius, **geometry_of(case)).eval(mode=FAST)
+        ph.inflation_stiffness(layers_of(case), radius, **geometry_of(case)).eval(mode=AS_WRITTEN)
     )
 
 
@@ -90,7 +89,7 @@ def stress_differences(layer, case, reference, radius):
         function(*logs, **layer.parameters)
         for function in (energy.stress_difference, energy.axial_stress_difference)
     ]
-    return [float(x) for x in pytensor.function([], differences, mode=FAST)()]
+    return [float(x) for x in pytensor.function([], differences, mode=AS_WRITTEN)()]
 
 
 def reading_of(case, quantity, radius):
@@ -214,7 +213,7 @@ def test_stiffness_at_rest_is_that_of_lame(law, parameters, modulus):
         **parameters,
     )
     exact = 2 * modulus * (outer**2 - inner**2) / (inner * outer**2)
-    assert float(value.eval(mode=FAST)) == pytest.approx(exact, rel=CLOSED_FORM_TOLERANCE)
+    assert float(value.eval(mode=AS_WRITTEN)) == pytest.approx(exact, rel=CLOSED_FORM_TOLERANCE)
     if law == "NeoHookean":
         assert exact == pytest.approx(60 / 6e-5, rel=ROUNDING)
 
@@ -228,7 +227,7 @@ def test_neo_hookean_cylinder_cannot_resist_more_than_its_limit():
     radii = inner * np.array([2.0, 10.0, INFLATED_FAR])
     pressure = ph.inflation_pressure(
         ph.NeoHookean(), radii, inner_radius=inner, outer_radius=outer, mu=mu
-    ).eval(mode=FAST)
+    ).eval(mode=AS_WRITTEN)
     limit = mu * log(outer / inner)
     assert (np.diff(pressure) > 0).all()
     assert (pressure < limit).all()
@@ -253,7 +252,7 @@ def test_mooney_rivlin_tube_has_its_closed_forms(axial_stretch):
     a, inner, outer, z, c10, c01 = 1.4, 1.0, 1.8, axial_stretch, 80.0, 20.0
     tube = {"inner_radius": inner, "outer_radius": outer, "axial_stretch": z}
     pressure, force = (
-        float(function(ph.MooneyRivlin(), a, **tube, c10=c10, c01=c01).eval(mode=FAST))
+        float(function(ph.MooneyRivlin(), a, **tube, c10=c10, c01=c01).eval(mode=AS_WRITTEN))
         for function in (ph.inflation_pressure, ph.axial_force)
     )
     modulus = 2 * (c10 + c01 * z**2)
@@ -319,7 +318,7 @@ def test_residual_stress_evens_the_stress_in_the_media():
         )
         stress[case.opening_angle] = (
             inside - PHYSIOLOGICAL_PRESSURE,
-            outside - float(adventitia.eval(mode=FAST)),
+            outside - float(adventitia.eval(mode=AS_WRITTEN)),
         )
     assert stress[160.0][0] < stress[0.0][0]
     opened, closed = (stress[angle][0] / stress[angle][1] for angle in (160.0, 0.0))

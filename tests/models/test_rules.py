@@ -20,7 +20,6 @@ LIKELIHOOD_TOLERANCE = 1e-9
 # The same sums, of arrays of other lengths.
 ROUNDING = 1e-13
 
-FAST = "FAST_COMPILE"
 NOISE = {"sigma": 1.0, "slope_weight": 1.0}
 OBSERVATION = Observation(**NOISE)
 FIBRES = {
