@@ -254,4 +254,6 @@ def register_curves(
     curves = tube.curves()
     curves["pressure"] = pm.Deterministic("pressure", curves["pressure"], dims=dims)
     test = forward.share("test", lambda data: {"test": data["test"].values})["test"]
-    Observation(sigma[test], likelihood="generative").register(tube, curves, dims)
+    observation = Observation(sigma[test], likelihood="generative")
+    # Specimens are scored many at a time, where curves that overflow are found out anyway.
+    observation.register(tube, curves, dims=dims, bounded=False)

@@ -32,6 +32,7 @@ def register_measurements(
     slope_weight: float = 0.0,
     force_sigma: Any = None,
     dims: str | None = "obs",
+    bounded: bool = True,
 ) -> None:
     r"""Add the measured pressures, and forces, as observed variables.
 
@@ -40,11 +41,14 @@ def register_measurements(
 
     ``B`` is lower triangular and ``√2 (B y − B μ̃)/σ`` standard normal: entry ``i`` of its
     log-density, with ``ln B_ii``, is ``ln p(y_i | the y before)``. Where the curves of a parameter
-    overflow, or the tube is impossible, means are infinite and the log-likelihood ``−inf``.
+    overflow, or the tube is impossible, means are infinite and the log-likelihood ``−inf``, unless
+    it is not `bounded`.
     """
     forward, conditions = tube.forward, tube.conditions()
 
     def possible(mean: TensorVariable) -> TensorVariable:
+        if not bounded:
+            return mean
         small = pt.all(pt.abs(mean) < _LARGEST_MEAN)
         return pt.where(reduce(and_, [small, *conditions]), mean, np.inf)
 

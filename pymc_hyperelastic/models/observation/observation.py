@@ -140,11 +140,14 @@ class Observation:
         return replace(self, **registered)
 
     def register(
-        self, tube: SymbolicTube, curves: Mapping[str, TensorVariable], dims: str | None = "obs"
+        self, tube: SymbolicTube, curves: Mapping[str, TensorVariable], **settings: Any
     ) -> None:
-        """Add what was measured to the model in context: a Potential, or observed variables."""
+        """Add what was measured to the model in context: a Potential, or observed variables.
+
+        The `settings` are those of :func:`register_measurements`.
+        """
         if self.likelihood == "generative":
-            register_measurements(tube, curves, dims=dims, **self.noise)
+            register_measurements(tube, curves, **self.noise, **settings)
         else:
             pm.Potential("likelihood", self.log_likelihood(tube))
 
