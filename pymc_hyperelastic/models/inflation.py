@@ -146,7 +146,9 @@ def inflation_model(
     unknown = check_geometry_priors(geometry)
     observation = Observation(sigma, slope_weight, force_sigma, error_in, likelihood)
     observation.check(wall, data, distributions, unknown)
-    forward = observation.forward_model(wall, data, distributions, unknown, mode=mode)
+    # Classes fit one compiled Potential to the data of each; observed variables are not shared.
+    settings = {"mode": mode, "replaceable": likelihood == "paper"}
+    forward = observation.forward_model(wall, data, distributions, unknown, **settings)
     coords = {
         "obs": np.arange(data.sizes["obs"]),
         "test": [describe_test(data, test) for test in range(data.sizes["test"])],

@@ -110,3 +110,13 @@ def test_targets_of_one_model_are_kept_apart():
     found = pytensor.function([], [*together, *alone], mode=FAST)()
     np.testing.assert_allclose(found[:2], found[2:], rtol=ROUNDING)
     assert found[0] != found[1]
+
+
+def test_constants_are_not_replaced():
+    """A model of which data are constants says so, in place of keeping the old ones."""
+    energy, curves = ph.Ogden(), data(6)
+    forward = Observation(0.5).forward_model(
+        energy, curves, complete_priors(energy), replaceable=False
+    )
+    with pytest.raises(TypeError, match="constants"):
+        forward.set_data(data(9))

@@ -52,6 +52,9 @@ class ForwardModel:
         What was measured with an error, and what a misfit tells.
     by_test : bool
         Whether each test has parameters of its own, vectors of the length of the tests.
+    replaceable : bool
+        Whether other data may take the place of these. Else the data are constants, and what
+        depends on nothing else is computed when a function is compiled.
 
     Raises
     ------
@@ -70,8 +73,9 @@ class ForwardModel:
         with_force: bool = False,
         error_in: str = "pressure",
         by_test: bool = False,
+        replaceable: bool = True,
     ) -> None:
-        self.data, self.error_in = data, error_in
+        self.data, self.error_in, self._replaceable = data, error_in, replaceable
         self._wall, self._distributions = wall, dict(parameters)
         settings = {"with_force": with_force, "by_test": by_test}
         known_radii = error_in == "pressure"
@@ -93,6 +97,8 @@ class ForwardModel:
 
     def set_data(self, data: xr.Dataset) -> None:
         """Put other data of the same kind in the place of these, in all that was made of them."""
+        if not self._replaceable:
+            raise TypeError("these data are constants: make the forward model replaceable")
         self.data = data
         for arrays_of, inputs in self._shared.values():
             for name, value in arrays_of(data).items():
@@ -102,7 +108,7 @@ class ForwardModel:
         self,
         key: Hashable,
         arrays_of: Callable[[xr.Dataset], Arrays],
-        make: Callable[[str, NDArray], SharedVariable] | None = None,
+        make: Callable[[NDArray, str], Any] | None = None,
     ) -> dict[str, SharedVariable]:
         """Shared variables of arrays that are made of the data, and follow them.
 
@@ -110,8 +116,8 @@ class ForwardModel:
         may replace these.
         """
         if key not in self._shared:
-            make = make or _shared_variable
-            inputs = {name: make(name, value) for name, value in arrays_of(self.data).items()}
+            make = make or (_shared_variable if self._replaceable else pt.constant)
+            inputs = {name: make(value, name) for name, value in arrays_of(self.data).items()}
             self._shared[key] = arrays_of, inputs
         return self._shared[key][1]
 
@@ -193,7 +199,7 @@ class SymbolicTube(NamedTuple):
         return way.mapped(inputs, self.wall)
 
 
-def _shared_variable(name: str, value: NDArray) -> Variable:
+def _shared_variable(value: NDArray, name: str) -> Variable:
     return pytensor.shared(value, name=name, shape=(None,) * value.ndim)
 
 

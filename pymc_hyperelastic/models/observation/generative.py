@@ -84,7 +84,7 @@ def _measured(forward: ForwardModel, name: str, dims: str | None) -> SharedVaria
         values = data[name].values.astype(float)
         return {f"{name}_data": values[np.isfinite(values)]}
 
-    def make(name: str, values: Array) -> SharedVariable:
+    def make(values: Array, name: str) -> SharedVariable:
         return pm.Data(name, values, dims=dims)
 
     return forward.share(("measured", name), arrays_of, make)[f"{name}_data"]
