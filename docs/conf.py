@@ -114,3 +114,15 @@ def write_zoo() -> None:
 
 
 write_zoo()
+
+
+def name_public_bases(app, name, obj, options, bases) -> None:
+    """Name base classes as users import them, not by the module in which they stand."""
+    bases[:] = [
+        f":py:class:`~pymc_hyperelastic.{base.__name__}`" if base.__name__ in ph.__all__ else base
+        for base in bases
+    ]
+
+
+def setup(app) -> None:
+    app.connect("autodoc-process-bases", name_public_bases)
