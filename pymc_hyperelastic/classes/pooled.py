@@ -67,14 +67,11 @@ class Pooled(ClassKind):
         **noise: Any,
     ) -> "Pooled":
         """The kind, of settings that say nothing of how specimens differ."""
-        for name, value, default in (
-            ("experiment_effect", experiment_effect, False),
-            ("reference_stress", reference_stress, 20.0),
-        ):
-            if value != default:
-                raise ValueError(
-                    f"{name} is {value!r}: it is used only with variability='specimen'"
-                )
+        only = "it is used only with variability='specimen'"
+        if experiment_effect:
+            raise ValueError(f"experiment_effect is {experiment_effect!r}: {only}")
+        if reference_stress != 20.0:
+            raise ValueError(f"reference_stress is {reference_stress!r}: {only}")
         return cls(energy, Observation(**noise), priors)
 
     @classmethod

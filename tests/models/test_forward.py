@@ -120,3 +120,14 @@ def test_constants_are_not_replaced():
     )
     with pytest.raises(TypeError, match="constants"):
         forward.set_data(data(9))
+
+
+def test_data_of_another_kind_are_refused():
+    """Diameters do not take the place of radii where each is an input of its own."""
+    energy = ph.Ogden()
+    forward = Observation(0.5).forward_model(
+        energy, data(6), complete_priors(energy), mode="quadrature"
+    )
+    forward.tube(PARAMETERS).curves()
+    with pytest.raises(ValueError, match=r"another kind.*current_outer_radius"):
+        forward.set_data(data(6, measured="outer_diameter"))

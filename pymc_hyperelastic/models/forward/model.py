@@ -77,12 +77,10 @@ class ForwardModel:
     ) -> None:
         self.data, self.error_in, self._replaceable = data, error_in, replaceable
         self._wall, self._distributions = wall, dict(parameters)
-        settings = {"with_force": with_force, "by_test": by_test}
-        known_radii = error_in == "pressure"
         stated = WallVariables(wall, self._parameters(parameters), geometry or {})
-        self.way: Any = way_to_integrate(
-            stated, data, mode=mode, known_radii=known_radii, **settings
-        )
+        settings = {"with_force": with_force, "by_test": by_test}
+        settings["known_radii"] = error_in == "pressure"
+        self.way: Any = way_to_integrate(stated, data, mode=mode, **settings)
         self._shared: dict[Hashable, tuple[Callable, dict[str, SharedVariable]]] = {}
 
     def with_data(self, data: xr.Dataset) -> "ForwardModel":
@@ -101,7 +99,10 @@ class ForwardModel:
             raise TypeError("these data are constants: make the forward model replaceable")
         self.data = data
         for arrays_of, inputs in self._shared.values():
-            for name, value in arrays_of(data).items():
+            arrays = arrays_of(data)
+            if arrays.keys() != inputs.keys():
+                raise ValueError(f"these data are of another kind: {sorted(arrays)} are measured")
+            for name, value in arrays.items():
                 inputs[name].set_value(value, borrow=True)
 
     def share(
