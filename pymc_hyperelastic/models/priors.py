@@ -218,7 +218,7 @@ def prior_from_record(record: list[Any]) -> TensorVariable:
     """Distribution from what :func:`prior_to_record` stored."""
     name, parameters, *size = record
     rv_op = getattr(pm, name).rv_op
-    return _rebuild(rv_op, [np.asarray(p, float) for p in parameters], size or None)
+    return _rebuild(rv_op, [pt.constant(p, dtype="float64") for p in parameters], size or None)
 
 
 # PyMC's distributions by the type of the random variable that they make.
