@@ -68,6 +68,7 @@ def test_one_seed_gives_one_fit(classes):
             xr.testing.assert_equal(again[name][group].to_dataset(), expected)
 
 
+@pytest.mark.deep
 def test_class_whose_experiments_differ():
     """Evidence and posterior of experiments that differ, against draws of the prior.
 
