@@ -17,7 +17,7 @@ from pymc_hyperelastic.data.inflation import points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
-from pymc_hyperelastic.models.forward.direct import WallVariables
+from pymc_hyperelastic.models.forward.direct import Direct, WallVariables
 from pymc_hyperelastic.models.forward.rules import Mode, way_to_integrate
 from pymc_hyperelastic.models.priors import with_variables
 
@@ -53,8 +53,8 @@ class ForwardModel:
     by_test : bool
         Whether each test has parameters of its own, vectors of the length of the tests.
     replaceable : bool
-        Whether other data may take the place of these. Else the data are constants, and what
-        depends on nothing else is computed when a function is compiled.
+        Whether other data may take the place of these. Else what quadrature needs of them alone is
+        computed when a function is compiled.
 
     Raises
     ------
@@ -96,7 +96,7 @@ class ForwardModel:
     def set_data(self, data: xr.Dataset) -> None:
         """Put other data of the same kind in the place of these, in all that was made of them."""
         if not self._replaceable:
-            raise TypeError("these data are constants: make the forward model replaceable")
+            raise TypeError("these data are constants here: make the forward model replaceable")
         self.data = data
         for arrays_of, inputs in self._shared.values():
             arrays = arrays_of(data)
@@ -117,7 +117,8 @@ class ForwardModel:
         may replace these.
         """
         if key not in self._shared:
-            make = make or (_shared_variable if self._replaceable else pt.constant)
+            folded = not self._replaceable and isinstance(self.way, Direct)
+            make = make or (pt.constant if folded else _shared_variable)
             inputs = {name: make(value, name) for name, value in arrays_of(self.data).items()}
             self._shared[key] = arrays_of, inputs
         return self._shared[key][1]
