@@ -75,7 +75,7 @@ class ClassKind(ABC):
     def check(self, data: xr.Dataset) -> None:
         """Raise TypeError or ValueError unless these data can be modelled so."""
 
-    def check_classes(self, classes: Mapping[str, xr.Dataset]) -> None:
+    def check_classes(self, classes: Data) -> None:
         """Raise, naming the class, unless the data of each can be modelled so."""
         for name, data in classes.items():
             try:

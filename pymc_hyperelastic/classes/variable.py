@@ -104,7 +104,7 @@ class Variability(Population, ClassKind):
             "priors": {k: prior_to_record(k, v) for k, v in (self.priors or {}).items()},
         }
         return strain_energy_attrs(self.energy) | {
-            "variability": "specimen",
+            "variability": self.variability,
             "variability_settings": json.dumps(settings),
         }
 

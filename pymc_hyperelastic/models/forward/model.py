@@ -97,6 +97,8 @@ class ForwardModel:
         """Put other data of the same kind in the place of these, in all that was made of them."""
         if not self._replaceable:
             raise TypeError("these data are constants here: make the forward model replaceable")
+        if data is self.data:
+            return
         self.data = data
         for arrays_of, inputs in self._shared.values():
             arrays = arrays_of(data)
