@@ -7,7 +7,9 @@ from scipy.special import logsumexp
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
-from pymc_hyperelastic.evidence.modes import Score, mixture_at_modes
+from pymc_hyperelastic.evidence.modes import modes_from
+from pymc_hyperelastic.evidence.search import places_to_climb_from, width_of
+from pymc_hyperelastic.evidence.target import Score
 from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
 
 # Pareto shapes of the largest weights. Below the first, weights have a variance, and their mean an
@@ -124,13 +126,15 @@ def sample_from_modes(kernel: BatchedSMC, rng: np.random.Generator) -> tuple[Arr
     kernel.set_rng(rng)
     steps = max(1000, 250 * kernel.dimension)
     prior = kernel.columns(kernel.initialize_population())
-    modes = mixture_at_modes(kernel.score, prior)
+    wide = GaussianMixture.fit(prior, components_for(steps, kernel.dimension), rng)
+    starts = places_to_climb_from(prior, sum(kernel.score(prior)))
+    found = modes_from(kernel.target.ascent, starts, width_of(prior))
+    modes = found.mixture if found else wide
     best, found = Estimate(-np.inf, np.inf), prior
     for broad in (False, True):
         mixture = modes
         if broad:
             # A posterior that is hardly narrower than the prior is not like its mode.
-            wide = GaussianMixture.fit(prior, components_for(steps, kernel.dimension), rng)
             followed = adapted_mixture(kernel.score, wide, rng, steps)
             mixture = modes.joined(followed or wide)
         mixture = fitted_mixture(kernel.score, mixture, rng, steps)

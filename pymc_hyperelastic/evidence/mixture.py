@@ -92,7 +92,11 @@ class GaussianMixture:
         """Logarithm of weight times density of each component, shape (n, K)."""
         # Points run along the last axis, where NumPy sums over the others are fast.
         z = self._inverse_factors @ (points.T - self.means[..., None])
-        distance = (z**2).sum(axis=1).T
+        with np.errstate(over="ignore"):
+            return self._terms_at((z**2).sum(axis=1).T)
+
+    def _terms_at(self, distance: Array) -> Array:
+        """Logarithm of weight times density at squared distances, shape (n, K)."""
         if np.isinf(self.freedom):
             return self._log_peaks - distance / 2
         power = (self.freedom + self.means.shape[1]) / 2
@@ -118,7 +122,33 @@ class GaussianMixture:
         noise = rng.standard_normal((len(component), self.means.shape[1]))
         if np.isfinite(self.freedom):
             noise /= np.sqrt(rng.chisquare(self.freedom, (len(component), 1)) / self.freedom)
-        return np.einsum("nij,nj->ni", self.factors[component], noise)
+        return self.steps(component, noise)
+
+    def steps(
+        self, component: NDArray[np.intp], standard: Array, *, transposed: bool = False
+    ) -> Array:
+        """Standard vectors by the factor, or its transpose, of the given component each."""
+        steps = np.empty_like(standard)
+        # One after the other: a factor for each point would not fit into memory.
+        for k, factor in enumerate(self.factors):
+            chosen = component == k
+            steps[chosen] = standard[chosen] @ (factor if transposed else factor.T)
+        return steps
+
+    def slope(self, points: Array) -> tuple[Array, Array]:
+        """Logarithm of the density and its slope at each point, shapes (n,) and (n, d)."""
+        z = self._inverse_factors @ (points.T - self.means[..., None])
+        distance = (z**2).sum(axis=1).T
+        terms = self._terms_at(distance)
+        total = log_sum_exp(terms)
+        pull = np.exp(terms - total[:, None])
+        if np.isfinite(self.freedom):
+            pull *= (self.freedom + self.means.shape[1]) / (self.freedom + distance)
+        slopes = sum(
+            (inverse.T @ (of_one * weight)).T
+            for inverse, of_one, weight in zip(self._inverse_factors, z, pull.T, strict=True)
+        )
+        return total, -slopes
 
     def joined(self, other: "GaussianMixture") -> "GaussianMixture":
         """Mixture of itself and another, in equal shares."""

@@ -1,74 +1,110 @@
-"""Modes of a posterior, climbed to from draws of the prior, and the mixture that they make."""
+"""Modes of a posterior, climbed to from many places, and the mixture that they make."""
 
-from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import OptimizeResult, minimize
 from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
+from pymc_hyperelastic.evidence.target import Ascent
 
-# Log prior and log likelihood of points, shape (n, d).
-Score = Callable[[Array], tuple[Array, Array]]
-
-# Starting points of a search for modes; modes that are less likely by so many nats are nothing.
-_SEARCHES, _NEGLIGIBLE = 8, 20.0
-# Steps of numerical derivatives: of a slope, as a fraction of the prior's width, and of a
-# curvature, as one of the mode's.
-_SLOPE_STEP, _CURVATURE_STEP = 1e-4, 0.1
+# Modes that are less likely by so many nats are nothing.
+_NEGLIGIBLE = 20.0
+# Step of the differences of slopes that make a curvature, as a fraction of the mode's width.
+_STEP = 0.03
+# A mode is no wider than so many widths of the prior, and no narrower than this many.
+_WIDEST, _NARROWEST = 5.0, 1e-8
+# Nats by which a climb may still be below its summit: else it has not found one. The density of a
+# hierarchy may grow without bound where a spread goes to zero.
+_BELOW = 1.0
+# A climb ends where the slope is this, in nats for the width of a variable: a twentieth of an sd from
+# the summit at most. From within so many sds it is not begun: it would lead there.
+_FLAT, _BASIN = 0.05, 1.5
 # Finite, and never accepted.
 _IMPOSSIBLE = 1e12
 
 
-def mixture_at_modes(score: Score, prior: Array) -> GaussianMixture:
-    """Mixture like the posterior, from its modes and the curvature of the density there.
+class Modes(NamedTuple):
+    """Modes of a density, as a mixture of normal distributions."""
+
+    mixture: GaussianMixture
+    """One component a mode, with the curvature of the density there."""
+    log_masses: Array
+    """Logarithm of the integral of each, by Laplace's approximation."""
+
+
+def modes_from(ascent: Ascent, starts: Array, width: Array) -> Modes | None:
+    """Modes of a density, from climbs from each of the starts, shape (n, d); None if it has none.
 
     Where the noise is unknown, a tempered likelihood prefers large noise up to a certain power, and
     then all of a sudden the small noise of the true curve: a population that follows it misses
-    that. Climbing from draws of the prior, shape (n, d), does not.
+    that. Climbing from draws of the prior, of the given `width`, does not.
     """
-    width = prior.std(axis=0)
+    means: list[Array] = []
+    factors: list[Array] = []
+    masses: list[float] = []
+    for start in starts:
+        if _is_among(start, means, factors, _BASIN):
+            continue
+        climb = _climb(ascent, start, width)
+        if climb.fun >= _IMPOSSIBLE or _is_among(climb.x * width, means, factors):
+            continue
+        # Again on the scale of the mode, on which differences are right.
+        local = width * np.sqrt(np.diagonal(climb.hess_inv).clip(_NARROWEST**2, 1.0))
+        result = _climb(ascent, climb.x * width, local)
+        factor = _factor_at(ascent, result.x, local, width)
+        if factor is None or np.sum((factor.T @ (result.jac / local)) ** 2) > 2 * _BELOW:
+            continue
+        if not _is_among(result.x * local, means, factors):
+            means.append(result.x * local)
+            factors.append(factor)
+            masses.append(np.log(np.diagonal(factor)).sum() - result.fun)
+    if not masses:
+        return None
+    log_masses = np.array(masses) + np.log(2 * np.pi) * width.size / 2
+    keep = log_masses > log_masses.max() - _NEGLIGIBLE
+    log_masses = log_masses[keep]
+    log_weights = log_masses - logsumexp(log_masses)
+    mixture = GaussianMixture(log_weights, np.array(means)[keep], np.array(factors)[keep])
+    return Modes(mixture, log_masses)
 
-    def energy(points: Array) -> Array:
-        value = -sum(score(points * width))
-        return np.where(np.isfinite(value), value, _IMPOSSIBLE)
 
-    def with_slope(point: Array) -> tuple[float, Array]:
-        step = _SLOPE_STEP * np.eye(len(point))
-        values = energy(np.concatenate([point[None], point + step, point - step]))
-        up, down = np.split(values[1:].clip(max=_IMPOSSIBLE), 2)
-        return min(values[0], _IMPOSSIBLE), (up - down) / (2 * _SLOPE_STEP)
+def _climb(ascent: Ascent, start: Array, width: Array) -> OptimizeResult:
+    slope = ascent(width)
 
-    starts = prior / width
-    order = np.argsort(energy(starts))
-    # The best of them, and others down to the middle.
-    ranks = np.geomspace(1, len(order) / 2, _SEARCHES).round().astype(int) - 1
-    found = [minimize(with_slope, starts[i], jac=True, method="BFGS") for i in order[ranks]]
-    modes: list[tuple[float, Array, Array]] = []
-    for result in sorted(found, key=lambda r: r.fun):
-        if any(np.sum(np.linalg.solve(f, result.x - m) ** 2) < result.x.size for _, m, f in modes):
-            continue  # the same
-        factor = _factor_at(energy, result)
-        modes.append((np.log(np.diagonal(factor)).sum() - result.fun, result.x, factor))
-    largest = max(weight for weight, *_ in modes)
-    modes = [mode for mode in modes if mode[0] > largest - _NEGLIGIBLE]
-    log_weights, means, factors = (np.array(x) for x in zip(*modes, strict=True))
-    return GaussianMixture(
-        log_weights - logsumexp(log_weights), means * width, factors * width[:, None]
+    def energy(point: Array) -> tuple[float, Array]:
+        value, slopes = slope((point * width)[None])
+        if not np.isfinite(value[0]):
+            return _IMPOSSIBLE, np.zeros(point.size)
+        return -value[0], -slopes[0] * width
+
+    return minimize(energy, start / width, jac=True, method="BFGS", options={"gtol": _FLAT})
+
+
+def _is_among(
+    point: Array, means: list[Array], factors: list[Array], distance: float = 1.0
+) -> bool:
+    """Whether a point is within so many sds, in each direction, of a mode found before."""
+    return any(
+        np.sum(np.linalg.solve(factor, point - mean) ** 2) < distance**2 * point.size
+        for mean, factor in zip(means, factors, strict=True)
     )
 
 
-def _factor_at(energy: Callable[[Array], Array], result: OptimizeResult) -> Array:
-    """Cholesky factor of the inverse curvature at a mode, no wider than the prior."""
-    size = result.x.size
-    step = np.diag(_CURVATURE_STEP * np.sqrt(np.diagonal(result.hess_inv).clip(1e-8, 1.0)))
-    pairs = [(i, j) for i in range(size) for j in range(i + 1)]
-    signs = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
-    points = [result.x + a * step[i] + b * step[j] for i, j in pairs for a, b in signs]
-    values = energy(np.array(points)).reshape(-1, 4) @ np.prod(signs, axis=1) / 4
-    curvature = np.zeros((size, size))
-    for (i, j), value in zip(pairs, values, strict=True):
-        curvature[i, j] = curvature[j, i] = value / (step[i, i] * step[j, j])
-    eigenvalues, vectors = np.linalg.eigh(curvature)
-    inverse = (vectors / eigenvalues.clip(1.0, None)) @ vectors.T
-    return np.linalg.cholesky((inverse + inverse.T) / 2)
+def _factor_at(ascent: Ascent, point: Array, local: Array, width: Array) -> Array | None:
+    """Cholesky factor of the inverse curvature at a mode; None if there is no curvature."""
+    step = np.diag(_STEP * local)
+    around = point * local + np.concatenate([step, -step])
+    up, down = np.split(-ascent(local)(around)[1], 2)
+    curvature = (up - down) / (2 * _STEP * local[:, None])
+    # On the scale of the prior, which no mode is much wider than.
+    curvature *= np.outer(width, width)
+    if not np.isfinite(curvature).all():
+        return None
+    eigenvalues, vectors = np.linalg.eigh((curvature + curvature.T) / 2)
+    inverse = (vectors / eigenvalues.clip(_WIDEST**-2, None)) @ vectors.T
+    try:
+        return width[:, None] * np.linalg.cholesky((inverse + inverse.T) / 2)
+    except np.linalg.LinAlgError:
+        return None

@@ -81,8 +81,11 @@ def sample_smc(
     kernel = BatchedSMC(draws=draws, model=model, **kernel_settings)
     populations: list[Array] = []
     stats: list[dict[str, list[float]]] = []
+    search, *seeds = np.random.SeedSequence(random_seed).spawn(1 + chains)
     with SMCProgressBarManager(kernel, chains, progressbar) as progress:
-        for chain, seed in enumerate(np.random.SeedSequence(random_seed).spawn(chains)):
+        if start is None:
+            kernel.find_reference(np.random.default_rng(search))
+        for chain, seed in enumerate(seeds):
             try:
                 kernel.initialize(start[chain] if start else None, np.random.default_rng(seed))
                 stats.append(_temper(kernel, chain, progress))

@@ -273,7 +273,7 @@ def test_data_that_the_model_excludes_name_their_simulation():
     """What cannot be sampled is told with the number of the simulation."""
     with pm.Model() as model:
         pm.Uniform("y", 0, pm.Uniform("mean", 0, 1), observed=np.zeros(POINTS))
-    with pytest.raises(ValueError, match="simulation 0: none of the 200 initial particles"):
+    with pytest.raises(ValueError, match="simulation 0: none of 1000 draws of the prior"):
         calibrate(model, simulator=conjugate())
 
 

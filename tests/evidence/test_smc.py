@@ -111,7 +111,7 @@ def interrupt_at(monkeypatch, call):
 def test_interrupt_keeps_complete_chains(model, tree, monkeypatch):
     """Ctrl-C in the second chain leaves the first one as it would have been."""
     stages = int(np.isfinite(tree["sample_stats"]["beta"].values[0]).sum())
-    interrupt_at(monkeypatch, stages + 2)
+    interrupt_at(monkeypatch, stages + 1)
     with pytest.warns(UserWarning, match="1 of 3 chains are complete"):
         kept = ph.sample_smc(model, 300, 3, random_seed=SEED, progressbar=False)
     np.testing.assert_array_equal(kept["posterior"]["slope"], tree["posterior"]["slope"][:1])
@@ -121,7 +121,7 @@ def test_interrupt_keeps_complete_chains(model, tree, monkeypatch):
 
 def test_interrupt_before_any_chain_is_complete_is_an_interrupt(model, monkeypatch):
     """There is nothing to return yet."""
-    interrupt_at(monkeypatch, 2)
+    interrupt_at(monkeypatch, 1)
     with pytest.raises(KeyboardInterrupt):
         ph.sample_smc(model, 300, 3, random_seed=SEED, progressbar=False)
 

@@ -1,0 +1,40 @@
+"""A reference: a distribution like the posterior, from which its particles start."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
+from pymc_hyperelastic.evidence.target import Target
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The prior and a mixture, in given shares."""
+
+    mixture: GaussianMixture
+    """With heavy tails."""
+    prior_share: float
+    """What the mixture has missed has this share of the prior, so that no weight is without bound
+    if the likelihood is not."""
+
+    def draw(self, target: Target, size: int, rng: np.random.Generator) -> Array:
+        """Points, shape (size, d), in exact shares."""
+        of_prior = round(self.prior_share * size)
+        prior = target.columns(target.draw_prior(of_prior, rng))
+        return np.concatenate([prior, self.mixture.draw(size - of_prior, rng)])
+
+    def log_density(self, points: Array, log_prior: Array) -> Array:
+        """Log density at points of the given log prior density."""
+        return np.logaddexp(
+            np.log(self.prior_share) + log_prior,
+            np.log1p(-self.prior_share) + self.mixture.log_density(points),
+        )
+
+    def slope(self, points: Array, log_prior: Array, prior_slope: Array) -> tuple[Array, Array]:
+        """Log density and its slope at points where those of the prior are given."""
+        of_mixture, mixture_slope = self.mixture.slope(points)
+        of_prior = np.log(self.prior_share) + log_prior
+        total = np.logaddexp(of_prior, np.log1p(-self.prior_share) + of_mixture)
+        share = np.exp(of_prior - total)[:, None]
+        return total, share * prior_slope + (1 - share) * mixture_slope

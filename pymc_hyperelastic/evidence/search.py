@@ -1,0 +1,104 @@
+"""The search for what a posterior is like, from the prior's side and from its modes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
+from pymc_hyperelastic.evidence.modes import modes_from
+from pymc_hyperelastic.evidence.reference import Reference
+from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.evidence.tempering import Tempering
+
+# Particles of the search, and of the first look from the prior: so many for each unknown, and the
+# least and the largest number.
+_DRAWS, _FORWARD_DRAWS = (200, 1000, 4000), (20, 500, 2000)
+# Climbs from draws of the prior, and from particles that were tempered.
+CLIMBS = 8
+# Moves at a stage of the search, which need not be exact, and the effective fraction that it keeps.
+_FORWARD_MOVES, _MOVES, _THRESHOLD = 10, 20, 0.5
+# Shares of the prior: while little is known, and in the end.
+_FIRST_SHARE, _LAST_SHARE = 0.2, 0.1
+# Places visited by a particle are like so many independent ones; more of them than this do not make
+# a mixture better.
+_VISITED, _ENOUGH = 1 / 3, 20_000
+
+
+@dataclass(frozen=True)
+class Search:
+    """What is known of a posterior before its evidence is taken."""
+
+    reference: Reference
+    log_evidence_forward: float
+    """By tempering from the prior alone; it misses what is found by climbing."""
+    standard_error_forward: float
+    capped_forward: bool
+    """Whether its particles moved too little to be trusted."""
+    log_masses: Array
+    """Of the modes, by Laplace's approximation."""
+
+
+def find_reference(target: Target, rng: np.random.Generator) -> Search:
+    """Find a reference from both ends: the prior, and the modes.
+
+    Particles tempered from the prior find what has mass, but miss what is narrow; climbs find that,
+    but not what is skewed or has no mode. A mixture of both, with a share of the prior, is where
+    particles are then tempered from again, and those make the reference.
+    """
+    draws, few = (
+        min(max(each * target.dimension, least), largest)
+        for each, least, largest in (_DRAWS, _FORWARD_DRAWS)
+    )
+    prior = target.columns(target.draw_prior(draws, rng))
+    target.nan_scores = 0
+    score = sum(target.score(prior))
+    if not np.isfinite(score).any():
+        raise ValueError(
+            f"none of {draws} draws of the prior has a finite likelihood ({target.nan_scores} are "
+            "NaN): is the prior far from what the data allow, or is a unit wrong?"
+        )
+    forward = Tempering(
+        target, prior[:few], rng, threshold=_THRESHOLD, max_moves=_FORWARD_MOVES
+    ).run()
+
+    starts = [places_to_climb_from(prior, score), forward.particles[rng.integers(few, size=CLIMBS)]]
+    modes = modes_from(target.ascent, np.concatenate(starts), width_of(prior))
+
+    mixture = _fitted(forward, rng)
+    if modes is not None:
+        mixture = mixture.joined(modes.mixture)
+    first = Reference(mixture.heavy_tailed(), _FIRST_SHARE)
+    found = Tempering(
+        target,
+        first.draw(target, draws, rng),
+        rng,
+        reference=first,
+        threshold=_THRESHOLD,
+        max_moves=_MOVES,
+    ).run()
+    return Search(
+        Reference(_fitted(found, rng).heavy_tailed(), _LAST_SHARE),
+        forward.log_evidence,
+        float(np.sqrt(forward.variance)),
+        forward.capped > 0,
+        modes.log_masses if modes is not None else np.array([]),
+    )
+
+
+def _fitted(tempering: Tempering, rng: np.random.Generator) -> GaussianMixture:
+    visited = tempering.visited
+    visited = visited[:: -(-len(visited) // _ENOUGH)]
+    components = components_for(len(visited) * _VISITED, tempering.dimension)
+    return GaussianMixture.fit(visited, components, rng)
+
+
+def places_to_climb_from(points: Array, score: Array) -> Array:
+    """The best of the points, and others down to the middle."""
+    ranks = np.geomspace(1, len(points) / 2, CLIMBS).round().astype(int) - 1
+    return points[np.argsort(-score)[ranks]]
+
+
+def width_of(points: Array) -> Array:
+    """Sd of each variable as if it were normal, from its quartiles: a few may be far away."""
+    lower, upper = np.quantile(points, [0.25, 0.75], axis=0)
+    return np.maximum((upper - lower) / 1.349, np.finfo(float).tiny)

@@ -1,0 +1,170 @@
+"""What is sampled: the prior and the likelihood of a model, with their slopes, for many points."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from math import prod
+from typing import Any
+
+import numpy as np
+import pymc as pm
+import pytensor.tensor as pt
+from numpy.typing import NDArray
+from pymc.vartypes import discrete_types
+from pytensor.gradient import DisconnectedType, NullTypeGradError
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.evidence.batched import (
+    BatchedFunction,
+    prior_sampler,
+    side_by_side,
+    value_shapes,
+    without_traces,
+)
+
+Array = NDArray[np.float64]
+
+# Log prior and log likelihood of points, shape (n, d).
+Score = Callable[[Array], tuple[Array, Array]]
+# Log density of points and its slope, shape (n, d).
+Slope = Callable[[Array], tuple[Array, Array]]
+# The same for variables of a given width, on whose scale differences are taken.
+Ascent = Callable[[Array], Slope]
+
+# So few unknowns are climbed by differences, in less time than slopes take to compile.
+_FEW = 4
+# Step of a difference, as a fraction of a variable's width.
+_STEP = 1e-4
+
+
+class Target:
+    """Prior and likelihood of a PyMC model on its unconstrained scale, for many points at once.
+
+    Parameters
+    ----------
+    model : pymc.Model
+        A model with continuous variables.
+    tempered : sequence of str, optional
+        Names of the observed variables and Potentials that are the likelihood; all when missing.
+        The others count as prior.
+    compile_kwargs : dict, optional
+        Options of ``pytensor.function``.
+
+    Raises
+    ------
+    ValueError
+        If the model has discrete variables, or no likelihood.
+    """
+
+    def __init__(
+        self,
+        model: pm.Model,
+        tempered: Sequence[str] | None = None,
+        compile_kwargs: dict[str, Any] | None = None,
+    ) -> None:
+        discrete = [v.name for v in model.value_vars if v.dtype in discrete_types]
+        if discrete or not model.value_vars:
+            what = f"discrete: {discrete}" if discrete else "none"
+            raise ValueError(f"SMC needs a model with continuous free variables; here are {what}")
+        self.model = model
+        self.var_info = {name: (shape, prod(shape)) for name, shape in value_shapes(model).items()}
+        self.dimension = sum(size for _, size in self.var_info.values())
+        self.nan_scores = 0
+        self._terms = _scored_terms(model, tempered)
+        self._compile_kwargs = compile_kwargs
+        self._score = BatchedFunction.of_model(model, self._terms, compile_kwargs)
+        self._draw: dict[int, Callable[[np.random.Generator], dict[str, Array]]] = {}
+
+    def columns(self, points: Mapping[str, Array]) -> Array:
+        """Points by the name of the value variable as a matrix, in which each has a row."""
+        return side_by_side([points[name] for name in self.var_info]).astype(float)
+
+    def draw_prior(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
+        """Draw points from the prior, by the name of the value variable."""
+        try:
+            if count not in self._draw:
+                self._draw[count] = prior_sampler(self.model, count)
+            return self._draw[count](rng)
+        except NotImplementedError as error:
+            raise ValueError(
+                f"particles cannot be drawn from the prior ({error}): give every variable a proper "
+                f"prior, with a density that integrates to 1; here are {list(self.var_info)}"
+            ) from error
+
+    def score(self, points: Array) -> tuple[Array, Array]:
+        """Log prior and log likelihood of every point; NaN counts as ``−inf``."""
+        # A Potential of plain numbers may come in single precision.
+        prior, likelihood = (np.asarray(logp, float) for logp in self._score(points))
+        return self._possible(prior, likelihood)
+
+    @cached_property
+    def has_slopes(self) -> bool:
+        """Whether there are slopes of the prior and the likelihood, at little cost."""
+        return self.dimension > _FEW and self._with_slopes is not None
+
+    def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
+        """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""
+        assert self._with_slopes is not None
+        prior, likelihood, *slopes = self._with_slopes(points)
+        return *self._possible(prior, likelihood), *(np.nan_to_num(s, posinf=0, neginf=0) for s in slopes)
+
+    def ascent(self, width: Array) -> Slope:
+        """Log density of the posterior and its slope; by differences of so wide variables if need be."""
+        if not self.has_slopes:
+            return by_differences(self.score, width)
+
+        def slope(points: Array) -> tuple[Array, Array]:
+            prior, likelihood, of_prior, of_likelihood = self.slopes(points)
+            return prior + likelihood, of_prior + of_likelihood
+
+        return slope
+
+    def _possible(self, prior: Array, likelihood: Array) -> tuple[Array, Array]:
+        bad = np.isnan(prior) | np.isnan(likelihood)
+        self.nan_scores += int(bad.sum())
+        return np.where(bad, -np.inf, prior), np.where(bad, -np.inf, likelihood)
+
+    @cached_property
+    @without_traces
+    def _with_slopes(self) -> BatchedFunction | None:
+        variables = self.model.value_vars
+        try:
+            slopes = [
+                pt.concatenate([pt.flatten(s) for s in pt.grad(term, variables, disconnected_inputs="ignore")])
+                for term in self._terms
+            ]
+        except (NotImplementedError, NullTypeGradError):
+            return None
+        return BatchedFunction.of_model(self.model, [*self._terms, *slopes], self._compile_kwargs)
+
+
+def by_differences(score: Score, width: Array) -> Slope:
+    """Log density and its slope from a score alone, by central differences of so wide variables."""
+    step = _STEP * width
+
+    def slope(points: Array) -> tuple[Array, Array]:
+        count, size = points.shape
+        steps = np.diag(step)
+        around = points[:, None] + np.concatenate([np.zeros((1, size)), steps, -steps])
+        values = np.reshape(sum(score(around.reshape(-1, size))), (count, -1))
+        with np.errstate(invalid="ignore"):
+            slopes = (values[:, 1 : size + 1] - values[:, size + 1 :]) / (2 * step)
+        return values[:, 0], np.nan_to_num(slopes, posinf=0, neginf=0)
+
+    return slope
+
+
+def _scored_terms(model: pm.Model, tempered: Sequence[str] | None) -> list[TensorVariable]:
+    """Log density of all that counts as prior, and of all that is tempered."""
+    terms = [*model.observed_RVs, *model.potentials]
+    names = [term.name for term in terms]
+    unknown = sorted(set(tempered or ()) - set(names))
+    if unknown or not terms:
+        raise ValueError(
+            f"nothing to temper: the model has the observed variables and Potentials {names}"
+            + (f", not {unknown}" if unknown else "")
+        )
+    hot = [term for term in terms if tempered is None or term.name in tempered]
+    cold = [*model.free_RVs, *(term for term in terms if term not in hot)]
+    logp = model.logp([*cold, *hot], sum=False)
+    groups = logp[: len(cold)], logp[len(cold) :]
+    return [sum(pt.sum(term) for term in group) for group in groups]

@@ -1,0 +1,292 @@
+"""A population of particles that is led from where it starts to the posterior."""
+
+from itertools import cycle, islice
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for, log_sum_exp
+from pymc_hyperelastic.evidence.reference import Reference
+from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
+
+# Correlation cannot show how fast particles move before they had a few moves.
+_FEWEST_MOVES = 4
+# The proposals look ahead as far as this fraction of the particles is effective there, and this
+# share of them is drawn for what is seen there.
+_AHEAD, _SHARE_AHEAD = 0.02, 0.3
+# Points from which a mixture is fitted, if there are so many.
+_TO_LEARN_FROM = 1000
+# Spread of the lengths of steps, as the sd of their logarithm: what suits the bulk is too long in
+# the neck of a funnel. Rates of acceptance at which they are right.
+_WALKS, _LEAPS = (1.5, 0.3), (1.0, 0.65)
+# A leap has so many steps at most.
+_LONGEST_LEAP = 10
+# Leaps that are too long end anywhere; from there on squares may overflow.
+_LOST = 1e100
+# Places of the particles, and the two log densities between which they are led.
+Visited = list[tuple[Array, Array, Array]]
+
+
+class Scored(Protocol):
+    """Prior and likelihood of many points, as of :class:`Target`."""
+
+    dimension: int
+    has_slopes: bool
+
+    def score(self, points: Array) -> tuple[Array, Array]: ...
+
+    def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]: ...
+
+
+class Tempering:
+    """Particles on the path ``a^(1-β) p^β`` from a density ``a`` to that of the posterior ``p``.
+
+    ``a`` is the prior, or a reference if there is one, from which the particles must be drawn.
+
+    Attributes
+    ----------
+    particles : array, shape (n, d)
+    beta : float
+    log_evidence, variance : float
+        Of the stages so far; the variance is relative.
+    """
+
+    def __init__(
+        self,
+        target: Scored,
+        particles: Array,
+        rng: np.random.Generator,
+        *,
+        reference: Reference | None = None,
+        threshold: float,
+        forget: float = 0.1,
+        max_moves: int = 50,
+    ) -> None:
+        self.target, self.rng, self.reference = target, rng, reference
+        self.threshold, self.forget, self.max_moves = threshold, forget, max_moves
+        self.particles = particles
+        self.draws, self.dimension = particles.shape
+        self.beta, self.stages, self.moves, self.capped = 0.0, 0, 0, 0
+        self.log_evidence, self.variance = 0.0, 0.0
+        self.effective_sample_size, self.acceptance = float(self.draws), 0.0
+        self._start, self._rise = self._score(particles)
+        self.eve = np.arange(self.draws)
+        self._influence = np.zeros(self.draws)
+        self._visited: Visited = [(particles, self._start, self._rise)]
+        self._before: tuple[Visited, float] | None = None
+        self._mixture = reference.mixture if reference else None
+        self._walk_length = 2.38 / np.sqrt(self.dimension)
+        self._leap_length = self.dimension**-0.25
+
+    def run(self) -> "Tempering":
+        """Lead the particles to the posterior."""
+        while self.beta < 1:
+            self.reweight()
+            self.resample()
+            self.learn()
+            self.move()
+        return self
+
+    @property
+    def ancestors(self) -> int:
+        """How many of the first particles have descendants."""
+        return len(np.unique(self.eve))
+
+    @property
+    def visited(self) -> Array:
+        """All places visited at this stage."""
+        return np.concatenate([places for places, *_ in self._visited])
+
+    @property
+    def possible(self) -> NDArray[np.bool_]:
+        """Which particles have a posterior density."""
+        return np.isfinite(self._start + self._rise)
+
+    def reweight(self) -> None:
+        """Raise ``β`` as far as the effective sample size allows, and take the evidence's step."""
+        self.stages += 1
+        rise = np.concatenate([rise for *_, rise in self._visited])
+        remaining = 1.0 - self.beta
+        threshold = max(self.threshold, self.moves / (self.moves + 5))
+        step = largest_step(rise, threshold, remaining)
+        self._last_beta = self.beta
+        self.beta = 1.0 if step == remaining else self.beta + step
+        log_weights = step * rise
+        total = logsumexp(log_weights)
+        self.weights = np.exp(log_weights - total)
+        self.effective_sample_size = effective_sample_size(log_weights)
+        self.log_evidence += float(total - np.log(rise.size))
+
+        ways = self.weights.reshape(-1, self.draws).sum(axis=0) * self.draws
+        self._influence += np.bincount(self.eve, ways - 1, self.draws)
+        self.variance = float(np.sum(self._influence**2)) / self.draws**2
+        self._step_ahead = max(largest_step(rise, _AHEAD, remaining) - step, 0.0)
+
+    def resample(self) -> None:
+        """Resample the particles systematically from all places visited."""
+        places, start, rise = (np.concatenate(x) for x in zip(*self._visited, strict=True))
+        self.chosen = chosen = systematic(self.weights, self.draws, self.rng)
+        self.eve = self.eve[chosen % self.draws]
+        self.particles, self._start, self._rise = places[chosen], start[chosen], rise[chosen]
+        self._logp = self._start + self.beta * self._rise
+
+    def learn(self) -> None:
+        """Fit the mixture from which moves are drawn.
+
+        It is fitted to the places of the stage before: fitted to particles that it then moves, it
+        would draw them back to where they are, and the more so the more variables there are.
+        """
+        before, self._before = self._before, (self._visited, self._last_beta)
+        if before is None and self._mixture is not None:
+            return  # the reference's
+        visited, beta = before or self._before
+        places, _, rise = (np.concatenate(x) for x in zip(*visited, strict=True))
+        share = (1 - _SHARE_AHEAD) * _weights(rise, self.beta - beta)
+        share += _SHARE_AHEAD * _weights(rise, self.beta - beta + self._step_ahead)
+        size = max(self.draws // 2, min(self.draws, _TO_LEARN_FROM))
+        learn_from = places[systematic(share, size, self.rng)]
+        components = components_for(size, self.dimension)
+        # The mixture of the stage before is nearly right, unless components have died out.
+        start = self._mixture
+        alive = start is not None and len(start.means) == components
+        self._mixture = GaussianMixture.fit(
+            learn_from,
+            components,
+            self.rng,
+            start=start if alive else None,
+            iterations=4 if alive else 10,
+        ).heavy_tailed()
+
+    def move(self) -> None:
+        """Move the particles until they have forgotten their places."""
+        assert self._mixture is not None
+        origin, far = self.particles, self._weight_ahead()
+        self._visited = [(origin, self._start, self._rise)]
+        self._terms = self._mixture.log_density_of_components(origin)
+        rates: list[float] = []
+        nearby = self._leap if self.target.has_slopes else self._walk
+        for move in islice(cycle((self._move_independently, nearby)), self.max_moves):
+            rates.append(move())
+            # The few particles that stick in the tails are lost in the first correlation, but will
+            # carry the weight of later stages.
+            if (
+                len(rates) >= _FEWEST_MOVES
+                and _largest_correlation(origin, self.particles) < self.forget
+                and _largest_correlation(far, self._weight_ahead()) < self.forget / 2
+            ):
+                break
+        else:
+            self.capped += 1
+        self.moves = len(rates)
+        self.acceptance = float(np.mean(rates))
+
+    def _score(self, points: Array) -> tuple[Array, Array]:
+        """Log density at the start of the path, and what is left of the posterior's."""
+        prior, likelihood = self.target.score(points)
+        if self.reference is None:
+            return prior, likelihood
+        start = self.reference.log_density(points, prior)
+        # A step may be so wild that it overflows.
+        with np.errstate(invalid="ignore"):
+            rise = prior + likelihood - start
+        return start, np.where(np.isfinite(start), rise, -np.inf)
+
+    def _slope(self, points: Array) -> Array:
+        """Slope of the log density on the path."""
+        prior, _, of_prior, of_likelihood = self.target.slopes(points)
+        if self.reference is None:
+            return of_prior + self.beta * of_likelihood
+        _, of_start = self.reference.slope(points, prior, of_prior)
+        return (1 - self.beta) * of_start + self.beta * (of_prior + of_likelihood)
+
+    def _weight_ahead(self) -> Array:
+        return _weights(self._rise, self._step_ahead)[:, None]
+
+    def _move_independently(self) -> float:
+        proposal = self._mixture.draw(self.draws, self.rng)
+        terms = self._mixture.log_density_of_components(proposal)
+        log_ratio = log_sum_exp(self._terms) - log_sum_exp(terms)
+        return self._accept(proposal, terms, log_ratio)
+
+    def _components(self) -> tuple[NDArray[np.intp], Array]:
+        """A component for each particle, drawn by its responsibility, and the logarithm of that.
+
+        Steps of its shape follow a bent ridge; the ratio of responsibilities makes them reversible.
+        """
+        here = self._terms - log_sum_exp(self._terms)[:, None]
+        component = (np.exp(here).cumsum(axis=1) < self.rng.random((self.draws, 1))).sum(axis=1)
+        component = component.clip(max=here.shape[1] - 1)
+        return component, here[np.arange(self.draws), component]
+
+    def _lengths(self, typical: float, spread: float) -> Array:
+        return typical * self.rng.lognormal(0.0, spread, (self.draws, 1))
+
+    def _walk(self) -> float:
+        """Step at random."""
+        component, here = self._components()
+        spread, good = _WALKS
+        steps = self._mixture.draw_steps(component, self.rng)
+        proposal = self.particles + self._lengths(self._walk_length, spread) * steps
+        rate = self._accept_from(proposal, component, here)
+        self._walk_length *= np.exp(rate - good)
+        return rate
+
+    def _leap(self) -> float:
+        """Follow the slope: Hamiltonian Monte Carlo."""
+        component, here = self._components()
+        spread, good = _LEAPS
+        lengths = self._lengths(self._leap_length, spread)
+        momentum = self.rng.standard_normal(self.particles.shape)
+        energy = (momentum**2).sum(axis=1) / 2
+        place, step = self.particles, self._mixture.steps
+        with np.errstate(all="ignore"):
+            kick = lengths / 2 * step(component, self._slope(place), transposed=True)
+            for _ in range(self.rng.integers(1, _LONGEST_LEAP, endpoint=True)):
+                momentum = momentum + kick
+                place = place + lengths * step(component, momentum)
+                kick = lengths / 2 * step(component, self._slope(place), transposed=True)
+                momentum = momentum + kick
+            energy -= (momentum**2).sum(axis=1) / 2
+            lost = ~(np.abs(place) < _LOST).all(axis=1) | np.isnan(energy)
+        place = np.where(lost[:, None], self.particles, place)
+        rate = self._accept_from(place, component, here + np.where(lost, np.inf, -energy))
+        self._leap_length *= np.exp((rate - good) / 2)
+        return rate
+
+    def _accept_from(self, proposal: Array, component: NDArray[np.intp], here: Array) -> float:
+        """Accept steps that a component has made, whose responsibility was the one `here`."""
+        terms = self._mixture.log_density_of_components(proposal)
+        there = terms[np.arange(self.draws), component] - log_sum_exp(terms)
+        return self._accept(proposal, terms, there - here)
+
+    def _accept(self, proposal: Array, terms: Array, log_ratio: Array) -> float:
+        """Metropolis-Hastings step of all particles; the rate of acceptance."""
+        start, rise = self._score(proposal)
+        logp = start + self.beta * rise
+        threshold = -self.rng.exponential(size=self.draws)
+        with np.errstate(invalid="ignore"):
+            accepted = threshold < logp - self._logp + log_ratio
+        moved = accepted[:, None]
+        self.particles = np.where(moved, proposal, self.particles)
+        self._terms = np.where(moved, terms, self._terms)
+        self._start = np.where(accepted, start, self._start)
+        self._rise = np.where(accepted, rise, self._rise)
+        self._logp = np.where(accepted, logp, self._logp)
+        self._visited.append((self.particles, self._start, self._rise))
+        return float(accepted.mean())
+
+
+def _weights(rise: Array, power: float) -> Array:
+    """Normalised weights of particles on the way from one ``β`` to another, so much larger one."""
+    possible = rise > -np.inf
+    log_weights = np.where(possible, power * np.where(possible, rise, 0.0), -np.inf)
+    return np.exp(log_weights - logsumexp(log_weights))
+
+
+def _largest_correlation(before: Array, after: Array) -> float:
+    """Largest correlation of a variable with its own value before."""
+    before, after = before - before.mean(axis=0), after - after.mean(axis=0)
+    norm = np.sqrt((before**2).sum(axis=0) * (after**2).sum(axis=0))
+    return float(np.max(np.abs((before * after).sum(axis=0)) / np.maximum(norm, 1e-300)))
