@@ -194,10 +194,10 @@ CONFIRMED: dict[str, Callable[[Density], Density]] = {
     "banana_2": lambda p: p.normal("second").grid(101, first=(-6, 6)),
     "banana_8": lambda p: p.normal("second", "x").grid(101, first=(-6, 6)),
     "shells": lambda p: p.grid(401, x=(-3.8, 2.2)),
-    "logistic_3": lambda p: p.grid(41, slope=(-5, 5)),
+    "logistic_3": lambda p: p.grid(45, slope=(-5, 5)),
     "logistic_6": lambda p: p.factors(61, even=(-7, 7), odd=(-7, 7)),
     "gaussian_process": lambda p: p.grid(
-        31, length=(-1.2, 2.5), amplitude=(-2, 2.2), noise=(-5, 1)
+        31, length=(-1.5, 2.5), amplitude=(-2.5, 2.2), noise=(-4, 1)
     ),
     "correlation": lambda p: p.grid(29, factor=(-2.2, 2.4)),
     "label_switching_2": lambda p: p.grid(201, mean=(-15, 15)),
@@ -209,7 +209,7 @@ CONFIRMED: dict[str, Callable[[Density], Density]] = {
     ),
     "pumps": lambda p: p.factors(61, rate=(-12, 4)).grid(31, shape=(-4, 4), inverse_scale=(-8, 4)),
     "lifetimes": lambda p: p.grid(101, shape=(-6, 3), scale=(-10, 14)),
-    "two_locations": lambda p: p.grid(601, location=(-20, 30)).grid(21, spread=(-6, 1)),
+    "two_locations": lambda p: p.grid(601, location=(-25, 35)).grid(25, spread=(-6, 1)),
     "two_decays": lambda p: p.normal("amplitude").grid(151, rate=(-4, 5)),
 }
 
