@@ -182,9 +182,7 @@ CONFIRMED: dict[str, Callable[[Density], Density]] = {
     "funnel_4": lambda p: p.normal("x", independent=True).grid(101, v=(-25, 25)),
     "funnel_10": lambda p: p.normal("x", independent=True).grid(201, v=(-25, 25)),
     "random_walk": lambda p: p.normal("state").grid(41, noise=(-7, 1.5)).grid(41, step=(-10, 2)),
-    "horseshoe": lambda p: (
-        p.normal("standard").factors(101, local=(-14, 10)).grid(41, tau=(-14, 7))
-    ),
+    "horseshoe": lambda p: p.normal("standard").factors(71, local=(-13, 9)).grid(35, tau=(-13, 6)),
     "spike_and_slab": lambda p: p.factors(401, slope=(-6, 6)),
     "correlated_normal_10": normal_everywhere,
     "correlated_normal_30": normal_everywhere,
