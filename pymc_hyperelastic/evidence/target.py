@@ -91,7 +91,7 @@ class Target:
             ) from error
 
     def score(self, points: Array) -> tuple[Array, Array]:
-        """Log prior and log likelihood of every point; NaN counts as ``−inf``."""
+        """Log prior and log likelihood of every point; NaN and ``+inf`` count as ``−inf``."""
         # A Potential of plain numbers may come in single precision.
         prior, likelihood = (np.asarray(logp, float) for logp in self._score(points))
         return self._possible(prior, likelihood)
@@ -119,7 +119,8 @@ class Target:
         return slope
 
     def _possible(self, prior: Array, likelihood: Array) -> tuple[Array, Array]:
-        bad = np.isnan(prior) | np.isnan(likelihood)
+        # What overflows is no number either.
+        bad = ~(prior < np.inf) | ~(likelihood < np.inf)
         self.nan_scores += int(bad.sum())
         return np.where(bad, -np.inf, prior), np.where(bad, -np.inf, likelihood)
 
