@@ -3,7 +3,7 @@
 import tracemalloc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial, reduce
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,76 +16,19 @@ from pymc.initial_point import make_initial_point_expression
 from pymc.logprob.utils import local_check_parameter_to_ninf_switch
 from pymc.pytensorf import compile as compile_pymc
 from pymc.pytensorf import join_nonshared_inputs
-from pytensor.compile.mode import Mode
 from pytensor.compile.sharedvalue import SharedVariable
-from pytensor.graph.basic import Apply, Variable
+from pytensor.graph.basic import Variable
 from pytensor.graph.fg import FrozenFunctionGraph, FunctionGraph
-from pytensor.graph.op import Op
 from pytensor.graph.replace import clone_replace, vectorize_graph
-from pytensor.graph.rewriting.basic import dfs_rewriter, in2out, node_rewriter
-from pytensor.graph.rewriting.db import RewriteDatabaseQuery
+from pytensor.graph.rewriting.basic import in2out
 from pytensor.graph.traversal import ancestors, graph_inputs
-from pytensor.scalar.math import Softplus
-from pytensor.tensor.elemwise import Elemwise
 from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
-from pytensor.tensor.type import TensorType
-from pytensor.tensor.utils import import_func_from_string
 from pytensor.tensor.variable import TensorVariable
 
+from pymc_hyperelastic.evidence.in_numpy import IN_NUMPY
+
 Array = NDArray[np.float64]
-
-
-@node_rewriter([Elemwise])
-def _softplus_in_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
-    """``ln(1 + e^x)``, in the transform of every bounded variable, is a Python loop otherwise."""
-    if not isinstance(node.op.scalar_op, Softplus):
-        return None
-    x = node.inputs[0]
-    return [pt.maximum(x, 0.0) + pt.log1p(pt.exp(-pt.abs(x)))]
-
-
-class _NumpyCall(Op):
-    """A NumPy function by itself: what PyTensor checks around it takes longer than small arrays."""
-
-    __props__ = ("function", "type")
-
-    def __init__(self, function: Callable[..., Any], type: TensorType) -> None:
-        self.function, self.type = function, type
-
-    def make_node(self, *inputs: Variable) -> Apply:
-        return Apply(self, inputs, [self.type()])
-
-    def perform(self, node: Apply, inputs: Sequence[Any], outputs: Any) -> None:
-        outputs[0][0] = self.function(*inputs)
-
-
-@node_rewriter([Elemwise])
-def _elementwise_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
-    """Call NumPy directly where it gives the type that is due."""
-    result = node.outputs[0].type
-    if node.op.nfunc_spec is None or result.ndim == 0:
-        return None
-    name, count, _ = node.op.nfunc_spec
-    function = import_func_from_string(name)
-    if len(node.inputs) > count:  # a sum or product of many
-        function = partial(_fold, function)
-    example = function(*(np.ones(v.type.ndim * (1,), v.dtype) for v in node.inputs))
-    return [_NumpyCall(function, result)(*node.inputs)] if example.dtype == result.dtype else None
-
-
-def _fold(function: Callable[..., Any], *values: Any) -> Any:
-    return reduce(function, values)
-
-
-# What runs a hundred times on thousands of points is best left to NumPy: it compiles in a second,
-# numba or C in a minute. Fused operations, and powers made of them, would run point by point.
-_FUSED = ["fusion", "inplace", "local_pow_to_nested_squaring"]
-_NUMPY = (
-    Mode("py", RewriteDatabaseQuery(include=["fast_run"], exclude=_FUSED))
-    .register((dfs_rewriter(_softplus_in_numpy), 99))
-    .register((dfs_rewriter(_elementwise_by_numpy), 100))
-)
 
 
 # Recording where in the code each node was made would take a third of the time.
@@ -124,7 +67,7 @@ class BatchedFunction:
 
         `compile_kwargs` are options of ``pytensor.function``; without a mode NumPy does the work.
         """
-        compile_kwargs = {"mode": _NUMPY} | (compile_kwargs or {})
+        compile_kwargs = {"mode": IN_NUMPY} | (compile_kwargs or {})
         point = {name: np.zeros(shape) for name, shape in value_shapes(model).items()}
         outputs, joined = join_nonshared_inputs(point, outputs, model.value_vars)
         shared = _shared_inputs(outputs)
@@ -228,7 +171,7 @@ def prior_sampler(model: pm.Model, draws: int) -> Callable[[np.random.Generator]
             expressions = _of_size(expressions, draws)
         inputs = {v: v.type() for v in shared}
         expressions = clone_replace(expressions, inputs)
-        _compiled[key] = compile_pymc(list(inputs.values()), expressions, mode=_NUMPY)
+        _compiled[key] = compile_pymc(list(inputs.values()), expressions, mode=IN_NUMPY)
     function = _compiled[key]
 
     def sample(rng: np.random.Generator) -> dict[str, Array]:

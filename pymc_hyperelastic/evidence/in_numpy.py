@@ -1,0 +1,141 @@
+"""How functions of many points run: in NumPy, without a loop over the points in Python."""
+
+from collections.abc import Callable, Sequence
+from functools import partial, reduce
+from typing import Any
+
+import numpy as np
+import pytensor.tensor as pt
+from numpy.typing import NDArray
+from pytensor.compile.builders import OpFromGraph
+from pytensor.compile.mode import Mode
+from pytensor.graph.basic import Apply, Variable
+from pytensor.graph.fg import FunctionGraph
+from pytensor.graph.op import Op
+from pytensor.graph.replace import vectorize_graph
+from pytensor.graph.rewriting.basic import dfs_rewriter, node_rewriter
+from pytensor.graph.rewriting.db import RewriteDatabaseQuery
+from pytensor.scalar.math import Softplus
+from pytensor.tensor.blockwise import Blockwise
+from pytensor.tensor.elemwise import Elemwise
+from pytensor.tensor.linalg.decomposition.cholesky import Cholesky
+from pytensor.tensor.linalg.solvers.triangular import SolveTriangular
+from pytensor.tensor.type import TensorType
+from pytensor.tensor.utils import import_func_from_string
+
+Array = NDArray[np.float64]
+
+
+@node_rewriter([Elemwise])
+def _softplus_in_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
+    """``ln(1 + e^x)``, in the transform of every bounded variable, is a Python loop otherwise."""
+    if not isinstance(node.op.scalar_op, Softplus):
+        return None
+    x = node.inputs[0]
+    return [pt.maximum(x, 0.0) + pt.log1p(pt.exp(-pt.abs(x)))]
+
+
+@node_rewriter([Blockwise])
+def _batch_of_graphs(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
+    """Operations that are graphs of others, such as ``logsumexp``, are a Python loop otherwise."""
+    if not isinstance(node.op.core_op, OpFromGraph):
+        return None
+    graph = node.op.core_op.fgraph
+    inputs = [v.type() for v in graph.inputs]
+    outputs = graph.bind(dict(zip(graph.inputs, inputs, strict=True)))
+    return vectorize_graph(outputs, dict(zip(inputs, node.inputs, strict=True)))
+
+
+class _NumpyCall(Op):
+    """A NumPy function by itself: what PyTensor checks around it takes longer than small arrays."""
+
+    __props__ = ("function", "type")
+
+    def __init__(self, function: Callable[..., Any], type: TensorType) -> None:
+        self.function, self.type = function, type
+
+    def make_node(self, *inputs: Variable) -> Apply:
+        return Apply(self, inputs, [self.type()])
+
+    def perform(self, node: Apply, inputs: Sequence[Any], outputs: Any) -> None:
+        outputs[0][0] = self.function(*inputs)
+
+
+@node_rewriter([Elemwise])
+def _elementwise_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
+    """Call NumPy directly where it gives the type that is due."""
+    result = node.outputs[0].type
+    if node.op.nfunc_spec is None or result.ndim == 0:
+        return None
+    name, count, _ = node.op.nfunc_spec
+    function = import_func_from_string(name)
+    if len(node.inputs) > count:  # a sum or product of many
+        function = partial(_fold, function)
+    example = function(*(np.ones(v.type.ndim * (1,), v.dtype) for v in node.inputs))
+    return [_NumpyCall(function, result)(*node.inputs)] if example.dtype == result.dtype else None
+
+
+def _fold(function: Callable[..., Any], *values: Any) -> Any:
+    return reduce(function, values)
+
+
+@node_rewriter([Blockwise])
+def _triangles_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
+    """Factors of covariances, and what is solved by them, are a Python loop otherwise."""
+    core, result = node.op.core_op, node.outputs[0].type
+    if result.dtype != "float64":
+        return None
+    if isinstance(core, Cholesky) and core.lower:
+        return [_NumpyCall(_cholesky, result)(*node.inputs)]
+    if isinstance(core, SolveTriangular) and not core.unit_diagonal:
+        solve = _solve_lower if core.lower else _solve_upper
+        return [_NumpyCall(partial(solve, core.b_ndim), result)(*node.inputs)]
+    return None
+
+
+def _cholesky(matrices: Array) -> Array:
+    """Lower Cholesky factors, NaN in place of those that do not exist."""
+    try:
+        return np.linalg.cholesky(matrices)
+    except np.linalg.LinAlgError:
+        # NumPy refuses all for the sake of one.
+        factors = np.zeros_like(matrices)
+        for j in range(matrices.shape[-1]):
+            known = factors[..., j:, :j] @ factors[..., j, :j, None]
+            column = matrices[..., j:, j] - known[..., 0]
+            factors[..., j:, j] = column / np.sqrt(column[..., :1])
+        factors[np.isnan(factors[..., -1, -1])] = np.nan
+        return factors
+
+
+def _solve_lower(ndim: int, factors: Array, known: Array) -> Array:
+    """Solve equations by lower triangular matrices, for vectors or for the columns of matrices."""
+    if ndim == 1:
+        return _solve_lower(2, factors, known[..., None])[..., 0]
+    batch = np.broadcast_shapes(factors.shape[:-2], known.shape[:-2])
+    solution = np.empty(batch + known.shape[-2:])
+    for i in range(known.shape[-2]):
+        before = np.einsum("...j,...jk->...k", factors[..., i, :i], solution[..., :i, :])
+        solution[..., i, :] = (known[..., i, :] - before) / factors[..., i, i, None]
+    return solution
+
+
+def _solve_upper(ndim: int, factors: Array, known: Array) -> Array:
+    """The same by upper ones, which are lower ones from the other end."""
+    turned = (Ellipsis, slice(None, None, -1)) + (slice(None),) * (ndim - 1)
+    return _solve_lower(ndim, factors[..., ::-1, ::-1], known[turned])[turned]
+
+
+# What runs a hundred times on thousands of points is best left to NumPy: it compiles in a second,
+# numba or C in a minute. Fused operations, and powers made of them, would run point by point.
+_FUSED = ["fusion", "inplace", "local_pow_to_nested_squaring"]
+# Graphs inside of operations are opened where PyTensor opens those that are no batches: when no
+# rewrite comes any more that is not right for infinite numbers, which they may hold.
+_STABILISED = 1.9
+IN_NUMPY = (
+    Mode("py", RewriteDatabaseQuery(include=["fast_run"], exclude=_FUSED))
+    .register((dfs_rewriter(_batch_of_graphs), _STABILISED))
+    .register((dfs_rewriter(_triangles_by_numpy), 98))
+    .register((dfs_rewriter(_softplus_in_numpy), 99))
+    .register((dfs_rewriter(_elementwise_by_numpy), 100))
+)
