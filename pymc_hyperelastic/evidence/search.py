@@ -15,6 +15,9 @@ from pymc_hyperelastic.evidence.tempering import Tempering
 _DRAWS, _FORWARD_DRAWS = (200, 1000, 4000), (20, 500, 2000)
 # Climbs from draws of the prior, and from particles that were tempered.
 CLIMBS = 8
+# Points drawn at each stage of the first look, for each pair of unknowns and at most, and climbs
+# from the most outstanding of them.
+_PROBES, _MOST_PROBES, _PROBED = 5_000, 80_000, 2
 # Moves at a stage of the search, which need not be exact, and the effective fraction that it keeps.
 _FORWARD_MOVES, _MOVES, _THRESHOLD = 10, 20, 0.5
 # Shares of the prior: while little is known, and in the end.
@@ -61,7 +64,11 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
         target, prior[:few], rng, threshold=_THRESHOLD, max_moves=_FORWARD_MOVES
     ).run()
 
-    starts = [places_to_climb_from(prior, score), forward.particles[rng.integers(few, size=CLIMBS)]]
+    starts = [
+        places_to_climb_from(prior, score),
+        forward.particles[rng.integers(few, size=CLIMBS)],
+        *(_outstanding(target, mixture, rng) for mixture in forward.mixtures),
+    ]
     modes = modes_from(target.ascent, np.concatenate(starts), width_of(prior))
 
     mixture = _fitted(forward, rng)
@@ -90,6 +97,16 @@ def _fitted(tempering: Tempering, rng: np.random.Generator) -> GaussianMixture:
     visited = visited[:: -(-len(visited) // _ENOUGH)]
     components = components_for(len(visited) * _VISITED, tempering.dimension)
     return GaussianMixture.fit(visited, components, rng)
+
+
+def _outstanding(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -> Array:
+    """Points of a tempered population where the posterior is far larger than by their density.
+
+    A narrow mode is met by one point in many thousands, and given away by its weight.
+    """
+    points = mixture.draw(min(_PROBES * target.dimension**2, _MOST_PROBES), rng)
+    log_weights = sum(target.score(points)) - mixture.log_density(points)
+    return points[np.argsort(-np.nan_to_num(log_weights, nan=-np.inf))[:_PROBED]]
 
 
 def places_to_climb_from(points: Array, score: Array) -> Array:

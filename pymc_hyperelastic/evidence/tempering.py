@@ -77,6 +77,7 @@ class Tempering:
         self._visited: Visited = [(particles, self._start, self._rise)]
         self._before: tuple[Visited, float] | None = None
         self._mixture = reference.mixture if reference else None
+        self.mixtures: list[GaussianMixture] = []
         self._walk_length = 2.38 / np.sqrt(self.dimension)
         self._leap_length = self.dimension**-0.25
 
@@ -158,6 +159,7 @@ class Tempering:
             start=start if alive else None,
             iterations=4 if alive else 10,
         ).heavy_tailed()
+        self.mixtures.append(self._mixture)
 
     def move(self) -> None:
         """Move the particles until they have forgotten their places."""
