@@ -32,7 +32,8 @@ Array = NDArray[np.float64]
 _IN_CLASS = 128
 # Nats, of the standard error that these draws leave to a class's evidence: evidences of classes
 # are compared, and tell nothing apart that is closer. Where it is below the first number the
-# densities of all draws are so alike that none is lacking; below the second there are enough.
+# densities of all draws are so alike that none is lacking; below the second there are enough. It
+# is known roughly: draws are added until the first is expected.
 _ALIKE, _ENOUGH = 0.05, 0.1
 # Fits by which the draws are found, and particles and distributions of these.
 _MOST_FITS, _PARTICLES, _DISTRIBUTIONS = 4, 500, 200
@@ -43,9 +44,10 @@ Specimens = Mapping[str, SpecimenDraws]
 
 
 class ClassDraws(NamedTuple):
-    """Draws of the specimens of a class, and particles near those of its posterior."""
+    """Draws of the specimens of a class, how many of each it needs, and particles near its own."""
 
     specimens: Specimens
+    sizes: dict[str, int]
     particles: Array | None
 
 
@@ -68,14 +70,16 @@ def draws_of_class(
         fit = _Fit(settings, few, _PARTICLES, known)
         tree = fit.chains(rng.spawn(1))
         known = fit.known
-        if sum(fit.variances(tree).values()) < limit**2:
+        variances = fit.variances(tree)
+        if sum(variances.values()) < limit**2:
             break
         distributions = distributions_of(tree, _DISTRIBUTIONS)
         close = {
             name: sampler.near(part, specimens[name], distributions, rng)
             for name, part in specimens_apart(data).items()
         }
-    return ClassDraws(close, known)
+    sizes = _larger(dict.fromkeys(close, _IN_CLASS), variances, close)
+    return ClassDraws(close, sizes, known)
 
 
 class _Fit:
@@ -85,6 +89,7 @@ class _Fit:
         self, settings: Population, draws: Specimens, count: int, known: Array | None = None
     ) -> None:
         self.draws, self.known = draws, known
+        self._mixture: GaussianMixture | None = None
         self.kernel = BatchedSMC(draws=count, model=class_model(settings, draws))
 
     def variances(self, tree: xr.DataTree) -> dict[str, float]:
@@ -110,11 +115,8 @@ class _Fit:
     def _chain(self, rng: np.random.Generator) -> tuple[Array, Estimate]:
         """Particles and evidence; modes are searched only where no particles tell of them."""
         if self.known is not None:
-            size = self.kernel.dimension
-            mixture = GaussianMixture.fit(self.known, components_for(len(self.known), size), rng)
-            steps = max(1000, 250 * size)
-            mixture = fitted_mixture(self.kernel.score, mixture, rng, steps)
-            points, log_weights = weighted_draws(self.kernel.score, mixture, _DRAWS, rng)
+            self._mixture = self._mixture or self._like(self.known, rng)
+            points, log_weights = weighted_draws(self.kernel.score, self._mixture, _DRAWS, rng)
             evidence, pareto_k = mean_weight(log_weights, enough=_EFFECTIVE)
             if pareto_k < UNTRUSTED_PARETO_K:
                 weights = np.exp(log_weights - log_weights.max())
@@ -122,6 +124,12 @@ class _Fit:
                 return rng.permutation(found), evidence
         self.known, evidence = sample_from_modes(self.kernel, rng)
         return self.known, evidence
+
+    def _like(self, particles: Array, rng: np.random.Generator) -> GaussianMixture:
+        """Mixture like the posterior, from particles that are near it."""
+        size = self.kernel.dimension
+        mixture = GaussianMixture.fit(particles, components_for(len(particles), size), rng)
+        return fitted_mixture(self.kernel.score, mixture, rng, max(1000, 250 * size))
 
 
 def fit_distribution(
@@ -133,15 +141,14 @@ def fit_distribution(
 ) -> xr.DataTree:
     """Posterior and evidence of a class's distribution, with the draws of its specimens."""
     rngs = [np.random.default_rng(seed) for seed in random_seed.spawn(chains)]
-    specimens, known = draws
-    sizes = dict.fromkeys(specimens, _IN_CLASS)
+    specimens, sizes, known = draws
     for _ in range(_MOST_FITS):
         few = {name: specimen.first(sizes[name]) for name, specimen in specimens.items()}
         fit = _Fit(settings, few, count, known)
         tree = fit.chains(rngs, random_seed.entropy)
         variances, known = fit.variances(tree), fit.known
         larger = _larger(sizes, variances, specimens)
-        if larger == sizes:
+        if larger == sizes or sum(variances.values()) < _ENOUGH**2:
             break
         sizes = larger
     error = float(np.sqrt(sum(variances.values())))
@@ -166,7 +173,7 @@ def _larger(
 ) -> dict[str, int]:
     """Numbers of draws, doubled where a class knows least, that would be enough."""
     sizes, variances = dict(sizes), dict(variances)
-    while sum(variances.values()) > _ENOUGH**2:
+    while sum(variances.values()) > _ALIKE**2:
         left = [name for name in sizes if sizes[name] < len(draws[name].log_weight)]
         if not left:
             break

@@ -168,9 +168,10 @@ class Variability(Population, ClassKind):
 
         def fold(left_out: Collection[str], draws: int, chains: int) -> Fold:
             fitted = {}
-            for name, (of_class, particles) in close.items():
-                stay = {s: d for s, d in of_class.items() if s not in left_out}
-                some = ClassDraws(stay, particles)
+            for name, of_class in close.items():
+                stay = {s: d for s, d in of_class.specimens.items() if s not in left_out}
+                sizes = {s: of_class.sizes[s] for s in stay}
+                some = ClassDraws(stay, sizes, of_class.particles)
                 fitted[name] = fit_distribution(self, some, draws, chains, *seed.spawn(1))
             rng = np.random.default_rng(*seed.spawn(1))
             predictions = {}
