@@ -30,12 +30,12 @@ Array = NDArray[np.float64]
 # Draws that stand for a specimen in the model of its class, at first: its density, which is mostly
 # far wider than what a specimen's curves leave open, is averaged over them.
 _IN_CLASS = 128
-# Nats, of the standard error that these draws leave to a class's evidence: evidences of classes
-# are compared, and tell nothing apart that is closer. Where it is below the first number the
-# densities of all draws are so alike that none is lacking; below the second there are enough. It
-# is known roughly: draws are added until the first is expected.
-_ALIKE, _ENOUGH = 0.05, 0.1
-# Fits by which the draws are found, and particles and distributions of these.
+# Nats, of the standard error that these draws leave to a class's evidence. Below the first number
+# the densities of all draws are so alike that none is lacking; above the second so many are that
+# the class of which a specimen was taken was another one. Evidences of classes are compared, and
+# the third is little there; since it is known roughly, draws are added until half is expected.
+_ALIKE, _ANOTHER, _ENOUGH = 0.03, 0.3, 0.1
+# Fits by which it is found how many draws are needed; particles and distributions of a first one.
 _MOST_FITS, _PARTICLES, _DISTRIBUTIONS = 4, 500, 200
 # Draws from a mixture that is like the posterior, and effective ones that tell of their mean.
 _DRAWS, _EFFECTIVE = 8000, 300
@@ -65,7 +65,7 @@ def draws_of_class(
     draws so far.
     """
     known, close = None, specimens
-    for limit in (_ALIKE, _ENOUGH):
+    for limit in (_ALIKE, _ANOTHER):
         few = {name: draws.first(_IN_CLASS) for name, draws in close.items()}
         fit = _Fit(settings, few, _PARTICLES, known)
         tree = fit.chains(rng.spawn(1))
@@ -173,7 +173,7 @@ def _larger(
 ) -> dict[str, int]:
     """Numbers of draws, doubled where a class knows least, that would be enough."""
     sizes, variances = dict(sizes), dict(variances)
-    while sum(variances.values()) > _ALIKE**2:
+    while sum(variances.values()) > (_ENOUGH / 2) ** 2:
         left = [name for name in sizes if sizes[name] < len(draws[name].log_weight)]
         if not left:
             break

@@ -25,7 +25,7 @@ from pymc_hyperelastic.classes.density import (
     mean_density,
     stacked,
 )
-from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import (
     UNTRUSTED_PARETO_K,
@@ -155,6 +155,7 @@ class SpecimenSampler:
         self._models[tests].forward.set_data(data)
         return self._models[tests]
 
+    @without_traces
     def _model(self, data: xr.Dataset, tests: int) -> _SpecimenModel:
         forward = self.forward.with_data(data)
         coords = {"specimen": [0], "test": np.arange(tests)}
@@ -212,6 +213,7 @@ def fresh_specimens(
     return draws
 
 
+@without_traces
 def class_model(population: Population, specimens: Mapping[str, SpecimenDraws]) -> pm.Model:
     """PyMC model of a class's distribution alone, its specimens integrated out by their draws."""
     names = population.scale.names

@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 
 # Recording where in the code each node was made would take a third of the time.
-_without_traces = pytensor.config.change_flags(traceback__limit=0)
+without_traces = pytensor.config.change_flags(traceback__limit=0)
 
 
 # Bytes of intermediate results that particles may need together, and particles by which it is
@@ -56,7 +56,7 @@ class BatchedFunction:
     dimension: int
 
     @classmethod
-    @_without_traces
+    @without_traces
     def of_model(
         cls,
         model: pm.Model,
@@ -147,7 +147,7 @@ def side_by_side(values: Sequence[Array]) -> Array:
     return np.concatenate([np.reshape(v, (len(v), -1)) for v in values], axis=1)
 
 
-@_without_traces
+@without_traces
 def prior_sampler(model: pm.Model, draws: int) -> Callable[[np.random.Generator], dict[str, Array]]:
     """Compile a function that draws the model's free variables from the prior, independently.
 
