@@ -20,7 +20,7 @@ from pymc_hyperelastic.classes.interface import (
     training_evidence,
 )
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, without_specimens
-from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
     LARGEST_PARETO_K,
@@ -208,6 +208,7 @@ class ClassPredictive:
     data.
     """
 
+    @without_traces
     def __init__(
         self, fitted: xr.DataTree, kind: Pooled, forward: ForwardModel, rng: np.random.Generator
     ) -> None:

@@ -1,6 +1,5 @@
 """What classes whose specimens differ say of a specimen: its evidence, and how typical it is."""
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,10 +27,10 @@ _SMALLEST_PRESSURE, _LARGEST_PRESSURE, _FEWEST_CURVES = 1e-6, 1e6, 100
 _LEAST_SHARE = 0.003
 
 
-def distributions_of(tree: xr.DataTree) -> ClassDistribution:
-    """Draws of a class's distribution, along the first of two axes."""
+def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDistribution:
+    """Draws of a class's distribution, so many at most, along the first of two axes."""
     posterior = tree["posterior"].to_dataset().stack(sample=("chain", "draw"))
-    chosen = np.linspace(0, posterior.sizes["sample"] - 1, _DISTRIBUTIONS).round().astype(int)
+    chosen = np.linspace(0, posterior.sizes["sample"] - 1, count).round().astype(int)
     posterior = posterior.isel(sample=np.unique(chosen))
 
     def vector(name: str) -> Array | None:
@@ -59,17 +58,19 @@ def distributions_of(tree: xr.DataTree) -> ClassDistribution:
     )
 
 
-def error_of_specimens(
-    draws: Mapping[str, SpecimenDraws], distributions: ClassDistribution
-) -> float:
-    """Standard error of a class's log evidence that comes from the draws of its specimens."""
-    variance = 0.0
-    for specimen in draws.values():
-        log_weights = specimen.log_weight + log_densities(specimen, distributions)
-        log_weights -= logsumexp(log_weights, axis=1, keepdims=True)
-        effective = np.exp(-logsumexp(2 * log_weights, axis=1))
-        variance += specimen.standard_error**2 + np.mean(1 / effective) - 1 / log_weights.shape[1]
-    return float(np.sqrt(variance))
+def variance_of_specimen(draws: SpecimenDraws, distributions: ClassDistribution) -> float:
+    r"""Variance of a class's log evidence that comes from the draws of one of its specimens.
+
+    The evidence is a mean over the class's distributions ``φ`` of products of sums over draws. To
+    first order each draw changes its logarithm by what it has of its sum, averaged over ``φ``:
+    what one distribution makes of it another may undo.
+    """
+    log_shares = draws.log_weight + log_densities(draws, distributions)
+    log_shares -= logsumexp(log_shares, axis=1, keepdims=True)
+    shares = np.exp(log_shares).mean(axis=0)
+    count, common = len(shares), draws.standard_error**2
+    # Draws were themselves chosen among weighted ones: what these do not know adds to both terms.
+    return float(common + (np.sum(shares**2) - 1 / count) * (1 + count * common))
 
 
 class SpecimenEvidence(NamedTuple):

@@ -5,7 +5,9 @@ specimen is sampled once, under a wide reference distribution; under any class d
 likelihood is then a weighted mean over these draws, and a class has few unknowns left.
 """
 
+from collections import defaultdict
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -16,10 +18,26 @@ import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.classes.density import SpecimenDraws, independent, log_density, stacked
-from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.importance import sample_from_modes
+from pymc_hyperelastic.classes.density import (
+    SpecimenDraws,
+    independent,
+    log_density,
+    mean_density,
+    stacked,
+)
+from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
+from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.evidence.importance import (
+    UNTRUSTED_PARETO_K,
+    adapted_mixture,
+    mean_weight,
+    sample_from_modes,
+    weighted_draws,
+)
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
+from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
+from pymc_hyperelastic.evidence.modes import Score
+from pymc_hyperelastic.evidence.weights import systematic
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.natural_scale import NaturalScale
@@ -28,8 +46,8 @@ from pymc_hyperelastic.models.priors import is_inferred
 
 Array = NDArray[np.float64]
 
-# Particles of a specimen.
-_PARTICLES = 2000
+# Particles of a specimen, and weighted draws of which they are some where it is of a known class.
+_PARTICLES, _DRAWS_NEAR = 2000, 8000
 # Spreads of the reference distribution, in medians of a class's.
 _WIDER = 2.0
 _EFFECT = 1.0
@@ -41,6 +59,7 @@ class _SpecimenModel(NamedTuple):
 
     forward: ForwardModel
     kernel: BatchedSMC
+    score: Score
     pressure: BatchedFunction
 
 
@@ -62,24 +81,65 @@ class SpecimenSampler:
         """Sample the specimen of these data."""
         kernel = self._model_for(data).kernel
         particles, evidence = sample_from_modes(kernel, rng)
-        ends = np.cumsum([size for _, size in kernel.var_info.values()])
-        columns = dict(zip(kernel.var_info, np.split(particles, ends[:-1], axis=1), strict=True))
-        own = self.reference.experiment_spread is not None
-        of_tests = np.stack(
-            [columns[f"{name}_of_test" if own else name] for name in self.scale.names]
-        )
-        centre, nothing = of_tests.mean(axis=2), np.zeros(len(particles))
-        draws = SpecimenDraws(
-            centre,
-            ((of_tests - centre[..., None]) ** 2).sum(axis=2),
-            columns["log_specimen_sigma"][:, 0] if self.sigma is None else nothing,
-            nothing,
-            of_tests.shape[2] if own else 1,
-            evidence.standard_error,
-        )
-        weight = evidence.value - np.log(len(particles))
+        draws = self._draws(particles[:, self._places(kernel)])
         density = log_density(np, vars(draws), self.reference)
-        return replace(draws, log_weight=weight - density)
+        return _weighted(draws, density, evidence)
+
+    def near(
+        self,
+        data: xr.Dataset,
+        draws: SpecimenDraws,
+        distributions: ClassDistribution,
+        rng: np.random.Generator,
+    ) -> SpecimenDraws:
+        """Sample the specimen of these data again, as one of a class of these distributions.
+
+        The draws that are known of it show where; they are returned where this does not succeed.
+        """
+        model = self._model_for(data)
+        places, size = self._places(model.kernel), model.kernel.dimension
+
+        def score(points: Array) -> tuple[Array, Array]:
+            here = self._draws(points)
+            particles = np.zeros((len(points), size))
+            particles[:, places] = points
+            reference = log_density(np, vars(here), self.reference)
+            likelihood = model.score(particles)[1]
+            return reference + likelihood, mean_density(here, distributions) - reference
+
+        mixture = GaussianMixture.fit(
+            draws.points, components_for(len(draws.points), len(places)), rng
+        )
+        adapted = adapted_mixture(score, mixture, rng)
+        if adapted is None:
+            return draws
+        points, log_weights = weighted_draws(score, adapted, _DRAWS_NEAR, rng)
+        evidence, pareto_k = mean_weight(log_weights)
+        if pareto_k >= UNTRUSTED_PARETO_K:
+            return draws
+        weights = np.exp(log_weights - log_weights.max())
+        again = self._draws(rng.permutation(points[systematic(weights, _PARTICLES, rng)]))
+        return _weighted(again, mean_density(again, distributions), evidence)
+
+    def _places(self, kernel: BatchedSMC) -> NDArray[np.intp]:
+        """Columns of particles on which curves depend: coordinates of each test, and ``ln σ``."""
+        own = self.reference.experiment_spread is not None
+        names = [f"{name}_of_test" if own else name for name in self.scale.names]
+        names += ["log_specimen_sigma"] if self.sigma is None else []
+        ends = np.cumsum([size for _, size in kernel.var_info.values()])
+        columns = dict(zip(kernel.var_info, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
+        return np.concatenate([columns[name] for name in names])
+
+    def _draws(self, points: Array) -> SpecimenDraws:
+        """Draws of a specimen that are not weighted yet."""
+        count, own = len(self.scale.names), self.reference.experiment_spread is not None
+        log_sigma = points[:, -1] if self.sigma is None else np.zeros(len(points))
+        of_tests = points[:, : points.shape[1] - (self.sigma is None)]
+        of_tests = np.moveaxis(of_tests.reshape(len(points), count, -1), 1, 0)
+        centre = of_tests.mean(axis=2)
+        scatter = ((of_tests - centre[..., None]) ** 2).sum(axis=2)
+        tests = of_tests.shape[2] if own else 1
+        return SpecimenDraws(centre, scatter, log_sigma, 0 * log_sigma, tests, 0.0, points)
 
     def curves(self, data: xr.Dataset, draws: Mapping[str, Array]) -> Array:
         """Pressures of the tests of these data for draws of a specimen: (draw, obs)."""
@@ -95,6 +155,7 @@ class SpecimenSampler:
         self._models[tests].forward.set_data(data)
         return self._models[tests]
 
+    @without_traces
     def _model(self, data: xr.Dataset, tests: int) -> _SpecimenModel:
         forward = self.forward.with_data(data)
         coords = {"specimen": [0], "test": np.arange(tests)}
@@ -104,7 +165,15 @@ class SpecimenSampler:
             sigma = pt.full((1,), np.float64(self.sigma)) if sigma is None else sigma
             register_curves(forward, self.scale, coordinates, sigma[of_test])
         pressure = BatchedFunction.of_model(model, model.replace_rvs_by_values([model["pressure"]]))
-        return _SpecimenModel(forward, BatchedSMC(draws=_PARTICLES, model=model), pressure)
+        kernel = BatchedSMC(draws=_PARTICLES, model=model)
+        # A copy never starts from modes, which a score would take into account.
+        return _SpecimenModel(forward, kernel, copy(kernel).score, pressure)
+
+
+def _weighted(draws: SpecimenDraws, log_density: Array, evidence: Estimate) -> SpecimenDraws:
+    """Draws of the posterior under a prior of this log density, with the weights that they need."""
+    log_weight = evidence.value - np.log(len(log_density)) - log_density
+    return replace(draws, log_weight=log_weight, standard_error=evidence.standard_error)
 
 
 def reference_of(population: Population) -> ClassDistribution:
@@ -144,17 +213,25 @@ def fresh_specimens(
     return draws
 
 
+@without_traces
 def class_model(population: Population, specimens: Mapping[str, SpecimenDraws]) -> pm.Model:
     """PyMC model of a class's distribution alone, its specimens integrated out by their draws."""
     names = population.scale.names
     coords = {"coordinate": names, "coordinate_2": names, "specimen": list(specimens)}
+    # Those of as many draws are scored together.
+    alike = defaultdict(list)
+    for draws in specimens.values():
+        alike[len(draws.log_weight)].append(draws)
     with pm.Model(coords=coords, model=None) as model:
         distribution = population.register_class()
-        inputs = {
-            name: pytensor.shared(value, name=f"specimens_{name}", shape=(None,) * value.ndim)
-            for name, value in stacked([*specimens.values()]).items()
-        }
-        inputs["tests"] = pt.specify_broadcastable(inputs["tests"], 1)
-        terms = inputs["log_weight"] + log_density(pt, inputs, distribution)
-        pm.Potential("specimens", pt.sum(pt.logsumexp(terms, axis=-1)))
+        total: Any = 0.0
+        for _, group in sorted(alike.items()):
+            inputs = {
+                name: pytensor.shared(value, name=f"specimens_{name}", shape=(None,) * value.ndim)
+                for name, value in stacked(group).items()
+            }
+            inputs["tests"] = pt.specify_broadcastable(inputs["tests"], 1)
+            terms = inputs["log_weight"] + log_density(pt, inputs, distribution)
+            total += pt.sum(pt.logsumexp(terms, axis=-1))
+        pm.Potential("specimens", total)
     return model

@@ -14,6 +14,11 @@ from numpy.typing import NDArray
 from pymc.progress_bar import create_simple_progress
 
 from pymc_hyperelastic.classes.density import SpecimenDraws
+from pymc_hyperelastic.classes.distribution import (
+    ClassDraws,
+    draws_of_class,
+    fit_distribution,
+)
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
     Data,
@@ -26,22 +31,18 @@ from pymc_hyperelastic.classes.interface import (
 )
 from pymc_hyperelastic.classes.specimen_evidence import (
     distributions_of,
-    error_of_specimens,
     near_class,
     predictive_p_value,
     specimen_evidence,
 )
 from pymc_hyperelastic.classes.specimens import (
     SpecimenSampler,
-    class_model,
     fresh_specimens,
     reference_of,
 )
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.importance import UNTRUSTED_PARETO_K, sample_from_modes
-from pymc_hyperelastic.evidence.kernel import BatchedSMC
-from pymc_hyperelastic.evidence.smc import particles_to_tree
+from pymc_hyperelastic.evidence.importance import UNTRUSTED_PARETO_K
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.population import Population
@@ -49,10 +50,6 @@ from pymc_hyperelastic.models.priors import prior_from_record, prior_to_record
 from pymc_hyperelastic.models.study import Study, strain_energy_attrs, strain_energy_of
 
 Array = NDArray[np.float64]
-
-# Draws of a specimen that stand for it in the model of its class: its density, which is mostly far
-# wider than what a specimen's curves leave open, is averaged over them.
-_IN_CLASS = 128
 
 
 @dataclass(frozen=True)
@@ -138,10 +135,12 @@ class Variability(Population, ClassKind):
         with progress:
             bar = progress.add_task("Fitting classes", completed=0, total=2 * len(classes))
             for (name, data), own in zip(classes.items(), seed.spawn(len(classes)), strict=True):
-                rng = np.random.default_rng(own)
-                specimens = sample_specimens(self.sampler(data), data, rng)
+                rng, sampler = np.random.default_rng(own), self.sampler(data)
+                specimens = sample_specimens(sampler, data, rng)
                 progress.advance(bar)
-                fitted = fit_distribution(self, specimens, draws, chains, own)
+                close = draws_of_class(self, sampler, data, specimens, rng)
+                fitted = fit_distribution(self, close, draws, chains, own)
+                fitted.attrs |= self.attrs()
                 for group, dataset in Study(self.energy, data, {}).groups().items():
                     fitted[group] = dataset
                 progress.advance(bar)
@@ -162,11 +161,18 @@ class Variability(Population, ClassKind):
             name: sample_specimens(samplers[name], data, rng) for name, data in classes.items()
         }
 
+        close = {
+            name: draws_of_class(self, samplers[name], data, specimens[name], rng)
+            for name, data in classes.items()
+        }
+
         def fold(left_out: Collection[str], draws: int, chains: int) -> Fold:
             fitted = {}
-            for name, of_class in specimens.items():
-                stay = {s: d for s, d in of_class.items() if s not in left_out}
-                fitted[name] = fit_distribution(self, stay, draws, chains, *seed.spawn(1))
+            for name, of_class in close.items():
+                stay = {s: d for s, d in of_class.specimens.items() if s not in left_out}
+                sizes = {s: of_class.sizes[s] for s in stay}
+                some = ClassDraws(stay, sizes, of_class.particles)
+                fitted[name] = fit_distribution(self, some, draws, chains, *seed.spawn(1))
             rng = np.random.default_rng(*seed.spawn(1))
             predictions = {}
             for name, data in classes.items():
@@ -200,47 +206,6 @@ def sample_specimens(
 ) -> dict[str, SpecimenDraws]:
     """Draws of each specimen of the data."""
     return {name: sampler(part, rng) for name, part in specimens_apart(data).items()}
-
-
-def fit_distribution(
-    settings: Variability,
-    draws: Mapping[str, SpecimenDraws],
-    count: int,
-    chains: int,
-    random_seed: np.random.SeedSequence,
-) -> xr.DataTree:
-    """Posterior and evidence of a class's distribution, with the draws of its specimens."""
-    few = {name: specimen.first(_IN_CLASS) for name, specimen in draws.items()}
-    kernel = BatchedSMC(draws=count, model=class_model(settings, few))
-    populations, stats = [], []
-    for seed in random_seed.spawn(chains):
-        particles, evidence = sample_from_modes(kernel, np.random.default_rng(seed))
-        populations.append(particles)
-        last = {
-            "beta": 1.0,
-            "log_marginal_likelihood": evidence.value,
-            "log_evidence_variance": evidence.standard_error**2,
-        }
-        stats.append({name: [value] for name, value in last.items()})
-    tree = particles_to_tree(
-        kernel, populations, stats, kernel.model.unobserved_RVs, random_seed.entropy
-    )
-    error = error_of_specimens(few, distributions_of(tree))
-    tree["evidence"] = tree["evidence"].to_dataset().assign(specimens_se=error)
-    dims = {
-        "centre": ("specimen", "coordinate", "particle"),
-        "scatter": ("specimen", "coordinate", "particle"),
-        "log_sigma": ("specimen", "particle"),
-        "log_weight": ("specimen", "particle"),
-        "tests": ("specimen",),
-        "standard_error": ("specimen",),
-    }
-    tree["specimens"] = xr.Dataset(
-        {k: (v, np.stack([getattr(d, k) for d in draws.values()])) for k, v in dims.items()},
-        {"specimen": list(draws), "coordinate": settings.scale.names},
-    )
-    tree.attrs |= settings.attrs()
-    return tree
 
 
 class SpecimenPredictive:

@@ -37,6 +37,7 @@ def random_draws(rng, size, tests, count):
         rng.normal(0, 1, count),
         tests,
         0.01,
+        x.reshape(count, -1),
     )
     return draws, x
 

@@ -1,0 +1,183 @@
+"""The distribution of a class, fitted to draws of its specimens: as many as its evidence needs."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from pymc_hyperelastic.classes.density import SpecimenDraws
+from pymc_hyperelastic.classes.specimen_evidence import distributions_of, variance_of_specimen
+from pymc_hyperelastic.classes.specimens import SpecimenSampler, class_model
+from pymc_hyperelastic.data.select import specimens_apart
+from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.evidence.importance import (
+    UNTRUSTED_PARETO_K,
+    fitted_mixture,
+    mean_weight,
+    sample_from_modes,
+    weighted_draws,
+)
+from pymc_hyperelastic.evidence.kernel import BatchedSMC
+from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
+from pymc_hyperelastic.evidence.smc import particles_to_tree
+from pymc_hyperelastic.evidence.weights import systematic
+from pymc_hyperelastic.models.population import Population
+
+Array = NDArray[np.float64]
+
+# Draws that stand for a specimen in the model of its class, at first: its density, which is mostly
+# far wider than what a specimen's curves leave open, is averaged over them.
+_IN_CLASS = 128
+# Nats, of the standard error that these draws leave to a class's evidence. Below the first number
+# the densities of all draws are so alike that none is lacking; above the second so many are that
+# the class of which a specimen was taken was another one. Evidences of classes are compared, and
+# the third is little there; since it is known roughly, draws are added until half is expected.
+_ALIKE, _ANOTHER, _ENOUGH = 0.03, 0.3, 0.1
+# Fits by which it is found how many draws are needed; particles and distributions of a first one.
+_MOST_FITS, _PARTICLES, _DISTRIBUTIONS = 4, 500, 200
+# Draws from a mixture that is like the posterior, and effective ones that tell of their mean.
+_DRAWS, _EFFECTIVE = 8000, 300
+
+Specimens = Mapping[str, SpecimenDraws]
+
+
+class ClassDraws(NamedTuple):
+    """Draws of the specimens of a class, how many of each it needs, and particles near its own."""
+
+    specimens: Specimens
+    sizes: dict[str, int]
+    particles: Array | None
+
+
+def draws_of_class(
+    settings: Population,
+    sampler: SpecimenSampler,
+    data: xr.Dataset,
+    specimens: Specimens,
+    rng: np.random.Generator,
+) -> ClassDraws:
+    """Draws of each specimen as one of its class, where those under a wider distribution are few.
+
+    What curves leave open only the class tells, and few of the draws of a specimen then are where
+    the class has it. It is sampled again, under the distributions of a class that was fitted to the
+    draws so far.
+    """
+    known, close = None, specimens
+    for limit in (_ALIKE, _ANOTHER):
+        few = {name: draws.first(_IN_CLASS) for name, draws in close.items()}
+        fit = _Fit(settings, few, _PARTICLES, known)
+        tree = fit.chains(rng.spawn(1))
+        known = fit.known
+        variances = fit.variances(tree)
+        if sum(variances.values()) < limit**2:
+            break
+        distributions = distributions_of(tree, _DISTRIBUTIONS)
+        close = {
+            name: sampler.near(part, specimens[name], distributions, rng)
+            for name, part in specimens_apart(data).items()
+        }
+    sizes = _larger(dict.fromkeys(close, _IN_CLASS), variances, close)
+    return ClassDraws(close, sizes, known)
+
+
+class _Fit:
+    """A class, of draws that stand for its specimens."""
+
+    def __init__(
+        self, settings: Population, draws: Specimens, count: int, known: Array | None = None
+    ) -> None:
+        self.draws, self.known = draws, known
+        self._mixture: GaussianMixture | None = None
+        self.kernel = BatchedSMC(draws=count, model=class_model(settings, draws))
+
+    def variances(self, tree: xr.DataTree) -> dict[str, float]:
+        """What the draws of each specimen leave open of the evidence."""
+        distributions = distributions_of(tree, _DISTRIBUTIONS)
+        return {n: variance_of_specimen(d, distributions) for n, d in self.draws.items()}
+
+    def chains(self, rngs: Sequence[np.random.Generator], entropy: Any = None) -> xr.DataTree:
+        """Posterior and evidence."""
+        populations, stats = [], []
+        for rng in rngs:
+            particles, evidence = self._chain(rng)
+            populations.append(particles)
+            last = {
+                "beta": 1.0,
+                "log_marginal_likelihood": evidence.value,
+                "log_evidence_variance": evidence.standard_error**2,
+            }
+            stats.append({name: [value] for name, value in last.items()})
+        variables = self.kernel.model.unobserved_RVs
+        return particles_to_tree(self.kernel, populations, stats, variables, entropy)
+
+    def _chain(self, rng: np.random.Generator) -> tuple[Array, Estimate]:
+        """Particles and evidence; modes are searched only where no particles tell of them."""
+        if self.known is not None:
+            self._mixture = self._mixture or self._like(self.known, rng)
+            points, log_weights = weighted_draws(self.kernel.score, self._mixture, _DRAWS, rng)
+            evidence, pareto_k = mean_weight(log_weights, enough=_EFFECTIVE)
+            if pareto_k < UNTRUSTED_PARETO_K:
+                weights = np.exp(log_weights - log_weights.max())
+                found = points[systematic(weights, self.kernel.draws, rng)]
+                return rng.permutation(found), evidence
+        self.known, evidence = sample_from_modes(self.kernel, rng)
+        return self.known, evidence
+
+    def _like(self, particles: Array, rng: np.random.Generator) -> GaussianMixture:
+        """Mixture like the posterior, from particles that are near it."""
+        size = self.kernel.dimension
+        mixture = GaussianMixture.fit(particles, components_for(len(particles), size), rng)
+        return fitted_mixture(self.kernel.score, mixture, rng, max(1000, 250 * size))
+
+
+def fit_distribution(
+    settings: Population,
+    draws: ClassDraws,
+    count: int,
+    chains: int,
+    random_seed: np.random.SeedSequence,
+) -> xr.DataTree:
+    """Posterior and evidence of a class's distribution, with the draws of its specimens."""
+    rngs = [np.random.default_rng(seed) for seed in random_seed.spawn(chains)]
+    specimens, sizes, known = draws
+    for _ in range(_MOST_FITS):
+        few = {name: specimen.first(sizes[name]) for name, specimen in specimens.items()}
+        fit = _Fit(settings, few, count, known)
+        tree = fit.chains(rngs, random_seed.entropy)
+        variances, known = fit.variances(tree), fit.known
+        larger = _larger(sizes, variances, specimens)
+        if larger == sizes or sum(variances.values()) < _ENOUGH**2:
+            break
+        sizes = larger
+    error = float(np.sqrt(sum(variances.values())))
+    tree["evidence"] = tree["evidence"].to_dataset().assign(specimens_se=error)
+    dims = {
+        "centre": ("specimen", "coordinate", "particle"),
+        "scatter": ("specimen", "coordinate", "particle"),
+        "log_sigma": ("specimen", "particle"),
+        "log_weight": ("specimen", "particle"),
+        "tests": ("specimen",),
+        "standard_error": ("specimen",),
+    }
+    tree["specimens"] = xr.Dataset(
+        {k: (v, np.stack([getattr(d, k) for d in specimens.values()])) for k, v in dims.items()},
+        {"specimen": list(specimens), "coordinate": settings.scale.names},
+    )
+    return tree
+
+
+def _larger(
+    sizes: Mapping[str, int], variances: Mapping[str, float], draws: Specimens
+) -> dict[str, int]:
+    """Numbers of draws, doubled where a class knows least, that would be enough."""
+    sizes, variances = dict(sizes), dict(variances)
+    while sum(variances.values()) > (_ENOUGH / 2) ** 2:
+        left = [name for name in sizes if sizes[name] < len(draws[name].log_weight)]
+        if not left:
+            break
+        worst = max(left, key=variances.__getitem__)
+        sizes[worst] = min(2 * sizes[worst], len(draws[worst].log_weight))
+        variances[worst] /= 2
+    return sizes
