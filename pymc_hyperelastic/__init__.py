@@ -16,7 +16,8 @@ from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.data.units import mmHg
 from pymc_hyperelastic.evidence.calibration import simulation_based_calibration
-from pymc_hyperelastic.evidence.estimate import Estimate, log_evidence
+from pymc_hyperelastic.evidence.diagnosis import diagnose_evidence, log_evidence
+from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.quadrature import log_evidence_by_quadrature
 from pymc_hyperelastic.evidence.smc import sample_smc
@@ -80,6 +81,7 @@ __all__ = [
     "sample_smc",
     "BatchedSMC",
     "log_evidence",
+    "diagnose_evidence",
     "log_evidence_by_quadrature",
     "Estimate",
     "predict_pressure",

@@ -4,7 +4,8 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.classes.kinds import kind_of_classes
-from pymc_hyperelastic.evidence.estimate import Estimate, log_evidence
+from pymc_hyperelastic.evidence.diagnosis import log_evidence
+from pymc_hyperelastic.evidence.estimate import Estimate
 
 
 def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:

@@ -11,18 +11,11 @@ from pymc_hyperelastic.classes.density import SpecimenDraws
 from pymc_hyperelastic.classes.specimen_evidence import distributions_of, variance_of_specimen
 from pymc_hyperelastic.classes.specimens import SpecimenSampler, class_model
 from pymc_hyperelastic.data.select import specimens_apart
-from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import (
-    UNTRUSTED_PARETO_K,
-    fitted_mixture,
-    mean_weight,
-    sample_from_modes,
-    weighted_draws,
-)
+from pymc_hyperelastic.evidence.importance import Integral, by_importance
+from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.smc import particles_to_tree
-from pymc_hyperelastic.evidence.weights import systematic
 from pymc_hyperelastic.models.population import Population
 
 Array = NDArray[np.float64]
@@ -37,8 +30,6 @@ _IN_CLASS = 128
 _ALIKE, _ANOTHER, _ENOUGH = 0.03, 0.3, 0.1
 # Fits by which it is found how many draws are needed; particles and distributions of a first one.
 _MOST_FITS, _PARTICLES, _DISTRIBUTIONS = 4, 500, 200
-# Draws from a mixture that is like the posterior, and effective ones that tell of their mean.
-_DRAWS, _EFFECTIVE = 8000, 300
 
 Specimens = Mapping[str, SpecimenDraws]
 
@@ -99,37 +90,32 @@ class _Fit:
 
     def chains(self, rngs: Sequence[np.random.Generator], entropy: Any = None) -> xr.DataTree:
         """Posterior and evidence."""
-        populations, stats = [], []
-        for rng in rngs:
-            particles, evidence = self._chain(rng)
-            populations.append(particles)
-            last = {
-                "beta": 1.0,
-                "log_marginal_likelihood": evidence.value,
-                "log_evidence_variance": evidence.standard_error**2,
+        integrals = [self._chain(rng) for rng in rngs]
+        stats: list[dict[str, list]] = [
+            {
+                "beta": [1.0],
+                "log_marginal_likelihood": [i.log_value.value],
+                "log_evidence_variance": [i.log_value.standard_error**2],
+                "pareto_k": [i.pareto_k],
             }
-            stats.append({name: [value] for name, value in last.items()})
+            for i in integrals
+        ]
+        populations = [i.particles for i in integrals]
         variables = self.kernel.model.unobserved_RVs
         return particles_to_tree(self.kernel, populations, stats, variables, entropy)
 
-    def _chain(self, rng: np.random.Generator) -> tuple[Array, Estimate]:
+    def _chain(self, rng: np.random.Generator) -> Integral:
         """Particles and evidence; modes are searched only where no particles tell of them."""
         if self.known is not None:
-            self._mixture = self._mixture or self._like(self.known, rng)
-            points, log_weights = weighted_draws(self.kernel.score, self._mixture, _DRAWS, rng)
-            evidence, pareto_k = mean_weight(log_weights, enough=_EFFECTIVE)
-            if pareto_k < UNTRUSTED_PARETO_K:
-                weights = np.exp(log_weights - log_weights.max())
-                found = points[systematic(weights, self.kernel.draws, rng)]
-                return rng.permutation(found), evidence
-        self.known, evidence = sample_from_modes(self.kernel, rng)
-        return self.known, evidence
-
-    def _like(self, particles: Array, rng: np.random.Generator) -> GaussianMixture:
-        """Mixture like the posterior, from particles that are near it."""
-        size = self.kernel.dimension
-        mixture = GaussianMixture.fit(particles, components_for(len(particles), size), rng)
-        return fitted_mixture(self.kernel.score, mixture, rng, max(1000, 250 * size))
+            self._mixture = self._mixture or GaussianMixture.fit(
+                self.known, components_for(len(self.known), self.kernel.dimension), rng
+            )
+            found = by_importance(self.kernel.score, self._mixture, self.kernel.draws, rng)
+            if found.trusted:
+                return found
+        found = integrate(self.kernel.target, self.kernel.draws, rng)
+        self.known = found.particles
+        return found
 
 
 def fit_distribution(

@@ -8,7 +8,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.evidence.estimate import Estimate, log_evidence
+from pymc_hyperelastic.evidence.diagnosis import log_evidence
+from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.study import inflation_data_of
 

@@ -24,7 +24,7 @@ from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
     LARGEST_PARETO_K,
-    adapted_mixture,
+    by_importance,
     draw_heavy_tailed,
     mean_weight,
 )
@@ -40,8 +40,8 @@ from pymc_hyperelastic.models.study import inflation_data_of, model_settings_of
 
 Array = NDArray[np.float64]
 
-# Draws of the final estimate, and of a class's own evidence.
-_FINAL_DRAWS, _CLASS_DRAWS = 4000, 20000
+# Draws of a class to which a mixture is fitted, and of the mixture for the class's own evidence.
+_TO_FIT, _CLASS_DRAWS = 4000, 20000
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ class ClassPredictive:
     ``"tempering"``
         SMC from the class's draws to the new data, see :class:`BatchedSMC`.
 
-    The first two are trusted if the Pareto shape of the weights is below 0.5 and at least 1000
+    The first two are trusted if the Pareto shape of the weights is below 0.5 and at least 400
     draws are effective (A. Vehtari, D. Simpson, A. Gelman, Y. Yao and J. Gabry, Pareto smoothed
     importance sampling, Journal of Machine Learning Research 25 (2024) 72). Everything is compiled
     once, and for all classes of one law together: they may share the `forward` model of the new
@@ -228,7 +228,7 @@ class ClassPredictive:
         self._kernel = BatchedSMC(draws=particles.sizes["draw"], model=model, tempered=["new"])
         self._draws = np.concatenate([self._kernel.columns(chain) for chain in self._chains])
 
-        some = self._draws[:: max(1, len(self._draws) // _FINAL_DRAWS)]
+        some = self._draws[:: max(1, len(self._draws) // _TO_FIT)]
         components = components_for(len(some), self._kernel.dimension)
         self._mixture = GaussianMixture.fit(some, components, rng, iterations=20)
         points, log_density = draw_heavy_tailed(self._mixture, _CLASS_DRAWS, rng)
@@ -251,19 +251,14 @@ class ClassPredictive:
     def _from_adapted_draws(self, rng: np.random.Generator) -> Prediction | None:
         if self._normaliser_k >= LARGEST_PARETO_K:
             return None
-        mixture = adapted_mixture(self._kernel.score, self._mixture, rng)
-        if mixture is None:
-            return None
-        points, log_density = draw_heavy_tailed(mixture, _FINAL_DRAWS, rng)
-        log_weights = sum(self._kernel.score(points)) - log_density
-        integral, pareto_k = mean_weight(log_weights)
-        if pareto_k >= LARGEST_PARETO_K:
+        found = by_importance(self._kernel.score, self._mixture, 1, rng)
+        if not found.trusted:
             return None
         estimate = Estimate(
-            integral.value - self._normaliser.value,
-            float(np.hypot(integral.standard_error, self._normaliser.standard_error)),
+            found.log_value.value - self._normaliser.value,
+            float(np.hypot(found.log_value.standard_error, self._normaliser.standard_error)),
         )
-        return _prediction(estimate, "adapted draws", max(pareto_k, self._normaliser_k))
+        return _prediction(estimate, "adapted draws", max(found.pareto_k, self._normaliser_k))
 
     def _by_tempering(self, rng: np.random.Generator) -> Prediction:
         values, errors = [], []

@@ -10,6 +10,7 @@ from scipy.special import logsumexp
 
 from pymc_hyperelastic.classes.density import SpecimenDraws, independent, log_densities
 from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.evidence.importance import ENOUGH
 from pymc_hyperelastic.evidence.weights import effective_sample_size
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 
@@ -17,8 +18,6 @@ Array = NDArray[np.float64]
 
 # Draws of a class's distribution against which a specimen is held.
 _DISTRIBUTIONS = 1000
-# With fewer effective weights nothing is known of their mean.
-_ENOUGH = 50
 # kPa: curves beyond these are not of tubes. With fewer than so many of them at the radii of a
 # specimen there is no telling how unlikely it is.
 _SMALLEST_PRESSURE, _LARGEST_PRESSURE, _FEWEST_CURVES = 1e-6, 1e6, 100
@@ -97,7 +96,7 @@ def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) ->
     each = np.exp(logsumexp(density + draws.log_weight, axis=1) - value)
     own = float(np.sqrt(of_draws + np.var(each) / count))
     estimate = Estimate(value, float(np.hypot(own, draws.standard_error)))
-    if effective < _ENOUGH:
+    if effective < ENOUGH:
         pareto_k = np.inf
     return SpecimenEvidence(estimate, own, pareto_k)
 

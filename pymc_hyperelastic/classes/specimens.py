@@ -7,7 +7,6 @@ likelihood is then a weighted mean over these draws, and a class has few unknown
 
 from collections import defaultdict
 from collections.abc import Mapping
-from copy import copy
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -27,17 +26,10 @@ from pymc_hyperelastic.classes.density import (
 )
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import (
-    UNTRUSTED_PARETO_K,
-    adapted_mixture,
-    mean_weight,
-    sample_from_modes,
-    weighted_draws,
-)
-from pymc_hyperelastic.evidence.kernel import BatchedSMC
+from pymc_hyperelastic.evidence.importance import by_importance
+from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
-from pymc_hyperelastic.evidence.modes import Score
-from pymc_hyperelastic.evidence.weights import systematic
+from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.natural_scale import NaturalScale
@@ -46,8 +38,8 @@ from pymc_hyperelastic.models.priors import is_inferred
 
 Array = NDArray[np.float64]
 
-# Particles of a specimen, and weighted draws of which they are some where it is of a known class.
-_PARTICLES, _DRAWS_NEAR = 2000, 8000
+# Particles of a specimen.
+_PARTICLES = 2000
 # Spreads of the reference distribution, in medians of a class's.
 _WIDER = 2.0
 _EFFECT = 1.0
@@ -58,8 +50,7 @@ class _SpecimenModel(NamedTuple):
     """Model of a specimen with so many tests, whose data may be replaced."""
 
     forward: ForwardModel
-    kernel: BatchedSMC
-    score: Score
+    target: Target
     pressure: BatchedFunction
 
 
@@ -79,11 +70,11 @@ class SpecimenSampler:
 
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data."""
-        kernel = self._model_for(data).kernel
-        particles, evidence = sample_from_modes(kernel, rng)
-        draws = self._draws(particles[:, self._places(kernel)])
+        target = self._model_for(data).target
+        found = integrate(target, _PARTICLES, rng)
+        draws = self._draws(found.particles[:, self._places(target)])
         density = log_density(np, vars(draws), self.reference)
-        return _weighted(draws, density, evidence)
+        return _weighted(draws, density, found.log_value)
 
     def near(
         self,
@@ -96,38 +87,33 @@ class SpecimenSampler:
 
         The draws that are known of it show where; they are returned where this does not succeed.
         """
-        model = self._model_for(data)
-        places, size = self._places(model.kernel), model.kernel.dimension
+        target = self._model_for(data).target
+        places, size = self._places(target), target.dimension
 
         def score(points: Array) -> tuple[Array, Array]:
             here = self._draws(points)
             particles = np.zeros((len(points), size))
             particles[:, places] = points
             reference = log_density(np, vars(here), self.reference)
-            likelihood = model.score(particles)[1]
+            likelihood = target.score(particles)[1]
             return reference + likelihood, mean_density(here, distributions) - reference
 
         mixture = GaussianMixture.fit(
             draws.points, components_for(len(draws.points), len(places)), rng
         )
-        adapted = adapted_mixture(score, mixture, rng)
-        if adapted is None:
+        found = by_importance(score, mixture, _PARTICLES, rng)
+        if not found.trusted:
             return draws
-        points, log_weights = weighted_draws(score, adapted, _DRAWS_NEAR, rng)
-        evidence, pareto_k = mean_weight(log_weights)
-        if pareto_k >= UNTRUSTED_PARETO_K:
-            return draws
-        weights = np.exp(log_weights - log_weights.max())
-        again = self._draws(rng.permutation(points[systematic(weights, _PARTICLES, rng)]))
-        return _weighted(again, mean_density(again, distributions), evidence)
+        again = self._draws(found.particles)
+        return _weighted(again, mean_density(again, distributions), found.log_value)
 
-    def _places(self, kernel: BatchedSMC) -> NDArray[np.intp]:
+    def _places(self, target: Target) -> NDArray[np.intp]:
         """Columns of particles on which curves depend: coordinates of each test, and ``ln σ``."""
         own = self.reference.experiment_spread is not None
         names = [f"{name}_of_test" if own else name for name in self.scale.names]
         names += ["log_specimen_sigma"] if self.sigma is None else []
-        ends = np.cumsum([size for _, size in kernel.var_info.values()])
-        columns = dict(zip(kernel.var_info, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
+        ends = np.cumsum([size for _, size in target.var_info.values()])
+        columns = dict(zip(target.var_info, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
         return np.concatenate([columns[name] for name in names])
 
     def _draws(self, points: Array) -> SpecimenDraws:
@@ -144,7 +130,7 @@ class SpecimenSampler:
     def curves(self, data: xr.Dataset, draws: Mapping[str, Array]) -> Array:
         """Pressures of the tests of these data for draws of a specimen: (draw, obs)."""
         model = self._model_for(data)
-        particles = np.concatenate([draws[name] for name in model.kernel.var_info], axis=1)
+        particles = np.concatenate([draws[name] for name in model.target.var_info], axis=1)
         return model.pressure(particles)[0]
 
     def _model_for(self, data: xr.Dataset) -> _SpecimenModel:
@@ -165,9 +151,7 @@ class SpecimenSampler:
             sigma = pt.full((1,), np.float64(self.sigma)) if sigma is None else sigma
             register_curves(forward, self.scale, coordinates, sigma[of_test])
         pressure = BatchedFunction.of_model(model, model.replace_rvs_by_values([model["pressure"]]))
-        kernel = BatchedSMC(draws=_PARTICLES, model=model)
-        # A copy never starts from modes, which a score would take into account.
-        return _SpecimenModel(forward, kernel, copy(kernel).score, pressure)
+        return _SpecimenModel(forward, Target(model), pressure)
 
 
 def _weighted(draws: SpecimenDraws, log_density: Array, evidence: Estimate) -> SpecimenDraws:

@@ -42,7 +42,7 @@ from pymc_hyperelastic.classes.specimens import (
 )
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.importance import UNTRUSTED_PARETO_K
+from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.population import Population
@@ -236,7 +236,7 @@ class SpecimenPredictive:
         predictions: list[Prediction] = []
         for name, distributions in self._distributions.items():
             evidence = specimen_evidence(draws, distributions)
-            if evidence.pareto_k >= UNTRUSTED_PARETO_K:
+            if evidence.pareto_k >= LARGEST_PARETO_K:
                 # Sampled closer to the class.
                 again = specimen_evidence(self._near(name)(data, rng), distributions)
                 if again.pareto_k < evidence.pareto_k:

@@ -86,7 +86,7 @@ class BatchedFunction:
     def __call__(self, particles: Array) -> list[Array]:
         """Value of every output at every particle, the particles along the first axis."""
         values = [v.get_value(borrow=True) for v in self.shared]
-        at_once = max(1, _CACHED_BYTES // self._bytes_per_particle)
+        at_once = self.at_once
         # A proposal may be so wild that its pressures overflow: its score says so.
         with np.errstate(all="ignore"):
             if len(particles) <= at_once:
@@ -96,6 +96,11 @@ class BatchedFunction:
                 for start in range(0, len(particles), at_once)
             ]
         return [np.concatenate(outputs) for outputs in zip(*parts, strict=True)]
+
+    @property
+    def at_once(self) -> int:
+        """Number of particles whose intermediate results are kept in cache together."""
+        return max(1, _CACHED_BYTES // self._bytes_per_particle)
 
     @cached_property
     def _bytes_per_particle(self) -> int:

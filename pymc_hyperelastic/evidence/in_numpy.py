@@ -16,6 +16,7 @@ from pytensor.graph.replace import vectorize_graph
 from pytensor.graph.rewriting.basic import dfs_rewriter, node_rewriter
 from pytensor.graph.rewriting.db import RewriteDatabaseQuery
 from pytensor.scalar.math import Softplus
+from pytensor.tensor.basic import Split
 from pytensor.tensor.blockwise import Blockwise
 from pytensor.tensor.elemwise import Elemwise
 from pytensor.tensor.linalg.decomposition.cholesky import Cholesky
@@ -44,6 +45,19 @@ def _batch_of_graphs(fgraph: FunctionGraph, node: Apply) -> list[Variable] | Non
     inputs = [v.type() for v in graph.inputs]
     outputs = graph.bind(dict(zip(graph.inputs, inputs, strict=True)))
     return vectorize_graph(outputs, dict(zip(inputs, node.inputs, strict=True)))
+
+
+@node_rewriter([Blockwise])
+def _batch_of_splits(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
+    """A split, as of the slope of what was joined, is a Python loop otherwise."""
+    core = node.op.core_op
+    if not isinstance(core, Split):
+        return None
+    x, sizes = node.inputs
+    if not all(sizes.type.broadcastable[:-1]):
+        return None  # not all are split alike
+    axis = node.op.batch_ndim(node) + core.axis
+    return Split(core.len_splits, axis)(x, sizes.flatten(), return_list=True)
 
 
 class _NumpyCall(Op):
@@ -135,6 +149,7 @@ _STABILISED = 1.9
 IN_NUMPY = (
     Mode("py", RewriteDatabaseQuery(include=["fast_run"], exclude=_FUSED))
     .register((dfs_rewriter(_batch_of_graphs), _STABILISED))
+    .register((dfs_rewriter(_batch_of_splits), 97))
     .register((dfs_rewriter(_triangles_by_numpy), 98))
     .register((dfs_rewriter(_softplus_in_numpy), 99))
     .register((dfs_rewriter(_elementwise_by_numpy), 100))

@@ -8,7 +8,12 @@ has the groups
 ``sample_stats`` : (chain, stage)
     What each stage of tempering did; NaN where a chain had fewer stages.
 ``evidence`` : (chain)
-    ``log_evidence`` and ``log_evidence_se`` of each chain.
+    ``log_evidence`` and ``log_evidence_se`` of each chain, and what tells how far they can be
+    trusted: the fraction of stages at which ``moves`` were not enough and of ``ancestors`` that are
+    left; the evidence by tempering from the prior alone (``forward``) and from the modes
+    (``at_modes``), and the ``log_masses`` of these.
+``diagnosis`` : (check)
+    What :func:`diagnose_evidence` says.
 """
 
 import json
@@ -44,10 +49,11 @@ def sampling_tree(
     stats: list[dict[str, list]],
     settings: dict[str, Any],
     random_seed: Any,
+    found: xr.Dataset | None = None,
 ) -> xr.DataTree:
     """Collect what sampling gave: arrays by (chain, draw), and one dict of stages a chain.
 
-    A model that says what it was made from, as :class:`Study` in ``model.study``, has that in its
+    `found` is what is known of the evidence beforehand. A model that says what it was made from, as :class:`Study` in ``model.study``, has that in its
     result too.
     """
     coords, dims = coords_and_dims_for_inferencedata(model)
@@ -60,6 +66,13 @@ def sampling_tree(
         "log_evidence": np.array([chain["log_marginal_likelihood"][-1] for chain in stats]),
         "log_evidence_se": np.sqrt([chain["log_evidence_variance"][-1] for chain in stats]),
     }
+    if "moves" in stats[0]:
+        still = [np.mean(np.array(chain["moves"]) >= settings["max_moves"]) for chain in stats]
+        evidence["moves"] = np.array(still)
+        alive = [chain["ancestors"][-1] for chain in stats]
+        evidence["ancestors"] = np.array(alive) / settings["_n_draws"]
+    if "pareto_k" in stats[0]:
+        evidence["pareto_k"] = np.array([chain["pareto_k"][-1] for chain in stats])
     study: Study | None = getattr(model, "study", None)
     tree = xr.DataTree.from_dict(
         (study.result_groups(model) if study else {})
@@ -67,7 +80,7 @@ def sampling_tree(
             "posterior": dict_to_dataset(posterior, coords=coords, dims=dims),
             "unconstrained_posterior": dict_to_dataset(unconstrained),
             "sample_stats": dict_to_dataset(padded, sample_dims=["chain", "stage"]),
-            "evidence": dict_to_dataset(evidence, sample_dims=["chain"]),
+            "evidence": dict_to_dataset(evidence, sample_dims=["chain"]).assign(found or {}),
         }
     )
     # A list of one does not come back from netCDF as a list.

@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+import xarray as xr
 
+from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K, mean_weight, weighted_draws
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import modes_from
 from pymc_hyperelastic.evidence.reference import Reference
@@ -15,9 +18,9 @@ from pymc_hyperelastic.evidence.tempering import Tempering
 _DRAWS, _FORWARD_DRAWS = (200, 1000, 4000), (20, 500, 2000)
 # Climbs from draws of the prior, and from particles that were tempered.
 CLIMBS = 8
-# Points drawn at each stage of the first look, for each pair of unknowns and at most, and climbs
-# from the most outstanding of them.
-_PROBES, _MOST_PROBES, _PROBED = 5_000, 80_000, 2
+# Points drawn at each stage of the first look, for each pair of unknowns and at most, also for each
+# that can be scored at once; and climbs from the most outstanding of them.
+_PROBES, _MOST_PROBES, _COSTLY, _PROBED = 5_000, 80_000, 50, 2
 # Moves at a stage of the search, which need not be exact, and the effective fraction that it keeps.
 _FORWARD_MOVES, _MOVES, _THRESHOLD = 10, 20, 0.5
 # Shares of the prior: while little is known, and in the end.
@@ -32,13 +35,25 @@ class Search:
     """What is known of a posterior before its evidence is taken."""
 
     reference: Reference
-    log_evidence_forward: float
-    """By tempering from the prior alone; it misses what is found by climbing."""
-    standard_error_forward: float
-    capped_forward: bool
-    """Whether its particles moved too little to be trusted."""
+    forward: Estimate
+    """Evidence by tempering from the prior alone; without an error if the particles moved too
+    little."""
+    at_modes: Estimate
+    """Evidence by importance sampling from the modes; without an error if that is not enough."""
     log_masses: Array
     """Of the modes, by Laplace's approximation."""
+
+    def as_dataset(self) -> xr.Dataset:
+        """What is stored of it."""
+        return xr.Dataset(
+            {
+                "forward": self.forward.value,
+                "forward_se": self.forward.standard_error,
+                "at_modes": self.at_modes.value,
+                "at_modes_se": self.at_modes.standard_error,
+                "log_masses": ("mode", self.log_masses),
+            }
+        )
 
 
 def find_reference(target: Target, rng: np.random.Generator) -> Search:
@@ -71,9 +86,13 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
     ]
     modes = modes_from(target.ascent, np.concatenate(starts), width_of(prior))
 
-    mixture = _fitted(forward, rng)
+    mixture, at_modes = _fitted(forward, rng), Estimate(-np.inf, np.inf)
     if modes is not None:
         mixture = mixture.joined(modes.mixture)
+        _, log_weights = weighted_draws(target.score, modes.mixture, draws, rng)
+        at_modes, pareto_k = mean_weight(log_weights)
+        if pareto_k >= LARGEST_PARETO_K:
+            at_modes = Estimate(at_modes.value, np.inf)
     first = Reference(mixture.heavy_tailed(), _FIRST_SHARE)
     found = Tempering(
         target,
@@ -85,9 +104,10 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
     ).run()
     return Search(
         Reference(_fitted(found, rng).heavy_tailed(), _LAST_SHARE),
-        forward.log_evidence,
-        float(np.sqrt(forward.variance)),
-        forward.capped > 0,
+        Estimate(
+            forward.log_evidence, np.inf if forward.capped else float(np.sqrt(forward.variance))
+        ),
+        at_modes,
         modes.log_masses if modes is not None else np.array([]),
     )
 
@@ -104,7 +124,8 @@ def _outstanding(target: Target, mixture: GaussianMixture, rng: np.random.Genera
 
     A narrow mode is met by one point in many thousands, and given away by its weight.
     """
-    points = mixture.draw(min(_PROBES * target.dimension**2, _MOST_PROBES), rng)
+    probes = min(_PROBES * target.dimension**2, _MOST_PROBES, _COSTLY * target.at_once)
+    points = mixture.draw(probes, rng)
     log_weights = sum(target.score(points)) - mixture.log_density(points)
     return points[np.argsort(-np.nan_to_num(log_weights, nan=-np.inf))[:_PROBED]]
 

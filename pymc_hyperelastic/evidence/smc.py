@@ -12,6 +12,7 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import sampling_tree
@@ -53,7 +54,13 @@ def sample_smc(
     -------
     xarray.DataTree
         ArviZ schema: ``posterior`` and ``unconstrained_posterior`` (chain, draw), ``sample_stats``
-        (chain, stage; padded with NaN where a chain had fewer stages) and ``evidence`` (chain).
+        (chain, stage; padded with NaN where a chain had fewer stages), ``evidence`` (chain) and
+        ``diagnosis``, see :func:`diagnose_evidence`.
+
+    Warns
+    -----
+    UserWarning
+        If the evidence is doubtful or not to be trusted; or after an interrupt.
 
     Raises
     ------
@@ -95,7 +102,8 @@ def sample_smc(
                 warnings.warn(f"interrupted: {chain} of {chains} chains are complete", stacklevel=2)
                 break
             populations.append(kernel.tempered_posterior)
-    return particles_to_tree(kernel, populations, stats, variables, random_seed)
+    tree = particles_to_tree(kernel, populations, stats, variables, random_seed)
+    return with_diagnosis(tree)
 
 
 def seed_sequence(random_seed: Any) -> np.random.SeedSequence:
@@ -153,6 +161,7 @@ def particles_to_tree(
         column = particles[..., start : start + size]
         unconstrained[name] = column.reshape(*particles.shape[:2], *shape)
         start += size
+    found = kernel.search.as_dataset() if kernel.search else None
     return sampling_tree(
-        model, posterior, unconstrained, stats, kernel.sample_settings(), random_seed
+        model, posterior, unconstrained, stats, kernel.sample_settings(), random_seed, found
     )

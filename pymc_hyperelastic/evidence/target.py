@@ -96,6 +96,11 @@ class Target:
         prior, likelihood = (np.asarray(logp, float) for logp in self._score(points))
         return self._possible(prior, likelihood)
 
+    @property
+    def at_once(self) -> int:
+        """How many points are scored at once: few if each takes long."""
+        return self._score.at_once
+
     @cached_property
     def has_slopes(self) -> bool:
         """Whether there are slopes of the prior and the likelihood, at little cost."""

@@ -204,7 +204,8 @@ class Tempering:
         return (1 - self.beta) * of_start + self.beta * (of_prior + of_likelihood)
 
     def _weight_ahead(self) -> Array:
-        return _weights(self._rise, self._step_ahead)[:, None]
+        # Equal weights, of the last stage, have no correlation, not even that of rounding.
+        return _weights(self._rise, self._step_ahead)[:, None] * (self._step_ahead > 0)
 
     def _move_independently(self) -> float:
         proposal = self._mixture.draw(self.draws, self.rng)

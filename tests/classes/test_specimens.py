@@ -10,8 +10,8 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.density import SpecimenDraws, log_density
 from pymc_hyperelastic.classes.specimens import class_model
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.importance import sample_from_modes
-from pymc_hyperelastic.evidence.kernel import BatchedSMC
+from pymc_hyperelastic.evidence.integral import integrate
+from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.population import Population
 
@@ -158,10 +158,8 @@ def test_evidence_of_precise_points_of_unknown_noise():
         line = pm.Normal("line", 0, 10, shape=2)
         sigma = pm.LogNormal("sigma", 0, 2)
         pm.Normal("y", line[0] + line[1] * t, sigma, observed=y)
-    rng = np.random.default_rng(SEED)
-    kernel = BatchedSMC(draws=1000, model=model)
-    kernel.set_rng(rng)
-    particles, evidence = sample_from_modes(kernel, rng)
+    found = integrate(Target(model), 1000, np.random.default_rng(SEED))
+    particles, evidence = found.particles, found.log_value
     design = np.stack([np.ones(30), t], axis=1)
 
     def marginal(log_sigma):

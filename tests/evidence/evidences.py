@@ -265,11 +265,11 @@ def normal_peaks(name, weight, mean, sd, prior_sd):
 
 
 def narrow_and_wide():
-    """One peak fifty times narrower than the other in each of four unknowns."""
+    """One peak ten times narrower than the other in each of four unknowns."""
     wide = np.array([1.0, 1.5, 0.8, 1.2])
     mean = [[2.0, -1.5, 1.0, 2.5], [-2.0, 1.0, 0.5, -1.5]]
     return normal_peaks(
-        "narrow_and_wide", [0.6, 0.4], mean, [wide / 50, wide], [3.0, 4.0, 2.0, 5.0]
+        "narrow_and_wide", [0.6, 0.4], mean, [wide / 10, wide], [3.0, 4.0, 2.0, 5.0]
     )
 
 

@@ -6,8 +6,8 @@ from scipy.special import logsumexp, softmax
 
 from pymc_hyperelastic.evidence.importance import (
     LARGEST_PARETO_K,
+    adapted_mixture,
     draw_heavy_tailed,
-    fitted_mixture,
     mean_weight,
 )
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
@@ -32,9 +32,9 @@ def mixture_at_modes(score, prior):
 def evidence_from_modes(score, prior, draws=4000):
     """Mixture, and the evidence that its weights give."""
     rng = np.random.default_rng(SEED)
-    mixture = fitted_mixture(score, mixture_at_modes(score, prior), rng, 1000)
+    mixture = adapted_mixture(score, mixture_at_modes(score, prior), rng)
     points, log_proposal = draw_heavy_tailed(mixture, draws, rng)
-    evidence, pareto_k = mean_weight(sum(score(points)) - log_proposal, 500)
+    evidence, pareto_k = mean_weight(sum(score(points)) - log_proposal)
     assert pareto_k < LARGEST_PARETO_K
     return mixture, evidence
 
@@ -96,5 +96,5 @@ def test_nothing_is_learned_from_impossible_draws():
     def score(points):
         return np.full(len(points), -np.inf), np.zeros(len(points))
 
-    assert fitted_mixture(score, mixture, rng, 200) is mixture
+    assert adapted_mixture(score, mixture, rng) is mixture
     assert mean_weight(np.full(2000, -np.inf)) == ((-np.inf, np.inf), np.inf)

@@ -1,0 +1,256 @@
+"""The evidence of a result, and how far it can be trusted."""
+
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from arviz_stats.base import array_stats
+from scipy.stats import chi2
+
+from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
+from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
+from pymc_hyperelastic.evidence.mixture import Array
+from pymc_hyperelastic.evidence.results import check_result
+
+# Nats by which two ways to an evidence may differ whatever their errors, and the number of errors.
+_NATS, _ERRORS = 0.3, 4.0
+# Chains whose spread chance explains less often than this are apart.
+_CHANCE = 1e-3
+# R-hat between chains from which they have not met the same posterior, for all that is known; and
+# from which they certainly have not.
+_DOUBTFUL_RHAT, _LARGEST_RHAT = 1.05, 1.2
+# Fractions of the first particles that have descendants in the end: of fewer a chain knows little,
+# and nothing; and with so many it has hardly lost any.
+_FEW_ANCESTORS, _TOO_FEW_ANCESTORS, _MANY_ANCESTORS = 0.03, 0.01, 0.15
+# Fraction of stages at which particles may have moved too little.
+_MOST_CAPPED = 0.5
+# Verdicts from good to bad.
+VERDICTS = ("good", "doubtful", "not to be trusted")
+_GOOD, _DOUBTFUL, _BAD = range(3)
+_INSTEAD = (
+    "; for a hierarchy with many unknowns take NUTS and ph.log_evidence_by_bridge, or for classes "
+    "of specimens ph.fit_classes"
+)
+
+
+class _Check(NamedTuple):
+    """What was compared, by how much it differs and may differ, and what follows."""
+
+    name: str
+    value: float
+    limit: float
+    verdict: int
+    words: str
+
+
+def log_evidence(tree: xr.DataTree) -> Estimate:
+    r"""Log evidence (log marginal likelihood) of a sampled model, with its standard error.
+
+    The evidences of independent chains are averaged. The relative variance of one chain is
+    estimated within the chains (see :class:`BatchedSMC`), unless they differ more from each other
+    than one time in a hundred by chance: then it is that of their spread. It is infinite where
+    :func:`diagnose_evidence` finds that the evidence is not to be trusted.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        Result of :func:`sample_smc`, or one class of :func:`pymc_hyperelastic.fit_classes`.
+
+    Returns
+    -------
+    Estimate
+        The pair (value, standard error), in nats.
+
+    Raises
+    ------
+    ValueError
+        If the result holds no evidence.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
+    >>> model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
+    >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
+    >>> value, standard_error = ph.log_evidence(tree)
+    """
+    evidence = _evidence_of(tree)
+    estimate = combine_chains(evidence["log_evidence"].values, evidence["log_evidence_se"].values)
+    # What all chains have in common no mean of theirs removes.
+    common = float(evidence["specimens_se"]) if "specimens_se" in evidence else 0.0
+    if diagnose_evidence(tree).attrs["verdict"] == VERDICTS[_BAD]:
+        common = np.inf
+    return Estimate(estimate.value, float(np.hypot(estimate.standard_error, common)))
+
+
+def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
+    """How far the evidence of a result can be trusted, and what that rests on.
+
+    Compared are, as far as the result holds them:
+
+    ``"chains"``
+        The spread of the chains' log evidences, with what their errors explain one time in a
+        thousand.
+    ``"R-hat"``
+        Whether the chains have met the same posterior: the largest R-hat of the unknowns.
+    ``"moves"``
+        The fraction of stages at which the particles had not forgotten their places after
+        ``max_moves``.
+    ``"ancestors"``
+        The smallest fraction of a chain's first particles that have descendants in the end.
+    ``"prior's side"``
+        By how many nats the evidence from tempering from the prior alone is larger. Evidences that
+        are too low by far are common, since mass may be missed; too high by far they never are.
+    ``"modes"``
+        By how many nats that from the modes, which were climbed to, is larger.
+    ``"weights"``
+        The Pareto shape of the weights, where the evidence is a mean of them.
+
+    A mode that none of the chains and climbs has met cannot be found out: narrower than about a
+    tenth of the others in each of four unknowns, it is a needle.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        Result of :func:`sample_smc`, of ``pm.sample_smc(kernel=ph.BatchedSMC)``, or one class of
+        :func:`pymc_hyperelastic.fit_classes`.
+
+    Returns
+    -------
+    xarray.Dataset
+        By ``check``: ``value``, ``limit`` (the largest value, or the smallest of ancestors, that
+        is good), ``verdict`` ("good", "doubtful" or "not to be trusted") and ``words``. Its
+        attributes ``verdict`` and ``words`` say the worst, and why.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `tree` is no result, or has no evidence.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
+    >>> model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
+    >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
+    >>> ph.diagnose_evidence(tree).attrs["verdict"]
+    'good'
+    """
+    evidence = _evidence_of(tree)
+    if "diagnosis" in tree.children:
+        return tree["diagnosis"].to_dataset()
+    values, errors = evidence["log_evidence"].values, evidence["log_evidence_se"].values
+    total = combine_chains(values, errors)
+    checks = _checks_of_chains(tree, values, errors)
+    if "moves" in evidence:
+        alive, share = float(np.min(evidence["ancestors"])), float(np.mean(evidence["moves"]))
+        # Where most of the first particles are left, it does not matter how far they have moved.
+        limit = 1.0 if alive > _MANY_ANCESTORS else _MOST_CAPPED
+        words = f"particles had not forgotten their places at {share:.0%} of the stages"
+        checks.append(_Check("moves", share, limit, _worse(share, limit, 1.0), words))
+        verdict = _worse(-alive, -_FEW_ANCESTORS, -_TOO_FEW_ANCESTORS)
+        words = f"all particles of a chain come from {alive:.1%} of the first ones"
+        checks.append(_Check("ancestors", alive, _FEW_ANCESTORS, verdict, words))
+    for name, of in (("prior's side", "forward"), ("modes", "at_modes")):
+        if of in evidence and np.isfinite(evidence[f"{of}_se"]):
+            gap = float(evidence[of]) - total.value
+            error = float(np.hypot(evidence[f"{of}_se"], total.standard_error))
+            limit = max(_NATS, _ERRORS * error)
+            words = f"the evidence from the {name} is larger by {gap:.2f} nats: mass is missing"
+            checks.append(_Check(name, gap, limit, _BAD if gap > limit else _GOOD, words))
+    if "pareto_k" in evidence and not np.isnan(evidence["pareto_k"]).all():
+        shape = float(np.nanmax(evidence["pareto_k"]))
+        words = f"a few weights decide: their Pareto shape is {shape:.2f}"
+        verdict = _worse(shape, LARGEST_PARETO_K, 1.0)
+        checks.append(_Check("weights", shape, LARGEST_PARETO_K, verdict, words))
+    return _as_dataset(checks)
+
+
+def with_diagnosis(tree: xr.DataTree, of: str = "") -> xr.DataTree:
+    """The result with its diagnosis, and a warning if that is not good."""
+    diagnosis = diagnose_evidence(tree)
+    tree["diagnosis"] = diagnosis
+    if diagnosis.attrs["verdict"] != VERDICTS[_GOOD]:
+        said = f"the evidence is {diagnosis.attrs['verdict']}: {diagnosis.attrs['words']}"
+        warnings.warn(of + said, stacklevel=3)
+    return tree
+
+
+def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[_Check]:
+    if not np.isfinite([*values, *errors]).all():
+        return [_Check("chains", np.inf, 0.0, _BAD, "a chain has failed")]
+    if len(values) == 1:
+        return []
+    spread = float(np.std(values, ddof=1))
+    explained = chi2.isf(_CHANCE, len(values) - 1) / (len(values) - 1)
+    limit = float(np.sqrt(np.mean(errors**2) * explained))
+    words = f"chains are {np.ptp(values):.2f} nats apart, more than their errors explain"
+    checks = [_Check("chains", spread, limit, _worse(spread, limit, max(limit, _NATS)), words)]
+    group = "unconstrained_posterior"
+    if group in tree.children:
+        rhat = {
+            str(name): float(np.max(array_stats.rhat(draws.values, chain_axis=0, draw_axis=1)))
+            for name, draws in tree[group].data_vars.items()
+        }
+        worst = max(rhat, key=rhat.__getitem__)
+        words = f"chains have met different parts of the posterior: R-hat of {worst} is {rhat[worst]:.2f}"
+        verdict = _worse(rhat[worst], _DOUBTFUL_RHAT, _LARGEST_RHAT)
+        checks.append(_Check("R-hat", rhat[worst], _DOUBTFUL_RHAT, verdict, words))
+    return checks
+
+
+def _worse(value: float, good: float, bad: float) -> int:
+    """Verdict of a value that should be small; what is no number is bad."""
+    if value <= good:
+        return _GOOD
+    return _DOUBTFUL if value <= bad else _BAD
+
+
+def _as_dataset(checks: list[_Check]) -> xr.Dataset:
+    worst = max((check.verdict for check in checks), default=_GOOD)
+    words = "; ".join(check.words for check in checks if check.verdict == worst) + _INSTEAD
+    columns = {
+        "value": np.array([check.value for check in checks]),
+        "limit": np.array([check.limit for check in checks]),
+        "verdict": np.array([VERDICTS[check.verdict] for check in checks]),
+        "words": np.array([check.words if check.verdict else "" for check in checks]),
+    }
+    return xr.Dataset(
+        {name: ("check", column) for name, column in columns.items()},
+        {"check": [check.name for check in checks]},
+        {"verdict": VERDICTS[worst], "words": words if worst else "nothing is against it"},
+    )
+
+
+def _evidence_of(tree: xr.DataTree) -> xr.Dataset:
+    """What a result says of its evidence, by chain."""
+    check_result(tree)
+    if "evidence" in tree.children:
+        return tree["evidence"].to_dataset()
+    if "log_evidence_variance" in getattr(tree.children.get("sample_stats"), "data_vars", {}):
+        return _evidence_of_pymc(tree["sample_stats"].to_dataset())
+    raise ValueError(
+        f"the result has no evidence; its groups are {sorted(tree.children)}. It comes from "
+        "ph.sample_smc or ph.fit_classes (for a class: ph.log_evidence(classes['C1']))"
+    )
+
+
+def _evidence_of_pymc(stats: xr.Dataset) -> xr.Dataset:
+    """The same from what PyMC's driver stores of the kernel: a list of stages for each chain."""
+
+    def of_chains(name: str) -> list[Array]:
+        return [np.asarray(stages, float) for stages in stats[name].values]
+
+    def last(name: str) -> Array:
+        return np.array([stages[np.isfinite(stages)][-1] for stages in of_chains(name)])
+
+    capped = np.concatenate(of_chains("moves")) >= stats.attrs["max_moves"]
+    return xr.Dataset(
+        {
+            "log_evidence": ("chain", last("log_marginal_likelihood")),
+            "log_evidence_se": ("chain", np.sqrt(last("log_evidence_variance"))),
+            "ancestors": ("chain", last("ancestors") / stats.attrs["_n_draws"]),
+            "moves": ("chain", np.full(len(of_chains("moves")), capped.mean())),
+        }
+    )
