@@ -188,7 +188,7 @@ def prior_sampler(model: pm.Model, draws: int) -> Callable[[np.random.Generator]
     return sample
 
 
-@_without_traces
+@without_traces
 def unconstrain(model: pm.Model, values: Sequence[Array]) -> list[Array]:
     """Draws of the free variables, along the first axis, on their unconstrained scales."""
     outputs = []
@@ -206,7 +206,7 @@ def unconstrain(model: pm.Model, values: Sequence[Array]) -> list[Array]:
         _compiled[key] = pytensor.function(
             [*draws.values(), *inputs.values()],
             clone_replace(outputs, inputs),
-            mode=_NUMPY,
+            mode=IN_NUMPY,
             on_unused_input="ignore",
         )
     with np.errstate(all="ignore"):

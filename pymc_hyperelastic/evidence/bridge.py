@@ -18,7 +18,6 @@ from pymc_hyperelastic.evidence.proposal import fitted_proposal
 from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.evidence.unconstrained import (
     NOTHING,
-    column_names,
     log_density_function,
     unconstrained_draws,
 )
@@ -27,7 +26,7 @@ Proposal = Literal["auto", "normal", "warped", "mixture"]
 
 # A chain shorter than this has no autocorrelation that could be estimated, and fewer draws in all
 # have no shape.
-_SHORTEST_CHAIN, _FEWEST_DRAWS = 10, 100
+_SHORTEST_CHAIN, _FEWEST_DRAWS = 10, 200
 # Proposals are fitted as often as there are chains, but not more often than this.
 _MOST_PARTS = 8
 # Errors were honest down to 48 effective draws, with 8 they were eight times too small.
@@ -96,9 +95,10 @@ def log_evidence_by_bridge(
     Warns
     -----
     UserWarning
-        If the chains disagree (a split R-hat above 1.05), if more than one in 400 transitions of
-        NUTS diverged, if the draws hardly overlap with any proposal, or if they are not distributed
-        as the model says. The standard error is then infinite.
+        If the chains disagree (a split R-hat above 1.05, or less than 40 effective draws), if more
+        than one in 1000 transitions of NUTS diverged, if the draws hardly overlap with those of the
+        proposals, or if they are not distributed as the model says. The standard error is then
+        infinite.
 
     See Also
     --------
@@ -152,14 +152,14 @@ def log_evidence_by_bridge(
         raise ValueError(f"proposal is {proposal!r}; expected one of {get_args(Proposal)}")
     if proposal_draws is not None:
         check_count("proposal_draws", proposal_draws, _FEWEST_DRAWS)
-    draws = unconstrained_draws(model, tree)
-    _check_enough(model, draws)
-    density = log_density_function(model)
+    draws, names = unconstrained_draws(model, tree)
+    _check_enough(draws, names)
+    density = log_density_function(model, names)
     log_density = density(draws)
     _check_possible(log_density)
     if len(draws) == 1:
         draws, log_density = _halves(draws), _halves(log_density)
-    doubts = [*disagreement(column_names(model), draws, log_density), *divergence(tree)]
+    doubts = [*disagreement(names, draws, log_density), *divergence(tree)]
 
     rng = np.random.default_rng(seed_sequence(random_seed))
     parts = np.arange(len(draws)) % _MOST_PARTS
@@ -187,7 +187,7 @@ def log_evidence_by_bridge(
 # --- the draws -----------------------------------------------------------------------------------
 
 
-def _check_enough(model: pm.Model, draws: Array) -> None:
+def _check_enough(draws: Array, names: list[str]) -> None:
     chains, each, dimension = draws.shape
     least = max(_FEWEST_DRAWS, 2 * (dimension + 2))
     if chains * each < least or each < _SHORTEST_CHAIN:
@@ -197,8 +197,8 @@ def _check_enough(model: pm.Model, draws: Array) -> None:
         )
     still = np.ptp(draws, axis=(0, 1)) == 0
     if still.any():
-        names = [name for name, stands in zip(column_names(model), still, strict=True) if stands]
-        raise ValueError(f"all draws of {list(dict.fromkeys(names))} are the same")
+        constant = dict.fromkeys(np.array(names)[still].tolist())
+        raise ValueError(f"all draws of {list(constant)} are the same")
 
 
 def _check_possible(log_density: Array) -> None:
@@ -207,7 +207,7 @@ def _check_possible(log_density: Array) -> None:
         chain, draw = np.argwhere(impossible)[0]
         raise ValueError(
             f"{impossible.sum()} of {impossible.size} draws, the first of them draw {draw} of "
-            f"chain {chain}, have the density zero: are these draws of this model, with these data?"
+            f"chain {chain}, have a density of zero, or none: are these draws of this model, with these data?"
         )
 
 
@@ -267,7 +267,7 @@ def _bridge(drawn: Array, proposed: Array) -> _Bridge:
 
     # Beyond these one of the two sides vanishes, and it rises in between.
     low, high = sorted([drawn.min(), proposed.max()])
-    c = brentq(excess, low - 100, high + 100, xtol=1e-10) if low > NOTHING else np.nan
+    c = brentq(excess, low - 100, high + 100, xtol=1e-10, maxiter=1000) if low > NOTHING else np.nan
     f, g = expit(c - drawn), expit(proposed - c)  # of each, the probability to be of the other kind
     size_f = effective_size(f)
     variance_f, variance_g = _relative_variance(f, size_f), _relative_variance(g, n2)

@@ -8,11 +8,12 @@ from arviz_stats.base import array_stats
 
 from pymc_hyperelastic.evidence.mixture import Array
 
-# Chains that agree have a smaller split R-hat.
-_LARGEST_RHAT = 1.05
-# With as many divergent transitions NUTS missed a tenth of the mass in funnels. With half as many
-# nothing was missing.
-_MOST_DIVERGENT = 0.0025
+# Chains that agree have a smaller split R-hat, and of ESS, in the bulk and in the tails, more: a
+# mode that is seldom met is a tail.
+_LARGEST_RHAT, _FEWEST_EFFECTIVE, _TAILS = 1.05, 40, (0.05, 0.95)
+# With somewhat more divergent transitions, or many more, NUTS missed a fifth of the mass in the
+# neck of a hierarchy; with fewer nothing was missing.
+_MOST_DIVERGENT = 0.001
 
 
 def effective_size(values: Array, method: str = "mean") -> float:
@@ -23,17 +24,25 @@ def effective_size(values: Array, method: str = "mean") -> float:
 def disagreement(names: Sequence[str], draws: Array, log_density: Array) -> list[str]:
     """Whether the chains differ in one of the unknowns, which have these names, or the density."""
     values = np.concatenate([draws, log_density[..., None]], axis=2)
+    axes = {"chain_axis": 0, "draw_axis": 1}
     with np.errstate(all="ignore"):
-        rhat = array_stats.rhat(values, chain_axis=0, draw_axis=1)
+        rhat = array_stats.rhat(values, **axes)
+        bulk = array_stats.ess(values, method="bulk", **axes)
+        tail = array_stats.ess(values, method="tail", prob=_TAILS, **axes)
     rhat = np.nan_to_num(rhat, nan=np.inf)  # of chains that stand still
-    worst = rhat.argmax()
-    if rhat[worst] <= _LARGEST_RHAT:
-        return []
-    name = [*names, "the log density"][worst]
-    return [
-        f"the chains disagree (R-hat {rhat[worst]:.2f} of {name}): they have not met the same "
-        "parts of the posterior, or are too short"
-    ]
+    effective = np.nan_to_num(np.minimum(bulk, tail))
+    names = [*names, "the log density"]
+    if rhat.max() > _LARGEST_RHAT:
+        return [
+            f"the chains disagree (R-hat {rhat.max():.2f} of {names[rhat.argmax()]}): they have "
+            "not met the same parts of the posterior, or are too short"
+        ]
+    if effective.min() < _FEWEST_EFFECTIVE:
+        return [
+            f"the chains are too short ({effective.min():.0f} effective draws of "
+            f"{names[effective.argmin()]}, in the bulk or the tails)"
+        ]
+    return []
 
 
 def divergence(tree: xr.DataTree) -> list[str]:

@@ -1,6 +1,6 @@
 """Draws of any sampler on the scale on which a model's variables have no bounds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ from pymc.vartypes import discrete_types
 
 from pymc_hyperelastic.evidence.batched import (
     BatchedFunction,
-    side_by_side,
     unconstrain,
     value_shapes,
 )
@@ -29,8 +28,10 @@ _AT_A_BOUND = (
 )
 
 
-def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> Array:
+def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> tuple[Array, list[str]]:
     """Draws of all free variables, by the model's own transforms: shape (chain, draw, unknown).
+
+    And the names of the variables that the unknowns belong to.
 
     Where the tree holds them on this scale too, as ``unconstrained_posterior``, they are taken from
     there: nothing has been rounded to a bound.
@@ -44,40 +45,36 @@ def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> Array:
         shape than the model's, are not finite, or at a bound.
     """
     _check_continuous(model)
-    posterior = _posterior(model, tree)
+    posterior, shapes = _posterior(model, tree), value_shapes(model)
     size = posterior[0].shape[:2]
-    values = _stored(model, tree, size)
+    values = _stored(model, tree, shapes, size)
     if values is None:
         flat = unconstrain(model, [v.reshape(-1, *v.shape[2:]) for v in posterior])
         values = [v.reshape(*size, *v.shape[1:]) for v in flat]
         for rv, value in zip(model.free_RVs, values, strict=True):
+            _check_shape(rv.name, value, shapes[model.rvs_to_values[rv].name])
             _check_finite(rv.name, value, _AT_A_BOUND)
-    by_name = {
-        model.rvs_to_values[rv].name: v for rv, v in zip(model.free_RVs, values, strict=True)
-    }
-    columns = [np.asarray(by_name[v.name], float) for v in model.value_vars]
-    return side_by_side([v.reshape(-1, *v.shape[2:]) for v in columns]).reshape(*size, -1)
+    columns = dict(zip(model.free_RVs, map(_as_columns, values), strict=True))
+    rvs = [model.values_to_rvs[v] for v in model.value_vars]
+    names = [rv.name for rv in rvs for _ in range(columns[rv].shape[2])]
+    return np.concatenate([columns[rv] for rv in rvs], axis=2), names
 
 
-def column_names(model: pm.Model) -> list[str]:
-    """Name of the variable that each column of draws belongs to."""
-    shapes = value_shapes(model)
-    return [
-        model.values_to_rvs[v].name
-        for v in model.value_vars
-        for _ in range(np.prod(shapes[v.name], dtype=int))
-    ]
+def _as_columns(value: Array) -> Array:
+    return value.reshape(*value.shape[:2], -1).astype(float)
 
 
-def log_density_function(model: pm.Model) -> Callable[[Array], Array]:
-    """Logarithm of what integrates to the evidence, at points along all axes but the last."""
+def log_density_function(model: pm.Model, names: Sequence[str]) -> Callable[[Array], Array]:
+    """Logarithm of what integrates to the evidence, at points whose columns have these names."""
     function = BatchedFunction.of_model(model, [model.logp()])
     transforms = {rv.name: transform for rv, transform in model.rvs_to_transforms.items()}
-    circular = [isinstance(transforms[name], CircularTransform) for name in column_names(model)]
+    circular = [isinstance(transforms[name], CircularTransform) for name in names]
 
     def density(points: Array) -> Array:
         flat = points.reshape(-1, points.shape[-1])
-        values = np.nan_to_num(function(flat)[0].astype(float), nan=NOTHING, neginf=NOTHING)
+        values = function(flat)[0].astype(float)
+        # So far out that numbers overflow, a density may come out infinite.
+        values[~np.isfinite(values)] = NOTHING
         # Angles repeat themselves, and count once.
         once = (np.abs(flat[:, circular]) <= np.pi).all(axis=1)
         return np.where(once, values, NOTHING).reshape(points.shape[:-1])
@@ -114,23 +111,20 @@ def _posterior(model: pm.Model, tree: xr.DataTree) -> list[Array]:
                 "'draw' and its own"
             )
         value = posterior[rv.name].transpose(*_DRAWS, ...).values
-        expected, found = rv.type.shape, value.shape[2:]
-        if len(expected) != len(found) or any(
-            n not in (None, m) for n, m in zip(expected, found, strict=True)
-        ):
-            raise ValueError(
-                f"{rv.name!r} has the shape {found} in the posterior and {expected} in the model: "
-                "are these draws of this model?"
-            )
+        _check_shape(rv.name, value, rv.type.shape)
         _check_finite(rv.name, value, "not finite: leave the chain out")
         values.append(value)
     return values
 
 
-def _stored(model: pm.Model, tree: xr.DataTree, size: tuple[int, ...]) -> list[Array] | None:
+def _stored(
+    model: pm.Model,
+    tree: xr.DataTree,
+    shapes: dict[str, tuple[int, ...]],
+    size: tuple[int, ...],
+) -> list[Array] | None:
     """Unconstrained draws of each free variable, if they are in the tree, all of the same size."""
     stored = tree.children.get("unconstrained_posterior")
-    shapes = value_shapes(model)
     values = []
     for rv in model.free_RVs:
         name = model.rvs_to_values[rv].name
@@ -143,6 +137,17 @@ def _stored(model: pm.Model, tree: xr.DataTree, size: tuple[int, ...]) -> list[A
             return None
         values.append(value)
     return values
+
+
+def _check_shape(name: str, value: Array, expected: tuple[int | None, ...]) -> None:
+    found = value.shape[2:]
+    if len(expected) != len(found) or any(
+        n not in (None, m) for n, m in zip(expected, found, strict=True)
+    ):
+        raise ValueError(
+            f"{name!r} has the shape {found} in the posterior and {expected} in the model: are "
+            "these draws of this model?"
+        )
 
 
 def _check_finite(name: str, value: Array, what: str) -> None:
