@@ -52,36 +52,32 @@ def log_evidence_by_bridge(
         h = \frac{1}{s_1 q + s_2 Z g}, \quad s_i = \frac{n_i}{n_1 + n_2},
 
     with means over ``n₂`` draws of the proposal, and over the draws of the posterior, of which
-    ``n₁`` are effective. Only where both densities are does it matter how like they are, so that a
-    poor proposal costs little: 4000 draws of a posterior of 1000 unknowns can tell its evidence to
-    0.03 nats.
+    ``n₁`` are effective. A poor proposal costs little: 4000 draws of a posterior of 1000 unknowns
+    can tell its evidence to 0.03 nats.
 
     Parameters
     ----------
     model : pymc.Model
         Any model with continuous free variables. Observed variables and Potentials all count.
     tree : xarray.DataTree
-        Draws of its posterior, as :func:`pymc.sample`, :func:`pymc.sample_smc`, nutpie or
-        :func:`sample_smc` return them: the group ``posterior`` holds every free variable. Where
-        there is a group ``unconstrained_posterior``, which holds all of them, it is taken instead.
+        Draws of its posterior, as ``pm.sample``, ``pm.sample_smc``, nutpie or :func:`sample_smc`
+        return them: the group ``posterior`` holds every free variable. A group
+        ``unconstrained_posterior`` that holds all of them is taken instead.
     proposal : {"auto", "normal", "warped", "mixture"}
         ``"normal"``: mean and covariance of the draws, with correlations shrunk as far as foretells
         other draws best. ``"warped"``: the same, for the posterior made symmetric about the mean
-        [2]_, which removes its skewness and takes twice the evaluations. ``"mixture"``: several
-        normal distributions, as many as the draws can tell apart, or of Student's t. ``"auto"``:
-        that of normal, Student's t and mixture that foretells other draws best, and of a symmetric
-        one the warped posterior.
+        [2]_, which takes twice the evaluations. ``"mixture"``: several normal, or Student's t,
+        distributions, as many as the draws can tell apart. ``"auto"``: the one of these that
+        foretells other draws best, and of a symmetric one the warped posterior.
     proposal_draws : int, optional
-        Number of draws from the proposals; as many as there are draws of the posterior when
-        missing.
+        Number of draws from the proposals; as many as of the posterior when missing.
     random_seed : int or sequence of int, optional
         Seed of the proposals' draws; the same seed gives the same result.
 
     Returns
     -------
     Estimate
-        The pair (value, standard error), in nats. The standard error is infinite, and a warning
-        says why, where draws are found not to be such of the posterior, or too few.
+        The pair (value, standard error), in nats.
 
     Raises
     ------
@@ -106,21 +102,19 @@ def log_evidence_by_bridge(
 
     Notes
     -----
-    **Draws that all miss a mode are not found out.** If no chain has met a mode, its mass is
-    missing, and the standard error does not know it: the result is the evidence of what was met.
-    Chains that started far apart, or :func:`sample_smc`, tell whether there are several.
+    **A mode that no chain has met is missing**, and the standard error does not know it: the result
+    is the evidence of what was met. Chains that start far apart, or :func:`sample_smc`, tell
+    whether there are several modes.
 
-    A proposal that is fitted to the same draws as it is compared with makes both look more alike
-    than they are [3]_. Each chain (or, of a single one, each half) is therefore compared with a
-    proposal that was fitted to all others, and the evidences are averaged. The standard error is
-    that of [4]_, with the autocorrelation of the chains. Two chains, each fitted to the other, err
-    in the same direction as far as the proposals' errors matter; between the ``K`` parts these
-    correlations at most double the variance, and they are taken to do so. If the parts differ more
-    than that one time in a hundred by chance, their spread counts instead.
+    A proposal looks more like the draws that it was fitted to than it is [3]_. Each chain (of a
+    single one, each half) is therefore compared with a proposal that was fitted to the others, and
+    the evidences are averaged. The standard error is that of [4]_, with the autocorrelation of the
+    chains, and with the correlation of parts that are each fitted to the others, at its largest. If
+    the parts differ more than that one time in a hundred by chance, their spread counts instead.
 
-    Whether the draws are such of the posterior is seen, too: a draw is from the posterior, rather
-    than the proposal, with odds ``c q/g``, and not with ``c (q/g)ᵇ`` for any ``b`` but 1. A score
-    test of this shows a posterior sampled 5 % too wide, or draws of other data.
+    The odds of a draw to be from the posterior, and not from the proposal, are ``c q/g``, and not
+    ``c (q/g)ᵇ`` for any ``b`` but 1. A score test of that tells a posterior that was sampled 5 %
+    too wide, or draws of other data. A tutorial of the method is [5]_.
 
     References
     ----------
@@ -128,7 +122,7 @@ def log_evidence_by_bridge(
        identity: a theoretical exploration, Statistica Sinica 6 (1996) 831.
     .. [2] X.-L. Meng and S. Schilling, Warp bridge sampling, Journal of Computational and Graphical
        Statistics 11 (2002) 552.
-    .. [3] J. K. Wong, J. J. Forster and P. W. F. Smith, Properties of the bridge sampler with a
+    .. [3] J. S. T. Wong, J. J. Forster and P. W. F. Smith, Properties of the bridge sampler with a
        focus on splitting the MCMC sample, Statistics and Computing 30 (2020) 799.
     .. [4] S. Frühwirth-Schnatter, Estimating marginal likelihoods for mixture and Markov switching
        models using bridge sampling techniques, Econometrics Journal 7 (2004) 143.
@@ -184,9 +178,6 @@ def log_evidence_by_bridge(
     return estimate
 
 
-# --- the draws -----------------------------------------------------------------------------------
-
-
 def _check_enough(draws: Array, names: list[str]) -> None:
     chains, each, dimension = draws.shape
     least = max(_FEWEST_DRAWS, 2 * (dimension + 2))
@@ -207,7 +198,8 @@ def _check_possible(log_density: Array) -> None:
         chain, draw = np.argwhere(impossible)[0]
         raise ValueError(
             f"{impossible.sum()} of {impossible.size} draws, the first of them draw {draw} of "
-            f"chain {chain}, have a density of zero, or none: are these draws of this model, with these data?"
+            f"chain {chain}, have a density of zero, or none: are these draws of this model, with "
+            "these data?"
         )
 
 
@@ -215,9 +207,6 @@ def _halves(values: Array) -> Array:
     """Two chains of one: its halves are nearly independent of each other."""
     middle = values.shape[1] // 2
     return np.concatenate([values[:, :middle], values[:, -middle:]])
-
-
-# --- the bridge ----------------------------------------------------------------------------------
 
 
 def _log_ratios(

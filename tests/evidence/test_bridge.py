@@ -14,6 +14,7 @@ from tiers import deep
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.proposal import fitted_proposal
 from pymc_hyperelastic.evidence.unconstrained import unconstrained_draws
 
 SEED = 20250
@@ -324,6 +325,32 @@ def test_potentials_and_missing_data_count():
     tree = as_tree(x=x, y_unobserved=rng.normal(x, 1)[..., None])
     found = ph.log_evidence_by_bridge(model, tree, random_seed=SEED)
     assert_agrees(found, exact, 0.02)
+
+
+# --- proposals -----------------------------------------------------------------------------------
+
+
+def test_correlations_are_kept_where_draws_know_them():
+    """Forty independent unknowns keep none of those found, and those of a common factor theirs."""
+    rng = np.random.default_rng(SEED)
+    independent = rng.normal(size=(2, 100, 40))
+    common = 0.1 * independent + rng.normal(size=(2, 100, 1))
+    for draws, least, most in ((independent, -0.01, 0.01), (common, 0.97, 1.0)):
+        factor = fitted_proposal(draws, 200.0, "normal", rng).factors[0]
+        covariance = factor @ factor.T
+        correlation = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
+        assert least < correlation < most
+
+
+def test_auto_takes_what_foretells_other_draws_best():
+    """One normal distribution of normal draws, Student's t of such, and several of two modes."""
+    rng = np.random.default_rng(SEED)
+    normal = rng.normal(size=(4, 500, 3))
+    student = rng.standard_normal((4, 500, 8)) / rng.gamma(2, 0.5, (4, 500, 1))
+    two_modes = rng.normal(size=(4, 500, 2)) + rng.choice([-9, 9], (4, 500, 1))
+    found = [fitted_proposal(draws, 2000.0, "auto", rng) for draws in (normal, student, two_modes)]
+    assert len(found[0].means) == 1 < len(found[2].means)
+    assert [np.isfinite(mixture.freedom) for mixture in found] == [False, True, False]
 
 
 # --- modes ---------------------------------------------------------------------------------------
