@@ -102,9 +102,9 @@ def log_evidence_by_bridge(
 
     Notes
     -----
-    **A mode that no chain has met is missing**, and the standard error does not know it: the result
-    is the evidence of what was met. Chains that start far apart, or :func:`sample_smc`, tell
-    whether there are several modes.
+    **A mode, or a tail, that no chain has met is missing**, and the standard error does not know
+    it: the result is the evidence of what was met. Chains that start far apart, or
+    :func:`sample_smc`, tell whether there are several modes.
 
     A proposal looks more like the draws that it was fitted to than it is [3]_. Each chain (of a
     single one, each half) is therefore compared with a proposal that was fitted to the others, and
@@ -277,7 +277,7 @@ def _bridge(drawn: Array, proposed: Array) -> _Bridge:
 def _relative_variance(values: Array, size: float) -> float:
     """Of the mean of so many independent ones."""
     mean = values.mean()
-    return float(values.var() / mean**2 / size) if mean > 0 else np.inf
+    return float((values / mean).var() / size) if mean > 0 else np.inf
 
 
 def _misfit(bridges: list[_Bridge]) -> list[str]:
