@@ -15,6 +15,7 @@ from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
 from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.data.units import mmHg
+from pymc_hyperelastic.evidence.bridge import log_evidence_by_bridge
 from pymc_hyperelastic.evidence.calibration import simulation_based_calibration
 from pymc_hyperelastic.evidence.diagnosis import diagnose_evidence, log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
@@ -82,6 +83,7 @@ __all__ = [
     "BatchedSMC",
     "log_evidence",
     "diagnose_evidence",
+    "log_evidence_by_bridge",
     "log_evidence_by_quadrature",
     "Estimate",
     "predict_pressure",

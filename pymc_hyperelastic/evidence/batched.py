@@ -193,6 +193,33 @@ def prior_sampler(model: pm.Model, draws: int) -> Callable[[np.random.Generator]
     return sample
 
 
+@without_traces
+def unconstrain(model: pm.Model, values: Sequence[Array]) -> list[Array]:
+    """Draws of the free variables, along the first axis, on their unconstrained scales."""
+    outputs = []
+    for rv in model.free_RVs:
+        transform = model.rvs_to_transforms[rv]
+        # A bound may depend on other variables.
+        outputs.append(transform.forward(rv, *rv.owner.inputs) if transform else rv)
+    # Draws come in single precision too.
+    draws = {rv: pt.tensor(dtype="float64", shape=(None, *rv.type.shape)) for rv in model.free_RVs}
+    outputs = vectorize_graph(outputs, draws)
+    shared = _shared_inputs(outputs)
+    key = FrozenFunctionGraph.from_io([*draws.values(), *shared], outputs), "unconstrain"
+    if key not in _compiled:
+        inputs = {v: v.type() for v in shared}
+        _compiled[key] = pytensor.function(
+            [*draws.values(), *inputs.values()],
+            clone_replace(outputs, inputs),
+            mode=IN_NUMPY,
+            on_unused_input="ignore",
+        )
+    with np.errstate(all="ignore"):
+        return _compiled[key](
+            *(np.asarray(v, float) for v in values), *(v.get_value(borrow=True) for v in shared)
+        )
+
+
 def _fresh_value(variable: SharedVariable, rng: np.random.Generator) -> Any:
     """Value of a shared variable; of a random generator a new one."""
     if isinstance(variable.type, RandomType):

@@ -1,0 +1,57 @@
+"""Whether chains of draws have come to the same distribution, and how many draws are effective."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import xarray as xr
+from arviz_stats.base import array_stats
+
+from pymc_hyperelastic.evidence.mixture import Array
+
+# Chains that agree have a smaller split R-hat, and of ESS, in the bulk and in the tails, more: a
+# mode that is seldom met is a tail.
+_LARGEST_RHAT, _FEWEST_EFFECTIVE, _TAILS = 1.05, 40, (0.05, 0.95)
+# With somewhat more divergent transitions, or many more, NUTS missed a fifth of the mass in the
+# neck of a hierarchy; with fewer nothing was missing.
+_MOST_DIVERGENT = 0.001
+
+
+def effective_size(values: Array, method: str = "mean") -> float:
+    """Effective number of values, (chain, draw); antithetic chains count as independent draws."""
+    return min(float(array_stats.ess(values, method=method)), float(values.size))
+
+
+def disagreement(names: Sequence[str], draws: Array, log_density: Array) -> list[str]:
+    """Whether the chains differ in one of the unknowns, which have these names, or the density."""
+    values = np.concatenate([draws, log_density[..., None]], axis=2)
+    axes = {"chain_axis": 0, "draw_axis": 1}
+    with np.errstate(all="ignore"):
+        rhat = array_stats.rhat(values, **axes)
+        bulk = array_stats.ess(values, method="bulk", **axes)
+        tail = array_stats.ess(values, method="tail", prob=_TAILS, **axes)
+    rhat = np.nan_to_num(rhat, nan=np.inf)  # of chains that stand still
+    effective = np.nan_to_num(np.minimum(bulk, tail))
+    names = [*names, "the log density"]
+    if rhat.max() > _LARGEST_RHAT:
+        return [
+            f"the chains disagree (R-hat {rhat.max():.2f} of {names[rhat.argmax()]}): they have "
+            "not met the same parts of the posterior, or are too short"
+        ]
+    if effective.min() < _FEWEST_EFFECTIVE:
+        return [
+            f"the chains are too short ({effective.min():.0f} effective draws of "
+            f"{names[effective.argmin()]}, in the bulk or the tails)"
+        ]
+    return []
+
+
+def divergence(tree: xr.DataTree) -> list[str]:
+    """Whether the sampler itself said that it could not go everywhere."""
+    stats = tree.children.get("sample_stats", {})
+    diverging = np.asarray(stats["diverging"]) if "diverging" in stats else np.zeros(1)
+    if diverging.mean() <= _MOST_DIVERGENT:
+        return []
+    return [
+        f"{int(diverging.sum())} of {diverging.size} transitions diverged: the draws miss a part "
+        "of the posterior; sample with a higher target_accept, or in other coordinates"
+    ]

@@ -1,0 +1,160 @@
+"""Draws of any sampler on the scale on which a model's variables have no bounds."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pymc as pm
+import xarray as xr
+from pymc.logprob.transforms import CircularTransform
+from pymc.vartypes import discrete_types
+
+from pymc_hyperelastic.evidence.batched import (
+    BatchedFunction,
+    unconstrain,
+    value_shapes,
+)
+from pymc_hyperelastic.evidence.mixture import Array
+from pymc_hyperelastic.evidence.results import check_result
+
+# The logarithm of a density that vanishes, as a number with which one can go on.
+NOTHING = -1e300
+
+_DRAWS = ("chain", "draw")
+_AT_A_BOUND = (
+    "at a bound, which is infinitely far on the unconstrained scale. Rounding moves draws there: "
+    "sample once more and keep the unconstrained draws too, as pm.sample(..., "
+    "idata_kwargs={'include_transformed': True}) does, or leave these draws out"
+)
+
+
+def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> tuple[Array, list[str]]:
+    """Draws of all free variables, by the model's own transforms: shape (chain, draw, unknown).
+
+    And the names of the variables that the unknowns belong to.
+
+    Where the tree holds them on this scale too, as ``unconstrained_posterior``, they are taken from
+    there: nothing has been rounded to a bound.
+
+    Raises
+    ------
+    TypeError
+        If `model` is no PyMC model, or `tree` no DataTree.
+    ValueError
+        If the model has discrete variables, if the tree lacks a variable, or if draws have another
+        shape than the model's, are not finite, or at a bound.
+    """
+    _check_continuous(model)
+    posterior, shapes = _posterior(model, tree), value_shapes(model)
+    size = posterior[0].shape[:2]
+    values = _stored(model, tree, shapes, size)
+    if values is None:
+        flat = unconstrain(model, [v.reshape(-1, *v.shape[2:]) for v in posterior])
+        values = [v.reshape(*size, *v.shape[1:]) for v in flat]
+        for rv, value in zip(model.free_RVs, values, strict=True):
+            _check_shape(rv.name, value, shapes[model.rvs_to_values[rv].name])
+            _check_finite(rv.name, value, _AT_A_BOUND)
+    columns = dict(zip(model.free_RVs, map(_as_columns, values), strict=True))
+    rvs = [model.values_to_rvs[v] for v in model.value_vars]
+    names = [rv.name for rv in rvs for _ in range(columns[rv].shape[2])]
+    return np.concatenate([columns[rv] for rv in rvs], axis=2), names
+
+
+def _as_columns(value: Array) -> Array:
+    return value.reshape(*value.shape[:2], -1).astype(float)
+
+
+def log_density_function(model: pm.Model, names: Sequence[str]) -> Callable[[Array], Array]:
+    """Logarithm of what integrates to the evidence, at points whose columns have these names."""
+    function = BatchedFunction.of_model(model, [model.logp()])
+    transforms = {rv.name: transform for rv, transform in model.rvs_to_transforms.items()}
+    circular = [isinstance(transforms[name], CircularTransform) for name in names]
+
+    def density(points: Array) -> Array:
+        flat = points.reshape(-1, points.shape[-1])
+        values = function(flat)[0].astype(float)
+        # So far out that numbers overflow, a density may come out infinite.
+        values[~np.isfinite(values)] = NOTHING
+        # Angles repeat themselves, and count once.
+        once = (np.abs(flat[:, circular]) <= np.pi).all(axis=1)
+        return np.where(once, values, NOTHING).reshape(points.shape[:-1])
+
+    return density
+
+
+def _check_continuous(model: Any) -> None:
+    if not isinstance(model, pm.Model):
+        raise TypeError(f"expected a pm.Model, not {type(model).__name__}")
+    discrete = [v.name for v in model.value_vars if v.dtype in discrete_types]
+    if discrete or not model.value_vars:
+        what = f"discrete: {discrete}" if discrete else "none"
+        raise ValueError(f"expected a model with continuous free variables; here are {what}")
+
+
+def _posterior(model: pm.Model, tree: xr.DataTree) -> list[Array]:
+    """Draws of each free variable as they were stored."""
+    check_result(tree, "pm.sample, ph.sample_smc or another sampler")
+    if "posterior" not in tree.children:
+        raise ValueError(f"the tree has no posterior; its groups are {sorted(tree.children)}")
+    posterior = tree["posterior"]
+    lacking = [rv.name for rv in model.free_RVs if rv.name not in posterior.data_vars]
+    if lacking:
+        raise ValueError(
+            f"the posterior lacks {lacking}, free variables of the model; it has "
+            f"{list(posterior.data_vars)}: sample without var_names, or with all of them"
+        )
+    values = []
+    for rv in model.free_RVs:
+        if not set(_DRAWS) <= set(posterior[rv.name].dims):
+            raise ValueError(
+                f"{rv.name!r} has the dimensions {posterior[rv.name].dims}; expected 'chain', "
+                "'draw' and its own"
+            )
+        value = posterior[rv.name].transpose(*_DRAWS, ...).values
+        _check_shape(rv.name, value, rv.type.shape)
+        _check_finite(rv.name, value, "not finite: leave the chain out")
+        values.append(value)
+    return values
+
+
+def _stored(
+    model: pm.Model,
+    tree: xr.DataTree,
+    shapes: dict[str, tuple[int, ...]],
+    size: tuple[int, ...],
+) -> list[Array] | None:
+    """Unconstrained draws of each free variable, if they are in the tree, all of the same size."""
+    stored = tree.children.get("unconstrained_posterior")
+    values = []
+    for rv in model.free_RVs:
+        name = model.rvs_to_values[rv].name
+        if stored is None or not {*_DRAWS} <= {*stored.data_vars.get(name, xr.DataArray()).dims}:
+            return None
+        value = stored[name].transpose(*_DRAWS, ...).values
+        # Angles there may have gone round the circle.
+        circular = isinstance(model.rvs_to_transforms[rv], CircularTransform)
+        if circular or value.shape != (*size, *shapes[name]) or not np.isfinite(value).all():
+            return None
+        values.append(value)
+    return values
+
+
+def _check_shape(name: str, value: Array, expected: tuple[int | None, ...]) -> None:
+    found = value.shape[2:]
+    if len(expected) != len(found) or any(
+        n not in (None, m) for n, m in zip(expected, found, strict=True)
+    ):
+        raise ValueError(
+            f"{name!r} has the shape {found} in the posterior and {expected} in the model: are "
+            "these draws of this model?"
+        )
+
+
+def _check_finite(name: str, value: Array, what: str) -> None:
+    bad = ~np.isfinite(value).reshape(*value.shape[:2], -1).all(axis=-1)
+    if bad.any():
+        chain, draw = np.argwhere(bad)[0]
+        raise ValueError(
+            f"{bad.sum()} of {bad.size} draws of {name!r}, the first of them draw {draw} of chain "
+            f"{chain}, are {what}"
+        )
