@@ -143,7 +143,7 @@ for module in pkgutil.iter_modules(evidence.__path__):
     importlib.import_module(f"pymc_hyperelastic.evidence.{{module.name}}")
 
 import pymc as pm
-from pymc_hyperelastic.evidence.estimate import log_evidence
+from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.smc import sample_smc
 
 with pm.Model() as model:

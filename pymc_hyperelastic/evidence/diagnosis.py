@@ -9,7 +9,6 @@ from arviz_stats.base import array_stats
 from scipy.stats import chi2
 
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
-from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
 
@@ -25,6 +24,8 @@ _DOUBTFUL_RHAT, _LARGEST_RHAT = 1.05, 1.2
 _FEW_ANCESTORS, _TOO_FEW_ANCESTORS, _MANY_ANCESTORS = 0.03, 0.01, 0.15
 # Fraction of stages at which particles may have moved too little.
 _MOST_CAPPED = 0.5
+# Pareto shape of the weights up to which their mean converges at a rate that is worth its draws.
+_LARGEST_SHAPE = 0.7
 # Verdicts from good to bad.
 VERDICTS = ("good", "doubtful", "not to be trusted")
 _GOOD, _DOUBTFUL, _BAD = range(3)
@@ -162,8 +163,8 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     if "pareto_k" in evidence and not np.isnan(evidence["pareto_k"]).all():
         shape = float(np.nanmax(evidence["pareto_k"]))
         words = f"a few weights decide: their Pareto shape is {shape:.2f}"
-        verdict = _worse(shape, LARGEST_PARETO_K, 1.0)
-        checks.append(_Check("weights", shape, LARGEST_PARETO_K, verdict, words))
+        verdict = _worse(shape, _LARGEST_SHAPE, np.finfo(float).max)
+        checks.append(_Check("weights", shape, _LARGEST_SHAPE, verdict, words))
     return _as_dataset(checks)
 
 
@@ -194,7 +195,7 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[_
             for name, draws in tree[group].data_vars.items()
         }
         worst = max(rhat, key=rhat.__getitem__)
-        words = f"chains have met different parts of the posterior: R-hat of {worst} is {rhat[worst]:.2f}"
+        words = f"chains met different parts of the posterior: R-hat of {worst} {rhat[worst]:.2f}"
         verdict = _worse(rhat[worst], _DOUBTFUL_RHAT, _LARGEST_RHAT)
         checks.append(_Check("R-hat", rhat[worst], _DOUBTFUL_RHAT, verdict, words))
     return checks

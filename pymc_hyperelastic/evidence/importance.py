@@ -3,13 +3,17 @@
 from typing import NamedTuple
 
 import numpy as np
-from arviz_stats.base import array_stats
 from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
 from pymc_hyperelastic.evidence.target import Score
-from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
+from pymc_hyperelastic.evidence.weights import (
+    effective_sample_size,
+    largest_step,
+    pareto_shape,
+    systematic,
+)
 
 # Below this Pareto shape of the largest weights, weights have a variance, and their mean an error
 # that is known.
@@ -72,7 +76,7 @@ def adapted_mixture(
     start = like.heavy_tailed()
     for _ in range(_MOST_STEPS):
         points, log_density = draw_heavy_tailed(mixture, draws, rng)
-        posterior = sum(score(points))
+        posterior = np.add(*score(points))
         possible = np.isfinite(posterior)
         if not possible.any():
             break
@@ -123,9 +127,6 @@ def mean_weight(log_weights: Array) -> tuple[Estimate, float]:
     effective = effective_sample_size(log_weights)
     if effective < ENOUGH:
         return Estimate(-np.inf, np.inf), np.inf
-    finite = log_weights[np.isfinite(log_weights)]
-    # ArviZ takes the logarithms of what divides. Equal weights have no tail.
-    pareto_k = float(array_stats.psislw(-finite)[1]) if np.ptp(finite) > 0 else -np.inf
     value = float(logsumexp(log_weights) - np.log(log_weights.size))
     variance = max(1 / effective - 1 / log_weights.size, 0.0)
-    return Estimate(value, float(np.sqrt(variance))), pareto_k
+    return Estimate(value, float(np.sqrt(variance))), pareto_shape(log_weights)

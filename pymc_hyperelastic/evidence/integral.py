@@ -1,4 +1,4 @@
-"""The integral of a density: by importance sampling where that can be trusted, else by tempering."""
+"""An integral: by importance sampling where that can be trusted, else by tempering."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     the others.
     """
     prior = target.columns(target.draw_prior(_PRIOR_DRAWS, rng))
-    starts = places_to_climb_from(prior, sum(target.score(prior)))
+    starts = places_to_climb_from(prior, np.add(*target.score(prior)))
     modes = modes_from(target.ascent, starts, width_of(prior))
     # A posterior that is hardly narrower than the prior is not like its mode.
     like = GaussianMixture.fit(prior, 1, rng)

@@ -54,8 +54,9 @@ class BatchedSMC(SMC_KERNEL):
         Seed of the particles.
     threshold : float, optional
         Fraction of the effective sample size to be kept at each stage; when missing, 0.5 from a
-        reference or in one or two dimensions, and 0.8 otherwise. After ``m`` moves at the stage before, ``m/(m + 5)`` is kept
-        if that is more: where particles move with difficulty, smaller steps pay.
+        reference or in one or two dimensions, and 0.8 otherwise. After ``m`` moves at the stage
+        before, ``m/(m + 5)`` is kept if that is more: where particles move with difficulty, smaller
+        steps pay.
     compile_kwargs : dict, optional
         Options of ``pytensor.function``. By default particles are scored by NumPy, which compiles
         in a second; ``{"mode": "NUMBA"}`` takes a minute and scores faster.
@@ -113,6 +114,7 @@ class BatchedSMC(SMC_KERNEL):
         "accept_rate": (float, []),
         "moves": (int, []),
         "ancestors": (int, []),
+        "pareto_k": (float, []),
         "nan_scores": (int, []),
     }
     search: Search | None
@@ -181,6 +183,7 @@ class BatchedSMC(SMC_KERNEL):
         if self.from_modes and self.start is None:
             if self.search is None:
                 self.find_reference(self.rng)
+            assert self.search is not None
             reference = self.search.reference
             particles = reference.draw(self.target, self.draws, self.rng)
         else:
@@ -248,6 +251,7 @@ class BatchedSMC(SMC_KERNEL):
             "accept_rate": tempering.acceptance,
             "moves": tempering.moves,
             "ancestors": tempering.ancestors,
+            "pareto_k": tempering.pareto_k,
             "nan_scores": self.target.nan_scores,
         }
 

@@ -18,8 +18,8 @@ _WIDEST, _NARROWEST = 5.0, 1e-8
 # Nats by which a climb may still be below its summit: else it has not found one. The density of a
 # hierarchy may grow without bound where a spread goes to zero.
 _BELOW = 1.0
-# A climb ends where the slope is this, in nats for the width of a variable: a twentieth of an sd from
-# the summit at most. From within so many sds it is not begun: it would lead there.
+# A climb ends where the slope is this, in nats for the width of a variable: a twentieth of an sd
+# from the summit at most. From within so many sds it is not begun: it would lead there.
 _FLAT, _BASIN = 0.05, 1.5
 # Finite, and never accepted.
 _IMPOSSIBLE = 1e12

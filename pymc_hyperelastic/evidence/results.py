@@ -53,8 +53,8 @@ def sampling_tree(
 ) -> xr.DataTree:
     """Collect what sampling gave: arrays by (chain, draw), and one dict of stages a chain.
 
-    `found` is what is known of the evidence beforehand. A model that says what it was made from, as :class:`Study` in ``model.study``, has that in its
-    result too.
+    `found` is what is known of the evidence beforehand. A model that says what it was made from,
+    as :class:`Study` in ``model.study``, has that in its result too.
     """
     coords, dims = coords_and_dims_for_inferencedata(model)
     stages = max(len(chain["beta"]) for chain in stats)

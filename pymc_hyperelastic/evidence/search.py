@@ -69,7 +69,7 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
     )
     prior = target.columns(target.draw_prior(draws, rng))
     target.nan_scores = 0
-    score = sum(target.score(prior))
+    score = np.add(*target.score(prior))
     if not np.isfinite(score).any():
         raise ValueError(
             f"none of {draws} draws of the prior has a finite likelihood ({target.nan_scores} are "

@@ -10,7 +10,7 @@ import pymc as pm
 import pytensor.tensor as pt
 from numpy.typing import NDArray
 from pymc.vartypes import discrete_types
-from pytensor.gradient import DisconnectedType, NullTypeGradError
+from pytensor.gradient import NullTypeGradError
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.evidence.batched import (
@@ -110,10 +110,12 @@ class Target:
         """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""
         assert self._with_slopes is not None
         prior, likelihood, *slopes = self._with_slopes(points)
-        return *self._possible(prior, likelihood), *(np.nan_to_num(s, posinf=0, neginf=0) for s in slopes)
+        return *self._possible(prior, likelihood), *(
+            np.nan_to_num(s, posinf=0, neginf=0) for s in slopes
+        )
 
     def ascent(self, width: Array) -> Slope:
-        """Log density of the posterior and its slope; by differences of so wide variables if need be."""
+        """Log density of the posterior and its slope, for variables of such a width."""
         if not self.has_slopes:
             return by_differences(self.score, width)
 
@@ -135,7 +137,9 @@ class Target:
         variables = self.model.value_vars
         try:
             slopes = [
-                pt.concatenate([pt.flatten(s) for s in pt.grad(term, variables, disconnected_inputs="ignore")])
+                pt.concatenate(
+                    [pt.flatten(s) for s in pt.grad(term, variables, disconnected_inputs="ignore")]
+                )
                 for term in self._terms
             ]
         except (NotImplementedError, NullTypeGradError):

@@ -1,7 +1,6 @@
 """A population of particles that is led from where it starts to the posterior."""
 
 from itertools import cycle, islice
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +8,13 @@ from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for, log_sum_exp
 from pymc_hyperelastic.evidence.reference import Reference
-from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
+from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.evidence.weights import (
+    effective_sample_size,
+    largest_step,
+    pareto_shape,
+    systematic,
+)
 
 # Correlation cannot show how fast particles move before they had a few moves.
 _FEWEST_MOVES = 4
@@ -29,17 +34,6 @@ _LOST = 1e100
 Visited = list[tuple[Array, Array, Array]]
 
 
-class Scored(Protocol):
-    """Prior and likelihood of many points, as of :class:`Target`."""
-
-    dimension: int
-    has_slopes: bool
-
-    def score(self, points: Array) -> tuple[Array, Array]: ...
-
-    def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]: ...
-
-
 class Tempering:
     """Particles on the path ``a^(1-β) p^β`` from a density ``a`` to that of the posterior ``p``.
 
@@ -51,11 +45,13 @@ class Tempering:
     beta : float
     log_evidence, variance : float
         Of the stages so far; the variance is relative.
+    pareto_k : float
+        Shape of the largest weights of the first particles, as draws of the posterior.
     """
 
     def __init__(
         self,
-        target: Scored,
+        target: Target,
         particles: Array,
         rng: np.random.Generator,
         *,
@@ -72,12 +68,12 @@ class Tempering:
         self.log_evidence, self.variance = 0.0, 0.0
         self.effective_sample_size, self.acceptance = float(self.draws), 0.0
         self._start, self._rise = self._score(particles)
+        self.pareto_k = pareto_shape(self._rise)
         self.eve = np.arange(self.draws)
         self._influence = np.zeros(self.draws)
         self._visited: Visited = [(particles, self._start, self._rise)]
         self._before: tuple[Visited, float] | None = None
-        self._mixture = reference.mixture if reference else None
-        self.mixtures: list[GaussianMixture] = []
+        self.mixtures: list[GaussianMixture] = [reference.mixture] if reference else []
         self._walk_length = 2.38 / np.sqrt(self.dimension)
         self._leap_length = self.dimension**-0.25
 
@@ -89,6 +85,11 @@ class Tempering:
             self.learn()
             self.move()
         return self
+
+    @property
+    def mixture(self) -> GaussianMixture:
+        """From which moves are drawn."""
+        return self.mixtures[-1]
 
     @property
     def ancestors(self) -> int:
@@ -140,8 +141,8 @@ class Tempering:
         would draw them back to where they are, and the more so the more variables there are.
         """
         before, self._before = self._before, (self._visited, self._last_beta)
-        if before is None and self._mixture is not None:
-            return  # the reference's
+        if before is None and self.reference is not None:
+            return
         visited, beta = before or self._before
         places, _, rise = (np.concatenate(x) for x in zip(*visited, strict=True))
         share = (1 - _SHARE_AHEAD) * _weights(rise, self.beta - beta)
@@ -150,23 +151,22 @@ class Tempering:
         learn_from = places[systematic(share, size, self.rng)]
         components = components_for(size, self.dimension)
         # The mixture of the stage before is nearly right, unless components have died out.
-        start = self._mixture
+        start = self.mixtures[-1] if self.mixtures else None
         alive = start is not None and len(start.means) == components
-        self._mixture = GaussianMixture.fit(
+        mixture = GaussianMixture.fit(
             learn_from,
             components,
             self.rng,
             start=start if alive else None,
             iterations=4 if alive else 10,
-        ).heavy_tailed()
-        self.mixtures.append(self._mixture)
+        )
+        self.mixtures.append(mixture.heavy_tailed())
 
     def move(self) -> None:
         """Move the particles until they have forgotten their places."""
-        assert self._mixture is not None
         origin, far = self.particles, self._weight_ahead()
         self._visited = [(origin, self._start, self._rise)]
-        self._terms = self._mixture.log_density_of_components(origin)
+        self._terms = self.mixture.log_density_of_components(origin)
         rates: list[float] = []
         nearby = self._leap if self.target.has_slopes else self._walk
         for move in islice(cycle((self._move_independently, nearby)), self.max_moves):
@@ -208,8 +208,8 @@ class Tempering:
         return _weights(self._rise, self._step_ahead)[:, None] * (self._step_ahead > 0)
 
     def _move_independently(self) -> float:
-        proposal = self._mixture.draw(self.draws, self.rng)
-        terms = self._mixture.log_density_of_components(proposal)
+        proposal = self.mixture.draw(self.draws, self.rng)
+        terms = self.mixture.log_density_of_components(proposal)
         log_ratio = log_sum_exp(self._terms) - log_sum_exp(terms)
         return self._accept(proposal, terms, log_ratio)
 
@@ -230,7 +230,7 @@ class Tempering:
         """Step at random."""
         component, here = self._components()
         spread, good = _WALKS
-        steps = self._mixture.draw_steps(component, self.rng)
+        steps = self.mixture.draw_steps(component, self.rng)
         proposal = self.particles + self._lengths(self._walk_length, spread) * steps
         rate = self._accept_from(proposal, component, here)
         self._walk_length *= np.exp(rate - good)
@@ -243,7 +243,7 @@ class Tempering:
         lengths = self._lengths(self._leap_length, spread)
         momentum = self.rng.standard_normal(self.particles.shape)
         energy = (momentum**2).sum(axis=1) / 2
-        place, step = self.particles, self._mixture.steps
+        place, step = self.particles, self.mixture.steps
         with np.errstate(all="ignore"):
             kick = lengths / 2 * step(component, self._slope(place), transposed=True)
             for _ in range(self.rng.integers(1, _LONGEST_LEAP, endpoint=True)):
@@ -260,7 +260,7 @@ class Tempering:
 
     def _accept_from(self, proposal: Array, component: NDArray[np.intp], here: Array) -> float:
         """Accept steps that a component has made, whose responsibility was the one `here`."""
-        terms = self._mixture.log_density_of_components(proposal)
+        terms = self.mixture.log_density_of_components(proposal)
         there = terms[np.arange(self.draws), component] - log_sum_exp(terms)
         return self._accept(proposal, terms, there - here)
 

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from arviz_stats.base import array_stats
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
@@ -38,6 +39,19 @@ def effective_sample_size(log_weights: Array) -> float:
         return 0.0
     weights = np.exp(log_weights - largest)
     return float(weights.sum() ** 2 / np.sum(weights**2))
+
+
+def pareto_shape(log_weights: Array) -> float:
+    """Shape of the generalised Pareto distribution of the largest weights.
+
+    References
+    ----------
+    A. Vehtari, D. Simpson, A. Gelman, Y. Yao and J. Gabry, Pareto smoothed importance sampling,
+    Journal of Machine Learning Research 25 (2024) 72.
+    """
+    finite = log_weights[np.isfinite(log_weights)]
+    # ArviZ takes the logarithms of what divides. Equal weights have no tail.
+    return float(array_stats.psislw(-finite)[1]) if np.ptp(finite) > 0 else -np.inf
 
 
 def systematic(weights: Array, size: int, rng: np.random.Generator) -> NDArray[np.intp]:

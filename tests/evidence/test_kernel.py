@@ -248,7 +248,7 @@ def test_both_modes_have_their_share():
 
 
 def test_sudden_transition_of_a_hierarchy():
-    """Four precise cubics of unknown noise, which tempering from the prior alone may miss by far."""
+    """Four precise cubics of unknown noise, which tempering from the prior may miss by far."""
     rng = np.random.default_rng(SEED)
     noise, width, between = 0.02, 3.0, 0.5
     t = np.linspace(-1, 1, 30)
