@@ -16,6 +16,7 @@ from pymc_hyperelastic.classes.interface import Prediction, Predictor
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.data.select import tests_at
+from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.smc import seed_sequence
 
@@ -83,7 +84,9 @@ def classify(
         evidence is not to be trusted. ``p_value`` is then the share of the specimens that the class
         would bring forth, measured at the same radii, that are as far from all its others as this
         one is, or further: far by their curves, whatever the noise. It is NaN if the class brings
-        forth no tubes that could be inflated to these radii.
+        forth no tubes that could be inflated to these radii. ``class_verdict`` (class_label) says
+        how far the fits of the classes can be trusted, see
+        :func:`~pymc_hyperelastic.diagnose_evidence`.
 
     Raises
     ------
@@ -138,6 +141,10 @@ def classify(
     result = _tabulate(predictions, prior, by, names)
     if not has_p_value:
         result = result.drop_vars("p_value")
+    result["class_verdict"] = (
+        "class_label",
+        [worst_verdict(tree[name] for tree in trees) for name in names],
+    )
     result["decision"] = _decide(result, undecided_below, none_below)
     if average_over:
         result["strain_energy_probability"] = laws

@@ -17,6 +17,7 @@ from pymc_hyperelastic.classes.interface import ClassKind
 from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.diagnosis import VERDICTS
 from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -74,7 +75,8 @@ def calibration_report(
     -------
     xarray.Dataset
         ``class_probability`` and ``log_evidence`` (strain_energy, specimen, class_label),
-        ``log_score`` and ``brier_score`` (strain_energy, specimen) and, of specimens under classes
+        ``log_score``, ``brier_score`` and ``verdict``, how far the fits without the specimen can be
+        trusted, (strain_energy, specimen) and, of specimens under classes
         with variability, ``p_value``. With several strain energies the last one is ``"average"``,
         and ``strain_energy_probability`` (specimen, strain_energy) tells of what. Coordinates of
         a specimen are ``true_class`` and ``left_out``. What
@@ -196,6 +198,8 @@ class _Found(NamedTuple):
     p_value: Array
     training: Array
     """Log evidence of all other specimens, by law and specimen."""
+    verdict: NDArray[np.str_]
+    """How far that can be trusted."""
 
 
 def _leave_out_each(
@@ -211,7 +215,10 @@ def _leave_out_each(
     """Fit and classify, one law after another and one unit after another."""
     specimens, every_unit = list(true_class), list(dict.fromkeys(units.values()))
     shape = len(kinds), len(specimens), len(classes)
-    found = _Found(*(np.full(s, np.nan) for s in (shape, shape, shape[:2])))
+    found = _Found(
+        *(np.full(s, np.nan) for s in (shape, shape, shape[:2])),
+        np.full(shape[:2], "", dtype="U20"),
+    )
     progress = create_simple_progress(progressbar)
     with progress:
         total = len(kinds) * (1 + len(every_unit))
@@ -222,12 +229,13 @@ def _leave_out_each(
                 progress.advance(bar)
                 for unit in every_unit:
                     out = [s for s in specimens if units[s] == unit]
-                    training, predictions = fold(out, draws, chains)
+                    training, verdict, predictions = fold(out, draws, chains)
                     for specimen, of_classes in predictions.items():
                         place = i, specimens.index(specimen)
                         found.log_evidence[place] = [p.log_evidence.value for p in of_classes]
                         found.p_value[place] = [p.p_value for p in of_classes]
                         found.training[place] = training
+                        found.verdict[place] = verdict
                     progress.advance(bar)
         except KeyboardInterrupt:
             warnings.warn("interrupted: specimens not yet classified are NaN", stacklevel=3)
@@ -242,7 +250,7 @@ def _tabulate(
     units: Mapping[str, Hashable],
 ) -> xr.Dataset:
     """Tables by law, specimen and class; of several laws the average as well."""
-    value, p_value, training = found
+    value, p_value, training, verdict = found
     specimens = list(true_class)
     extra = {}
     if len(labels) > 1:
@@ -256,12 +264,14 @@ def _tabulate(
             np.concatenate([laws, np.full((1, len(specimens)), np.nan)]),
         )
         labels = [*labels, "average"]
+        verdict = np.concatenate([verdict, [[max(v, key=_badness) for v in verdict.T]]])
     dims = ("strain_energy", "specimen", "class_label")
     return xr.Dataset(
         {
             "class_probability": (dims, softmax(value, axis=2)),
             "log_evidence": (dims, value),
             "p_value": (dims, p_value),
+            "verdict": (dims[:2], verdict),
             **extra,
         },
         {
@@ -272,6 +282,10 @@ def _tabulate(
             "left_out": ("specimen", [str(units[s]) for s in specimens]),
         },
     )
+
+
+def _badness(verdict: str) -> int:
+    return VERDICTS.index(verdict) if verdict else -1
 
 
 def _with_scores(report: xr.Dataset) -> xr.Dataset:

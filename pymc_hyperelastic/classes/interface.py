@@ -31,6 +31,8 @@ class Fold(NamedTuple):
     """What classes that were fitted without some specimens say of these."""
 
     training_evidence: float
+    verdict: str
+    """The worst about a class's evidence."""
     predictions: dict[str, list[Prediction]]
     """By specimen, for every class."""
 

@@ -21,6 +21,7 @@ from pymc_hyperelastic.classes.interface import (
 )
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, without_specimens
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
+from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
     LARGEST_PARETO_K,
@@ -30,7 +31,7 @@ from pymc_hyperelastic.evidence.importance import (
 )
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
-from pymc_hyperelastic.evidence.smc import sample_smc, seed_sequence
+from pymc_hyperelastic.evidence.smc import run_smc, seed_sequence
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.inflation import inflation_model
@@ -114,7 +115,7 @@ class Pooled(ClassKind):
         parameters = [rv.name for rv in next(iter(models.values())).free_RVs]
         for (name, model), seed in zip(models.items(), seeds, strict=True):
             try:
-                fitted = sample_smc(model, random_seed=seed, var_names=parameters, **settings)
+                fitted = run_smc(model, random_seed=seed, var_names=parameters, **settings)
             except ValueError as error:
                 raise ValueError(f"class {name!r}: {error}") from error
             yield name, fitted
@@ -156,7 +157,7 @@ class Pooled(ClassKind):
                     new_data = without_specimens(data, set(specimens_of(data)[0]) - set(parts))
                     predict = stored.predictor(fitted, new_data, len(parts), new)
                     predictions |= {name: predict(part) for name, part in parts.items()}
-            return Fold(training_evidence(fitted), predictions)
+            return Fold(training_evidence(fitted), worst_verdict(fitted.values()), predictions)
 
         return fold
 

@@ -42,6 +42,7 @@ from pymc_hyperelastic.classes.specimens import (
 )
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
@@ -179,7 +180,7 @@ class Variability(Population, ClassKind):
                 predictive = SpecimenPredictive(self, fitted, samplers[name])
                 for specimen, part in specimens_apart(data, left_out).items():
                     predictions[specimen] = predictive(part, rng, specimens[name][specimen])
-            return Fold(training_evidence(fitted), predictions)
+            return Fold(training_evidence(fitted), worst_verdict(fitted.values()), predictions)
 
         return fold
 

@@ -1,6 +1,7 @@
 """The evidence of a result, and how far it can be trusted."""
 
 import warnings
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -178,6 +179,12 @@ def with_diagnosis(tree: xr.DataTree, of: str = "") -> xr.DataTree:
     return tree
 
 
+def worst_verdict(trees: Iterable[xr.DataTree]) -> str:
+    """The worst of the verdicts about some results."""
+    verdicts = [diagnose_evidence(tree).attrs["verdict"] for tree in trees]
+    return max(verdicts, key=VERDICTS.index)
+
+
 def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[_Check]:
     if not np.isfinite([*values, *errors]).all():
         return [_Check("chains", np.inf, 0.0, _BAD, "a chain has failed")]
@@ -229,8 +236,9 @@ def _evidence_of(tree: xr.DataTree) -> xr.Dataset:
     check_result(tree)
     if "evidence" in tree.children:
         return tree["evidence"].to_dataset()
-    if "log_evidence_variance" in getattr(tree.children.get("sample_stats"), "data_vars", {}):
-        return _evidence_of_pymc(tree["sample_stats"].to_dataset())
+    stats = tree.get("sample_stats", xr.DataTree()).to_dataset()
+    if "log_evidence_variance" in stats and "stage" not in stats.dims:
+        return _evidence_of_pymc(stats)
     raise ValueError(
         f"the result has no evidence; its groups are {sorted(tree.children)}. It comes from "
         "ph.sample_smc or ph.fit_classes (for a class: ph.log_evidence(classes['C1']))"

@@ -77,6 +77,23 @@ def sample_smc(
     >>> tree["posterior"].sizes["draw"]
     500
     """
+    settings = {"start": start, "var_names": var_names, **kernel_settings}
+    tree = run_smc(model, draws, chains, random_seed, progressbar, **settings)
+    return with_diagnosis(tree)
+
+
+def run_smc(
+    model: pm.Model,
+    draws: int,
+    chains: int,
+    random_seed: Any,
+    progressbar: bool,
+    *,
+    start: Sequence[dict[str, Array]] | None = None,
+    var_names: Sequence[str] | None = None,
+    **kernel_settings: Any,
+) -> xr.DataTree:
+    """What :func:`sample_smc` returns, before its evidence is judged."""
     if not isinstance(model, pm.Model):
         raise TypeError(f"expected a pm.Model, not {type(model).__name__}")
     check_count("chains", chains, 1)
@@ -102,8 +119,7 @@ def sample_smc(
                 warnings.warn(f"interrupted: {chain} of {chains} chains are complete", stacklevel=2)
                 break
             populations.append(kernel.tempered_posterior)
-    tree = particles_to_tree(kernel, populations, stats, variables, random_seed)
-    return with_diagnosis(tree)
+    return particles_to_tree(kernel, populations, stats, variables, random_seed)
 
 
 def seed_sequence(random_seed: Any) -> np.random.SeedSequence:

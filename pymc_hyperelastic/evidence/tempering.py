@@ -46,7 +46,7 @@ class Tempering:
     log_evidence, variance : float
         Of the stages so far; the variance is relative.
     pareto_k : float
-        Shape of the largest weights of the first particles, as draws of the posterior.
+        Shape of the largest weights of a reference's particles, as draws of the posterior.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Tempering:
         self.log_evidence, self.variance = 0.0, 0.0
         self.effective_sample_size, self.acceptance = float(self.draws), 0.0
         self._start, self._rise = self._score(particles)
-        self.pareto_k = pareto_shape(self._rise)
+        self.pareto_k = pareto_shape(self._rise) if reference else np.nan
         self.eve = np.arange(self.draws)
         self._influence = np.zeros(self.draws)
         self._visited: Visited = [(particles, self._start, self._rise)]

@@ -50,8 +50,12 @@ def pareto_shape(log_weights: Array) -> float:
     Journal of Machine Learning Research 25 (2024) 72.
     """
     finite = log_weights[np.isfinite(log_weights)]
-    # ArviZ takes the logarithms of what divides. Equal weights have no tail.
-    return float(array_stats.psislw(-finite)[1]) if np.ptp(finite) > 0 else -np.inf
+    if np.ptp(finite) == 0:
+        return -np.inf  # equal weights have no tail
+    # The weights that it smooths on the way, which are not needed, may overflow.
+    with np.errstate(over="ignore"):
+        # ArviZ takes the logarithms of what divides.
+        return float(array_stats.psislw(-finite)[1])
 
 
 def systematic(weights: Array, size: int, rng: np.random.Generator) -> NDArray[np.intp]:

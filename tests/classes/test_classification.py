@@ -218,11 +218,11 @@ def test_interrupt_leaves_nan_and_keeps_the_rest(classes, by_test, monkeypatch):
 
 def test_interrupt_keeps_the_classes_already_fitted(monkeypatch):
     """Ctrl-C in the second class returns the first; in the first class there is nothing yet."""
-    interrupt(monkeypatch, pooled, "sample_smc", 2)
+    interrupt(monkeypatch, pooled, "run_smc", 2)
     with pytest.warns(UserWarning, match=r"only \['C1'\]"):
         kept = fit(draws=100, chains=1)
     assert list(kept.children) == ["C1"]
-    interrupt(monkeypatch, pooled, "sample_smc", 1)
+    interrupt(monkeypatch, pooled, "run_smc", 1)
     with pytest.raises(KeyboardInterrupt):
         fit(draws=100, chains=1)
 

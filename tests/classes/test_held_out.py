@@ -55,7 +55,7 @@ def report_of(energy=None, classes=None, **settings):
 
 # What is interrupted, and the call of it that belongs to the second specimen left out.
 INTERRUPTS = {
-    "second class": (pooled, "sample_smc", 4, 1),
+    "second class": (pooled, "run_smc", 4, 1),
     "second chain": (smc, "_temper", 6, 2),
     "classification": (pooled.ClassPredictive, "__call__", 3, 1),
 }

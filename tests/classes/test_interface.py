@@ -78,7 +78,7 @@ class Scattered(ClassKind):
                 for data in classes.values()
                 for name, part in specimens_apart(data, left_out).items()
             }
-            return Fold(sum(ph.log_evidence(t).value for t in fitted.values()), predictions)
+            return Fold(sum(ph.log_evidence(t).value for t in fitted.values()), "good", predictions)
 
         return fold
 
