@@ -16,6 +16,7 @@ _PRIOR_DRAWS = 2000
 _THRESHOLD = 0.5
 
 
+@np.errstate(all="ignore")  # a climb may be so wild that it overflows
 def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     """Evidence of a model, with so many particles of its posterior.
 

@@ -150,10 +150,12 @@ class GaussianMixture:
         )
         return total, -slopes
 
-    def joined(self, other: "GaussianMixture") -> "GaussianMixture":
-        """Mixture of itself and another, in equal shares."""
+    def joined(self, other: "GaussianMixture", share: float = 0.5) -> "GaussianMixture":
+        """Mixture of itself and another, which has the given share."""
         return GaussianMixture(
-            np.concatenate([self.log_weights, other.log_weights]) - np.log(2),
+            np.concatenate(
+                [self.log_weights + np.log1p(-share), other.log_weights + np.log(share)]
+            ),
             np.concatenate([self.means, other.means]),
             np.concatenate([self.factors, other.factors]),
             self.freedom,

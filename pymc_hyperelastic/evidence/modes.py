@@ -21,6 +21,8 @@ _BELOW = 1.0
 # A climb ends where the slope is this, in nats for the width of a variable: a twentieth of an sd
 # from the summit at most. From within so many sds it is not begun: it would lead there.
 _FLAT, _BASIN = 0.05, 1.5
+# A climb that takes more steps, and so many for each unknown, leads nowhere.
+_FEWEST_STEPS, _STEPS = 50, 5
 # Finite, and never accepted.
 _IMPOSSIBLE = 1e12
 
@@ -79,7 +81,8 @@ def _climb(ascent: Ascent, start: Array, width: Array) -> OptimizeResult:
             return _IMPOSSIBLE, np.zeros(point.size)
         return -value[0], -slopes[0] * width
 
-    return minimize(energy, start / width, jac=True, method="BFGS", options={"gtol": _FLAT})
+    options = {"gtol": _FLAT, "maxiter": _FEWEST_STEPS + _STEPS * start.size}
+    return minimize(energy, start / width, jac=True, method="BFGS", options=options)
 
 
 def _is_among(

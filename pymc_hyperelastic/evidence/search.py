@@ -25,6 +25,8 @@ _PROBES, _MOST_PROBES, _COSTLY, _PROBED = 5_000, 80_000, 50, 2
 _FORWARD_MOVES, _MOVES, _THRESHOLD = 10, 20, 0.5
 # Shares of the prior: while little is known, and in the end.
 _FIRST_SHARE, _LAST_SHARE = 0.2, 0.1
+# Share of the modes in the end, where there are several.
+_SHARE_OF_MODES = 0.2
 # Places visited by a particle are like so many independent ones; more of them than this do not make
 # a mixture better.
 _VISITED, _ENOUGH = 1 / 3, 20_000
@@ -56,6 +58,7 @@ class Search:
         )
 
 
+@np.errstate(all="ignore")  # a climb or a proposal may be so wild that it overflows
 def find_reference(target: Target, rng: np.random.Generator) -> Search:
     """Find a reference from both ends: the prior, and the modes.
 
@@ -102,8 +105,12 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
         threshold=_THRESHOLD,
         max_moves=_MOVES,
     ).run()
+    mixture = _fitted(found, rng)
+    if modes is not None and len(modes.log_masses) > 1:
+        # There may be more modes than a mixture has components.
+        mixture = mixture.joined(modes.mixture, _SHARE_OF_MODES)
     return Search(
-        Reference(_fitted(found, rng).heavy_tailed(), _LAST_SHARE),
+        Reference(mixture.heavy_tailed(), _LAST_SHARE),
         Estimate(
             forward.log_evidence, np.inf if forward.capped else float(np.sqrt(forward.variance))
         ),

@@ -162,6 +162,7 @@ class Tempering:
         )
         self.mixtures.append(mixture.heavy_tailed())
 
+    @np.errstate(all="ignore")  # a proposal may be so wild that it overflows
     def move(self) -> None:
         """Move the particles until they have forgotten their places."""
         origin, far = self.particles, self._weight_ahead()
@@ -244,15 +245,14 @@ class Tempering:
         momentum = self.rng.standard_normal(self.particles.shape)
         energy = (momentum**2).sum(axis=1) / 2
         place, step = self.particles, self.mixture.steps
-        with np.errstate(all="ignore"):
+        kick = lengths / 2 * step(component, self._slope(place), transposed=True)
+        for _ in range(self.rng.integers(1, _LONGEST_LEAP, endpoint=True)):
+            momentum = momentum + kick
+            place = place + lengths * step(component, momentum)
             kick = lengths / 2 * step(component, self._slope(place), transposed=True)
-            for _ in range(self.rng.integers(1, _LONGEST_LEAP, endpoint=True)):
-                momentum = momentum + kick
-                place = place + lengths * step(component, momentum)
-                kick = lengths / 2 * step(component, self._slope(place), transposed=True)
-                momentum = momentum + kick
-            energy -= (momentum**2).sum(axis=1) / 2
-            lost = ~(np.abs(place) < _LOST).all(axis=1) | np.isnan(energy)
+            momentum = momentum + kick
+        energy -= (momentum**2).sum(axis=1) / 2
+        lost = ~(np.abs(place) < _LOST).all(axis=1) | np.isnan(energy)
         place = np.where(lost[:, None], self.particles, place)
         rate = self._accept_from(place, component, here + np.where(lost, np.inf, -energy))
         self._leap_length *= np.exp((rate - good) / 2)
@@ -269,8 +269,7 @@ class Tempering:
         start, rise = self._score(proposal)
         logp = start + self.beta * rise
         threshold = -self.rng.exponential(size=self.draws)
-        with np.errstate(invalid="ignore"):
-            accepted = threshold < logp - self._logp + log_ratio
+        accepted = threshold < logp - self._logp + log_ratio
         moved = accepted[:, None]
         self.particles = np.where(moved, proposal, self.particles)
         self._terms = np.where(moved, terms, self._terms)
