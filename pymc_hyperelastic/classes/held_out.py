@@ -216,7 +216,9 @@ def _leave_out_each(
     specimens, every_unit = list(true_class), list(dict.fromkeys(units.values()))
     shape = len(kinds), len(specimens), len(classes)
     found = _Found(
-        *(np.full(s, np.nan) for s in (shape, shape, shape[:2])),
+        np.full(shape, np.nan),
+        np.full(shape, np.nan),
+        np.full(shape[:2], np.nan),
         np.full(shape[:2], "", dtype="U20"),
     )
     progress = create_simple_progress(progressbar)

@@ -173,7 +173,8 @@ class BatchedSMC(SMC_KERNEL):
         self.search = find_reference(self.target, rng) if self.from_modes else None
 
     def temper(self, start: dict[str, Array] | None, rng: np.random.Generator) -> None:
-        """Run one chain to the posterior, silently; from the prior, or `start`, if there is one."""
+        """Run one chain to the posterior, silently: from `start`, or a reference of its own."""
+        self.search = None
         self.initialize(start, rng)
         while self.beta < 1:
             self.update_beta_and_weights()

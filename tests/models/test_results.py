@@ -60,6 +60,7 @@ def test_groups_and_dims(tree, data):
         "unconstrained_posterior",
         "sample_stats",
         "evidence",
+        "diagnosis",
         "observed_data",
         "constant_data",
     }
@@ -154,6 +155,7 @@ def test_a_model_of_anything_else_has_a_result():
         "unconstrained_posterior",
         "sample_stats",
         "evidence",
+        "diagnosis",
     }
     with pytest.raises(ValueError, match=r"does not say from which model"):
         model_settings_of(result)
