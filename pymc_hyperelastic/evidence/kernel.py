@@ -13,6 +13,8 @@ from pymc_hyperelastic.evidence.search import Search, find_reference
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.tempering import Tempering
 
+# A covariance of more unknowns is not known from some thousand particles.
+_MOST_UNKNOWNS = 300
 # Fractions of the effective sample size that stages keep.
 _NEAR, _FAR = 0.5, 0.8
 
@@ -76,8 +78,8 @@ class BatchedSMC(SMC_KERNEL):
     Raises
     ------
     ValueError
-        If the model has discrete variables, nothing to temper, or no particle has a finite
-        likelihood.
+        If the model has discrete variables, nothing to temper, more than 300 unknowns, or no
+        particle has a finite likelihood.
 
     Notes
     -----
@@ -149,6 +151,12 @@ class BatchedSMC(SMC_KERNEL):
             raise ValueError("from_modes is for particles that start from the prior, all tempered")
         alone = start is not None or tempered is not None
         self.from_modes = not alone if from_modes is None else from_modes
+        if self.from_modes and self.dimension > _MOST_UNKNOWNS:
+            raise ValueError(
+                f"the model has {self.dimension} unknowns, more than the {_MOST_UNKNOWNS} of which "
+                "a population of particles can know a reference: sample it with NUTS (pm.sample), "
+                "and take ph.log_evidence_by_bridge; or for classes of specimens ph.fit_classes"
+            )
         self.draws = draws
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
