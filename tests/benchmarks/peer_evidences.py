@@ -1,0 +1,199 @@
+"""Evidences of the general models of tests/evidence, by this package and by other libraries.
+
+``python peer_evidences.py results/peer_evidences.jsonl`` runs every sampler that is installed on
+every problem, writes a line of JSON for each run, if there is none yet, and prints all of them as a
+Markdown table. Time is that of a user who has the model: compilation counts, imports do not.
+"""
+
+import argparse
+import importlib.util
+import json
+import multiprocessing
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pymc as pm
+from prior_cube import on_cube
+from scipy.special import logsumexp
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.evidence.target import Target
+
+sys.path.append(str(Path(__file__).parents[1] / "evidence"))
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A sampler: it takes a model and a seed, and gives a log evidence with its standard error."""
+
+    title: str
+    run: Callable[[pm.Model, int], tuple[float, float]]
+    seeds: int = 1
+    most_unknowns: int = 500  # nested sampling, and training a flow, would take hours for more
+
+
+def package(model, seed):
+    return ph.log_evidence(ph.sample_smc(model, random_seed=seed, progressbar=False))
+
+
+def pymc(model, seed):
+    """PyMC states no error: it is that of a mean of chains, from their spread."""
+    tree = pm.sample_smc(model=model, chains=4, cores=1, random_seed=seed, progressbar=False)
+    stages = tree["sample_stats"]["log_marginal_likelihood"].values
+    chains = np.array([np.asarray(chain, float)[-1] for chain in stages])
+    value = logsumexp(chains) - np.log(len(chains))
+    return value, np.exp(chains - value).std(ddof=1) / np.sqrt(len(chains))
+
+
+def dynesty(model, seed):
+    """Static sampling of the unit cube; the likelihood takes one point, as PyTensor compiles it."""
+    import dynesty
+
+    logp, unknowns = on_cube(model)
+    sampler = dynesty.NestedSampler(
+        lambda u: float(np.nan_to_num(logp(u), nan=-np.inf, neginf=-np.inf)),
+        lambda u: u,
+        ndim=unknowns,
+        rstate=np.random.default_rng(seed),
+    )
+    sampler.run_nested(print_progress=False)
+    return sampler.results.logz[-1], sampler.results.logzerr[-1]
+
+
+def nested_slices(model, seed):
+    """Nested slice sampling on the unconstrained scale, with the model as a JAX function."""
+    import blackjax
+    import jax
+    from blackjax.ns.utils import finalise, log_weights
+    from pymc.sampling.jax import get_jaxified_graph
+
+    jax.config.update("jax_enable_x64", True)
+
+    def jaxified(variables):
+        function = get_jaxified_graph(model.value_vars, [model.logp(variables)])
+        return lambda point: jax.numpy.nan_to_num(
+            function(*(point[v.name] for v in model.value_vars))[0], nan=-np.inf, neginf=-np.inf
+        )
+
+    target = Target(model)
+    sampler = blackjax.nss(
+        jaxified(model.free_RVs),
+        jaxified([*model.observed_RVs, *model.potentials]),
+        num_inner_steps=max(5, 2 * target.dimension),  # as blackjax advises
+        num_delete=50,
+    )
+    # Live points, as many as dynesty has.
+    drawn = target.draw_prior(500, np.random.default_rng(seed))
+    state = sampler.init(jax.tree.map(jax.numpy.asarray, drawn))
+    step, key, dead = jax.jit(sampler.step), jax.random.key(seed), []
+    while not state.integrator.logZ_live - state.integrator.logZ < -3:
+        key, key_of_step = jax.random.split(key)
+        state, info = step(key_of_step, state)
+        dead.append(info)
+    runs = logsumexp(log_weights(key, finalise(state, dead, update_info=False)), axis=0)
+    return runs.mean(), runs.std()
+
+
+def pocomc(model, seed):
+    """Persistent sampling behind a normalising flow, on the unconstrained scale."""
+    import pocomc
+
+    target, rng = Target(model), np.random.default_rng(seed)
+
+    class Prior:
+        dim = target.dimension
+        bounds = np.tile([-np.inf, np.inf], (dim, 1))
+        logpdf = staticmethod(lambda x: target.score(x)[0])
+        rvs = staticmethod(lambda size: target.columns(target.draw_prior(size, rng)))
+
+    options = {"vectorize": True, "random_state": seed}
+    sampler = pocomc.Sampler(Prior(), lambda x: target.score(x)[1], **options)
+    sampler.run(progress=False)
+    return sampler.evidence()
+
+
+PEERS = {
+    "pymc_hyperelastic": Peer("`ph.sample_smc`", package, seeds=10, most_unknowns=10_000),
+    "pymc": Peer("`pm.sample_smc`", pymc, seeds=2, most_unknowns=10_000),
+    "dynesty": Peer("dynesty", dynesty),
+    "blackjax": Peer("blackjax, nested slices", nested_slices),
+    "pocomc": Peer("pocoMC", pocomc),
+}
+
+
+def measure(problem, name, seed):
+    """One run: its error, the error that it states, and its time."""
+    from evidences import PROBLEMS
+
+    importlib.import_module(name)
+    model, start = PROBLEMS[problem].model(), time.perf_counter()
+    value, stated = map(float, PEERS[name].run(model, seed))
+    row = {"stated": stated, "seconds": time.perf_counter() - start, "note": ""}
+    return row | {"error": value - PROBLEMS[problem].log_evidence()}
+
+
+def measure_apart(problem, name, seed, limit):
+    """The same in a process of its own, which may fail, and is ended after so many seconds."""
+    row = {"problem": problem, "peer": name, "seed": seed}
+    with multiprocessing.get_context("fork").Pool(1) as pool:
+        try:
+            return row | pool.apply_async(measure, (problem, name, seed)).get(limit)
+        except multiprocessing.TimeoutError:
+            return row | {"note": f"more than {limit} s"}
+        except Exception as error:
+            return row | {"note": f"{type(error).__name__}: {error}".splitlines()[0]}
+
+
+def table(rows, problems):
+    """Markdown of all rows, with the verdict on this package's own errors."""
+    lines = [["problem", "unknowns", *(peer.title for peer in PEERS.values()), "verdict"]]
+    lines.append(["---", *["---:"] * (1 + len(PEERS)), "---"])
+    for p in problems:
+        by_peer = [[r for r in rows if (r["problem"], r["peer"]) == (p.name, n)] for n in PEERS]
+        lines.append([p.name, p.unknowns, *map(cell, by_peer), verdict(by_peer[0])])
+    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
+
+
+def cell(runs):
+    """Mean error ± root mean square of the stated one, and mean time; or what went wrong."""
+    done = np.array([[r["error"], r["stated"], r["seconds"]] for r in runs if "error" in r])
+    if len(done):
+        (error, _, seconds), stated = done.mean(axis=0), np.sqrt((done[:, 1] ** 2).mean())
+        return f"{error:+.2g} ± {stated:.2g}, {seconds:.0f} s"
+    return runs[0]["note"] if runs else ""
+
+
+def verdict(runs):
+    """Root mean square of error over stated error, which is 1 where the stated ones are right."""
+    ratios = [r["error"] / r["stated"] for r in runs if "error" in r] or [np.nan]
+    rms = np.sqrt(np.mean(np.square(ratios)))
+    return f"{rms:.1f}: {'as stated' if rms < 2 else 'not as stated'}" if runs else ""
+
+
+if __name__ == "__main__":
+    from evidences import PROBLEMS
+
+    installed = [name for name in PEERS if importlib.util.find_spec(name)]
+    options = argparse.ArgumentParser(description="Measure evidences of general models.")
+    options.add_argument("results", type=Path, help="file with a line of JSON for each run")
+    options.add_argument("--problems", nargs="+", choices=PROBLEMS, default=list(PROBLEMS))
+    options.add_argument("--peers", nargs="+", choices=PEERS, default=installed)
+    options.add_argument("--limit", type=int, default=400, help="seconds of a run, at most")
+    given = options.parse_args()
+    file = given.results.open("a+", encoding="utf-8", buffering=1)
+    file.seek(0)
+    rows = [json.loads(line) for line in file]
+    chosen = sorted((PROBLEMS[name] for name in given.problems), key=lambda p: p.unknowns)
+    known = {(r["problem"], r["peer"], r["seed"]) for r in rows}
+    for problem, name in product(chosen, given.peers):
+        for seed in range(1, 1 + PEERS[name].seeds):
+            run = problem.name, name, seed
+            if run not in known and problem.unknowns <= PEERS[name].most_unknowns:
+                rows.append(measure_apart(*run, given.limit))
+                file.write(json.dumps(rows[-1]) + "\n")
+    print(table(rows, chosen))
