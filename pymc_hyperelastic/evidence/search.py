@@ -18,9 +18,10 @@ from pymc_hyperelastic.evidence.tempering import Tempering
 _DRAWS, _FORWARD_DRAWS = (200, 1000, 4000), (20, 500, 2000)
 # Climbs from draws of the prior, and from particles that were tempered.
 CLIMBS = 8
-# Points drawn at each stage of the first look, for each pair of unknowns and at most, also for each
-# that can be scored at once; and climbs from the most outstanding of them.
-_PROBES, _MOST_PROBES, _COSTLY, _PROBED = 5_000, 80_000, 50, 2
+# Points drawn at each stage of the first look, for each pair of unknowns; at most, if there are few
+# unknowns, since in many dimensions points meet nothing narrow; and at most for each that can be
+# scored at once. Climbs from the most outstanding of them.
+_PROBES, _MOST_PROBES, _COSTLY, _PROBED = 5_000, 320_000, 20, 2
 # Moves at a stage of the search, which need not be exact, and the effective fraction that it keeps.
 _FORWARD_MOVES, _MOVES, _THRESHOLD = 10, 20, 0.5
 # Shares of the prior: while little is known, and in the end.
@@ -131,7 +132,8 @@ def _outstanding(target: Target, mixture: GaussianMixture, rng: np.random.Genera
 
     A narrow mode is met by one point in many thousands, and given away by its weight.
     """
-    probes = min(_PROBES * target.dimension**2, _MOST_PROBES, _COSTLY * target.at_once)
+    size = target.dimension
+    probes = min(_PROBES * size**2, _MOST_PROBES // size, _COSTLY * target.at_once)
     points = mixture.draw(probes, rng)
     log_weights = sum(target.score(points)) - mixture.log_density(points)
     return points[np.argsort(-np.nan_to_num(log_weights, nan=-np.inf))[:_PROBED]]
