@@ -21,7 +21,7 @@ CLIMBS = 8
 # Points drawn at each stage of the first look, for each pair of unknowns; at most, if there are few
 # unknowns, since in many dimensions points meet nothing narrow; and at most for each that can be
 # scored at once. Climbs from the most outstanding of them.
-_PROBES, _MOST_PROBES, _COSTLY, _PROBED = 5_000, 320_000, 20, 2
+_PROBES, _MOST_PROBES, _COSTLY, _PROBED = 5_000, 320_000, 5, 2
 # Moves at a stage of the search, which need not be exact, and the effective fraction that it keeps.
 _FORWARD_MOVES, _MOVES, _THRESHOLD = 10, 20, 0.5
 # Shares of the prior: while little is known, and in the end.

@@ -32,6 +32,8 @@ Ascent = Callable[[Array], Slope]
 
 # So few unknowns are climbed by differences, in less time than slopes take to compile.
 _FEW = 4
+# Logarithm of the smallest number there is.
+_LOG_SMALLEST = np.log(np.nextafter(0.0, 1.0))
 # Step of a difference, as a fraction of a variable's width.
 _STEP = 1e-4
 
@@ -83,7 +85,13 @@ class Target:
         try:
             if count not in self._draw:
                 self._draw[count] = prior_sampler(self.model, count)
-            return self._draw[count](rng)
+            with np.errstate(divide="ignore"):
+                points = self._draw[count](rng)
+            # A draw that underflows counts as the smallest number.
+            return {
+                name: np.where(values == -np.inf, _LOG_SMALLEST, values)
+                for name, values in points.items()
+            }
         except NotImplementedError as error:
             raise ValueError(
                 f"particles cannot be drawn from the prior ({error}): give every variable a proper "

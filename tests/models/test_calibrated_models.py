@@ -75,7 +75,8 @@ def test_population_model_is_calibrated():
         "spread": pm.LogNormal.dist(np.log(0.2), 0.4, shape=2),
     }
     model = ph.population_model(ph.Ogden(), data, sigma=0.3, priors=priors)
-    result = calibrate(model)
+    # Each takes two seconds, and eleven parameters are ranked at once.
+    result = calibrate(model, simulations=40)
     assert result.sizes["parameter"] == 2 + 2 + 1 + 2 * 3
     assert_calibrated(result)
 
