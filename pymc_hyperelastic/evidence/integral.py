@@ -12,8 +12,6 @@ from pymc_hyperelastic.evidence.tempering import Tempering
 
 # Draws of the prior of which the best are climbed from.
 _PRIOR_DRAWS = 2000
-# Effective fraction that the stages of tempering keep.
-_THRESHOLD = 0.5
 
 
 @np.errstate(all="ignore")  # a climb may be so wild that it overflows
@@ -36,7 +34,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
         return quick
     reference = find_reference(target, rng).reference
     particles = reference.draw(target, size, rng)
-    sampled = Tempering(target, particles, rng, reference=reference, threshold=_THRESHOLD).run()
+    sampled = Tempering(target, particles, rng, reference=reference).run()
     error = float(np.sqrt(sampled.variance))
     if np.isfinite(quick.log_value.standard_error):
         # Two estimates that share nothing: what lies between them is not known.

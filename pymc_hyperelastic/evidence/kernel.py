@@ -11,12 +11,12 @@ from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.search import Search, find_reference
 from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.evidence.tempering import Tempering
+from pymc_hyperelastic.evidence.tempering import THRESHOLD, Tempering
 
 # A covariance of more unknowns is not known from some thousand particles.
 _MOST_UNKNOWNS = 300
-# Fractions of the effective sample size that stages keep.
-_NEAR, _FAR = 0.5, 0.8
+# Fraction of the effective sample size that stages keep on the long way from the prior alone.
+_FAR = 0.8
 
 
 class BatchedSMC(SMC_KERNEL):
@@ -161,7 +161,8 @@ class BatchedSMC(SMC_KERNEL):
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
         self.start = start
-        self.threshold = threshold or (_NEAR if self.from_modes or self.dimension <= 2 else _FAR)
+        near = self.from_modes or self.dimension <= 2
+        self.threshold = threshold or (THRESHOLD if near else _FAR)
         self.forget = forget
         self.max_moves = max_moves
         self.rng = np.random.default_rng(random_seed)

@@ -22,8 +22,8 @@ CLIMBS = 8
 # unknowns, since in many dimensions points meet nothing narrow; and at most for each that can be
 # scored at once. Climbs from the most outstanding of them.
 _PROBES, _MOST_PROBES, _COSTLY, _PROBED = 5_000, 320_000, 5, 2
-# Moves at a stage of the search, which need not be exact, and the effective fraction that it keeps.
-_FORWARD_MOVES, _MOVES, _THRESHOLD = 10, 20, 0.5
+# Moves at a stage of the search, which need not be exact.
+_FORWARD_MOVES, _MOVES = 10, 20
 # Shares of the prior: while little is known, and in the end.
 _FIRST_SHARE, _LAST_SHARE = 0.2, 0.1
 # Share of the modes in the end, where there are several.
@@ -79,9 +79,7 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
             f"none of {draws} draws of the prior has a finite likelihood ({target.nan_scores} are "
             "NaN): is the prior far from what the data allow, or is a unit wrong?"
         )
-    forward = Tempering(
-        target, prior[:few], rng, threshold=_THRESHOLD, max_moves=_FORWARD_MOVES
-    ).run()
+    forward = Tempering(target, prior[:few], rng, max_moves=_FORWARD_MOVES).run()
 
     starts = [
         places_to_climb_from(prior, score),
@@ -98,14 +96,8 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
         if pareto_k >= LARGEST_PARETO_K:
             at_modes = Estimate(at_modes.value, np.inf)
     first = Reference(mixture.heavy_tailed(), _FIRST_SHARE)
-    found = Tempering(
-        target,
-        first.draw(target, draws, rng),
-        rng,
-        reference=first,
-        threshold=_THRESHOLD,
-        max_moves=_MOVES,
-    ).run()
+    particles = first.draw(target, draws, rng)
+    found = Tempering(target, particles, rng, reference=first, max_moves=_MOVES).run()
     mixture = _fitted(found, rng)
     if modes is not None and len(modes.log_masses) > 1:
         # There may be more modes than a mixture has components.
