@@ -22,7 +22,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     starts at the modes and the prior gives them in a tenth of the time of tempering, which is left
     the others.
     """
-    prior = target.columns(target.draw_prior(_PRIOR_DRAWS, rng))
+    prior = target.draw_prior(_PRIOR_DRAWS, rng)
     starts = places_to_climb_from(prior, np.add(*target.score(prior)))
     modes = modes_from(target.ascent, starts, width_of(prior))
     # A posterior that is hardly narrower than the prior is not like its mode.

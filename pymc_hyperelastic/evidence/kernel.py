@@ -175,7 +175,7 @@ class BatchedSMC(SMC_KERNEL):
 
     def initialize_population(self) -> dict[str, Array]:
         """Draw particles from the prior."""
-        return self.target.draw_prior(self.draws, self.rng)
+        return self.target.draw_prior_by_name(self.draws, self.rng)
 
     def find_reference(self, rng: np.random.Generator) -> None:
         """Find the reference from which chains start, if they start from one."""

@@ -71,7 +71,7 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
         min(max(each * target.dimension, least), largest)
         for each, least, largest in (_DRAWS, _FORWARD_DRAWS)
     )
-    prior = target.columns(target.draw_prior(draws, rng))
+    prior = target.draw_prior(draws, rng)
     target.nan_scores = 0
     score = np.add(*target.score(prior))
     if not np.isfinite(score).any():

@@ -80,7 +80,11 @@ class Target:
         """Points by the name of the value variable as a matrix, in which each has a row."""
         return side_by_side([points[name] for name in self.var_info]).astype(float)
 
-    def draw_prior(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
+    def draw_prior(self, count: int, rng: np.random.Generator) -> Array:
+        """Draw points from the prior, shape (count, d)."""
+        return self.columns(self.draw_prior_by_name(count, rng))
+
+    def draw_prior_by_name(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
         """Draw points from the prior, by the name of the value variable."""
         try:
             if count not in self._draw:
