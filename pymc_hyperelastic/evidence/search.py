@@ -91,7 +91,7 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
     mixture, at_modes = _fitted(forward, rng), Estimate(-np.inf, np.inf)
     if modes is not None:
         mixture = mixture.joined(modes.mixture)
-        _, log_weights = weighted_draws(target.score, modes.mixture, draws, rng)
+        _, log_weights = weighted_draws(target.score, modes.mixture.heavy_tailed(), draws, rng)
         at_modes, pareto_k = mean_weight(log_weights)
         if pareto_k >= LARGEST_PARETO_K:
             at_modes = Estimate(at_modes.value, np.inf)
@@ -126,9 +126,8 @@ def _outstanding(target: Target, mixture: GaussianMixture, rng: np.random.Genera
     """
     size = target.dimension
     probes = min(_PROBES * size**2, _MOST_PROBES // size, _COSTLY * target.at_once)
-    points = mixture.draw(probes, rng)
-    log_weights = sum(target.score(points)) - mixture.log_density(points)
-    return points[np.argsort(-np.nan_to_num(log_weights, nan=-np.inf))[:_PROBED]]
+    points, log_weights = weighted_draws(target.score, mixture, probes, rng)
+    return points[np.argsort(-log_weights)[:_PROBED]]
 
 
 def places_to_climb_from(points: Array, score: Array) -> Array:
