@@ -215,12 +215,7 @@ class BatchedSMC(SMC_KERNEL):
             forget=self.forget,
             max_moves=self.max_moves,
         )
-        if not self.tempering.possible.any():
-            raise ValueError(
-                f"none of the {self.draws} initial particles has a finite likelihood "
-                f"({self.target.nan_scores} are NaN): is the prior far from what the data allow, "
-                "or is a unit wrong?"
-            )
+        self.target.check_possible(self.tempering.possible, f"the {self.draws} initial particles")
         self._read()
 
     def update_beta_and_weights(self) -> None:

@@ -74,11 +74,7 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
     prior = target.draw_prior(draws, rng)
     target.nan_scores = 0
     score = np.add(*target.score(prior))
-    if not np.isfinite(score).any():
-        raise ValueError(
-            f"none of {draws} draws of the prior has a finite likelihood ({target.nan_scores} are "
-            "NaN): is the prior far from what the data allow, or is a unit wrong?"
-        )
+    target.check_possible(np.isfinite(score), f"{draws} draws of the prior")
     forward = Tempering(target, prior[:few], rng, max_moves=_FORWARD_MOVES).run()
 
     starts = [

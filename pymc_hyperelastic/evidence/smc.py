@@ -11,7 +11,7 @@ from pymc.progress_bar import SMCProgressBarManager
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.checks import check_count, check_model
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
@@ -94,8 +94,7 @@ def run_smc(
     **kernel_settings: Any,
 ) -> xr.DataTree:
     """What :func:`sample_smc` returns, before its evidence is judged."""
-    if not isinstance(model, pm.Model):
-        raise TypeError(f"expected a pm.Model, not {type(model).__name__}")
+    check_model(model)
     check_count("chains", chains, 1)
     if start is not None and len(start) != chains:
         raise ValueError(f"start holds {len(start)} dict(s) of particles for {chains} chains")
