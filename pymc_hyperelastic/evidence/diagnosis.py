@@ -9,6 +9,7 @@ import xarray as xr
 from arviz_stats.base import array_stats
 from scipy.stats import chi2
 
+from pymc_hyperelastic.evidence.convergence import LARGEST_RHAT
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
@@ -17,9 +18,8 @@ from pymc_hyperelastic.evidence.results import check_result
 _NATS, _ERRORS = 0.3, 4.0
 # Chains whose spread chance explains less often than this are apart.
 _CHANCE = 1e-3
-# R-hat between chains from which they have not met the same posterior, for all that is known; and
-# from which they certainly have not.
-_DOUBTFUL_RHAT, _LARGEST_RHAT = 1.05, 1.2
+# R-hat from which chains certainly have not met the same posterior.
+_APART_RHAT = 1.2
 # Fractions of the first particles that have descendants in the end: of fewer a chain knows little,
 # and nothing; and with so many it has hardly lost any.
 _FEW_ANCESTORS, _TOO_FEW_ANCESTORS, _MANY_ANCESTORS = 0.03, 0.01, 0.15
@@ -203,8 +203,8 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[_
         }
         worst = max(rhat, key=rhat.__getitem__)
         words = f"chains met different parts of the posterior: R-hat of {worst} {rhat[worst]:.2f}"
-        verdict = _worse(rhat[worst], _DOUBTFUL_RHAT, _LARGEST_RHAT)
-        checks.append(_Check("R-hat", rhat[worst], _DOUBTFUL_RHAT, verdict, words))
+        verdict = _worse(rhat[worst], LARGEST_RHAT, _APART_RHAT)
+        checks.append(_Check("R-hat", rhat[worst], LARGEST_RHAT, verdict, words))
     return checks
 
 
