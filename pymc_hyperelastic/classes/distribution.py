@@ -11,6 +11,7 @@ from pymc_hyperelastic.classes.density import SpecimenDraws
 from pymc_hyperelastic.classes.specimen_evidence import distributions_of, variance_of_specimen
 from pymc_hyperelastic.classes.specimens import SpecimenSampler, class_model
 from pymc_hyperelastic.data.select import specimens_apart
+from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.evidence.importance import Integral, by_importance
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
@@ -151,7 +152,7 @@ def fit_distribution(
         {k: (v, np.stack([getattr(d, k) for d in specimens.values()])) for k, v in dims.items()},
         {"specimen": list(specimens), "coordinate": settings.scale.names},
     )
-    return tree
+    return with_diagnosis(tree)
 
 
 def _larger(

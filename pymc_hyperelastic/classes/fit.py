@@ -8,7 +8,7 @@ from typing import Any, Literal
 import xarray as xr
 
 from pymc_hyperelastic.classes.kinds import kind_of_settings
-from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
+from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
 from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 
@@ -99,7 +99,8 @@ def fit_classes(
     tree = xr.DataTree.from_dict({})
     try:
         for name, fitted in kind.fit(classes, draws, chains, seed, progressbar):
-            tree[name] = with_diagnosis(fitted, f"class {name!r}: ")
+            warn_of_evidence(fitted, f"class {name!r}: ")
+            tree[name] = fitted
     except KeyboardInterrupt:
         if not tree.children:
             raise
