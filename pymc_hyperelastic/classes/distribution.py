@@ -103,7 +103,10 @@ class _Fit:
         ]
         populations = [i.particles for i in integrals]
         variables = self.kernel.model.unobserved_RVs
-        return particles_to_tree(self.kernel, populations, stats, variables, entropy)
+        tree = particles_to_tree(self.kernel, populations, stats, variables, entropy)
+        method = "chain", [i.method for i in integrals]
+        tree["evidence"] = tree["evidence"].to_dataset().assign(method=method)
+        return tree
 
     def _chain(self, rng: np.random.Generator) -> Integral:
         """Particles and evidence; modes are searched only where no particles tell of them."""
@@ -126,7 +129,11 @@ def fit_distribution(
     chains: int,
     random_seed: np.random.SeedSequence,
 ) -> xr.DataTree:
-    """Posterior and evidence of a class's distribution, with the draws of its specimens."""
+    """Posterior and evidence of a class's distribution, with the draws of its specimens.
+
+    Both say by which ``method`` an integral was found, with the ``pareto_k`` of its weights:
+    ``evidence`` by chain, and ``specimens`` by specimen.
+    """
     rngs = [np.random.default_rng(seed) for seed in random_seed.spawn(chains)]
     specimens, sizes, known = draws
     for _ in range(_MOST_FITS):
@@ -147,6 +154,8 @@ def fit_distribution(
         "log_weight": ("specimen", "particle"),
         "tests": ("specimen",),
         "standard_error": ("specimen",),
+        "method": ("specimen",),
+        "pareto_k": ("specimen",),
     }
     tree["specimens"] = xr.Dataset(
         {k: (v, np.stack([getattr(d, k) for d in specimens.values()])) for k, v in dims.items()},

@@ -64,8 +64,11 @@ def fit_classes(
     Returns
     -------
     xarray.DataTree
-        One child a class, each with posterior, evidence, training data and settings. It can be
-        saved with ``classes.to_netcdf(path)`` and read with ``xarray.open_datatree(path)``.
+        One child a class, each with posterior, evidence, training data and settings. With
+        variability each has draws of its ``specimens`` too; ``specimens`` and ``evidence`` then say
+        by which ``method`` each was integrated, "importance" or "tempering", with the Pareto shape
+        ``pareto_k`` of the weights (NaN by tempering). It can be saved with
+        ``classes.to_netcdf(path)`` and read with ``xarray.open_datatree(path)``.
 
     Raises
     ------

@@ -75,11 +75,13 @@ class SpecimenEvidence(NamedTuple):
     """Log evidence of a specimen under a class, and how far it can be trusted.
 
     The second standard error leaves out what the evidences of all classes have in common, the
-    draws of the specimen.
+    draws of the specimen. The Pareto shape is the larger of two: of the weights of these draws
+    under the class, and of those from which the draws were chosen.
     """
 
     log_evidence: Estimate
     own_error: float
+    method: str
     pareto_k: float
 
 
@@ -94,8 +96,10 @@ def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) ->
     each = np.exp(logsumexp(density + draws.log_weight, axis=1) - value)
     own = float(np.sqrt(of_draws + np.var(each) / count))
     estimate = Estimate(value, float(np.hypot(own, draws.standard_error)))
+    method = "specimen draws by tempering" if draws.method == "tempering" else "specimen draws"
     pareto_k = np.inf if effective < ENOUGH else pareto_shape(log_weights)
-    return SpecimenEvidence(estimate, own, pareto_k)
+    # Tempering has no weights, and no shape.
+    return SpecimenEvidence(estimate, own, method, float(np.fmax(pareto_k, draws.pareto_k)))
 
 
 def near_class(distributions: ClassDistribution) -> ClassDistribution:

@@ -43,6 +43,8 @@ class Search:
     little."""
     at_modes: Estimate
     """Evidence by importance sampling from the modes; without an error if that is not enough."""
+    at_modes_k: float
+    """Pareto shape of its weights; infinite where nothing is known."""
     log_masses: Array
     """Of the modes, by Laplace's approximation."""
 
@@ -54,6 +56,7 @@ class Search:
                 "forward_se": self.forward.standard_error,
                 "at_modes": self.at_modes.value,
                 "at_modes_se": self.at_modes.standard_error,
+                "at_modes_k": self.at_modes_k,
                 "log_masses": ("mode", self.log_masses),
             }
         )
@@ -84,12 +87,12 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
     ]
     modes = modes_from(target.ascent, np.concatenate(starts), width_of(prior))
 
-    mixture, at_modes = _fitted(forward, rng), Estimate(-np.inf, np.inf)
+    mixture, at_modes, at_modes_k = _fitted(forward, rng), Estimate(-np.inf, np.inf), np.inf
     if modes is not None:
         mixture = mixture.joined(modes.mixture)
         _, log_weights = weighted_draws(target.score, modes.mixture.heavy_tailed(), draws, rng)
-        at_modes, pareto_k = mean_weight(log_weights)
-        if pareto_k >= LARGEST_PARETO_K:
+        at_modes, at_modes_k = mean_weight(log_weights)
+        if at_modes_k >= LARGEST_PARETO_K:
             at_modes = Estimate(at_modes.value, np.inf)
     first = Reference(mixture.heavy_tailed(), _FIRST_SHARE)
     particles = first.draw(target, draws, rng)
@@ -104,6 +107,7 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
             forward.log_evidence, np.inf if forward.capped else float(np.sqrt(forward.variance))
         ),
         at_modes,
+        at_modes_k,
         modes.log_masses if modes is not None else np.array([]),
     )
 

@@ -13,6 +13,7 @@ from pymc_hyperelastic.evidence.diagnosis import (
     worst_verdict,
 )
 from pymc_hyperelastic.evidence.estimate import combine_chains
+from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 
 SEED = 20250
 
@@ -132,6 +133,7 @@ def test_sampled_evidence_is_diagnosed():
     tree = ph.sample_smc(line(), 300, 2, random_seed=SEED, progressbar=False)
     assert tree["diagnosis"].attrs["verdict"] == "good"
     assert {"modes", "ancestors", "weights"} <= set(tree["diagnosis"]["check"].values)
+    assert tree["evidence"]["at_modes_k"] < LARGEST_PARETO_K
 
 
 def test_particles_that_were_left_behind_are_noticed():

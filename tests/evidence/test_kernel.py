@@ -403,7 +403,7 @@ def test_a_reference_without_possible_particles_says_why():
     kernel = ph.BatchedSMC(draws=100, model=impossible(), random_seed=SEED)
     mixture = GaussianMixture(np.zeros(1), np.zeros((1, 1)), np.ones((1, 1, 1)))
     unknown = Estimate(-np.inf, np.inf)
-    kernel.search = Search(Reference(mixture, 0.1), unknown, unknown, np.array([]))
+    kernel.search = Search(Reference(mixture, 0.1), unknown, unknown, np.inf, np.array([]))
     with pytest.raises(ValueError, match="none of the 100 initial particles has a finite likel"):
         kernel.initialize(None, np.random.default_rng(SEED))
 
