@@ -80,12 +80,14 @@ def classify(
         or "adapted draws", importance sampling from a mixture that followed the new data, both
         with a Pareto shape ``pareto_k`` of the weights below 0.5; else "tempering", by SMC from
         the class's draws. With variability the parameters of a specimen are a fresh draw from the
-        class's distribution, integrated by "specimen draws": with a ``pareto_k`` of 0.5 or more the
-        evidence is not to be trusted. ``p_value`` is then the share of the specimens that the class
-        would bring forth, measured at the same radii, that are as far from all its others as this
-        one is, or further: far by their curves, whatever the noise. It is NaN if the class brings
-        forth no tubes that could be inflated to these radii. ``class_verdict`` (class_label) says
-        how far the fits of the classes can be trusted, see
+        class's distribution, integrated by "specimen draws", or, where these could not be had by
+        importance sampling, by "specimen draws by tempering"; ``pareto_k`` is the larger of the
+        shapes of the weights by which they were drawn and of those under the class, and from 0.5 on
+        the evidence is not to be trusted. ``p_value`` is then the share of the specimens that the
+        class would bring forth, measured at the same radii, that are as far from all its others as
+        this one is, or further: far by their curves, whatever the noise. It is NaN if the class
+        brings forth no tubes that could be inflated to these radii. ``class_verdict`` (class_label)
+        says how far the fits of the classes can be trusted, see
         :func:`~pymc_hyperelastic.diagnose_evidence`.
 
     Raises

@@ -42,6 +42,8 @@ class SpecimenDraws:
         Standard error of the logarithm of all weights together.
     points : array, shape (draw, entry)
         What the curves depend on: the coordinates of each test, and ``ln σ`` if it is not known.
+    method, pareto_k : str, float
+        How the integral was taken that all weights together are, see ``Integral``.
     """
 
     centre: Array
@@ -51,6 +53,8 @@ class SpecimenDraws:
     tests: int
     standard_error: float
     points: Array
+    method: str = ""
+    pareto_k: float = np.nan
 
     def first(self, count: int) -> "SpecimenDraws":
         """So many of the draws, in place of all."""

@@ -11,6 +11,7 @@ from pymc_hyperelastic.classes.density import SpecimenDraws
 from pymc_hyperelastic.classes.specimen_evidence import distributions_of, variance_of_specimen
 from pymc_hyperelastic.classes.specimens import SpecimenSampler, class_model
 from pymc_hyperelastic.data.select import specimens_apart
+from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.evidence.importance import Integral, by_importance
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
@@ -102,7 +103,10 @@ class _Fit:
         ]
         populations = [i.particles for i in integrals]
         variables = self.kernel.model.unobserved_RVs
-        return particles_to_tree(self.kernel, populations, stats, variables, entropy)
+        tree = particles_to_tree(self.kernel, populations, stats, variables, entropy)
+        method = "chain", [i.method for i in integrals]
+        tree["evidence"] = tree["evidence"].to_dataset().assign(method=method)
+        return tree
 
     def _chain(self, rng: np.random.Generator) -> Integral:
         """Particles and evidence; modes are searched only where no particles tell of them."""
@@ -125,7 +129,11 @@ def fit_distribution(
     chains: int,
     random_seed: np.random.SeedSequence,
 ) -> xr.DataTree:
-    """Posterior and evidence of a class's distribution, with the draws of its specimens."""
+    """Posterior and evidence of a class's distribution, with the draws of its specimens.
+
+    Both say by which ``method`` an integral was found, with the ``pareto_k`` of its weights:
+    ``evidence`` by chain, and ``specimens`` by specimen.
+    """
     rngs = [np.random.default_rng(seed) for seed in random_seed.spawn(chains)]
     specimens, sizes, known = draws
     for _ in range(_MOST_FITS):
@@ -146,12 +154,14 @@ def fit_distribution(
         "log_weight": ("specimen", "particle"),
         "tests": ("specimen",),
         "standard_error": ("specimen",),
+        "method": ("specimen",),
+        "pareto_k": ("specimen",),
     }
     tree["specimens"] = xr.Dataset(
         {k: (v, np.stack([getattr(d, k) for d in specimens.values()])) for k, v in dims.items()},
         {"specimen": list(specimens), "coordinate": settings.scale.names},
     )
-    return tree
+    return with_diagnosis(tree)
 
 
 def _larger(

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import xarray as xr
 
 from pymc_hyperelastic.classes.kinds import kind_of_settings
-from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
+from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
 from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 
@@ -64,8 +64,11 @@ def fit_classes(
     Returns
     -------
     xarray.DataTree
-        One child a class, each with posterior, evidence, training data and settings. It can be
-        saved with ``classes.to_netcdf(path)`` and read with ``xarray.open_datatree(path)``.
+        One child a class, each with posterior, evidence, training data and settings. With
+        variability each has draws of its ``specimens`` too; ``specimens`` and ``evidence`` then say
+        by which ``method`` each was integrated, "importance" or "tempering", with the Pareto shape
+        ``pareto_k`` of the weights (NaN by tempering). It can be saved with
+        ``classes.to_netcdf(path)`` and read with ``xarray.open_datatree(path)``.
 
     Raises
     ------
@@ -99,7 +102,8 @@ def fit_classes(
     tree = xr.DataTree.from_dict({})
     try:
         for name, fitted in kind.fit(classes, draws, chains, seed, progressbar):
-            tree[name] = with_diagnosis(fitted, f"class {name!r}: ")
+            warn_of_evidence(fitted, f"class {name!r}: ")
+            tree[name] = fitted
     except KeyboardInterrupt:
         if not tree.children:
             raise

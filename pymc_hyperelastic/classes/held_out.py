@@ -17,7 +17,7 @@ from pymc_hyperelastic.classes.interface import ClassKind
 from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.diagnosis import VERDICTS
+from pymc_hyperelastic.evidence.diagnosis import worst_of
 from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -266,7 +266,7 @@ def _tabulate(
             np.concatenate([laws, np.full((1, len(specimens)), np.nan)]),
         )
         labels = [*labels, "average"]
-        verdict = np.concatenate([verdict, [[max(v, key=_badness) for v in verdict.T]]])
+        verdict = np.concatenate([verdict, [[worst_of(v) for v in verdict.T]]])
     dims = ("strain_energy", "specimen", "class_label")
     return xr.Dataset(
         {
@@ -284,10 +284,6 @@ def _tabulate(
             "left_out": ("specimen", [str(units[s]) for s in specimens]),
         },
     )
-
-
-def _badness(verdict: str) -> int:
-    return VERDICTS.index(verdict) if verdict else -1
 
 
 def _with_scores(report: xr.Dataset) -> xr.Dataset:

@@ -4,14 +4,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from arviz_stats.base import array_stats
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from pymc_hyperelastic.classes.density import SpecimenDraws, independent, log_densities
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import ENOUGH
-from pymc_hyperelastic.evidence.weights import effective_sample_size
+from pymc_hyperelastic.evidence.weights import effective_sample_size, pareto_shape
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 
 Array = NDArray[np.float64]
@@ -76,11 +75,13 @@ class SpecimenEvidence(NamedTuple):
     """Log evidence of a specimen under a class, and how far it can be trusted.
 
     The second standard error leaves out what the evidences of all classes have in common, the
-    draws of the specimen.
+    draws of the specimen. The Pareto shape is the larger of two: of the weights of these draws
+    under the class, and of those from which the draws were chosen.
     """
 
     log_evidence: Estimate
     own_error: float
+    method: str
     pareto_k: float
 
 
@@ -91,14 +92,14 @@ def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) ->
     log_weights = draws.log_weight + logsumexp(density, axis=0) - np.log(count)
     value = float(logsumexp(log_weights))
     effective = effective_sample_size(log_weights)
-    pareto_k = float(array_stats.psislw(-log_weights)[1])
     of_draws = max(1 / effective - 1 / log_weights.size, 0.0)
     each = np.exp(logsumexp(density + draws.log_weight, axis=1) - value)
     own = float(np.sqrt(of_draws + np.var(each) / count))
     estimate = Estimate(value, float(np.hypot(own, draws.standard_error)))
-    if effective < ENOUGH:
-        pareto_k = np.inf
-    return SpecimenEvidence(estimate, own, pareto_k)
+    method = "specimen draws by tempering" if draws.method == "tempering" else "specimen draws"
+    pareto_k = np.inf if effective < ENOUGH else pareto_shape(log_weights)
+    # Tempering has no weights, and no shape.
+    return SpecimenEvidence(estimate, own, method, float(np.fmax(pareto_k, draws.pareto_k)))
 
 
 def near_class(distributions: ClassDistribution) -> ClassDistribution:

@@ -25,8 +25,7 @@ from pymc_hyperelastic.classes.density import (
     stacked,
 )
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
-from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import by_importance
+from pymc_hyperelastic.evidence.importance import Integral, by_importance
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.target import Target
@@ -74,7 +73,7 @@ class SpecimenSampler:
         found = integrate(target, _PARTICLES, rng)
         draws = self._draws(found.particles[:, self._places(target)])
         density = log_density(np, vars(draws), self.reference)
-        return _weighted(draws, density, found.log_value)
+        return _weighted(draws, density, found)
 
     def near(
         self,
@@ -105,7 +104,7 @@ class SpecimenSampler:
         if not found.trusted:
             return draws
         again = self._draws(found.particles)
-        return _weighted(again, mean_density(again, distributions), found.log_value)
+        return _weighted(again, mean_density(again, distributions), found)
 
     def _places(self, target: Target) -> NDArray[np.intp]:
         """Columns of particles on which curves depend: coordinates of each test, and ``ln σ``."""
@@ -154,10 +153,15 @@ class SpecimenSampler:
         return _SpecimenModel(forward, Target(model), pressure)
 
 
-def _weighted(draws: SpecimenDraws, log_density: Array, evidence: Estimate) -> SpecimenDraws:
+def _weighted(draws: SpecimenDraws, log_density: Array, found: Integral) -> SpecimenDraws:
     """Draws of the posterior under a prior of this log density, with the weights that they need."""
-    log_weight = evidence.value - np.log(len(log_density)) - log_density
-    return replace(draws, log_weight=log_weight, standard_error=evidence.standard_error)
+    return replace(
+        draws,
+        log_weight=found.log_value.value - np.log(len(log_density)) - log_density,
+        standard_error=found.log_value.standard_error,
+        method=found.method,
+        pareto_k=found.pareto_k,
+    )
 
 
 def reference_of(population: Population) -> ClassDistribution:

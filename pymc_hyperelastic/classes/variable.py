@@ -248,7 +248,7 @@ class SpecimenPredictive:
                 Prediction(
                     evidence.log_evidence,
                     evidence.own_error,
-                    "specimen draws",
+                    evidence.method,
                     evidence.pareto_k,
                     p_value,
                 )

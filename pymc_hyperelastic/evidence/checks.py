@@ -1,7 +1,10 @@
-"""Checks of the numbers that a user chooses."""
+"""Checks of the model and the numbers that a user gives."""
 
 from numbers import Integral, Real
 from typing import Any
+
+import pymc as pm
+from pymc.vartypes import discrete_types
 
 
 def check_count(name: str, value: Any, least: int) -> None:
@@ -16,3 +19,17 @@ def check_fraction(name: str, value: Any) -> None:
     """Raise unless `value` is a number between 0 and 1, neither of them included."""
     if not isinstance(value, Real) or not 0 < float(value) < 1:
         raise ValueError(f"{name} is {value!r}; expected a number between 0 and 1")
+
+
+def check_model(model: Any) -> None:
+    """Raise TypeError unless `model` is a PyMC model."""
+    if not isinstance(model, pm.Model):
+        raise TypeError(f"expected a pm.Model, not {type(model).__name__}")
+
+
+def check_continuous(model: pm.Model, who: str = "expected") -> None:
+    """Raise unless the model has free variables, all of them continuous."""
+    discrete = [v.name for v in model.value_vars if v.dtype in discrete_types]
+    if discrete or not model.value_vars:
+        what = f"discrete: {discrete}" if discrete else "none"
+        raise ValueError(f"{who} a model with continuous free variables; here are {what}")

@@ -10,7 +10,7 @@ from pymc_hyperelastic.evidence.mixture import Array
 
 # Chains that agree have a smaller split R-hat, and of ESS, in the bulk and in the tails, more: a
 # mode that is seldom met is a tail.
-_LARGEST_RHAT, _FEWEST_EFFECTIVE, _TAILS = 1.05, 40, (0.05, 0.95)
+LARGEST_RHAT, _FEWEST_EFFECTIVE, _TAILS = 1.05, 40, (0.05, 0.95)
 # With somewhat more divergent transitions, or many more, NUTS missed a fifth of the mass in the
 # neck of a hierarchy; with fewer nothing was missing.
 _MOST_DIVERGENT = 0.001
@@ -32,7 +32,7 @@ def disagreement(names: Sequence[str], draws: Array, log_density: Array) -> list
     rhat = np.nan_to_num(rhat, nan=np.inf)  # of chains that stand still
     effective = np.nan_to_num(np.minimum(bulk, tail))
     names = [*names, "the log density"]
-    if rhat.max() > _LARGEST_RHAT:
+    if rhat.max() > LARGEST_RHAT:
         return [
             f"the chains disagree (R-hat {rhat.max():.2f} of {names[rhat.argmax()]}): they have "
             "not met the same parts of the posterior, or are too short"

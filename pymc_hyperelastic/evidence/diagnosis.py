@@ -9,6 +9,7 @@ import xarray as xr
 from arviz_stats.base import array_stats
 from scipy.stats import chi2
 
+from pymc_hyperelastic.evidence.convergence import LARGEST_RHAT
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
@@ -17,9 +18,8 @@ from pymc_hyperelastic.evidence.results import check_result
 _NATS, _ERRORS = 0.3, 4.0
 # Chains whose spread chance explains less often than this are apart.
 _CHANCE = 1e-3
-# R-hat between chains from which they have not met the same posterior, for all that is known; and
-# from which they certainly have not.
-_DOUBTFUL_RHAT, _LARGEST_RHAT = 1.05, 1.2
+# R-hat from which chains certainly have not met the same posterior.
+_APART_RHAT = 1.2
 # Fractions of the first particles that have descendants in the end: of fewer a chain knows little,
 # and nothing; and with so many it has hardly lost any.
 _FEW_ANCESTORS, _TOO_FEW_ANCESTORS, _MANY_ANCESTORS = 0.03, 0.01, 0.15
@@ -28,7 +28,7 @@ _MOST_CAPPED = 0.5
 # Pareto shape of the weights up to which their mean converges at a rate that is worth its draws.
 _LARGEST_SHAPE = 0.7
 # Verdicts from good to bad.
-VERDICTS = ("good", "doubtful", "not to be trusted")
+_VERDICTS = ("good", "doubtful", "not to be trusted")
 _GOOD, _DOUBTFUL, _BAD = range(3)
 _INSTEAD = (
     "; for a hierarchy with many unknowns take NUTS and ph.log_evidence_by_bridge, or for classes "
@@ -81,7 +81,7 @@ def log_evidence(tree: xr.DataTree) -> Estimate:
     estimate = combine_chains(evidence["log_evidence"].values, evidence["log_evidence_se"].values)
     # What all chains have in common no mean of theirs removes.
     common = float(evidence["specimens_se"]) if "specimens_se" in evidence else 0.0
-    if diagnose_evidence(tree).attrs["verdict"] == VERDICTS[_BAD]:
+    if diagnose_evidence(tree).attrs["verdict"] == _VERDICTS[_BAD]:
         common = np.inf
     return Estimate(estimate.value, float(np.hypot(estimate.standard_error, common)))
 
@@ -169,20 +169,27 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     return _as_dataset(checks)
 
 
-def with_diagnosis(tree: xr.DataTree, of: str = "") -> xr.DataTree:
-    """The result with its diagnosis, and a warning if that is not good."""
-    diagnosis = diagnose_evidence(tree)
-    tree["diagnosis"] = diagnosis
-    if diagnosis.attrs["verdict"] != VERDICTS[_GOOD]:
-        said = f"the evidence is {diagnosis.attrs['verdict']}: {diagnosis.attrs['words']}"
-        warnings.warn(of + said, stacklevel=3)
+def with_diagnosis(tree: xr.DataTree) -> xr.DataTree:
+    """The result with its diagnosis, which is taken once."""
+    tree["diagnosis"] = diagnose_evidence(tree)
     return tree
+
+
+def warn_of_evidence(tree: xr.DataTree, of: str = "") -> None:
+    """Warn who called the caller if the diagnosis of a result is not good."""
+    said = diagnose_evidence(tree).attrs
+    if said["verdict"] != _VERDICTS[_GOOD]:
+        warnings.warn(f"{of}the evidence is {said['verdict']}: {said['words']}", stacklevel=3)
 
 
 def worst_verdict(trees: Iterable[xr.DataTree]) -> str:
     """The worst of the verdicts about some results."""
-    verdicts = [diagnose_evidence(tree).attrs["verdict"] for tree in trees]
-    return max(verdicts, key=VERDICTS.index)
+    return worst_of(diagnose_evidence(tree).attrs["verdict"] for tree in trees)
+
+
+def worst_of(verdicts: Iterable[str]) -> str:
+    """The worst of some verdicts; an empty one says nothing."""
+    return max(verdicts, key=("", *_VERDICTS).index)
 
 
 def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[_Check]:
@@ -203,8 +210,8 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[_
         }
         worst = max(rhat, key=rhat.__getitem__)
         words = f"chains met different parts of the posterior: R-hat of {worst} {rhat[worst]:.2f}"
-        verdict = _worse(rhat[worst], _DOUBTFUL_RHAT, _LARGEST_RHAT)
-        checks.append(_Check("R-hat", rhat[worst], _DOUBTFUL_RHAT, verdict, words))
+        verdict = _worse(rhat[worst], LARGEST_RHAT, _APART_RHAT)
+        checks.append(_Check("R-hat", rhat[worst], LARGEST_RHAT, verdict, words))
     return checks
 
 
@@ -221,13 +228,13 @@ def _as_dataset(checks: list[_Check]) -> xr.Dataset:
     columns = {
         "value": np.array([check.value for check in checks]),
         "limit": np.array([check.limit for check in checks]),
-        "verdict": np.array([VERDICTS[check.verdict] for check in checks]),
+        "verdict": np.array([_VERDICTS[check.verdict] for check in checks]),
         "words": np.array([check.words if check.verdict else "" for check in checks]),
     }
     return xr.Dataset(
         {name: ("check", column) for name, column in columns.items()},
         {"check": [check.name for check in checks]},
-        {"verdict": VERDICTS[worst], "words": words if worst else "nothing is against it"},
+        {"verdict": _VERDICTS[worst], "words": words if worst else "nothing is against it"},
     )
 
 

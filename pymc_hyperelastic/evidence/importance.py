@@ -52,7 +52,7 @@ def by_importance(
 ) -> Integral:
     """Integral by importance sampling from a mixture, adapted from one that it is somehow like."""
     mixture = adapted_mixture(score, like, rng)
-    points, log_weights = weighted_draws(score, mixture, DRAWS, rng)
+    points, log_weights = weighted_draws(score, mixture.heavy_tailed(), DRAWS, rng)
     log_value, pareto_k = mean_weight(log_weights)
     particles = points
     if np.isfinite(log_value.value):
@@ -102,11 +102,11 @@ def adapted_mixture(
 
 
 def weighted_draws(
-    score: Score, mixture: GaussianMixture, draws: int, rng: np.random.Generator
+    score: Score, proposal: GaussianMixture, draws: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Points from the mixture with heavy tails, and the logarithms of their weights."""
-    points, log_density = draw_heavy_tailed(mixture, draws, rng)
-    log_weights = sum(score(points)) - log_density
+    """Points from a proposal, and the logarithms of their weights."""
+    points = proposal.draw(draws, rng)
+    log_weights = sum(score(points)) - proposal.log_density(points)
     return points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
 
 

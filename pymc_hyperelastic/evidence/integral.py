@@ -12,8 +12,6 @@ from pymc_hyperelastic.evidence.tempering import Tempering
 
 # Draws of the prior of which the best are climbed from.
 _PRIOR_DRAWS = 2000
-# Effective fraction that the stages of tempering keep.
-_THRESHOLD = 0.5
 
 
 @np.errstate(all="ignore")  # a climb may be so wild that it overflows
@@ -24,7 +22,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     starts at the modes and the prior gives them in a tenth of the time of tempering, which is left
     the others.
     """
-    prior = target.columns(target.draw_prior(_PRIOR_DRAWS, rng))
+    prior = target.draw_prior(_PRIOR_DRAWS, rng)
     starts = places_to_climb_from(prior, np.add(*target.score(prior)))
     modes = modes_from(target.ascent, starts, width_of(prior))
     # A posterior that is hardly narrower than the prior is not like its mode.
@@ -36,7 +34,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
         return quick
     reference = find_reference(target, rng).reference
     particles = reference.draw(target, size, rng)
-    sampled = Tempering(target, particles, rng, reference=reference, threshold=_THRESHOLD).run()
+    sampled = Tempering(target, particles, rng, reference=reference).run()
     error = float(np.sqrt(sampled.variance))
     if np.isfinite(quick.log_value.standard_error):
         # Two estimates that share nothing: what lies between them is not known.

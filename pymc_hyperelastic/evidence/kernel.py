@@ -11,12 +11,12 @@ from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.search import Search, find_reference
 from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.evidence.tempering import Tempering
+from pymc_hyperelastic.evidence.tempering import THRESHOLD, Tempering
 
 # A covariance of more unknowns is not known from some thousand particles.
 _MOST_UNKNOWNS = 300
-# Fractions of the effective sample size that stages keep.
-_NEAR, _FAR = 0.5, 0.8
+# Fraction of the effective sample size that stages keep on the long way from the prior alone.
+_FAR = 0.8
 
 
 class BatchedSMC(SMC_KERNEL):
@@ -161,7 +161,8 @@ class BatchedSMC(SMC_KERNEL):
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
         self.start = start
-        self.threshold = threshold or (_NEAR if self.from_modes or self.dimension <= 2 else _FAR)
+        near = self.from_modes or self.dimension <= 2
+        self.threshold = threshold or (THRESHOLD if near else _FAR)
         self.forget = forget
         self.max_moves = max_moves
         self.rng = np.random.default_rng(random_seed)
@@ -174,7 +175,7 @@ class BatchedSMC(SMC_KERNEL):
 
     def initialize_population(self) -> dict[str, Array]:
         """Draw particles from the prior."""
-        return self.target.draw_prior(self.draws, self.rng)
+        return self.target.draw_prior_by_name(self.draws, self.rng)
 
     def find_reference(self, rng: np.random.Generator) -> None:
         """Find the reference from which chains start, if they start from one."""
@@ -214,12 +215,7 @@ class BatchedSMC(SMC_KERNEL):
             forget=self.forget,
             max_moves=self.max_moves,
         )
-        if not self.tempering.possible.any():
-            raise ValueError(
-                f"none of the {self.draws} initial particles has a finite likelihood "
-                f"({self.target.nan_scores} are NaN): is the prior far from what the data allow, "
-                "or is a unit wrong?"
-            )
+        self.target.check_possible(self.tempering.possible, f"the {self.draws} initial particles")
         self._read()
 
     def update_beta_and_weights(self) -> None:

@@ -8,6 +8,7 @@ import pymc as pm
 from scipy.integrate import cubature
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.checks import check_model
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
@@ -56,8 +57,7 @@ def log_evidence_by_quadrature(model: pm.Model, *, rtol: float = 1e-8) -> Estima
     >>> round(ph.log_evidence_by_quadrature(model).value, 6)
     -2.548376
     """
-    if not isinstance(model, pm.Model):
-        raise TypeError(f"expected a pm.Model, not {type(model).__name__}")
+    check_model(model)
     kernel = BatchedSMC(draws=1000, model=model)
     if kernel.dimension > 2:
         raise ValueError(

@@ -21,7 +21,7 @@ class Reference:
     def draw(self, target: Target, size: int, rng: np.random.Generator) -> Array:
         """Points, shape (size, d), in exact shares."""
         of_prior = round(self.prior_share * size)
-        prior = target.columns(target.draw_prior(of_prior, rng))
+        prior = target.draw_prior(of_prior, rng)
         return np.concatenate([prior, self.mixture.draw(size - of_prior, rng)])
 
     def log_density(self, points: Array, log_prior: Array) -> Array:

@@ -10,8 +10,10 @@ has the groups
 ``evidence`` : (chain)
     ``log_evidence`` and ``log_evidence_se`` of each chain, and what tells how far they can be
     trusted: the fraction of stages at which ``moves`` were not enough and of ``ancestors`` that are
-    left; the evidence by tempering from the prior alone (``forward``) and from the modes
-    (``at_modes``), and the ``log_masses`` of these.
+    left; the Pareto shape of weights (``pareto_k``); the evidence by tempering from the prior alone
+    (``forward``) and from the modes (``at_modes``, with the shape ``at_modes_k`` of its weights),
+    and the ``log_masses`` of these. Where chains were integrated, in classes with variability,
+    the ``method`` of each.
 ``diagnosis`` : (check)
     What :func:`diagnose_evidence` says.
 """

@@ -22,8 +22,8 @@ CLIMBS = 8
 # unknowns, since in many dimensions points meet nothing narrow; and at most for each that can be
 # scored at once. Climbs from the most outstanding of them.
 _PROBES, _MOST_PROBES, _COSTLY, _PROBED = 5_000, 320_000, 5, 2
-# Moves at a stage of the search, which need not be exact, and the effective fraction that it keeps.
-_FORWARD_MOVES, _MOVES, _THRESHOLD = 10, 20, 0.5
+# Moves at a stage of the search, which need not be exact.
+_FORWARD_MOVES, _MOVES = 10, 20
 # Shares of the prior: while little is known, and in the end.
 _FIRST_SHARE, _LAST_SHARE = 0.2, 0.1
 # Share of the modes in the end, where there are several.
@@ -43,6 +43,8 @@ class Search:
     little."""
     at_modes: Estimate
     """Evidence by importance sampling from the modes; without an error if that is not enough."""
+    at_modes_k: float
+    """Pareto shape of its weights; infinite where nothing is known."""
     log_masses: Array
     """Of the modes, by Laplace's approximation."""
 
@@ -54,6 +56,7 @@ class Search:
                 "forward_se": self.forward.standard_error,
                 "at_modes": self.at_modes.value,
                 "at_modes_se": self.at_modes.standard_error,
+                "at_modes_k": self.at_modes_k,
                 "log_masses": ("mode", self.log_masses),
             }
         )
@@ -71,17 +74,11 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
         min(max(each * target.dimension, least), largest)
         for each, least, largest in (_DRAWS, _FORWARD_DRAWS)
     )
-    prior = target.columns(target.draw_prior(draws, rng))
+    prior = target.draw_prior(draws, rng)
     target.nan_scores = 0
     score = np.add(*target.score(prior))
-    if not np.isfinite(score).any():
-        raise ValueError(
-            f"none of {draws} draws of the prior has a finite likelihood ({target.nan_scores} are "
-            "NaN): is the prior far from what the data allow, or is a unit wrong?"
-        )
-    forward = Tempering(
-        target, prior[:few], rng, threshold=_THRESHOLD, max_moves=_FORWARD_MOVES
-    ).run()
+    target.check_possible(np.isfinite(score), f"{draws} draws of the prior")
+    forward = Tempering(target, prior[:few], rng, max_moves=_FORWARD_MOVES).run()
 
     starts = [
         places_to_climb_from(prior, score),
@@ -90,22 +87,16 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
     ]
     modes = modes_from(target.ascent, np.concatenate(starts), width_of(prior))
 
-    mixture, at_modes = _fitted(forward, rng), Estimate(-np.inf, np.inf)
+    mixture, at_modes, at_modes_k = _fitted(forward, rng), Estimate(-np.inf, np.inf), np.inf
     if modes is not None:
         mixture = mixture.joined(modes.mixture)
-        _, log_weights = weighted_draws(target.score, modes.mixture, draws, rng)
-        at_modes, pareto_k = mean_weight(log_weights)
-        if pareto_k >= LARGEST_PARETO_K:
+        _, log_weights = weighted_draws(target.score, modes.mixture.heavy_tailed(), draws, rng)
+        at_modes, at_modes_k = mean_weight(log_weights)
+        if at_modes_k >= LARGEST_PARETO_K:
             at_modes = Estimate(at_modes.value, np.inf)
     first = Reference(mixture.heavy_tailed(), _FIRST_SHARE)
-    found = Tempering(
-        target,
-        first.draw(target, draws, rng),
-        rng,
-        reference=first,
-        threshold=_THRESHOLD,
-        max_moves=_MOVES,
-    ).run()
+    particles = first.draw(target, draws, rng)
+    found = Tempering(target, particles, rng, reference=first, max_moves=_MOVES).run()
     mixture = _fitted(found, rng)
     if modes is not None and len(modes.log_masses) > 1:
         # There may be more modes than a mixture has components.
@@ -116,6 +107,7 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
             forward.log_evidence, np.inf if forward.capped else float(np.sqrt(forward.variance))
         ),
         at_modes,
+        at_modes_k,
         modes.log_masses if modes is not None else np.array([]),
     )
 
@@ -134,9 +126,8 @@ def _outstanding(target: Target, mixture: GaussianMixture, rng: np.random.Genera
     """
     size = target.dimension
     probes = min(_PROBES * size**2, _MOST_PROBES // size, _COSTLY * target.at_once)
-    points = mixture.draw(probes, rng)
-    log_weights = sum(target.score(points)) - mixture.log_density(points)
-    return points[np.argsort(-np.nan_to_num(log_weights, nan=-np.inf))[:_PROBED]]
+    points, log_weights = weighted_draws(target.score, mixture, probes, rng)
+    return points[np.argsort(-log_weights)[:_PROBED]]
 
 
 def places_to_climb_from(points: Array, score: Array) -> Array:

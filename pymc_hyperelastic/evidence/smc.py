@@ -1,5 +1,6 @@
 """Sampling by sequential Monte Carlo, and the evidence that it gives."""
 
+import os.path
 import warnings
 from collections.abc import Sequence
 from typing import Any
@@ -11,11 +12,14 @@ from pymc.progress_bar import SMCProgressBarManager
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
+from pymc_hyperelastic.evidence.checks import check_count, check_model
+from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence, with_diagnosis
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import sampling_tree
+
+# Chains are run for several public functions: a warning of them names the line that called one.
+_PACKAGE = os.path.join(os.path.dirname(os.path.dirname(__file__)), "")
 
 
 def sample_smc(
@@ -79,7 +83,8 @@ def sample_smc(
     """
     settings = {"start": start, "var_names": var_names, **kernel_settings}
     tree = run_smc(model, draws, chains, random_seed, progressbar, **settings)
-    return with_diagnosis(tree)
+    warn_of_evidence(tree)
+    return tree
 
 
 def run_smc(
@@ -93,9 +98,8 @@ def run_smc(
     var_names: Sequence[str] | None = None,
     **kernel_settings: Any,
 ) -> xr.DataTree:
-    """What :func:`sample_smc` returns, before its evidence is judged."""
-    if not isinstance(model, pm.Model):
-        raise TypeError(f"expected a pm.Model, not {type(model).__name__}")
+    """What :func:`sample_smc` returns, without a warning of its evidence."""
+    check_model(model)
     check_count("chains", chains, 1)
     if start is not None and len(start) != chains:
         raise ValueError(f"start holds {len(start)} dict(s) of particles for {chains} chains")
@@ -116,10 +120,12 @@ def run_smc(
             except KeyboardInterrupt:
                 if not populations:
                     raise
-                warnings.warn(f"interrupted: {chain} of {chains} chains are complete", stacklevel=2)
+                said = f"interrupted: {chain} of {chains} chains are complete"
+                warnings.warn(said, skip_file_prefixes=(_PACKAGE,))
                 break
             populations.append(kernel.tempered_posterior)
-    return particles_to_tree(kernel, populations, stats, variables, random_seed)
+    tree = particles_to_tree(kernel, populations, stats, variables, random_seed)
+    return with_diagnosis(tree)
 
 
 def seed_sequence(random_seed: Any) -> np.random.SeedSequence:

@@ -9,7 +9,6 @@ import numpy as np
 import pymc as pm
 import pytensor.tensor as pt
 from numpy.typing import NDArray
-from pymc.vartypes import discrete_types
 from pytensor.gradient import NullTypeGradError
 from pytensor.tensor.variable import TensorVariable
 
@@ -20,6 +19,7 @@ from pymc_hyperelastic.evidence.batched import (
     value_shapes,
     without_traces,
 )
+from pymc_hyperelastic.evidence.checks import check_continuous
 
 Array = NDArray[np.float64]
 
@@ -63,10 +63,7 @@ class Target:
         tempered: Sequence[str] | None = None,
         compile_kwargs: dict[str, Any] | None = None,
     ) -> None:
-        discrete = [v.name for v in model.value_vars if v.dtype in discrete_types]
-        if discrete or not model.value_vars:
-            what = f"discrete: {discrete}" if discrete else "none"
-            raise ValueError(f"SMC needs a model with continuous free variables; here are {what}")
+        check_continuous(model, "SMC needs")
         self.model = model
         self.var_info = {name: (shape, prod(shape)) for name, shape in value_shapes(model).items()}
         self.dimension = sum(size for _, size in self.var_info.values())
@@ -80,7 +77,11 @@ class Target:
         """Points by the name of the value variable as a matrix, in which each has a row."""
         return side_by_side([points[name] for name in self.var_info]).astype(float)
 
-    def draw_prior(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
+    def draw_prior(self, count: int, rng: np.random.Generator) -> Array:
+        """Draw points from the prior, shape (count, d)."""
+        return self.columns(self.draw_prior_by_name(count, rng))
+
+    def draw_prior_by_name(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
         """Draw points from the prior, by the name of the value variable."""
         try:
             if count not in self._draw:
@@ -132,6 +133,14 @@ class Target:
             return prior + likelihood, of_prior + of_likelihood
 
         return slope
+
+    def check_possible(self, possible: NDArray[np.bool_], points: str) -> None:
+        """Raise, naming the points, unless one of those that were scored is possible."""
+        if not possible.any():
+            raise ValueError(
+                f"none of {points} has a finite likelihood ({self.nan_scores} are NaN): is the "
+                "prior far from what the data allow, or is a unit wrong?"
+            )
 
     def _possible(self, prior: Array, likelihood: Array) -> tuple[Array, Array]:
         # What overflows is no number either.

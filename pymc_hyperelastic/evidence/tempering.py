@@ -16,6 +16,8 @@ from pymc_hyperelastic.evidence.weights import (
     systematic,
 )
 
+# Fraction of the effective sample size that stages keep.
+THRESHOLD = 0.5
 # Correlation cannot show how fast particles move before they had a few moves.
 _FEWEST_MOVES = 4
 # The proposals look ahead as far as this fraction of the particles is effective there, and this
@@ -56,7 +58,7 @@ class Tempering:
         rng: np.random.Generator,
         *,
         reference: Reference | None = None,
-        threshold: float,
+        threshold: float = THRESHOLD,
         forget: float = 0.1,
         max_moves: int = 50,
     ) -> None:
@@ -64,7 +66,7 @@ class Tempering:
         self.threshold, self.forget, self.max_moves = threshold, forget, max_moves
         self.particles = particles
         self.draws, self.dimension = particles.shape
-        self.beta, self.stages, self.moves, self.capped = 0.0, 0, 0, 0
+        self.beta, self.moves, self.capped = 0.0, 0, 0
         self.log_evidence, self.variance = 0.0, 0.0
         self.effective_sample_size, self.acceptance = float(self.draws), 0.0
         self._start, self._rise = self._score(particles)
@@ -108,7 +110,6 @@ class Tempering:
 
     def reweight(self) -> None:
         """Raise ``β`` as far as the effective sample size allows, and take the evidence's step."""
-        self.stages += 1
         rise = np.concatenate([rise for *_, rise in self._visited])
         remaining = 1.0 - self.beta
         threshold = max(self.threshold, self.moves / (self.moves + 5))
@@ -129,7 +130,7 @@ class Tempering:
     def resample(self) -> None:
         """Resample the particles systematically from all places visited."""
         places, start, rise = (np.concatenate(x) for x in zip(*self._visited, strict=True))
-        self.chosen = chosen = systematic(self.weights, self.draws, self.rng)
+        chosen = systematic(self.weights, self.draws, self.rng)
         self.eve = self.eve[chosen % self.draws]
         self.particles, self._start, self._rise = places[chosen], start[chosen], rise[chosen]
         self._logp = self._start + self.beta * self._rise

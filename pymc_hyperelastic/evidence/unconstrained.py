@@ -1,19 +1,18 @@
 """Draws of any sampler on the scale on which a model's variables have no bounds."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 import pymc as pm
 import xarray as xr
 from pymc.logprob.transforms import CircularTransform
-from pymc.vartypes import discrete_types
 
 from pymc_hyperelastic.evidence.batched import (
     BatchedFunction,
     unconstrain,
     value_shapes,
 )
+from pymc_hyperelastic.evidence.checks import check_continuous, check_model
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
 
@@ -44,7 +43,8 @@ def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> tuple[Array, list
         If the model has discrete variables, if the tree lacks a variable, or if draws have another
         shape than the model's, are not finite, or at a bound.
     """
-    _check_continuous(model)
+    check_model(model)
+    check_continuous(model)
     posterior, shapes = _posterior(model, tree), value_shapes(model)
     size = posterior[0].shape[:2]
     values = _stored(model, tree, shapes, size)
@@ -80,15 +80,6 @@ def log_density_function(model: pm.Model, names: Sequence[str]) -> Callable[[Arr
         return np.where(once, values, NOTHING).reshape(points.shape[:-1])
 
     return density
-
-
-def _check_continuous(model: Any) -> None:
-    if not isinstance(model, pm.Model):
-        raise TypeError(f"expected a pm.Model, not {type(model).__name__}")
-    discrete = [v.name for v in model.value_vars if v.dtype in discrete_types]
-    if discrete or not model.value_vars:
-        what = f"discrete: {discrete}" if discrete else "none"
-        raise ValueError(f"expected a model with continuous free variables; here are {what}")
 
 
 def _posterior(model: pm.Model, tree: xr.DataTree) -> list[Array]:

@@ -42,7 +42,7 @@ def effective_sample_size(log_weights: Array) -> float:
 
 
 def pareto_shape(log_weights: Array) -> float:
-    """Shape of the generalised Pareto distribution of the largest weights.
+    """Shape of the generalised Pareto distribution of the largest weights; infinite without any.
 
     References
     ----------
@@ -50,6 +50,8 @@ def pareto_shape(log_weights: Array) -> float:
     Journal of Machine Learning Research 25 (2024) 72.
     """
     finite = log_weights[np.isfinite(log_weights)]
+    if finite.size == 0:
+        return np.inf
     if np.ptp(finite) == 0:
         return -np.inf  # equal weights have no tail
     # The weights that it smooths on the way, which are not needed, may overflow.

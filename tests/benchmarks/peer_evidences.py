@@ -88,7 +88,7 @@ def nested_slices(model, seed):
         num_delete=50,
     )
     # Live points, as many as dynesty has.
-    drawn = target.draw_prior(500, np.random.default_rng(seed))
+    drawn = target.draw_prior_by_name(500, np.random.default_rng(seed))
     state = sampler.init(jax.tree.map(jax.numpy.asarray, drawn))
     step, key, dead = jax.jit(sampler.step), jax.random.key(seed), []
     while not state.integrator.logZ_live - state.integrator.logZ < -3:
@@ -109,7 +109,7 @@ def pocomc(model, seed):
         dim = target.dimension
         bounds = np.tile([-np.inf, np.inf], (dim, 1))
         logpdf = staticmethod(lambda x: target.score(x)[0])
-        rvs = staticmethod(lambda size: target.columns(target.draw_prior(size, rng)))
+        rvs = staticmethod(lambda size: target.draw_prior(size, rng))
 
     options = {"vectorize": True, "random_state": seed}
     sampler = pocomc.Sampler(Prior(), lambda x: target.score(x)[1], **options)

@@ -66,8 +66,9 @@ def test_an_interrupt_ends_the_report(monkeypatch, module, name, call, chains):
     """What was known before is kept, and nothing is made of half a fit, nor fitted afterwards."""
     complete = report_of(chains=chains)
     interrupt(monkeypatch, module, name, call)
-    with pytest.warns(UserWarning, match="interrupted"):
+    with pytest.warns(UserWarning, match="interrupted") as caught:
         report = report_of(chains=chains)
+    assert {warning.filename for warning in caught} == {__file__}
     xr.testing.assert_identical(report.isel(specimen=[0]), complete.isel(specimen=[0]))
     for value in ("class_probability", "log_evidence", "log_score", "brier_score"):
         assert np.isnan(report[value].values[:, 1:]).all()

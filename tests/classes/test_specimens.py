@@ -1,5 +1,7 @@
 """What the curves of one specimen say, held against any class distribution."""
 
+from dataclasses import replace
+
 import numpy as np
 import pymc as pm
 import pytest
@@ -8,6 +10,7 @@ from scipy.special import logsumexp
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.density import SpecimenDraws, log_density
+from pymc_hyperelastic.classes.specimen_evidence import specimen_evidence
 from pymc_hyperelastic.classes.specimens import class_model
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.integral import integrate
@@ -147,6 +150,27 @@ def test_half_of_the_draws_can_stand_for_all():
     half = draws.first(20)
     np.testing.assert_allclose(half.log_weight, draws.log_weight[:20] + np.log(2))
     np.testing.assert_array_equal(half.centre, draws.centre[:, :20])
+
+
+@pytest.mark.parametrize(
+    ("method", "shape", "expected"),
+    [
+        ("importance", 0.4, "specimen draws"),
+        ("importance", -0.4, "specimen draws"),
+        ("tempering", np.nan, "specimen draws by tempering"),
+    ],
+)
+def test_an_evidence_says_how_its_draws_were_found(method, shape, expected):
+    """With the larger of both shapes of weights, if there are two."""
+    rng = np.random.default_rng(SEED)
+    x = rng.standard_normal((1, 4000))
+    zero = np.zeros(4000)
+    draws = SpecimenDraws(x, 0 * x, zero, zero, 1, 0.0, x.T, method, shape)
+    class_of = ClassDistribution(np.zeros((1, 1, 1)), np.full((1, 1, 1), 0.9), [[1.0]])
+    evidence = specimen_evidence(draws, class_of)
+    alone = specimen_evidence(replace(draws, pareto_k=np.nan), class_of)
+    assert evidence.method == expected
+    assert evidence.pareto_k == (shape if shape > alone.pareto_k else alone.pareto_k)
 
 
 def test_evidence_of_precise_points_of_unknown_noise():

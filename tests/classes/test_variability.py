@@ -18,6 +18,7 @@ from variable_classes import (
 )
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 
 # An honest standard error is exceeded threefold once in 370 runs; seeds are fixed.
 STANDARD_ERRORS = 3
@@ -281,6 +282,18 @@ def test_one_seed_gives_one_sample_of_each_specimen(classes):
         xr.testing.assert_equal(
             again[name]["specimens"].to_dataset(), classes[name]["specimens"].to_dataset()
         )
+
+
+def test_classes_say_how_they_were_integrated(classes, tmp_path):
+    """Both a class and each of its specimens, by which method and with which weights."""
+    classes.to_netcdf(tmp_path / "classes.nc", engine="h5netcdf")
+    loaded = xr.load_datatree(tmp_path / "classes.nc", engine="h5netcdf")
+    for name in NAMES:
+        for group, dim in (("evidence", "chain"), ("specimens", "specimen")):
+            method, shape = (loaded[name][group][v] for v in ("method", "pareto_k"))
+            assert method.dims == shape.dims == (dim,)
+            assert set(method.values) == {"importance"}
+            assert np.all(shape < LARGEST_PARETO_K)
 
 
 # --- what is decided ------------------------------------------------------------------------------

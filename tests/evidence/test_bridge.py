@@ -7,6 +7,7 @@ import pymc as pm
 import pytensor.tensor as pt
 import pytest
 import xarray as xr
+from evidences import PROBLEMS
 from pymc.distributions import transforms
 from pytensor.compile.mode import Mode
 from scipy import stats
@@ -606,38 +607,18 @@ def test_draws_that_cannot_be_are_refused(regression):
 # --- samplers ------------------------------------------------------------------------------------
 
 
-def eight_schools(centred):
-    effects, sd = [28.0, 8, -3, 7, -1, 1, 18, 12], [15.0, 10, 16, 11, 9, 11, 10, 18]
-    with pm.Model() as model:
-        mu = pm.Normal("mu", 0, 5)
-        tau = pm.HalfCauchy("tau", 5)
-        if centred:
-            effect = pm.Normal("effect", mu, tau, shape=8)
-        else:
-            effect = mu + tau * pm.Normal("standard", 0, 1, shape=8)
-        pm.Normal("y", effect, sd, observed=effects)
-
-    def log_density(t):
-        total = np.square(sd) + np.exp(2 * t)
-        marginal = stats.multivariate_normal(cov=np.diag(total) + 25.0).logpdf(effects)
-        return marginal + stats.halfcauchy(scale=5).logpdf(np.exp(t)) + t
-
-    step = 0.01
-    grid = np.arange(-25, 12, step)
-    exact = np.logaddexp.reduce([log_density(t) for t in grid]) + np.log(step)
-    return model, exact
-
-
 @pytest.mark.deep
 @pytest.mark.parametrize("sampler", ["pymc", "nutpie"])
 def test_eight_schools_by_nuts(sampler):
     """Where the coordinates are good, the evidence is; where NUTS diverges, it is not trusted."""
     settings = {"chains": 4, "random_seed": SEED, "progressbar": False, "nuts_sampler": sampler}
-    model, exact = eight_schools(centred=False)
+    problem = PROBLEMS["eight_schools_noncentred"]
+    model = problem.model()
     with model:
         tree = pm.sample(cores=1, target_accept=0.95, **settings)
-    assert_agrees(ph.log_evidence_by_bridge(model, tree, random_seed=SEED), exact, 0.02)
-    model, _ = eight_schools(centred=True)
+    found = ph.log_evidence_by_bridge(model, tree, random_seed=SEED)
+    assert_agrees(found, problem.log_evidence(), 0.02)
+    model = PROBLEMS["eight_schools"].model()
     with model, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         tree = pm.sample(cores=1, **settings)

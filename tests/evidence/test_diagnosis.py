@@ -6,8 +6,14 @@ import pytest
 import xarray as xr
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.evidence.diagnosis import with_diagnosis, worst_verdict
+from pymc_hyperelastic.evidence.diagnosis import (
+    warn_of_evidence,
+    with_diagnosis,
+    worst_of,
+    worst_verdict,
+)
 from pymc_hyperelastic.evidence.estimate import combine_chains
+from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 
 SEED = 20250
 
@@ -99,13 +105,15 @@ def test_error_of_chains_has_no_ceiling():
 
 def test_verdict_is_stored_and_a_warning_says_it(tmp_path):
     """It comes back from a file, and the warning names the class and the number."""
+    tree = with_diagnosis(result(ancestors=0.005))
     with pytest.warns(UserWarning, match=r"class 'C1': the evidence is not .* come from 0\.5%"):
-        tree = with_diagnosis(result(ancestors=0.005), "class 'C1': ")
+        warn_of_evidence(tree, "class 'C1': ")
     tree.to_netcdf(tmp_path / "tree.nc")
     loaded = xr.load_datatree(tmp_path / "tree.nc")
     xr.testing.assert_identical(ph.diagnose_evidence(loaded), ph.diagnose_evidence(tree))
     assert np.isinf(ph.log_evidence(loaded).standard_error)
     assert worst_verdict([result(), tree]) == "not to be trusted"
+    assert worst_of(["", "good"]) == "good"
 
 
 def line(sd=0.5):
@@ -125,6 +133,7 @@ def test_sampled_evidence_is_diagnosed():
     tree = ph.sample_smc(line(), 300, 2, random_seed=SEED, progressbar=False)
     assert tree["diagnosis"].attrs["verdict"] == "good"
     assert {"modes", "ancestors", "weights"} <= set(tree["diagnosis"]["check"].values)
+    assert tree["evidence"]["at_modes_k"] < LARGEST_PARETO_K
 
 
 def test_particles_that_were_left_behind_are_noticed():

@@ -11,7 +11,10 @@ from scipy import integrate, stats
 from scipy.special import gammaln, logsumexp
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.evidence.estimate import combine_chains
+from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
+from pymc_hyperelastic.evidence.mixture import GaussianMixture
+from pymc_hyperelastic.evidence.reference import Reference
+from pymc_hyperelastic.evidence.search import Search
 
 SEED = 20250
 # Tests of one estimate with a fixed seed: an honest error bar is exceeded three times over once in
@@ -393,6 +396,16 @@ def test_models_that_cannot_be_sampled_say_why(build, message):
     """One error each, which names what is wrong with the model."""
     with pytest.raises(ValueError, match=message):
         ph.sample_smc(build(), 100, 1, random_seed=SEED, progressbar=False)
+
+
+def test_a_reference_without_possible_particles_says_why():
+    """A mode so rare in the prior that a search may miss it with all of its particles."""
+    kernel = ph.BatchedSMC(draws=100, model=impossible(), random_seed=SEED)
+    mixture = GaussianMixture(np.zeros(1), np.zeros((1, 1)), np.ones((1, 1, 1)))
+    unknown = Estimate(-np.inf, np.inf)
+    kernel.search = Search(Reference(mixture, 0.1), unknown, unknown, np.inf, np.array([]))
+    with pytest.raises(ValueError, match="none of the 100 initial particles has a finite likel"):
+        kernel.initialize(None, np.random.default_rng(SEED))
 
 
 @pytest.mark.parametrize(

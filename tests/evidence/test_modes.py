@@ -7,8 +7,8 @@ from scipy.special import logsumexp, softmax
 from pymc_hyperelastic.evidence.importance import (
     LARGEST_PARETO_K,
     adapted_mixture,
-    draw_heavy_tailed,
     mean_weight,
+    weighted_draws,
 )
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.modes import modes_from
@@ -33,8 +33,8 @@ def evidence_from_modes(score, prior, draws=4000):
     """Mixture, and the evidence that its weights give."""
     rng = np.random.default_rng(SEED)
     mixture = adapted_mixture(score, mixture_at_modes(score, prior), rng)
-    points, log_proposal = draw_heavy_tailed(mixture, draws, rng)
-    evidence, pareto_k = mean_weight(sum(score(points)) - log_proposal)
+    _, log_weights = weighted_draws(score, mixture.heavy_tailed(), draws, rng)
+    evidence, pareto_k = mean_weight(log_weights)
     assert pareto_k < LARGEST_PARETO_K
     return mixture, evidence
 

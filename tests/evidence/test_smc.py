@@ -112,10 +112,11 @@ def test_interrupt_keeps_complete_chains(model, tree, monkeypatch):
     """Ctrl-C in the second chain leaves the first one as it would have been."""
     stages = int(np.isfinite(tree["sample_stats"]["beta"].values[0]).sum())
     interrupt_at(monkeypatch, stages + 1)
-    with pytest.warns(UserWarning, match="1 of 3 chains are complete"):
+    with pytest.warns(UserWarning, match="1 of 3 chains are complete") as caught:
         kept = ph.sample_smc(model, 300, 3, random_seed=SEED, progressbar=False)
     np.testing.assert_array_equal(kept["posterior"]["slope"], tree["posterior"]["slope"][:1])
     assert kept["evidence"].sizes["chain"] == 1
+    assert caught[0].filename == __file__
     assert np.isfinite(ph.log_evidence(kept)).all()
 
 

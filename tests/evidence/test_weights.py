@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
+from pymc_hyperelastic.evidence.weights import (
+    effective_sample_size,
+    largest_step,
+    pareto_shape,
+    systematic,
+)
 
 SEED = 20250
 # Sums and logarithms of a few numbers of order one.
@@ -17,6 +22,18 @@ def test_effective_sample_size_counts_equal_weights():
     # (1 + 3)^2/(1 + 9)
     assert effective_sample_size(np.log([1.0, 3.0])) == pytest.approx(1.6, rel=ROUNDING)
     assert effective_sample_size(np.full(4, -np.inf)) == 0
+
+
+def test_pareto_shape_of_weights():
+    """That of Pareto variables is known; equal weights have no tail, and no weights any."""
+    rng = np.random.default_rng(SEED)
+    for shape in (0.3, 0.6):
+        # The logarithm of a Pareto variable is exponential. From so many the shape has an sd of
+        # 0.06, over twenty seeds.
+        assert pareto_shape(shape * rng.exponential(size=20_000)) == pytest.approx(shape, abs=0.2)
+    assert pareto_shape(np.array([-3.0, -np.inf, -3.0])) == -np.inf
+    assert pareto_shape(np.full(4, -np.inf)) == np.inf
+    assert pareto_shape(np.array([])) == np.inf
 
 
 def test_largest_step_keeps_the_fraction_effective():
