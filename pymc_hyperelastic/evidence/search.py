@@ -18,6 +18,8 @@ from pymc_hyperelastic.evidence.tempering import Tempering
 _DRAWS, _FORWARD_DRAWS = (200, 1000, 4000), (20, 500, 2000)
 # Climbs from draws of the prior, and from particles that were tempered.
 CLIMBS = 8
+# So many times the draws are made, at most, until enough of them are possible.
+_MOST_TRIED = 50
 # Points drawn at each stage of the first look, for each pair of unknowns; at most, if there are few
 # unknowns, since in many dimensions points meet nothing narrow; and at most for each that can be
 # scored at once. Climbs from the most outstanding of them.
@@ -74,11 +76,12 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
         min(max(each * target.dimension, least), largest)
         for each, least, largest in (_DRAWS, _FORWARD_DRAWS)
     )
-    prior = target.draw_prior(draws, rng)
-    target.nan_scores = 0
-    score = np.add(*target.score(prior))
-    target.check_possible(np.isfinite(score), f"{draws} draws of the prior")
-    forward = Tempering(target, prior[:few], rng, max_moves=_FORWARD_MOVES).run()
+    prior, score, share = _possible_draws(target, draws, few, rng)
+    # Where hardly any is possible, few have to do for many.
+    particles = np.resize(prior, (few, target.dimension))
+    forward = Tempering(target, particles, rng, max_moves=_FORWARD_MOVES).run()
+    told = not forward.capped and len(prior) >= few
+    forward_error = float(np.hypot(np.sqrt(forward.variance), share.standard_error))
 
     starts = [
         places_to_climb_from(prior, score),
@@ -103,13 +106,32 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
         mixture = mixture.joined(modes.mixture, _SHARE_OF_MODES)
     return Search(
         Reference(mixture.heavy_tailed(), _LAST_SHARE),
-        Estimate(
-            forward.log_evidence, np.inf if forward.capped else float(np.sqrt(forward.variance))
-        ),
+        Estimate(forward.log_evidence + share.value, forward_error if told else np.inf),
         at_modes,
         at_modes_k,
         modes.log_masses if modes is not None else np.array([]),
     )
+
+
+def _possible_draws(
+    target: Target, draws: int, few: int, rng: np.random.Generator
+) -> tuple[Array, Array, Estimate]:
+    """Draws of the prior that are possible, their log density, and the logarithm of their share.
+
+    Where few of so many draws are, because the model excludes what its prior does not, more are
+    drawn.
+    """
+    points, scores, drawn = np.empty((0, target.dimension)), np.empty(0), 0
+    target.nan_scores = 0
+    while len(points) < few and drawn < _MOST_TRIED * draws:
+        prior = target.draw_prior(draws, rng)
+        score = np.add(*target.score(prior))
+        possible = np.isfinite(score)
+        points, scores = np.append(points, prior[possible], 0), np.append(scores, score[possible])
+        drawn += draws
+    target.check_possible(np.isfinite(scores), f"{drawn} draws of the prior")
+    share = len(points) / drawn
+    return points, scores, Estimate(float(np.log(share)), np.sqrt((1 - share) / len(points)))
 
 
 def _fitted(tempering: Tempering, rng: np.random.Generator) -> GaussianMixture:

@@ -778,6 +778,22 @@ def edges():
     return Problem("edges", 3, model, log_evidence, "closed form, normal and beta integrals")
 
 
+def half_space():
+    """Six unknowns of which one draw in 250 of the prior is possible, tilted along the cut."""
+    direction, tilt, least = np.array([1, 0.5, -0.2, 0, 0, 0]), 0.7, 3.0
+
+    def model():
+        with pm.Model() as model:
+            x = pm.Normal("x", size=6)
+            pm.Potential("cut", pt.switch(pt.dot(direction, x) > least, tilt * x[3], -np.inf))
+        return model
+
+    def log_evidence():
+        return float(stats.norm.logsf(least, 0, np.linalg.norm(direction)) + tilt**2 / 2)
+
+    return Problem("half_space", 6, model, log_evidence, "closed form, normal tail")
+
+
 # --- counts and classes --------------------------------------------------------------------------
 
 
@@ -1068,6 +1084,7 @@ PROBLEMS = {
         shell(),
         far_from_the_prior(),
         edges(),
+        half_space(),
         logistic(),
         logistic_blocks(),
         category_shares(),

@@ -280,7 +280,21 @@ def one_for_all(density, rng):
     return points, logsumexp(others, axis=1, b=share) + measured
 
 
+def beyond_a_cut(density, rng):
+    """Across a plane only what lies beyond it, along it as the prior has it, tilted."""
+    across = np.array([1, 0.5, -0.2, 0, 0, 0])
+    length = np.linalg.norm(across)
+    beyond = stats.truncnorm(3.0 / length, np.inf)
+    points = rng.normal(size=(DRAWS, 6))
+    height = beyond.rvs(DRAWS, random_state=rng)
+    points += np.outer(height - points @ across / length, across / length)
+    points[:, 3] += 0.7
+    along = stats.norm.logpdf(points - 0.7 * np.eye(6)[3]).sum(axis=1) - stats.norm.logpdf(height)
+    return points, along + beyond.logpdf(height)
+
+
 DRAWN: dict[str, Proposal] = {
+    "half_space": beyond_a_cut,
     "narrow_and_wide": around_modes([2.0, -1.5, 1.0, 2.5], [-2.0, 1.0, 0.5, -1.5]),
     "shell_10": on_a_sphere,
     "cauchy_sum": one_for_all,
