@@ -6,8 +6,12 @@ import numpy as np
 from arviz_stats.base import array_stats
 from numpy.typing import NDArray
 from scipy.optimize import brentq
+from scipy.special import logsumexp
 
 Array = NDArray[np.float64]
+
+# Logarithm of the largest weight over the mean one below which no weight decides.
+_FAR_ABOVE = np.log(10)
 
 
 def largest_step(logp: Array, fraction: float, largest: float, log_weights: Any = 0.0) -> float:
@@ -44,6 +48,10 @@ def effective_sample_size(log_weights: Array) -> float:
 def pareto_shape(log_weights: Array) -> float:
     """Shape of the generalised Pareto distribution of the largest weights; infinite without any.
 
+    The largest of `n` weights with such a tail is about ``n^k`` times their mean. Where it is less
+    than ten times that, so is what the shape can be: fitted to weights with a common bound, which
+    decide nothing, it would be anything.
+
     References
     ----------
     A. Vehtari, D. Simpson, A. Gelman, Y. Yao and J. Gabry, Pareto smoothed importance sampling,
@@ -52,12 +60,18 @@ def pareto_shape(log_weights: Array) -> float:
     finite = log_weights[np.isfinite(log_weights)]
     if finite.size == 0:
         return np.inf
-    if np.ptp(finite) == 0:
-        return -np.inf  # equal weights have no tail
+    # As many as ArviZ fits; equal ones have no tail.
+    in_tail = int(np.ceil(min(finite.size / 5, 3 * np.sqrt(finite.size))))
+    if np.ptp(np.sort(finite)[-in_tail:]) == 0:
+        return -np.inf
     # The weights that it smooths on the way, which are not needed, may overflow.
     with np.errstate(over="ignore"):
         # ArviZ takes the logarithms of what divides.
-        return float(array_stats.psislw(-finite)[1])
+        shape = float(array_stats.psislw(-finite)[1])
+    above_mean = finite.max() - logsumexp(finite) + np.log(finite.size)
+    if above_mean < _FAR_ABOVE:
+        shape = min(shape, above_mean / np.log(finite.size))
+    return shape
 
 
 def systematic(weights: Array, size: int, rng: np.random.Generator) -> NDArray[np.intp]:

@@ -59,7 +59,7 @@ BAD_INPUT = [
         "impossible everywhere",
         lambda: smc(model_of("impossible")),
         ValueError,
-        ["none of 1000 draws", "finite likelihood", "1000 are NaN", "prior", "unit"],
+        ["none of 50000 draws", "finite likelihood", "50000 are NaN", "prior", "unit"],
     ),
     (
         "prior that cannot be drawn",

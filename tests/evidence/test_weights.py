@@ -31,6 +31,10 @@ def test_pareto_shape_of_weights():
         # The logarithm of a Pareto variable is exponential. From so many the shape has an sd of
         # 0.06, over twenty seeds.
         assert pareto_shape(shape * rng.exponential(size=20_000)) == pytest.approx(shape, abs=0.2)
+    bounded = 2.0 * rng.exponential(size=2000)
+    bounded = np.minimum(bounded, 3.0 + 1e-3 * rng.random(2000))
+    assert pareto_shape(bounded) < 0.3
+    assert pareto_shape(np.minimum(bounded, 3.0)) < 0.3
     assert pareto_shape(np.array([-3.0, -np.inf, -3.0])) == -np.inf
     assert pareto_shape(np.full(4, -np.inf)) == np.inf
     assert pareto_shape(np.array([])) == np.inf
