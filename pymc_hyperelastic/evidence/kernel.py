@@ -13,8 +13,9 @@ from pymc_hyperelastic.evidence.search import Search, find_reference
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.tempering import THRESHOLD, Tempering
 
-# A covariance of more unknowns is not known from some thousand particles.
-_MOST_UNKNOWNS = 300
+# A covariance of more unknowns is not known from some thousand particles; and of more than the
+# second number, if hardly so many particles can be scored at once, it would take hours.
+_MOST_UNKNOWNS, _MOST_COSTLY = 300, 50
 # Fraction of the effective sample size that stages keep on the long way from the prior alone.
 _FAR = 0.8
 
@@ -78,8 +79,8 @@ class BatchedSMC(SMC_KERNEL):
     Raises
     ------
     ValueError
-        If the model has discrete variables, nothing to temper, more than 300 unknowns, or no
-        particle has a finite likelihood.
+        If the model has discrete variables or nothing to temper; if it has more than 300 unknowns,
+        or more than 50 and a density that takes long; or if no particle has a finite likelihood.
 
     Notes
     -----
@@ -151,12 +152,8 @@ class BatchedSMC(SMC_KERNEL):
             raise ValueError("from_modes is for particles that start from the prior, all tempered")
         alone = start is not None or tempered is not None
         self.from_modes = not alone if from_modes is None else from_modes
-        if self.from_modes and self.dimension > _MOST_UNKNOWNS:
-            raise ValueError(
-                f"the model has {self.dimension} unknowns, more than the {_MOST_UNKNOWNS} of which "
-                "a population of particles can know a reference: sample it with NUTS (pm.sample), "
-                "and take ph.log_evidence_by_bridge; or for classes of specimens ph.fit_classes"
-            )
+        if self.from_modes:
+            self._check_size()
         self.draws = draws
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
@@ -168,6 +165,19 @@ class BatchedSMC(SMC_KERNEL):
         self.rng = np.random.default_rng(random_seed)
         self.search = None
         self._reset_state()
+
+    def _check_size(self) -> None:
+        """Raise if there are too many unknowns for a reference."""
+        if self.dimension > _MOST_UNKNOWNS:
+            why = f"more than the {_MOST_UNKNOWNS} of which particles can know a reference"
+        elif self.dimension > max(_MOST_COSTLY, self.target.at_once / 2):
+            why = "and its density takes so long that it would be hours until a reference is known"
+        else:
+            return
+        raise ValueError(
+            f"the model has {self.dimension} unknowns, {why}: sample it with NUTS (pm.sample), and "
+            "take ph.log_evidence_by_bridge; or for classes of specimens ph.fit_classes"
+        )
 
     def set_rng(self, rng: np.random.Generator) -> None:
         """Use `rng` from now on."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pymc as pm
+import pytensor.tensor as pt
 import pytest
 import xarray as xr
 from bad_input import assert_refused, plain_model, table
@@ -30,6 +31,10 @@ def model_of(kind: str) -> pm.Model:
         elif kind == "flat":
             x = pm.Flat("x")
             pm.Potential("likelihood", -(x**2))
+        elif kind == "costly":
+            slopes = pm.Normal("slopes", size=60)
+            mean = pt.dot(np.linspace(0, 1, 60 * 20_000).reshape(20_000, 60), slopes)
+            pm.Normal("y", mean, 0.1, observed=np.zeros(20_000))
     return other
 
 
@@ -60,6 +65,12 @@ BAD_INPUT = [
         lambda: smc(model_of("impossible")),
         ValueError,
         ["none of 50000 draws", "finite likelihood", "50000 are NaN", "prior", "unit"],
+    ),
+    (
+        "many unknowns, each density of which takes long",
+        lambda: smc(model_of("costly")),
+        ValueError,
+        ["60 unknowns", "takes so long", "NUTS", "ph.log_evidence_by_bridge"],
     ),
     (
         "prior that cannot be drawn",
