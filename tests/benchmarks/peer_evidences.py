@@ -1,8 +1,9 @@
 """Evidences of the general models of tests/evidence, by this package and by other libraries.
 
 ``python peer_evidences.py results/peer_evidences.jsonl`` runs every sampler that is installed on
-every problem, writes a line of JSON for each run, if there is none yet, and prints all of them as a
-Markdown table. Time is that of a user who has the model: compilation counts, imports do not.
+every problem, writes a line of JSON for each run, if there is none yet, and writes all of them as
+the table of their documentation page. Time is that of a user who has the model: compilation counts,
+imports do not.
 """
 
 import argparse
@@ -25,6 +26,7 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.target import Target
 
 sys.path.append(str(Path(__file__).parents[1] / "evidence"))
+DOCS = Path(__file__).parents[2] / "docs"
 
 
 @dataclass(frozen=True)
@@ -154,12 +156,16 @@ def measure_apart(problem, name, seed, limit):
 
 
 def table(rows, problems):
-    """Markdown of all rows, and how right this package's own errors are."""
-    lines = [["problem", "unknowns", *(peer.title for peer in PEERS.values()), "error/stated"]]
-    lines.append(["---", *["---:"] * (1 + len(PEERS)), "---"])
+    """Markdown of all rows: the package's own errors first, and how right those are."""
+    peers = list(PEERS)
+    header = ["model", "unknowns", PEERS[peers[0]].title, "error/stated", "flagged"]
+    lines = [header + [PEERS[name].title for name in peers[1:]]]
+    lines.append(["---"] + ["---:"] * (len(lines[0]) - 1))
     for p in problems:
-        by_peer = [[r for r in rows if (r["problem"], r["peer"]) == (p.name, n)] for n in PEERS]
-        lines.append([p.name, p.unknowns, *map(cell, by_peer), ratio(by_peer[0])])
+        own, *others = (
+            [r for r in rows if (r["problem"], r["peer"]) == (p.name, n)] for n in peers
+        )
+        lines.append([p.name, p.unknowns, cell(own), *honesty(own), *map(cell, others)])
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
@@ -168,18 +174,24 @@ def cell(runs):
     done = np.array([[r["error"], r["stated"], r["seconds"]] for r in runs if "error" in r])
     if len(done):
         (error, _, seconds), stated = done.mean(axis=0), np.sqrt((done[:, 1] ** 2).mean())
-        return f"{error:+.2g} ± {stated:.2g}, {seconds:.0f} s"
-    return runs[0]["note"] if runs else ""
+        time_ = f"{seconds:.1f}" if seconds < 10 else f"{seconds:.0f}"
+        return f"{rounded(error, '+')} ± {rounded(stated)}, {time_} s"
+    note = runs[0]["note"] if runs else ""
+    return note if note.startswith("more than") else "refused" if note else ""
 
 
-def ratio(runs):
-    """Root mean square of error over stated error, and how often the package did not say "good"."""
+def rounded(nats, sign=""):
+    """Thousandths of a nat where that matters."""
+    return f"{nats:{sign}.3f}" if abs(nats) < 1 else f"{nats:{sign}.1f}"
+
+
+def honesty(runs):
+    """Root mean square of error over stated error, and how many runs were not called good."""
     ratios = [r["error"] / r["stated"] for r in runs if "error" in r]
     if not ratios:
-        return runs[0]["note"] if runs else ""
+        return "", ""
     flagged = sum(r["note"] != "good" for r in runs)
-    said = f", {flagged} of {len(runs)} flagged" if flagged else ""
-    return f"{np.sqrt(np.mean(np.square(ratios))):.1f}{said}"
+    return f"{np.sqrt(np.mean(np.square(ratios))):.2f}", f"{flagged} of {len(runs)}"
 
 
 if __name__ == "__main__":
@@ -191,6 +203,8 @@ if __name__ == "__main__":
     options.add_argument("--problems", nargs="+", choices=PROBLEMS, default=list(PROBLEMS))
     options.add_argument("--peers", nargs="+", choices=PEERS, default=installed)
     options.add_argument("--limit", type=int, default=400, help="seconds of a run, at most")
+    # Not Markdown by its name: Sphinx would make a page of it beside the one that includes it.
+    options.add_argument("--out", type=Path, default=DOCS / "evidence_table.txt")
     given = options.parse_args()
     file = given.results.open("a+", encoding="utf-8", buffering=1)
     file.seek(0)
@@ -203,4 +217,4 @@ if __name__ == "__main__":
             if run not in known and problem.unknowns <= PEERS[name].most_unknowns:
                 rows.append(measure_apart(*run, given.limit))
                 file.write(json.dumps(rows[-1]) + "\n")
-    print(table(rows, chosen))
+    given.out.write_text(table(rows, chosen) + "\n", encoding="utf-8")
