@@ -81,6 +81,7 @@ def stacked(specimens: Sequence[SpecimenDraws]) -> dict[str, Array]:
     }
     for name in ("log_sigma", "log_weight"):
         arrays[name] = np.stack([getattr(draws, name) for draws in specimens])
+    arrays["products"] = _products(arrays["centre"])
     return arrays | {"tests": np.array([[float(draws.tests)] for draws in specimens])}
 
 
@@ -100,7 +101,9 @@ def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDis
     ``pytensor.tensor`` for variables.
     """
     if distribution.experiment_spread is None:
-        total = _log_density_of_centre(xp, draws["centre"], distribution)
+        products = draws["products"] if "products" in draws else _products(draws["centre"])
+        total = _coefficients(xp, distribution) @ products.reshape((products.shape[0], -1))
+        total = total.reshape((*total.shape[:-1], *products.shape[1:]))
     else:
         total = _log_density_of_tests(xp, draws, distribution)
     if distribution.log_sigma is not None:
@@ -135,8 +138,41 @@ def mean_density(draws: SpecimenDraws, distributions: ClassDistribution) -> Arra
     return largest + np.log(np.exp(densities - largest).mean(axis=0))
 
 
+def _products(x: Array) -> Array:
+    """What a normal log density is a sum over: all ``x_j x_k``, the ``x_j``, and 1."""
+    squares = (x[:, None] * x).reshape(-1, *x.shape[1:])
+    return np.concatenate([squares, x, np.ones_like(x[:1])])
+
+
+def _coefficients(xp: ModuleType, distribution: ClassDistribution) -> Any:
+    r"""Numbers by which the products enter a normal log density, along the last axis.
+
+    With the lower triangular ``A`` for which :math:`A Σ A^T = 1` it is
+
+    .. math:: \ln \det A - \tfrac{d}{2} \ln 2π - \tfrac12 |A (x - m)|^2.
+
+    For many draws under many distributions one matrix product is by far the fastest way.
+    """
+    size = len(distribution.factor)
+    location, spread = (
+        xp.concatenate([xp.atleast_1d(values[i]) for i in range(size)], axis=-1)
+        for values in (distribution.location, distribution.spread)
+    )
+    rows: list[Any] = []
+    for unit, row in zip(np.eye(size), distribution.factor, strict=True):
+        known = sum(entry * other for entry, other in zip(row[:-1], rows, strict=True))
+        rows.append((unit - known) / row[-1])
+    whitening = xp.stack([row / spread for row in rows], axis=-2)
+    precision = whitening.mT @ whitening
+    slope = (precision * location[..., None, :]).sum(axis=-1)
+    log_volume = sum(xp.log(rows[i][..., i] / spread[..., i]) for i in range(size))
+    constant = log_volume - (slope * location).sum(axis=-1) / 2 - size / 2 * np.log(2 * np.pi)
+    squares = -precision.reshape((*location.shape[:-1], size * size)) / 2
+    return xp.concatenate([squares, slope, constant[..., None]], axis=-1)
+
+
 def _log_density_of_centre(
-    xp: ModuleType, centre: Any, distribution: ClassDistribution, added: Sequence[Any] = ()
+    xp: ModuleType, centre: Any, distribution: ClassDistribution, added: Sequence[Any]
 ) -> Any:
     """Normal log density of the mean of the tests' coordinates, with variances that add."""
     size, spread = len(distribution.factor), distribution.spread
@@ -144,7 +180,7 @@ def _log_density_of_centre(
     def covariance(i: int, j: int) -> Any:
         rows = distribution.factor[i], distribution.factor[j]
         common = sum(a * b for a, b in zip(*rows, strict=False)) * spread[i] * spread[j]
-        return common + added[i] if added and i == j else common
+        return common + added[i] if i == j else common
 
     total: Any = -size / 2 * np.log(2 * np.pi)
     factor: list[list[Any]] = []

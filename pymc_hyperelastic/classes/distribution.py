@@ -6,10 +6,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
+from pytensor.compile.sharedvalue import SharedVariable
 
-from pymc_hyperelastic.classes.density import SpecimenDraws
+from pymc_hyperelastic.classes.density import SpecimenDraws, stacked
 from pymc_hyperelastic.classes.specimen_evidence import distributions_of, variance_of_specimen
-from pymc_hyperelastic.classes.specimens import SpecimenSampler, class_model
+from pymc_hyperelastic.classes.specimens import (
+    PARTICLES,
+    SpecimenSampler,
+    class_model,
+    shared_draws,
+)
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.evidence.importance import Integral, by_importance
@@ -23,14 +29,15 @@ Array = NDArray[np.float64]
 
 # Draws that stand for a specimen in the model of its class, at first: its density, which is mostly
 # far wider than what a specimen's curves leave open, is averaged over them.
-_IN_CLASS = 128
+_IN_CLASS = 256
 # Nats, of the standard error that these draws leave to a class's evidence. Below the first number
 # the densities of all draws are so alike that none is lacking; above the second so many are that
 # the class of which a specimen was taken was another one. Evidences of classes are compared, and
 # the third is little there; since it is known roughly, draws are added until half is expected.
 _ALIKE, _ANOTHER, _ENOUGH = 0.03, 0.3, 0.1
-# Fits by which it is found how many draws are needed; particles and distributions of a first one.
-_MOST_FITS, _PARTICLES, _DISTRIBUTIONS = 4, 500, 200
+# Fits by which it is found how many draws are needed; particles and distributions of a first one,
+# and draws of the prior that lead to it.
+_MOST_FITS, _PARTICLES, _DISTRIBUTIONS, _PRIOR_DRAWS = 4, 500, 200, 2000
 
 Specimens = Mapping[str, SpecimenDraws]
 
@@ -39,12 +46,34 @@ class ClassDraws(NamedTuple):
     """Draws of the specimens of a class, how many of each it needs, and particles near its own."""
 
     specimens: Specimens
-    sizes: dict[str, int]
+    size: int
     particles: Array | None
 
 
+class ClassModel:
+    """Model of a class's distribution, made once for classes of as many specimens and draws."""
+
+    def __init__(self, settings: Population) -> None:
+        self.settings = settings
+        # By the numbers of specimens and draws, on which it depends how many points fit into cache.
+        self._made: dict[tuple[int, ...], tuple[dict[str, SharedVariable], BatchedSMC]] = {}
+
+    def kernel(self, draws: Specimens, count: int) -> BatchedSMC:
+        """Sampler of so many particles, of draws that stand for the specimens from now on."""
+        arrays = stacked([*draws.values()])
+        size = arrays["log_weight"].shape
+        if size not in self._made:
+            shared = shared_draws(draws.values())
+            self._made[size] = shared, BatchedSMC(model=class_model(self.settings, shared))
+        shared, kernel = self._made[size]
+        for name, value in arrays.items():
+            shared[name].set_value(value)
+        kernel.draws = count
+        return kernel
+
+
 def draws_of_class(
-    settings: Population,
+    model: ClassModel,
     sampler: SpecimenSampler,
     data: xr.Dataset,
     specimens: Specimens,
@@ -59,7 +88,7 @@ def draws_of_class(
     known, close = None, specimens
     for limit in (_ALIKE, _ANOTHER):
         few = {name: draws.first(_IN_CLASS) for name, draws in close.items()}
-        fit = _Fit(settings, few, _PARTICLES, known)
+        fit = _Fit(model, few, _PARTICLES, known)
         tree = fit.chains(rng.spawn(1))
         known = fit.known
         variances = fit.variances(tree)
@@ -70,19 +99,18 @@ def draws_of_class(
             name: sampler.near(part, specimens[name], distributions, rng)
             for name, part in specimens_apart(data).items()
         }
-    sizes = _larger(dict.fromkeys(close, _IN_CLASS), variances, close)
-    return ClassDraws(close, sizes, known)
+    return ClassDraws(close, _larger(_IN_CLASS, sum(variances.values())), known)
 
 
 class _Fit:
     """A class, of draws that stand for its specimens."""
 
     def __init__(
-        self, settings: Population, draws: Specimens, count: int, known: Array | None = None
+        self, model: ClassModel, draws: Specimens, count: int, known: Array | None = None
     ) -> None:
         self.draws, self.known = draws, known
         self._mixture: GaussianMixture | None = None
-        self.kernel = BatchedSMC(draws=count, model=class_model(settings, draws))
+        self.kernel = model.kernel(draws, count)
 
     def variances(self, tree: xr.DataTree) -> dict[str, float]:
         """What the draws of each specimen leave open of the evidence."""
@@ -109,21 +137,31 @@ class _Fit:
         return tree
 
     def _chain(self, rng: np.random.Generator) -> Integral:
-        """Particles and evidence; modes are searched only where no particles tell of them."""
-        if self.known is not None:
-            self._mixture = self._mixture or GaussianMixture.fit(
-                self.known, components_for(len(self.known), self.kernel.dimension), rng
-            )
-            found = by_importance(self.kernel.score, self._mixture, self.kernel.draws, rng)
-            if found.trusted:
-                return found
-        found = integrate(self.kernel.target, self.kernel.draws, rng)
-        self.known = found.particles
+        """Particles and evidence.
+
+        A class is not much narrower than its prior, which leads to it: its modes are searched only
+        where neither particles nor the prior tell of them.
+        """
+        found = by_importance(self.kernel.score, self._like(rng), self.kernel.draws, rng)
+        if not found.trusted:
+            found = integrate(self.kernel.target, self.kernel.draws, rng)
+            self.known = None
+        if self.known is None:
+            self.known, self._mixture = found.particles, None
         return found
+
+    def _like(self, rng: np.random.Generator) -> GaussianMixture:
+        """Mixture that is somehow like the posterior."""
+        if self.known is None:
+            target = self.kernel.target
+            return GaussianMixture.fit(target.draw_prior(_PRIOR_DRAWS, rng), 1, rng)
+        components = components_for(len(self.known), self.kernel.dimension)
+        self._mixture = self._mixture or GaussianMixture.fit(self.known, components, rng)
+        return self._mixture
 
 
 def fit_distribution(
-    settings: Population,
+    model: ClassModel,
     draws: ClassDraws,
     count: int,
     chains: int,
@@ -135,17 +173,16 @@ def fit_distribution(
     ``evidence`` by chain, and ``specimens`` by specimen.
     """
     rngs = [np.random.default_rng(seed) for seed in random_seed.spawn(chains)]
-    specimens, sizes, known = draws
+    specimens, size, known = draws
     for _ in range(_MOST_FITS):
-        few = {name: specimen.first(sizes[name]) for name, specimen in specimens.items()}
-        fit = _Fit(settings, few, count, known)
+        few = {name: specimen.first(size) for name, specimen in specimens.items()}
+        fit = _Fit(model, few, count, known)
         tree = fit.chains(rngs, random_seed.entropy)
-        variances, known = fit.variances(tree), fit.known
-        larger = _larger(sizes, variances, specimens)
-        if larger == sizes or sum(variances.values()) < _ENOUGH**2:
+        variance, known = sum(fit.variances(tree).values()), fit.known
+        if size == PARTICLES or variance < _ENOUGH**2:
             break
-        sizes = larger
-    error = float(np.sqrt(sum(variances.values())))
+        size = _larger(size, variance)
+    error = float(np.sqrt(variance))
     tree["evidence"] = tree["evidence"].to_dataset().assign(specimens_se=error)
     dims = {
         "centre": ("specimen", "coordinate", "particle"),
@@ -159,21 +196,13 @@ def fit_distribution(
     }
     tree["specimens"] = xr.Dataset(
         {k: (v, np.stack([getattr(d, k) for d in specimens.values()])) for k, v in dims.items()},
-        {"specimen": list(specimens), "coordinate": settings.scale.names},
+        {"specimen": list(specimens), "coordinate": model.settings.scale.names},
     )
     return with_diagnosis(tree)
 
 
-def _larger(
-    sizes: Mapping[str, int], variances: Mapping[str, float], draws: Specimens
-) -> dict[str, int]:
-    """Numbers of draws, doubled where a class knows least, that would be enough."""
-    sizes, variances = dict(sizes), dict(variances)
-    while sum(variances.values()) > (_ENOUGH / 2) ** 2:
-        left = [name for name in sizes if sizes[name] < len(draws[name].log_weight)]
-        if not left:
-            break
-        worst = max(left, key=variances.__getitem__)
-        sizes[worst] = min(2 * sizes[worst], len(draws[worst].log_weight))
-        variances[worst] /= 2
-    return sizes
+def _larger(size: int, variance: float) -> int:
+    """Number of draws of each specimen, doubled until it would be enough."""
+    while size < PARTICLES and variance > (_ENOUGH / 2) ** 2:
+        size, variance = min(2 * size, PARTICLES), variance / 2
+    return size

@@ -5,10 +5,10 @@ specimen is sampled once, under a wide reference distribution; under any class d
 likelihood is then a weighted mean over these draws, and a class has few unknowns left.
 """
 
-from collections import defaultdict
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any, NamedTuple
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pymc as pm
@@ -16,6 +16,7 @@ import pytensor
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
+from pytensor.compile.sharedvalue import SharedVariable
 
 from pymc_hyperelastic.classes.density import (
     SpecimenDraws,
@@ -38,19 +39,25 @@ from pymc_hyperelastic.models.priors import is_inferred
 Array = NDArray[np.float64]
 
 # Particles of a specimen.
-_PARTICLES = 2000
+PARTICLES = 2000
 # Spreads of the reference distribution, in medians of a class's.
 _WIDER = 2.0
 _EFFECT = 1.0
 _NOISE_DRAWS = 2000
 
 
-class _SpecimenModel(NamedTuple):
+@dataclass(frozen=True)
+class _SpecimenModel:
     """Model of a specimen with so many tests, whose data may be replaced."""
 
     forward: ForwardModel
     target: Target
-    pressure: BatchedFunction
+
+    @cached_property
+    def pressure(self) -> BatchedFunction:
+        """Pressures of the tests."""
+        model = self.target.model
+        return BatchedFunction.of_model(model, model.replace_rvs_by_values([model["pressure"]]))
 
 
 class SpecimenSampler:
@@ -70,7 +77,7 @@ class SpecimenSampler:
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data."""
         target = self._model_for(data).target
-        found = integrate(target, _PARTICLES, rng)
+        found = integrate(target, PARTICLES, rng)
         draws = self._draws(found.particles[:, self._places(target)])
         density = log_density(np, vars(draws), self.reference)
         return _weighted(draws, density, found)
@@ -100,7 +107,7 @@ class SpecimenSampler:
         mixture = GaussianMixture.fit(
             draws.points, components_for(len(draws.points), len(places)), rng
         )
-        found = by_importance(score, mixture, _PARTICLES, rng)
+        found = by_importance(score, mixture, PARTICLES, rng)
         if not found.trusted:
             return draws
         again = self._draws(found.particles)
@@ -149,8 +156,7 @@ class SpecimenSampler:
             coordinates, sigma = register_specimens(self.scale, self.reference, of_test)
             sigma = pt.full((1,), np.float64(self.sigma)) if sigma is None else sigma
             register_curves(forward, self.scale, coordinates, sigma[of_test])
-        pressure = BatchedFunction.of_model(model, model.replace_rvs_by_values([model["pressure"]]))
-        return _SpecimenModel(forward, Target(model), pressure)
+        return _SpecimenModel(forward, Target(model))
 
 
 def _weighted(draws: SpecimenDraws, log_density: Array, found: Integral) -> SpecimenDraws:
@@ -201,25 +207,21 @@ def fresh_specimens(
     return draws
 
 
+def shared_draws(specimens: Iterable[SpecimenDraws]) -> dict[str, SharedVariable]:
+    """Draws of the specimens of a class, as many of each, that others may replace."""
+    return {
+        name: pytensor.shared(value, name=f"specimens_{name}", shape=(None,) * value.ndim)
+        for name, value in stacked([*specimens]).items()
+    }
+
+
 @without_traces
-def class_model(population: Population, specimens: Mapping[str, SpecimenDraws]) -> pm.Model:
+def class_model(population: Population, shared: Mapping[str, SharedVariable]) -> pm.Model:
     """PyMC model of a class's distribution alone, its specimens integrated out by their draws."""
     names = population.scale.names
-    coords = {"coordinate": names, "coordinate_2": names, "specimen": list(specimens)}
-    # Those of as many draws are scored together.
-    alike = defaultdict(list)
-    for draws in specimens.values():
-        alike[len(draws.log_weight)].append(draws)
-    with pm.Model(coords=coords, model=None) as model:
+    with pm.Model(coords={"coordinate": names, "coordinate_2": names}, model=None) as model:
         distribution = population.register_class()
-        total: Any = 0.0
-        for _, group in sorted(alike.items()):
-            inputs = {
-                name: pytensor.shared(value, name=f"specimens_{name}", shape=(None,) * value.ndim)
-                for name, value in stacked(group).items()
-            }
-            inputs["tests"] = pt.specify_broadcastable(inputs["tests"], 1)
-            terms = inputs["log_weight"] + log_density(pt, inputs, distribution)
-            total += pt.sum(pt.logsumexp(terms, axis=-1))
-        pm.Potential("specimens", total)
+        inputs = dict(shared) | {"tests": pt.specify_broadcastable(shared["tests"], 1)}
+        terms = inputs["log_weight"] + log_density(pt, inputs, distribution)
+        pm.Potential("specimens", pt.sum(pt.logsumexp(terms, axis=-1)))
     return model

@@ -14,11 +14,7 @@ from numpy.typing import NDArray
 from pymc.progress_bar import create_simple_progress
 
 from pymc_hyperelastic.classes.density import SpecimenDraws
-from pymc_hyperelastic.classes.distribution import (
-    ClassDraws,
-    draws_of_class,
-    fit_distribution,
-)
+from pymc_hyperelastic.classes.distribution import ClassModel, draws_of_class, fit_distribution
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
     Data,
@@ -132,15 +128,15 @@ class Variability(Population, ClassKind):
     def _fitted(
         self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool
     ) -> Iterator[tuple[str, xr.DataTree]]:
-        progress = create_simple_progress(progressbar)
+        progress, model = create_simple_progress(progressbar), ClassModel(self)
         with progress:
             bar = progress.add_task("Fitting classes", completed=0, total=2 * len(classes))
             for (name, data), own in zip(classes.items(), seed.spawn(len(classes)), strict=True):
                 rng, sampler = np.random.default_rng(own), self.sampler(data)
                 specimens = sample_specimens(sampler, data, rng)
                 progress.advance(bar)
-                close = draws_of_class(self, sampler, data, specimens, rng)
-                fitted = fit_distribution(self, close, draws, chains, own)
+                close = draws_of_class(model, sampler, data, specimens, rng)
+                fitted = fit_distribution(model, close, draws, chains, own)
                 fitted.attrs |= self.attrs()
                 for group, dataset in Study(self.energy, data, {}).groups().items():
                     fitted[group] = dataset
@@ -156,14 +152,14 @@ class Variability(Population, ClassKind):
 
     def leave_out(self, classes: Data, seed: Seed) -> Callable[[Collection[str], int, int], Fold]:
         """Sample all specimens once; without some of them only the distributions are fitted."""
-        rng = np.random.default_rng(seed)
+        rng, model = np.random.default_rng(seed), ClassModel(self)
         samplers = {name: self.sampler(data) for name, data in classes.items()}
         specimens = {
             name: sample_specimens(samplers[name], data, rng) for name, data in classes.items()
         }
 
         close = {
-            name: draws_of_class(self, samplers[name], data, specimens[name], rng)
+            name: draws_of_class(model, samplers[name], data, specimens[name], rng)
             for name, data in classes.items()
         }
 
@@ -171,9 +167,8 @@ class Variability(Population, ClassKind):
             fitted = {}
             for name, of_class in close.items():
                 stay = {s: d for s, d in of_class.specimens.items() if s not in left_out}
-                sizes = {s: of_class.sizes[s] for s in stay}
-                some = ClassDraws(stay, sizes, of_class.particles)
-                fitted[name] = fit_distribution(self, some, draws, chains, *seed.spawn(1))
+                some = of_class._replace(specimens=stay)
+                fitted[name] = fit_distribution(model, some, draws, chains, *seed.spawn(1))
             rng = np.random.default_rng(*seed.spawn(1))
             predictions = {}
             for name, data in classes.items():

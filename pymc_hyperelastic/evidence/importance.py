@@ -20,8 +20,9 @@ from pymc_hyperelastic.evidence.weights import (
 LARGEST_PARETO_K = 0.5
 # Effective draws without which nothing is known of a mean: its error is then a twentieth at most.
 ENOUGH = 400
-# Draws from the final mixture.
-DRAWS = 8000
+# Draws from the final mixture. Where they are not like the posterior another one is made of them,
+# from which twice as many are drawn; there are so many mixtures at most.
+DRAWS, _ATTEMPTS = 8000, 4
 # Draws of a step of adaptation, for each unknown and at least; it goes so far that this fraction of
 # them is effective.
 _STEP_DRAWS, _FEWEST_DRAWS, _STEP_EFFECTIVE, _MOST_STEPS = 250, 1000, 0.1, 60
@@ -52,8 +53,16 @@ def by_importance(
 ) -> Integral:
     """Integral by importance sampling from a mixture, adapted from one that it is somehow like."""
     mixture = adapted_mixture(score, like, rng)
-    points, log_weights = weighted_draws(score, mixture.heavy_tailed(), DRAWS, rng)
-    log_value, pareto_k = mean_weight(log_weights)
+    for draws in (DRAWS << i for i in range(_ATTEMPTS)):
+        points, log_weights = weighted_draws(score, mixture.heavy_tailed(), draws, rng)
+        log_value, pareto_k = mean_weight(log_weights)
+        effective = effective_sample_size(log_weights)
+        if pareto_k < LARGEST_PARETO_K or not effective:
+            break
+        # So many draws tell more of the posterior's shape than those of a step.
+        weights = np.exp(log_weights - log_weights.max())
+        learn_from = points[systematic(weights, DRAWS, rng)]
+        mixture = GaussianMixture.fit(learn_from, components_for(effective, points.shape[1]), rng)
     particles = points
     if np.isfinite(log_value.value):
         weights = np.exp(log_weights - log_weights.max())

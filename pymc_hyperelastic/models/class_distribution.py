@@ -98,10 +98,11 @@ def _correlation_factor(size: int) -> list[list[Any]]:
             left = left * pt.sqrt(1 - pt.square(partial[place]))
             place += 1
         rows.append([*row, left])
-    correlation = [
-        [sum(a * b for a, b in zip(rows[i], rows[j], strict=False)) for j in range(size)]
-        for i in range(size)
-    ]
-    matrix = pt.stack([pt.stack([pt.as_tensor(v) for v in row]) for row in correlation])
+    correlation = np.full((size, size), pt.as_tensor(1.0), dtype=object)
+    for i in range(size):
+        for j in range(i):
+            correlation[i, j] = sum(a * b for a, b in zip(rows[i], rows[j], strict=False))
+            correlation[j, i] = correlation[i, j]
+    matrix = pt.stack([*correlation.flat]).reshape((size, size))
     pm.Deterministic("correlation", matrix, dims=("coordinate", "coordinate_2"))
     return rows

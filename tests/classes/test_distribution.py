@@ -1,4 +1,4 @@
-"""As many draws of specimens as the evidence of their class needs, and where it needs them."""
+"""As many draws of specimens as the evidence of their class needs."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,12 @@ from variable_classes import SIGMA, TRAINING, UNIT_PRESSURE, curves, fit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.density import SpecimenDraws, log_densities
-from pymc_hyperelastic.classes.distribution import ClassDraws, _larger, fit_distribution
+from pymc_hyperelastic.classes.distribution import (
+    ClassDraws,
+    ClassModel,
+    _larger,
+    fit_distribution,
+)
 from pymc_hyperelastic.classes.specimen_evidence import variance_of_specimen
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
@@ -76,21 +81,20 @@ def test_draws_near_a_class_stand_for_it():
 
 
 def test_draws_are_added_where_they_are_lacking():
-    """Draws of the least known specimens are doubled, until their sum is known or none is left."""
-    draws = {name: normal_draws(np.random.default_rng(SEED), 2000, 1.0) for name in "abc"}
-    sizes = dict.fromkeys(draws, 128)
-    assert _larger(sizes, dict.fromkeys(draws, 1e-4), draws) == sizes
-    assert _larger(sizes, {"a": 0.01, "b": 1e-4, "c": 1e-4}, draws) == sizes | {"a": 1024}
-    assert _larger(sizes, dict.fromkeys(draws, 9.0), draws) == dict.fromkeys(draws, 2000)
+    """Draws are doubled until they are expected to be enough, or none is left."""
+    assert _larger(128, 1e-4) == 128
+    assert _larger(128, 0.01) == 512
+    assert _larger(128, 9.0) == 2000
 
 
 def test_more_draws_make_the_evidence_of_a_class_precise():
-    """Specimens of different numbers of draws are fitted together, as precisely as is needed."""
+    """A class is fitted to more draws of its specimens until it is as precise as is needed."""
     rng = np.random.default_rng(SEED)
-    settings = Variability(ph.NeoHookean(), SIGMA)
+    model = ClassModel(Variability(ph.NeoHookean(), SIGMA))
     draws = {f"{width}": normal_draws(rng, 2000, width, centre=np.log(0.2)) for width in (2.0, 9.0)}
-    few = ClassDraws(draws, dict.fromkeys(draws, 128), None)
-    fitted = fit_distribution(settings, few, 500, 1, np.random.SeedSequence(SEED))
+    fitted = fit_distribution(
+        model, ClassDraws(draws, 128, None), 500, 1, np.random.SeedSequence(SEED)
+    )
     # Curves that say nothing leave the prior, whose evidence is one.
     value, error = ph.log_evidence(fitted)
     assert fitted["evidence"]["specimens_se"] < ENOUGH

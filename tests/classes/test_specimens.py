@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.density import SpecimenDraws, log_density
 from pymc_hyperelastic.classes.specimen_evidence import specimen_evidence
-from pymc_hyperelastic.classes.specimens import class_model
+from pymc_hyperelastic.classes.specimens import class_model, shared_draws
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.target import Target
@@ -115,7 +115,7 @@ def test_potential_of_a_class_is_the_mean_over_the_draws_of_its_specimens():
     rng = np.random.default_rng(SEED)
     population = Population(ph.Yeoh(), pm.LogNormal.dist(0.0, 1.0), experiment_effect=True)
     specimens = [random_draws(rng, 3, tests, 20) for tests in (2, 3)]
-    model = class_model(population, {f"S{i}": draws for i, (draws, _) in enumerate(specimens)})
+    model = class_model(population, shared_draws(draws for draws, _ in specimens))
     location, spread = rng.normal(0, 0.3, 3), rng.uniform(0.2, 0.6, 3)
     within, effect, sigma, noise_spread = rng.uniform(0.1, 0.3, 3), 0.6, 0.8, 0.4
     unit = rng.uniform(0.2, 0.8, 3)

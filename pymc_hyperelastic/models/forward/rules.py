@@ -1,6 +1,6 @@
 """Which way a wall is integrated: constant matrices of how many stretches, or how many nodes."""
 
-from itertools import pairwise
+from bisect import bisect_left
 from typing import Literal, get_args
 
 import numpy as np
@@ -98,10 +98,8 @@ def _order_needed(wall: WallVariables, data: xr.Dataset, with_force: bool) -> in
         scale = np.abs(expected[possible]).max(axis=1, keepdims=True)
         return bool(np.all(error <= _ORDER_TOLERANCE * scale))
 
-    for order, safer in pairwise([*orders, highest]):
-        if all(map(agree, curves(order), exact)):
-            return safer
-    return highest
+    first = bisect_left(orders, True, key=lambda order: all(map(agree, curves(order), exact)))
+    return [*orders, highest, highest][first + 1]
 
 
 def _some(values: NDArray, count: int) -> NDArray:
