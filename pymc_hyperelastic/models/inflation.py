@@ -34,8 +34,10 @@ def inflation_model(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
     *,
-    sigma: Any,
+    noise_sd: Any = None,
+    sigma: Any = None,
     slope_weight: Any,
+    force_noise_sd: Any = None,
     force_sigma: Any = None,
     error_in: ErrorIn = "pressure",
     priors: dict[str, Any] | None = None,
@@ -47,7 +49,7 @@ def inflation_model(
     r"""PyMC model of inflation curves: every test shares one set of material parameters.
 
     The model holds one random variable for each parameter, the deterministics ``pressure`` and
-    ``stiffness`` (with `force_sigma` also ``axial_force``, with `geometry` also ``radius``) over
+    ``stiffness`` (with measured forces also ``axial_force``, with `geometry` also ``radius``) over
     ``obs``, and the Potential ``likelihood`` (see :func:`~pymc_hyperelastic.inflation_likelihood`)
     or observed variables. Any PyMC sampler takes it. The model stands by itself: made in the
     context of another one it is no part of that. Inside a model of your own use
@@ -61,16 +63,21 @@ def inflation_model(
         number, as in ``mu_1``.
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
+    noise_sd : float or distribution
+        Standard deviation of the errors, kPa. With a distribution, such as
+        ``pm.HalfNormal.dist(1)``, it is inferred, as the random variable ``noise_sd``. With slopes
+        it is a bound on the standard deviation of a pressure.
     sigma : float or distribution
-        The paper's ``σ``, kPa. With a distribution, such as ``pm.HalfNormal.dist(1)``, it is
-        inferred.
+        In place of `noise_sd` the paper's ``σ``, kPa, which is ``√2`` standard deviations. A
+        distribution is one of ``σ``, and ``sigma`` the random variable.
     slope_weight : float or distribution
         The paper's ``β``, mm², likewise; 0 leaves the slopes out.
-    force_sigma : float or distribution, optional
-        The same as `sigma` for measured axial forces, mN; without it they play no part.
+    force_noise_sd, force_sigma : float or distribution, optional
+        The same for measured axial forces, mN; without one of them they play no part.
     error_in : {"pressure", "radius"}
-        What was measured with an error; with "radius", where curves are steep, `sigma` is in mm (of
-        the internal radius, or of half an outer diameter) and slopes play no part.
+        What was measured with an error; with "radius", where curves are steep, `noise_sd` and
+        `sigma` are in mm (of the internal radius, or of half an outer diameter) and slopes play no
+        part.
     priors : dict of str to distribution, optional
         Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. For the others the
         default of the strain energy is taken: uniform over a documented physical range. A vector
@@ -109,7 +116,7 @@ def inflation_model(
     Raises
     ------
     TypeError
-        If the strain energy, the data or a prior is not one.
+        If the strain energy, the data or a prior is not one, or an error is not given, or twice.
     ValueError
         If the data are unsound, a prior belongs to no parameter, or a number is impossible.
 
@@ -144,7 +151,8 @@ def inflation_model(
     """
     wall, distributions = complete_wall(energy, priors)
     unknown = check_geometry_priors(geometry)
-    observation = Observation(sigma, slope_weight, force_sigma, error_in, likelihood)
+    noise = {"noise_sd": noise_sd, "force_noise_sd": force_noise_sd}
+    observation = Observation(sigma, slope_weight, force_sigma, error_in, likelihood, **noise)
     observation.check(wall, data, distributions, unknown)
     # Classes fit one compiled Potential to the data of each; observed variables are not shared.
     settings = {"mode": mode, "replaceable": likelihood == "paper"}

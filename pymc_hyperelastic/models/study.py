@@ -6,11 +6,13 @@ Besides the groups of sampling the result of a model of inflation curves has
     The measured pressures, and the rest of the inflation data. Of a generative likelihood, what was
     measured by the names of the observed variables, and all of the data.
 
-and attributes from which the model can be built again.
+and attributes from which the model can be built again. Among them are ``noise``, as JSON, in which
+numbers are the paper's ``σ`` and distributions stand by the name by which they were given, and
+``noise_in_words``, which says what that is in standard deviations.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,7 +22,8 @@ import xarray as xr
 
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.observation.observation import NOISE_UNITS, Observation
+from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, noise_in_words, to_store
 from pymc_hyperelastic.models.priors import is_inferred, prior_from_record, prior_to_record
 
 
@@ -74,17 +77,15 @@ class Study:
         if self.rising or (observed and observed.error_in != "pressure"):
             raise ValueError("a class has its error in the pressure, and its prior as it is given")
         noise = observed.noise if observed else {}
-        units = {name: NOISE_UNITS[name] for name in noise}
+        records = noise_records(noise)
+        units = {name: NOISE_UNITS[name] for name in records}
         units |= {p.name: p.unit for p in self.energy.parameters}
         priors = {name: prior_to_record(name, prior) for name, prior in self.priors.items()}
-        records = {
-            name: prior_to_record(name, value) if is_inferred(value) else float(value)
-            for name, value in noise.items()
-        }
         return strain_energy_attrs(self.energy) | {
             "units": json.dumps(units),
             "priors": json.dumps(priors),
             "noise": json.dumps(records),
+            "noise_in_words": noise_in_words(noise),
             **({} if self.likelihood == "paper" else {"likelihood": self.likelihood}),
         }
 
@@ -112,10 +113,7 @@ def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
     """Settings of :func:`pymc_hyperelastic.inflation_model`, but for the data."""
     if "priors" not in tree.attrs:
         raise ValueError("this result does not say from which model it came; see ph.fit_classes")
-    noise = {
-        name: value if isinstance(value, float) else prior_from_record(value)
-        for name, value in json.loads(tree.attrs["noise"]).items()
-    }
+    noise = noise_from_records(json.loads(tree.attrs["noise"]))
     priors = {
         name: prior_from_record(record) for name, record in json.loads(tree.attrs["priors"]).items()
     }
@@ -123,6 +121,22 @@ def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
     if "likelihood" in tree.attrs:
         settings["likelihood"] = tree.attrs["likelihood"]
     return settings
+
+
+def noise_records(noise: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said of the errors as numbers, those of ``σ``, and as records of distributions."""
+    return {
+        name: prior_to_record(name, value) if is_inferred(value) else float(value)
+        for name, value in to_store(noise).items()
+    }
+
+
+def noise_from_records(records: Mapping[str, Any]) -> dict[str, Any]:
+    """What :func:`noise_records` stored."""
+    return {
+        name: value if isinstance(value, float) else prior_from_record(value)
+        for name, value in records.items()
+    }
 
 
 def strain_energy_attrs(energy: StrainEnergy) -> dict[str, str]:
