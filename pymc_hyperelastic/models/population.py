@@ -1,5 +1,6 @@
 """Specimens of a class differ: each has its own parameters, drawn from the class's distribution."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
@@ -14,6 +15,7 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.data.select import specimens_of
+from pymc_hyperelastic.evidence.results import attach_study
 from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, register_class
@@ -123,9 +125,8 @@ def population_model(
     Specimens differ also in how much their experiments differ, ``ln κ_s ~ N(0, η²)``, and with an
     unknown ``σ`` in their noise, ``ln σ_s ~ N(ln σ, ν²)``.
 
-    Pressures alone enter: axial forces in the data play no part. The model stands by itself, as
-    that of :func:`~pymc_hyperelastic.inflation_model` does, also if it is made in the context of
-    another one.
+    Pressures alone enter: axial forces in the data play no part. The model stands by itself: made
+    in the context of another one it is no part of that, and a warning says so.
 
     Parameters
     ----------
@@ -153,6 +154,11 @@ def population_model(
         With the dimensions ``specimen``, ``coordinate``, ``test`` and ``obs``; the deterministics
         of the specimens carry the names of the material parameters, and the observed variable is
         ``measured_pressure``: predictive sampling and ``log_likelihood`` work.
+
+    Warns
+    -----
+    UserWarning
+        If another model is in context.
 
     Raises
     ------
@@ -192,6 +198,13 @@ def population_model(
     """
     population = Population(energy, sigma, experiment_effect, reference_stress, priors, noise_sd)
     population.check(data)
+    if pm.Model.get_context(error_if_none=False) is not None:
+        warnings.warn(
+            "population_model makes a model that stands by itself: nothing of it is in the model "
+            "of the context. Make it outside of `with`; tubes that are parts of another model are "
+            "those of ph.inflation_model(..., name=...)",
+            stacklevel=2,
+        )
     scale = population.scale
     specimens, of_test = specimens_of(data)
     coords = {
@@ -211,7 +224,7 @@ def population_model(
             pm.Deterministic("specimen_noise_sd", sd, dims="specimen")
         forward = population.forward_model(data)
         register_curves(forward, scale, coordinates, specimen_sigma[of_test], dims="obs")
-    model.study = Study(energy, data, {})
+    attach_study(model, Study(energy, data, {}))
     return model
 
 

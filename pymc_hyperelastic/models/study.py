@@ -20,6 +20,7 @@ import numpy as np
 import pymc as pm
 import xarray as xr
 
+from pymc_hyperelastic.evidence.results import data_groups
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.observation import Observation
@@ -57,6 +58,21 @@ class Study:
         PyMC's functions look for the names of variables among the observed data, and may replace
         that group; all data of the study are therefore in the other one.
         """
+        groups = self._measured(model)
+        # What was inferred, and has been observed or set since.
+        for group, held in data_groups(model).items():
+            fixed = [name for name in held.data_vars if name in self._fixed(model)]
+            groups[group] = groups[group].merge(held[fixed])
+        return groups
+
+    def _fixed(self, model: pm.Model) -> set[str]:
+        """Unknowns of the study that are no free variables of a model that was made of its own."""
+        noise = self.observation.noise if self.observation else {}
+        unknowns = {*self.priors, *self.geometry, *(k for k, v in noise.items() if is_inferred(v))}
+        return unknowns - {rv.name for rv in model.free_RVs}
+
+    def _measured(self, model: pm.Model) -> dict[str, xr.Dataset]:
+        """The inflation data, with those that observed variables hold."""
         if self.likelihood == "paper":
             return self.groups()
         data, observed = self.data.copy(), {}
@@ -89,9 +105,11 @@ class Study:
             **({} if self.likelihood == "paper" else {"likelihood": self.likelihood}),
         }
 
-    def result_attrs(self) -> dict[str, str]:
+    def result_attrs(self, model: pm.Model) -> dict[str, str]:
         """What a result of sampling says of the model: all, or of what cannot be stored its law."""
         try:
+            if self._fixed(model):
+                raise ValueError("the model has been changed since, and is not that of its priors")
             return self.attrs()
         except ValueError:
             # Sampling a model with a prior of one's own is fine; it cannot serve as a stored class,

@@ -320,7 +320,8 @@ def test_model_stands_by_itself_in_the_context_of_another(data):
     """Neither model takes over the other's variables, nor minds their names."""
     with pm.Model(coords={"obs": [0]}) as other:
         pm.Normal("location")
-        model = ph.population_model(ph.Ogden(), data, sigma=SIGMA)
+        with pytest.warns(UserWarning, match="stands by itself.*name="):
+            model = ph.population_model(ph.Ogden(), data, sigma=SIGMA)
     assert [v.name for v in other.free_RVs] == ["location"]
     assert model["location"] in model.free_RVs and not other.observed_RVs
 

@@ -67,8 +67,9 @@ def register_measurements(
     if force_sigma is not None:
         rows = forward.share("force_rows", lambda data: {"rows": _rows_of_forces(data)})["rows"]
         if dims:
-            pm.modelcontext(None).add_coord("force_obs", _rows_of_forces(forward.data))
-            dims = "force_obs"
+            model = pm.modelcontext(None)
+            dims = model.name_for("force_obs")
+            model.add_coord(dims, _rows_of_forces(forward.data))
         pm.Normal(
             "measured_axial_force",
             possible(curves["axial_force"][rows]),

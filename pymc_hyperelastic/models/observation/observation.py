@@ -153,7 +153,7 @@ class Observation:
         registered = {}
         for name, value in self.noise.items():
             if is_inferred(value):
-                check_prior(name, value)
+                check_prior(name, value, model=pm.modelcontext(None))
                 registered[name] = register_prior(name, value)
         return replace(self, **registered)
 
