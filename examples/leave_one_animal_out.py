@@ -67,7 +67,7 @@ pooled = ph.calibration_report(
     LAWS,
     classes,
     variability="none",
-    sigma=float(np.sqrt(2) * 2 * ph.mmHg),
+    noise_sd=2 * ph.mmHg,
     priors=None,
     draws=args.draws,
     **settings,

@@ -132,14 +132,14 @@ known = xr.Dataset(
 # %%
 # Learn the classes, and classify
 # -------------------------------
-# Both schemes see the same specimens and know the same errors; σ is √2 standard deviations.
+# Both schemes see the same specimens and know the same errors, by their standard deviation.
 fitted, results = {}, {"true": known}
 for scheme, variability in {"variability": "specimen", "pooled": "none"}.items():
     print(f"{scheme}: fitting {len(training)} classes, classifying {args.new} specimens")
     fitted[scheme] = ph.fit_classes(
         ph.Ogden(),
         training,
-        sigma=float(np.sqrt(2) * ERROR),
+        noise_sd=ERROR,
         slope_weight=0,
         variability=variability,
         draws=1000,

@@ -17,8 +17,10 @@ def fit_classes(
     energy: StrainEnergy,
     classes: Mapping[str, xr.Dataset],
     *,
-    sigma: Any,
+    noise_sd: Any = None,
+    sigma: Any = None,
     slope_weight: Any,
+    force_noise_sd: Any = None,
     force_sigma: Any = None,
     priors: dict[str, Any] | None = None,
     variability: Literal["none", "specimen"] = "none",
@@ -47,10 +49,10 @@ def fit_classes(
         The material, such as ``ph.Ogden()``.
     classes : dict of str to xarray.Dataset
         Training data of each class by its name.
-    sigma, slope_weight, force_sigma, priors
+    noise_sd, sigma, slope_weight, force_noise_sd, force_sigma, priors
         See :func:`pymc_hyperelastic.inflation_model`; they hold for all classes. With variability
-        `slope_weight` is 0, `force_sigma` is not given, and `sigma` and `priors` are those of
-        :func:`~pymc_hyperelastic.population_model`.
+        `slope_weight` is 0, no error of forces is given, and `noise_sd`, `sigma` and `priors` are
+        those of :func:`~pymc_hyperelastic.population_model`.
     variability : {"none", "specimen"}
         Whether specimens of a class differ.
     experiment_effect, reference_stress
@@ -64,7 +66,8 @@ def fit_classes(
     Returns
     -------
     xarray.DataTree
-        One child a class, each with posterior, evidence, training data and settings. With
+        One child a class, each with posterior, evidence, training data and settings; the attribute
+        ``noise_in_words`` says what the noise is as ``σ`` and in standard deviations. With
         variability each has draws of its ``specimens`` too; ``specimens`` and ``evidence`` then say
         by which ``method`` each was integrated, "importance" or "tempering", with the Pareto shape
         ``pareto_k`` of the weights (NaN by tempering). It can be saved with
@@ -91,8 +94,10 @@ def fit_classes(
         variability,
         energy,
         noise,
+        noise_sd=noise_sd,
         sigma=sigma,
         slope_weight=slope_weight,
+        force_noise_sd=force_noise_sd,
         force_sigma=force_sigma,
         priors=priors,
         experiment_effect=experiment_effect,

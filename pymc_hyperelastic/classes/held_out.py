@@ -29,7 +29,8 @@ def calibration_report(
     energy: StrainEnergy | Sequence[StrainEnergy],
     classes: Mapping[str, xr.Dataset],
     *,
-    sigma: Any,
+    noise_sd: Any = None,
+    sigma: Any = None,
     slope_weight: float = 0.0,
     variability: Literal["none", "specimen"] = "specimen",
     experiment_effect: bool = False,
@@ -57,7 +58,7 @@ def calibration_report(
         ``OgdenSeries(1)`` and ``OgdenSeries(2)``, are labelled with their settings.
     classes : dict of str to xarray.Dataset
         Data of each class by its name, as for :func:`fit_classes`.
-    sigma, slope_weight, variability, experiment_effect, reference_stress, priors
+    noise_sd, sigma, slope_weight, variability, experiment_effect, reference_stress, priors
         See :func:`~pymc_hyperelastic.fit_classes`.
     leave_out : dict of str to hashable, optional
         By specimen, what it belongs to: specimens of one animal, say, are left out together. Each
@@ -96,7 +97,7 @@ def calibration_report(
     >>> report = ph.calibration_report(
     ...     ph.Ogden(),
     ...     {name: ph.select(data, group=name) for name in ("C1", "C2")},
-    ...     sigma=5 * ph.mmHg,
+    ...     noise_sd=4 * ph.mmHg,
     ...     draws=500,
     ...     random_seed=1,
     ...     progressbar=False,
@@ -127,6 +128,7 @@ def calibration_report(
             variability,
             law,
             noise,
+            noise_sd=noise_sd,
             sigma=sigma,
             slope_weight=slope_weight,
             priors=priors,

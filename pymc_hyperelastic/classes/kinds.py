@@ -9,7 +9,7 @@ from pymc_hyperelastic.classes.pooled import Pooled
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.observation.observation import NOISE_UNITS
+from pymc_hyperelastic.models.observation.noise import NOISE_UNITS
 
 _KINDS: dict[str, type[ClassKind]] = {kind.variability: kind for kind in (Pooled, Variability)}
 

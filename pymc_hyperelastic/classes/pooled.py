@@ -34,7 +34,7 @@ from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.smc import run_smc, seed_sequence
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
-from pymc_hyperelastic.models.inflation import inflation_model
+from pymc_hyperelastic.models.inflation import tube_model
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import complete_priors
 from pymc_hyperelastic.models.study import inflation_data_of, model_settings_of
@@ -84,7 +84,7 @@ class Pooled(ClassKind):
 
     def model(self, data: xr.Dataset) -> pm.Model:
         """Model of a class with these data."""
-        return inflation_model(self.energy, data, priors=self.priors, **self.observation.noise)
+        return tube_model(self.energy, data, self.observation, priors=self.priors)
 
     def attrs(self) -> dict[str, str]:
         """Settings are those of the models, and stored with each."""

@@ -12,6 +12,7 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import ENOUGH
 from pymc_hyperelastic.evidence.weights import effective_sample_size, pareto_shape
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.observation.noise import in_sigmas
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,8 @@ _SMALLEST_PRESSURE, _LARGEST_PRESSURE, _FEWEST_CURVES = 1e-6, 1e6, 100
 # Curves of a class differ along directions in which they differ by this fraction, or more, of how
 # they do along the first.
 _LEAST_SHARE = 0.003
+# The variable of a class's noise, by what it was given as.
+_NOISE = ("sigma", "noise_sd")
 
 
 def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDistribution:
@@ -46,7 +49,8 @@ def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDis
         if name in posterior
     }
     if "noise_spread" in posterior:
-        optional["log_sigma"] = np.log(posterior["sigma"].values)[:, None]
+        given = {name: posterior[name].values for name in _NOISE if name in posterior}
+        optional["log_sigma"] = np.log(in_sigmas(given)["sigma"])[:, None]
     return ClassDistribution(
         vector("location"),
         vector("spread"),

@@ -172,7 +172,8 @@ def _weighted(draws: SpecimenDraws, log_density: Array, found: Integral) -> Spec
 
 def reference_of(population: Population) -> ClassDistribution:
     """Distribution of a specimen of which not even the class is known."""
-    sigma, (mean, sd) = population.sigma, population.scale.location_prior
+    sigma = population.observation.sigmas["sigma"]
+    mean, sd = population.scale.location_prior
     spread = _WIDER * np.exp(population.scale.spread_prior[0])
     optional: dict[str, Any] = {}
     if population.experiment_effect:

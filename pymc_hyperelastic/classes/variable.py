@@ -42,9 +42,16 @@ from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.observation.noise import noise_in_words, sd_of_sigma
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.priors import prior_from_record, prior_to_record
-from pymc_hyperelastic.models.study import Study, strain_energy_attrs, strain_energy_of
+from pymc_hyperelastic.models.study import (
+    Study,
+    noise_from_records,
+    noise_records,
+    strain_energy_attrs,
+    strain_energy_of,
+)
 
 Array = NDArray[np.float64]
 
@@ -62,6 +69,7 @@ class Variability(Population, ClassKind):
         cls,
         energy: StrainEnergy,
         *,
+        noise_sd: Any = None,
         sigma: Any = None,
         slope_weight: Any = 0.0,
         force_sigma: Any = None,
@@ -71,13 +79,13 @@ class Variability(Population, ClassKind):
         **noise: Any,
     ) -> "Variability":
         """The kind, of settings that ask for nothing but pressures."""
-        if slope_weight != 0 or force_sigma is not None or noise:
-            others = "".join(f" and {name}" for name in noise)
+        others = "".join(f" and {name}" for name, value in noise.items() if value is not None)
+        if slope_weight != 0 or force_sigma is not None or others:
             raise ValueError(
                 "with variability='specimen' pressures alone are compared: expected slope_weight=0 "
                 f"and no force_sigma; got {slope_weight} and {force_sigma}{others}"
             )
-        return cls(energy, sigma, experiment_effect, reference_stress, priors)
+        return cls(energy, sigma, experiment_effect, reference_stress, priors, noise_sd)
 
     @cached_property
     def reference(self) -> ClassDistribution:
@@ -90,9 +98,8 @@ class Variability(Population, ClassKind):
 
     def attrs(self) -> dict[str, str]:
         """The settings as text; ValueError if a prior, or one of the law's, cannot be written."""
-        sigma = self.known_sigma
-        settings = {
-            "sigma": prior_to_record("sigma", self.sigma) if sigma is None else sigma,
+        noise = {k: v for k, v in self.observation.noise.items() if k != "slope_weight"}
+        settings = noise_records(noise) | {
             "experiment_effect": bool(self.experiment_effect),
             "reference_stress": float(self.reference_stress),
             "priors": {k: prior_to_record(k, v) for k, v in (self.priors or {}).items()},
@@ -100,19 +107,19 @@ class Variability(Population, ClassKind):
         return strain_energy_attrs(self.energy) | {
             "variability": self.variability,
             "variability_settings": json.dumps(settings),
+            "noise_in_words": noise_in_words(noise),
         }
 
     @classmethod
     def of_tree(cls, fitted: xr.DataTree) -> "Variability":
         """Settings of a fitted class."""
         settings = json.loads(fitted.attrs["variability_settings"])
-        sigma = settings["sigma"]
+        others = ("experiment_effect", "reference_stress")
         return cls(
             strain_energy_of(fitted),
-            sigma if isinstance(sigma, float) else prior_from_record(sigma),
-            settings["experiment_effect"],
-            settings["reference_stress"],
-            {name: prior_from_record(record) for name, record in settings["priors"].items()},
+            **noise_from_records({k: settings[k] for k in ("sigma", "noise_sd") if k in settings}),
+            **{name: settings[name] for name in others},
+            priors={name: prior_from_record(record) for name, record in settings["priors"].items()},
         )
 
     def fit(
@@ -261,9 +268,9 @@ class SpecimenPredictive:
         self, data: xr.Dataset, distributions: ClassDistribution, rng: np.random.Generator
     ) -> float:
         """How typical the specimen is of a class."""
-        tests, sigma = data.sizes["test"], self._settings.known_sigma
+        tests, known = data.sizes["test"], self._settings.known_sigma
         draws = fresh_specimens(self._settings.scale, distributions, tests, rng)
         curves = self._sampler.curves(data, draws)
-        sd = np.full((len(curves), 1), sigma) if sigma else np.exp(draws["log_specimen_sigma"])
+        sigma = np.full((len(curves), 1), known) if known else np.exp(draws["log_specimen_sigma"])
         measured = data["pressure"].values.astype(float)
-        return predictive_p_value(measured, curves, sd / np.sqrt(2), rng)
+        return predictive_p_value(measured, curves, sd_of_sigma(sigma), rng)

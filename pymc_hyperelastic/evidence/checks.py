@@ -22,9 +22,13 @@ def check_fraction(name: str, value: Any) -> None:
 
 
 def check_model(model: Any) -> None:
-    """Raise TypeError unless `model` is a PyMC model."""
+    """Raise unless `model` is a PyMC model, and no part of another one."""
     if not isinstance(model, pm.Model):
         raise TypeError(f"expected a pm.Model, not {type(model).__name__}")
+    if not model.isroot:
+        raise ValueError(
+            f"the model {model.name!r} is a part of another one: take the whole, its `model.root`"
+        )
 
 
 def check_continuous(model: pm.Model, who: str = "expected") -> None:

@@ -16,6 +16,9 @@ has the groups
     the ``method`` of each.
 ``diagnosis`` : (check)
     What :func:`diagnose_evidence` says.
+``observed_data``, ``constant_data``
+    What was observed, and the other data of the model, as PyMC's samplers store them, unless the
+    model says more of what it was made from.
 """
 
 import json
@@ -27,7 +30,11 @@ import numpy as np
 import pymc as pm
 import xarray as xr
 from arviz_base import dict_to_dataset
-from pymc.backends.arviz import coords_and_dims_for_inferencedata
+from pymc.backends.arviz import (
+    coords_and_dims_for_inferencedata,
+    find_constants,
+    find_observations,
+)
 
 from pymc_hyperelastic.evidence.mixture import Array
 
@@ -40,8 +47,37 @@ class Study(Protocol):
     def result_groups(self, model: pm.Model) -> dict[str, xr.Dataset]:
         """Groups that its result has besides those of sampling."""
 
-    def result_attrs(self) -> dict[str, str]:
+    def result_attrs(self, model: pm.Model) -> dict[str, str]:
         """Attributes of its result."""
+
+
+def attach_study(model: pm.Model, study: Study) -> None:
+    """Let a model say what it was made from, as ``model.study``, and so that copies of it do.
+
+    PyMC's ``observe``, ``do`` and ``copy`` make a new model, of clones of the variables: these
+    carry a tag. Of a deterministic what it shows is cloned.
+    """
+    model.study = study
+    shown = [v.owner.inputs[0] for v in model.deterministics]
+    for variable in [*model.named_vars.values(), *shown]:
+        variable.tag.study = study
+
+
+def study_of(model: pm.Model) -> Study | None:
+    """What a model, or the one of which it is a copy, was made from, if that is known."""
+    tags = (getattr(v.tag, "study", None) for v in model.named_vars.values())
+    return next((study for study in tags if study is not None), None)
+
+
+def data_groups(model: pm.Model) -> dict[str, xr.Dataset]:
+    """Observed and constant data of a model, as PyMC's samplers store them."""
+    coords, dims = coords_and_dims_for_inferencedata(model)
+    data = {"observed_data": find_observations(model), "constant_data": find_constants(model)}
+    return {
+        group: dict_to_dataset(values, coords=coords, dims=dims, sample_dims=[])
+        for group, values in data.items()
+        if values
+    }
 
 
 def sampling_tree(
@@ -56,7 +92,7 @@ def sampling_tree(
     """Collect what sampling gave: arrays by (chain, draw), and one dict of stages a chain.
 
     `found` is what is known of the evidence beforehand. A model that says what it was made from,
-    as :class:`Study` in ``model.study``, has that in its result too.
+    see :func:`attach_study`, has that in its result too.
     """
     coords, dims = coords_and_dims_for_inferencedata(model)
     stages = max(len(chain["beta"]) for chain in stats)
@@ -75,9 +111,9 @@ def sampling_tree(
         evidence["ancestors"] = np.array(alive) / settings["_n_draws"]
     if "pareto_k" in stats[0]:
         evidence["pareto_k"] = np.array([chain["pareto_k"][-1] for chain in stats])
-    study: Study | None = getattr(model, "study", None)
+    study = study_of(model)
     tree = xr.DataTree.from_dict(
-        (study.result_groups(model) if study else {})
+        (study.result_groups(model) if study else data_groups(model))
         | {
             "posterior": dict_to_dataset(posterior, coords=coords, dims=dims),
             "unconstrained_posterior": dict_to_dataset(unconstrained),
@@ -91,7 +127,7 @@ def sampling_tree(
     tree.attrs["versions"] = _versions()
     tree.attrs["random_seed"] = json.dumps(random_seed)
     if study:
-        tree.attrs |= study.result_attrs()
+        tree.attrs |= study.result_attrs(model)
     return tree
 
 

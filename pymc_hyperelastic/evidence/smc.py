@@ -23,7 +23,7 @@ _PACKAGE = os.path.join(os.path.dirname(os.path.dirname(__file__)), "")
 
 
 def sample_smc(
-    model: pm.Model,
+    model: pm.Model | None = None,
     draws: int = 2000,
     chains: int = 4,
     random_seed: Any = None,
@@ -37,14 +37,16 @@ def sample_smc(
 
     Parameters
     ----------
-    model : pymc.Model
-        Any model with continuous variables.
+    model : pymc.Model, optional
+        Any model with continuous variables; that of the context when missing.
     draws : int
         Number of particles of a chain.
     chains : int
         Number of independent runs.
-    random_seed : int or sequence of int, optional
-        One seed for the whole; the same seed gives the same result.
+    random_seed : int, sequence of int or numpy.random.Generator, optional
+        One seed for the whole; the same seed gives the same result. From a generator one is drawn,
+        so that the next call has another. The result says which it was, in the attribute
+        ``random_seed``.
     progressbar : bool
         Whether to show progress. After an interrupt the chains already complete are returned.
     start : sequence of dict, optional
@@ -59,7 +61,8 @@ def sample_smc(
     xarray.DataTree
         ArviZ schema: ``posterior`` and ``unconstrained_posterior`` (chain, draw), ``sample_stats``
         (chain, stage; padded with NaN where a chain had fewer stages), ``evidence`` (chain) and
-        ``diagnosis``, see :func:`diagnose_evidence`.
+        ``diagnosis``, see :func:`diagnose_evidence`; ``observed_data`` and ``constant_data`` where
+        the model has such.
 
     Warns
     -----
@@ -69,7 +72,8 @@ def sample_smc(
     Raises
     ------
     TypeError, ValueError
-        If a model has discrete variables, nothing to temper, or no finite likelihood anywhere, or
+        If there is no model, or it is a part of another one; if it has discrete variables, nothing
+        to temper, or no finite likelihood anywhere, or
         a setting is impossible.
 
     Examples
@@ -81,6 +85,10 @@ def sample_smc(
     >>> tree["posterior"].sizes["draw"]
     500
     """
+    if model is None:
+        model = pm.Model.get_context(error_if_none=False)
+    if model is None:
+        raise TypeError("no model is given, and none is in context: give one, sample_smc(model)")
     settings = {"start": start, "var_names": var_names, **kernel_settings}
     tree = run_smc(model, draws, chains, random_seed, progressbar, **settings)
     warn_of_evidence(tree)
@@ -129,14 +137,17 @@ def run_smc(
 
 
 def seed_sequence(random_seed: Any) -> np.random.SeedSequence:
-    """Seed sequence of a number, several numbers or None; its entropy can be written as JSON."""
+    """Seed sequence of a number, several, a generator or None; its entropy can be JSON."""
+    if isinstance(random_seed, np.random.Generator):
+        random_seed = random_seed.integers(2**32, size=4)
     try:
         return np.random.SeedSequence(
             None if random_seed is None else np.asarray(random_seed).tolist()
         )
     except (TypeError, ValueError) as error:
         raise type(error)(
-            f"random_seed is {random_seed!r}; expected a whole number, not negative, or several"
+            f"random_seed is {random_seed!r}; expected a whole number, not negative, several, "
+            "or a numpy.random.Generator"
         ) from None
 
 

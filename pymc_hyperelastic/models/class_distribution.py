@@ -10,6 +10,7 @@ import pytensor.tensor as pt
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.models.natural_scale import SPREAD, NaturalScale
+from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import is_inferred, register_prior
 
 # Priors of a class, each as the median and the standard deviation of a logarithm.
@@ -47,7 +48,7 @@ class ClassDistribution:
 
 def register_class(
     scale: NaturalScale,
-    sigma: Any,
+    observation: Observation,
     experiment_effect: bool,
     priors: Mapping[str, Any] | None = None,
 ) -> ClassDistribution:
@@ -74,8 +75,8 @@ def register_class(
         optional["experiment_spread"] = variable("experiment_spread", prior)
         prior = pm.LogNormal.dist(np.log(_EFFECT_SPREAD[0]), _EFFECT_SPREAD[1])
         optional["effect_spread"] = variable("effect_spread", prior, dims=None)
-    if is_inferred(sigma):
-        optional["log_sigma"] = pt.log(register_prior("sigma", sigma))
+    if is_inferred(observation.sigmas["sigma"]):
+        optional["log_sigma"] = pt.log(observation.with_variables().sigmas["sigma"])
         prior = pm.LogNormal.dist(np.log(_NOISE_SPREAD[0]), _NOISE_SPREAD[1])
         optional["noise_spread"] = variable("noise_spread", prior, dims=None)
     return ClassDistribution(location, spread, factor, **optional)

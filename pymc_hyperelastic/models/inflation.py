@@ -12,6 +12,7 @@ from pytensor.graph.replace import vectorize_graph
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import describe_test
+from pymc_hyperelastic.evidence.results import attach_study
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import (
     CriscioneType,
@@ -22,7 +23,12 @@ from pymc_hyperelastic.mechanics.strain_energy import (
 from pymc_hyperelastic.models.forward import Mode
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.observation import ErrorIn, Likelihood
-from pymc_hyperelastic.models.priors import check_geometry_priors, complete_wall, register_priors
+from pymc_hyperelastic.models.priors import (
+    belongs_to,
+    check_geometry_priors,
+    complete_wall,
+    register_priors,
+)
 from pymc_hyperelastic.models.study import Study
 
 # Draws from the prior by which it is known how many of them have a pressure that rises: to 3 % at
@@ -34,8 +40,10 @@ def inflation_model(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
     *,
-    sigma: Any,
+    noise_sd: Any = None,
+    sigma: Any = None,
     slope_weight: Any,
+    force_noise_sd: Any = None,
     force_sigma: Any = None,
     error_in: ErrorIn = "pressure",
     priors: dict[str, Any] | None = None,
@@ -43,15 +51,19 @@ def inflation_model(
     rising: bool = False,
     likelihood: Likelihood = "paper",
     mode: Mode = "auto",
+    name: str = "",
 ) -> pm.Model:
     r"""PyMC model of inflation curves: every test shares one set of material parameters.
 
     The model holds one random variable for each parameter, the deterministics ``pressure`` and
-    ``stiffness`` (with `force_sigma` also ``axial_force``, with `geometry` also ``radius``) over
+    ``stiffness`` (with measured forces also ``axial_force``, with `geometry` also ``radius``) over
     ``obs``, and the Potential ``likelihood`` (see :func:`~pymc_hyperelastic.inflation_likelihood`)
-    or observed variables. Any PyMC sampler takes it. The model stands by itself: made in the
-    context of another one it is no part of that. Inside a model of your own use
-    :func:`~pymc_hyperelastic.inflation_likelihood`.
+    or observed variables. Any PyMC sampler takes it.
+
+    Made in the context of another model it is a part of that, as every ``pm.Model`` is: its
+    variables are registered there, under the prefix `name`, and the whole is what is sampled. In
+    the place of priors there may then be variables of that model, which are registered once. If
+    only the likelihood is wanted, use :func:`~pymc_hyperelastic.inflation_likelihood`.
 
     Parameters
     ----------
@@ -61,16 +73,21 @@ def inflation_model(
         number, as in ``mu_1``.
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
+    noise_sd : float or distribution
+        Standard deviation of the errors, kPa. With a distribution, such as
+        ``pm.HalfNormal.dist(1)``, it is inferred, as the random variable ``noise_sd``. With slopes
+        it is a bound on the standard deviation of a pressure.
     sigma : float or distribution
-        The paper's ``σ``, kPa. With a distribution, such as ``pm.HalfNormal.dist(1)``, it is
-        inferred.
+        In place of `noise_sd` the paper's ``σ``, kPa, which is ``√2`` standard deviations. A
+        distribution is one of ``σ``, and ``sigma`` the random variable.
     slope_weight : float or distribution
         The paper's ``β``, mm², likewise; 0 leaves the slopes out.
-    force_sigma : float or distribution, optional
-        The same as `sigma` for measured axial forces, mN; without it they play no part.
+    force_noise_sd, force_sigma : float or distribution, optional
+        The same for measured axial forces, mN; without one of them they play no part.
     error_in : {"pressure", "radius"}
-        What was measured with an error; with "radius", where curves are steep, `sigma` is in mm (of
-        the internal radius, or of half an outer diameter) and slopes play no part.
+        What was measured with an error; with "radius", where curves are steep, `noise_sd` and
+        `sigma` are in mm (of the internal radius, or of half an outer diameter) and slopes play no
+        part.
     priors : dict of str to distribution, optional
         Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. For the others the
         default of the strain energy is taken: uniform over a documented physical range. A vector
@@ -100,18 +117,24 @@ def inflation_model(
         ``axial_force_data``. `slope_weight` must be a number, and the error in the pressure.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated, see :func:`~pymc_hyperelastic.inflation_likelihood`.
+    name : str, optional
+        Prefix of the names of variables and dimensions in the model of the context, as in
+        ``artery::mu``. With it several tubes can be parts of one model.
 
     Returns
     -------
     pymc.Model
-        With the dimension ``obs`` (points) and ``test`` (experiments).
+        With the dimension ``obs`` (points) and ``test`` (experiments). In the context of another
+        model it is that part of it; the whole is its ``root``.
 
     Raises
     ------
     TypeError
-        If the strain energy, the data or a prior is not one.
+        If the strain energy, the data or a prior is not one, or an error is not given, or twice.
     ValueError
-        If the data are unsound, a prior belongs to no parameter, or a number is impossible.
+        If the data are unsound, a prior belongs to no parameter, or a number is impossible; if the
+        model of the context has such names already; or if `rising` is to divide by the prior
+        probability of what variables of that model determine.
 
     Examples
     --------
@@ -141,32 +164,89 @@ def inflation_model(
     ... )
     >>> [rv.name for rv in model.observed_RVs]
     ['measured_pressure']
+
+    Two arteries in a model of one's own, of one exponent:
+
+    >>> noise = {"noise_sd": 4 * ph.mmHg, "slope_weight": 0}
+    >>> with pm.Model() as both:
+    ...     alpha = pm.Uniform("alpha", 0, 40)
+    ...     for group in ("C1", "C2"):
+    ...         tests, own = ph.select(data, group=group), {"alpha": alpha}
+    ...         part = ph.inflation_model(ph.Ogden(), tests, **noise, priors=own, name=group)
+    >>> [rv.name for rv in both.free_RVs]
+    ['alpha', 'C1::mu', 'C2::mu']
     """
-    wall, distributions = complete_wall(energy, priors)
-    unknown = check_geometry_priors(geometry)
-    observation = Observation(sigma, slope_weight, force_sigma, error_in, likelihood)
+    context = pm.Model.get_context(error_if_none=False)
+    if name and context is None:
+        raise ValueError(
+            f"name is {name!r}, a prefix in the model of the context, but no model is in context: "
+            "make this one inside `with pm.Model():`, or leave the name away"
+        )
+    noise = {"noise_sd": noise_sd, "force_noise_sd": force_noise_sd}
+    observation = Observation(sigma, slope_weight, force_sigma, error_in, likelihood, **noise)
+    unknown: dict[str, Any] = {"priors": priors, "geometry": geometry, "rising": rising}
+    return tube_model(energy, data, observation, **unknown, mode=mode, parent=context, name=name)
+
+
+def tube_model(
+    energy: StrainEnergy | Sequence[Layer],
+    data: xr.Dataset,
+    observation: Observation,
+    *,
+    priors: dict[str, Any] | None = None,
+    geometry: dict[str, Any] | None = None,
+    rising: bool = False,
+    mode: Mode = "auto",
+    parent: pm.Model | None = None,
+    name: str = "",
+) -> pm.Model:
+    """Model of :func:`inflation_model`, a part of `parent` or by itself, whatever the context."""
+    wall, distributions = complete_wall(energy, priors, parent)
+    unknown = check_geometry_priors(geometry, parent)
     observation.check(wall, data, distributions, unknown)
     # Classes fit one compiled Potential to the data of each; observed variables are not shared.
-    settings = {"mode": mode, "replaceable": likelihood == "paper"}
+    settings = {"mode": mode, "replaceable": observation.likelihood == "paper"}
     forward = observation.forward_model(wall, data, distributions, unknown, **settings)
+    if rising and any(belongs_to(v, parent) for v in [*distributions.values(), *unknown.values()]):
+        raise ValueError(
+            "rising=True divides by the prior probability of the curves that rise, which is not "
+            "known where parameters are variables of your own model: give distributions instead"
+        )
+    model = pm.Model(name=name, model=parent)
+    points = model.name_for("obs")
     coords = {
-        "obs": np.arange(data.sizes["obs"]),
-        "test": [describe_test(data, test) for test in range(data.sizes["test"])],
+        points: np.arange(data.sizes["obs"]),
+        model.name_for("test"): [describe_test(data, test) for test in range(data.sizes["test"])],
     }
-    with pm.Model(coords=coords, model=None) as model:
+    if parent is not None:
+        _check_names(parent, [*coords, model.name_for("pressure")])
+    model.add_coords(coords)
+    with model:
         parameters = register_priors(distributions)
         of_tube = register_priors(unknown)
         tube, observed = forward.tube(parameters, of_tube), observation.with_variables()
         curves = {
-            name: pm.Deterministic(name, curve, dims="obs") for name, curve in tube.curves().items()
+            curve: pm.Deterministic(curve, values, dims=points)
+            for curve, values in tube.curves().items()
         }
-        observed.register(tube, curves)
+        observed.register(tube, curves, dims=points)
         if rising:
             rises = pt.all(forward.between().tube(parameters, of_tube).curves()["stiffness"] > 0)
             share = _prior_probability(rises, model.free_RVs)
             pm.Potential("rising", pt.where(rises, -np.log(share), -np.inf))
-    model.study = Study(energy, data, distributions, observation, unknown, rising)
+    if parent is None:
+        attach_study(model, Study(energy, data, distributions, observation, unknown, rising))
     return model
+
+
+def _check_names(model: pm.Model, names: Sequence[str]) -> None:
+    """Raise unless a model has no variables or dimensions of these names."""
+    taken = [name for name in names if name in model.coords or name in model.root.named_vars]
+    if taken:
+        raise ValueError(
+            f"the model of the context already has {taken}: give this part of it a name of its "
+            "own, name='artery'; or make it outside of the context, if it is a model by itself"
+        )
 
 
 def power_law_neo_hookean_model(data: xr.Dataset, **settings: Any) -> pm.Model:

@@ -1,5 +1,6 @@
 """Specimens of a class differ: each has its own parameters, drawn from the class's distribution."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
@@ -14,12 +15,14 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.data.select import specimens_of
+from pymc_hyperelastic.evidence.results import attach_study
 from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, register_class
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.natural_scale import NaturalScale, check_moduli
 from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.observation.noise import sd_of_sigma
 from pymc_hyperelastic.models.priors import check_prior, is_inferred
 from pymc_hyperelastic.models.study import Study
 
@@ -34,10 +37,16 @@ class Population:
     """Settings of specimens that differ, see :func:`population_model`."""
 
     energy: StrainEnergy
-    sigma: Any
+    sigma: Any = None
     experiment_effect: bool = False
     reference_stress: float = 20.0
     priors: Mapping[str, Any] | None = None
+    noise_sd: Any = None
+
+    @property
+    def observation(self) -> Observation:
+        """What was measured: pressures alone."""
+        return Observation(self.sigma, noise_sd=self.noise_sd, likelihood="generative")
 
     @property
     def scale(self) -> NaturalScale:
@@ -46,20 +55,23 @@ class Population:
 
     @property
     def known_sigma(self) -> float | None:
-        """The noise, or None if it is inferred."""
-        return None if is_inferred(self.sigma) else float(self.sigma)
+        """The paper's ``σ``, or None if the noise is inferred."""
+        sigma = self.observation.sigmas["sigma"]
+        return None if is_inferred(sigma) else float(sigma)
 
     def check(self, data: xr.Dataset) -> None:
         """Raise unless these data can be modelled so."""
         check_energy(self.energy)
         check_moduli(self.energy)
-        if is_inferred(self.sigma):
-            _check_sigma(self.sigma)
+        observation = self.observation
+        for name, value in observation.noise.items():
+            if is_inferred(value):
+                _check_positive(name, value)
         stress = self.reference_stress
         if not isinstance(stress, Real) or not np.isfinite(stress) or stress <= 0:
             raise ValueError(f"reference_stress is {stress!r}; expected a positive number of kPa")
         parameters = {p.name: np.zeros(p.size) if p.size else 0.0 for p in self.energy.parameters}
-        Observation(self.sigma).check(self.energy, data, parameters)
+        observation.check(self.energy, data, parameters)
         if self.priors is not None and not isinstance(self.priors, Mapping):
             raise TypeError(
                 'priors must be a dict such as {"noise_spread": pm.LogNormal.dist(-1, 0.5)}, not '
@@ -69,7 +81,7 @@ class Population:
         sizes = {"location": count, "spread": count}
         if self.experiment_effect:
             sizes |= {"experiment_spread": count, "effect_spread": None}
-        if is_inferred(self.sigma):
+        if self.known_sigma is None:
             sizes["noise_spread"] = None
         for name, prior in (self.priors or {}).items():
             if name not in sizes:
@@ -80,7 +92,7 @@ class Population:
 
     def register_class(self) -> ClassDistribution:
         """Variables of the class's distribution, in the model of the context."""
-        return register_class(self.scale, self.sigma, self.experiment_effect, self.priors)
+        return register_class(self.scale, self.observation, self.experiment_effect, self.priors)
 
     def forward_model(self, data: xr.Dataset) -> ForwardModel:
         """Curves of tests with parameters of their own, over the range of the coordinates."""
@@ -95,7 +107,8 @@ def population_model(
     energy: StrainEnergy,
     data: xr.Dataset,
     *,
-    sigma: Any,
+    noise_sd: Any = None,
+    sigma: Any = None,
     experiment_effect: bool = False,
     reference_stress: float = 20.0,
     priors: Mapping[str, Any] | None = None,
@@ -112,9 +125,8 @@ def population_model(
     Specimens differ also in how much their experiments differ, ``ln κ_s ~ N(0, η²)``, and with an
     unknown ``σ`` in their noise, ``ln σ_s ~ N(ln σ, ν²)``.
 
-    Pressures alone enter: axial forces in the data play no part. The model stands by itself, as
-    that of :func:`~pymc_hyperelastic.inflation_model` does, also if it is made in the context of
-    another one.
+    Pressures alone enter: axial forces in the data play no part. The model stands by itself: made
+    in the context of another one it is no part of that, and a warning says so.
 
     Parameters
     ----------
@@ -122,9 +134,11 @@ def population_model(
         The material, such as ``ph.Ogden()``.
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`: the specimens of one class.
+    noise_sd : float or distribution
+        Standard deviation of a pressure, ``σ/√2``, kPa. With a distribution, that of the class's
+        median, each specimen has its own: ``specimen_noise_sd``.
     sigma : float or distribution
-        The paper's ``σ``, kPa, ``√2`` times the standard deviation of a pressure. With a
-        distribution, that of the class's median, each specimen has its own.
+        In place of `noise_sd` the paper's ``σ``, kPa, ``√2`` times the standard deviation.
     experiment_effect : bool, default False
         Whether experiments on one specimen differ by more than noise, as at several axial stretches
         of a material whose law does not couple the directions rightly. Otherwise ``ω = 0``.
@@ -141,10 +155,15 @@ def population_model(
         of the specimens carry the names of the material parameters, and the observed variable is
         ``measured_pressure``: predictive sampling and ``log_likelihood`` work.
 
+    Warns
+    -----
+    UserWarning
+        If another model is in context.
+
     Raises
     ------
     TypeError
-        If the strain energy, the data or a prior is not one.
+        If the strain energy, the data or a prior is not one, or the noise is not given, or twice.
     ValueError
         If the data are unsound, or a number is impossible.
 
@@ -173,12 +192,19 @@ def population_model(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), group="C1")
-    >>> model = ph.population_model(ph.Ogden(), data, sigma=5 * ph.mmHg)
+    >>> model = ph.population_model(ph.Ogden(), data, noise_sd=4 * ph.mmHg)
     >>> [rv.name for rv in model.free_RVs]
     ['location', 'spread', 'correlation_unit', 'log_reference_strain', 'log_alpha']
     """
-    population = Population(energy, sigma, experiment_effect, reference_stress, priors)
+    population = Population(energy, sigma, experiment_effect, reference_stress, priors, noise_sd)
     population.check(data)
+    if pm.Model.get_context(error_if_none=False) is not None:
+        warnings.warn(
+            "population_model makes a model that stands by itself: nothing of it is in the model "
+            "of the context. Make it outside of `with`; tubes that are parts of another model are "
+            "those of ph.inflation_model(..., name=...)",
+            stacklevel=2,
+        )
     scale = population.scale
     specimens, of_test = specimens_of(data)
     coords = {
@@ -192,20 +218,23 @@ def population_model(
         distribution = population.register_class()
         coordinates, specimen_sigma = register_specimens(scale, distribution, of_test)
         if specimen_sigma is None:
-            specimen_sigma = pt.full((len(specimens),), np.float64(sigma))
+            specimen_sigma = pt.full((len(specimens),), np.float64(population.known_sigma))
+        elif noise_sd is not None:
+            sd = sd_of_sigma(specimen_sigma)
+            pm.Deterministic("specimen_noise_sd", sd, dims="specimen")
         forward = population.forward_model(data)
         register_curves(forward, scale, coordinates, specimen_sigma[of_test], dims="obs")
-    model.study = Study(energy, data, {})
+    attach_study(model, Study(energy, data, {}))
     return model
 
 
-def _check_sigma(sigma: Any) -> None:
-    """Raise unless `sigma` is a distribution of positive numbers: its logarithm is spread."""
-    check_prior("sigma", sigma)
-    smallest = pm.draw(sigma, draws=_SIGMA_DRAWS, random_seed=1, mode="FAST_COMPILE").min()
+def _check_positive(name: str, noise: Any) -> None:
+    """Raise unless the noise is a distribution of positive numbers: its logarithm is spread."""
+    check_prior(name, noise)
+    smallest = pm.draw(noise, draws=_SIGMA_DRAWS, random_seed=1, mode="FAST_COMPILE").min()
     if smallest <= 0:
         raise ValueError(
-            f"the prior of 'sigma' holds numbers such as {smallest:.3g}; expected a distribution "
+            f"the prior of {name!r} holds numbers such as {smallest:.3g}; expected a distribution "
             "of positive numbers, such as pm.LogNormal.dist(0, 1)"
         )
 

@@ -22,12 +22,15 @@ from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 
 
 def complete_priors(
-    energy: StrainEnergy, priors: dict[str, TensorVariable] | None = None
+    energy: StrainEnergy,
+    priors: dict[str, TensorVariable] | None = None,
+    model: pm.Model | None = None,
 ) -> dict[str, TensorVariable]:
     """Priors of all parameters of `energy`: those given, and uniform defaults for the others.
 
     A default prior is uniform over :attr:`Parameter.prior_range`, as in the paper. It is a fixed
-    physical range and knows nothing of the data.
+    physical range and knows nothing of the data. In place of a prior there may be a variable of the
+    `model` that is going to have them.
 
     >>> import pymc as pm, pymc_hyperelastic as ph
     >>> from pymc_hyperelastic.models.priors import complete_priors
@@ -48,7 +51,7 @@ def complete_priors(
             )
     for p in energy.parameters:
         if p.name in given:
-            check_prior(p.name, given[p.name], p.size)
+            check_prior(p.name, given[p.name], p.size, model)
     return {
         p.name: given[p.name] if p.name in given else pm.Uniform.dist(*p.prior_range, shape=p.size)
         for p in energy.parameters
@@ -56,19 +59,23 @@ def complete_priors(
 
 
 def complete_wall(
-    energy: StrainEnergy | Sequence[Layer], priors: dict[str, TensorVariable] | None = None
+    energy: StrainEnergy | Sequence[Layer],
+    priors: dict[str, TensorVariable] | None = None,
+    model: pm.Model | None = None,
 ) -> tuple[StrainEnergy | list[Layer], dict[str, TensorVariable]]:
     """A material, or layers in which nothing is missing, and the priors of all parameters."""
     if not isinstance(energy, Sequence):
         check_energy(energy)
-        return energy, complete_priors(energy, priors)
+        return energy, complete_priors(energy, priors, model)
     if priors:
         raise TypeError("layers take their own priors, Layer(..., mu=...): give no others")
     check_layers(energy)
-    return complete_layers(energy)
+    return complete_layers(energy, model)
 
 
-def complete_layers(layers: Sequence[Layer]) -> tuple[list[Layer], dict[str, TensorVariable]]:
+def complete_layers(
+    layers: Sequence[Layer], model: pm.Model | None = None
+) -> tuple[list[Layer], dict[str, TensorVariable]]:
     """Layers in which nothing is missing, and the distributions in them by name.
 
     A name carries the number of the layer, counted from inside, unless the distribution stands in
@@ -86,7 +93,7 @@ def complete_layers(layers: Sequence[Layer]) -> tuple[list[Layer], dict[str, Ten
         sizes = {p.name: p.size for p in layer.energy.parameters} | {"thickness": None}
         for name, value in {**parameters, "thickness": layer.thickness}.items():
             if is_inferred(value):
-                check_prior(f"{name}_{number}", value, sizes[name])
+                check_prior(f"{name}_{number}", value, sizes[name], model)
                 places.setdefault(value, []).append((name, number))
             else:
                 _check_number(f"{name}_{number}", value, sizes[name])
@@ -134,7 +141,9 @@ _GEOMETRY = (
 )
 
 
-def check_geometry_priors(geometry: Mapping[str, TensorVariable] | None) -> dict[str, Any]:
+def check_geometry_priors(
+    geometry: Mapping[str, TensorVariable] | None, model: pm.Model | None = None
+) -> dict[str, Any]:
     """Priors of a tube's geometry, or an error if they do not state one."""
     if geometry is not None and not isinstance(geometry, Mapping):
         raise TypeError(
@@ -145,7 +154,7 @@ def check_geometry_priors(geometry: Mapping[str, TensorVariable] | None) -> dict
     for name, prior in given.items():
         if name not in _GEOMETRY:
             raise ValueError(f"a prior is given for {name!r}; of a tube one may infer {_GEOMETRY}")
-        check_prior(name, prior)
+        check_prior(name, prior, model=model)
     outer = [name for name in ("outer_radius", "thickness", "wall_area") if name in given]
     if len(outer) > 1:
         raise ValueError(f"{outer} state the same: give a prior for one of them")
@@ -157,11 +166,35 @@ def check_geometry_priors(geometry: Mapping[str, TensorVariable] | None) -> dict
     return given
 
 
-def check_prior(name: str, prior: Any, size: int | None = None) -> None:
+def check_prior(
+    name: str, prior: Any, size: int | None = None, model: pm.Model | None = None
+) -> None:
     """Raise TypeError unless `prior` is a distribution of that size that belongs to no model yet.
 
-    A scalar has no size.
+    A scalar has no size. With a `model`, it may be a variable of that instead.
     """
+    if not belongs_to(prior, model):
+        _check_distribution(name, prior)
+    shape = () if size is None else (size,)
+    static = prior.type.shape
+    # What is computed need not know its size beforehand.
+    if len(static) != len(shape) or any(s not in (n, None) for s, n in zip(static, shape)):
+        expected = "a scalar" if size is None else f"{size} entries, as with shape={size}"
+        raise TypeError(f"the prior of {name!r} has the shape {static}; expected {expected}")
+
+
+def belongs_to(variable: Any, model: pm.Model | None) -> bool:
+    """Whether something is a variable of a model, or computed from such."""
+    if model is None or not is_inferred(variable):
+        return False
+    named = set(model.root.named_vars.values())
+    if variable in named:
+        return True
+    return not _is_random(variable) and any(v in named for v in ancestors([variable]))
+
+
+def _check_distribution(name: str, prior: Any) -> None:
+    """Raise TypeError unless `prior` is a distribution that belongs to no model yet."""
     node = getattr(prior, "owner", None)
     if node is None or not isinstance(node.op, RandomVariable | SymbolicRandomVariable):
         raise TypeError(
@@ -177,14 +210,9 @@ def check_prior(name: str, prior: Any, size: int | None = None) -> None:
         culprit = linked[0].name or linked[0]
         raise TypeError(
             f"the prior of {name!r} depends on the random variable {culprit!r}; "
-            "expected a distribution by itself, such as pm.Uniform.dist(0, 50). Inside a model of "
-            "your own use ph.inflation_likelihood"
-        )
-    shape = () if size is None else (size,)
-    if prior.type.shape != shape:
-        expected = "a scalar" if size is None else f"{size} entries, as with shape={size}"
-        raise TypeError(
-            f"the prior of {name!r} has the shape {prior.type.shape}; expected {expected}"
+            "expected a distribution by itself, such as pm.Uniform.dist(0, 50). Variables of a "
+            "model of your own are taken by ph.inflation_model, where that is called inside "
+            "`with model:`, and by ph.inflation_likelihood"
         )
 
 
@@ -240,10 +268,13 @@ def register_priors(priors: Mapping[str, TensorVariable]) -> dict[str, TensorVar
 
 
 def register_prior(name: str, prior: TensorVariable) -> TensorVariable:
-    """Make `prior` a random variable of the model in context.
+    """Make `prior` a random variable of the model in context, unless it is a part of that already.
 
     A copy is registered: one distribution may serve several models, or several parameters.
     """
+    model = pm.modelcontext(None)
+    if belongs_to(prior, model):
+        return prior
     node = prior.owner
     if _takes_scalars(node.op):
         size = prior.type.shape or None
@@ -251,7 +282,7 @@ def register_prior(name: str, prior: TensorVariable) -> TensorVariable:
     else:
         inputs = [_generator() if isinstance(x.type, RandomType) else x for x in node.inputs]
         copy = node.op.make_node(*inputs).outputs[node.outputs.index(prior)]
-    return pm.modelcontext(None).register_rv(copy, name=name)
+    return model.register_rv(copy, name=name)
 
 
 def _in_double(variables: Sequence[Variable]) -> list[Variable]:

@@ -6,11 +6,13 @@ Besides the groups of sampling the result of a model of inflation curves has
     The measured pressures, and the rest of the inflation data. Of a generative likelihood, what was
     measured by the names of the observed variables, and all of the data.
 
-and attributes from which the model can be built again.
+and attributes from which the model can be built again. Among them are ``noise``, as JSON, in which
+numbers are the paper's ``σ`` and distributions stand by the name by which they were given, and
+``noise_in_words``, which says what that is in standard deviations.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,9 +20,11 @@ import numpy as np
 import pymc as pm
 import xarray as xr
 
+from pymc_hyperelastic.evidence.results import data_groups
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.observation.observation import NOISE_UNITS, Observation
+from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, noise_in_words, to_store
 from pymc_hyperelastic.models.priors import is_inferred, prior_from_record, prior_to_record
 
 
@@ -54,6 +58,21 @@ class Study:
         PyMC's functions look for the names of variables among the observed data, and may replace
         that group; all data of the study are therefore in the other one.
         """
+        groups = self._measured(model)
+        # What was inferred, and has been observed or set since.
+        for group, held in data_groups(model).items():
+            fixed = [name for name in held.data_vars if name in self._fixed(model)]
+            groups[group] = groups[group].merge(held[fixed])
+        return groups
+
+    def _fixed(self, model: pm.Model) -> set[str]:
+        """Unknowns of the study that are no free variables of a model that was made of its own."""
+        noise = self.observation.noise if self.observation else {}
+        unknowns = {*self.priors, *self.geometry, *(k for k, v in noise.items() if is_inferred(v))}
+        return unknowns - {rv.name for rv in model.free_RVs}
+
+    def _measured(self, model: pm.Model) -> dict[str, xr.Dataset]:
+        """The inflation data, with those that observed variables hold."""
         if self.likelihood == "paper":
             return self.groups()
         data, observed = self.data.copy(), {}
@@ -74,23 +93,23 @@ class Study:
         if self.rising or (observed and observed.error_in != "pressure"):
             raise ValueError("a class has its error in the pressure, and its prior as it is given")
         noise = observed.noise if observed else {}
-        units = {name: NOISE_UNITS[name] for name in noise}
+        records = noise_records(noise)
+        units = {name: NOISE_UNITS[name] for name in records}
         units |= {p.name: p.unit for p in self.energy.parameters}
         priors = {name: prior_to_record(name, prior) for name, prior in self.priors.items()}
-        records = {
-            name: prior_to_record(name, value) if is_inferred(value) else float(value)
-            for name, value in noise.items()
-        }
         return strain_energy_attrs(self.energy) | {
             "units": json.dumps(units),
             "priors": json.dumps(priors),
             "noise": json.dumps(records),
+            "noise_in_words": noise_in_words(noise),
             **({} if self.likelihood == "paper" else {"likelihood": self.likelihood}),
         }
 
-    def result_attrs(self) -> dict[str, str]:
+    def result_attrs(self, model: pm.Model) -> dict[str, str]:
         """What a result of sampling says of the model: all, or of what cannot be stored its law."""
         try:
+            if self._fixed(model):
+                raise ValueError("the model has been changed since, and is not that of its priors")
             return self.attrs()
         except ValueError:
             # Sampling a model with a prior of one's own is fine; it cannot serve as a stored class,
@@ -112,10 +131,7 @@ def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
     """Settings of :func:`pymc_hyperelastic.inflation_model`, but for the data."""
     if "priors" not in tree.attrs:
         raise ValueError("this result does not say from which model it came; see ph.fit_classes")
-    noise = {
-        name: value if isinstance(value, float) else prior_from_record(value)
-        for name, value in json.loads(tree.attrs["noise"]).items()
-    }
+    noise = noise_from_records(json.loads(tree.attrs["noise"]))
     priors = {
         name: prior_from_record(record) for name, record in json.loads(tree.attrs["priors"]).items()
     }
@@ -123,6 +139,22 @@ def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
     if "likelihood" in tree.attrs:
         settings["likelihood"] = tree.attrs["likelihood"]
     return settings
+
+
+def noise_records(noise: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said of the errors as numbers, those of ``σ``, and as records of distributions."""
+    return {
+        name: prior_to_record(name, value) if is_inferred(value) else float(value)
+        for name, value in to_store(noise).items()
+    }
+
+
+def noise_from_records(records: Mapping[str, Any]) -> dict[str, Any]:
+    """What :func:`noise_records` stored."""
+    return {
+        name: value if isinstance(value, float) else prior_from_record(value)
+        for name, value in records.items()
+    }
 
 
 def strain_energy_attrs(energy: StrainEnergy) -> dict[str, str]:

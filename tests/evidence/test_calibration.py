@@ -275,7 +275,7 @@ def test_data_that_the_model_excludes_name_their_simulation():
     """What cannot be sampled is told with the number of the simulation."""
     with pm.Model() as model:
         pm.Uniform("y", 0, pm.Uniform("mean", 0, 1), observed=np.zeros(POINTS))
-    with pytest.raises(ValueError, match="simulation 0: none of 1000 draws of the prior"):
+    with pytest.raises(ValueError, match=r"simulation 0: none of \d+ draws of the prior"):
         calibrate(model, simulator=conjugate())
 
 

@@ -15,6 +15,7 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.models.class_distribution import register_class
 from pymc_hyperelastic.models.natural_scale import NaturalScale
+from pymc_hyperelastic.models.observation import Observation
 
 mpl.use("Agg")
 
@@ -170,7 +171,7 @@ def test_priors_are_those_of_the_documentation():
 @pytest.fixture(scope="module")
 def correlations():
     with pm.Model(coords={"coordinate": [0, 1, 2], "coordinate_2": [0, 1, 2]}) as model:
-        register_class(NaturalScale(ph.Yeoh()), 1.0, False)
+        register_class(NaturalScale(ph.Yeoh()), Observation(1.0), False)
     return pm.draw(model["correlation"], draws=4000, random_seed=SEED, mode=MODE)
 
 
@@ -319,7 +320,8 @@ def test_model_stands_by_itself_in_the_context_of_another(data):
     """Neither model takes over the other's variables, nor minds their names."""
     with pm.Model(coords={"obs": [0]}) as other:
         pm.Normal("location")
-        model = ph.population_model(ph.Ogden(), data, sigma=SIGMA)
+        with pytest.warns(UserWarning, match="stands by itself.*name="):
+            model = ph.population_model(ph.Ogden(), data, sigma=SIGMA)
     assert [v.name for v in other.free_RVs] == ["location"]
     assert model["location"] in model.free_RVs and not other.observed_RVs
 

@@ -16,6 +16,7 @@ from scipy.linalg import solve_banded
 
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.forward.blocks import block_arrays, block_product, identity_of_tests
+from pymc_hyperelastic.models.observation.noise import sd_of_sigma
 from pymc_hyperelastic.models.observation.slopes import precision_root, whiten, with_slopes
 
 Array = NDArray[np.float64]
@@ -54,7 +55,7 @@ def register_measurements(
 
     settings = {"observed": _measured(forward, "pressure", dims), "dims": dims}
     if not with_slopes(slope_weight):
-        sd = _double(sigma) / np.sqrt(2.0)
+        sd = sd_of_sigma(_double(sigma))
         pm.Normal("measured_pressure", possible(curves["pressure"]), sd, **settings)
     else:
 
@@ -66,12 +67,13 @@ def register_measurements(
     if force_sigma is not None:
         rows = forward.share("force_rows", lambda data: {"rows": _rows_of_forces(data)})["rows"]
         if dims:
-            pm.modelcontext(None).add_coord("force_obs", _rows_of_forces(forward.data))
-            dims = "force_obs"
+            model = pm.modelcontext(None)
+            dims = model.name_for("force_obs")
+            model.add_coord(dims, _rows_of_forces(forward.data))
         pm.Normal(
             "measured_axial_force",
             possible(curves["axial_force"][rows]),
-            _double(force_sigma) / np.sqrt(2.0),
+            sd_of_sigma(_double(force_sigma)),
             observed=_measured(forward, "axial_force", dims),
             dims=dims,
         )
@@ -119,7 +121,7 @@ def _correlated_normal(
 
     def dist(mean: TensorVariable, sigma: TensorVariable, *inverse: Any) -> TensorVariable:
         blocks, points, place, _ = inverse
-        white = pm.Normal.dist(mean, sigma / np.sqrt(2.0))
+        white = pm.Normal.dist(mean, sd_of_sigma(sigma))
         return block_product(blocks, {"points": points, "place": place}, white)
 
     # One density for each point, given those before it: what criteria by points look at.

@@ -2,8 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
-from numbers import Real
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -19,20 +17,17 @@ from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
 from pymc_hyperelastic.models.forward import ForwardModel, Mode, SymbolicTube
 from pymc_hyperelastic.models.observation.generative import register_measurements
+from pymc_hyperelastic.models.observation.noise import (
+    check_given,
+    check_noise,
+    in_sigmas,
+)
 from pymc_hyperelastic.models.observation.paper import paper_log_likelihood
 from pymc_hyperelastic.models.observation.slopes import central_differences, with_slopes
 from pymc_hyperelastic.models.priors import check_prior, is_inferred, register_prior
 
 ErrorIn = Literal["pressure", "radius"]
 Likelihood = Literal["paper", "generative"]
-
-# What is said of the errors, and the unit that it has.
-NOISE_UNITS = {"sigma": "kPa", "slope_weight": "mm2", "force_sigma": "mN"}
-_EXPECTED = {
-    "sigma": "a positive number of kPa (5 mmHg is 5 * ph.mmHg)",
-    "slope_weight": "a number of mm², 0 to leave the slopes out",
-    "force_sigma": "a positive number of mN",
-}
 
 
 @dataclass(frozen=True)
@@ -43,25 +38,50 @@ class Observation:
     ----------
     sigma, slope_weight, force_sigma : float or TensorVariable
         See :func:`~pymc_hyperelastic.inflation_model`; without `force_sigma` forces play no part.
+    noise_sd, force_noise_sd : float or TensorVariable
+        Standard deviations, one of which may be given in place of each ``σ``.
     error_in : {"pressure", "radius"}
         What was measured with an error.
     likelihood : {"paper", "generative"}
         How the data enter a model.
     """
 
-    sigma: Any
+    sigma: Any = None
     slope_weight: Any = 0.0
     force_sigma: Any = None
     error_in: ErrorIn = "pressure"
     likelihood: Likelihood = "paper"
+    noise_sd: Any = None
+    force_noise_sd: Any = None
+
+    def __post_init__(self) -> None:
+        check_given(self.sigma, self.noise_sd, self.force_sigma, self.force_noise_sd)
 
     @property
     def noise(self) -> dict[str, Any]:
-        """What is said of the errors, by name."""
-        noise = {"sigma": self.sigma, "slope_weight": self.slope_weight}
-        if self.force_sigma is not None:
-            noise["force_sigma"] = self.force_sigma
-        return noise
+        """What is said of the errors, by the name by which it was given."""
+        noise = {
+            "sigma": self.sigma,
+            "noise_sd": self.noise_sd,
+            "slope_weight": self.slope_weight,
+            "force_sigma": self.force_sigma,
+            "force_noise_sd": self.force_noise_sd,
+        }
+        return {
+            name: value
+            for name, value in noise.items()
+            if value is not None or name == "slope_weight"
+        }
+
+    @property
+    def sigmas(self) -> dict[str, Any]:
+        """The same, every size of errors as the paper's ``σ``."""
+        return in_sigmas(self.noise)
+
+    @property
+    def with_force(self) -> bool:
+        """Whether axial forces play a part."""
+        return "force_sigma" in self.sigmas
 
     def check(
         self,
@@ -83,13 +103,11 @@ class Observation:
         check_inflation_data(data)
         _check_geometry(wall, data, geometry)
         for name, value in self.noise.items():
-            _check_noise(name, value)
-        if self.force_sigma is not None and (
-            "axial_force" not in data or data["axial_force"].isnull().all()
-        ):
+            check_noise(name, value)
+        if self.with_force and ("axial_force" not in data or data["axial_force"].isnull().all()):
+            name = "force_sigma" if self.force_noise_sd is None else "force_noise_sd"
             raise ValueError(
-                "force_sigma is given, but the data hold no axial forces: add a column "
-                "'axial_force'"
+                f"{name} is given, but the data hold no axial forces: add a column 'axial_force'"
             )
         self._check_form(data)
 
@@ -127,7 +145,7 @@ class Observation:
         **settings: Any,
     ) -> ForwardModel:
         """Forward model of what is observed, see :class:`ForwardModel` for the arguments."""
-        settings |= {"with_force": self.force_sigma is not None, "error_in": self.error_in}
+        settings |= {"with_force": self.with_force, "error_in": self.error_in}
         return ForwardModel(wall, data, parameters, geometry, **settings)
 
     def with_variables(self) -> "Observation":
@@ -135,7 +153,7 @@ class Observation:
         registered = {}
         for name, value in self.noise.items():
             if is_inferred(value):
-                check_prior(name, value)
+                check_prior(name, value, model=pm.modelcontext(None))
                 registered[name] = register_prior(name, value)
         return replace(self, **registered)
 
@@ -147,13 +165,13 @@ class Observation:
         The `settings` are those of :func:`register_measurements`.
         """
         if self.likelihood == "generative":
-            register_measurements(tube, curves, **self.noise, **settings)
+            register_measurements(tube, curves, **self.sigmas, **settings)
         else:
             pm.Potential("likelihood", self.log_likelihood(tube))
 
     def log_likelihood(self, tube: SymbolicTube) -> TensorVariable:
         """The paper's log-likelihood, see :func:`~pymc_hyperelastic.inflation_likelihood`."""
-        return paper_log_likelihood(tube, **self.noise)
+        return paper_log_likelihood(tube, **self.sigmas)
 
 
 def inflation_likelihood(
@@ -162,8 +180,10 @@ def inflation_likelihood(
     data: xr.Dataset,
     parameters: dict[str, Any],
     *,
-    sigma: Any,
+    noise_sd: Any = None,
+    sigma: Any = None,
     slope_weight: Any,
+    force_noise_sd: Any = None,
     force_sigma: Any = None,
     error_in: ErrorIn = "pressure",
     geometry: Mapping[str, Any] | None = None,
@@ -189,7 +209,8 @@ def inflation_likelihood(
     With the error in the radius, ``Δr`` replaces ``Δp``: the radius at which the model has the
     measured pressure minus the measured one (half of an outer diameter).
 
-    With `force_sigma`, measured axial forces add ``−|ΔF|²/σ_F² − (N_F/2) ln(π σ_F²)``.
+    With ``σ_F`` (`force_noise_sd` is ``σ_F/√2``), measured axial forces add
+    ``−|ΔF|²/σ_F² − (N_F/2) ln(π σ_F²)``.
 
     Parameters
     ----------
@@ -201,13 +222,16 @@ def inflation_likelihood(
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
     parameters : dict of str to tensor_like
         The material parameters by name: random variables, expressions or numbers.
+    noise_sd : tensor_like
+        Standard deviation of the errors, ``σ/√2``, kPa, or mm if the error is in the radius; a
+        number or a random variable. With slopes it is a bound on that of a pressure.
     sigma : tensor_like
-        The paper's ``σ``, kPa, or mm if the error is in the radius; a number or a random variable.
+        In place of `noise_sd` the paper's ``σ``, which is ``√2`` standard deviations.
     slope_weight : tensor_like
         The paper's ``β``, mm²; a number or a random variable. With the number 0 slopes play no
         part. See :func:`~pymc_hyperelastic.balanced_slope_weight`.
-    force_sigma : tensor_like, optional
-        The same as `sigma` for axial forces, mN; without it they play no part.
+    force_noise_sd, force_sigma : tensor_like, optional
+        The same for axial forces, mN; without one of them they play no part.
     error_in : {"pressure", "radius"}
         What was measured with an error. Where curves are steep it is the radius; slopes then play
         no part.
@@ -228,10 +252,10 @@ def inflation_likelihood(
     Raises
     ------
     TypeError
-        If the parameters are not those of the strain energy, something is not a scalar, or no
-        model is in context.
+        If the parameters are not those of the strain energy, something is not a scalar, no model is
+        in context, or an error is not given, or twice.
     ValueError
-        If the name is taken, `sigma` or `slope_weight` is an impossible number, or a test has too
+        If the name is taken, an error or `slope_weight` is an impossible number, or a test has too
         few points or repeated radii for a slope.
 
     Examples
@@ -259,7 +283,8 @@ def inflation_likelihood(
     strangers = [key for key in geometry or {} if key not in GEOMETRY]
     if strangers:
         raise ValueError(f"geometry holds {strangers[0]!r}; it may hold {GEOMETRY}")
-    observation = Observation(sigma, slope_weight, force_sigma, error_in)
+    noise = {"noise_sd": noise_sd, "force_noise_sd": force_noise_sd}
+    observation = Observation(sigma, slope_weight, force_sigma, error_in, **noise)
     observation.check(energy, data, parameters, geometry)
     sizes = {p.name: p.size for p in energy.parameters}
     parameters = {key: _as_tensor(key, value, sizes[key]) for key, value in parameters.items()}
@@ -297,22 +322,6 @@ def _check_geometry(
                 f"{describe_test(data, int(unknown[0]))}: {name} is not known: give it a prior, "
                 f"geometry={{{name!r}: ...}}"
             )
-
-
-def _check_noise(name: str, value: Any) -> None:
-    """Raise unless an error has a size, or a distribution of one."""
-    expected = _EXPECTED[name]
-    if isinstance(value, Variable):
-        if value.type.ndim:
-            raise TypeError(
-                f"{name} has {value.type.ndim} dimension(s); expected {expected}, or a scalar "
-                "distribution"
-            )
-        return
-    if isinstance(value, bool) or not isinstance(value, Real):
-        raise TypeError(f"{name} is {value!r}; expected {expected}, or a distribution")
-    if not isfinite(value) or value < 0 or (name != "slope_weight" and value == 0):
-        raise ValueError(f"{name} is {value}; expected {expected}")
 
 
 def _as_tensor(name: str, value: Any, size: int | None = None) -> TensorVariable:
