@@ -22,7 +22,8 @@ from pymc_hyperelastic.plots.style import (
     per_kilopascal,
     training_attrs,
 )
-from pymc_hyperelastic.predictions.curves import predict_pressure
+from pymc_hyperelastic.predictions.curves import pressure_curve
+from pymc_hyperelastic.predictions.draws import draws_of
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -44,7 +45,9 @@ def plot_pressure_fit(
     """Plot the posterior of pressure and of stiffness over the data, a column for each class.
 
     The band is that of the tube's response, without measurement error: it is as narrow as the
-    parameters are well known, and data may lie beside it.
+    parameters are well known, and data may lie beside it. Where it is extrapolated from the data to
+    which the class was fitted, see :func:`~pymc_hyperelastic.predict_pressure`, the median is
+    dashed; a result that does not hold these cannot say.
 
     Parameters
     ----------
@@ -62,8 +65,9 @@ def plot_pressure_fit(
     backend : {"matplotlib", "none"}
         Plotting backend; ``"none"`` only collects what would be drawn.
     visuals : dict of str to dict or bool, optional
-        Settings of ``band``, ``median``, ``points``, ``xlabel``, ``ylabel``, ``title`` (of a
-        column) and ``legend``; False leaves one out.
+        Settings of ``band``, ``median``, ``extrapolated`` (the dashed part of the median),
+        ``points``, ``xlabel``, ``ylabel``, ``title`` (of a column) and ``legend``; False leaves one
+        out.
     **pc_kwargs
         Passed to :meth:`arviz_plots.PlotCollection.grid`.
 
@@ -102,7 +106,7 @@ def plot_pressure_fit(
     canvas = Canvas(
         "grid",
         posterior,
-        "band median points xlabel ylabel title legend",
+        "band median extrapolated points xlabel ylabel title legend",
         backend,
         visuals,
         pc_kwargs,
@@ -115,7 +119,11 @@ def plot_pressure_fit(
     grey = {"color": "0.25", "ignore_aes": {"color", "overlay"}}
     canvas.draw("band", fill_between_y, data=band, alpha=0.35, linewidth=0)
     canvas.draw("points", scatter_xy, data=measured, size=7, alpha=0.6, **grey)
-    canvas.draw("median", line_xy, data=posterior.sel(plot_axis=["x", "y"]), width=1.5)
+    solid, dashed = _solid_and_dashed(posterior)
+    canvas.draw("median", line_xy, data=solid, width=1.5)
+    extrapolated = bool(dashed.notnull().any().to_array().any())
+    if extrapolated:
+        canvas.draw("extrapolated", line_xy, data=dashed, width=1.5, linestyle="--")
     top, bottom = posterior[["pressure"]], posterior[["stiffness"]]
     for name in fitted:
         where = {"coords": {"class_label": name}}
@@ -129,10 +137,11 @@ def plot_pressure_fit(
         {
             "data": {"color": "0.25", "marker": "o", "markersize": 3, "linestyle": "none"},
             "posterior median": {"color": "0.4", "linewidth": 1.5},
+            **({"extrapolated": {"color": "0.4", "linestyle": "--"}} if extrapolated else {}),
             f"{100 * prob:.3g} % of the posterior": {"color": "0.4", "linewidth": 6, "alpha": 0.35},
         },
         loc="outside lower center",
-        ncols=3,
+        ncols=4 if extrapolated else 3,
     )
     law = energy.name if energy else next(iter(fitted.values())).attrs.get("strain_energy")
     # The posterior is as simulated as the data that it comes from.
@@ -187,8 +196,8 @@ def _posterior_curves(
     """Median and band of pressure and stiffness for each of the tubes of the data."""
     posterior = tree["posterior"].to_dataset()
     step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // MOST_DRAWS)
-    thinned = xr.DataTree.from_dict({"posterior": posterior.isel(draw=slice(None, None, step))})
-    thinned.attrs = tree.attrs
+    thinned = tree.copy()
+    thinned["posterior"] = xr.DataTree(posterior.isel(draw=slice(None, None, step)))
     geometry = np.stack([data[name].values for name in GEOMETRY], axis=1)
     tubes, tube_of_test = np.unique(geometry, axis=0, return_inverse=True)
     curves = []
@@ -196,12 +205,20 @@ def _posterior_curves(
         radius = data["radius"].values[tube_of_test[data["test"].values] == i]
         grid = np.linspace(radius.min(), radius.max(), _CURVE)
         known = dict(zip(GEOMETRY, tube.tolist(), strict=True))
-        curve = predict_pressure(thinned, grid, energy=energy, **known) * pressure_factor
-        y = curve.quantile([0.5, (1 - prob) / 2, (1 + prob) / 2], dim=["chain", "draw"])
-        x = xr.full_like(y.isel(quantile=[0]), 0) + y["radius"]
-        curves.append(xr.concat([x, y], dim="quantile").drop_vars(["quantile", "radius"]))
-    return (
-        xr.concat(curves, dim="tube")
-        .rename(quantile="plot_axis", radius="point")
-        .assign_coords(plot_axis=["x", "y", "y_bottom", "y_top"], tube=range(len(curves)))
+        curve = pressure_curve(draws_of(thinned, energy=energy, **known), grid)
+        beyond = curve.coords.get("extrapolated", xr.zeros_like(curve["radius"])).values
+        levels = [0.5, (1 - prob) / 2, (1 + prob) / 2]
+        y = (curve * pressure_factor).quantile(levels, dim=["chain", "draw"])
+        rows = {name: [grid, beyond, *of_levels.values] for name, of_levels in y.items()}
+        curves.append(xr.Dataset({name: (("plot_axis", "point"), v) for name, v in rows.items()}))
+    return xr.concat(curves, dim="tube").assign_coords(
+        plot_axis=["x", "extrapolated", "y", "y_bottom", "y_top"], tube=range(len(curves))
     )
+
+
+def _solid_and_dashed(posterior: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
+    """The median where it is measured, and where it is extrapolated; which reaches the first."""
+    line = posterior.sel(plot_axis=["x", "y"])
+    beyond = posterior.sel(plot_axis="extrapolated", drop=True)
+    next_to = beyond.rolling(point=3, center=True, min_periods=1).max()
+    return line.where(beyond != 1), line.where(next_to == 1)

@@ -4,7 +4,15 @@ from typing import Any, Unpack
 
 import xarray as xr
 
-from pymc_hyperelastic.predictions.draws import GivenTube, checked_numbers, checked_radii, draws_of
+from pymc_hyperelastic.predictions.draws import (
+    Array,
+    Draws,
+    GivenTube,
+    checked_numbers,
+    checked_radii,
+    draws_of,
+)
+from pymc_hyperelastic.predictions.measured import warned
 
 
 def predict_pressure(
@@ -30,7 +38,17 @@ def predict_pressure(
     Returns
     -------
     xarray.Dataset
-        ``pressure`` (kPa) and ``stiffness`` (kPa/mm) with dimensions (chain, draw, radius).
+        ``pressure`` (kPa) and ``stiffness`` (kPa/mm) with dimensions (chain, draw, radius), and the
+        coordinate ``extrapolated`` (radius): whether the wall is stretched there as none of the
+        result's data was. Circles of the measured walls are points of hoop and axial stretch; what
+        lies outside of their convex hull is extrapolated, also of a tube of other dimensions. Of
+        the tube of the data that is what lies outside its measured radii. A result that does not
+        hold its data, such as one read from an old file, cannot say, and the coordinate is absent.
+
+    Warns
+    -----
+    UserWarning
+        If something is extrapolated; it names what was asked for and what was measured.
 
     Raises
     ------
@@ -52,8 +70,15 @@ def predict_pressure(
     """
     draws = draws_of(tree, **tube)
     radius = checked_radii(internal_radius)
+    warned(draws.extrapolated_radii(radius))
+    return pressure_curve(draws, radius)
+
+
+def pressure_curve(draws: Draws, radius: Array) -> xr.Dataset:
+    """Pressure and stiffness of draws at radii, see :func:`predict_pressure`, without a warning."""
     pressure, stiffness = draws.tube.pressure(radius)
-    return draws.dataset({"radius": radius}, pressure=pressure, stiffness=stiffness)
+    extrapolated = draws.extrapolated_radii(radius)
+    return draws.dataset({"radius": radius}, extrapolated, pressure=pressure, stiffness=stiffness)
 
 
 def predict_axial_force(
@@ -68,7 +93,8 @@ def predict_axial_force(
     Returns
     -------
     xarray.Dataset
-        ``axial_force`` (mN) with dimensions (chain, draw, radius); tension is positive.
+        ``axial_force`` (mN) with dimensions (chain, draw, radius); tension is positive. The
+        coordinate ``extrapolated`` and its warning are those of :func:`predict_pressure`.
 
     Examples
     --------
@@ -82,7 +108,9 @@ def predict_axial_force(
     """
     draws = draws_of(tree, **tube)
     radius = checked_radii(internal_radius)
-    return draws.dataset({"radius": radius}, axial_force=draws.tube.axial_force(radius))
+    extrapolated = warned(draws.extrapolated_radii(radius))
+    force = draws.tube.axial_force(radius)
+    return draws.dataset({"radius": radius}, extrapolated, axial_force=force)
 
 
 def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTube]) -> xr.Dataset:
@@ -109,12 +137,17 @@ def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTub
     Returns
     -------
     xarray.Dataset
-        ``radius`` (mm) with dimensions (chain, draw, pressure).
+        ``radius`` (mm) with dimensions (chain, draw, pressure), and the coordinate ``extrapolated``
+        (pressure): whether none of the result's data on this tube has a pressure as low or as high.
+        Pressures in other tubes, and at other axial stretches, do not compare: if the data have
+        such, it is extrapolated where the wall at its median radius is, too, see
+        :func:`predict_pressure`. Without data the coordinate is absent.
 
     Warns
     -----
     UserWarning
-        If some draws do not reach a pressure; it says how many.
+        If some draws do not reach a pressure; it says how many. If something is extrapolated; it
+        names what was asked for and what was measured.
 
     Raises
     ------
@@ -137,4 +170,6 @@ def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTub
     """
     draws = draws_of(tree, **tube)
     pressure = checked_numbers("pressure", pressure, "pressures in kPa")
-    return draws.dataset({"pressure": pressure}, radius=draws.radius_at(pressure))
+    radius = draws.radius_at(pressure)
+    extrapolated = warned(draws.extrapolated_pressures(pressure, radius))
+    return draws.dataset({"pressure": pressure}, extrapolated, radius=radius)

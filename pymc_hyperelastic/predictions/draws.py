@@ -1,6 +1,5 @@
 """Material and tube of each draw of a posterior."""
 
-import warnings
 from collections.abc import Sequence
 from numbers import Real
 from typing import Any, NamedTuple, TypedDict, Unpack
@@ -15,6 +14,12 @@ from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
 from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.models.study import inflation_data_of, strain_energy_of
+from pymc_hyperelastic.predictions.measured import (
+    Extrapolated,
+    Measured,
+    measured_by,
+    warn_user,
+)
 
 Array = NDArray[np.float64]
 
@@ -38,6 +43,7 @@ _NAMES = {
     "sigma_zz": ("kPa", "axial Cauchy stress"),
     "position": ("1", "place in the reference wall, 0 inside to 1 outside"),
     "current_radius": ("mm", "current radius of the place in the wall"),
+    "extrapolated": ("1", "whether it is beyond what was measured"),
 }
 
 
@@ -47,6 +53,10 @@ class Draws(NamedTuple):
     tube: TubeNumbers
     """Arrays that broadcast to (chain, draw, 1)."""
     coords: dict[str, xr.DataArray]
+    typical: dict[str, float]
+    """Geometry, of which what differs between draws has its median."""
+    measured: Measured | None
+    """Where the tubes of the data were measured, if the result tells."""
 
     def radius_at(self, pressure: Array) -> Array:
         """Internal radius (chain, draw, pressure) on the rising branch; NaN and a warning if none.
@@ -60,11 +70,31 @@ class Draws(NamedTuple):
         _report_unreached(radius, pressure)
         return radius
 
-    def dataset(self, axes: dict[str, Array], **variables: Array) -> xr.Dataset:
-        """Label arrays of the dimensions chain, draw and those of `axes`."""
+    def extrapolated_radii(self, radius: Array) -> Extrapolated | None:
+        """Which internal radii are beyond what was measured; None if the result does not tell."""
+        return None if self.measured is None else self.measured.at_radii(radius, self.typical)
+
+    def extrapolated_pressures(self, pressure: Array, radius: Array) -> Extrapolated | None:
+        """Which pressures, with these radii of the draws, are beyond what was measured."""
+        if self.measured is None:
+            return None
+        # Draws that do not reach a pressure would have to be inflated further than the others.
+        median = np.median(np.where(np.isnan(radius), np.inf, radius), axis=(0, 1))
+        return self.measured.at_pressures(pressure, median, self.typical)
+
+    def dataset(
+        self, axes: dict[str, Array], extrapolated: Extrapolated | None = None, **variables: Array
+    ) -> xr.Dataset:
+        """Label arrays of the dimensions chain, draw and those of `axes`.
+
+        Along the first of `axes` the points are `extrapolated`, or not.
+        """
         dims = ("chain", "draw", *axes)
         values = {name: (dims, value) for name, value in variables.items()}
-        result = xr.Dataset(values, {**self.coords, **axes})
+        coords: dict[str, Any] = {**self.coords, **axes}
+        if extrapolated is not None:
+            coords["extrapolated"] = next(iter(axes)), extrapolated.points
+        result = xr.Dataset(values, coords)
         for name in set(result.variables) & set(_NAMES):
             units, long_name = _NAMES[name]
             result[name].attrs = {"units": units, "long_name": long_name}
@@ -108,24 +138,40 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
         raise ValueError(f"the posterior lacks {lacking}, parameters of {energy.name}")
     parameters = {p.name: _values(posterior, p.name, p.size) for p in energy.parameters}
     coords = {name: posterior[name] for name in ("chain", "draw")}
-    given = {name: value for name, value in tube.items() if name in GEOMETRY}
-    geometry = _geometry_of(tree, posterior, given)
-    return Draws(TubeNumbers(energy, geometry, energy.split(parameters)), coords)
+    given = {k: v for k, v in tube.items() if k in GEOMETRY and v is not None}
+    data = inflation_data_of(tree) if "constant_data" in tree.children else None
+    names = _inferred_measures(posterior)
+    inferred = {name: _values(posterior, name) for name in names if name not in given}
+    geometry = _geometry(_common_geometry(data), inferred, given)
+    medians = {name: float(np.median(posterior[name])) for name in names}
+    typical = _geometry(_common_geometry(data), medians, given)
+    return Draws(
+        TubeNumbers(energy, geometry, energy.split(parameters)),
+        coords,
+        {name: value.item() for name, value in typical.items()},
+        None if data is None else measured_by(data, medians),
+    )
 
 
-def _geometry_of(
-    tree: xr.DataTree, posterior: xr.Dataset, given: dict[str, Any]
+def _inferred_measures(posterior: xr.Dataset) -> list[str]:
+    """What is inferred of the tube; of measures of its wall one, which gives the outer radius."""
+    wall = [name for name in ("outer_radius", "thickness", "wall_area") if name in posterior][:1]
+    return [name for name in GEOMETRY if name in posterior and name != "outer_radius"] + wall
+
+
+def _geometry(
+    known: dict[str, Any], inferred: dict[str, Any], given: dict[str, Any]
 ) -> dict[str, Array]:
-    given = {name: value for name, value in given.items() if value is not None}
+    """Reference tube: as it is given, else as it was inferred, else that of the data."""
     for name, value in given.items():
         if not isinstance(value, Real):
             raise TypeError(f"{name} is {value!r}; expected a number")
-    inferred = [name for name in GEOMETRY if name in posterior and name not in given]
-    tube = _common_geometry(tree) | given | {name: _values(posterior, name) for name in inferred}
-    wall = next((name for name in ("thickness", "wall_area") if name in posterior), None)
-    if wall and not {"outer_radius"} & {*given, *inferred}:
-        del tube["outer_radius"]  # it is that of the data
-        tube[wall] = _values(posterior, wall)
+    tube = known | inferred | given
+    wall = next((name for name in ("thickness", "wall_area") if name in inferred), None)
+    if wall and "outer_radius" in given:
+        del tube[wall]
+    elif wall:
+        del tube["outer_radius"]  # that of the data
         check_geometry(**{wall: tube[wall]})
     unknown = [name for name, value in tube.items() if value is None]
     if unknown:
@@ -138,13 +184,12 @@ def _geometry_of(
     return {name: np.atleast_3d(np.asarray(tube[name], float)) for name in GEOMETRY}
 
 
-def _common_geometry(tree: xr.DataTree) -> dict[str, Any]:
-    """Geometry that all tests of the result's data share; None where they differ."""
+def _common_geometry(data: xr.Dataset | None) -> dict[str, Any]:
+    """Geometry that all tests of the data share; None where they differ."""
     default: dict[str, Any] = dict.fromkeys(GEOMETRY)
     default |= {"axial_stretch": 1.0, "opening_angle": 0.0}
-    if "constant_data" not in tree.children:
+    if data is None:
         return default
-    data = inflation_data_of(tree)
     values = {name: np.unique(data[name].values) for name in default}
     return {
         name: float(value[0]) if value.size == 1 and np.isfinite(value[0]) else None
@@ -210,7 +255,4 @@ def _report_unreached(radius: Array, pressure: Array) -> None:
         missed = ", ".join(
             f"{n} do not reach {p:g} kPa" for p, n in zip(pressure, count, strict=True) if n
         )
-        warnings.warn(
-            f"of {radius[..., 0].size} draws {missed} {where}; the values are NaN there",
-            stacklevel=4,
-        )
+        warn_user(f"of {radius[..., 0].size} draws {missed} {where}; the values are NaN there")

@@ -15,6 +15,7 @@ from pymc_hyperelastic.predictions.draws import (
     draws_of,
     radii_of_data,
 )
+from pymc_hyperelastic.predictions.measured import warned
 
 # Circles of the wall at which admissibility is looked at.
 _CIRCLES = 11
@@ -66,6 +67,13 @@ def tube_properties(
 
         ``pulse_wave_velocity`` : ``√(A/(ρ dA/dp))``, m/s [4]_.
 
+        The coordinate ``extrapolated`` (pressure) is that of :func:`radius_at_pressure`.
+
+    Warns
+    -----
+    UserWarning
+        If some draws do not reach a pressure, or something is extrapolated.
+
     Raises
     ------
     ValueError
@@ -102,12 +110,14 @@ def tube_properties(
     draws = draws_of(tree, **tube)
     pressure = checked_numbers("pressure", pressure, "pressures in kPa")
     a = draws.radius_at(pressure)
+    extrapolated = warned(draws.extrapolated_pressures(pressure, a))
     _, slope = draws.tube.pressure(a)
     inner, outer, axial, angle = draws.tube.geometry.values()
     b = current_radius(outer, a, inner_radius=inner, axial_stretch=axial, opening_angle=angle)
     per_area = 2 / (a * slope)
     return draws.dataset(
         {"pressure": pressure},
+        extrapolated,
         radius=a,
         outer_radius=b,
         stiffness=slope,
@@ -144,7 +154,13 @@ def pulse_wave_velocity(
     Returns
     -------
     xarray.Dataset
-        ``pulse_wave_velocity`` in m/s, with dimensions (chain, draw, pressure).
+        ``pulse_wave_velocity`` in m/s, with dimensions (chain, draw, pressure), and the coordinate
+        ``extrapolated`` (pressure) of :func:`radius_at_pressure`.
+
+    Warns
+    -----
+    UserWarning
+        If some draws do not reach a pressure, or something is extrapolated.
 
     Raises
     ------
@@ -198,12 +214,14 @@ def wall_stress(
     -------
     xarray.Dataset
         ``sigma_rr``, ``sigma_tt`` and ``sigma_zz`` (kPa) with dimensions (chain, draw, pressure,
-        position), tension positive, and the coordinate ``current_radius`` (mm), ``r(R)``, likewise.
+        position), tension positive, the coordinate ``current_radius`` (mm), ``r(R)``, likewise, and
+        the coordinate ``extrapolated`` (pressure) of :func:`radius_at_pressure`.
 
     Warns
     -----
     UserWarning
-        If some draws do not reach a pressure; the stresses are NaN there.
+        If some draws do not reach a pressure; the stresses are NaN there. If something is
+        extrapolated.
 
     Raises
     ------
@@ -231,12 +249,14 @@ def wall_stress(
     if not np.all((position >= 0) & (position <= 1)):
         raise ValueError(f"points must be places in the wall, from 0 to 1; got {points!r}")
     radius = draws.radius_at(pressure)
+    extrapolated = warned(draws.extrapolated_pressures(pressure, radius))
     deep = draws.tube.with_axis()
     wall = deep.wall(radius[..., None], position)
     # What lies beyond a circle is a tube as well: its pressure is what the circle carries.
     load, _ = deep.pressure(wall.current, inner_radius=wall.reference)
     return draws.dataset(
         {"pressure": pressure, "position": position},
+        extrapolated,
         sigma_rr=-load,
         sigma_tt=wall.hoop_difference - load,
         sigma_zz=wall.axial_difference - load,
@@ -276,7 +296,14 @@ def admissible(
     xarray.Dataset
         The booleans ``pressure_rises`` and, for isotropic laws, ``baker_ericksen`` with dimensions
         (chain, draw). The attribute ``fraction`` of each is that of the draws that pass, and
-        ``summary`` of the Dataset says it in words.
+        ``summary`` of the Dataset says it in words. If the result holds its data, the coordinates
+        ``radius`` and ``extrapolated`` (radius) tell where it was looked at beyond what was
+        measured, see :func:`predict_pressure`.
+
+    Warns
+    -----
+    UserWarning
+        If some radii are beyond what was measured.
 
     Raises
     ------
@@ -306,6 +333,7 @@ def admissible(
     """
     draws = draws_of(tree, **tube)
     radius = radii_of_data(tree) if internal_radius is None else checked_radii(internal_radius)
+    extrapolated = warned(draws.extrapolated_radii(radius))
     _, slope = draws.tube.pressure(radius)
     passed: dict[str, Any] = {"pressure_rises": ((slope > 0) & (slope < np.inf)).all(axis=-1)}
     if isinstance(draws.tube.energy, _Isotropic):
@@ -328,4 +356,7 @@ def admissible(
     shares = [f"{words[name]} in {100 * v.mean():.1f} %" for name, v in passed.items()]
     ends, count = f"{radius.min():g} to {radius.max():g} mm", slope[..., 0].size
     result.attrs["summary"] = f"From {ends}, of {count} draws: {', '.join(shares)}."
+    if extrapolated is not None:
+        at = draws.dataset({"radius": radius}, extrapolated)
+        result = result.assign_coords(radius=at["radius"], extrapolated=at["extrapolated"])
     return result
