@@ -8,7 +8,7 @@ from pymc_hyperelastic.predictions.draws import (
     Array,
     Draws,
     GivenTube,
-    checked_numbers,
+    checked_pressures,
     checked_radii,
     draws_of,
 )
@@ -26,14 +26,16 @@ def predict_pressure(
         A sampled model: of :func:`pymc_hyperelastic.sample_smc`, a class of
         :func:`pymc_hyperelastic.fit_classes`, or any result with a ``posterior`` group.
     internal_radius : array_like, shape (radius,)
-        Current internal radii, mm.
+        Current internal radii, in ``radius_unit``.
     **tube
         ``energy``, the strain energy, needed where the result does not name it; ``inner_radius``,
-        ``outer_radius`` (mm), ``axial_stretch``, ``opening_angle`` (rad), numbers. What is not
-        given is that of each draw where the posterior has a variable of the name; for the outer
-        radius also ``thickness`` (mm) or ``wall_area`` (mm², area of the unloaded wall's
-        cross-section). Failing that it is that of the result's data, which must be the same for
-        all its tests; without data the axial stretch is 1 and the opening angle 0.
+        ``outer_radius``, ``axial_stretch``, ``opening_angle`` (rad), numbers; ``radius_unit`` (by
+        default ``"mm"``), the unit of all radii that are given here, as pint knows it. The result
+        is in mm. What is not given of the tube is that of each draw where the posterior has a
+        variable of the name; for the outer radius also ``thickness`` (mm) or ``wall_area`` (mm²,
+        area of the unloaded wall's cross-section). Failing that it is that of the result's data,
+        which must be the same for all its tests; without data the axial stretch is 1 and the
+        opening angle 0.
 
     Returns
     -------
@@ -69,7 +71,7 @@ def predict_pressure(
     ('chain', 'draw', 'radius')
     """
     draws = draws_of(tree, **tube)
-    radius = checked_radii(internal_radius)
+    radius = checked_radii(internal_radius, **tube)
     warned(draws.extrapolated_radii(radius))
     return pressure_curve(draws, radius)
 
@@ -107,13 +109,15 @@ def predict_axial_force(
     array([19.641, 39.282])
     """
     draws = draws_of(tree, **tube)
-    radius = checked_radii(internal_radius)
+    radius = checked_radii(internal_radius, **tube)
     extrapolated = warned(draws.extrapolated_radii(radius))
     force = draws.tube.axial_force(radius)
     return draws.dataset({"radius": radius}, extrapolated, axial_force=force)
 
 
-def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTube]) -> xr.Dataset:
+def radius_at_pressure(
+    tree: xr.DataTree, pressure: Any, *, pressure_unit: str = "kPa", **tube: Unpack[GivenTube]
+) -> xr.Dataset:
     r"""Posterior of the internal radius at which the tube carries given pressures.
 
     It is the inverse of :func:`predict_pressure`, ``p(a) = pressure``, draw by draw.
@@ -130,7 +134,9 @@ def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTub
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
-        Internal pressures, kPa.
+        Internal pressures, in `pressure_unit`.
+    pressure_unit : str, default "kPa"
+        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -169,7 +175,7 @@ def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTub
             [7.    , 7.7094]]])
     """
     draws = draws_of(tree, **tube)
-    pressure = checked_numbers("pressure", pressure, "pressures in kPa")
+    pressure = checked_pressures(pressure, pressure_unit)
     radius = draws.radius_at(pressure)
-    extrapolated = warned(draws.extrapolated_pressures(pressure, radius))
+    extrapolated = warned(draws.extrapolated_pressures(pressure, radius, pressure_unit))
     return draws.dataset({"pressure": pressure}, extrapolated, radius=radius)

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.mechanics.layers import check_energy, check_geometry
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -74,13 +75,15 @@ class Draws(NamedTuple):
         """Which internal radii are beyond what was measured; None if the result does not tell."""
         return None if self.measured is None else self.measured.at_radii(radius, self.typical)
 
-    def extrapolated_pressures(self, pressure: Array, radius: Array) -> Extrapolated | None:
-        """Which pressures, with these radii of the draws, are beyond what was measured."""
+    def extrapolated_pressures(
+        self, pressure: Array, radius: Array, unit: str
+    ) -> Extrapolated | None:
+        """Which pressures, given in a unit, and with these radii, are beyond what was measured."""
         if self.measured is None:
             return None
         # Draws that do not reach a pressure would have to be inflated further than the others.
         median = np.median(np.where(np.isnan(radius), np.inf, radius), axis=(0, 1))
-        return self.measured.at_pressures(pressure, median, self.typical)
+        return self.measured.at_pressures(pressure, median, self.typical, unit)
 
     def dataset(
         self, axes: dict[str, Array], extrapolated: Extrapolated | None = None, **variables: Array
@@ -109,6 +112,8 @@ class GivenTube(TypedDict, total=False):
     outer_radius: float | None
     axial_stretch: float | None
     opening_angle: float | None
+    radius_unit: str
+    """Of all radii that are given."""
 
 
 def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
@@ -138,7 +143,7 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
         raise ValueError(f"the posterior lacks {lacking}, parameters of {energy.name}")
     parameters = {p.name: _values(posterior, p.name, p.size) for p in energy.parameters}
     coords = {name: posterior[name] for name in ("chain", "draw")}
-    given = {k: v for k, v in tube.items() if k in GEOMETRY and v is not None}
+    given = _given_geometry(**tube)
     data = inflation_data_of(tree) if "constant_data" in tree.children else None
     names = _inferred_measures(posterior)
     inferred = {name: _values(posterior, name) for name in names if name not in given}
@@ -153,6 +158,22 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
     )
 
 
+def _given_geometry(**tube: Unpack[GivenTube]) -> dict[str, float]:
+    """What is given of the geometry, in mm and rad."""
+    given: dict[str, Any] = {k: v for k, v in tube.items() if k in GEOMETRY and v is not None}
+    for name, value in given.items():
+        if not isinstance(value, Real):
+            raise TypeError(f"{name} is {value!r}; expected a number")
+        if name in ("inner_radius", "outer_radius"):
+            given[name] = float(_millimetres(value, **tube))
+    return given
+
+
+def _millimetres(radius: Any, **tube: Unpack[GivenTube]) -> Array:
+    unit = tube.get("radius_unit", "mm")
+    return to_internal(radius, unit, "length", keyword="radius_unit")
+
+
 def _inferred_measures(posterior: xr.Dataset) -> list[str]:
     """What is inferred of the tube; of measures of its wall one, which gives the outer radius."""
     wall = [name for name in ("outer_radius", "thickness", "wall_area") if name in posterior][:1]
@@ -163,9 +184,6 @@ def _geometry(
     known: dict[str, Any], inferred: dict[str, Any], given: dict[str, Any]
 ) -> dict[str, Array]:
     """Reference tube: as it is given, else as it was inferred, else that of the data."""
-    for name, value in given.items():
-        if not isinstance(value, Real):
-            raise TypeError(f"{name} is {value!r}; expected a number")
     tube = known | inferred | given
     wall = next((name for name in ("thickness", "wall_area") if name in inferred), None)
     if wall and "outer_radius" in given:
@@ -223,18 +241,24 @@ def checked_numbers(name: str, values: Any, expected: str) -> Array:
     return numbers
 
 
-def checked_radii(internal_radius: Any) -> Array:
-    """A list of radii as an array."""
-    radii = checked_numbers("internal_radius", internal_radius, "positive radii in mm")
+def checked_pressures(pressure: Any, unit: str) -> Array:
+    """A list of pressures in some unit as an array, kPa."""
+    return to_internal(
+        checked_numbers("pressure", pressure, f"pressures in {unit}"), unit, "pressure"
+    )
+
+
+def checked_radii(internal_radius: Any, **tube: Unpack[GivenTube]) -> Array:
+    """A list of radii, in the unit of those of the tube, as an array, mm."""
+    expected = f"positive radii in {tube.get('radius_unit', 'mm')}"
+    radii = checked_numbers("internal_radius", internal_radius, expected)
     if not np.all(radii > 0):
-        raise ValueError(
-            f"internal_radius must be a list of positive radii in mm; got {internal_radius!r}"
-        )
-    return radii
+        raise ValueError(f"internal_radius must be a list of {expected}; got {internal_radius!r}")
+    return _millimetres(radii, **tube)
 
 
 def radii_of_data(tree: xr.DataTree) -> Array:
-    """Radii between the ends of the data."""
+    """Radii between the ends of the data, mm."""
     group = tree.children.get("constant_data", {})
     measured = group["radius"].values if "radius" in group else np.array([])
     measured = measured[np.isfinite(measured)]

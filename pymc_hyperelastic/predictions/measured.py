@@ -66,9 +66,9 @@ class Measured(NamedTuple):
         return beyond
 
     def at_pressures(
-        self, pressure: Array, radius: Array, tube: Mapping[str, float]
+        self, pressure: Array, radius: Array, tube: Mapping[str, float], unit: str
     ) -> Extrapolated:
-        """Which pressures are beyond, in a tube that has these median radii."""
+        """Which pressures, given in a unit, are beyond in a tube that has these median radii."""
         here = self._on(tube)
         beyond = np.ones(pressure.shape, bool)
         if here.any():
@@ -76,7 +76,11 @@ class Measured(NamedTuple):
             beyond = ~_between(pressure, on_this.min(), on_this.max())
         words = f"pressure {_in_both_units(pressure[beyond])}"
         if here.all():
-            return Extrapolated(beyond, f"{words}, measured {_in_both_units(self.pressure)}")
+            words += f", measured {_in_both_units(self.pressure)}"
+            as_mmhg = _between(pressure * mmHg, self.pressure.min(), self.pressure.max())
+            if unit == "kPa" and as_mmhg.all():
+                words += " (if mmHg were meant: pressure_unit='mmHg')"
+            return Extrapolated(beyond, words)
         stretched = self._beyond_stretches(radius, tube)
         beyond &= stretched.points
         words = f"pressure {_in_both_units(pressure[beyond])}, {stretched.words}"

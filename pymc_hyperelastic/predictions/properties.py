@@ -11,6 +11,7 @@ from pymc_hyperelastic.mechanics.tube import current_radius
 from pymc_hyperelastic.predictions.draws import (
     GivenTube,
     checked_numbers,
+    checked_pressures,
     checked_radii,
     draws_of,
     radii_of_data,
@@ -24,7 +25,12 @@ _SAME_STRETCH = 1e-6
 
 
 def tube_properties(
-    tree: xr.DataTree, pressure: Any, *, density: float = 1060.0, **tube: Unpack[GivenTube]
+    tree: xr.DataTree,
+    pressure: Any,
+    *,
+    density: float = 1060.0,
+    pressure_unit: str = "kPa",
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the elastic properties that are reported of a vessel, at given pressures.
 
@@ -36,9 +42,11 @@ def tube_properties(
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
-        Internal pressures, kPa.
+        Internal pressures, in `pressure_unit`.
     density : float, default 1060
         Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
+    pressure_unit : str, default "kPa"
+        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -108,9 +116,9 @@ def tube_properties(
     if not (isinstance(density, Real) and 0 < density < np.inf):
         raise ValueError(f"density must be a positive number in kg/m³; got {density!r}")
     draws = draws_of(tree, **tube)
-    pressure = checked_numbers("pressure", pressure, "pressures in kPa")
+    pressure = checked_pressures(pressure, pressure_unit)
     a = draws.radius_at(pressure)
-    extrapolated = warned(draws.extrapolated_pressures(pressure, a))
+    extrapolated = warned(draws.extrapolated_pressures(pressure, a, pressure_unit))
     _, slope = draws.tube.pressure(a)
     inner, outer, axial, angle = draws.tube.geometry.values()
     b = current_radius(outer, a, inner_radius=inner, axial_stretch=axial, opening_angle=angle)
@@ -131,7 +139,12 @@ def tube_properties(
 
 
 def pulse_wave_velocity(
-    tree: xr.DataTree, pressure: Any, *, density: float = 1060.0, **tube: Unpack[GivenTube]
+    tree: xr.DataTree,
+    pressure: Any,
+    *,
+    density: float = 1060.0,
+    pressure_unit: str = "kPa",
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the speed at which a pulse travels along the tube, at given pressures.
 
@@ -145,9 +158,11 @@ def pulse_wave_velocity(
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
-        Internal pressures, kPa.
+        Internal pressures, in `pressure_unit`.
     density : float, default 1060
         Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
+    pressure_unit : str, default "kPa"
+        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -177,11 +192,17 @@ def pulse_wave_velocity(
     >>> speed["pulse_wave_velocity"].values.round(3).ravel()
     array([2.73 , 3.344])
     """
-    return tube_properties(tree, pressure, density=density, **tube)[["pulse_wave_velocity"]]
+    settings: dict[str, Any] = {"density": density, "pressure_unit": pressure_unit}
+    return tube_properties(tree, pressure, **settings, **tube)[["pulse_wave_velocity"]]
 
 
 def wall_stress(
-    tree: xr.DataTree, pressure: Any, *, points: Any = 21, **tube: Unpack[GivenTube]
+    tree: xr.DataTree,
+    pressure: Any,
+    *,
+    points: Any = 21,
+    pressure_unit: str = "kPa",
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the Cauchy stresses through the wall at given pressures.
 
@@ -203,10 +224,12 @@ def wall_stress(
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
-        Internal pressures, kPa; the radius is that of :func:`radius_at_pressure`.
+        Internal pressures, in `pressure_unit`; the radius is that of :func:`radius_at_pressure`.
     points : int or array_like, default 21
         Where in the wall: a number of circles at equal distances in the reference tube, or their
         places ``(R − A)/(B − A)`` from 0 (inside) to 1 (outside).
+    pressure_unit : str, default "kPa"
+        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -242,14 +265,14 @@ def wall_stress(
     array([10.8 ,  9.23,  8.13])
     """
     draws = draws_of(tree, **tube)
-    pressure = checked_numbers("pressure", pressure, "pressures in kPa")
+    pressure = checked_pressures(pressure, pressure_unit)
     if isinstance(points, int) and not isinstance(points, bool) and points > 0:
         points = np.linspace(0.0, 1.0, points)
     position = checked_numbers("points", points, "a number of circles, or places from 0 to 1")
     if not np.all((position >= 0) & (position <= 1)):
         raise ValueError(f"points must be places in the wall, from 0 to 1; got {points!r}")
     radius = draws.radius_at(pressure)
-    extrapolated = warned(draws.extrapolated_pressures(pressure, radius))
+    extrapolated = warned(draws.extrapolated_pressures(pressure, radius, pressure_unit))
     deep = draws.tube.with_axis()
     wall = deep.wall(radius[..., None], position)
     # What lies beyond a circle is a tube as well: its pressure is what the circle carries.
@@ -287,7 +310,8 @@ def admissible(
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     internal_radius : array_like, shape (radius,), optional
-        Current internal radii, mm; by default 40 between the ends of the result's data.
+        Current internal radii, in ``radius_unit``; by default 40 between the ends of the result's
+        data.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -332,7 +356,9 @@ def admissible(
     From 7 to 10 mm, of 2 draws: pressure rises in 50.0 %, Baker-Ericksen holds in 50.0 %.
     """
     draws = draws_of(tree, **tube)
-    radius = radii_of_data(tree) if internal_radius is None else checked_radii(internal_radius)
+    radius = (
+        radii_of_data(tree) if internal_radius is None else checked_radii(internal_radius, **tube)
+    )
     extrapolated = warned(draws.extrapolated_radii(radius))
     _, slope = draws.tube.pressure(radius)
     passed: dict[str, Any] = {"pressure_rises": ((slope > 0) & (slope < np.inf)).all(axis=-1)}
