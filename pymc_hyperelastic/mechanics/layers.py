@@ -186,6 +186,11 @@ def _number_or_variable(value: Any) -> Any:
 
 def check_energy(energy: Any) -> None:
     """Raise TypeError unless `energy` is a strain energy."""
+    if isinstance(energy, list | tuple) and any(isinstance(layer, Layer) for layer in energy):
+        raise TypeError(
+            "a wall of layers is not offered here, but one strain energy such as ph.Ogden(): "
+            "layers are for ph.inflation_model, and for predictions from its result"
+        )
     if not isinstance(energy, StrainEnergy):
         raise TypeError(
             f"a strain energy such as ph.Ogden() is needed, not {energy!r}"

@@ -195,7 +195,7 @@ def population_model(
             specimen_sigma = pt.full((len(specimens),), np.float64(sigma))
         forward = population.forward_model(data)
         register_curves(forward, scale, coordinates, specimen_sigma[of_test], dims="obs")
-    model.study = Study(energy, data, {})
+    model.study = Study(energy, data, {}, reference_stress=float(reference_stress))
     return model
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.inflation import check_inflation_data, points_of
+from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.study import inflation_data_of
@@ -19,11 +20,14 @@ from pymc_hyperelastic.plots.style import (
     Canvas,
     Visuals,
     fitted_classes,
+    law_of,
     per_kilopascal,
     training_attrs,
 )
 from pymc_hyperelastic.predictions.curves import pressure_curve
-from pymc_hyperelastic.predictions.draws import draws_of
+from pymc_hyperelastic.predictions.draws import GivenTube, draws_of
+from pymc_hyperelastic.predictions.measured import typical_tests
+from pymc_hyperelastic.predictions.members import specimens_differ, tests_of
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -36,7 +40,8 @@ def plot_pressure_fit(
     data: xr.Dataset | Mapping[str, xr.Dataset] | None = None,
     *,
     prob: float = 0.94,
-    energy: StrainEnergy | None = None,
+    energy: StrainEnergy | Sequence[Layer] | None = None,
+    specimen: str | None = None,
     pressure_unit: str = "mmHg",
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
@@ -47,7 +52,8 @@ def plot_pressure_fit(
     The band is that of the tube's response, without measurement error: it is as narrow as the
     parameters are well known, and data may lie beside it. Where it is extrapolated from the data to
     which the class was fitted, see :func:`~pymc_hyperelastic.predict_pressure`, the median is
-    dashed; a result that does not hold these cannot say.
+    dashed; a result that does not hold these cannot say. Where internal radii depend on what is
+    inferred of the tube, data are shown at those of the median tube.
 
     Parameters
     ----------
@@ -58,8 +64,12 @@ def plot_pressure_fit(
         data when missing. Tests on tubes of other dimensions have bands of their own.
     prob : float
         Probability that the band holds at each radius, with equal tails.
-    energy : StrainEnergy, optional
-        The material; needed where the result does not name it.
+    energy : StrainEnergy or list of Layer, optional
+        The material, or the layers; needed where the result does not name it.
+    specimen : str, optional
+        Of whom the curve is, and the data if none are given, see
+        :func:`~pymc_hyperelastic.predict_pressure`; by default of the typical specimen where
+        specimens differ, as in classes with variability.
     pressure_unit : str
         Unit of the pressure axis, as pint knows it.
     backend : {"matplotlib", "none"}
@@ -98,11 +108,11 @@ def plot_pressure_fit(
     if not 0 < prob < 1:
         raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
     factor = per_kilopascal(pressure_unit)
-    shown = {name: _data_of(name, tree, data) for name, tree in fitted.items()}
-    posterior = _side_by_side(
-        {n: _posterior_curves(fitted[n], shown[n], prob, energy, factor) for n in fitted}
-    )
-    measured = _side_by_side({n: _measured(shown[n], factor) for n in fitted})
+    shown = {name: _data_of(name, tree, data, specimen) for name, tree in fitted.items()}
+    material: GivenTube = {"energy": energy, "specimen": specimen}
+    drawn = {n: _posterior_curves(fitted[n], shown[n], prob, material, factor) for n in fitted}
+    posterior = _side_by_side({name: curves for name, (curves, _) in drawn.items()})
+    measured = _side_by_side({name: _measured(tests, factor) for name, (_, tests) in drawn.items()})
     canvas = Canvas(
         "grid",
         posterior,
@@ -143,14 +153,16 @@ def plot_pressure_fit(
         loc="outside lower center",
         ncols=4 if extrapolated else 3,
     )
-    law = energy.name if energy else next(iter(fitted.values())).attrs.get("strain_energy")
+    law = energy.name if isinstance(energy, StrainEnergy) else law_of(next(iter(fitted.values())))
     # The posterior is as simulated as the data that it comes from.
     origin = [{"simulated": attrs.get("simulated")} for attrs in training_attrs(fitted)]
-    canvas.title([*(data.attrs for data in shown.values()), *origin], law)
+    whose = "typical specimen" if any(map(specimens_differ, fitted.values())) else None
+    whose = f"specimen {specimen}" if specimen is not None else whose
+    canvas.title([*(data.attrs for data in shown.values()), *origin], law, whose)
     return canvas.collection
 
 
-def _data_of(name: str, tree: xr.DataTree, data: Any) -> xr.Dataset:
+def _data_of(name: str, tree: xr.DataTree, data: Any, specimen: str | None) -> xr.Dataset:
     """Inflation data to be shown with a class."""
     if isinstance(data, Mapping) and not isinstance(data, xr.Dataset):
         if name not in data:
@@ -160,6 +172,7 @@ def _data_of(name: str, tree: xr.DataTree, data: Any) -> xr.Dataset:
         if "inner_radius" not in tree.children.get("constant_data", {}):
             raise ValueError(f"{name!r} holds no inflation data: give them as data=...")
         data = inflation_data_of(tree)
+        data = data if specimen is None else tests_of(data, specimen)
     check_inflation_data(data)
     return data
 
@@ -187,33 +200,39 @@ def _measured(data: xr.Dataset, pressure_factor: float) -> xr.Dataset:
 
 
 def _posterior_curves(
-    tree: xr.DataTree,
-    data: xr.Dataset,
-    prob: float,
-    energy: StrainEnergy | None,
-    pressure_factor: float,
-) -> xr.Dataset:
-    """Median and band of pressure and stiffness for each of the tubes of the data."""
+    tree: xr.DataTree, data: xr.Dataset, prob: float, material: GivenTube, pressure_factor: float
+) -> tuple[xr.Dataset, xr.Dataset]:
+    """Median and band of pressure and stiffness for each of the tubes of the data.
+
+    With them the data, of which what is not known is that of the median tube.
+    """
     posterior = tree["posterior"].to_dataset()
     step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // MOST_DRAWS)
     thinned = tree.copy()
     thinned["posterior"] = xr.DataTree(posterior.isel(draw=slice(None, None, step)))
     geometry = np.stack([data[name].values for name in GEOMETRY], axis=1)
-    tubes, tube_of_test = np.unique(geometry, axis=0, return_inverse=True)
-    curves = []
+    # NaN are not equal to each other, infinities are.
+    tubes, tube_of_test = np.unique(
+        np.where(np.isnan(geometry), np.inf, geometry), axis=0, return_inverse=True
+    )
+    curves, tests = [], data
     for i, tube in enumerate(tubes):
-        radius = data["radius"].values[tube_of_test[data["test"].values] == i]
+        known = {k: v for k, v in zip(GEOMETRY, tube.tolist(), strict=True) if np.isfinite(v)}
+        draws = draws_of(thinned, **material, **known)
+        tests = typical_tests(data, draws.inferred)
+        radius = tests["radius"].values[tube_of_test[data["test"].values] == i]
         grid = np.linspace(radius.min(), radius.max(), _CURVE)
-        known = dict(zip(GEOMETRY, tube.tolist(), strict=True))
-        curve = pressure_curve(draws_of(thinned, energy=energy, **known), grid)
+        curve = pressure_curve(draws, grid)
         beyond = curve.coords.get("extrapolated", xr.zeros_like(curve["radius"])).values
         levels = [0.5, (1 - prob) / 2, (1 + prob) / 2]
         y = (curve * pressure_factor).quantile(levels, dim=["chain", "draw"])
         rows = {name: [grid, beyond, *of_levels.values] for name, of_levels in y.items()}
         curves.append(xr.Dataset({name: (("plot_axis", "point"), v) for name, v in rows.items()}))
-    return xr.concat(curves, dim="tube").assign_coords(
-        plot_axis=["x", "extrapolated", "y", "y_bottom", "y_top"], tube=range(len(curves))
-    )
+    axes = {
+        "plot_axis": ["x", "extrapolated", "y", "y_bottom", "y_top"],
+        "tube": range(len(curves)),
+    }
+    return xr.concat(curves, dim="tube").assign_coords(axes), tests
 
 
 def _solid_and_dashed(posterior: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:

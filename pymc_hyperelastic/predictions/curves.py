@@ -28,14 +28,16 @@ def predict_pressure(
     internal_radius : array_like, shape (radius,)
         Current internal radii, in ``radius_unit``.
     **tube
-        ``energy``, the strain energy, needed where the result does not name it; ``inner_radius``,
-        ``outer_radius``, ``axial_stretch``, ``opening_angle`` (rad), numbers; ``radius_unit`` (by
-        default ``"mm"``), the unit of all radii that are given here, as pint knows it. The result
-        is in mm. What is not given of the tube is that of each draw where the posterior has a
-        variable of the name; for the outer radius also ``thickness`` (mm) or ``wall_area`` (mm²,
-        area of the unloaded wall's cross-section). Failing that it is that of the result's data,
-        which must be the same for all its tests; without data the axial stretch is 1 and the
-        opening angle 0.
+        ``energy``, the strain energy, or the list of :class:`~pymc_hyperelastic.Layer` of the
+        model, needed where the result does not name it; ``specimen``, of whom the prediction is,
+        see below; ``inner_radius``, ``outer_radius`` (not with layers), ``axial_stretch``,
+        ``opening_angle`` (rad), numbers; ``radius_unit`` (by default ``"mm"``), the unit of all
+        radii that are given here, as pint knows it. The result is in mm. What is not given of the
+        tube is that of each draw where the posterior has a variable of the name; for the outer
+        radius also ``thickness`` (mm) or ``wall_area`` (mm², area of the unloaded wall's
+        cross-section). Failing that it is that of the result's data, or of those of the
+        ``specimen``, which must be the same for all these tests; without data the axial stretch
+        is 1 and the opening angle 0.
 
     Returns
     -------
@@ -57,8 +59,18 @@ def predict_pressure(
     TypeError
         If `tree` is no DataTree or `energy` no strain energy.
     ValueError
-        If the strain energy or the geometry is not known, or a parameter is not in the posterior,
-        or a radius is impossible.
+        If the strain energy, the specimen or the geometry is not known, or a parameter is not in
+        the posterior, or a radius is impossible.
+
+    Notes
+    -----
+    Where specimens differ, in classes with ``variability="specimen"`` and in results of
+    :func:`~pymc_hyperelastic.population_model`, a prediction is of the typical specimen, that at
+    the ``location`` of the class, or with ``specimen="S1"`` of one that was measured, given its
+    curves and its class. The attribute ``specimen`` of the result says of whom it is, and what was
+    measured is that of this specimen alone. In a class, its draws are chosen among those that the
+    class stores, each for one draw of the class's distribution by the density that this gives it.
+    Where all specimens share their parameters, ``specimen`` states the tube and nothing else.
 
     Examples
     --------

@@ -10,17 +10,19 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.results import check_result
-from pymc_hyperelastic.mechanics.layers import check_energy, check_geometry
+from pymc_hyperelastic.mechanics.layers import Layer, check_geometry
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
-from pymc_hyperelastic.models.forward import TubeNumbers
-from pymc_hyperelastic.models.study import inflation_data_of, strain_energy_of
+from pymc_hyperelastic.models.forward import LayerNumbers, TubeNumbers
+from pymc_hyperelastic.models.study import NamedLayer, named_layers, wall_of
 from pymc_hyperelastic.predictions.measured import (
     Extrapolated,
     Measured,
     measured_by,
+    typical_tests,
     warn_user,
 )
+from pymc_hyperelastic.predictions.members import Member, member_of
 
 Array = NDArray[np.float64]
 
@@ -56,8 +58,22 @@ class Draws(NamedTuple):
     coords: dict[str, xr.DataArray]
     typical: dict[str, float]
     """Geometry, of which what differs between draws has its median."""
-    measured: Measured | None
-    """Where the tubes of the data were measured, if the result tells."""
+    inferred: dict[str, float]
+    """Medians of what is inferred of the geometry, or of the wall."""
+    member: Member
+    """Of whom they are."""
+
+    @property
+    def tests(self) -> xr.Dataset | None:
+        """Tests of whom they are, on typical tubes."""
+        data = self.member.data
+        return None if data is None else typical_tests(data, self.inferred)
+
+    @property
+    def measured(self) -> Measured | None:
+        """Where the tubes were measured by which the parameters are known, if the result tells."""
+        evidence = self.member.evidence
+        return None if evidence is None else measured_by(typical_tests(evidence, self.inferred))
 
     def radius_at(self, pressure: Array) -> Array:
         """Internal radius (chain, draw, pressure) on the rising branch; NaN and a warning if none.
@@ -73,17 +89,19 @@ class Draws(NamedTuple):
 
     def extrapolated_radii(self, radius: Array) -> Extrapolated | None:
         """Which internal radii are beyond what was measured; None if the result does not tell."""
-        return None if self.measured is None else self.measured.at_radii(radius, self.typical)
+        measured = self.measured
+        return None if measured is None else measured.at_radii(radius, self.typical)
 
     def extrapolated_pressures(
         self, pressure: Array, radius: Array, unit: str
     ) -> Extrapolated | None:
         """Which pressures, given in a unit, and with these radii, are beyond what was measured."""
-        if self.measured is None:
+        measured = self.measured
+        if measured is None:
             return None
         # Draws that do not reach a pressure would have to be inflated further than the others.
         median = np.median(np.where(np.isnan(radius), np.inf, radius), axis=(0, 1))
-        return self.measured.at_pressures(pressure, median, self.typical, unit)
+        return measured.at_pressures(pressure, median, self.typical, unit)
 
     def dataset(
         self, axes: dict[str, Array], extrapolated: Extrapolated | None = None, **variables: Array
@@ -98,6 +116,8 @@ class Draws(NamedTuple):
         if extrapolated is not None:
             coords["extrapolated"] = next(iter(axes)), extrapolated.points
         result = xr.Dataset(values, coords)
+        if self.member.name is not None:
+            result.attrs["specimen"] = self.member.name
         for name in set(result.variables) & set(_NAMES):
             units, long_name = _NAMES[name]
             result[name].attrs = {"units": units, "long_name": long_name}
@@ -107,7 +127,8 @@ class Draws(NamedTuple):
 class GivenTube(TypedDict, total=False):
     """What a caller may say of the tube, where the result does not, or something else is meant."""
 
-    energy: StrainEnergy | None
+    energy: StrainEnergy | Sequence[Layer] | None
+    specimen: str | None
     inner_radius: float | None
     outer_radius: float | None
     axial_stretch: float | None
@@ -124,38 +145,78 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
         raise TypeError(
             f"{strangers[0]!r} is no property of a tube; expected {list(GivenTube.__annotations__)}"
         )
-    energy = tube.get("energy")
     if "posterior" not in tree.children:
         raise ValueError(
             f"the result has no posterior; its groups are {sorted(tree.children)} (of a class: "
             "classes['C1'] in place of classes)"
         )
-    if isinstance(energy, Sequence):
-        raise TypeError(
-            "predictions are for a wall of one material, energy=ph.Ogden(); for a wall of layers "
-            "give the draws to ph.inflation_pressure"
-        )
-    energy = energy or strain_energy_of(tree)
-    check_energy(energy)
-    posterior = tree["posterior"].to_dataset()
-    lacking = [name for name in energy.parameter_names if name not in posterior]
-    if lacking:
-        raise ValueError(f"the posterior lacks {lacking}, parameters of {energy.name}")
-    parameters = {p.name: _values(posterior, p.name, p.size) for p in energy.parameters}
-    coords = {name: posterior[name] for name in ("chain", "draw")}
+    energy = tube.get("energy")
+    wall = wall_of(tree) if energy is None else named_layers(energy)
+    member = member_of(tree, wall, tube.get("specimen"))
+    posterior = member.posterior
+    _check_names(wall, posterior)
+    layered = "thickness" in wall[0].values
     given = _given_geometry(**tube)
-    data = inflation_data_of(tree) if "constant_data" in tree.children else None
-    names = _inferred_measures(posterior)
+    if layered and "outer_radius" in given:
+        raise ValueError("outer_radius cannot be given with layers: each has its own thickness")
+    names = _inferred_measures(posterior, layered)
     inferred = {name: _values(posterior, name) for name in names if name not in given}
-    geometry = _geometry(_common_geometry(data), inferred, given)
     medians = {name: float(np.median(posterior[name])) for name in names}
-    typical = _geometry(_common_geometry(data), medians, given)
+    values = [_layer_values(layer, posterior) for layer in wall]
+    if layered:
+        thickness = np.sum(np.broadcast_arrays(*(v["thickness"] for v in values)), axis=0)
+        inferred["thickness"], medians["thickness"] = thickness, float(np.median(thickness))
+    geometry = _geometry(_common_geometry(member.data), inferred, given)
+    typical = _geometry(_common_geometry(member.data), medians, given)
     return Draws(
-        TubeNumbers(energy, geometry, energy.split(parameters)),
-        coords,
+        TubeNumbers(_layers(wall, values, geometry), geometry),
+        {name: posterior[name] for name in ("chain", "draw")},
         {name: value.item() for name, value in typical.items()},
-        None if data is None else measured_by(data, medians),
+        medians,
+        member,
     )
+
+
+def _check_names(wall: list[NamedLayer], posterior: xr.Dataset) -> None:
+    """Raise unless the posterior holds what the wall needs of it."""
+    needed = [v for layer in wall for v in layer.values.values() if isinstance(v, str)]
+    if not needed:
+        raise ValueError(
+            "all of these layers is given in numbers, and nothing is taken from the posterior: "
+            "distributions stand for what was inferred, ph.Layer(ph.NeoHookean(), 0.3)"
+        )
+    lacking = [name for name in needed if name not in posterior]
+    if lacking:
+        law = " and ".join(dict.fromkeys(layer.energy.name for layer in wall))
+        raise ValueError(f"the posterior lacks {lacking}, parameters of {law}")
+
+
+def _layer_values(layer: NamedLayer, posterior: xr.Dataset) -> dict[str, Array]:
+    """Parameters, and thickness if it is a layer: by (chain, draw, 1), vectors by entry too."""
+    sizes = {p.name: p.size for p in layer.energy.parameters}
+    return {
+        name: _values(posterior, value, sizes.get(name))
+        if isinstance(value, str)
+        else np.asarray(value, float)[None, None, None]
+        for name, value in layer.values.items()
+    }
+
+
+def _layers(
+    wall: list[NamedLayer], values: list[dict[str, Array]], geometry: dict[str, Array]
+) -> list[LayerNumbers]:
+    """The layers of tubes, one around the other."""
+    layers = []
+    inner = geometry["inner_radius"]
+    for layer, of_layer in zip(wall, values, strict=True):
+        outer = geometry["outer_radius"]
+        if "thickness" in of_layer:
+            check_geometry(thickness=of_layer["thickness"])
+            outer = inner + of_layer["thickness"]
+        parameters = {name: of_layer[name] for name in layer.energy.parameter_names}
+        layers.append(LayerNumbers(layer.energy, inner, outer, layer.energy.split(parameters)))
+        inner = outer
+    return layers
 
 
 def _given_geometry(**tube: Unpack[GivenTube]) -> dict[str, float]:
@@ -174,9 +235,10 @@ def _millimetres(radius: Any, **tube: Unpack[GivenTube]) -> Array:
     return to_internal(radius, unit, "length", keyword="radius_unit")
 
 
-def _inferred_measures(posterior: xr.Dataset) -> list[str]:
+def _inferred_measures(posterior: xr.Dataset, layered: bool) -> list[str]:
     """What is inferred of the tube; of measures of its wall one, which gives the outer radius."""
-    wall = [name for name in ("outer_radius", "thickness", "wall_area") if name in posterior][:1]
+    measures = () if layered else ("outer_radius", "thickness", "wall_area")
+    wall = [name for name in measures if name in posterior][:1]
     return [name for name in GEOMETRY if name in posterior and name != "outer_radius"] + wall
 
 
@@ -195,7 +257,8 @@ def _geometry(
     if unknown:
         raise ValueError(
             f"the result's data do not have one {' and one '.join(unknown)}: give what is meant, "
-            f"{', '.join(name + '=...' for name in unknown)}"
+            f"{', '.join(name + '=...' for name in unknown)}, or if it is the tube of one of their "
+            "specimens, specimen=..."
         )
     tube = inferred_geometry(tube)
     check_geometry(**tube)
@@ -257,10 +320,9 @@ def checked_radii(internal_radius: Any, **tube: Unpack[GivenTube]) -> Array:
     return _millimetres(radii, **tube)
 
 
-def radii_of_data(tree: xr.DataTree) -> Array:
+def radii_of_data(data: xr.Dataset | None) -> Array:
     """Radii between the ends of the data, mm."""
-    group = tree.children.get("constant_data", {})
-    measured = group["radius"].values if "radius" in group else np.array([])
+    measured = np.array([]) if data is None else data["radius"].values
     measured = measured[np.isfinite(measured)]
     if not measured.size:
         raise ValueError("the result holds no radii: say at which to look, internal_radius=...")

@@ -110,28 +110,34 @@ class Measured(NamedTuple):
         return Extrapolated(beyond, words)
 
 
-def measured_by(data: xr.Dataset, inferred: Mapping[str, float]) -> Measured | None:
-    """What was measured, of tubes whose unknown measures have these medians; None if not known."""
+def typical_tests(data: xr.Dataset, inferred: Mapping[str, float]) -> xr.Dataset:
+    """Tests of tubes whose unknown measures have these medians; NaN is what remains unknown."""
     tubes = {name: data[name].values.astype(float) for name in GEOMETRY}
-    wall = {k: np.full(data.sizes["test"], v) for k, v in inferred.items()}
-    tubes = inferred_geometry(tubes | wall)
-    radius = data["radius"].values.astype(float)
-    if not np.isfinite(radius).all() and "outer_diameter" in data:
-        of_points = {name: value[data["test"].values] for name, value in tubes.items()}
-        with np.errstate(invalid="ignore"):
-            radius = internal_radius_from_outer_radius(
-                data["outer_diameter"].values / 2, **of_points
-            )
-    pressure = data["pressure"].values.astype(float)
-    spans = [points_of(data, test) for test in range(data.sizes["test"])]
-    ends = np.array(
-        [[[f(x[span]) for span in spans] for f in (np.min, np.max)] for x in (radius, pressure)]
+    tubes = inferred_geometry(
+        tubes | {k: np.full(data.sizes["test"], v) for k, v in inferred.items()}
     )
-    known = np.isfinite([*tubes.values(), *ends.reshape(4, -1)]).all(axis=0)
+    data = data.assign({name: ("test", value) for name, value in tubes.items()})
+    if np.isfinite(data["radius"]).all() or "outer_diameter" not in data:
+        return data
+    of_points = {name: value[data["test"].values] for name, value in tubes.items()}
+    with np.errstate(invalid="ignore"):
+        radius = internal_radius_from_outer_radius(data["outer_diameter"].values / 2, **of_points)
+    return data.assign(radius=("obs", radius))
+
+
+def measured_by(tests: xr.Dataset) -> Measured | None:
+    """What was measured in tests; None if nothing is known of their tubes."""
+    spans = [points_of(tests, test) for test in range(tests.sizes["test"])]
+    radius, pressure = (
+        np.array([[f(tests[name].values[span]) for span in spans] for f in (np.min, np.max)])
+        for name in ("radius", "pressure")
+    )
+    tubes = {name: tests[name].values for name in GEOMETRY}
+    known = np.isfinite([*tubes.values(), *radius, *pressure]).all(axis=0)
     if not known.any():
         return None
-    ends = ends[..., known]
-    return Measured({name: value[known] for name, value in tubes.items()}, ends[0], ends[1])
+    tubes = {name: value[known] for name, value in tubes.items()}
+    return Measured(tubes, radius[:, known], pressure[:, known])
 
 
 def warned(extrapolated: Extrapolated | None) -> Extrapolated | None:

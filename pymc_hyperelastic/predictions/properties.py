@@ -7,8 +7,9 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.mechanics.strain_energy.isotropic import _Isotropic
-from pymc_hyperelastic.mechanics.tube import current_radius
+from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.predictions.draws import (
+    Array,
     GivenTube,
     checked_numbers,
     checked_pressures,
@@ -120,8 +121,7 @@ def tube_properties(
     a = draws.radius_at(pressure)
     extrapolated = warned(draws.extrapolated_pressures(pressure, a, pressure_unit))
     _, slope = draws.tube.pressure(a)
-    inner, outer, axial, angle = draws.tube.geometry.values()
-    b = current_radius(outer, a, inner_radius=inner, axial_stretch=axial, opening_angle=angle)
+    b = draws.tube.current(draws.tube.geometry["outer_radius"], a)
     per_area = 2 / (a * slope)
     return draws.dataset(
         {"pressure": pressure},
@@ -214,7 +214,8 @@ def wall_stress(
         σ_{θθ} = σ_{rr} + λ_θ \frac{∂\hat W}{∂λ_θ}, \qquad
         σ_{zz} = σ_{rr} + λ_z \frac{∂\hat W}{∂λ_z}.
 
-    The radial stress is ``−p`` inside and 0 outside. The hoop stress balances the pressure,
+    The radial stress is ``−p`` inside and 0 outside. Between layers hoop and axial stress jump; at
+    the interface itself they are those of the layer within. The hoop stress balances the pressure,
     ``∫ σθθ dr = p a``: Laplace's law for its mean over the thickness.
 
     Source: R. W. Ogden, Non-linear elastic deformations, Dover 1997, section 5.3.
@@ -273,17 +274,14 @@ def wall_stress(
         raise ValueError(f"points must be places in the wall, from 0 to 1; got {points!r}")
     radius = draws.radius_at(pressure)
     extrapolated = warned(draws.extrapolated_pressures(pressure, radius, pressure_unit))
-    deep = draws.tube.with_axis()
-    wall = deep.wall(radius[..., None], position)
-    # What lies beyond a circle is a tube as well: its pressure is what the circle carries.
-    load, _ = deep.pressure(wall.current, inner_radius=wall.reference)
+    stresses = draws.tube.with_axis().stresses(radius[..., None], position)
     return draws.dataset(
         {"pressure": pressure, "position": position},
         extrapolated,
-        sigma_rr=-load,
-        sigma_tt=wall.hoop_difference - load,
-        sigma_zz=wall.axial_difference - load,
-        current_radius=wall.current,
+        sigma_rr=stresses.radial,
+        sigma_tt=stresses.hoop,
+        sigma_zz=stresses.axial,
+        current_radius=stresses.current,
     ).set_coords("current_radius")
 
 
@@ -301,7 +299,7 @@ def admissible(
 
     .. math:: (σ_i - σ_j)(λ_i - λ_j) > 0 \quad \text{wherever } λ_i \neq λ_j,
 
-    for each two of the radial, hoop and axial direction, at eleven circles of the wall. It is
+    for each two of the radial, hoop and axial direction, at eleven circles of every layer. It is
     stated for isotropic solids [1]_, and fibres need not obey it: it is reported for the isotropic
     laws of the package only.
 
@@ -357,24 +355,15 @@ def admissible(
     """
     draws = draws_of(tree, **tube)
     radius = (
-        radii_of_data(tree) if internal_radius is None else checked_radii(internal_radius, **tube)
+        radii_of_data(draws.member.data)
+        if internal_radius is None
+        else checked_radii(internal_radius, **tube)
     )
     extrapolated = warned(draws.extrapolated_radii(radius))
     _, slope = draws.tube.pressure(radius)
     passed: dict[str, Any] = {"pressure_rises": ((slope > 0) & (slope < np.inf)).all(axis=-1)}
-    if isinstance(draws.tube.energy, _Isotropic):
-        wall = draws.tube.with_axis().wall(radius[:, None], np.linspace(0.0, 1.0, _CIRCLES))
-        log_radial = -wall.log_hoop - wall.log_axial
-        # Stresses less the radial one. Where they overflow their difference is NaN: nothing holds.
-        stress = (np.zeros_like(log_radial), wall.hoop_difference, wall.axial_difference)
-        stretch = (log_radial, wall.log_hoop, wall.log_axial)
-        with np.errstate(invalid="ignore"):
-            holds = [
-                (np.abs(stretch[i] - stretch[j]) < _SAME_STRETCH)
-                | ((stress[i] - stress[j]) * (stretch[i] - stretch[j]) > 0)
-                for i, j in ((0, 1), (1, 2), (2, 0))
-            ]
-        passed["baker_ericksen"] = np.all(holds, axis=(0, -2, -1))
+    if all(isinstance(layer.energy, _Isotropic) for layer in draws.tube.layers):
+        passed["baker_ericksen"] = _baker_ericksen(draws.tube.with_axis(), radius[:, None])
     result = draws.dataset({}, **passed)
     words = {"pressure_rises": "pressure rises", "baker_ericksen": "Baker-Ericksen holds"}
     for name, values in passed.items():
@@ -386,3 +375,24 @@ def admissible(
         at = draws.dataset({"radius": radius}, extrapolated)
         result = result.assign_coords(radius=at["radius"], extrapolated=at["extrapolated"])
     return result
+
+
+def _baker_ericksen(tube: TubeNumbers, radius: Array) -> Array:
+    """Whether the greater stress is in the direction of the greater stretch, in every layer."""
+    passed: Any = True
+    for layer in tube.layers:
+        thickness = layer.outer_radius - layer.inner_radius
+        reference = layer.inner_radius + np.linspace(0.0, 1.0, _CIRCLES) * thickness
+        circles = tube.circles(layer, radius, reference)
+        log_radial = -circles.log_hoop - circles.log_axial
+        # Stresses less the radial one. Where they overflow their difference is NaN: nothing holds.
+        stress = (np.zeros_like(log_radial), circles.hoop_difference, circles.axial_difference)
+        stretch = (log_radial, circles.log_hoop, circles.log_axial)
+        with np.errstate(invalid="ignore"):
+            holds = [
+                (np.abs(stretch[i] - stretch[j]) < _SAME_STRETCH)
+                | ((stress[i] - stress[j]) * (stretch[i] - stretch[j]) > 0)
+                for i, j in ((0, 1), (1, 2), (2, 0))
+            ]
+        passed = passed & np.all(holds, axis=(0, -2, -1))
+    return passed
