@@ -317,11 +317,11 @@ NOT_OFFERED = {
     ),
     "variable classes of layers": (
         lambda r: fit(LAYERS, {"C": measured(outer_radius=None)}),
-        ["wall of layers", "ph.inflation_model"],
+        ["walls of layers", "ph.inflation_model"],
     ),
     "populations of layers": (
         lambda r: ph.population_model(LAYERS, measured(outer_radius=None), sigma=1.0),
-        ["wall of layers", "ph.inflation_model"],
+        ["walls of layers", "ph.inflation_model"],
     ),
     "classification by layers": (
         lambda r: classify(TRAINING["soft"], r["layers"]),
