@@ -8,8 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.compile.sharedvalue import SharedVariable
 
-from pymc_hyperelastic.classes.density import SpecimenDraws, stacked
-from pymc_hyperelastic.classes.specimen_evidence import distributions_of, variance_of_specimen
+from pymc_hyperelastic.classes.specimen_evidence import variance_of_specimen
 from pymc_hyperelastic.classes.specimens import (
     PARTICLES,
     SpecimenSampler,
@@ -23,7 +22,9 @@ from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.smc import particles_to_tree
+from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.population import Population
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, stacked
 
 Array = NDArray[np.float64]
 

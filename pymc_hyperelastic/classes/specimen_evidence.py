@@ -3,61 +3,23 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from pymc_hyperelastic.classes.density import SpecimenDraws, independent, log_densities
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import ENOUGH
 from pymc_hyperelastic.evidence.weights import effective_sample_size, pareto_shape
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.observation.noise import in_sigmas
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, independent, log_densities
 
 Array = NDArray[np.float64]
 
-# Draws of a class's distribution against which a specimen is held.
-_DISTRIBUTIONS = 1000
 # kPa: curves beyond these are not of tubes. With fewer than so many of them at the radii of a
 # specimen there is no telling how unlikely it is.
 _SMALLEST_PRESSURE, _LARGEST_PRESSURE, _FEWEST_CURVES = 1e-6, 1e6, 100
 # Curves of a class differ along directions in which they differ by this fraction, or more, of how
 # they do along the first.
 _LEAST_SHARE = 0.003
-# The variable of a class's noise, by what it was given as.
-_NOISE = ("sigma", "noise_sd")
-
-
-def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDistribution:
-    """Draws of a class's distribution, so many at most, along the first of two axes."""
-    posterior = tree["posterior"].to_dataset().stack(sample=("chain", "draw"))
-    chosen = np.linspace(0, posterior.sizes["sample"] - 1, count).round().astype(int)
-    posterior = posterior.isel(sample=np.unique(chosen))
-
-    def vector(name: str) -> Array | None:
-        if name not in posterior:
-            return None
-        return posterior[name].transpose("coordinate", "sample").values[..., None]
-
-    size = posterior.sizes["coordinate"]
-    factors = np.ones((posterior.sizes["sample"], 1, 1))
-    if size > 1:
-        factors = np.linalg.cholesky(posterior["correlation"].transpose("sample", ...).values)
-    optional = {
-        name: posterior[name].values[:, None]
-        for name in ("effect_spread", "noise_spread")
-        if name in posterior
-    }
-    if "noise_spread" in posterior:
-        given = {name: posterior[name].values for name in _NOISE if name in posterior}
-        optional["log_sigma"] = np.log(in_sigmas(given)["sigma"])[:, None]
-    return ClassDistribution(
-        vector("location"),
-        vector("spread"),
-        [[factors[:, i, j, None] for j in range(i + 1)] for i in range(size)],
-        vector("experiment_spread"),
-        **optional,
-    )
 
 
 def variance_of_specimen(draws: SpecimenDraws, distributions: ClassDistribution) -> float:

@@ -18,13 +18,6 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.compile.sharedvalue import SharedVariable
 
-from pymc_hyperelastic.classes.density import (
-    SpecimenDraws,
-    independent,
-    log_density,
-    mean_density,
-    stacked,
-)
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.importance import Integral, by_importance
 from pymc_hyperelastic.evidence.integral import integrate
@@ -35,6 +28,13 @@ from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.natural_scale import NaturalScale
 from pymc_hyperelastic.models.population import Population, register_curves, register_specimens
 from pymc_hyperelastic.models.priors import is_inferred
+from pymc_hyperelastic.models.specimen_draws import (
+    SpecimenDraws,
+    independent,
+    log_density,
+    mean_density,
+    stacked,
+)
 
 Array = NDArray[np.float64]
 

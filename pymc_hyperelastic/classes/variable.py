@@ -7,13 +7,10 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-import pytensor
-import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 from pymc.progress_bar import create_simple_progress
 
-from pymc_hyperelastic.classes.density import SpecimenDraws
 from pymc_hyperelastic.classes.distribution import ClassModel, draws_of_class, fit_distribution
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
@@ -26,7 +23,6 @@ from pymc_hyperelastic.classes.interface import (
     training_evidence,
 )
 from pymc_hyperelastic.classes.specimen_evidence import (
-    distributions_of,
     near_class,
     predictive_p_value,
     specimen_evidence,
@@ -41,10 +37,11 @@ from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.observation.noise import noise_in_words, sd_of_sigma
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.priors import prior_from_record, prior_to_record
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 from pymc_hyperelastic.models.study import (
     Study,
     noise_from_records,
@@ -194,14 +191,7 @@ class Variability(Population, ClassKind):
         """Parameters of fresh draws from the class's distribution."""
         distributions = distributions_of(fitted)
         draws = fresh_specimens(self.scale, distributions, 1, rng)
-        coordinates = [pt.constant(draws[name][:, 0]) for name in self.scale.names]
-        parameters = self.scale.parameters(coordinates)
-        symbols = [
-            pt.stack(value, axis=-1) if isinstance(value, tuple) else value
-            for value in parameters.values()
-        ]
-        values = pytensor.function([], symbols, mode="FAST_COMPILE")()
-        return dict(zip(parameters, values, strict=True))
+        return self.scale.numbers([draws[name][:, 0] for name in self.scale.names])
 
 
 def sample_specimens(

@@ -9,6 +9,10 @@ from pytensor.graph.basic import Variable
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius
 
+_NO_LAYERS = (
+    ": walls of layers are for curves and ph.inflation_model, and for predictions from its result"
+)
+
 
 class Layer:
     """One layer of a wall: a material, its thickness and its parameters.
@@ -190,4 +194,5 @@ def check_energy(energy: Any) -> None:
         raise TypeError(
             f"a strain energy such as ph.Ogden() is needed, not {energy!r}"
             + (" (call the class)" if isinstance(energy, type) else "")
+            + (_NO_LAYERS if isinstance(energy, list | tuple) else "")
         )

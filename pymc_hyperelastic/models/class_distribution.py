@@ -1,4 +1,4 @@
-"""The distribution of a class's specimens, and its priors."""
+"""The distribution of a class's specimens, its priors and its draws."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,12 +7,21 @@ from typing import Any
 import numpy as np
 import pymc as pm
 import pytensor.tensor as pt
+import xarray as xr
+from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.models.natural_scale import SPREAD, NaturalScale
 from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.observation.noise import in_sigmas
 from pymc_hyperelastic.models.priors import is_inferred, register_prior
 
+Array = NDArray[np.float64]
+
+# Draws of a class's distribution against which a specimen is held.
+_DISTRIBUTIONS = 1000
+# The variable of a class's noise, by what it was given as.
+_NOISE = ("sigma", "noise_sd")
 # Priors of a class, each as the median and the standard deviation of a logarithm.
 _EXPERIMENT_SPREAD, _EFFECT_SPREAD, _NOISE_SPREAD = (0.15, 0.8), (0.5, 0.5), (0.3, 0.5)
 # Exponent of the prior of a correlation matrix, its determinant to the power of η − 1.
@@ -107,3 +116,35 @@ def _correlation_factor(size: int) -> list[list[Any]]:
     matrix = pt.stack([*correlation.flat]).reshape((size, size))
     pm.Deterministic("correlation", matrix, dims=("coordinate", "coordinate_2"))
     return rows
+
+
+def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDistribution:
+    """Draws of a class's distribution, so many at most, along the first of two axes."""
+    posterior = tree["posterior"].to_dataset().stack(sample=("chain", "draw"))
+    chosen = np.linspace(0, posterior.sizes["sample"] - 1, count).round().astype(int)
+    posterior = posterior.isel(sample=np.unique(chosen))
+
+    def vector(name: str) -> Array | None:
+        if name not in posterior:
+            return None
+        return posterior[name].transpose("coordinate", "sample").values[..., None]
+
+    size = posterior.sizes["coordinate"]
+    factors = np.ones((posterior.sizes["sample"], 1, 1))
+    if size > 1:
+        factors = np.linalg.cholesky(posterior["correlation"].transpose("sample", ...).values)
+    optional = {
+        name: posterior[name].values[:, None]
+        for name in ("effect_spread", "noise_spread")
+        if name in posterior
+    }
+    if "noise_spread" in posterior:
+        given = {name: posterior[name].values for name in _NOISE if name in posterior}
+        optional["log_sigma"] = np.log(in_sigmas(given)["sigma"])[:, None]
+    return ClassDistribution(
+        vector("location"),
+        vector("spread"),
+        [[factors[:, i, j, None] for j in range(i + 1)] for i in range(size)],
+        vector("experiment_spread"),
+        **optional,
+    )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pytensor
 import pytensor.tensor as pt
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
@@ -126,6 +127,16 @@ class NaturalScale:
             for place in self._moduli:
                 entries[place] = entries[place] * self.reference_stress / unit
         return self.energy.join(entries)
+
+    def numbers(self, coordinates: Sequence[Array]) -> dict[str, Array]:
+        """Material parameters of coordinates in numbers; entries of vectors along a last axis."""
+        parameters = self.parameters([pt.constant(x) for x in coordinates])
+        symbols = [
+            pt.stack(value, axis=-1) if isinstance(value, tuple) else value
+            for value in parameters.values()
+        ]
+        values = pytensor.function([], symbols, mode="FAST_COMPILE")()
+        return dict(zip(parameters, values, strict=True))
 
 
 def check_moduli(energy: StrainEnergy) -> None:

@@ -224,7 +224,7 @@ def population_model(
             pm.Deterministic("specimen_noise_sd", sd, dims="specimen")
         forward = population.forward_model(data)
         register_curves(forward, scale, coordinates, specimen_sigma[of_test], dims="obs")
-    attach_study(model, Study(energy, data, {}))
+    attach_study(model, Study(energy, data, {}, reference_stress=float(reference_stress)))
     return model
 
 

@@ -14,18 +14,23 @@ numbers are the paper's ``σ`` and distributions stand by the name by which they
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pymc as pm
 import xarray as xr
 
 from pymc_hyperelastic.evidence.results import data_groups
-from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, noise_in_words, to_store
-from pymc_hyperelastic.models.priors import is_inferred, prior_from_record, prior_to_record
+from pymc_hyperelastic.models.priors import (
+    complete_layers,
+    is_inferred,
+    prior_from_record,
+    prior_to_record,
+)
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,8 @@ class Study:
     """None of a population, whose specimens have errors of their own."""
     geometry: dict[str, Any] = field(default_factory=dict)
     rising: bool = False
+    reference_stress: float | None = None
+    """Of a population, see :class:`NaturalScale`."""
 
     @property
     def likelihood(self) -> str:
@@ -88,8 +95,11 @@ class Study:
     def attrs(self) -> dict[str, str]:
         """All that is needed to build the model again, as text."""
         if not isinstance(self.energy, StrainEnergy) or self.geometry:
-            raise ValueError("layers, or a geometry that is inferred, do not make a class")
-        observed = self.observation
+            raise ValueError(
+                "layers, or a geometry that is inferred, do not make a class: sample them by "
+                "themselves, ph.sample_smc(ph.inflation_model(...)), and predict from the result"
+            )
+        observed, stress = self.observation, self.reference_stress
         if self.rising or (observed and observed.error_in != "pressure"):
             raise ValueError("a class has its error in the pressure, and its prior as it is given")
         noise = observed.noise if observed else {}
@@ -103,6 +113,7 @@ class Study:
             "noise": json.dumps(records),
             "noise_in_words": noise_in_words(noise),
             **({} if self.likelihood == "paper" else {"likelihood": self.likelihood}),
+            **({"reference_stress": json.dumps(stress)} if stress else {}),
         }
 
     def result_attrs(self, model: pm.Model) -> dict[str, str]:
@@ -114,9 +125,13 @@ class Study:
         except ValueError:
             # Sampling a model with a prior of one's own is fine; it cannot serve as a stored class,
             # which `fit_classes` checks before it samples.
-            if isinstance(self.energy, StrainEnergy):
-                return {"strain_energy": self.energy.name}
-            return {}
+            law = self.energy
+        try:
+            if isinstance(law, StrainEnergy):
+                return strain_energy_attrs(law)
+            return layers_attrs(named_layers(law))
+        except ValueError:  # settings of a law that are no text
+            return {"strain_energy": law.name} if isinstance(law, StrainEnergy) else {}
 
 
 def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:
@@ -169,6 +184,61 @@ def strain_energy_attrs(energy: StrainEnergy) -> dict[str, str]:
 def strain_energy_of(tree: xr.DataTree) -> StrainEnergy:
     """Strain energy of a result that names it."""
     if "strain_energy" not in tree.attrs:
-        raise ValueError("the result does not name its strain energy: give it as energy=ph.Ogden()")
-    settings = json.loads(tree.attrs.get("strain_energy_settings", "{}"))
-    return StrainEnergy.from_name(tree.attrs["strain_energy"], **settings)
+        raise ValueError(
+            "the result does not name its strain energy: give it as energy=ph.Ogden(), or the "
+            "layers of the model as energy=[ph.Layer(...), ...]"
+        )
+    return _strain_energy_from(tree.attrs)
+
+
+def _strain_energy_from(attrs: Mapping[Any, Any]) -> StrainEnergy:
+    settings = json.loads(attrs.get("strain_energy_settings", "{}"))
+    return StrainEnergy.from_name(attrs["strain_energy"], **settings)
+
+
+class NamedLayer(NamedTuple):
+    """A material, and by which names, or as which numbers, a posterior holds what it needs."""
+
+    energy: StrainEnergy
+    values: dict[str, Any]
+    """Of the parameters, and of the thickness if it is a layer: names of variables, or numbers."""
+
+
+def named_layers(wall: StrainEnergy | Sequence[Layer]) -> list[NamedLayer]:
+    """The layers of a wall, from the inside out, with the names that their variables have."""
+    if not isinstance(wall, Sequence):
+        check_energy(wall)
+        return [NamedLayer(wall, {name: name for name in wall.parameter_names})]
+    check_layers(wall)
+    layers, distributions = complete_layers(wall)
+    names = {prior: name for name, prior in distributions.items()}
+    return [
+        NamedLayer(
+            layer.energy,
+            {
+                name: names[value] if is_inferred(value) else np.asarray(value, float).tolist()
+                for name, value in {"thickness": layer.thickness, **layer.parameters}.items()
+            },
+        )
+        for layer in layers
+    ]
+
+
+def layers_attrs(layers: Sequence[NamedLayer]) -> dict[str, str]:
+    """Layers as text, from which :func:`wall_of` makes them again."""
+    units: dict[str, str] = {}
+    for layer in layers:
+        of_layer = {p.name: p.unit for p in layer.energy.parameters} | {"thickness": "mm"}
+        units |= {v: of_layer[name] for name, v in layer.values.items() if isinstance(v, str)}
+    records = [strain_energy_attrs(layer.energy) | {"values": layer.values} for layer in layers]
+    return {"layers": json.dumps(records), "units": json.dumps(units)}
+
+
+def wall_of(tree: xr.DataTree) -> list[NamedLayer]:
+    """The wall of a result that names its material, or its layers."""
+    if "layers" not in tree.attrs:
+        return named_layers(strain_energy_of(tree))
+    return [
+        NamedLayer(_strain_energy_from(record), record["values"])
+        for record in json.loads(tree.attrs["layers"])
+    ]

@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, fitted_classes, training_attrs
+from pymc_hyperelastic.plots.style import (
+    Backend,
+    Canvas,
+    Visuals,
+    fitted_classes,
+    law_of,
+    training_attrs,
+)
+from pymc_hyperelastic.predictions.members import specimens_differ, with_parameters
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -28,6 +36,7 @@ def plot_parameter_density(
     *,
     var_names: Sequence[str] | None = None,
     probs: Sequence[float] = (0.5, 0.94),
+    specimen: str | None = None,
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
     **pc_kwargs: Any,
@@ -46,6 +55,9 @@ def plot_parameter_density(
         What is shown on the horizontal and the vertical axis; the first two variables when missing.
     probs : sequence of float
         Probabilities that the regions hold.
+    specimen : str, optional
+        Whose parameters are shown where specimens differ, as in classes with variability: the
+        typical specimen's when missing, see :func:`~pymc_hyperelastic.predict_pressure`.
     backend : {"matplotlib", "none"}
         Plotting backend; ``"none"`` only collects what would be drawn.
     visuals : dict of str to dict or bool, optional
@@ -80,7 +92,7 @@ def plot_parameter_density(
     >>> figure.viz["plot"].sizes["y_part"]  # one for each sign of alpha
     2
     """
-    fitted = fitted_classes(classes)
+    fitted = {k: with_parameters(tree, specimen) for k, tree in fitted_classes(classes).items()}
     names = _two_variables(fitted, var_names)
     probs = sorted(probs, reverse=True)
     if not probs or not all(0 < prob < 1 for prob in probs):
@@ -114,7 +126,9 @@ def plot_parameter_density(
     held = " and ".join(f"{100 * prob:.3g} %" for prob in reversed(probs))
     entries = canvas.entries("color", "class_label", "", linewidth=5, alpha=0.7)
     canvas.legend(entries, title=f"posterior,\n{held}")
-    canvas.title(training_attrs(fitted), tree.attrs.get("strain_energy"))
+    whose = "typical specimen" if any(map(specimens_differ, fitted.values())) else None
+    whose = f"specimen {specimen}" if specimen is not None else whose
+    canvas.title(training_attrs(fitted), law_of(tree), whose)
     return canvas.collection
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.inflation import check_inflation_data, points_of
+from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.study import inflation_data_of
@@ -19,10 +20,14 @@ from pymc_hyperelastic.plots.style import (
     Canvas,
     Visuals,
     fitted_classes,
+    law_of,
     per_kilopascal,
     training_attrs,
 )
-from pymc_hyperelastic.predictions.curves import predict_pressure
+from pymc_hyperelastic.predictions.curves import pressure_curve
+from pymc_hyperelastic.predictions.draws import GivenTube, draws_of
+from pymc_hyperelastic.predictions.measured import typical_tests
+from pymc_hyperelastic.predictions.members import specimens_differ, tests_of
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -35,7 +40,8 @@ def plot_pressure_fit(
     data: xr.Dataset | Mapping[str, xr.Dataset] | None = None,
     *,
     prob: float = 0.94,
-    energy: StrainEnergy | None = None,
+    energy: StrainEnergy | Sequence[Layer] | None = None,
+    specimen: str | None = None,
     pressure_unit: str = "mmHg",
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
@@ -44,7 +50,10 @@ def plot_pressure_fit(
     """Plot the posterior of pressure and of stiffness over the data, a column for each class.
 
     The band is that of the tube's response, without measurement error: it is as narrow as the
-    parameters are well known, and data may lie beside it.
+    parameters are well known, and data may lie beside it. Where it is extrapolated from the data to
+    which the class was fitted, see :func:`~pymc_hyperelastic.predict_pressure`, the median is
+    dashed; a result that does not hold these cannot say. Where internal radii depend on what is
+    inferred of the tube, data are shown at those of the median tube.
 
     Parameters
     ----------
@@ -55,15 +64,20 @@ def plot_pressure_fit(
         data when missing. Tests on tubes of other dimensions have bands of their own.
     prob : float
         Probability that the band holds at each radius, with equal tails.
-    energy : StrainEnergy, optional
-        The material; needed where the result does not name it.
+    energy : StrainEnergy or list of Layer, optional
+        The material, or the layers; needed where the result does not name it.
+    specimen : str, optional
+        Of whom the curve is, and the data if none are given, see
+        :func:`~pymc_hyperelastic.predict_pressure`; by default of the typical specimen where
+        specimens differ, as in classes with variability.
     pressure_unit : str
         Unit of the pressure axis, as pint knows it.
     backend : {"matplotlib", "none"}
         Plotting backend; ``"none"`` only collects what would be drawn.
     visuals : dict of str to dict or bool, optional
-        Settings of ``band``, ``median``, ``points``, ``xlabel``, ``ylabel``, ``title`` (of a
-        column) and ``legend``; False leaves one out.
+        Settings of ``band``, ``median``, ``extrapolated`` (the dashed part of the median),
+        ``points``, ``xlabel``, ``ylabel``, ``title`` (of a column) and ``legend``; False leaves one
+        out.
     **pc_kwargs
         Passed to :meth:`arviz_plots.PlotCollection.grid`.
 
@@ -94,15 +108,15 @@ def plot_pressure_fit(
     if not 0 < prob < 1:
         raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
     factor = per_kilopascal(pressure_unit)
-    shown = {name: _data_of(name, tree, data) for name, tree in fitted.items()}
-    posterior = _side_by_side(
-        {n: _posterior_curves(fitted[n], shown[n], prob, energy, factor) for n in fitted}
-    )
-    measured = _side_by_side({n: _measured(shown[n], factor) for n in fitted})
+    shown = {name: _data_of(name, tree, data, specimen) for name, tree in fitted.items()}
+    material: GivenTube = {"energy": energy, "specimen": specimen}
+    drawn = {n: _posterior_curves(fitted[n], shown[n], prob, material, factor) for n in fitted}
+    posterior = _side_by_side({name: curves for name, (curves, _) in drawn.items()})
+    measured = _side_by_side({name: _measured(tests, factor) for name, (_, tests) in drawn.items()})
     canvas = Canvas(
         "grid",
         posterior,
-        "band median points xlabel ylabel title legend",
+        "band median extrapolated points xlabel ylabel title legend",
         backend,
         visuals,
         pc_kwargs,
@@ -115,7 +129,11 @@ def plot_pressure_fit(
     grey = {"color": "0.25", "ignore_aes": {"color", "overlay"}}
     canvas.draw("band", fill_between_y, data=band, alpha=0.35, linewidth=0)
     canvas.draw("points", scatter_xy, data=measured, size=7, alpha=0.6, **grey)
-    canvas.draw("median", line_xy, data=posterior.sel(plot_axis=["x", "y"]), width=1.5)
+    solid, dashed = _solid_and_dashed(posterior)
+    canvas.draw("median", line_xy, data=solid, width=1.5)
+    extrapolated = bool(dashed.notnull().any().to_array().any())
+    if extrapolated:
+        canvas.draw("extrapolated", line_xy, data=dashed, width=1.5, linestyle="--")
     top, bottom = posterior[["pressure"]], posterior[["stiffness"]]
     for name in fitted:
         where = {"coords": {"class_label": name}}
@@ -129,19 +147,22 @@ def plot_pressure_fit(
         {
             "data": {"color": "0.25", "marker": "o", "markersize": 3, "linestyle": "none"},
             "posterior median": {"color": "0.4", "linewidth": 1.5},
+            **({"extrapolated": {"color": "0.4", "linestyle": "--"}} if extrapolated else {}),
             f"{100 * prob:.3g} % of the posterior": {"color": "0.4", "linewidth": 6, "alpha": 0.35},
         },
         loc="outside lower center",
-        ncols=3,
+        ncols=4 if extrapolated else 3,
     )
-    law = energy.name if energy else next(iter(fitted.values())).attrs.get("strain_energy")
+    law = energy.name if isinstance(energy, StrainEnergy) else law_of(next(iter(fitted.values())))
     # The posterior is as simulated as the data that it comes from.
     origin = [{"simulated": attrs.get("simulated")} for attrs in training_attrs(fitted)]
-    canvas.title([*(data.attrs for data in shown.values()), *origin], law)
+    whose = "typical specimen" if any(map(specimens_differ, fitted.values())) else None
+    whose = f"specimen {specimen}" if specimen is not None else whose
+    canvas.title([*(data.attrs for data in shown.values()), *origin], law, whose)
     return canvas.collection
 
 
-def _data_of(name: str, tree: xr.DataTree, data: Any) -> xr.Dataset:
+def _data_of(name: str, tree: xr.DataTree, data: Any, specimen: str | None) -> xr.Dataset:
     """Inflation data to be shown with a class."""
     if isinstance(data, Mapping) and not isinstance(data, xr.Dataset):
         if name not in data:
@@ -151,6 +172,7 @@ def _data_of(name: str, tree: xr.DataTree, data: Any) -> xr.Dataset:
         if "inner_radius" not in tree.children.get("constant_data", {}):
             raise ValueError(f"{name!r} holds no inflation data: give them as data=...")
         data = inflation_data_of(tree)
+        data = data if specimen is None else tests_of(data, specimen)
     check_inflation_data(data)
     return data
 
@@ -178,30 +200,44 @@ def _measured(data: xr.Dataset, pressure_factor: float) -> xr.Dataset:
 
 
 def _posterior_curves(
-    tree: xr.DataTree,
-    data: xr.Dataset,
-    prob: float,
-    energy: StrainEnergy | None,
-    pressure_factor: float,
-) -> xr.Dataset:
-    """Median and band of pressure and stiffness for each of the tubes of the data."""
+    tree: xr.DataTree, data: xr.Dataset, prob: float, material: GivenTube, pressure_factor: float
+) -> tuple[xr.Dataset, xr.Dataset]:
+    """Median and band of pressure and stiffness for each of the tubes of the data.
+
+    With them the data, of which what is not known is that of the median tube.
+    """
     posterior = tree["posterior"].to_dataset()
     step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // MOST_DRAWS)
-    thinned = xr.DataTree.from_dict({"posterior": posterior.isel(draw=slice(None, None, step))})
-    thinned.attrs = tree.attrs
+    thinned = tree.copy()
+    thinned["posterior"] = xr.DataTree(posterior.isel(draw=slice(None, None, step)))
     geometry = np.stack([data[name].values for name in GEOMETRY], axis=1)
-    tubes, tube_of_test = np.unique(geometry, axis=0, return_inverse=True)
-    curves = []
-    for i, tube in enumerate(tubes):
-        radius = data["radius"].values[tube_of_test[data["test"].values] == i]
-        grid = np.linspace(radius.min(), radius.max(), _CURVE)
-        known = dict(zip(GEOMETRY, tube.tolist(), strict=True))
-        curve = predict_pressure(thinned, grid, energy=energy, **known) * pressure_factor
-        y = curve.quantile([0.5, (1 - prob) / 2, (1 + prob) / 2], dim=["chain", "draw"])
-        x = xr.full_like(y.isel(quantile=[0]), 0) + y["radius"]
-        curves.append(xr.concat([x, y], dim="quantile").drop_vars(["quantile", "radius"]))
-    return (
-        xr.concat(curves, dim="tube")
-        .rename(quantile="plot_axis", radius="point")
-        .assign_coords(plot_axis=["x", "y", "y_bottom", "y_top"], tube=range(len(curves)))
+    # NaN are not equal to each other, infinities are.
+    tubes, tube_of_test = np.unique(
+        np.where(np.isnan(geometry), np.inf, geometry), axis=0, return_inverse=True
     )
+    curves, tests = [], data
+    for i, tube in enumerate(tubes):
+        known = {k: v for k, v in zip(GEOMETRY, tube.tolist(), strict=True) if np.isfinite(v)}
+        draws = draws_of(thinned, **material, **known)
+        tests = typical_tests(data, draws.inferred)
+        radius = tests["radius"].values[tube_of_test[data["test"].values] == i]
+        grid = np.linspace(radius.min(), radius.max(), _CURVE)
+        curve = pressure_curve(draws, grid)
+        beyond = curve.coords.get("extrapolated", xr.zeros_like(curve["radius"])).values
+        levels = [0.5, (1 - prob) / 2, (1 + prob) / 2]
+        y = (curve * pressure_factor).quantile(levels, dim=["chain", "draw"])
+        rows = {name: [grid, beyond, *of_levels.values] for name, of_levels in y.items()}
+        curves.append(xr.Dataset({name: (("plot_axis", "point"), v) for name, v in rows.items()}))
+    axes = {
+        "plot_axis": ["x", "extrapolated", "y", "y_bottom", "y_top"],
+        "tube": range(len(curves)),
+    }
+    return xr.concat(curves, dim="tube").assign_coords(axes), tests
+
+
+def _solid_and_dashed(posterior: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
+    """The median where it is measured, and where it is extrapolated; which reaches the first."""
+    line = posterior.sel(plot_axis=["x", "y"])
+    beyond = posterior.sel(plot_axis="extrapolated", drop=True)
+    next_to = beyond.rolling(point=3, center=True, min_periods=1).max()
+    return line.where(beyond != 1), line.where(next_to == 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
@@ -145,6 +146,14 @@ def fitted_classes(classes: xr.DataTree) -> dict[str, xr.DataTree]:
             "the result holds no posterior; it comes from ph.fit_classes or ph.sample_smc"
         )
     return fitted
+
+
+def law_of(tree: xr.DataTree) -> str | None:
+    """Name of the material, or those of the layers."""
+    layers = json.loads(tree.attrs.get("layers", "[]"))
+    return " in ".join(record["strain_energy"] for record in layers) or tree.attrs.get(
+        "strain_energy"
+    )
 
 
 def training_attrs(fitted: Mapping[str, xr.DataTree]) -> list[Mapping[Any, Any]]:

@@ -4,7 +4,15 @@ from typing import Any, Unpack
 
 import xarray as xr
 
-from pymc_hyperelastic.predictions.draws import GivenTube, checked_numbers, checked_radii, draws_of
+from pymc_hyperelastic.predictions.draws import (
+    Array,
+    Draws,
+    GivenTube,
+    checked_pressures,
+    checked_radii,
+    draws_of,
+)
+from pymc_hyperelastic.predictions.measured import warned
 
 
 def predict_pressure(
@@ -18,27 +26,51 @@ def predict_pressure(
         A sampled model: of :func:`pymc_hyperelastic.sample_smc`, a class of
         :func:`pymc_hyperelastic.fit_classes`, or any result with a ``posterior`` group.
     internal_radius : array_like, shape (radius,)
-        Current internal radii, mm.
+        Current internal radii, in ``radius_unit``.
     **tube
-        ``energy``, the strain energy, needed where the result does not name it; ``inner_radius``,
-        ``outer_radius`` (mm), ``axial_stretch``, ``opening_angle`` (rad), numbers. What is not
-        given is that of each draw where the posterior has a variable of the name; for the outer
+        ``energy``, the strain energy, or the list of :class:`~pymc_hyperelastic.Layer` of the
+        model, needed where the result does not name it; ``specimen``, of whom the prediction is,
+        see below; ``inner_radius``, ``outer_radius`` (not with layers), ``axial_stretch``,
+        ``opening_angle`` (rad), numbers; ``radius_unit`` (by default ``"mm"``), the unit of all
+        radii that are given here, as pint knows it. The result is in mm. What is not given of the
+        tube is that of each draw where the posterior has a variable of the name; for the outer
         radius also ``thickness`` (mm) or ``wall_area`` (mm², area of the unloaded wall's
-        cross-section). Failing that it is that of the result's data, which must be the same for
-        all its tests; without data the axial stretch is 1 and the opening angle 0.
+        cross-section). Failing that it is that of the result's data, or of those of the
+        ``specimen``, which must be the same for all these tests; without data the axial stretch
+        is 1 and the opening angle 0.
 
     Returns
     -------
     xarray.Dataset
-        ``pressure`` (kPa) and ``stiffness`` (kPa/mm) with dimensions (chain, draw, radius).
+        ``pressure`` (kPa) and ``stiffness`` (kPa/mm) with dimensions (chain, draw, radius), and the
+        coordinate ``extrapolated`` (radius): whether the wall is stretched there as none of the
+        result's data was. Circles of the measured walls are points of hoop and axial stretch; what
+        lies outside of their convex hull is extrapolated, also of a tube of other dimensions. Of
+        the tube of the data that is what lies outside its measured radii. A result that does not
+        hold its data, such as one read from an old file, cannot say, and the coordinate is absent.
+
+    Warns
+    -----
+    UserWarning
+        If something is extrapolated; it names what was asked for and what was measured.
 
     Raises
     ------
     TypeError
         If `tree` is no DataTree or `energy` no strain energy.
     ValueError
-        If the strain energy or the geometry is not known, or a parameter is not in the posterior,
-        or a radius is impossible.
+        If the strain energy, the specimen or the geometry is not known, or a parameter is not in
+        the posterior, or a radius is impossible.
+
+    Notes
+    -----
+    Where specimens differ, in classes with ``variability="specimen"`` and in results of
+    :func:`~pymc_hyperelastic.population_model`, a prediction is of the typical specimen, that at
+    the ``location`` of the class, or with ``specimen="S1"`` of one that was measured, given its
+    curves and its class. The attribute ``specimen`` of the result says of whom it is, and what was
+    measured is that of this specimen alone. In a class, its draws are chosen among those that the
+    class stores, each for one draw of the class's distribution by the density that this gives it.
+    Where all specimens share their parameters, ``specimen`` states the tube and nothing else.
 
     Examples
     --------
@@ -51,9 +83,16 @@ def predict_pressure(
     ('chain', 'draw', 'radius')
     """
     draws = draws_of(tree, **tube)
-    radius = checked_radii(internal_radius)
+    radius = checked_radii(internal_radius, **tube)
+    warned(draws.extrapolated_radii(radius))
+    return pressure_curve(draws, radius)
+
+
+def pressure_curve(draws: Draws, radius: Array) -> xr.Dataset:
+    """Pressure and stiffness of draws at radii, see :func:`predict_pressure`, without a warning."""
     pressure, stiffness = draws.tube.pressure(radius)
-    return draws.dataset({"radius": radius}, pressure=pressure, stiffness=stiffness)
+    extrapolated = draws.extrapolated_radii(radius)
+    return draws.dataset({"radius": radius}, extrapolated, pressure=pressure, stiffness=stiffness)
 
 
 def predict_axial_force(
@@ -68,7 +107,8 @@ def predict_axial_force(
     Returns
     -------
     xarray.Dataset
-        ``axial_force`` (mN) with dimensions (chain, draw, radius); tension is positive.
+        ``axial_force`` (mN) with dimensions (chain, draw, radius); tension is positive. The
+        coordinate ``extrapolated`` and its warning are those of :func:`predict_pressure`.
 
     Examples
     --------
@@ -81,11 +121,15 @@ def predict_axial_force(
     array([19.641, 39.282])
     """
     draws = draws_of(tree, **tube)
-    radius = checked_radii(internal_radius)
-    return draws.dataset({"radius": radius}, axial_force=draws.tube.axial_force(radius))
+    radius = checked_radii(internal_radius, **tube)
+    extrapolated = warned(draws.extrapolated_radii(radius))
+    force = draws.tube.axial_force(radius)
+    return draws.dataset({"radius": radius}, extrapolated, axial_force=force)
 
 
-def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTube]) -> xr.Dataset:
+def radius_at_pressure(
+    tree: xr.DataTree, pressure: Any, *, pressure_unit: str = "kPa", **tube: Unpack[GivenTube]
+) -> xr.Dataset:
     r"""Posterior of the internal radius at which the tube carries given pressures.
 
     It is the inverse of :func:`predict_pressure`, ``p(a) = pressure``, draw by draw.
@@ -102,19 +146,26 @@ def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTub
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
-        Internal pressures, kPa.
+        Internal pressures, in `pressure_unit`.
+    pressure_unit : str, default "kPa"
+        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
     Returns
     -------
     xarray.Dataset
-        ``radius`` (mm) with dimensions (chain, draw, pressure).
+        ``radius`` (mm) with dimensions (chain, draw, pressure), and the coordinate ``extrapolated``
+        (pressure): whether none of the result's data on this tube has a pressure as low or as high.
+        Pressures in other tubes, and at other axial stretches, do not compare: if the data have
+        such, it is extrapolated where the wall at its median radius is, too, see
+        :func:`predict_pressure`. Without data the coordinate is absent.
 
     Warns
     -----
     UserWarning
-        If some draws do not reach a pressure; it says how many.
+        If some draws do not reach a pressure; it says how many. If something is extrapolated; it
+        names what was asked for and what was measured.
 
     Raises
     ------
@@ -136,5 +187,7 @@ def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTub
             [7.    , 7.7094]]])
     """
     draws = draws_of(tree, **tube)
-    pressure = checked_numbers("pressure", pressure, "pressures in kPa")
-    return draws.dataset({"pressure": pressure}, radius=draws.radius_at(pressure))
+    pressure = checked_pressures(pressure, pressure_unit)
+    radius = draws.radius_at(pressure)
+    extrapolated = warned(draws.extrapolated_pressures(pressure, radius, pressure_unit))
+    return draws.dataset({"pressure": pressure}, extrapolated, radius=radius)

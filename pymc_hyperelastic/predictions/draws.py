@@ -1,6 +1,5 @@
 """Material and tube of each draw of a posterior."""
 
-import warnings
 from collections.abc import Sequence
 from numbers import Real
 from typing import Any, NamedTuple, TypedDict, Unpack
@@ -9,12 +8,21 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.results import check_result
-from pymc_hyperelastic.mechanics.layers import check_energy, check_geometry
+from pymc_hyperelastic.mechanics.layers import Layer, check_geometry
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
-from pymc_hyperelastic.models.forward import TubeNumbers
-from pymc_hyperelastic.models.study import inflation_data_of, strain_energy_of
+from pymc_hyperelastic.models.forward import LayerNumbers, TubeNumbers
+from pymc_hyperelastic.models.study import NamedLayer, named_layers, wall_of
+from pymc_hyperelastic.predictions.measured import (
+    Extrapolated,
+    Measured,
+    measured_by,
+    typical_tests,
+    warn_user,
+)
+from pymc_hyperelastic.predictions.members import Member, member_of
 
 Array = NDArray[np.float64]
 
@@ -38,6 +46,7 @@ _NAMES = {
     "sigma_zz": ("kPa", "axial Cauchy stress"),
     "position": ("1", "place in the reference wall, 0 inside to 1 outside"),
     "current_radius": ("mm", "current radius of the place in the wall"),
+    "extrapolated": ("1", "whether it is beyond what was measured"),
 }
 
 
@@ -47,6 +56,24 @@ class Draws(NamedTuple):
     tube: TubeNumbers
     """Arrays that broadcast to (chain, draw, 1)."""
     coords: dict[str, xr.DataArray]
+    typical: dict[str, float]
+    """Geometry, of which what differs between draws has its median."""
+    inferred: dict[str, float]
+    """Medians of what is inferred of the geometry, or of the wall."""
+    member: Member
+    """Of whom they are."""
+
+    @property
+    def tests(self) -> xr.Dataset | None:
+        """Tests of whom they are, on typical tubes."""
+        data = self.member.data
+        return None if data is None else typical_tests(data, self.inferred)
+
+    @property
+    def measured(self) -> Measured | None:
+        """Where the tubes were measured by which the parameters are known, if the result tells."""
+        evidence = self.member.evidence
+        return None if evidence is None else measured_by(typical_tests(evidence, self.inferred))
 
     def radius_at(self, pressure: Array) -> Array:
         """Internal radius (chain, draw, pressure) on the rising branch; NaN and a warning if none.
@@ -60,11 +87,37 @@ class Draws(NamedTuple):
         _report_unreached(radius, pressure)
         return radius
 
-    def dataset(self, axes: dict[str, Array], **variables: Array) -> xr.Dataset:
-        """Label arrays of the dimensions chain, draw and those of `axes`."""
+    def extrapolated_radii(self, radius: Array) -> Extrapolated | None:
+        """Which internal radii are beyond what was measured; None if the result does not tell."""
+        measured = self.measured
+        return None if measured is None else measured.at_radii(radius, self.typical)
+
+    def extrapolated_pressures(
+        self, pressure: Array, radius: Array, unit: str
+    ) -> Extrapolated | None:
+        """Which pressures, given in a unit, and with these radii, are beyond what was measured."""
+        measured = self.measured
+        if measured is None:
+            return None
+        # Draws that do not reach a pressure would have to be inflated further than the others.
+        median = np.median(np.where(np.isnan(radius), np.inf, radius), axis=(0, 1))
+        return measured.at_pressures(pressure, median, self.typical, unit)
+
+    def dataset(
+        self, axes: dict[str, Array], extrapolated: Extrapolated | None = None, **variables: Array
+    ) -> xr.Dataset:
+        """Label arrays of the dimensions chain, draw and those of `axes`.
+
+        Along the first of `axes` the points are `extrapolated`, or not.
+        """
         dims = ("chain", "draw", *axes)
         values = {name: (dims, value) for name, value in variables.items()}
-        result = xr.Dataset(values, {**self.coords, **axes})
+        coords: dict[str, Any] = {**self.coords, **axes}
+        if extrapolated is not None:
+            coords["extrapolated"] = next(iter(axes)), extrapolated.points
+        result = xr.Dataset(values, coords)
+        if self.member.name is not None:
+            result.attrs["specimen"] = self.member.name
         for name in set(result.variables) & set(_NAMES):
             units, long_name = _NAMES[name]
             result[name].attrs = {"units": units, "long_name": long_name}
@@ -74,11 +127,14 @@ class Draws(NamedTuple):
 class GivenTube(TypedDict, total=False):
     """What a caller may say of the tube, where the result does not, or something else is meant."""
 
-    energy: StrainEnergy | None
+    energy: StrainEnergy | Sequence[Layer] | None
+    specimen: str | None
     inner_radius: float | None
     outer_radius: float | None
     axial_stretch: float | None
     opening_angle: float | None
+    radius_unit: str
+    """Of all radii that are given."""
 
 
 def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
@@ -89,62 +145,132 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
         raise TypeError(
             f"{strangers[0]!r} is no property of a tube; expected {list(GivenTube.__annotations__)}"
         )
-    energy = tube.get("energy")
     if "posterior" not in tree.children:
         raise ValueError(
             f"the result has no posterior; its groups are {sorted(tree.children)} (of a class: "
             "classes['C1'] in place of classes)"
         )
-    if isinstance(energy, Sequence):
-        raise TypeError(
-            "predictions are for a wall of one material, energy=ph.Ogden(); for a wall of layers "
-            "give the draws to ph.inflation_pressure"
+    energy = tube.get("energy")
+    wall = wall_of(tree) if energy is None else named_layers(energy)
+    member = member_of(tree, wall, tube.get("specimen"))
+    posterior = member.posterior
+    _check_names(wall, posterior)
+    layered = "thickness" in wall[0].values
+    given = _given_geometry(**tube)
+    if layered and "outer_radius" in given:
+        raise ValueError("outer_radius cannot be given with layers: each has its own thickness")
+    names = _inferred_measures(posterior, layered)
+    inferred = {name: _values(posterior, name) for name in names if name not in given}
+    medians = {name: float(np.median(posterior[name])) for name in names}
+    values = [_layer_values(layer, posterior) for layer in wall]
+    if layered:
+        thickness = np.sum(np.broadcast_arrays(*(v["thickness"] for v in values)), axis=0)
+        inferred["thickness"], medians["thickness"] = thickness, float(np.median(thickness))
+    geometry = _geometry(_common_geometry(member.data), inferred, given)
+    typical = _geometry(_common_geometry(member.data), medians, given)
+    return Draws(
+        TubeNumbers(_layers(wall, values, geometry), geometry),
+        {name: posterior[name] for name in ("chain", "draw")},
+        {name: value.item() for name, value in typical.items()},
+        medians,
+        member,
+    )
+
+
+def _check_names(wall: list[NamedLayer], posterior: xr.Dataset) -> None:
+    """Raise unless the posterior holds what the wall needs of it."""
+    needed = [v for layer in wall for v in layer.values.values() if isinstance(v, str)]
+    if not needed:
+        raise ValueError(
+            "all of these layers is given in numbers, and nothing is taken from the posterior: "
+            "distributions stand for what was inferred, ph.Layer(ph.NeoHookean(), 0.3)"
         )
-    energy = energy or strain_energy_of(tree)
-    check_energy(energy)
-    posterior = tree["posterior"].to_dataset()
-    lacking = [name for name in energy.parameter_names if name not in posterior]
+    lacking = [name for name in needed if name not in posterior]
     if lacking:
-        raise ValueError(f"the posterior lacks {lacking}, parameters of {energy.name}")
-    parameters = {p.name: _values(posterior, p.name, p.size) for p in energy.parameters}
-    coords = {name: posterior[name] for name in ("chain", "draw")}
-    given = {name: value for name, value in tube.items() if name in GEOMETRY}
-    geometry = _geometry_of(tree, posterior, given)
-    return Draws(TubeNumbers(energy, geometry, energy.split(parameters)), coords)
+        law = " and ".join(dict.fromkeys(layer.energy.name for layer in wall))
+        raise ValueError(f"the posterior lacks {lacking}, parameters of {law}")
 
 
-def _geometry_of(
-    tree: xr.DataTree, posterior: xr.Dataset, given: dict[str, Any]
-) -> dict[str, Array]:
-    given = {name: value for name, value in given.items() if value is not None}
+def _layer_values(layer: NamedLayer, posterior: xr.Dataset) -> dict[str, Array]:
+    """Parameters, and thickness if it is a layer: by (chain, draw, 1), vectors by entry too."""
+    sizes = {p.name: p.size for p in layer.energy.parameters}
+    return {
+        name: _values(posterior, value, sizes.get(name))
+        if isinstance(value, str)
+        else np.asarray(value, float)[None, None, None]
+        for name, value in layer.values.items()
+    }
+
+
+def _layers(
+    wall: list[NamedLayer], values: list[dict[str, Array]], geometry: dict[str, Array]
+) -> list[LayerNumbers]:
+    """The layers of tubes, one around the other."""
+    layers = []
+    inner = geometry["inner_radius"]
+    for layer, of_layer in zip(wall, values, strict=True):
+        outer = geometry["outer_radius"]
+        if "thickness" in of_layer:
+            check_geometry(thickness=of_layer["thickness"])
+            outer = inner + of_layer["thickness"]
+        parameters = {name: of_layer[name] for name in layer.energy.parameter_names}
+        layers.append(LayerNumbers(layer.energy, inner, outer, layer.energy.split(parameters)))
+        inner = outer
+    return layers
+
+
+def _given_geometry(**tube: Unpack[GivenTube]) -> dict[str, float]:
+    """What is given of the geometry, in mm and rad."""
+    given: dict[str, Any] = {k: v for k, v in tube.items() if k in GEOMETRY and v is not None}
     for name, value in given.items():
         if not isinstance(value, Real):
             raise TypeError(f"{name} is {value!r}; expected a number")
-    inferred = [name for name in GEOMETRY if name in posterior and name not in given]
-    tube = _common_geometry(tree) | given | {name: _values(posterior, name) for name in inferred}
-    wall = next((name for name in ("thickness", "wall_area") if name in posterior), None)
-    if wall and not {"outer_radius"} & {*given, *inferred}:
-        del tube["outer_radius"]  # it is that of the data
-        tube[wall] = _values(posterior, wall)
+        if name in ("inner_radius", "outer_radius"):
+            given[name] = float(_millimetres(value, **tube))
+    return given
+
+
+def _millimetres(radius: Any, **tube: Unpack[GivenTube]) -> Array:
+    unit = tube.get("radius_unit", "mm")
+    return to_internal(radius, unit, "length", keyword="radius_unit")
+
+
+def _inferred_measures(posterior: xr.Dataset, layered: bool) -> list[str]:
+    """What is inferred of the tube; of measures of its wall one, which gives the outer radius."""
+    measures = () if layered else ("outer_radius", "thickness", "wall_area")
+    wall = [name for name in measures if name in posterior][:1]
+    return [name for name in GEOMETRY if name in posterior and name != "outer_radius"] + wall
+
+
+def _geometry(
+    known: dict[str, Any], inferred: dict[str, Any], given: dict[str, Any]
+) -> dict[str, Array]:
+    """Reference tube: as it is given, else as it was inferred, else that of the data."""
+    tube = known | inferred | given
+    wall = next((name for name in ("thickness", "wall_area") if name in inferred), None)
+    if wall and "outer_radius" in given:
+        del tube[wall]
+    elif wall:
+        del tube["outer_radius"]  # that of the data
         check_geometry(**{wall: tube[wall]})
     unknown = [name for name, value in tube.items() if value is None]
     if unknown:
         raise ValueError(
             f"the result's data do not have one {' and one '.join(unknown)}: give what is meant, "
-            f"{', '.join(name + '=...' for name in unknown)}"
+            f"{', '.join(name + '=...' for name in unknown)}, or if it is the tube of one of their "
+            "specimens, specimen=..."
         )
     tube = inferred_geometry(tube)
     check_geometry(**tube)
     return {name: np.atleast_3d(np.asarray(tube[name], float)) for name in GEOMETRY}
 
 
-def _common_geometry(tree: xr.DataTree) -> dict[str, Any]:
-    """Geometry that all tests of the result's data share; None where they differ."""
+def _common_geometry(data: xr.Dataset | None) -> dict[str, Any]:
+    """Geometry that all tests of the data share; None where they differ."""
     default: dict[str, Any] = dict.fromkeys(GEOMETRY)
     default |= {"axial_stretch": 1.0, "opening_angle": 0.0}
-    if "constant_data" not in tree.children:
+    if data is None:
         return default
-    data = inflation_data_of(tree)
     values = {name: np.unique(data[name].values) for name in default}
     return {
         name: float(value[0]) if value.size == 1 and np.isfinite(value[0]) else None
@@ -178,20 +304,25 @@ def checked_numbers(name: str, values: Any, expected: str) -> Array:
     return numbers
 
 
-def checked_radii(internal_radius: Any) -> Array:
-    """A list of radii as an array."""
-    radii = checked_numbers("internal_radius", internal_radius, "positive radii in mm")
+def checked_pressures(pressure: Any, unit: str) -> Array:
+    """A list of pressures in some unit as an array, kPa."""
+    return to_internal(
+        checked_numbers("pressure", pressure, f"pressures in {unit}"), unit, "pressure"
+    )
+
+
+def checked_radii(internal_radius: Any, **tube: Unpack[GivenTube]) -> Array:
+    """A list of radii, in the unit of those of the tube, as an array, mm."""
+    expected = f"positive radii in {tube.get('radius_unit', 'mm')}"
+    radii = checked_numbers("internal_radius", internal_radius, expected)
     if not np.all(radii > 0):
-        raise ValueError(
-            f"internal_radius must be a list of positive radii in mm; got {internal_radius!r}"
-        )
-    return radii
+        raise ValueError(f"internal_radius must be a list of {expected}; got {internal_radius!r}")
+    return _millimetres(radii, **tube)
 
 
-def radii_of_data(tree: xr.DataTree) -> Array:
-    """Radii between the ends of the data."""
-    group = tree.children.get("constant_data", {})
-    measured = group["radius"].values if "radius" in group else np.array([])
+def radii_of_data(data: xr.Dataset | None) -> Array:
+    """Radii between the ends of the data, mm."""
+    measured = np.array([]) if data is None else data["radius"].values
     measured = measured[np.isfinite(measured)]
     if not measured.size:
         raise ValueError("the result holds no radii: say at which to look, internal_radius=...")
@@ -210,7 +341,4 @@ def _report_unreached(radius: Array, pressure: Array) -> None:
         missed = ", ".join(
             f"{n} do not reach {p:g} kPa" for p, n in zip(pressure, count, strict=True) if n
         )
-        warnings.warn(
-            f"of {radius[..., 0].size} draws {missed} {where}; the values are NaN there",
-            stacklevel=4,
-        )
+        warn_user(f"of {radius[..., 0].size} draws {missed} {where}; the values are NaN there")

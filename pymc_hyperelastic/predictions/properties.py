@@ -7,14 +7,17 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.mechanics.strain_energy.isotropic import _Isotropic
-from pymc_hyperelastic.mechanics.tube import current_radius
+from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.predictions.draws import (
+    Array,
     GivenTube,
     checked_numbers,
+    checked_pressures,
     checked_radii,
     draws_of,
     radii_of_data,
 )
+from pymc_hyperelastic.predictions.measured import warned
 
 # Circles of the wall at which admissibility is looked at.
 _CIRCLES = 11
@@ -23,7 +26,12 @@ _SAME_STRETCH = 1e-6
 
 
 def tube_properties(
-    tree: xr.DataTree, pressure: Any, *, density: float = 1060.0, **tube: Unpack[GivenTube]
+    tree: xr.DataTree,
+    pressure: Any,
+    *,
+    density: float = 1060.0,
+    pressure_unit: str = "kPa",
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the elastic properties that are reported of a vessel, at given pressures.
 
@@ -35,9 +43,11 @@ def tube_properties(
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
-        Internal pressures, kPa.
+        Internal pressures, in `pressure_unit`.
     density : float, default 1060
         Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
+    pressure_unit : str, default "kPa"
+        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -65,6 +75,13 @@ def tube_properties(
         isotropic tube that has the same slope [3]_.
 
         ``pulse_wave_velocity`` : ``√(A/(ρ dA/dp))``, m/s [4]_.
+
+        The coordinate ``extrapolated`` (pressure) is that of :func:`radius_at_pressure`.
+
+    Warns
+    -----
+    UserWarning
+        If some draws do not reach a pressure, or something is extrapolated.
 
     Raises
     ------
@@ -100,14 +117,15 @@ def tube_properties(
     if not (isinstance(density, Real) and 0 < density < np.inf):
         raise ValueError(f"density must be a positive number in kg/m³; got {density!r}")
     draws = draws_of(tree, **tube)
-    pressure = checked_numbers("pressure", pressure, "pressures in kPa")
+    pressure = checked_pressures(pressure, pressure_unit)
     a = draws.radius_at(pressure)
+    extrapolated = warned(draws.extrapolated_pressures(pressure, a, pressure_unit))
     _, slope = draws.tube.pressure(a)
-    inner, outer, axial, angle = draws.tube.geometry.values()
-    b = current_radius(outer, a, inner_radius=inner, axial_stretch=axial, opening_angle=angle)
+    b = draws.tube.current(draws.tube.geometry["outer_radius"], a)
     per_area = 2 / (a * slope)
     return draws.dataset(
         {"pressure": pressure},
+        extrapolated,
         radius=a,
         outer_radius=b,
         stiffness=slope,
@@ -121,7 +139,12 @@ def tube_properties(
 
 
 def pulse_wave_velocity(
-    tree: xr.DataTree, pressure: Any, *, density: float = 1060.0, **tube: Unpack[GivenTube]
+    tree: xr.DataTree,
+    pressure: Any,
+    *,
+    density: float = 1060.0,
+    pressure_unit: str = "kPa",
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the speed at which a pulse travels along the tube, at given pressures.
 
@@ -135,16 +158,24 @@ def pulse_wave_velocity(
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
-        Internal pressures, kPa.
+        Internal pressures, in `pressure_unit`.
     density : float, default 1060
         Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
+    pressure_unit : str, default "kPa"
+        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
     Returns
     -------
     xarray.Dataset
-        ``pulse_wave_velocity`` in m/s, with dimensions (chain, draw, pressure).
+        ``pulse_wave_velocity`` in m/s, with dimensions (chain, draw, pressure), and the coordinate
+        ``extrapolated`` (pressure) of :func:`radius_at_pressure`.
+
+    Warns
+    -----
+    UserWarning
+        If some draws do not reach a pressure, or something is extrapolated.
 
     Raises
     ------
@@ -161,11 +192,17 @@ def pulse_wave_velocity(
     >>> speed["pulse_wave_velocity"].values.round(3).ravel()
     array([2.73 , 3.344])
     """
-    return tube_properties(tree, pressure, density=density, **tube)[["pulse_wave_velocity"]]
+    settings: dict[str, Any] = {"density": density, "pressure_unit": pressure_unit}
+    return tube_properties(tree, pressure, **settings, **tube)[["pulse_wave_velocity"]]
 
 
 def wall_stress(
-    tree: xr.DataTree, pressure: Any, *, points: Any = 21, **tube: Unpack[GivenTube]
+    tree: xr.DataTree,
+    pressure: Any,
+    *,
+    points: Any = 21,
+    pressure_unit: str = "kPa",
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the Cauchy stresses through the wall at given pressures.
 
@@ -177,7 +214,8 @@ def wall_stress(
         σ_{θθ} = σ_{rr} + λ_θ \frac{∂\hat W}{∂λ_θ}, \qquad
         σ_{zz} = σ_{rr} + λ_z \frac{∂\hat W}{∂λ_z}.
 
-    The radial stress is ``−p`` inside and 0 outside. The hoop stress balances the pressure,
+    The radial stress is ``−p`` inside and 0 outside. Between layers hoop and axial stress jump; at
+    the interface itself they are those of the layer within. The hoop stress balances the pressure,
     ``∫ σθθ dr = p a``: Laplace's law for its mean over the thickness.
 
     Source: R. W. Ogden, Non-linear elastic deformations, Dover 1997, section 5.3.
@@ -187,10 +225,12 @@ def wall_stress(
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
-        Internal pressures, kPa; the radius is that of :func:`radius_at_pressure`.
+        Internal pressures, in `pressure_unit`; the radius is that of :func:`radius_at_pressure`.
     points : int or array_like, default 21
         Where in the wall: a number of circles at equal distances in the reference tube, or their
         places ``(R − A)/(B − A)`` from 0 (inside) to 1 (outside).
+    pressure_unit : str, default "kPa"
+        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -198,12 +238,14 @@ def wall_stress(
     -------
     xarray.Dataset
         ``sigma_rr``, ``sigma_tt`` and ``sigma_zz`` (kPa) with dimensions (chain, draw, pressure,
-        position), tension positive, and the coordinate ``current_radius`` (mm), ``r(R)``, likewise.
+        position), tension positive, the coordinate ``current_radius`` (mm), ``r(R)``, likewise, and
+        the coordinate ``extrapolated`` (pressure) of :func:`radius_at_pressure`.
 
     Warns
     -----
     UserWarning
-        If some draws do not reach a pressure; the stresses are NaN there.
+        If some draws do not reach a pressure; the stresses are NaN there. If something is
+        extrapolated.
 
     Raises
     ------
@@ -224,23 +266,22 @@ def wall_stress(
     array([10.8 ,  9.23,  8.13])
     """
     draws = draws_of(tree, **tube)
-    pressure = checked_numbers("pressure", pressure, "pressures in kPa")
+    pressure = checked_pressures(pressure, pressure_unit)
     if isinstance(points, int) and not isinstance(points, bool) and points > 0:
         points = np.linspace(0.0, 1.0, points)
     position = checked_numbers("points", points, "a number of circles, or places from 0 to 1")
     if not np.all((position >= 0) & (position <= 1)):
         raise ValueError(f"points must be places in the wall, from 0 to 1; got {points!r}")
     radius = draws.radius_at(pressure)
-    deep = draws.tube.with_axis()
-    wall = deep.wall(radius[..., None], position)
-    # What lies beyond a circle is a tube as well: its pressure is what the circle carries.
-    load, _ = deep.pressure(wall.current, inner_radius=wall.reference)
+    extrapolated = warned(draws.extrapolated_pressures(pressure, radius, pressure_unit))
+    stresses = draws.tube.with_axis().stresses(radius[..., None], position)
     return draws.dataset(
         {"pressure": pressure, "position": position},
-        sigma_rr=-load,
-        sigma_tt=wall.hoop_difference - load,
-        sigma_zz=wall.axial_difference - load,
-        current_radius=wall.current,
+        extrapolated,
+        sigma_rr=stresses.radial,
+        sigma_tt=stresses.hoop,
+        sigma_zz=stresses.axial,
+        current_radius=stresses.current,
     ).set_coords("current_radius")
 
 
@@ -258,7 +299,7 @@ def admissible(
 
     .. math:: (σ_i - σ_j)(λ_i - λ_j) > 0 \quad \text{wherever } λ_i \neq λ_j,
 
-    for each two of the radial, hoop and axial direction, at eleven circles of the wall. It is
+    for each two of the radial, hoop and axial direction, at eleven circles of every layer. It is
     stated for isotropic solids [1]_, and fibres need not obey it: it is reported for the isotropic
     laws of the package only.
 
@@ -267,7 +308,8 @@ def admissible(
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     internal_radius : array_like, shape (radius,), optional
-        Current internal radii, mm; by default 40 between the ends of the result's data.
+        Current internal radii, in ``radius_unit``; by default 40 between the ends of the result's
+        data.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -276,7 +318,14 @@ def admissible(
     xarray.Dataset
         The booleans ``pressure_rises`` and, for isotropic laws, ``baker_ericksen`` with dimensions
         (chain, draw). The attribute ``fraction`` of each is that of the draws that pass, and
-        ``summary`` of the Dataset says it in words.
+        ``summary`` of the Dataset says it in words. If the result holds its data, the coordinates
+        ``radius`` and ``extrapolated`` (radius) tell where it was looked at beyond what was
+        measured, see :func:`predict_pressure`.
+
+    Warns
+    -----
+    UserWarning
+        If some radii are beyond what was measured.
 
     Raises
     ------
@@ -305,22 +354,16 @@ def admissible(
     From 7 to 10 mm, of 2 draws: pressure rises in 50.0 %, Baker-Ericksen holds in 50.0 %.
     """
     draws = draws_of(tree, **tube)
-    radius = radii_of_data(tree) if internal_radius is None else checked_radii(internal_radius)
+    radius = (
+        radii_of_data(draws.member.data)
+        if internal_radius is None
+        else checked_radii(internal_radius, **tube)
+    )
+    extrapolated = warned(draws.extrapolated_radii(radius))
     _, slope = draws.tube.pressure(radius)
     passed: dict[str, Any] = {"pressure_rises": ((slope > 0) & (slope < np.inf)).all(axis=-1)}
-    if isinstance(draws.tube.energy, _Isotropic):
-        wall = draws.tube.with_axis().wall(radius[:, None], np.linspace(0.0, 1.0, _CIRCLES))
-        log_radial = -wall.log_hoop - wall.log_axial
-        # Stresses less the radial one. Where they overflow their difference is NaN: nothing holds.
-        stress = (np.zeros_like(log_radial), wall.hoop_difference, wall.axial_difference)
-        stretch = (log_radial, wall.log_hoop, wall.log_axial)
-        with np.errstate(invalid="ignore"):
-            holds = [
-                (np.abs(stretch[i] - stretch[j]) < _SAME_STRETCH)
-                | ((stress[i] - stress[j]) * (stretch[i] - stretch[j]) > 0)
-                for i, j in ((0, 1), (1, 2), (2, 0))
-            ]
-        passed["baker_ericksen"] = np.all(holds, axis=(0, -2, -1))
+    if all(isinstance(layer.energy, _Isotropic) for layer in draws.tube.layers):
+        passed["baker_ericksen"] = _baker_ericksen(draws.tube.with_axis(), radius[:, None])
     result = draws.dataset({}, **passed)
     words = {"pressure_rises": "pressure rises", "baker_ericksen": "Baker-Ericksen holds"}
     for name, values in passed.items():
@@ -328,4 +371,28 @@ def admissible(
     shares = [f"{words[name]} in {100 * v.mean():.1f} %" for name, v in passed.items()]
     ends, count = f"{radius.min():g} to {radius.max():g} mm", slope[..., 0].size
     result.attrs["summary"] = f"From {ends}, of {count} draws: {', '.join(shares)}."
+    if extrapolated is not None:
+        at = draws.dataset({"radius": radius}, extrapolated)
+        result = result.assign_coords(radius=at["radius"], extrapolated=at["extrapolated"])
     return result
+
+
+def _baker_ericksen(tube: TubeNumbers, radius: Array) -> Array:
+    """Whether the greater stress is in the direction of the greater stretch, in every layer."""
+    passed: Any = True
+    for layer in tube.layers:
+        thickness = layer.outer_radius - layer.inner_radius
+        reference = layer.inner_radius + np.linspace(0.0, 1.0, _CIRCLES) * thickness
+        circles = tube.circles(layer, radius, reference)
+        log_radial = -circles.log_hoop - circles.log_axial
+        # Stresses less the radial one. Where they overflow their difference is NaN: nothing holds.
+        stress = (np.zeros_like(log_radial), circles.hoop_difference, circles.axial_difference)
+        stretch = (log_radial, circles.log_hoop, circles.log_axial)
+        with np.errstate(invalid="ignore"):
+            holds = [
+                (np.abs(stretch[i] - stretch[j]) < _SAME_STRETCH)
+                | ((stress[i] - stress[j]) * (stretch[i] - stretch[j]) > 0)
+                for i, j in ((0, 1), (1, 2), (2, 0))
+            ]
+        passed = passed & np.all(holds, axis=(0, -2, -1))
+    return passed

@@ -348,12 +348,14 @@ def test_predicted_pressure_is_that_of_each_draw(classes):
     """Pressure and stiffness of single draws, against the other way of integrating the wall."""
     radius = np.array([6.5, 7.0, 8.3, 10.0])
     fitted = classes["C2"]
-    curve = ph.predict_pressure(fitted, radius)
+    with pytest.warns(UserWarning, match="internal radius 6.5 to 10 mm"):
+        curve = ph.predict_pressure(fitted, radius)
     assert curve["pressure"].dims == ("chain", "draw", "radius")
     assert curve["pressure"].shape == (CHAINS, DRAWS, 4)
-    other = ph.predict_pressure(
-        fitted, radius, inner_radius=6.0, axial_stretch=1.2, opening_angle=0.5
-    )
+    with pytest.warns(UserWarning, match="axial stretch 1.2, measured 1"):
+        other = ph.predict_pressure(
+            fitted, radius, inner_radius=6.0, axial_stretch=1.2, opening_angle=0.5
+        )
     for result, tube in ((curve, (7.0, 9.0, 1.0, 0.0)), (other, (6.0, 9.0, 1.2, 0.5))):
         for chain, draw in ((0, 0), (1, 17), (CHAINS - 1, DRAWS - 1)):
             at = {"chain": chain, "draw": draw}

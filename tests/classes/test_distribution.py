@@ -7,7 +7,6 @@ from scipy.special import logsumexp
 from variable_classes import SIGMA, TRAINING, UNIT_PRESSURE, curves, fit
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.density import SpecimenDraws, log_densities
 from pymc_hyperelastic.classes.distribution import (
     ClassDraws,
     ClassModel,
@@ -17,6 +16,7 @@ from pymc_hyperelastic.classes.distribution import (
 from pymc_hyperelastic.classes.specimen_evidence import variance_of_specimen
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities
 
 SEED = 911
 # An honest standard error is exceeded threefold once in 370 runs; seeds are fixed.

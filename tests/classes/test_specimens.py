@@ -9,7 +9,6 @@ from scipy import stats
 from scipy.special import logsumexp
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.density import SpecimenDraws, log_density
 from pymc_hyperelastic.classes.specimen_evidence import specimen_evidence
 from pymc_hyperelastic.classes.specimens import class_model, shared_draws
 from pymc_hyperelastic.evidence.batched import BatchedFunction
@@ -17,6 +16,7 @@ from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.population import Population
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_density
 
 SEED = 911
 # An honest standard error is exceeded threefold once in 370 runs; seeds are fixed.

@@ -357,10 +357,18 @@ def test_model_can_be_sampled(tree):
     assert np.isfinite(ph.log_evidence(tree).value)
 
 
-def test_a_population_has_no_one_curve(tree):
-    """Whose curve is to be predicted has to be said."""
-    with pytest.raises(ValueError, match="'specimen'"):
-        ph.predict_pressure(tree, [7.5])
+def test_whose_curve_is_predicted(tree):
+    """It is that of the typical specimen, or of the one asked for; draws alone tell no scale."""
+    assert ph.predict_pressure(tree, [7.5], axial_stretch=1.0).attrs["specimen"] == "typical"
+    found = ph.predict_pressure(tree, [7.5], specimen="S1")["pressure"]
+    own = tree["posterior"].to_dataset().sel(specimen="S1", drop=True)[["mu", "alpha"]]
+    alone = az.convert_to_datatree(own)
+    expected = ph.predict_pressure(alone, [7.5], energy=ph.Ogden(), **TUBE)["pressure"]
+    np.testing.assert_allclose(found, expected, rtol=ROUNDING)
+    bare = tree.copy()
+    bare.attrs = {}
+    with pytest.raises(ValueError, match="specimen='S1'"):
+        ph.predict_pressure(bare, [7.5], energy=ph.Ogden(), **TUBE)
 
 
 # --- bad input ------------------------------------------------------------------------------------

@@ -299,6 +299,25 @@ def test_fit_of_one_class_to_other_data(classes):
     assert with_dict.viz["band"]["pressure"].sizes["class_label"] == 2
 
 
+def test_fit_is_dashed_where_it_is_extrapolated(classes):
+    """Beyond the training data the median is dashed, and the legend says why."""
+    low, high = (float(f(classes["C1"]["constant_data"]["radius"])) for f in (np.min, np.max))
+    new = ph.select(DATA, group="C1", experiment=3).copy(deep=True)
+    new["radius"] = new["radius"] + (high - new["radius"].max()) + 0.5
+    figure = ph.plot_pressure_fit(classes["C1"], new, backend="none")
+    where = {"class_label": "C1", "tube": 0}
+    for variable in ("pressure", "stiffness"):
+        solid, dashed = (figure.get_viz(n, variable, **where) for n in ("median", "extrapolated"))
+        known = np.isfinite(solid["y"])
+        assert np.array_equal(known, (solid["x"] >= low) & (solid["x"] <= high))
+        assert known[0] and not known[-1]
+        # It begins where the other ends.
+        assert np.isfinite(dashed["y"]).sum() == (~known).sum() + 1
+        assert dashed["linestyle"] == "--"
+    assert "extrapolated" in legend_of(ph.plot_pressure_fit(classes["C1"], new))
+    assert "extrapolated" not in legend_of(ph.plot_pressure_fit(classes["C1"]))
+
+
 def test_repeated_radii_leave_a_slope_out(classes):
     """Data without slopes (fitted with slope_weight=0) can be shown all the same."""
     data = ph.select(DATA, specimen="S1", experiment=1).copy(deep=True)

@@ -4,7 +4,7 @@
 """
 
 from pymc_hyperelastic.models.forward.model import ForwardModel, SymbolicTube
-from pymc_hyperelastic.models.forward.numbers import TubeNumbers
+from pymc_hyperelastic.models.forward.numbers import LayerNumbers, TubeNumbers
 from pymc_hyperelastic.models.forward.rules import Mode
 
-__all__ = ["ForwardModel", "Mode", "SymbolicTube", "TubeNumbers"]
+__all__ = ["ForwardModel", "LayerNumbers", "Mode", "SymbolicTube", "TubeNumbers"]

@@ -1,5 +1,6 @@
 """Tubes in numbers: curves, stresses and radii of as many tubes as there are draws, at once."""
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -25,57 +26,117 @@ _NEWTON_STEP, _NO_LENGTH = 1e-9, 1e-13
 _PIECE = 4096
 
 
-class Wall(NamedTuple):
-    """Circles of the wall: radii, stretches and stress differences, the place along a last axis."""
+class Circles(NamedTuple):
+    """Circles of one layer of the wall: stretches and stress differences, along a last axis."""
 
-    reference: Array
-    current: Array
     log_hoop: Array
     log_axial: Array
     hoop_difference: Array
     axial_difference: Array
 
 
+class Stresses(NamedTuple):
+    """Cauchy stresses at circles of the wall, kPa, and where these are, mm."""
+
+    current: Array
+    radial: Array
+    hoop: Array
+    axial: Array
+
+
+class LayerNumbers(NamedTuple):
+    """A layer of tubes: its law, its place in the reference wall, entries of the parameters."""
+
+    energy: StrainEnergy
+    inner_radius: Array
+    outer_radius: Array
+    entries: list[Array]
+
+
 class TubeNumbers(NamedTuple):
-    """Tubes of one law, whose parameters and geometry are arrays that broadcast.
+    """Tubes of the same laws, whose parameters and geometry are arrays that broadcast.
 
     The last axis is that of the radii or pressures that are asked for.
     """
 
-    energy: StrainEnergy
+    layers: list[LayerNumbers]
+    """From the inside out; of a wall of one material it is one."""
     geometry: dict[str, Array]
-    """By the names of GEOMETRY, in their order."""
-    entries: list[Array]
+    """Of the whole tube, by the names of GEOMETRY, in their order."""
+
+    def each(self, change: Callable[[Array], Array]) -> "TubeNumbers":
+        """The same with every array changed."""
+        layers = [
+            LayerNumbers(
+                layer.energy,
+                change(layer.inner_radius),
+                change(layer.outer_radius),
+                [change(entry) for entry in layer.entries],
+            )
+            for layer in self.layers
+        ]
+        return TubeNumbers(layers, {name: change(value) for name, value in self.geometry.items()})
 
     def with_axis(self) -> "TubeNumbers":
         """The same with one axis more, for places in the wall."""
-        geometry = {name: value[..., None] for name, value in self.geometry.items()}
-        return self._replace(
-            geometry=geometry, entries=[entry[..., None] for entry in self.entries]
-        )
+        return self.each(lambda value: value[..., None])
 
-    def pressure(self, radius: Any, **other: Any) -> tuple[Array, Array]:
-        """Pressure and stiffness at internal radii, or those of the wall of an `other` geometry."""
-        pressure, stiffness = self._integrate(PressureIntegral, radius, **other)
+    def current(self, reference: Array, radius: Any) -> Array:
+        """Where circles are when the internal radius is `radius`."""
+        return current_radius(reference, radius, **self._unloaded)
+
+    def pressure(self, radius: Any) -> tuple[Array, Array]:
+        """Pressure and stiffness at internal radii."""
+        pressure: Any = 0.0
+        stiffness: Any = 0.0
+        for i, layer in enumerate(self.layers):
+            own = self.current(layer.inner_radius, radius) if i else radius
+            of_layer = self._integrate(PressureIntegral, layer, own, layer.inner_radius)
+            pressure = pressure + of_layer[0]
+            # The internal radius a' of a layer grows by a/a' when that of the wall grows by 1.
+            stiffness = stiffness + of_layer[1] * (radius / own if i else 1.0)
         return pressure, stiffness
 
     def axial_force(self, radius: Any) -> Array:
         """Reduced axial force at internal radii."""
-        (force,) = self._integrate(AxialForceIntegral, radius)
+        force: Any = 0.0
+        for i, layer in enumerate(self.layers):
+            own = self.current(layer.inner_radius, radius) if i else radius
+            force = force + self._integrate(AxialForceIntegral, layer, own, layer.inner_radius)[0]
         return force
 
-    def wall(self, radius: Array, position: Array) -> Wall:
-        """State of the wall at internal radii, at places from 0 inside to 1 outside."""
-        inner, outer, axial, angle = self.geometry.values()
-        tube = {"inner_radius": inner, "axial_stretch": axial, "opening_angle": angle}
-        reference = inner + position * (outer - inner)
-        delta = hoop_elongation(radius, reference, **tube)
+    def circles(self, layer: LayerNumbers, radius: Array, reference: Array) -> Circles:
+        """Circles of a layer, of these reference radii, at internal radii of the wall."""
+        angle, axial = self.geometry["opening_angle"], self.geometry["axial_stretch"]
+        delta = hoop_elongation(radius, reference, **self._unloaded)
         log_hoop = (np.log(opening_factor(angle) / axial) + np.log1p(delta)) / 2
         log_axial = np.broadcast_to(np.log(axial), log_hoop.shape)
-        function = _stress_differences(self.energy)
-        differences = _evaluate(function, log_hoop, log_axial, *self.entries)
-        current = current_radius(reference, radius, **tube)
-        return Wall(reference, current, log_hoop, log_axial, *differences)
+        function = _stress_differences(layer.energy)
+        differences = _evaluate(function, log_hoop, log_axial, *layer.entries)
+        return Circles(log_hoop, log_axial, *differences)
+
+    def stresses(self, radius: Array, position: Array) -> Stresses:
+        """Stresses at places in the reference wall, from 0 inside to 1 outside.
+
+        At an interface, where hoop and axial stress jump, they are those of the layer within.
+        """
+        inner, outer = self.geometry["inner_radius"], self.geometry["outer_radius"]
+        reference = inner + position * (outer - inner)
+        current = self.current(reference, radius)
+        load: Any = 0.0
+        hoop, axial = np.full_like(current, np.nan), np.full_like(current, np.nan)
+        for i, layer in enumerate(self.layers):
+            last = i == len(self.layers) - 1
+            # What lies beyond a circle is a tube as well: its pressure is what the circle carries.
+            begin = np.maximum(reference, layer.inner_radius)
+            begin = begin if last else np.minimum(begin, layer.outer_radius)
+            own = self.current(begin, radius)
+            load = load + self._integrate(PressureIntegral, layer, own, begin)[0]
+            circles = self.circles(layer, radius, reference)
+            here = np.isnan(hoop) & (last | (reference <= layer.outer_radius))
+            hoop = np.where(here, circles.hoop_difference, hoop)
+            axial = np.where(here, circles.axial_difference, axial)
+        return Stresses(current, -load, hoop - load, axial - load)
 
     def radius_at(self, pressure: Array) -> Array:
         """Internal radius at pressures, on the rising branch of the curve; NaN if there is none.
@@ -84,12 +145,14 @@ class TubeNumbers(NamedTuple):
         branch in short steps until the pressure has been passed, or the slope is no longer
         positive; from then on it stays between the last place before that and the first one after.
         """
-        full = np.broadcast_arrays(pressure, *self.geometry.values(), *self.entries)
-        target, *inputs = (np.ravel(x) for x in full)
-        inner, _, axial, angle = inputs[:4]
+        entries = [np.shape(entry) for layer in self.layers for entry in layer.entries]
+        geometry = [np.shape(value) for value in self.geometry.values()]
+        shape = np.broadcast_shapes(np.shape(pressure), *geometry, *entries)
+        target = np.ravel(np.broadcast_to(pressure, shape))
+        tubes = self.each(lambda value: np.ravel(np.broadcast_to(value, shape)))
+        inner, _, axial, angle = tubes.geometry.values()
         start = inner / np.sqrt(opening_factor(angle) * axial)
-        curve = _integral(PressureIntegral, self.energy)
-        way = np.sign(target - _evaluate(curve, start, *inputs)[0])
+        way = np.sign(target - tubes.pressure(start)[0])
         # Places are |ln(a/a₀)|: the last before the end, the first beyond it, the next to look at.
         before, beyond = np.zeros_like(start), np.full_like(start, np.inf)
         place, lacking_before = np.zeros_like(start), np.full_like(start, np.inf)
@@ -99,7 +162,7 @@ class TubeNumbers(NamedTuple):
             turn += 1
             at, direction = place[active], way[active]
             radius = start[active] * np.exp(direction * at)
-            value, slope = _evaluate(curve, radius, *(x[active] for x in inputs))
+            value, slope = tubes.each(lambda x: x[active]).pressure(radius)
             with np.errstate(all="ignore"):
                 lacking = direction * (target[active] - value)
                 newton = at + np.where(slope > 0, lacking / (slope * radius), np.nan)
@@ -116,11 +179,18 @@ class TubeNumbers(NamedTuple):
             place[active] = np.where(trusted, newton, further)
             ended = (high - low < _NO_LENGTH) | (low > _FARTHEST)
             active = active[~solved & ~ended]
-        return found.reshape(full[0].shape)
+        return found.reshape(shape)
 
-    def _integrate(self, kind: Any, radius: Any, **other: Any) -> list[Array]:
-        function = _integral(kind, self.energy)
-        return _evaluate(function, radius, *(self.geometry | other).values(), *self.entries)
+    @property
+    def _unloaded(self) -> dict[str, Array]:
+        """The tube, but for its outer radius, on which no circle within depends."""
+        return {name: v for name, v in self.geometry.items() if name != "outer_radius"}
+
+    def _integrate(self, kind: Any, layer: LayerNumbers, radius: Any, begin: Array) -> list[Array]:
+        """An integral over a layer from a reference radius, which is now at `radius`."""
+        axial, angle = self.geometry["axial_stretch"], self.geometry["opening_angle"]
+        geometry = begin, layer.outer_radius, axial, angle
+        return _evaluate(_integral(kind, layer.energy), radius, *geometry, *layer.entries)
 
 
 @cache

@@ -1,0 +1,174 @@
+"""Of whom a prediction is: the typical specimen of a class, or one that was measured."""
+
+import json
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from pymc_hyperelastic.data.select import specimens_apart, specimens_of
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.class_distribution import distributions_of
+from pymc_hyperelastic.models.natural_scale import NaturalScale
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities
+from pymc_hyperelastic.models.study import NamedLayer, inflation_data_of, wall_of
+
+Array = NDArray[np.float64]
+
+TYPICAL = "typical"
+# Draws of a specimen are the same at every call.
+_SEED = 1
+
+
+class Member(NamedTuple):
+    """Whose parameters are meant, and what was measured of them."""
+
+    posterior: xr.Dataset
+    """With the material parameters by (chain, draw)."""
+    data: xr.Dataset | None
+    """Tests that state the tube; None if the result holds none."""
+    evidence: xr.Dataset | None
+    """Tests that the parameters come from."""
+    name: str | None
+    """None where specimens do not differ and none was asked for."""
+
+
+def member_of(tree: xr.DataTree, wall: list[NamedLayer], specimen: str | None) -> Member:
+    """Posterior and data of a specimen, or of the typical one where specimens differ."""
+    posterior = tree["posterior"].to_dataset()
+    data = inflation_data_of(tree) if "constant_data" in tree.children else None
+    own = data if specimen is None else tests_of(data, str(specimen))
+    if not specimens_differ(tree):
+        return Member(posterior, own, data, None if specimen is None else str(specimen))
+    if len(wall) > 1 or "thickness" in wall[0].values:
+        raise TypeError(
+            "where specimens differ there is one strain energy, no layers: leave energy out"
+        )
+    (material,) = wall
+    if specimen is not None:
+        posterior = _of_specimen(tree, material.energy, str(specimen))
+        return Member(posterior, own, own, str(specimen))
+    scale = _scale(tree, material.energy)
+    location = posterior["location"].transpose("coordinate", "chain", "draw")
+    return Member(_parameters(scale, location), data, data, TYPICAL)
+
+
+def specimens_differ(tree: xr.DataTree) -> bool:
+    """Whether each specimen has parameters of its own: a class with variability, a population."""
+    variables = tree["posterior"].data_vars
+    return "location" in variables and "coordinate" in variables["location"].dims
+
+
+def with_parameters(tree: xr.DataTree, specimen: str | None) -> xr.DataTree:
+    """The result with the parameters of a specimen, or the typical one, in its posterior."""
+    if not specimens_differ(tree):
+        if specimen is None:
+            return tree
+        raise ValueError(f"specimen={specimen!r}: all specimens of this class share one posterior")
+    found = member_of(tree, wall_of(tree), specimen).posterior
+    rest = tree["posterior"].to_dataset()
+    # Parameters first; those of all specimens make room for those of one.
+    posterior = found.assign({k: v for k, v in rest.data_vars.items() if k not in found})
+    tree = tree.copy()
+    tree["posterior"] = xr.DataTree(posterior)
+    return tree
+
+
+def tests_of(data: xr.Dataset | None, specimen: str) -> xr.Dataset:
+    """Tests of a specimen; ValueError if there are none."""
+    if data is None:
+        raise ValueError(f"the result holds no data, and knows no specimen {specimen!r}")
+    if specimen not in specimens_of(data)[0]:
+        raise ValueError(f"no specimen {specimen!r} in the result; it has {specimens_of(data)[0]}")
+    return specimens_apart(data, [specimen])[specimen]
+
+
+def _scale(tree: xr.DataTree, energy: StrainEnergy) -> NaturalScale:
+    """Coordinates of the specimens of a class or a population."""
+    if "variability_settings" in tree.attrs:
+        stress = json.loads(tree.attrs["variability_settings"])["reference_stress"]
+    elif "reference_stress" in tree.attrs:
+        stress = json.loads(tree.attrs["reference_stress"])
+    else:
+        raise ValueError(
+            "the result does not tell its reference_stress, and with it the typical specimen: "
+            "name one that was measured, specimen='S1'"
+        )
+    scale = NaturalScale(energy, stress)
+    names = tree["posterior"]["coordinate"].values.tolist()
+    if scale.names != names:
+        raise ValueError(
+            f"the result's specimens have the coordinates {names}, those of {energy.name} would be "
+            f"{scale.names}: leave energy out, or give that of the model"
+        )
+    return scale
+
+
+def _of_specimen(tree: xr.DataTree, energy: StrainEnergy, specimen: str) -> xr.Dataset:
+    """Parameters of a specimen that was measured, given its curves and its class."""
+    posterior = tree["posterior"].to_dataset()
+    if "specimen" in posterior.dims:
+        names = [str(name) for name in posterior["specimen"].values.tolist()]
+        return posterior.isel(specimen=names.index(specimen), drop=True)
+    if "specimens" not in tree.children:
+        raise ValueError("the result holds no draws of its specimens: fit the class again")
+    if "experiment_spread" in posterior:
+        raise ValueError(
+            f"specimen {specimen!r}: with experiment_effect each experiment has parameters of its "
+            "own, and predictions of one specimen are not offered; those of the typical one are "
+            "(without specimen=...), and all of ph.population_model"
+        )
+    scale, rng = _scale(tree, energy), np.random.default_rng(_SEED)
+    draws = _stored_draws(tree["specimens"].to_dataset(), specimen)
+    chosen = np.stack(
+        [
+            _one_draw_each(draws, posterior.isel(chain=[chain]), rng)
+            for chain in range(posterior.sizes["chain"])
+        ]
+    )
+    coordinates = posterior["location"].transpose("coordinate", "chain", "draw")
+    return _parameters(scale, coordinates.copy(data=draws.centre[:, chosen]))
+
+
+def _stored_draws(specimens: xr.Dataset, specimen: str) -> SpecimenDraws:
+    """Draws of a specimen as its class stored them."""
+    names = [str(name) for name in specimens["specimen"].values.tolist()]
+    of_one = specimens.isel(specimen=names.index(specimen))
+    return SpecimenDraws(
+        centre=of_one["centre"].transpose("coordinate", "particle").values,
+        scatter=of_one["scatter"].transpose("coordinate", "particle").values,
+        log_sigma=of_one["log_sigma"].values,
+        log_weight=of_one["log_weight"].values,
+        tests=int(of_one["tests"]),
+        standard_error=float(of_one["standard_error"]),
+        points=np.empty((of_one.sizes["particle"], 0)),
+    )
+
+
+def _one_draw_each(
+    draws: SpecimenDraws, posterior: xr.Dataset, rng: np.random.Generator
+) -> NDArray[np.intp]:
+    r"""Place of one draw of a specimen for each draw ``φ`` of its class's distribution.
+
+    It is ``x_i`` with the probability ``∝ w_i p(x_i | φ)``, the posterior of the specimen given its
+    curves and the distribution: together they are draws of both.
+    """
+    distributions = distributions_of(
+        xr.DataTree.from_dict({"posterior": posterior}), posterior.sizes["draw"]
+    )
+    log_weights = draws.log_weight + log_densities(draws, distributions)
+    # The largest of logarithms with Gumbel noise is one drawn by its weight.
+    return (log_weights + rng.gumbel(size=log_weights.shape)).argmax(axis=1)
+
+
+def _parameters(scale: NaturalScale, coordinates: xr.DataArray) -> xr.Dataset:
+    """Material parameters of coordinates by (coordinate, chain, draw)."""
+    values = scale.numbers(list(coordinates.values))
+    return xr.Dataset(
+        {
+            name: (("chain", "draw", f"{name}_entry")[: value.ndim], value)
+            for name, value in values.items()
+        },
+        {name: coordinates[name] for name in ("chain", "draw")},
+    )

@@ -1,0 +1,176 @@
+"""Predictions say where they leave what was measured, by the rule of `predictions/measured.py`."""
+
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from drawn import SHEEP, result
+from problems import AS_WRITTEN
+
+import pymc_hyperelastic as ph
+
+MU = 20.0
+RADIUS = np.linspace(7.2, 8.8, 9)
+
+
+def pressure_of(radius, mu=MU, **tube):
+    law = ph.inflation_pressure(ph.NeoHookean(), radius, mu=mu, **SHEEP | tube)
+    return law.eval(mode=AS_WRITTEN)
+
+
+def data_of(*tubes) -> xr.Dataset:
+    """Data of neo-Hookean tubes: of each what differs from the sheep's aorta, and its radii."""
+    tables = []
+    for number, (tube, radius) in enumerate(tubes, start=1):
+        labels = {"specimen": f"S{number}", "experiment": 1, **SHEEP, "axial_stretch": 1.0, **tube}
+        points = {"radius": radius, "pressure": pressure_of(radius, **tube)}
+        tables.append(pd.DataFrame(labels | points))
+    columns = {name: name for name in ("inner_radius", "outer_radius", "axial_stretch")}
+    return ph.inflation_data(pd.concat(tables, ignore_index=True), **columns)
+
+
+def fitted(data=None, **variables) -> xr.DataTree:
+    """What sampling stores, with draws around the true modulus."""
+    data = data_of(({}, RADIUS)) if data is None else data
+    tree = result(mu=[0.9 * MU, MU, 1.1 * MU], **variables)
+    tree["constant_data"] = xr.DataTree(data)
+    tree.attrs["strain_energy"] = "NeoHookean"
+    return tree
+
+
+def quietly(function, *arguments, **settings) -> list[bool]:
+    """Where a prediction is extrapolated; that it warns is another matter."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return function(*arguments, **settings)["extrapolated"].values.tolist()
+
+
+AT_RADII = (ph.predict_pressure, ph.predict_axial_force, ph.admissible)
+AT_PRESSURES = (ph.radius_at_pressure, ph.tube_properties, ph.pulse_wave_velocity, ph.wall_stress)
+
+
+@pytest.mark.parametrize("function", AT_RADII)
+def test_radii_beyond_the_data(function):
+    """On the tube of the data its own radii are measured, ends included, and no others are."""
+    asked = [6.9, RADIUS[0], 8.0, RADIUS[-1], 9.5]
+    with pytest.warns(UserWarning, match=r"2 of 5 points .*6.9 to 9.5 mm.*7.2 to 8.8 mm") as caught:
+        found = function(fitted(), asked)
+    assert caught[0].filename == __file__
+    assert found["extrapolated"].dims == ("radius",)
+    assert found["extrapolated"].values.tolist() == [True, False, False, False, True]
+
+
+@pytest.mark.parametrize("function", AT_PRESSURES)
+def test_pressures_beyond_the_data(function):
+    """On the tube of the data its own pressures are measured, and no others are."""
+    tree = fitted()
+    top = float(tree["constant_data"]["pressure"].max())
+    message = rf"1 of 3 points .*pressure {1.1 * top:.4g} kPa .* mmHg\), measured .* to {top:.4g}"
+    with pytest.warns(UserWarning, match=message) as caught:
+        found = function(tree, [top / 2, top, 1.1 * top])
+    assert caught[0].filename == __file__
+    assert found["extrapolated"].dims == ("pressure",)
+    assert found["extrapolated"].values.tolist() == [False, False, True]
+
+
+def test_what_is_measured_needs_no_warning():
+    """Within the data nothing is said; warnings are errors here."""
+    tree = fitted()
+    assert not ph.predict_pressure(tree, RADIUS)["extrapolated"].any()
+    assert not ph.tube_properties(tree, [1.0, 2.0])["extrapolated"].any()
+    assert not ph.admissible(tree)["extrapolated"].any()
+
+
+def test_without_data_nothing_can_be_said():
+    """A result that holds no data has no such coordinate, and does not warn."""
+    settings = {"energy": ph.NeoHookean(), **SHEEP}
+    assert "extrapolated" not in ph.predict_pressure(result(mu=[MU]), 20.0, **settings).coords
+    assert "extrapolated" not in ph.tube_properties(result(mu=[MU]), 3.0, **settings).coords
+
+
+@pytest.mark.parametrize("size", [0.5, 2.0])
+def test_tubes_of_other_size_compare_by_stretch(size):
+    """A tube that is larger in all its measures is measured at radii that are as much larger."""
+    tube = {name: size * value for name, value in SHEEP.items()}
+    ends = RADIUS[[0, -1]]
+    asked = size * np.concatenate([ends * [0.99, 1.01], ends])
+    found = quietly(ph.predict_pressure, fitted(), asked, **tube)
+    assert found == [True, True, False, False]
+    # It has the same pressures.
+    asked = pressure_of(ends, mu=MU) * [0.99, 1.01]
+    found = quietly(ph.tube_properties, fitted(), [*asked, *pressure_of(RADIUS[[1, -2]])], **tube)
+    assert found == [True, True, False, False]
+
+
+def test_thin_tube_is_stretched_further():
+    """At a pressure that was measured in a thick tube a thin one is extrapolated."""
+    top = pressure_of(RADIUS[-1])
+    with pytest.warns(UserWarning, match="hoop stretch .* at axial stretch 1, measured"):
+        found = ph.tube_properties(fitted(), [0.9 * top], inner_radius=7.0, outer_radius=8.2)
+    assert found["extrapolated"].values.tolist() == [True]
+
+
+def test_axial_stretches():
+    """Between measured axial stretches the hull of their walls is measured, beyond them nothing."""
+    ends = {1.0: 8.8, 1.4: 8.0}
+    data = data_of(*(({"axial_stretch": s}, np.linspace(7.0, end, 5)) for s, end in ends.items()))
+    tree = fitted(data)
+    for axial, end in {**ends, 1.2: 8.4}.items():
+        asked = [end - 0.01, end + 0.01]
+        assert quietly(ph.predict_pressure, tree, asked, axial_stretch=axial) == [False, True]
+    for axial in (0.9, 1.5):
+        with pytest.warns(UserWarning, match=f"axial stretch {axial}, measured 1 to 1.4"):
+            found = ph.predict_pressure(tree, [8.0], axial_stretch=axial)
+        assert found["extrapolated"].all()
+
+
+def test_pressures_of_several_tubes():
+    """A pressure on this tube, or a stretch on another one: either is measured."""
+    wide = np.linspace(7.0, 10.0, 9)
+    tree = fitted(data_of(({}, RADIUS), ({"outer_radius": 9.5}, wide)))
+    top, beyond = pressure_of(RADIUS[-1]), pressure_of(11.0)
+    asked = [top, pressure_of(9.5), beyond]
+    assert quietly(ph.radius_at_pressure, tree, asked, outer_radius=9.0) == [False, False, True]
+
+
+def test_inferred_geometry_is_that_of_the_data():
+    """Measures that were inferred are the same tube in data and prediction."""
+    data = data_of(({}, RADIUS))
+    unknown = data.assign(inner_radius=np.nan * data["inner_radius"]).copy()
+    unknown["outer_radius"] = np.nan * data["outer_radius"]
+    tree = fitted(unknown, inner_radius=[6.9, 7.0, 7.2], thickness=[1.9, 2.0, 2.2])
+    assert quietly(ph.predict_pressure, tree, [7.1, *RADIUS, 9.0]) == [True, *[False] * 9, True]
+    top = float(data["pressure"].max())
+    assert quietly(ph.tube_properties, tree, [top, 1.01 * top]) == [False, True]
+    # Half as large in all, as far as it is known.
+    half = {"inner_radius": 3.5, "outer_radius": 4.5}
+    assert quietly(ph.predict_pressure, tree, RADIUS[[0, -1]] / 2, **half) == [False, False]
+
+
+def test_outer_diameters_of_unknown_tubes():
+    """Where outer diameters were measured, internal radii follow from the median tube."""
+    frame = pd.DataFrame({"specimen": "S1", "experiment": 1, "outer_diameter": [18.4, 19.0, 20.0]})
+    frame["pressure"] = [1.0, 2.0, 4.0]
+    tube = {"inner_radius": None, "outer_radius": None, "measured": "outer_diameter"}
+    inferred = {"inner_radius": [7.0, 7.0, 7.1], "outer_radius": [8.9, 9.0, 9.1]}
+    tree = fitted(ph.inflation_data(frame, **tube), **inferred)
+    ends = np.sqrt(np.array([9.2, 10.0]) ** 2 - (81 - 49))
+    asked = [ends[0] - 0.01, *ends, ends[1] + 0.01]
+    assert quietly(ph.predict_pressure, tree, asked) == [True, False, False, True]
+
+
+def test_unknown_tube_cannot_be_compared():
+    """Data of which the geometry is nowhere do not say what was measured."""
+    data = data_of(({}, RADIUS))
+    tree = fitted(data.assign(inner_radius=np.nan * data["inner_radius"]))
+    found = ph.predict_pressure(tree, [20.0], inner_radius=7.0)
+    assert "extrapolated" not in found.coords
+
+
+def test_pressure_that_is_not_reached_is_not_measured():
+    """Where most draws end before a pressure, it is extrapolated."""
+    tree = fitted(data_of(({}, RADIUS), ({"outer_radius": 9.5}, RADIUS)))
+    found = quietly(ph.radius_at_pressure, tree, [1.0, 60.0], outer_radius=8.0)
+    assert found == [False, True]

@@ -1,0 +1,63 @@
+"""Predictions take pressures and radii in any unit, and answer in kPa and mm."""
+
+import pytest
+import xarray as xr
+from drawn import SHEEP, fitted_tree, result
+
+import pymc_hyperelastic as ph
+
+NEO = {"energy": ph.NeoHookean()}
+AT_PRESSURES = (ph.radius_at_pressure, ph.tube_properties, ph.pulse_wave_velocity, ph.wall_stress)
+AT_RADII = (ph.predict_pressure, ph.predict_axial_force, ph.admissible)
+ROUNDING = 1e-10  # of conversions, through the inverse of a curve
+
+
+@pytest.mark.parametrize("function", AT_PRESSURES)
+def test_pressures_in_mmhg(function):
+    """Pressures in mmHg, and radii in µm, are what they are in kPa and mm; so is the result."""
+    tree = result(mu=[20.0, 30.0])
+    expected = function(tree, [1.0, 2.0], **NEO, **SHEEP)
+    in_um = {"inner_radius": 7000.0, "outer_radius": 9000.0, "radius_unit": "um"}
+    asked = [1.0 / ph.mmHg, 2.0 / ph.mmHg]
+    found = function(tree, asked, pressure_unit="mmHg", **NEO, **in_um)
+    xr.testing.assert_allclose(found, expected, rtol=ROUNDING)
+    assert found["pressure"].attrs["units"] == "kPa"
+
+
+@pytest.mark.parametrize("function", AT_RADII)
+def test_radii_in_centimetres(function):
+    """Radii asked for have the unit of those of the tube."""
+    tree = result(mu=[20.0, 30.0])
+    expected = function(tree, [7.5, 8.0], **NEO, **SHEEP)
+    in_cm = {"inner_radius": 0.7, "outer_radius": 0.9, "radius_unit": "cm"}
+    found = function(tree, [0.75, 0.8], **NEO, **in_cm)
+    xr.testing.assert_allclose(found, expected, rtol=ROUNDING)
+
+
+def test_geometry_of_the_data_has_no_other_unit():
+    """The unit is that of what is given: the data and the posterior are in mm."""
+    tree = fitted_tree(mu=[20.0], thickness=[2.0])
+    found = ph.predict_pressure(tree, [8000.0], radius_unit="um")
+    xr.testing.assert_allclose(found, ph.predict_pressure(tree, [8.0]), rtol=ROUNDING)
+
+
+def test_millimetres_of_mercury_taken_for_kilopascal():
+    """A pressure far beyond the data that would be among them in mmHg was perhaps meant so."""
+    tree = fitted_tree("Ogden", mu=[30.0], alpha=[7.0])
+    with pytest.warns(UserWarning, match=r"100 kPa \(750.1 mmHg\).*pressure_unit='mmHg'"):
+        ph.tube_properties(tree, 100)
+    assert not ph.tube_properties(tree, 100, pressure_unit="mmHg")["extrapolated"].any()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda tree: ph.tube_properties(tree, 1.0, pressure_unit="mm"), "pressure_unit='mm'"),
+        (lambda tree: ph.predict_pressure(tree, 8.0, radius_unit="mmHg"), "radius_unit='mmHg'"),
+        (lambda tree: ph.wall_stress(tree, "x", pressure_unit="psi"), "pressures in psi"),
+    ],
+)
+def test_wrong_units(call, message):
+    """What is no unit of the quantity is refused."""
+    with pytest.raises(ValueError, match=message):
+        call(fitted_tree(mu=[20.0]))
