@@ -6,6 +6,8 @@ import xarray as xr
 from pymc_hyperelastic.data.table import inflation_data
 
 GEOMETRY = {"inner_radius": 7.0, "outer_radius": 9.0}
+# The package's own way to state a cut ring.
+SECTOR = {"opening_angle_convention": "whole", "radii_of": "sector"}
 
 
 def good_frame() -> pd.DataFrame:
