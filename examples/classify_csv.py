@@ -30,8 +30,10 @@ format of the CSV file: one row a measured point, one column each for
   axial_stretch   optional: stretched over unstretched length (1 when missing)
   opening_angle   optional: opening angle of the cut ring (0 when missing); then say which angle,
                   --opening-angle-convention, and of what the radii are, --radii-of
-Other columns are ignored. The rows of an experiment stand in the order of inflation; the last four
-columns do not change within it. Decimal points, no units: give these as options.
+  cycle           optional: number of the cycle; the last one of an experiment counts
+  phase           optional: loading or unloading; the rows of loading count
+Other columns are ignored. The rows of an experiment stand in the order of inflation; the four
+columns of the tube do not change within it. Decimal points, no units: give these as options.
 """
 GEOMETRY = ["inner_radius", "outer_radius", "axial_stretch", "opening_angle"]
 NEEDED = ["group", "specimen", "experiment", "split", "radius", "pressure", *GEOMETRY[:2]]
@@ -114,6 +116,8 @@ def study(args: argparse.Namespace) -> None:
     train, new = (
         ph.inflation_data(frame, **given, **meant).assign_attrs(attrs) for frame in frames
     )
+    if "phase" in train.coords:
+        train, new = (ph.select(data, phase="loading") for data in (train, new))
     groups = dict.fromkeys(train["group"].values.tolist())
     training = {name: ph.select(train, group=name) for name in groups}
     if args.slope_weight is None:

@@ -1,6 +1,6 @@
 """Columns of a table of measured points: labels and numbers, and an error where they are neither.
 
-A specimen and an experiment make one test.
+A specimen and an experiment, and where they are named a cycle and a phase, make one test.
 """
 
 from dataclasses import dataclass
@@ -12,8 +12,8 @@ import pandas as pd
 
 from pymc_hyperelastic.data.inflation import listed
 
-# Labels that together name a test.
-LABELS = ("specimen", "experiment")
+# Labels that together name a test; a table may lack the last two.
+LABELS = ("specimen", "experiment", "cycle", "phase")
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,9 @@ def labels_of(frame: pd.DataFrame, column: str) -> np.ndarray:
             raise ValueError(f"row {frame.index[i]}: {column} is missing; give every row a label")
     # A spreadsheet with gaps elsewhere yields 1.0 for experiment 1.
     labels = [int(x) if isinstance(x, float) and x.is_integer() else x for x in labels]
-    return plain_array(labels) if column == "experiment" else np.array([str(x) for x in labels])
+    if column in ("experiment", "cycle"):
+        return plain_array(labels)
+    return np.array([str(x) for x in labels])
 
 
 def plain_array(labels: list[Any]) -> np.ndarray:

@@ -13,13 +13,16 @@ from pymc_hyperelastic.data.columns import (
     plain_array,
     rows_of,
 )
+from pymc_hyperelastic.data.doubt import Check, check_known, doubt
 from pymc_hyperelastic.data.geometry import WALL, Convention, RadiiOf, reference_tube
 from pymc_hyperelastic.data.inflation import (
     COORDINATES,
     OPTIONAL,
+    OPTIONAL_COORDINATES,
     VARIABLES,
     check_inflation_data,
 )
+from pymc_hyperelastic.data.order import Cycles, last_cycles, order_of_points
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, internal_radius_from_outer_radius
 
@@ -44,6 +47,8 @@ def inflation_data(
     pressure_unit: str = "kPa",
     angle_unit: str = "rad",
     force_unit: str = "mN",
+    cycles: Cycles = "last",
+    check: Check = "warn",
 ) -> xr.Dataset:
     """Build the inflation Dataset from a table of measured points.
 
@@ -52,8 +57,9 @@ def inflation_data(
     frame : pandas.DataFrame
         One row a point, with the columns ``specimen``, ``experiment``, what was `measured`,
         ``pressure`` and optionally ``axial_force`` (reduced axial force; missing where it was not
-        measured) and ``group``; others are ignored. A specimen and an experiment together name one
-        inflation test.
+        measured), ``group``, ``cycle`` and ``phase`` (such as loading and unloading); others are
+        ignored. A specimen and an experiment, and where they are there a cycle and a phase,
+        together name one inflation test. Its rows stand in the order of inflation or deflation.
     inner_radius, outer_radius : float, str or None
         Radii of the reference tube in `radius_unit`: a number, or the name of a column that is
         constant within each test. None where they are not known: they are then inferred, see
@@ -79,6 +85,11 @@ def inflation_data(
     radius_unit, pressure_unit, angle_unit, force_unit : str
         Units of what is given, as pint knows them, such as ``"um"``, ``"mmHg"``, ``"deg"``. That of
         the radius is that of the diameter, too.
+    cycles : {"last", "all"}
+        Which cycles of an experiment to take where there is a column ``cycle``: by default the last
+        one, that of the highest number, since those before it precondition the tissue.
+    check : {"warn", "raise", "ignore"}
+        What to do about input that is possible, but probably not what was meant.
 
     Returns
     -------
@@ -89,7 +100,14 @@ def inflation_data(
         stand together, in the frame's order. Dimension ``test``, in order of first appearance,
         with ``inner_radius``, ``outer_radius`` (of the opened sector, mm), ``axial_stretch``,
         ``opening_angle`` (whole, rad), NaN where unknown, and the coordinates ``specimen``,
-        ``experiment`` and ``group`` (``"all"`` without such a column).
+        ``experiment``, ``group`` (``"all"`` without such a column) and, if the table has them,
+        ``cycle`` and ``phase``.
+
+    Warns
+    -----
+    UserWarning
+        If the rows of a test were shuffled; they are sorted by what was measured, along which the
+        pressure then rises.
 
     Raises
     ------
@@ -98,7 +116,8 @@ def inflation_data(
     ValueError
         If a column, label or value is missing, is text, is not finite or is impossible for a
         tube; if geometry or group change within a test; if an angle or the radii may mean two
-        things, or do not determine the tube; if a unit does not fit.
+        things, or do not determine the tube; if a unit does not fit; if rows of a test repeat, or
+        run up and down as in loading and unloading.
 
     References
     ----------
@@ -138,10 +157,11 @@ def inflation_data(
     """
     if measured not in get_args(Measured):
         raise ValueError(f"measured is {measured!r}; expected one of {get_args(Measured)}")
+    check_known(check)
     check_frame(frame, measured)
-    rows = rows_of(frame)
-    # Stable: points keep the frame's order inside a test, also where its rows are scattered.
-    order = np.argsort(rows.test, kind="stable")
+    rows = rows_of(last_cycles(frame, cycles))
+    order, shuffled = order_of_points(rows, measured)
+    doubt(shuffled, check, stacklevel=2)
 
     def millimetres(values: np.ndarray, power: int = 1) -> np.ndarray:
         return _to_millimetres(values, radius_unit, power)
@@ -170,7 +190,7 @@ def inflation_data(
         "axial_stretch": rows.of_tests("axial_stretch", axial_stretch),
         **tube,
     }
-    if "axial_force" in frame:
+    if "axial_force" in rows.frame:
         force = rows.numbers("axial_force", may_be_missing=True)[order]
         values["axial_force"] = to_internal(force, force_unit, "force")
     if measured == "outer_diameter":
@@ -195,7 +215,7 @@ def _dataset(rows: Rows, order: np.ndarray, values: dict[str, np.ndarray]) -> xr
     }
     coordinates |= {name: label[rows.first] for name, label in rows.labels.items()}
     kinds = {n: k for n, k in (VARIABLES | OPTIONAL).items() if n in values}
-    where = {n: k for n, k in COORDINATES.items() if n in coordinates}
+    where = {n: k for n, k in (COORDINATES | OPTIONAL_COORDINATES).items() if n in coordinates}
     return xr.Dataset(_variables(kinds, values), _variables(where, coordinates))
 
 
