@@ -23,6 +23,7 @@ from pymc_hyperelastic.data.inflation import (
     check_inflation_data,
 )
 from pymc_hyperelastic.data.order import Cycles, last_cycles, order_of_points
+from pymc_hyperelastic.data.plausible import check_plausible
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, internal_radius_from_outer_radius
 
@@ -89,7 +90,7 @@ def inflation_data(
         Which cycles of an experiment to take where there is a column ``cycle``: by default the last
         one, that of the highest number, since those before it precondition the tissue.
     check : {"warn", "raise", "ignore"}
-        What to do about input that is possible, but probably not what was meant.
+        What to do about input that is possible, but probably not what was meant, see Warns.
 
     Returns
     -------
@@ -107,7 +108,9 @@ def inflation_data(
     -----
     UserWarning
         If the rows of a test were shuffled; they are sorted by what was measured, along which the
-        pressure then rises.
+        pressure then rises. If a pressure, a length, a stretch, an angle or a force is beyond what
+        soft tubes have, such as 120 kPa where 120 mmHg was meant; the ranges are on the page Your
+        own data. `check` makes it an error, or silences it.
 
     Raises
     ------
@@ -201,6 +204,7 @@ def inflation_data(
             values["radius"] = internal_radius_from_outer_radius(outer, **geometry)
     data = _dataset(rows, order, values)
     check_inflation_data(data)
+    check_plausible(data, check, stacklevel=2)
     return data
 
 

@@ -4,7 +4,13 @@ from typing import Any, Unpack
 
 import xarray as xr
 
-from pymc_hyperelastic.predictions.draws import GivenTube, checked_numbers, checked_radii, draws_of
+from pymc_hyperelastic.data.doubt import Check
+from pymc_hyperelastic.predictions.draws import (
+    GivenTube,
+    checked_pressures,
+    checked_radii,
+    draws_of,
+)
 
 
 def predict_pressure(
@@ -85,7 +91,9 @@ def predict_axial_force(
     return draws.dataset({"radius": radius}, axial_force=draws.tube.axial_force(radius))
 
 
-def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTube]) -> xr.Dataset:
+def radius_at_pressure(
+    tree: xr.DataTree, pressure: Any, *, check: Check = "warn", **tube: Unpack[GivenTube]
+) -> xr.Dataset:
     r"""Posterior of the internal radius at which the tube carries given pressures.
 
     It is the inverse of :func:`predict_pressure`, ``p(a) = pressure``, draw by draw.
@@ -103,6 +111,8 @@ def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTub
         A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
         Internal pressures, kPa.
+    check : {"warn", "raise", "ignore"}
+        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -114,7 +124,7 @@ def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTub
     Warns
     -----
     UserWarning
-        If some draws do not reach a pressure; it says how many.
+        If some draws do not reach a pressure; it says how many. If a pressure is above 40 kPa.
 
     Raises
     ------
@@ -136,5 +146,5 @@ def radius_at_pressure(tree: xr.DataTree, pressure: Any, **tube: Unpack[GivenTub
             [7.    , 7.7094]]])
     """
     draws = draws_of(tree, **tube)
-    pressure = checked_numbers("pressure", pressure, "pressures in kPa")
+    pressure = checked_pressures(pressure, check, stacklevel=2)
     return draws.dataset({"pressure": pressure}, radius=draws.radius_at(pressure))

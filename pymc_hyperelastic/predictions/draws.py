@@ -9,6 +9,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.data.doubt import Check, check_known
+from pymc_hyperelastic.data.plausible import check_plausible_pressures
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.mechanics.layers import check_energy, check_geometry
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -176,6 +178,14 @@ def checked_numbers(name: str, values: Any, expected: str) -> Array:
     if numbers.ndim != 1 or not numbers.size or not np.all(np.isfinite(numbers)):
         raise ValueError(f"{name} must be a list of {expected}; got {values!r}")
     return numbers
+
+
+def checked_pressures(pressure: Any, check: Check, *, stacklevel: int) -> Array:
+    """A list of pressures as an array; those that no tube is inflated to are doubted."""
+    pressures = checked_numbers("pressure", pressure, "pressures in kPa")
+    check_known(check)
+    check_plausible_pressures(pressures, check, stacklevel=stacklevel + 1)
+    return pressures
 
 
 def checked_radii(internal_radius: Any) -> Array:

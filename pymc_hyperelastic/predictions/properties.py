@@ -6,11 +6,13 @@ from typing import Any, Unpack
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.data.doubt import Check
 from pymc_hyperelastic.mechanics.strain_energy.isotropic import _Isotropic
 from pymc_hyperelastic.mechanics.tube import current_radius
 from pymc_hyperelastic.predictions.draws import (
     GivenTube,
     checked_numbers,
+    checked_pressures,
     checked_radii,
     draws_of,
     radii_of_data,
@@ -23,7 +25,12 @@ _SAME_STRETCH = 1e-6
 
 
 def tube_properties(
-    tree: xr.DataTree, pressure: Any, *, density: float = 1060.0, **tube: Unpack[GivenTube]
+    tree: xr.DataTree,
+    pressure: Any,
+    *,
+    density: float = 1060.0,
+    check: Check = "warn",
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the elastic properties that are reported of a vessel, at given pressures.
 
@@ -38,6 +45,8 @@ def tube_properties(
         Internal pressures, kPa.
     density : float, default 1060
         Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
+    check : {"warn", "raise", "ignore"}
+        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -100,7 +109,7 @@ def tube_properties(
     if not (isinstance(density, Real) and 0 < density < np.inf):
         raise ValueError(f"density must be a positive number in kg/m³; got {density!r}")
     draws = draws_of(tree, **tube)
-    pressure = checked_numbers("pressure", pressure, "pressures in kPa")
+    pressure = checked_pressures(pressure, check, stacklevel=2)
     a = draws.radius_at(pressure)
     _, slope = draws.tube.pressure(a)
     inner, outer, axial, angle = draws.tube.geometry.values()
@@ -121,7 +130,12 @@ def tube_properties(
 
 
 def pulse_wave_velocity(
-    tree: xr.DataTree, pressure: Any, *, density: float = 1060.0, **tube: Unpack[GivenTube]
+    tree: xr.DataTree,
+    pressure: Any,
+    *,
+    density: float = 1060.0,
+    check: Check = "warn",
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the speed at which a pulse travels along the tube, at given pressures.
 
@@ -138,6 +152,8 @@ def pulse_wave_velocity(
         Internal pressures, kPa.
     density : float, default 1060
         Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
+    check : {"warn", "raise", "ignore"}
+        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -161,11 +177,18 @@ def pulse_wave_velocity(
     >>> speed["pulse_wave_velocity"].values.round(3).ravel()
     array([2.73 , 3.344])
     """
-    return tube_properties(tree, pressure, density=density, **tube)[["pulse_wave_velocity"]]
+    pressure = checked_pressures(pressure, check, stacklevel=2)
+    properties = tube_properties(tree, pressure, density=density, check="ignore", **tube)
+    return properties[["pulse_wave_velocity"]]
 
 
 def wall_stress(
-    tree: xr.DataTree, pressure: Any, *, points: Any = 21, **tube: Unpack[GivenTube]
+    tree: xr.DataTree,
+    pressure: Any,
+    *,
+    points: Any = 21,
+    check: Check = "warn",
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the Cauchy stresses through the wall at given pressures.
 
@@ -191,6 +214,8 @@ def wall_stress(
     points : int or array_like, default 21
         Where in the wall: a number of circles at equal distances in the reference tube, or their
         places ``(R − A)/(B − A)`` from 0 (inside) to 1 (outside).
+    check : {"warn", "raise", "ignore"}
+        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -224,7 +249,7 @@ def wall_stress(
     array([10.8 ,  9.23,  8.13])
     """
     draws = draws_of(tree, **tube)
-    pressure = checked_numbers("pressure", pressure, "pressures in kPa")
+    pressure = checked_pressures(pressure, check, stacklevel=2)
     if isinstance(points, int) and not isinstance(points, bool) and points > 0:
         points = np.linspace(0.0, 1.0, points)
     position = checked_numbers("points", points, "a number of circles, or places from 0 to 1")
