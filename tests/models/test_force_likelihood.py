@@ -63,6 +63,7 @@ def rig(measured="outer_diameter", frame=None):
         opening_angle="angle",
         angle_unit="deg",
         measured=measured,
+        check="ignore",
         **SECTOR,
     )
 

@@ -55,6 +55,7 @@ def dataset(*frames):
         **geometry,
         opening_angle="angle",
         angle_unit="deg",
+        check="ignore",
         **SECTOR,
     )
 

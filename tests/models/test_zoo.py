@@ -57,7 +57,7 @@ def study(name):
     for column in ("pressure", "axial_force"):
         sds[column] = NOISE * frame[column].abs().max()
         frame[column] += rng.normal(0, sds[column], len(frame))
-    data = ph.inflation_data(frame, **TUBE, **SECTOR, axial_stretch="axial")
+    data = ph.inflation_data(frame, **TUBE, **SECTOR, axial_stretch="axial", check="ignore")
     force = sds["axial_force"]  # one law has none
     model = ph.inflation_model(
         energy,
