@@ -27,11 +27,12 @@ def predict_pressure(
         Current internal radii, mm.
     **tube
         ``energy``, the strain energy, needed where the result does not name it; ``inner_radius``,
-        ``outer_radius`` (mm), ``axial_stretch``, ``opening_angle`` (rad), numbers. What is not
-        given is that of each draw where the posterior has a variable of the name; for the outer
-        radius also ``thickness`` (mm) or ``wall_area`` (mm², area of the unloaded wall's
-        cross-section). Failing that it is that of the result's data, which must be the same for
-        all its tests; without data the axial stretch is 1 and the opening angle 0.
+        ``outer_radius`` (mm, of the opened sector), ``axial_stretch``, ``opening_angle`` (rad, the
+        whole one that the sector lacks of a full circle), numbers. What is not given is that of
+        each draw where the posterior has a variable of the name; for the outer radius also
+        ``thickness`` (mm) or ``wall_area`` (mm², area of the unloaded wall's cross-section).
+        Failing that it is that of the result's data, which must be the same for all its tests;
+        without data the axial stretch is 1 and the opening angle 0.
 
     Returns
     -------
