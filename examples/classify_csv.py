@@ -25,12 +25,15 @@ format of the CSV file: one row a measured point, one column each for
   split           'train', or 'new' for what is to be classified
   radius          current internal radius
   pressure        pressure
-  inner_radius    internal radius of the tube without load
-  outer_radius    external radius of the tube without load
+  inner_radius    internal radius of the tube without load, see --radii-of
+  outer_radius    external radius of the tube without load, see --radii-of
   axial_stretch   optional: stretched over unstretched length (1 when missing)
-  opening_angle   optional: opening angle of the cut ring (0 when missing)
-Other columns are ignored. The rows of an experiment stand in the order of inflation; the last four
-columns do not change within it. Decimal points, no units: give these as options.
+  opening_angle   optional: opening angle of the cut ring (0 when missing); then say which angle,
+                  --opening-angle-convention, and of what the radii are, --radii-of
+  cycle           optional: number of the cycle; the last one of an experiment counts
+  phase           optional: loading or unloading; the rows of loading count
+Other columns are ignored. The rows of an experiment stand in the order of inflation; the four
+columns of the tube do not change within it. Decimal points, no units: give these as options.
 """
 GEOMETRY = ["inner_radius", "outer_radius", "axial_stretch", "opening_angle"]
 NEEDED = ["group", "specimen", "experiment", "split", "radius", "pressure", *GEOMETRY[:2]]
@@ -78,6 +81,18 @@ def main() -> None:
     add("--radius-unit", default="mm", help="unit of all radii, such as mm or um (%(default)s)")
     add("--pressure-unit", default="kPa", help="such as kPa or mmHg (%(default)s)")
     add("--angle-unit", default="rad", help="rad or deg (%(default)s)")
+    add(
+        "--opening-angle-convention",
+        choices=["whole", "fung"],
+        help="whole: what the opened sector lacks of a full circle; fung: half of that, the angle "
+        "between the lines from the middle of its inner side to its two ends",
+    )
+    add(
+        "--radii-of",
+        choices=["sector", "ring"],
+        help="of what inner and outer radius are: the closed unloaded ring, or the sector to which "
+        "it springs open when cut",
+    )
     add("--simulated", action="store_true", help="the data are simulated; figures will say so")
     add("--draws", type=int, default=2000, help="particles of a chain (%(default)s)")
     add("--chains", type=int, default=4, help="independent runs (%(default)s)")
@@ -95,11 +110,14 @@ def study(args: argparse.Namespace) -> None:
     """Do what the options ask for."""
     frames = read(args.csv)
     given = {name: name for name in GEOMETRY if name in frames[0]}
-    units = {name: vars(args)[name] for name in ("radius_unit", "pressure_unit", "angle_unit")}
+    said = ("radius_unit", "pressure_unit", "angle_unit", "opening_angle_convention", "radii_of")
+    meant = {name: vars(args)[name] for name in said}
     attrs = {"title": args.csv.name, "simulated": int(args.simulated)}
     train, new = (
-        ph.inflation_data(frame, **given, **units).assign_attrs(attrs) for frame in frames
+        ph.inflation_data(frame, **given, **meant).assign_attrs(attrs) for frame in frames
     )
+    if "phase" in train.coords:
+        train, new = (ph.select(data, phase="loading") for data in (train, new))
     groups = dict.fromkeys(train["group"].values.tolist())
     training = {name: ph.select(train, group=name) for name in groups}
     if args.slope_weight is None:

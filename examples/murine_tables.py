@@ -46,31 +46,28 @@ def options(description: str) -> argparse.ArgumentParser:
 def read(folder: Path) -> tuple[xr.Dataset, pd.DataFrame]:
     """Inflation data of all specimens, and the table of these.
 
-    A ring of the unloaded tube that is cut springs open. The angle is measured from the middle of
-    its inner side to its two ends, which is half of what the sector lacks of a full circle. Opened,
-    the ring keeps its thickness, and its middle line its length: with k = 360/(360 − Φ) the middle
-    radius is k times as large, and the area stays exactly.
+    A ring of the unloaded tube that is cut springs open. The radii are those of the ring, and the
+    angle is Fung's, from the middle of the inner side to the two ends: half of what the sector
+    lacks of a full circle.
     """
     geometry = pd.read_csv(folder / "murine_elastase_geometry.csv")
     points = pd.read_csv(folder / "murine_elastase_pd.csv")
     points = points.drop(columns=["group", "animal"], errors="ignore")
     points = points[points["pressure_mmHg"] > LOWEST].merge(geometry, on="specimen")
-    angle = 2 * points["opening_angle_deg"]
-    thickness = points["thickness_unloaded_mm"]
-    middle = 360 / (360 - angle) * (points["outer_diameter_unloaded_mm"] - thickness) / 2
     data = ph.inflation_data(
         points.assign(
             experiment=points["test"],
             pressure=points["pressure_mmHg"],
             outer_diameter=points["outer_diameter_um"] / 1e3,
-            inner=middle - thickness / 2,
-            outer=middle + thickness / 2,
-            angle=angle,
+            outer=points["outer_diameter_unloaded_mm"] / 2,
         ),
-        inner_radius="inner",
+        inner_radius=None,
         outer_radius="outer",
+        thickness="thickness_unloaded_mm",
+        radii_of="ring",
         axial_stretch="axial_stretch",
-        opening_angle="angle",
+        opening_angle="opening_angle_deg",
+        opening_angle_convention="fung",
         measured="outer_diameter",
         pressure_unit="mmHg",
         angle_unit="deg",

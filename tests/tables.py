@@ -6,6 +6,8 @@ import xarray as xr
 from pymc_hyperelastic.data.table import inflation_data
 
 GEOMETRY = {"inner_radius": 7.0, "outer_radius": 9.0}
+# The package's own way to state a cut ring.
+SECTOR = {"opening_angle_convention": "whole", "radii_of": "sector"}
 
 
 def good_frame() -> pd.DataFrame:
@@ -16,7 +18,7 @@ def good_frame() -> pd.DataFrame:
             "specimen": ["S1", "S1", "S1", "S1", "S2", "S2"],
             "experiment": [1, 1, 2, 2, 1, 1],
             "radius": [7.2, 8.0, 7.3, 8.1, 7.1, 7.6],
-            "pressure": [10.0, 60.0, 12.0, 65.0, 11.0, 90.0],
+            "pressure": [1.0, 6.0, 1.2, 6.5, 1.1, 9.0],
             "A": 7.0,
             "B": 9.0,
             "stretch": 1.2,

@@ -146,13 +146,16 @@ def test_csv_help_documents_the_format(run_alike, tmp_path):
         ({"split": "test"}, "error: line 2: split is 'test'; expected 'train' or 'new'"),
         ({"split": "train"}, "needs rows of both splits"),
         ({"radius": "wide"}, "row 2: radius is 'wide', not a number"),
+        ({"opening_angle": 1.0}, "and two conventions are in use"),
+        ({"phase": "unloading"}, "no phase 'loading'"),
         ({"outer_radius": 5.0}, "outer_radius is 5 mm; expected more than inner_radius"),
     ],
 )
 def test_csv_errors(run_alike, changes, message, tmp_path):
     """Wrong content ends in one line that names the line of the file."""
+    unit = ("--pressure-unit", "mmHg")
     csv_of_simulated_data(tmp_path / "curves.csv", **changes)
-    done = run_alike("classify_csv.py", "curves.csv", "--sigma", "2", folder=tmp_path)
+    done = run_alike("classify_csv.py", "curves.csv", "--sigma", "2", *unit, folder=tmp_path)
     assert done.returncode == 1
     assert message in done.stderr
     assert "Traceback" not in done.stderr

@@ -34,6 +34,11 @@ COORDINATES = {
     "experiment": ("test", "1", "experiment on the specimen"),
     "group": ("test", "1", "group"),
 }
+# Where an experiment holds more than one curve.
+OPTIONAL_COORDINATES = {
+    "cycle": ("test", "1", "cycle of the experiment"),
+    "phase": ("test", "1", "phase of the cycle"),
+}
 
 
 def describe_test(data: xr.Dataset, i: int) -> str:
@@ -45,8 +50,8 @@ def describe_test(data: xr.Dataset, i: int) -> str:
     >>> describe_test(load_dataset("simulated_sheep_aorta"), 5)
     "specimen 'S2', experiment 3"
     """
-    specimen, experiment = (data[name].values.tolist()[i] for name in ("specimen", "experiment"))
-    return f"specimen {specimen!r}, experiment {experiment!r}"
+    names = [n for n in ("specimen", "experiment", "cycle", "phase") if n in data.coords]
+    return ", ".join(f"{name} {data[name].values[i].item()!r}" for name in names)
 
 
 def points_of(data: xr.Dataset, i: int) -> slice:
@@ -82,8 +87,8 @@ def check_inflation_data(data: xr.Dataset) -> None:
 
     Whoever makes or alters a Dataset by hand is told here what is wrong with it: a variable that is
     missing, lies on another dimension, has another unit or is not numeric; points of a test that do
-    not stand together; a value that is not finite or impossible for a tube. The coordinate ``row``
-    may be missing.
+    not stand together; a value that is not finite or impossible for a tube. The coordinates
+    ``row``, ``cycle`` and ``phase`` may be missing.
 
     Examples
     --------
@@ -95,8 +100,9 @@ def check_inflation_data(data: xr.Dataset) -> None:
             f"inflation data are an xarray.Dataset, not {type(data).__name__}; "
             "make one from a table with inflation_data(frame, ...)"
         )
-    for name, (dimension, unit, _) in {**VARIABLES, **OPTIONAL, **COORDINATES}.items():
-        if name in ("row", *OPTIONAL) and name not in data.variables:
+    known = VARIABLES | OPTIONAL | COORDINATES | OPTIONAL_COORDINATES
+    for name, (dimension, unit, _) in known.items():
+        if name in ("row", *OPTIONAL_COORDINATES, *OPTIONAL) and name not in data.variables:
             continue
         if name not in data.variables:
             raise ValueError(f"the inflation data lack {name!r} (dimension {dimension!r})")

@@ -14,6 +14,9 @@ def select(
     specimen: Hashable | Iterable[Hashable] | None = None,
     experiment: Hashable | Iterable[Hashable] | None = None,
     group: Hashable | Iterable[Hashable] | None = None,
+    *,
+    cycle: Hashable | Iterable[Hashable] | None = None,
+    phase: Hashable | Iterable[Hashable] | None = None,
 ) -> xr.Dataset:
     """Keep the tests with the given labels.
 
@@ -21,8 +24,9 @@ def select(
     ----------
     data : xarray.Dataset
         Inflation data, see :func:`inflation_data`.
-    specimen, experiment, group : label or list of labels, optional
-        What to keep; a test must satisfy all that are given.
+    specimen, experiment, group, cycle, phase : label or list of labels, optional
+        What to keep; a test must satisfy all that are given. Cycles and phases are those of the
+        columns of :func:`inflation_data`, such as ``phase="loading"``.
 
     Returns
     -------
@@ -44,8 +48,13 @@ def select(
     check_inflation_data(data)
     keep = np.ones(data.sizes["test"], dtype=bool)
     given = {"specimen": specimen, "experiment": experiment, "group": group}
+    given |= {"cycle": cycle, "phase": phase}
     asked = {name: _as_labels(wanted) for name, wanted in given.items() if wanted is not None}
     for name, wanted in asked.items():
+        if name not in data.coords:
+            raise ValueError(
+                f"the data do not name a {name}: give inflation_data() a table with such a column"
+            )
         # Compared as text: a specimen named 7 in a spreadsheet is '7' here.
         present = [str(label) for label in data[name].values.tolist()]
         unknown = [label for label in wanted if str(label) not in present]

@@ -87,7 +87,8 @@ def inflation_pressure(
     axial_stretch : tensor_like, default 1
         Axial stretch ``λz``.
     opening_angle : tensor_like, default 0
-        Opening angle ``Φ`` of the cut ring, radians.
+        Opening angle ``Φ`` of the cut ring, radians: the whole one that the opened sector lacks of
+        a full circle, twice Fung's. The radii are then those of the sector.
     order : int, default 32
         Nodes of the quadrature, on each piece of a wall in which fibres slacken. Twelve do for the
         wall of an artery, in half of the time.

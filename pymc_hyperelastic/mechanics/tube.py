@@ -145,6 +145,32 @@ def internal_radius_from_outer_radius(
     return (current_outer_radius**2 - wall) ** 0.5
 
 
+def opened_sector(inner_radius: Any, outer_radius: Any, *, opening_angle: Any) -> tuple[Any, Any]:
+    r"""Radii of the sector to which a closed ring springs open by the whole angle ``Φ``.
+
+    The wall keeps its area, and its length along the axis, so that one more condition is needed.
+    It is that the line in the middle of the wall keeps its length,
+    ``(2π − Φ) (A + B)/2 = π (a + b)`` of a ring with radii ``a < b``; together with the area the
+    wall then keeps its thickness:
+
+    .. math:: A = a + (k - 1) \frac{a + b}{2}, \qquad B = b + (k - 1) \frac{a + b}{2}
+
+    Where the neutral line really is follows from the material: a ring in bending alone carries no
+    force, and to the first order in thickness over radius that puts the line into the middle of the
+    wall, of whatever one material it is. Source: R. S. Rivlin, Large elastic deformations of
+    isotropic materials V, The problem of flexure, Proceedings of the Royal Society A 195 (1949)
+    463-473; opened sectors as the reference: C. J. Chuong, Y. C. Fung, On residual stresses in
+    arteries, Journal of Biomechanical Engineering 108 (1986) 189-192.
+
+    Examples
+    --------
+    >>> opened_sector(1.0, 1.2, opening_angle=pi)
+    (2.1, 2.3)
+    """
+    excess = (opening_factor(opening_angle) - 1) * (inner_radius + outer_radius) / 2
+    return inner_radius + excess, outer_radius + excess
+
+
 def inferred_geometry(known: Mapping[str, Any]) -> dict[str, Any]:
     r"""Reference tube, as far as some of its measures state it.
 

@@ -95,8 +95,9 @@ def inflation_model(
     geometry : dict of str to distribution, optional
         Priors of what is not known of the tube, one value for all tests: ``inner_radius``,
         ``axial_stretch``, ``opening_angle`` (rad), and one of ``outer_radius``, ``thickness`` (mm)
-        or ``wall_area`` (mm², of the cross-section of the unloaded ring). The integral is then
-        taken by direct quadrature, with gradients through the geometry.
+        or ``wall_area`` (mm², of the cross-section of the unloaded ring). Radii are those of
+        the opened sector, and the angle is the whole one that it lacks of a full circle. The
+        integral is then taken by direct quadrature, with gradients through the geometry.
     rising : bool, default False
         Whether the prior leaves out materials whose pressure falls somewhere between the smallest
         and the largest radius of a test. The Potential ``rising`` then divides by the prior

@@ -4,6 +4,7 @@ from typing import Any, Unpack
 
 import xarray as xr
 
+from pymc_hyperelastic.data.doubt import Check
 from pymc_hyperelastic.predictions.draws import (
     Array,
     Draws,
@@ -30,8 +31,9 @@ def predict_pressure(
     **tube
         ``energy``, the strain energy, or the list of :class:`~pymc_hyperelastic.Layer` of the
         model, needed where the result does not name it; ``specimen``, of whom the prediction is,
-        see below; ``inner_radius``, ``outer_radius`` (not with layers), ``axial_stretch``,
-        ``opening_angle`` (rad), numbers; ``radius_unit`` (by default ``"mm"``), the unit of all
+        see below; ``inner_radius``, ``outer_radius`` (of the opened sector; not with layers),
+        ``axial_stretch``, ``opening_angle`` (rad, the whole one that the sector lacks of a full
+        circle), numbers; ``radius_unit`` (by default ``"mm"``), the unit of all
         radii that are given here, as pint knows it. The result is in mm. What is not given of the
         tube is that of each draw where the posterior has a variable of the name; for the outer
         radius also ``thickness`` (mm) or ``wall_area`` (mm², area of the unloaded wall's
@@ -128,7 +130,12 @@ def predict_axial_force(
 
 
 def radius_at_pressure(
-    tree: xr.DataTree, pressure: Any, *, pressure_unit: str = "kPa", **tube: Unpack[GivenTube]
+    tree: xr.DataTree,
+    pressure: Any,
+    *,
+    pressure_unit: str = "kPa",
+    check: Check = "warn",
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the internal radius at which the tube carries given pressures.
 
@@ -149,6 +156,8 @@ def radius_at_pressure(
         Internal pressures, in `pressure_unit`.
     pressure_unit : str, default "kPa"
         Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
+    check : {"warn", "raise", "ignore"}
+        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -165,7 +174,7 @@ def radius_at_pressure(
     -----
     UserWarning
         If some draws do not reach a pressure; it says how many. If something is extrapolated; it
-        names what was asked for and what was measured.
+        names what was asked for and what was measured. If a pressure is above 40 kPa.
 
     Raises
     ------
@@ -187,7 +196,7 @@ def radius_at_pressure(
             [7.    , 7.7094]]])
     """
     draws = draws_of(tree, **tube)
-    pressure = checked_pressures(pressure, pressure_unit)
+    pressure = checked_pressures(pressure, pressure_unit, check, stacklevel=2)
     radius = draws.radius_at(pressure)
     extrapolated = warned(draws.extrapolated_pressures(pressure, radius, pressure_unit))
     return draws.dataset({"pressure": pressure}, extrapolated, radius=radius)

@@ -8,6 +8,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.data.doubt import Check, check_known
+from pymc_hyperelastic.data.plausible import check_plausible_pressures
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.mechanics.layers import Layer, check_geometry
@@ -304,11 +306,14 @@ def checked_numbers(name: str, values: Any, expected: str) -> Array:
     return numbers
 
 
-def checked_pressures(pressure: Any, unit: str) -> Array:
-    """A list of pressures in some unit as an array, kPa."""
-    return to_internal(
+def checked_pressures(pressure: Any, unit: str, check: Check, *, stacklevel: int) -> Array:
+    """Pressures in some unit as an array, kPa; those that no tube is inflated to are doubted."""
+    pressures = to_internal(
         checked_numbers("pressure", pressure, f"pressures in {unit}"), unit, "pressure"
     )
+    check_known(check)
+    check_plausible_pressures(pressures, check, stacklevel=stacklevel + 1)
+    return pressures
 
 
 def checked_radii(internal_radius: Any, **tube: Unpack[GivenTube]) -> Array:

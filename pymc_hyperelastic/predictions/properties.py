@@ -6,6 +6,7 @@ from typing import Any, Unpack
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.data.doubt import Check
 from pymc_hyperelastic.mechanics.strain_energy.isotropic import _Isotropic
 from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.predictions.draws import (
@@ -31,6 +32,7 @@ def tube_properties(
     *,
     density: float = 1060.0,
     pressure_unit: str = "kPa",
+    check: Check = "warn",
     **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the elastic properties that are reported of a vessel, at given pressures.
@@ -48,6 +50,8 @@ def tube_properties(
         Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
     pressure_unit : str, default "kPa"
         Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
+    check : {"warn", "raise", "ignore"}
+        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -117,7 +121,7 @@ def tube_properties(
     if not (isinstance(density, Real) and 0 < density < np.inf):
         raise ValueError(f"density must be a positive number in kg/m³; got {density!r}")
     draws = draws_of(tree, **tube)
-    pressure = checked_pressures(pressure, pressure_unit)
+    pressure = checked_pressures(pressure, pressure_unit, check, stacklevel=2)
     a = draws.radius_at(pressure)
     extrapolated = warned(draws.extrapolated_pressures(pressure, a, pressure_unit))
     _, slope = draws.tube.pressure(a)
@@ -144,6 +148,7 @@ def pulse_wave_velocity(
     *,
     density: float = 1060.0,
     pressure_unit: str = "kPa",
+    check: Check = "warn",
     **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the speed at which a pulse travels along the tube, at given pressures.
@@ -163,6 +168,8 @@ def pulse_wave_velocity(
         Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
     pressure_unit : str, default "kPa"
         Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
+    check : {"warn", "raise", "ignore"}
+        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -192,7 +199,9 @@ def pulse_wave_velocity(
     >>> speed["pulse_wave_velocity"].values.round(3).ravel()
     array([2.73 , 3.344])
     """
+    checked_pressures(pressure, pressure_unit, check, stacklevel=2)
     settings: dict[str, Any] = {"density": density, "pressure_unit": pressure_unit}
+    settings["check"] = "ignore"
     return tube_properties(tree, pressure, **settings, **tube)[["pulse_wave_velocity"]]
 
 
@@ -202,6 +211,7 @@ def wall_stress(
     *,
     points: Any = 21,
     pressure_unit: str = "kPa",
+    check: Check = "warn",
     **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     r"""Posterior of the Cauchy stresses through the wall at given pressures.
@@ -231,6 +241,8 @@ def wall_stress(
         places ``(R − A)/(B − A)`` from 0 (inside) to 1 (outside).
     pressure_unit : str, default "kPa"
         Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
+    check : {"warn", "raise", "ignore"}
+        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
     **tube
         The material and the tube, see :func:`predict_pressure`.
 
@@ -266,7 +278,7 @@ def wall_stress(
     array([10.8 ,  9.23,  8.13])
     """
     draws = draws_of(tree, **tube)
-    pressure = checked_pressures(pressure, pressure_unit)
+    pressure = checked_pressures(pressure, pressure_unit, check, stacklevel=2)
     if isinstance(points, int) and not isinstance(points, bool) and points > 0:
         points = np.linspace(0.0, 1.0, points)
     position = checked_numbers("points", points, "a number of circles, or places from 0 to 1")

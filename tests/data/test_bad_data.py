@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from tables import build, by_diameter, changed, good_frame, with_diameters, with_values
+from tables import SECTOR, build, by_diameter, changed, good_frame, with_diameters, with_values
 
 from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.data.select import select
@@ -135,19 +135,19 @@ BAD_DATA = [
     ),
     (
         "degrees for radians",
-        lambda: build(opening_angle="angle"),
+        lambda: build(opening_angle="angle", **SECTOR),
         ValueError,
         ["opening_angle is 60 rad", 'angle_unit="deg"'],
     ),
     (
         "a full turn",
-        lambda: build(opening_angle=360.0, angle_unit="deg"),
+        lambda: build(opening_angle=360.0, angle_unit="deg", **SECTOR),
         ValueError,
         ["opening_angle is 6.28319 rad"],
     ),
     (
         "a full turn back",
-        lambda: build(opening_angle=-360.0, angle_unit="deg"),
+        lambda: build(opening_angle=-360.0, angle_unit="deg", **SECTOR),
         ValueError,
         ["opening_angle is -6.28319 rad"],
     ),

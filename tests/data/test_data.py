@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from tables import build, by_diameter, good_frame, with_diameters
+from tables import SECTOR, build, by_diameter, good_frame, with_diameters
 
 from pymc_hyperelastic.data.inflation import (
     COORDINATES,
@@ -55,8 +55,9 @@ def test_units_and_columns_reach_the_geometry():
         opening_angle="angle",
         radius_unit="um",
         angle_unit="deg",
+        **SECTOR,
     )
-    from_numbers = build(axial_stretch=1.2, opening_angle=np.pi / 3)
+    from_numbers = build(axial_stretch=1.2, opening_angle=np.pi / 3, **SECTOR)
     xr.testing.assert_allclose(from_columns, from_numbers, rtol=ROUNDING)
 
 
@@ -128,7 +129,12 @@ def test_outer_diameters():
     frame = with_diameters(np.array([20.0, 22.0, 20.4, 22.4, 19.8, 21.0]) * 1000)
     lengths = {"inner_radius": 7000.0, "outer_radius": 9000.0, "radius_unit": "um"}
     data = by_diameter(
-        frame, **lengths, axial_stretch="stretch", opening_angle="angle", angle_unit="deg"
+        frame,
+        **lengths,
+        axial_stretch="stretch",
+        opening_angle="angle",
+        angle_unit="deg",
+        **SECTOR,
     )
     assert set(data.data_vars) == {*VARIABLES, "outer_diameter"}
     dimension, units, long_name = OPTIONAL["outer_diameter"]

@@ -11,6 +11,7 @@ import pytest
 from problems import AS_WRITTEN
 from pytensor.graph.replace import vectorize_graph
 from scipy.optimize import brentq
+from tables import SECTOR
 from tiers import deep
 
 import pymc_hyperelastic as ph
@@ -145,7 +146,7 @@ def data(measured, *, pressure=PRESSURE, **geometry) -> ph.inflation_data:
     frame["pressure"], frame["outer_diameter"] = pressure, 2 * outer_of(RADIUS)
     known = {"inner_radius": INNER, "outer_radius": INNER + THICKNESS}
     known |= {"axial_stretch": AXIAL, "opening_angle": ANGLE, "measured": measured}
-    return ph.inflation_data(frame, **known | geometry)
+    return ph.inflation_data(frame, **known | geometry, **SECTOR)
 
 
 def function_of(model, mode, *, gradient=True):

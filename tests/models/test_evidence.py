@@ -63,7 +63,8 @@ def known_data():
             pressure += 0.5 * rng.standard_normal(20)
             table = {"radius": radius, "pressure": pressure}
             rows.append(pd.DataFrame({"specimen": specimen, "experiment": experiment, **table}))
-    return ph.inflation_data(pd.concat(rows), inner_radius=7.0, outer_radius=9.0)
+    tube = {"inner_radius": 7.0, "outer_radius": 9.0}
+    return ph.inflation_data(pd.concat(rows), **tube, check="ignore")
 
 
 def test_quadrature_gives_the_known_evidence():

@@ -7,6 +7,7 @@ import pymc as pm
 import pytensor
 import pytest
 from problems import AS_WRITTEN, LAWS, entries
+from tables import SECTOR
 
 import pymc_hyperelastic as ph
 
@@ -62,6 +63,8 @@ def rig(measured="outer_diameter", frame=None):
         opening_angle="angle",
         angle_unit="deg",
         measured=measured,
+        check="ignore",
+        **SECTOR,
     )
 
 

@@ -13,6 +13,7 @@ import pytest
 import xarray as xr
 from pytensor.graph.replace import clone_replace
 from scipy.stats import multivariate_normal, norm
+from tables import SECTOR
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.study import inflation_data_of, model_settings_of
@@ -70,7 +71,7 @@ FRAME = pd.concat(
 def dataset(measured="radius", frame=FRAME):
     other = {"radius": "outer_diameter", "outer_diameter": "radius"}[measured]
     geometry = {"inner_radius": "inner", "outer_radius": "outer", "axial_stretch": "axial"}
-    angle = {"opening_angle": "angle", "angle_unit": "deg"}
+    angle = {"opening_angle": "angle", "angle_unit": "deg", **SECTOR}
     return ph.inflation_data(frame.drop(columns=other), measured=measured, **geometry, **angle)
 
 

@@ -10,6 +10,7 @@ import pytensor
 import pytensor.tensor as pt
 import pytest
 from problems import AS_WRITTEN
+from tables import SECTOR
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.observation import Observation
@@ -50,7 +51,12 @@ def tube_frame(specimen, inner, outer, axial, angle, *, points=9, seed=1):
 def dataset(*frames):
     geometry = {"inner_radius": "inner", "outer_radius": "outer", "axial_stretch": "axial"}
     return ph.inflation_data(
-        pd.concat(frames, ignore_index=True), **geometry, opening_angle="angle", angle_unit="deg"
+        pd.concat(frames, ignore_index=True),
+        **geometry,
+        opening_angle="angle",
+        angle_unit="deg",
+        check="ignore",
+        **SECTOR,
     )
 
 

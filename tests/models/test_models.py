@@ -10,6 +10,7 @@ import xarray as xr
 from problems import AS_WRITTEN, LAWS
 from pytensor.compile.sharedvalue import SharedVariable
 from pytensor.graph.traversal import ancestors
+from tables import SECTOR
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.mechanics.collocation import CollocatedPressureIntegral
@@ -194,7 +195,7 @@ def tube_data(measured="radius", **geometry) -> xr.Dataset:
     frame["outer_diameter"] = 2 * np.sqrt(radius**2 + wall)
     frame["pressure"] = [2.0, 3.0, 6.0, 11.0]
     frame["axial_force"] = [12.0, 13.0, np.nan, 19.0]
-    return ph.inflation_data(frame, **known, measured=measured)
+    return ph.inflation_data(frame, **known, **SECTOR, measured=measured)
 
 
 def likelihood_of(model: pm.Model, gradient: bool = False):

@@ -15,6 +15,12 @@ from pymc_hyperelastic.data.inflation import (
 )
 from pymc_hyperelastic.mechanics.chebyshev import chebyshev_nodes, value_to_coefficient
 
+# Radii that are nearer to each other than these parts of a test's largest step, and of its largest
+# radius, are one: no instrument resolves them, and a slope between them would be that of rounding.
+_SAME_STEP, _SAME_RADIUS = 1e-5, 1e-7
+# Beyond this a 1 is rounded, and with it the determinant, by more than a thousandth of itself.
+_LARGEST_PRECISION = 1e13
+
 
 def balanced_slope_weight(data: xr.Dataset) -> float:
     r"""Slope weight ``β`` at which errors of slope and of pressure weigh alike.
@@ -75,8 +81,10 @@ def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
                 "slope term needs at least 3: drop the experiment or set slope_weight=0"
             )
         step = radius[rows + 1] - radius[rows - 1]
-        if not np.all(step):
-            first = rows[np.flatnonzero(step == 0)[0]]
+        nearest = max(_SAME_STEP * np.abs(step).max(), _SAME_RADIUS * radius[points].max())
+        alike = np.flatnonzero(np.abs(step) <= nearest)
+        if alike.size:
+            first = rows[alike[0]]
             labels = data["row"].values if "row" in data.coords else np.arange(radius.size)
             raise ValueError(
                 f"{describe_test(data, test)}: radius repeats at rows {labels[first - 1]} and "
@@ -90,9 +98,7 @@ def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
 
 def half_log_determinant(data: xr.Dataset, slope_weight: float) -> float:
     """``½ ln det(I + β DᵀD)``, of a matrix with two bands."""
-    bands = slope_weight * _gram_bands(*central_differences(data), data.sizes["obs"])
-    bands[-1] += 1.0
-    return float(np.sum(np.log(cholesky_banded(bands)[-1])))
+    return float(np.sum(np.log(_cholesky(_precision_bands(data, slope_weight), data)[-1])))
 
 
 def compressed_spectrum(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
@@ -105,9 +111,8 @@ def compressed_spectrum(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     """
     bands = _gram_bands(*central_differences(data), data.sizes["obs"])
     tests = (points_of(data, test) for test in range(data.sizes["test"]))
-    eigenvalues = np.concatenate([eigvals_banded(bands[:, points]) for points in tests])
-    # Two of each test are zero, but for rounding.
-    eigenvalues = eigenvalues[eigenvalues > 1e-14 * eigenvalues.max()]
+    # The first two of each test are zero, but for rounding.
+    eigenvalues = np.concatenate([eigvals_banded(bands[:, points])[2:] for points in tests])
     logs = np.log(eigenvalues)
     centre, half = (logs.max() + logs.min()) / 2, np.ptp(logs) / 2
     if half > 0:
@@ -128,12 +133,11 @@ def precision_root(data: xr.Dataset, slope_weight: float) -> np.ndarray:
     and of one variance if errors ``e`` have the precision ``BᵀB``. The only entries are those at
     ``i`` and ``i − 2``, the last and the first band.
     """
-    bands = slope_weight * _gram_bands(*central_differences(data), data.sizes["obs"])
-    bands[-1] += 1.0
+    bands = _precision_bands(data, slope_weight)
     # The usual factor has the transpose first: it is that of the points in reversed order.
     reversed_bands = bands[:, ::-1].copy()
     reversed_bands[0, 2:] = bands[0, :1:-1]
-    factor = cholesky_banded(reversed_bands)
+    factor = _cholesky(reversed_bands, data)
     root = factor[:, ::-1].copy()
     root[0, :2], root[0, 2:] = 0.0, factor[0, :1:-1]
     return root
@@ -157,6 +161,28 @@ def whiten(
 def with_slopes(slope_weight: Any) -> bool:
     """Whether slopes play a part."""
     return isinstance(slope_weight, Variable) or slope_weight != 0
+
+
+def _precision_bands(data: xr.Dataset, slope_weight: float) -> np.ndarray:
+    """``I + β DᵀD`` in SciPy's upper banded form."""
+    bands = slope_weight * _gram_bands(*central_differences(data), data.sizes["obs"])
+    bands[-1] += 1.0
+    return bands
+
+
+def _cholesky(bands: np.ndarray, data: xr.Dataset) -> np.ndarray:
+    """Cholesky factor, or an error that names the nearest radii where rounding spoils it."""
+    if bands[-1].max() < _LARGEST_PRECISION:
+        return cholesky_banded(bands)
+    interior, difference = central_differences(data)
+    i = interior[np.argmax(np.abs(difference))]
+    labels = data["row"].values if "row" in data.coords else np.arange(data.sizes["obs"])
+    place = describe_test(data, int(data["test"].values[i]))
+    raise ValueError(
+        f"{place}: the radii of rows {labels[i - 1]} and {labels[i + 1]} are "
+        f"{1 / np.abs(difference).max():.3g} mm apart, too little beside the slope weight for the "
+        "slope term: drop one, or give a smaller slope_weight, or 0"
+    )
 
 
 def _gram_bands(interior: np.ndarray, difference: np.ndarray, size: int) -> np.ndarray:

@@ -1,0 +1,146 @@
+"""Columns of a table of measured points: labels and numbers, and an error where they are neither.
+
+A specimen and an experiment, and where they are named a cycle and a phase, make one test.
+"""
+
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pymc_hyperelastic.data.inflation import listed
+
+# Labels that together name a test; a table may lack the last two.
+LABELS = ("specimen", "experiment", "cycle", "phase")
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The rows of a frame, and to which test each belongs.
+
+    Examples
+    --------
+    >>> frame = pd.DataFrame({"specimen": "S1", "experiment": [2, 2, 5], "A": [7.0, 7.0, 8.0]})
+    >>> rows = rows_of(frame)
+    >>> rows.of_tests("inner_radius", "A")
+    array([7., 8.])
+    >>> rows.place(2)
+    "specimen 'S1', experiment 5, row 2"
+    """
+
+    frame: pd.DataFrame
+    labels: dict[str, np.ndarray]
+    test: np.ndarray
+    first: np.ndarray
+
+    def place(self, i: int) -> str:
+        """Test and label of a row, as messages name them."""
+        named = (f"{name} {label[i].item()!r}" for name, label in self.labels.items())
+        return f"{', '.join(named)}, row {self.frame.index[i]}"
+
+    def numbers(self, column: str, *, may_be_missing: bool = False) -> np.ndarray:
+        """Read a column as finite floats; numbers that came as text are fine."""
+        numbers = np.full(len(self.frame), np.nan)
+        for i, value in enumerate(self.frame[column].tolist()):
+            if pd.isna(value):
+                if may_be_missing:
+                    continue
+                raise ValueError(
+                    f"{self.place(i)}: {column} is missing (nan); fill it or drop the row"
+                )
+            try:
+                if isinstance(value, bool):
+                    raise TypeError("bool is a number to Python")
+                numbers[i] = float(value)
+            except (TypeError, ValueError, OverflowError):
+                raise ValueError(
+                    f"{self.place(i)}: {column} is {value!r}, not a number; correct it "
+                    "(decimal points, no units)"
+                ) from None
+            if not np.isfinite(numbers[i]):
+                raise ValueError(f"{self.place(i)}: {column} is {value}; expected a finite number")
+        return numbers
+
+    def of_tests(self, name: str, given: float | str | None) -> np.ndarray:
+        """One number a test: NaN for None, that of a number, that of a column by its name."""
+        if given is None:
+            return np.full(self.first.size, np.nan)
+        if isinstance(given, str):
+            if given not in self.frame:
+                raise ValueError(
+                    f"{name}={given!r}: the frame has no such column; it has "
+                    f"{listed(self.frame.columns)}. Give {name} as a number or as the name of a "
+                    "column"
+                )
+            return self.constant(name, self.numbers(given))
+        if isinstance(given, bool | np.bool_) or not isinstance(given, Real):
+            raise TypeError(
+                f"{name} is {given!r}; expected a number, the name of a column, or None if unknown"
+            )
+        if np.isnan(given):
+            raise ValueError(f"{name} is {given}; where it is not known, give None")
+        return np.full(self.first.size, float(given))
+
+    def constant(self, name: str, values: np.ndarray) -> np.ndarray:
+        """One value a test, or an error at the first row that differs from its test's first."""
+        of_test = values[self.first]
+        expected = of_test[self.test]
+        varying = np.flatnonzero(values != expected)
+        if varying.size:
+            i = varying[0]
+            raise ValueError(
+                f"{self.place(i)}: {name} is {values[i].item()!r}, but {expected[i].item()!r} in "
+                "the first row of this experiment; it must not change within one: correct it, or "
+                "give the rows another experiment label"
+            )
+        return of_test
+
+
+def rows_of(frame: pd.DataFrame) -> Rows:
+    """Rows of a frame that has the columns it needs, see :func:`check_frame`."""
+    labels = {name: labels_of(frame, name) for name in LABELS if name in frame}
+    test, _ = pd.factorize(pd.MultiIndex.from_arrays(list(labels.values())))
+    return Rows(frame, labels, test, np.unique(test, return_index=True)[1])
+
+
+def check_frame(frame: pd.DataFrame, measured: str) -> None:
+    """Raise unless there is a frame with rows and with the columns of measured points."""
+    if not isinstance(frame, pd.DataFrame):
+        raise TypeError(
+            f"expected a pandas DataFrame, not {type(frame).__name__}; "
+            "read a file with pandas.read_csv first"
+        )
+    for name in ("specimen", "experiment", measured, "pressure"):
+        if name not in frame:
+            raise ValueError(
+                f"the frame has no column {name!r}; it has {listed(frame.columns)}: "
+                "rename the one that holds it"
+            )
+    twice = frame.columns[frame.columns.duplicated()]
+    if twice.size:
+        raise ValueError(f"the frame has more than one column {twice[0]!r}; drop or rename one")
+    if frame.empty:
+        raise ValueError("the frame has no rows; expected one row a measured point")
+
+
+def labels_of(frame: pd.DataFrame, column: str) -> np.ndarray:
+    """Labels of a column, one a row: integers if all are and may be, else text."""
+    labels = frame[column].tolist()
+    for i, label in enumerate(labels):
+        if pd.isna(label) or not str(label).strip():
+            raise ValueError(f"row {frame.index[i]}: {column} is missing; give every row a label")
+    # A spreadsheet with gaps elsewhere yields 1.0 for experiment 1.
+    labels = [int(x) if isinstance(x, float) and x.is_integer() else x for x in labels]
+    if column in ("experiment", "cycle"):
+        return plain_array(labels)
+    return np.array([str(x) for x in labels])
+
+
+def plain_array(labels: list[Any]) -> np.ndarray:
+    """Integers if all are, and a file can hold them; else text."""
+    whole = all(isinstance(x, int | np.integer) and not isinstance(x, bool) for x in labels)
+    if whole and all(-(2**63) <= x < 2**63 for x in labels):
+        return np.array(labels, dtype=np.int64)
+    return np.array([str(x) for x in labels])
