@@ -142,7 +142,7 @@ def classify(
     predictions = _predict_all(predict, new_data, units, len(names), progressbar)
     result = _tabulate(predictions, prior, by, names)
     if not has_p_value:
-        result = result.drop_vars("p_value")
+        result = result.drop_vars(["p_value", "typical_p_value", "fit_p_value"])
     result["class_verdict"] = (
         "class_label",
         [worst_verdict(tree[name] for tree in trees) for name in names],
@@ -223,6 +223,8 @@ def _tabulate(
         "method": table(lambda p: p.method).astype(str),
         "pareto_k": table(lambda p: p.pareto_k),
         "p_value": table(lambda p: p.p_value),
+        "typical_p_value": table(lambda p: p.p_typical),
+        "fit_p_value": table(lambda p: p.p_fit),
     }
     dims = (by, "class_label")
     return xr.Dataset(

@@ -126,10 +126,11 @@ class SpecimenSampler:
         tests = of_tests.shape[2] if own else 1
         return SpecimenDraws(centre, scatter, log_sigma, 0 * log_sigma, tests, 0.0, points)
 
-    def curves(self, data: xr.Dataset, draws: Mapping[str, Array]) -> Array:
-        """Pressures of the tests of these data for draws of a specimen: (draw, obs)."""
+    def curves(self, data: xr.Dataset, draws: SpecimenDraws) -> Array:
+        """Pressures of the tests of these data for draws of their specimen: (draw, obs)."""
         model = self._model_for(data)
-        particles = np.concatenate([draws[name] for name in model.target.var_info], axis=1)
+        particles = np.zeros((len(draws.points), model.target.dimension))
+        particles[:, self._places(model.target)] = draws.points
         return model.pressure(particles)[0]
 
     def _model_for(self, data: xr.Dataset) -> _SpecimenModel:

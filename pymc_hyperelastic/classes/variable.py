@@ -32,13 +32,18 @@ from pymc_hyperelastic.classes.interface import (
 from pymc_hyperelastic.classes.specimen_evidence import (
     distributions_of,
     near_class,
-    predictive_p_value,
     specimen_evidence,
 )
 from pymc_hyperelastic.classes.specimens import (
     SpecimenSampler,
     fresh_specimens,
     reference_of,
+)
+from pymc_hyperelastic.classes.typicality import (
+    either,
+    misfit_p_value,
+    noise_p_value,
+    typical_p_value,
 )
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.evidence.checks import check_count
@@ -243,14 +248,13 @@ class SpecimenPredictive:
                 if again.pareto_k < evidence.pareto_k:
                     # From draws of its own, which no other class shares.
                     evidence = again._replace(own_error=again.log_evidence.standard_error)
-            p_value = self._p_value(data, distributions, rng)
             predictions.append(
                 Prediction(
                     evidence.log_evidence,
                     evidence.own_error,
                     evidence.method,
                     evidence.pareto_k,
-                    p_value,
+                    *self._p_values(data, draws, distributions, rng),
                 )
             )
         return predictions
@@ -262,13 +266,21 @@ class SpecimenPredictive:
             self._closer[name] = SpecimenSampler(self._settings, self._sampler.forward, near)
         return self._closer[name]
 
-    def _p_value(
-        self, data: xr.Dataset, distributions: ClassDistribution, rng: np.random.Generator
-    ) -> float:
-        """How typical the specimen is of a class."""
-        tests, sigma = data.sizes["test"], self._settings.known_sigma
-        draws = fresh_specimens(self._settings.scale, distributions, tests, rng)
-        curves = self._sampler.curves(data, draws)
-        sd = np.full((len(curves), 1), sigma) if sigma else np.exp(draws["log_specimen_sigma"])
-        measured = data["pressure"].values.astype(float)
-        return predictive_p_value(measured, curves, sd / np.sqrt(2), rng)
+    def _p_values(
+        self,
+        data: xr.Dataset,
+        draws: SpecimenDraws,
+        distributions: ClassDistribution,
+        rng: np.random.Generator,
+    ) -> tuple[float, float, float]:
+        """Whether the specimen could be of a class: by its wall or its noise, and by each."""
+        scale, sigma = self._settings.scale, self._settings.known_sigma
+        reference = self._sampler.reference
+        typical = typical_p_value(draws, scale, reference, distributions, rng)
+        if sigma is None:
+            fit = noise_p_value(draws, reference, distributions, rng)
+        else:
+            measured = data["pressure"].values.astype(float)
+            curves = self._sampler.curves(data, draws)
+            fit = misfit_p_value(measured, curves, sigma / np.sqrt(2))
+        return either(typical, fit), typical, fit
