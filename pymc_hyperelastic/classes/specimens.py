@@ -72,6 +72,8 @@ class SpecimenSampler:
         target = self._model_for(data).target
         found = integrate(target, _PARTICLES, rng)
         draws = self._draws(found.particles[:, self._places(target)])
+        misfit, freedom = self._misfit(data, self._model_for(data).pressure(found.particles)[0])
+        draws = replace(draws, misfit=misfit, freedom=freedom)
         density = log_density(np, vars(draws), self.reference)
         return _weighted(draws, density, found)
 
@@ -103,7 +105,7 @@ class SpecimenSampler:
         found = by_importance(score, mixture, _PARTICLES, rng)
         if not found.trusted:
             return draws
-        again = self._draws(found.particles)
+        again = replace(self._draws(found.particles), misfit=draws.misfit, freedom=draws.freedom)
         return _weighted(again, mean_density(again, distributions), found)
 
     def _places(self, target: Target) -> NDArray[np.intp]:
@@ -126,12 +128,19 @@ class SpecimenSampler:
         tests = of_tests.shape[2] if own else 1
         return SpecimenDraws(centre, scatter, log_sigma, 0 * log_sigma, tests, 0.0, points)
 
-    def curves(self, data: xr.Dataset, draws: SpecimenDraws) -> Array:
-        """Pressures of the tests of these data for draws of their specimen: (draw, obs)."""
-        model = self._model_for(data)
-        particles = np.zeros((len(draws.points), model.target.dimension))
-        particles[:, self._places(model.target)] = draws.points
-        return model.pressure(particles)[0]
+    def _misfit(self, data: xr.Dataset, curves: Array) -> tuple[float, float]:
+        """Squared misfit of the best of these posterior curves (draw, obs), and its freedom.
+
+        The mean over draws exceeds that of the best by the number of parameters of which the curves
+        tell, which is half of the variance over the draws.
+        """
+        if self.sigma is None:
+            return np.nan, np.nan
+        measured, sd = data["pressure"].values.astype(float), self.sigma / np.sqrt(2)
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares = np.sum(((measured - curves) / sd) ** 2, axis=1)
+        told = min(np.var(squares) / 2, measured.size - 1) if np.isfinite(squares).all() else 0.0
+        return float(squares.mean() - told), float(measured.size - told)
 
     def _model_for(self, data: xr.Dataset) -> _SpecimenModel:
         """Model of a specimen with as many tests, with these data."""

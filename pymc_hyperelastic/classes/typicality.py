@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.stats import f
 
 from pymc_hyperelastic.classes.density import SpecimenDraws
 from pymc_hyperelastic.classes.specimens import fresh_specimens
@@ -78,19 +78,18 @@ def noise_p_value(
     return _rank(members, float(here.mean()))
 
 
-def misfit_p_value(measured: Array, curves: Array, sd: float) -> float:
-    """Chance of a worse misfit if a curve of the law, with noise of this `sd`, were measured.
+def misfit_p_value(draws: SpecimenDraws, misfit: Array, freedom: Array) -> float:
+    r"""Chance that a specimen of a class is fitted as badly as this one, or worse.
 
-    `curves` (draw, obs) are those of the posterior. The mean of their squared misfits exceeds that
-    of the best by the number of parameters that they tell of, which is half of its variance over
-    the draws.
+    The squared misfits per degree of freedom of this specimen and of those of the class, `misfit`
+    and `freedom`, have the ratio of a Fisher distribution. A misfit that is the law's, and no
+    stranger to the class, says nothing against a specimen.
     """
-    misfit = np.sum(((measured - curves) / sd) ** 2, axis=1)
-    # Beyond all chance, overflow or not.
-    if not np.isfinite(misfit).all():
+    if not np.isfinite(draws.misfit):
         return 0.0
-    fitted = min(np.var(misfit) / 2, measured.size - 1)
-    return float(chi2.sf(misfit.mean() - fitted, measured.size - fitted))
+    # Specimens that were measured better than the noise says do not make others strange.
+    usual = max(misfit.sum() / freedom.sum(), 1.0)
+    return float(f.sf(draws.misfit / draws.freedom / usual, draws.freedom, freedom.sum()))
 
 
 def either(*p_values: float) -> float:

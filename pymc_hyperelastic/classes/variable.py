@@ -57,6 +57,9 @@ from pymc_hyperelastic.models.study import Study, strain_energy_attrs, strain_en
 
 Array = NDArray[np.float64]
 
+# A misfit whose size is known exactly.
+_AS_NOISE = xr.DataArray([1e9])
+
 
 @dataclass(frozen=True)
 class Variability(Population, ClassKind):
@@ -232,6 +235,11 @@ class SpecimenPredictive:
     ) -> None:
         self._settings, self._sampler = settings, sampler
         self._distributions = {name: distributions_of(tree) for name, tree in classes.items()}
+        # Older files do not tell how well the class's own specimens are fitted: as noise has it.
+        self._misfits = {
+            name: tuple(tree["specimens"].get(k, _AS_NOISE).values for k in ("misfit", "freedom"))
+            for name, tree in classes.items()
+        }
         self._closer: dict[str, SpecimenSampler] = {}
 
     def __call__(
@@ -254,7 +262,7 @@ class SpecimenPredictive:
                     evidence.own_error,
                     evidence.method,
                     evidence.pareto_k,
-                    *self._p_values(data, draws, distributions, rng),
+                    *self._p_values(draws, name, rng),
                 )
             )
         return predictions
@@ -267,20 +275,14 @@ class SpecimenPredictive:
         return self._closer[name]
 
     def _p_values(
-        self,
-        data: xr.Dataset,
-        draws: SpecimenDraws,
-        distributions: ClassDistribution,
-        rng: np.random.Generator,
+        self, draws: SpecimenDraws, name: str, rng: np.random.Generator
     ) -> tuple[float, float, float]:
         """Whether the specimen could be of a class: by its wall or its noise, and by each."""
-        scale, sigma = self._settings.scale, self._settings.known_sigma
-        reference = self._sampler.reference
+        reference, distributions = self._sampler.reference, self._distributions[name]
+        scale = self._settings.scale
         typical = typical_p_value(draws, scale, reference, distributions, rng)
-        if sigma is None:
+        if self._settings.known_sigma is None:
             fit = noise_p_value(draws, reference, distributions, rng)
         else:
-            measured = data["pressure"].values.astype(float)
-            curves = self._sampler.curves(data, draws)
-            fit = misfit_p_value(measured, curves, sigma / np.sqrt(2))
+            fit = misfit_p_value(draws, *self._misfits[name])
         return either(typical, fit), typical, fit
