@@ -67,6 +67,6 @@ def average(laws: xr.DataArray, predictions: Sequence[Prediction]) -> Prediction
         Estimate(float(logsumexp(terms)), float(error)),
         float(own),
         "average over strain energies",
-        max(p.pareto_k for p in predictions),
-        float(laws.values @ [p.p_value for p in predictions]),
+        float(np.fmax.reduce([p.pareto_k for p in predictions])),
+        *(laws.values @ [(p.p_value, p.p_typical, p.p_fit) for p in predictions]).tolist(),
     )

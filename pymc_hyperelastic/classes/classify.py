@@ -16,11 +16,14 @@ from pymc_hyperelastic.classes.interface import Prediction, Predictor
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.data.select import tests_at
-from pymc_hyperelastic.evidence.diagnosis import worst_verdict
+from pymc_hyperelastic.evidence.diagnosis import VERDICTS, worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.smc import seed_sequence
 
 _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
+# Nats: an evidence that is not to be trusted, and so much lower, would not change a decision.
+_FAR_BELOW = 10.0
 
 
 def classify(
@@ -62,9 +65,9 @@ def classify(
     undecided_below : float, default 0
         Probability that the most probable class must have for a decision.
     none_below : float, default 0
-        Where the predictive p-value of every class is below this, the decision is "none of these";
-        with 0.05 that happens to one in twenty specimens of the classes themselves. Only for
-        classes with variability.
+        Where the p-value of every class is below this, the decision is "none of these"; with 0.05
+        that happens to one in twenty specimens of the classes themselves. Only for classes with
+        variability.
     random_seed : int, optional
         The same seed gives the same result.
     progressbar : bool
@@ -83,10 +86,15 @@ def classify(
         class's distribution, integrated by "specimen draws", or, where these could not be had by
         importance sampling, by "specimen draws by tempering"; ``pareto_k`` is the larger of the
         shapes of the weights by which they were drawn and of those under the class, and from 0.5 on
-        the evidence is not to be trusted. ``p_value`` is then the share of the specimens that the
-        class would bring forth, measured at the same radii, that are as far from all its others as
-        this one is, or further: far by their curves, whatever the noise. It is NaN if the class
-        brings forth no tubes that could be inflated to these radii. ``class_verdict`` (class_label)
+        the evidence is not to be trusted. ``p_value`` is then the chance that a specimen of
+        the class itself looks as strange, by either of two signs that are given beside it.
+        ``typical_p_value`` compares its wall with those that the class would bring forth, in
+        coordinates in which half as stiff is as far as twice as stiff. ``fit_p_value`` asks whether
+        any wall of this law follows its curves to within the noise: with known noise the chance of
+        a worse misfit, else that of noise as large in the class. P-values are NaN if the curves
+        tell nothing of the wall. The decision is "cannot be judged" where an evidence that might
+        change it is not to be trusted, or, with `none_below`, where there is no p-value.
+        ``class_verdict`` (class_label)
         says how far the fits of the classes can be trusted, see
         :func:`~pymc_hyperelastic.diagnose_evidence`.
 
@@ -142,12 +150,17 @@ def classify(
     predictions = _predict_all(predict, new_data, units, len(names), progressbar)
     result = _tabulate(predictions, prior, by, names)
     if not has_p_value:
-        result = result.drop_vars("p_value")
+        result = result.drop_vars(["p_value", "typical_p_value", "fit_p_value"])
     result["class_verdict"] = (
         "class_label",
         [worst_verdict(tree[name] for tree in trees) for name in names],
     )
-    result["decision"] = _decide(result, undecided_below, none_below)
+    result["decision"] = _decide(result, prior, undecided_below, none_below)
+    if unclear := int((result["decision"] == "cannot be judged").sum()):
+        warnings.warn(
+            f"{unclear} of {len(units)} cannot be judged: see class_verdict, pareto_k and p_value",
+            stacklevel=2,
+        )
     if average_over:
         result["strain_energy_probability"] = laws
     first = [unit[0] for unit in units]
@@ -223,6 +236,8 @@ def _tabulate(
         "method": table(lambda p: p.method).astype(str),
         "pareto_k": table(lambda p: p.pareto_k),
         "p_value": table(lambda p: p.p_value),
+        "typical_p_value": table(lambda p: p.p_typical),
+        "fit_p_value": table(lambda p: p.p_fit),
     }
     dims = (by, "class_label")
     return xr.Dataset(
@@ -230,16 +245,32 @@ def _tabulate(
     )
 
 
-def _decide(result: xr.Dataset, undecided_below: float, none_below: float) -> xr.DataArray:
+def _decide(
+    result: xr.Dataset, prior: np.ndarray, undecided_below: float, none_below: float
+) -> xr.DataArray:
     """The most probable class, unless a limit says otherwise; empty where nothing is known."""
     probability = result["class_probability"]
     names = result["class_label"].values.tolist()
     decision = np.array([names[j] for j in probability.values.argmax(axis=1)], dtype=object)
     decision[~(probability.values.max(axis=1) >= undecided_below)] = "undecided"
-    if "p_value" in result:
-        decision[(result["p_value"].values < none_below).all(axis=1)] = "none of these"
+    decision[_in_doubt(result, prior)] = "cannot be judged"
+    if "p_value" in result and none_below:
+        p_value = result["p_value"].values
+        decision[np.isnan(p_value).any(axis=1)] = "cannot be judged"
+        decision[(p_value < none_below).all(axis=1)] = "none of these"
     decision[np.isnan(result["log_evidence"].values).any(axis=1)] = ""
     return xr.DataArray(decision.astype(str), dims=probability.dims[:1])
+
+
+def _in_doubt(result: xr.Dataset, prior: np.ndarray) -> np.ndarray:
+    """Where the evidence of the most probable class, or of one near it, is not to be trusted."""
+    with np.errstate(divide="ignore"):
+        log_posterior = result["log_evidence"].values + np.log(prior)
+    doubtful = result["pareto_k"].values >= LARGEST_PARETO_K
+    doubtful = doubtful | ~np.isfinite(result["log_evidence_se"].values)
+    doubtful = doubtful | (result["class_verdict"].values == VERDICTS[-1])
+    near = log_posterior > log_posterior.max(axis=1, keepdims=True) - _FAR_BELOW
+    return (doubtful & near).any(axis=1)
 
 
 def _class_prior(class_prior: Mapping[str, float] | None, names: list[str]) -> np.ndarray:

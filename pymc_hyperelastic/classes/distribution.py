@@ -192,6 +192,8 @@ def fit_distribution(
         "log_weight": ("specimen", "particle"),
         "tests": ("specimen",),
         "standard_error": ("specimen",),
+        "misfit": ("specimen",),
+        "freedom": ("specimen",),
         "method": ("specimen",),
         "pareto_k": ("specimen",),
     }

@@ -25,6 +25,9 @@ class Prediction(NamedTuple):
     method: str
     pareto_k: float
     p_value: float = np.nan
+    """Chance that a specimen of the class is stranger, by either of the following."""
+    p_typical: float = np.nan
+    p_fit: float = np.nan
 
 
 class Fold(NamedTuple):

@@ -26,6 +26,7 @@ from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.natural_scale import NaturalScale
+from pymc_hyperelastic.models.observation.noise import sd_of_sigma
 from pymc_hyperelastic.models.population import Population, register_curves, register_specimens
 from pymc_hyperelastic.models.priors import is_inferred
 from pymc_hyperelastic.models.specimen_draws import (
@@ -79,6 +80,8 @@ class SpecimenSampler:
         target = self._model_for(data).target
         found = integrate(target, PARTICLES, rng)
         draws = self._draws(found.particles[:, self._places(target)])
+        misfit, freedom = self._misfit(data, self._model_for(data).pressure(found.particles)[0])
+        draws = replace(draws, misfit=misfit, freedom=freedom)
         density = log_density(np, vars(draws), self.reference)
         return _weighted(draws, density, found)
 
@@ -110,7 +113,7 @@ class SpecimenSampler:
         found = by_importance(score, mixture, PARTICLES, rng)
         if not found.trusted:
             return draws
-        again = self._draws(found.particles)
+        again = replace(self._draws(found.particles), misfit=draws.misfit, freedom=draws.freedom)
         return _weighted(again, mean_density(again, distributions), found)
 
     def _places(self, target: Target) -> NDArray[np.intp]:
@@ -133,11 +136,19 @@ class SpecimenSampler:
         tests = of_tests.shape[2] if own else 1
         return SpecimenDraws(centre, scatter, log_sigma, 0 * log_sigma, tests, 0.0, points)
 
-    def curves(self, data: xr.Dataset, draws: Mapping[str, Array]) -> Array:
-        """Pressures of the tests of these data for draws of a specimen: (draw, obs)."""
-        model = self._model_for(data)
-        particles = np.concatenate([draws[name] for name in model.target.var_info], axis=1)
-        return model.pressure(particles)[0]
+    def _misfit(self, data: xr.Dataset, curves: Array) -> tuple[float, float]:
+        """Squared misfit of the best of these posterior curves (draw, obs), and its freedom.
+
+        The mean over draws exceeds that of the best by the number of parameters of which the curves
+        tell, which is half of the variance over the draws.
+        """
+        if self.sigma is None:
+            return np.nan, np.nan
+        measured, sd = data["pressure"].values.astype(float), sd_of_sigma(self.sigma)
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares = np.sum(((measured - curves) / sd) ** 2, axis=1)
+        told = min(np.var(squares) / 2, measured.size - 1) if np.isfinite(squares).all() else 0.0
+        return float(squares.mean() - told), float(measured.size - told)
 
     def _model_for(self, data: xr.Dataset) -> _SpecimenModel:
         """Model of a specimen with as many tests, with these data."""

@@ -24,7 +24,6 @@ from pymc_hyperelastic.classes.interface import (
 )
 from pymc_hyperelastic.classes.specimen_evidence import (
     near_class,
-    predictive_p_value,
     specimen_evidence,
 )
 from pymc_hyperelastic.classes.specimens import (
@@ -32,13 +31,19 @@ from pymc_hyperelastic.classes.specimens import (
     fresh_specimens,
     reference_of,
 )
+from pymc_hyperelastic.classes.typicality import (
+    either,
+    misfit_p_value,
+    noise_p_value,
+    typical_p_value,
+)
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
-from pymc_hyperelastic.models.observation.noise import noise_in_words, sd_of_sigma
+from pymc_hyperelastic.models.observation.noise import noise_in_words
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.priors import prior_from_record, prior_to_record
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
@@ -51,6 +56,9 @@ from pymc_hyperelastic.models.study import (
 )
 
 Array = NDArray[np.float64]
+
+# A misfit whose size is known exactly.
+_AS_NOISE = xr.DataArray([1e9])
 
 
 @dataclass(frozen=True)
@@ -219,6 +227,11 @@ class SpecimenPredictive:
     ) -> None:
         self._settings, self._sampler = settings, sampler
         self._distributions = {name: distributions_of(tree) for name, tree in classes.items()}
+        # Older files do not tell how well the class's own specimens are fitted: as noise has it.
+        self._misfits = {
+            name: tuple(tree["specimens"].get(k, _AS_NOISE).values for k in ("misfit", "freedom"))
+            for name, tree in classes.items()
+        }
         self._closer: dict[str, SpecimenSampler] = {}
 
     def __call__(
@@ -235,14 +248,13 @@ class SpecimenPredictive:
                 if again.pareto_k < evidence.pareto_k:
                     # From draws of its own, which no other class shares.
                     evidence = again._replace(own_error=again.log_evidence.standard_error)
-            p_value = self._p_value(data, distributions, rng)
             predictions.append(
                 Prediction(
                     evidence.log_evidence,
                     evidence.own_error,
                     evidence.method,
                     evidence.pareto_k,
-                    p_value,
+                    *self._p_values(draws, name, rng),
                 )
             )
         return predictions
@@ -254,13 +266,15 @@ class SpecimenPredictive:
             self._closer[name] = SpecimenSampler(self._settings, self._sampler.forward, near)
         return self._closer[name]
 
-    def _p_value(
-        self, data: xr.Dataset, distributions: ClassDistribution, rng: np.random.Generator
-    ) -> float:
-        """How typical the specimen is of a class."""
-        tests, known = data.sizes["test"], self._settings.known_sigma
-        draws = fresh_specimens(self._settings.scale, distributions, tests, rng)
-        curves = self._sampler.curves(data, draws)
-        sigma = np.full((len(curves), 1), known) if known else np.exp(draws["log_specimen_sigma"])
-        measured = data["pressure"].values.astype(float)
-        return predictive_p_value(measured, curves, sd_of_sigma(sigma), rng)
+    def _p_values(
+        self, draws: SpecimenDraws, name: str, rng: np.random.Generator
+    ) -> tuple[float, float, float]:
+        """Whether the specimen could be of a class: by its wall or its noise, and by each."""
+        reference, distributions = self._sampler.reference, self._distributions[name]
+        scale = self._settings.scale
+        typical = typical_p_value(draws, scale, reference, distributions, rng)
+        if self._settings.known_sigma is None:
+            fit = noise_p_value(draws, reference, distributions, rng)
+        else:
+            fit = misfit_p_value(draws, *self._misfits[name])
+        return either(typical, fit), typical, fit

@@ -28,7 +28,7 @@ _MOST_CAPPED = 0.5
 # Pareto shape of the weights up to which their mean converges at a rate that is worth its draws.
 _LARGEST_SHAPE = 0.7
 # Verdicts from good to bad.
-_VERDICTS = ("good", "doubtful", "not to be trusted")
+VERDICTS = ("good", "doubtful", "not to be trusted")
 _GOOD, _DOUBTFUL, _BAD = range(3)
 _INSTEAD = (
     "; for a hierarchy with many unknowns take NUTS and ph.log_evidence_by_bridge, or for classes "
@@ -81,7 +81,7 @@ def log_evidence(tree: xr.DataTree) -> Estimate:
     estimate = combine_chains(evidence["log_evidence"].values, evidence["log_evidence_se"].values)
     # What all chains have in common no mean of theirs removes.
     common = float(evidence["specimens_se"]) if "specimens_se" in evidence else 0.0
-    if diagnose_evidence(tree).attrs["verdict"] == _VERDICTS[_BAD]:
+    if diagnose_evidence(tree).attrs["verdict"] == VERDICTS[_BAD]:
         common = np.inf
     return Estimate(estimate.value, float(np.hypot(estimate.standard_error, common)))
 
@@ -178,7 +178,7 @@ def with_diagnosis(tree: xr.DataTree) -> xr.DataTree:
 def warn_of_evidence(tree: xr.DataTree, of: str = "") -> None:
     """Warn who called the caller if the diagnosis of a result is not good."""
     said = diagnose_evidence(tree).attrs
-    if said["verdict"] != _VERDICTS[_GOOD]:
+    if said["verdict"] != VERDICTS[_GOOD]:
         warnings.warn(f"{of}the evidence is {said['verdict']}: {said['words']}", stacklevel=3)
 
 
@@ -189,7 +189,7 @@ def worst_verdict(trees: Iterable[xr.DataTree]) -> str:
 
 def worst_of(verdicts: Iterable[str]) -> str:
     """The worst of some verdicts; an empty one says nothing."""
-    return max(verdicts, key=("", *_VERDICTS).index)
+    return max(verdicts, key=("", *VERDICTS).index)
 
 
 def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[_Check]:
@@ -228,13 +228,13 @@ def _as_dataset(checks: list[_Check]) -> xr.Dataset:
     columns = {
         "value": np.array([check.value for check in checks]),
         "limit": np.array([check.limit for check in checks]),
-        "verdict": np.array([_VERDICTS[check.verdict] for check in checks]),
+        "verdict": np.array([VERDICTS[check.verdict] for check in checks]),
         "words": np.array([check.words if check.verdict else "" for check in checks]),
     }
     return xr.Dataset(
         {name: ("check", column) for name, column in columns.items()},
         {"check": [check.name for check in checks]},
-        {"verdict": _VERDICTS[worst], "words": words if worst else "nothing is against it"},
+        {"verdict": VERDICTS[worst], "words": words if worst else "nothing is against it"},
     )
 
 

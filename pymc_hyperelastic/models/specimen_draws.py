@@ -42,6 +42,9 @@ class SpecimenDraws:
         Standard error of the logarithm of all weights together.
     points : array, shape (draw, entry)
         What the curves depend on: the coordinates of each test, and ``ln σ`` if it is not known.
+    misfit, freedom : float
+        Sum of the squared misfits of the best curve, in standard deviations of the noise if that is
+        known, and the number of degrees of freedom that it would have.
     method, pareto_k : str, float
         How the integral was taken that all weights together are, see ``Integral``.
     """
@@ -53,6 +56,8 @@ class SpecimenDraws:
     tests: int
     standard_error: float
     points: Array
+    misfit: float = np.nan
+    freedom: float = np.nan
     method: str = ""
     pareto_k: float = np.nan
 
