@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from scipy import stats
-from variable_classes import NAMES, RADIUS, SEED, SIGMA, UNIT_PRESSURE, classify, curves, fit
+from variable_classes import NAMES, RADIUS, SEED, classify, curves, fit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.classify import _decide
