@@ -129,13 +129,13 @@ def check_plausible_pressures(pressure: Array, check: Check, *, stacklevel: int)
     >>> check_plausible_pressures(np.array([2.0, 16.0]), "raise", stacklevel=1)
     >>> check_plausible_pressures(np.array([100.0]), "raise", stacklevel=1)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    ValueError: a pressure is 100 kPa, 750 mmHg; ... given in mmHg? Say 100 * ph.mmHg for 100 mmHg
+    ValueError: a pressure is 100 kPa, 750 mmHg; ... given in mmHg? Say pressure_unit='mmHg'
     """
     high = RANGES["highest_pressure"].high
     doubt(
         [
             f"a pressure is {p:.6g} kPa, {p / mmHg:.3g} mmHg; expected at most {high:g} kPa: "
-            "was it given in mmHg? Say 100 * ph.mmHg for 100 mmHg"
+            "was it given in mmHg? Say pressure_unit='mmHg'"
             for p in pressure[pressure > high]
         ],
         check,

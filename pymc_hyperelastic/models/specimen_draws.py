@@ -56,10 +56,10 @@ class SpecimenDraws:
     tests: int
     standard_error: float
     points: Array
-    misfit: float = np.nan
-    freedom: float = np.nan
     method: str = ""
     pareto_k: float = np.nan
+    misfit: float = np.nan
+    freedom: float = np.nan
 
     def first(self, count: int) -> "SpecimenDraws":
         """So many of the draws, in place of all."""

@@ -35,7 +35,7 @@ def as_sampled(model: pm.Model, **draws) -> xr.DataTree:
     coords = {"chain": range(2), "draw": range(50)}
     groups = model.study.result_groups(model) | {"posterior": xr.Dataset(posterior, coords)}
     tree = xr.DataTree.from_dict(groups)
-    tree.attrs = model.study.result_attrs()
+    tree.attrs = model.study.result_attrs(model)
     return tree
 
 
