@@ -143,9 +143,10 @@ class _Fit:
         A class is not much narrower than its prior, which leads to it: its modes are searched only
         where neither particles nor the prior tell of them.
         """
-        found = by_importance(self.kernel.score, self._like(rng), self.kernel.draws, rng)
+        target, count = self.kernel.target, self.kernel.draws
+        found = by_importance(target.score, self._like(rng), count, rng, target.draw_prior)
         if not found.trusted:
-            found = integrate(self.kernel.target, self.kernel.draws, rng)
+            found = integrate(target, count, rng)
             self.known = None
         if self.known is None:
             self.known, self._mixture = found.particles, None

@@ -153,11 +153,12 @@ def side_by_side(values: Sequence[Array]) -> Array:
 
 
 @without_traces
-def prior_sampler(model: pm.Model, draws: int) -> Callable[[np.random.Generator], dict[str, Array]]:
+def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[str, Array]]:
     """Compile a function that draws the model's free variables from the prior, independently.
 
-    They are on the unconstrained scale, by the name of the value variable, and from the prior also
-    where a variable has an initial value: the evidence needs it so.
+    It takes the number of draws and a generator. They are on the unconstrained scale, by the name
+    of the value variable, and from the prior also where a variable has an initial value: the
+    evidence needs it so.
     """
     expressions = make_initial_point_expression(
         free_rvs=model.free_RVs,
@@ -170,24 +171,27 @@ def prior_sampler(model: pm.Model, draws: int) -> Callable[[np.random.Generator]
     nodes = [v.owner for v in ancestors(expressions) if _is_random(v)]
     at_once = all(isinstance(node.op, RandomVariable) and node.op.ndims_params for node in nodes)
     shared = _shared_inputs(expressions)
-    key = FrozenFunctionGraph.from_io(shared, expressions), draws if at_once else None
+    key = FrozenFunctionGraph.from_io(shared, expressions), "prior"
     if key not in _compiled:
+        count = pt.lscalar("count")
         if at_once:
-            expressions = _of_size(expressions, draws)
+            expressions = _of_size(expressions, count)
         inputs = {v: v.type() for v in shared}
         expressions = clone_replace(expressions, inputs)
-        _compiled[key] = compile_pymc(list(inputs.values()), expressions, mode=IN_NUMPY)
+        _compiled[key] = compile_pymc(
+            [count, *inputs.values()], expressions, mode=IN_NUMPY, on_unused_input="ignore"
+        )
     function = _compiled[key]
 
-    def sample(rng: np.random.Generator) -> dict[str, Array]:
-        def draw() -> list[Array]:
-            return function(*(_fresh_value(v, rng) for v in shared))
+    def sample(count: int, rng: np.random.Generator) -> dict[str, Array]:
+        def draw(size: int) -> list[Array]:
+            return function(size, *(_fresh_value(v, rng) for v in shared))
 
         if at_once:
-            values = draw()
+            values = draw(count)
         else:
             # A distribution that is made of others cannot always be drawn as a batch.
-            values = [np.stack(v) for v in zip(*(draw() for _ in range(draws)), strict=True)]
+            values = [np.stack(v) for v in zip(*(draw(1) for _ in range(count)), strict=True)]
         return dict(zip(names, values, strict=True))
 
     return sample
@@ -231,7 +235,7 @@ def _shared_inputs(outputs: Sequence[Variable]) -> tuple[SharedVariable, ...]:
     return tuple(v for v in graph_inputs(outputs) if isinstance(v, SharedVariable))
 
 
-def _of_size(expressions: Sequence[Variable], draws: int) -> list[Variable]:
+def _of_size(expressions: Sequence[Variable], draws: TensorVariable) -> list[Variable]:
     """Expressions of independent draws: those without random parents become batches."""
     batched = {}
     for variable in ancestors(expressions):

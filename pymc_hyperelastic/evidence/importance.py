@@ -7,7 +7,8 @@ from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
-from pymc_hyperelastic.evidence.target import Score
+from pymc_hyperelastic.evidence.reference import Reference
+from pymc_hyperelastic.evidence.target import DrawPrior, Score
 from pymc_hyperelastic.evidence.weights import (
     effective_sample_size,
     largest_step,
@@ -25,6 +26,8 @@ ENOUGH = 400
 # the last number what a mixture has missed, such as the neck of a funnel, its draws do not show: to
 # try until the weights look good would choose those that have missed it.
 DRAWS, _ATTEMPTS, _FEW = 8000, 4, 6
+# Share of the prior in them.
+_PRIOR_SHARE = 0.1
 # Draws of a step of adaptation, for each unknown and at least; it goes so far that this fraction of
 # them is effective.
 _STEP_DRAWS, _FEWEST_DRAWS, _STEP_EFFECTIVE, _MOST_STEPS = 250, 1000, 0.1, 60
@@ -51,13 +54,26 @@ class Integral(NamedTuple):
 
 
 def by_importance(
-    score: Score, like: GaussianMixture, size: int, rng: np.random.Generator
+    score: Score,
+    like: GaussianMixture,
+    size: int,
+    rng: np.random.Generator,
+    draw_prior: DrawPrior | None = None,
 ) -> Integral:
-    """Integral by importance sampling from a mixture, adapted from one that it is somehow like."""
+    """Integral by importance sampling from a mixture, adapted from one that it is somehow like.
+
+    Where the prior can be drawn from it has a share: where the likelihood is bounded, so are then
+    the weights, and what the mixture has missed shows.
+    """
     mixture = adapted_mixture(score, like, rng)
     attempts = _ATTEMPTS if mixture.means.shape[1] <= _FEW else 1
     for draws in (DRAWS << i for i in range(attempts)):
-        points, log_weights = weighted_draws(score, mixture.heavy_tailed(), draws, rng)
+        heavy = mixture.heavy_tailed()
+        if draw_prior is None:
+            points, log_weights = weighted_draws(score, heavy, draws, rng)
+        else:
+            reference = Reference(heavy, _PRIOR_SHARE)
+            points, log_weights = defended_draws(score, draw_prior, reference, draws, rng)
         log_value, pareto_k = mean_weight(log_weights)
         effective = effective_sample_size(log_weights)
         if pareto_k < LARGEST_PARETO_K or not effective:
@@ -119,6 +135,20 @@ def weighted_draws(
     """Points from a proposal, and the logarithms of their weights."""
     points = proposal.draw(draws, rng)
     log_weights = sum(score(points)) - proposal.log_density(points)
+    return points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
+
+
+def defended_draws(
+    score: Score,
+    draw_prior: DrawPrior,
+    proposal: Reference,
+    draws: int,
+    rng: np.random.Generator,
+) -> tuple[Array, Array]:
+    """The same from a proposal in which the prior has a share."""
+    points = proposal.draw(draw_prior, draws, rng)
+    prior, likelihood = score(points)
+    log_weights = prior + likelihood - proposal.log_density(points, prior)
     return points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
 
 

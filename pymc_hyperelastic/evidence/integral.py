@@ -29,11 +29,11 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     like = GaussianMixture.fit(prior, 1, rng)
     if modes is not None:
         like = like.joined(modes.mixture)
-    quick = by_importance(target.score, like, size, rng)
+    quick = by_importance(target.score, like, size, rng, target.draw_prior)
     if quick.trusted:
         return quick
     reference = find_reference(target, rng).reference
-    particles = reference.draw(target, size, rng)
+    particles = reference.draw(target.draw_prior, size, rng)
     sampled = Tempering(target, particles, rng, reference=reference).run()
     error = float(np.sqrt(sampled.variance))
     if np.isfinite(quick.log_value.standard_error):

@@ -205,7 +205,7 @@ class BatchedSMC(SMC_KERNEL):
                 self.find_reference(self.rng)
             assert self.search is not None
             reference = self.search.reference
-            particles = reference.draw(self.target, self.draws, self.rng)
+            particles = reference.draw(self.target.draw_prior, self.draws, self.rng)
         else:
             reference = None
             start = self.start or self.initialize_population()

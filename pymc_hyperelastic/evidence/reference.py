@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
-from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.evidence.target import DrawPrior
 
 
 @dataclass(frozen=True)
@@ -18,10 +18,10 @@ class Reference:
     """What the mixture has missed has this share of the prior, so that no weight is without bound
     if the likelihood is not."""
 
-    def draw(self, target: Target, size: int, rng: np.random.Generator) -> Array:
+    def draw(self, draw_prior: DrawPrior, size: int, rng: np.random.Generator) -> Array:
         """Points, shape (size, d), in exact shares."""
         of_prior = round(self.prior_share * size)
-        prior = target.draw_prior(of_prior, rng)
+        prior = draw_prior(of_prior, rng)
         return np.concatenate([prior, self.mixture.draw(size - of_prior, rng)])
 
     def log_density(self, points: Array, log_prior: Array) -> Array:

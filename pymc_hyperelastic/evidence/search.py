@@ -98,7 +98,7 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
         if at_modes_k >= LARGEST_PARETO_K:
             at_modes = Estimate(at_modes.value, np.inf)
     first = Reference(mixture.heavy_tailed(), _FIRST_SHARE)
-    particles = first.draw(target, draws, rng)
+    particles = first.draw(target.draw_prior, draws, rng)
     found = Tempering(target, particles, rng, reference=first, max_moves=_MOVES).run()
     mixture = _fitted(found, rng)
     if modes is not None and len(modes.log_masses) > 1:

@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 # Log prior and log likelihood of points, shape (n, d).
 Score = Callable[[Array], tuple[Array, Array]]
+# So many draws of the prior, shape (n, d).
+DrawPrior = Callable[[int, np.random.Generator], Array]
 # Log density of points and its slope, shape (n, d).
 Slope = Callable[[Array], tuple[Array, Array]]
 # The same for variables of a given width, on whose scale differences are taken.
@@ -71,7 +73,6 @@ class Target:
         self._terms = _scored_terms(model, tempered)
         self._compile_kwargs = compile_kwargs
         self._score = BatchedFunction.of_model(model, self._terms, compile_kwargs)
-        self._draw: dict[int, Callable[[np.random.Generator], dict[str, Array]]] = {}
 
     def columns(self, points: Mapping[str, Array]) -> Array:
         """Points by the name of the value variable as a matrix, in which each has a row."""
@@ -84,10 +85,8 @@ class Target:
     def draw_prior_by_name(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
         """Draw points from the prior, by the name of the value variable."""
         try:
-            if count not in self._draw:
-                self._draw[count] = prior_sampler(self.model, count)
             with np.errstate(divide="ignore"):
-                points = self._draw[count](rng)
+                points = self._draw(count, rng)
             # A draw that underflows counts as the smallest number.
             return {
                 name: np.where(values == -np.inf, _LOG_SMALLEST, values)
@@ -98,6 +97,10 @@ class Target:
                 f"particles cannot be drawn from the prior ({error}): give every variable a proper "
                 f"prior, with a density that integrates to 1; here are {list(self.var_info)}"
             ) from error
+
+    @cached_property
+    def _draw(self) -> Callable[[int, np.random.Generator], dict[str, Array]]:
+        return prior_sampler(self.model)
 
     def score(self, points: Array) -> tuple[Array, Array]:
         """Log prior and log likelihood of every point; NaN and ``+inf`` count as ``−inf``."""
@@ -180,6 +183,7 @@ def by_differences(score: Score, width: Array) -> Slope:
     return slope
 
 
+@without_traces
 def _scored_terms(model: pm.Model, tempered: Sequence[str] | None) -> list[TensorVariable]:
     """Log density of all that counts as prior, and of all that is tempered."""
     terms = [*model.observed_RVs, *model.potentials]

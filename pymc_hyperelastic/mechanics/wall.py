@@ -1,6 +1,6 @@
 """Integrals over the wall of a tube: their rule of quadrature, and the Op that they share."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from itertools import pairwise
 from types import ModuleType
@@ -21,6 +21,9 @@ from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import hoop_elongation, opening_factor
 
+# Built Ops by their class, types of inputs and properties.
+_ops: dict[tuple[Any, ...], "TubeOp"] = {}
+
 
 class TubeOp(TensorSymbolicOp):
     """What the integrals over the wall have in common: a strain energy, and a tame gradient."""
@@ -34,6 +37,13 @@ class TubeOp(TensorSymbolicOp):
         check_energy(strain_energy)
         settings.setdefault("name", f"{type(self).__name__}[{strain_energy!r}]")
         super().__init__(input_types, strain_energy=strain_energy, **settings)
+
+    def __call__(self, *inputs: Any, **settings: Any) -> Any:
+        """Apply it, by the same Op wherever inputs are of the same types."""
+        inputs, op = self.filter_inputs(*inputs), self
+        if not hasattr(self, "fgraph"):
+            op = _built(type(self), tuple(x.type for x in inputs), self._props_dict().items())
+        return super(TubeOp, op).__call__(*inputs, **settings)
 
     @staticmethod
     def filter_inputs(*inputs: Any) -> tuple[Tensor, ...]:
@@ -71,6 +81,14 @@ class TubeOp(TensorSymbolicOp):
         """What the integral is linear in: the stress difference ``T`` of the material."""
         parameters = self.strain_energy.join(entries)
         return self.strain_energy.stress_difference(log_hoop, log_axial, **parameters)
+
+
+def _built(kind: Any, input_types: tuple[Any, ...], props: Iterable[tuple[str, Any]]) -> TubeOp:
+    """The Op for inputs of these types: most models ask for one that was built before."""
+    key = kind, input_types, tuple(props)
+    if key not in _ops:
+        _ops[key] = kind(list(input_types), **dict(props))
+    return _ops[key]
 
 
 def finite_or_zero(gradients: Sequence[Variable]) -> list[Variable]:

@@ -12,6 +12,7 @@ from pytensor.graph.replace import vectorize_graph
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import describe_test
+from pymc_hyperelastic.evidence.batched import without_traces
 from pymc_hyperelastic.evidence.results import attach_study
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import (
@@ -189,6 +190,7 @@ def inflation_model(
     return tube_model(energy, data, observation, **unknown, mode=mode, parent=context, name=name)
 
 
+@without_traces
 def tube_model(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,

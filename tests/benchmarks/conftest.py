@@ -2,10 +2,18 @@
 
 import os
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 
 PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "numba", "jax", "dynesty")
+
+
+def pytest_collection_modifyitems(items):
+    """Compile as users do, for as long as it takes: tests that are not deep are interpreted."""
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.deep)
 
 
 # Optional, since the test suite runs without the plugin and this file is loaded even so.
