@@ -170,7 +170,7 @@ class BatchedSMC(SMC_KERNEL):
         """Raise if there are too many unknowns for a reference."""
         if self.dimension > _MOST_UNKNOWNS:
             why = f"more than the {_MOST_UNKNOWNS} of which particles can know a reference"
-        elif self.dimension > max(_MOST_COSTLY, self.target.at_once / 2):
+        elif self.dimension > max(_MOST_COSTLY, self.target.at_once):
             why = "and its density takes so long that it would be hours until a reference is known"
         else:
             return

@@ -23,7 +23,7 @@ _MOST_TRIED = 50
 # Points drawn at each stage of the first look, for each pair of unknowns; at most, if there are few
 # unknowns, since in many dimensions points meet nothing narrow; and at most for each that can be
 # scored at once. Climbs from the most outstanding of them.
-_PROBES, _MOST_PROBES, _COSTLY, _PROBED = 5_000, 320_000, 5, 2
+_PROBES, _MOST_PROBES, _COSTLY, _PROBED = 5_000, 320_000, 10, 2
 # Moves at a stage of the search, which need not be exact.
 _FORWARD_MOVES, _MOVES = 10, 20
 # Shares of the prior: while little is known, and in the end.
