@@ -14,7 +14,7 @@ from scipy.special import softmax
 from pymc_hyperelastic.classes.average import average, weights_of_laws
 from pymc_hyperelastic.classes.interface import Prediction, Predictor
 from pymc_hyperelastic.classes.kinds import kind_of_classes
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
 from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.evidence.diagnosis import VERDICTS, worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate
@@ -22,6 +22,7 @@ from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.smc import seed_sequence
 
 _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
+_FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
 # Nats: an evidence that is not to be trusted, and so much lower, would not change a decision.
 _FAR_BELOW = 10.0
 
@@ -156,7 +157,8 @@ def classify(
         [worst_verdict(tree[name] for tree in trees) for name in names],
     )
     result["decision"] = _decide(result, prior, undecided_below, none_below)
-    if unclear := int((result["decision"] == "cannot be judged").sum()):
+    doubtful = (result["decision"] == "cannot be judged") & (result["method"] != _FAILED.method)
+    if unclear := int(doubtful.any("class_label").sum()):
         warnings.warn(
             f"{unclear} of {len(units)} cannot be judged: see class_verdict, pareto_k and p_value",
             stacklevel=2,
@@ -207,7 +209,14 @@ def _predict_all(
         bar = progress.add_task("Classifying", completed=0, total=len(units))
         try:
             for i, unit in enumerate(units):
-                predictions[i] = predict(tests_at(data, unit))
+                part = tests_at(data, unit)
+                try:
+                    predictions[i] = predict(part)
+                except (ValueError, ArithmeticError) as error:
+                    # One specimen must not end a batch.
+                    predictions[i] = [_FAILED] * classes
+                    said = f"{describe_test(part, 0)} cannot be judged: {error}"
+                    warnings.warn(said, stacklevel=3)
                 progress.advance(bar)
         except KeyboardInterrupt:
             warnings.warn("interrupted: experiments not yet classified are NaN", stacklevel=3)
@@ -258,7 +267,8 @@ def _decide(
         p_value = result["p_value"].values
         decision[np.isnan(p_value).any(axis=1)] = "cannot be judged"
         decision[(p_value < none_below).all(axis=1)] = "none of these"
-    decision[np.isnan(result["log_evidence"].values).any(axis=1)] = ""
+    decision[np.isnan(result["log_evidence"].values).any(axis=1)] = "cannot be judged"
+    decision[(result["method"] == "").any("class_label").values] = ""
     return xr.DataArray(decision.astype(str), dims=probability.dims[:1])
 
 

@@ -1,6 +1,8 @@
 """The distribution of a class, fitted to draws of its specimens: as many as its evidence needs."""
 
+import warnings
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -39,6 +41,8 @@ _ALIKE, _ANOTHER, _ENOUGH = 0.03, 0.3, 0.1
 # Fits by which it is found how many draws are needed; particles and distributions of a first one,
 # and draws of the prior that lead to it.
 _MOST_FITS, _PARTICLES, _DISTRIBUTIONS, _PRIOR_DRAWS = 4, 500, 200, 2000
+
+_PACKAGE = str(Path(__file__).parents[1])
 
 Specimens = Mapping[str, SpecimenDraws]
 
@@ -100,6 +104,13 @@ def draws_of_class(
             name: sampler.near(part, specimens[name], distributions, rng)
             for name, part in specimens_apart(data).items()
         }
+    for name, draws in close.items():
+        if not np.isfinite(draws.standard_error):
+            said = (
+                f"specimen {name!r} was given up after long, and its class has no evidence: leave "
+                "it out, or give more informative priors"
+            )
+            warnings.warn(said, skip_file_prefixes=(_PACKAGE,))
     return ClassDraws(close, _larger(_IN_CLASS, sum(variances.values())), known)
 
 

@@ -78,6 +78,12 @@ def fit_classes(
     TypeError, ValueError
         If there are no classes, or anything is wrong with the data, priors or numbers.
 
+    Warns
+    -----
+    UserWarning
+        If an evidence is doubtful, a specimen was given up after long, or a class cannot be fitted:
+        the others then are.
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph
@@ -105,14 +111,24 @@ def fit_classes(
     )
     seed = seed_sequence(random_seed)
     tree = xr.DataTree.from_dict({})
+    failed: dict[str, Exception] = {}
     try:
         for name, fitted in kind.fit(classes, draws, chains, seed, progressbar):
+            if isinstance(fitted, Exception):
+                failed[name] = fitted
+                continue
             warn_of_evidence(fitted, f"class {name!r}: ")
             tree[name] = fitted
     except KeyboardInterrupt:
         if not tree.children:
             raise
         warnings.warn(f"interrupted: only {list(tree.children)} are fitted", stacklevel=2)
+    for name, error in failed.items():
+        said = f"class {name!r} cannot be fitted: {error}"
+        if not tree.children:
+            raise ValueError(said) from error
+        # What the others took is not to be lost.
+        warnings.warn(said, stacklevel=2)
     tree.attrs |= kind.attrs() | {"random_seed": json.dumps(seed.entropy)}
     return tree
 

@@ -92,8 +92,11 @@ class ClassKind(ABC):
     @abstractmethod
     def fit(
         self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False
-    ) -> Iterator[tuple[str, xr.DataTree]]:
-        """Fit class after class. All input is checked before the first is sampled."""
+    ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
+        """Fit class after class, or say why one cannot be.
+
+        All input is checked before the first is sampled.
+        """
 
     @abstractmethod
     def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:

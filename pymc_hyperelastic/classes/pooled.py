@@ -96,7 +96,7 @@ class Pooled(ClassKind):
 
     def fit(
         self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False
-    ) -> Iterator[tuple[str, xr.DataTree]]:
+    ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         """Sample the posterior of class after class."""
         models = {}
         for name, data in classes.items():
@@ -111,14 +111,13 @@ class Pooled(ClassKind):
 
     def _sampled(
         self, models: dict[str, pm.Model], seeds: list[int], **settings: Any
-    ) -> Iterator[tuple[str, xr.DataTree]]:
+    ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         parameters = [rv.name for rv in next(iter(models.values())).free_RVs]
         for (name, model), seed in zip(models.items(), seeds, strict=True):
             try:
-                fitted = run_smc(model, random_seed=seed, var_names=parameters, **settings)
-            except ValueError as error:
-                raise ValueError(f"class {name!r}: {error}") from error
-            yield name, fitted
+                yield name, run_smc(model, random_seed=seed, var_names=parameters, **settings)
+            except (ValueError, ArithmeticError) as error:
+                yield name, error
 
     def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:
         """What classes say of parts of new data: everything is compiled once, for all of them."""
@@ -145,7 +144,11 @@ class Pooled(ClassKind):
         def fold(left_out: Collection[str], draws: int, chains: int) -> Fold:
             fit, new = (seed_sequence(s.generate_state(4)) for s in seed.spawn(2))
             train = {name: without_specimens(data, left_out) for name, data in classes.items()}
-            fitted = dict(self.fit(train, draws, chains, fit))
+            fitted: dict[str, xr.DataTree] = {}
+            for name, of_class in self.fit(train, draws, chains, fit):
+                if isinstance(of_class, Exception):
+                    raise ValueError(f"class {name!r} cannot be fitted: {of_class}") from of_class
+                fitted[name] = of_class
             if any(of_class["evidence"].sizes["chain"] < chains for of_class in fitted.values()):
                 # What an interrupt has left of the chains is of no use here.
                 raise KeyboardInterrupt

@@ -129,7 +129,7 @@ class Variability(Population, ClassKind):
 
     def fit(
         self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False
-    ) -> Iterator[tuple[str, xr.DataTree]]:
+    ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         """Fit the distribution of class after class, of specimens that are sampled once."""
         check_count("draws", draws, 100)
         check_count("chains", chains, 1)
@@ -139,16 +139,20 @@ class Variability(Population, ClassKind):
 
     def _fitted(
         self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool
-    ) -> Iterator[tuple[str, xr.DataTree]]:
+    ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         progress, model = create_simple_progress(progressbar), ClassModel(self)
         with progress:
             bar = progress.add_task("Fitting classes", completed=0, total=2 * len(classes))
             for (name, data), own in zip(classes.items(), seed.spawn(len(classes)), strict=True):
                 rng, sampler = np.random.default_rng(own), self.sampler(data)
-                specimens = sample_specimens(sampler, data, rng)
-                progress.advance(bar)
-                close = draws_of_class(model, sampler, data, specimens, rng)
-                fitted = fit_distribution(model, close, draws, chains, own)
+                try:
+                    specimens = sample_specimens(sampler, data, rng)
+                    progress.advance(bar)
+                    close = draws_of_class(model, sampler, data, specimens, rng)
+                    fitted = fit_distribution(model, close, draws, chains, own)
+                except (ValueError, ArithmeticError) as error:
+                    yield name, error
+                    continue
                 fitted.attrs |= self.attrs()
                 for group, dataset in Study(self.energy, data, {}).groups().items():
                     fitted[group] = dataset
@@ -205,8 +209,20 @@ class Variability(Population, ClassKind):
 def sample_specimens(
     sampler: SpecimenSampler, data: xr.Dataset, rng: np.random.Generator
 ) -> dict[str, SpecimenDraws]:
-    """Draws of each specimen of the data."""
-    return {name: sampler(part, rng) for name, part in specimens_apart(data).items()}
+    """Draws of each specimen of the data.
+
+    Raises
+    ------
+    ValueError
+        If one cannot be sampled; it is named.
+    """
+    draws = {}
+    for name, part in specimens_apart(data).items():
+        try:
+            draws[name] = sampler(part, rng)
+        except (ValueError, ArithmeticError) as error:
+            raise ValueError(f"specimen {name!r} cannot be sampled: {error}") from error
+    return draws
 
 
 class SpecimenPredictive:

@@ -10,6 +10,8 @@ from pymc_hyperelastic.evidence.search import find_reference, places_to_climb_fr
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.tempering import Tempering
 
+# Tempering scores so many times as many points as fit into cache at most: a minute or two.
+_MOST_EFFORT = 50_000
 # Draws of the prior of which the best are climbed from.
 _PRIOR_DRAWS = 2000
 
@@ -20,7 +22,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
 
     Posteriors here have few variables and mostly one mode: importance sampling from a mixture that
     starts at the modes and the prior gives them in a tenth of the time of tempering, which is left
-    the others.
+    the others. It is given up where it takes too long: the error is then infinite.
     """
     prior = target.draw_prior(_PRIOR_DRAWS, rng)
     starts = places_to_climb_from(prior, np.add(*target.score(prior)))
@@ -32,10 +34,11 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     quick = by_importance(target.score, like, size, rng, target.draw_prior)
     if quick.trusted:
         return quick
+    target.most_effort = target.effort + _MOST_EFFORT
     reference = find_reference(target, rng).reference
     particles = reference.draw(target.draw_prior, size, rng)
     sampled = Tempering(target, particles, rng, reference=reference).run()
-    error = float(np.sqrt(sampled.variance))
+    error = np.inf if target.exhausted else float(np.sqrt(sampled.variance))
     if np.isfinite(quick.log_value.standard_error):
         # Two estimates that share nothing: what lies between them is not known.
         error = float(np.hypot(error, sampled.log_evidence - quick.log_value.value))

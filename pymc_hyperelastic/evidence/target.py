@@ -36,6 +36,8 @@ Ascent = Callable[[Array], Slope]
 _FEW = 4
 # Logarithm of the smallest number there is.
 _LOG_SMALLEST = np.log(np.nextafter(0.0, 1.0))
+# Slopes take so many times as long as a score.
+_COST_OF_SLOPES = 3
 # Step of a difference, as a fraction of a variable's width.
 _STEP = 1e-4
 
@@ -70,6 +72,7 @@ class Target:
         self.var_info = {name: (shape, prod(shape)) for name, shape in value_shapes(model).items()}
         self.dimension = sum(size for _, size in self.var_info.values())
         self.nan_scores = 0
+        self.effort, self.most_effort = 0.0, np.inf
         self._terms = _scored_terms(model, tempered)
         self._compile_kwargs = compile_kwargs
         self._score = BatchedFunction.of_model(model, self._terms, compile_kwargs)
@@ -104,6 +107,7 @@ class Target:
 
     def score(self, points: Array) -> tuple[Array, Array]:
         """Log prior and log likelihood of every point; NaN and ``+inf`` count as ``−inf``."""
+        self.effort += len(points) / self.at_once
         # A Potential of plain numbers may come in single precision.
         prior, likelihood = (np.asarray(logp, float) for logp in self._score(points))
         return self._possible(prior, likelihood)
@@ -113,6 +117,11 @@ class Target:
         """How many points are scored at once: few if each takes long."""
         return self._score.at_once
 
+    @property
+    def exhausted(self) -> bool:
+        """Whether more was done than allowed: as often so many points were scored at once."""
+        return self.effort > self.most_effort
+
     @cached_property
     def has_slopes(self) -> bool:
         """Whether there are slopes of the prior and the likelihood, at little cost."""
@@ -121,6 +130,7 @@ class Target:
     def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
         """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""
         assert self._with_slopes is not None
+        self.effort += _COST_OF_SLOPES * len(points) / self.at_once
         prior, likelihood, *slopes = self._with_slopes(points)
         return *self._possible(prior, likelihood), *(
             np.nan_to_num(s, posinf=0, neginf=0) for s in slopes

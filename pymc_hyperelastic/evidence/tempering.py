@@ -173,6 +173,9 @@ class Tempering:
         nearby = self._leap if self.target.has_slopes else self._walk
         for move in islice(cycle((self._move_independently, nearby)), self.max_moves):
             rates.append(move())
+            if self.target.exhausted:
+                self.capped += 1
+                break
             # The few particles that stick in the tails are lost in the first correlation, but will
             # carry the weight of later stages.
             if (
