@@ -23,8 +23,9 @@ LARGEST_PARETO_K = 0.5
 ENOUGH = 400
 # Draws from the final mixture. Where they are not like the posterior another one is made of them,
 # from which twice as many are drawn; there are so many mixtures at most. With more unknowns than
-# the last number what a mixture has missed, such as the neck of a funnel, its draws do not show: to
-# try until the weights look good would choose those that have missed it.
+# the last number, what a mixture has missed, such as the neck of a funnel, its draws do not show
+# unless the prior has a share: to try until the weights look good would choose those that have
+# missed it.
 DRAWS, _ATTEMPTS, _FEW = 8000, 4, 6
 # Share of the prior in them.
 _PRIOR_SHARE = 0.1
@@ -66,7 +67,7 @@ def by_importance(
     the weights, and what the mixture has missed shows.
     """
     mixture = adapted_mixture(score, like, rng)
-    attempts = _ATTEMPTS if mixture.means.shape[1] <= _FEW else 1
+    attempts = _ATTEMPTS if draw_prior or mixture.means.shape[1] <= _FEW else 1
     for draws in (DRAWS << i for i in range(attempts)):
         heavy = mixture.heavy_tailed()
         if draw_prior is None:
