@@ -22,11 +22,8 @@ LARGEST_PARETO_K = 0.5
 # Effective draws without which nothing is known of a mean: its error is then a twentieth at most.
 ENOUGH = 400
 # Draws from the final mixture. Where they are not like the posterior another one is made of them,
-# from which twice as many are drawn; there are so many mixtures at most. With more unknowns than
-# the last number, what a mixture has missed, such as the neck of a funnel, its draws do not show
-# unless the prior has a share: to try until the weights look good would choose those that have
-# missed it.
-DRAWS, _ATTEMPTS, _FEW = 8000, 4, 6
+# from which twice as many are drawn, and so on; there are so many mixtures at most.
+DRAWS, _ATTEMPTS = 8000, 4
 # Share of the prior in them.
 _PRIOR_SHARE = 0.1
 # Draws of a step of adaptation, for each unknown and at least; it goes so far that this fraction of
@@ -67,14 +64,9 @@ def by_importance(
     the weights, and what the mixture has missed shows.
     """
     mixture = adapted_mixture(score, like, rng)
-    attempts = _ATTEMPTS if draw_prior or mixture.means.shape[1] <= _FEW else 1
-    for draws in (DRAWS << i for i in range(attempts)):
-        heavy = mixture.heavy_tailed()
-        if draw_prior is None:
-            points, log_weights = weighted_draws(score, heavy, draws, rng)
-        else:
-            reference = Reference(heavy, _PRIOR_SHARE)
-            points, log_weights = defended_draws(score, draw_prior, reference, draws, rng)
+    drawn = _Drawn(score, draw_prior)
+    for draws in (DRAWS << i for i in range(_ATTEMPTS)):
+        points, log_weights = drawn.with_draws(mixture, draws, rng)
         log_value, pareto_k = mean_weight(log_weights)
         effective = effective_sample_size(log_weights)
         if pareto_k < LARGEST_PARETO_K or not effective:
@@ -88,6 +80,33 @@ def by_importance(
         weights = np.exp(log_weights - log_weights.max())
         particles = rng.permutation(points[systematic(weights, size, rng)])
     return Integral(log_value, pareto_k, "importance", particles)
+
+
+class _Drawn:
+    """All draws so far, from one proposal after another, as if from the mixture of these.
+
+    To keep the last draws alone would choose those whose weights look good: the ones that have
+    missed what the others have met.
+    """
+
+    def __init__(self, score: Score, draw_prior: DrawPrior | None) -> None:
+        self._score, self._draw_prior = score, draw_prior
+        self._proposals: list[tuple[Reference, int]] = []
+        self._known: list[tuple[Array, Array, Array]] = []
+
+    def with_draws(
+        self, mixture: GaussianMixture, draws: int, rng: np.random.Generator
+    ) -> tuple[Array, Array]:
+        """All points, with so many from this mixture, and the logarithms of their weights."""
+        share = _PRIOR_SHARE if self._draw_prior else 0.0
+        proposal = Reference(mixture.heavy_tailed(), share)
+        points = proposal.draw(self._draw_prior, draws, rng)
+        self._proposals.append((proposal, draws))
+        self._known.append((points, *self._score(points)))
+        points, prior, likelihood = (np.concatenate(x) for x in zip(*self._known, strict=True))
+        terms = [np.log(n / len(points)) + q.log_density(points, prior) for q, n in self._proposals]
+        log_weights = prior + likelihood - np.logaddexp.reduce(terms)
+        return points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
 
 
 def adapted_mixture(
@@ -136,20 +155,6 @@ def weighted_draws(
     """Points from a proposal, and the logarithms of their weights."""
     points = proposal.draw(draws, rng)
     log_weights = sum(score(points)) - proposal.log_density(points)
-    return points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
-
-
-def defended_draws(
-    score: Score,
-    draw_prior: DrawPrior,
-    proposal: Reference,
-    draws: int,
-    rng: np.random.Generator,
-) -> tuple[Array, Array]:
-    """The same from a proposal in which the prior has a share."""
-    points = proposal.draw(draw_prior, draws, rng)
-    prior, likelihood = score(points)
-    log_weights = prior + likelihood - proposal.log_density(points, prior)
     return points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
 
 

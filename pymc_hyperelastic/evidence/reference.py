@@ -18,14 +18,18 @@ class Reference:
     """What the mixture has missed has this share of the prior, so that no weight is without bound
     if the likelihood is not."""
 
-    def draw(self, draw_prior: DrawPrior, size: int, rng: np.random.Generator) -> Array:
+    def draw(self, draw_prior: DrawPrior | None, size: int, rng: np.random.Generator) -> Array:
         """Points, shape (size, d), in exact shares."""
+        if not self.prior_share or draw_prior is None:
+            return self.mixture.draw(size, rng)
         of_prior = round(self.prior_share * size)
         prior = draw_prior(of_prior, rng)
         return np.concatenate([prior, self.mixture.draw(size - of_prior, rng)])
 
     def log_density(self, points: Array, log_prior: Array) -> Array:
         """Log density at points of the given log prior density."""
+        if not self.prior_share:
+            return self.mixture.log_density(points)
         return np.logaddexp(
             np.log(self.prior_share) + log_prior,
             np.log1p(-self.prior_share) + self.mixture.log_density(points),
