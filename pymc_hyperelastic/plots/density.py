@@ -124,7 +124,7 @@ def plot_parameter_density(
         where = {"y_part": part, "x_part": 0}
         canvas.label("ylabel", _axis_label(tree, names[1]), coords=where)
     held = " and ".join(f"{100 * prob:.3g} %" for prob in reversed(probs))
-    entries = canvas.entries("color", "class_label", "", linewidth=5, alpha=0.7)
+    entries = canvas.entries("class_label", "", "color", linewidth=5, alpha=0.7)
     canvas.legend(entries, title=f"posterior,\n{held}")
     whose = "typical specimen" if any(map(specimens_differ, fitted.values())) else None
     whose = f"specimen {specimen}" if specimen is not None else whose
