@@ -135,13 +135,13 @@ def plot_parameter_density(
         cols=["x_part"],
         aes={"color": ["class_label"]},
     )
-    for name, kind, whose, levels, settings in (
+    for name, kind, of_whom, levels, settings in (
         ("area", "contourf", "", probs, {"alpha": 0.4}),
         ("line", "contour", "", probs, {"linewidths": 1.2, "linestyles": "solid"}),
         ("new", "contour", "new", probs[:1], {"linewidths": 1.2, "linestyles": "dashed"}),
     ):
-        if whose in shown:
-            of_one = density.sel(whose=whose, drop=True).isel(prob=slice(len(levels)))
+        if of_whom in shown:
+            of_one = density.sel(whose=of_whom, drop=True).isel(prob=slice(len(levels)))
             regions = {key: of_one[key] for key in ("x", "y", "level")}
             regions["artist_dims"] = {"prob": len(levels)}
             data = of_one[["log_density"]]
