@@ -43,6 +43,7 @@ from pymc_hyperelastic.models.population import population_model
 from pymc_hyperelastic.plots.calibration import plot_calibration_ranks, plot_reliability
 from pymc_hyperelastic.plots.density import plot_parameter_density
 from pymc_hyperelastic.plots.fit import plot_pressure_fit
+from pymc_hyperelastic.plots.force import plot_axial_force
 from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.predictions.curves import (
@@ -102,6 +103,7 @@ __all__ = [
     "plot_inflation",
     "plot_parameter_density",
     "plot_pressure_fit",
+    "plot_axial_force",
     "plot_class_probability",
     "plot_calibration_ranks",
     "plot_reliability",

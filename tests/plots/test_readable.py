@@ -327,3 +327,25 @@ def test_class_of_one_parameter_shows_location_and_spread():
         tree, var_names=["spread[log_reference_strain]", "noise_sd"], backend="none"
     )
     assert [e["string"] for e in drawn(figure, "ylabel")] == ["noise_sd"]
+
+
+def test_axial_force_is_beside_its_data():
+    """Measured forces lie in the figure, each stretch in the colour of its band."""
+    data = study(2, STRETCHES)
+    tree = fitted(data)
+    bare = ph.plot_axial_force(tree, backend="none")
+    assert "points" not in bare.viz.children
+    assert "data (of that colour)" not in legend_texts(ph.plot_axial_force(tree))
+    force = np.arange(data.sizes["obs"], dtype=float)
+    force[3] = np.nan
+    data["axial_force"] = ("obs", force, {"units": "mN"})
+    figure = ph.plot_axial_force(tree, data, prob=0.8, backend="none")
+    where = {"axial_stretch": "1.2", "class_label": "posterior"}
+    median = figure.get_viz("median", tube=0, **where)
+    predicted = ph.predict_axial_force(tree, median["x"], axial_stretch=1.2)["axial_force"]
+    np.testing.assert_allclose(median["y"], predicted.median(["chain", "draw"]), rtol=1e-10)
+    dots = figure.get_viz("points", **where)
+    assert dots["facecolor"] == median["color"]
+    shown = np.concatenate([e["y"] for e in drawn(figure, "scatter")])
+    np.testing.assert_array_equal(np.sort(shown[np.isfinite(shown)]), np.delete(force, 3))
+    assert [e["string"] for e in drawn(figure, "ylabel")] == ["reduced axial force (mN)"]
