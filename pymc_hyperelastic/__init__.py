@@ -46,6 +46,7 @@ from pymc_hyperelastic.plots.fit import plot_pressure_fit
 from pymc_hyperelastic.plots.force import plot_axial_force
 from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.plots.probability import plot_class_probability
+from pymc_hyperelastic.plots.properties import plot_elastic_properties, plot_wall_stress
 from pymc_hyperelastic.predictions.curves import (
     predict_axial_force,
     predict_pressure,
@@ -104,6 +105,8 @@ __all__ = [
     "plot_parameter_density",
     "plot_pressure_fit",
     "plot_axial_force",
+    "plot_elastic_properties",
+    "plot_wall_stress",
     "plot_class_probability",
     "plot_calibration_ranks",
     "plot_reliability",

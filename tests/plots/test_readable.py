@@ -349,3 +349,49 @@ def test_axial_force_is_beside_its_data():
     shown = np.concatenate([e["y"] for e in drawn(figure, "scatter")])
     np.testing.assert_array_equal(np.sort(shown[np.isfinite(shown)]), np.delete(force, 3))
     assert [e["string"] for e in drawn(figure, "ylabel")] == ["reduced axial force (mN)"]
+
+
+def test_properties_and_stresses_are_those_that_are_predicted():
+    """Bands are quantiles of the predictions, in panels that name quantity and unit."""
+    tree = fitted(study(2))
+    pressure, at = [10.0, 20.0], {"pressure_unit": "mmHg"}
+    figure = ph.plot_elastic_properties(tree, pressure, prob=0.8, backend="none")
+    table = ph.tube_properties(tree, pressure, **at)
+    for name in ("compliance", "pulse_wave_velocity"):
+        band = figure.get_viz("band", name, class_label="posterior")
+        low, high = table[name].quantile([0.1, 0.9], ["chain", "draw"]).values
+        np.testing.assert_allclose(band["y_bottom"], low, rtol=1e-10)
+        np.testing.assert_allclose(band["y_top"], high, rtol=1e-10)
+        np.testing.assert_allclose(band["x"], pressure, rtol=1e-10)
+    labels = [e["string"] for e in drawn(figure, "ylabel")]
+    assert len(labels) == 5 and all("(" in label for label in labels)
+    figure = ph.plot_wall_stress(tree, pressure, backend="none")
+    stress = ph.wall_stress(tree, pressure, **at)["sigma_tt"].median(["chain", "draw"])
+    for i, label in enumerate(("10 mmHg", "20 mmHg")):
+        line = figure.get_viz("median", "sigma_tt", class_label="posterior", pressure=label)
+        np.testing.assert_allclose(line["y"], stress[i], rtol=1e-10)
+    alone = ph.plot_wall_stress(tree, 20.0, backend="none")
+    assert "20 mmHg" in alone.get_viz("figure_title")["string"]
+    assert legend_texts(ph.plot_wall_stress(tree, pressure)) == ["10 mmHg", "20 mmHg"]
+
+
+def test_pressures_that_nothing_reaches_have_no_band():
+    """Where no draw reaches a pressure the line ends, and nobody is told of empty slices."""
+    tube = {"energy": ph.NeoHookean(), **TUBE}
+    tree = xr.DataTree.from_dict(
+        {"posterior": xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})}
+    )
+    with pytest.warns(UserWarning, match="do not reach"):
+        figure = ph.plot_elastic_properties(tree, [20.0, 300.0], tube=tube, backend="none")
+    line = figure.get_viz("median", "compliance", class_label="posterior")
+    assert np.isfinite(line["y"]).tolist() == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [({"var_names": ["radius"]}, "var_names must be a list"), ({"prob": 94}, "prob must be")],
+)
+def test_properties_that_cannot_be_drawn(settings, message):
+    """What is unknown is named."""
+    with pytest.raises(ValueError, match=message):
+        ph.plot_elastic_properties(fitted(study(2)), [20.0], **settings)
