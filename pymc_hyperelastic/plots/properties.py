@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.plots.style import (
     Backend,
     Canvas,
@@ -125,7 +126,7 @@ def plot_elastic_properties(
         canvas.label("xlabel", f"pressure ({pressure_unit})", data=bands[[name]])
         canvas.label("ylabel", _PROPERTIES[name], data=bands[[name]])
     canvas.legend(canvas.entries("class_label", "", "color", "linestyle"), title="class")
-    _title(canvas, fitted, tables, prob)
+    _title(canvas, fitted, tables, prob, (tube or {}).get("energy"))
     return canvas.collection
 
 
@@ -213,7 +214,8 @@ def plot_wall_stress(
         where = {"data": bands[["sigma_rr"]], "coords": {"class_label": name}}
         canvas.label("ylabel", text, **where)
     canvas.legend(canvas.entries("pressure", "", "color", "linestyle"), title="pressure")
-    _title(canvas, fitted, tables, prob, levels[0] if len(levels) == 1 else None)
+    single = levels[0] if len(levels) == 1 else None
+    _title(canvas, fitted, tables, prob, (tube or {}).get("energy"), single)
     return canvas.collection
 
 
@@ -251,11 +253,13 @@ def _title(
     fitted: Mapping[str, xr.DataTree],
     tables: Mapping[str, xr.Dataset],
     prob: float,
+    energy: Any,
     pressure: str | None = None,
 ) -> None:
     """Say by which law, of whom, at which pressure if there is one, and of which data."""
     table = next(iter(tables.values()))
+    law = energy.name if isinstance(energy, StrainEnergy) else law_of(next(iter(fitted.values())))
     whose = table.attrs.get("specimen")
     whose = f"{whose} specimen" if whose == TYPICAL else whose and f"specimen {whose}"
     held = f"median and {100 * prob:.3g} % of the posterior"
-    canvas.title(training_attrs(fitted), law_of(next(iter(fitted.values()))), whose, pressure, held)
+    canvas.title(training_attrs(fitted), law, whose, pressure, held)
