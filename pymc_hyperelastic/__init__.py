@@ -43,8 +43,10 @@ from pymc_hyperelastic.models.population import population_model
 from pymc_hyperelastic.plots.calibration import plot_calibration_ranks, plot_reliability
 from pymc_hyperelastic.plots.density import plot_parameter_density
 from pymc_hyperelastic.plots.fit import plot_pressure_fit
+from pymc_hyperelastic.plots.force import plot_axial_force
 from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.plots.probability import plot_class_probability
+from pymc_hyperelastic.plots.properties import plot_elastic_properties, plot_wall_stress
 from pymc_hyperelastic.predictions.curves import (
     predict_axial_force,
     predict_pressure,
@@ -102,6 +104,9 @@ __all__ = [
     "plot_inflation",
     "plot_parameter_density",
     "plot_pressure_fit",
+    "plot_axial_force",
+    "plot_elastic_properties",
+    "plot_wall_stress",
     "plot_class_probability",
     "plot_calibration_ranks",
     "plot_reliability",

@@ -228,12 +228,13 @@ def plot_reliability(
     count = {"data": drawn, "coords": {"part": "count"}}
     settings = {"color": "0.5", "width": 0.8, "linestyle": "--", "ignore_aes": "all"}
     canvas.draw("diagonal", line_xy, **diagram | {"data": ends}, **settings)
-    canvas.draw("interval", ci_line_y, **diagram, width=1.2)
-    canvas.draw("points", scatter_xy, **diagram, size=20)
+    # What lies at 0 or 1 is drawn whole, though the axes end there.
+    canvas.draw("interval", ci_line_y, **diagram, width=1.2, clip_on=False)
+    canvas.draw("points", scatter_xy, **diagram, size=20, clip_on=False)
     canvas.draw("bar", hist, **count, alpha=0.75)
-    canvas.adjust(set_xlim, limits=(-0.03, 1.03))
+    canvas.adjust(set_xlim, limits=(0, 1))
     canvas.adjust(set_xticks, values=_TICKS, labels=_TICK_LABELS)
-    canvas.adjust(set_ylim, limits=(-0.03, 1.03), **diagram)
+    canvas.adjust(set_ylim, limits=(0, 1), **diagram)
     _label_reliability(canvas, forecasts, scores)
     intervals = f"{100 * scores.attrs['prob']:.3g} % intervals"
     canvas.title([scores.attrs], f"reliability of class probabilities, {intervals}")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.plots.style import (
     Backend,
     Canvas,
@@ -28,6 +29,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _GRID = 100  # points along each side of the grid on which a density is computed
+_SEED = 1  # new specimens are the same at every call
+_OF_CLASS = ("location[", "spread[")
+# Shown only if there is nothing else.
+_NUISANCE = (
+    "sigma noise_sd noise_spread specimen_noise_sd force_sigma force_noise_sd slope_weight "
+    "experiment_spread effect_spread correlation_unit"
+).split()
 _COMPONENTS = 6  # of the mixture that stands for a posterior: they follow two bent ridges
 
 
@@ -47,21 +55,29 @@ def plot_parameter_density(
     posterior has modes far apart, such as the mirrored ones of ``α`` and ``−α``, the axis is
     broken, so that each mode is seen in a panel of its own scale.
 
+    Where specimens differ, as in classes with variability, the filled regions are of the typical
+    specimen, and a dashed line holds a new specimen of the class: how far the class spreads.
+
     Parameters
     ----------
     classes : xarray.DataTree
         Result of :func:`pymc_hyperelastic.fit_classes`, one of its classes, or a sampled model.
     var_names : sequence of two str, optional
-        What is shown on the horizontal and the vertical axis; the first two variables when missing.
+        What is shown on the horizontal and the vertical axis; an entry of a vector is
+        ``"mu[0]"``. When missing, the first two parameters of the wall, or of a single one whose
+        specimens differ the class's location and spread, such as
+        ``["location[log_mu]", "spread[log_mu]"]``; noise only if there is nothing else.
     probs : sequence of float
         Probabilities that the regions hold.
     specimen : str, optional
         Whose parameters are shown where specimens differ, as in classes with variability: the
-        typical specimen's when missing, see :func:`~pymc_hyperelastic.predict_pressure`.
+        typical one's and those of new ones when missing, see
+        :func:`~pymc_hyperelastic.predict_pressure`.
     backend : {"matplotlib", "none"}
         Plotting backend; ``"none"`` only collects what would be drawn.
     visuals : dict of str to dict or bool, optional
-        Settings of ``area``, ``line``, ``xlabel``, ``ylabel`` and ``legend``; False leaves one out.
+        Settings of ``area``, ``line``, ``new`` (the line that holds new specimens), ``xlabel``,
+        ``ylabel`` and ``legend``; False leaves one out.
     **pc_kwargs
         Passed to :meth:`arviz_plots.PlotCollection.grid`.
 
@@ -92,17 +108,24 @@ def plot_parameter_density(
     >>> figure.viz["plot"].sizes["y_part"]  # one for each sign of alpha
     2
     """
-    fitted = {k: with_parameters(tree, specimen) for k, tree in fitted_classes(classes).items()}
+    results = fitted_classes(classes)
+    fitted = {k: with_parameters(tree, specimen) for k, tree in results.items()}
     names = _two_variables(fitted, var_names)
     probs = sorted(probs, reverse=True)
     if not probs or not all(0 < prob < 1 for prob in probs):
         raise ValueError(f"probs must hold probabilities between 0 and 1; got {probs}")
-    density = _densities(fitted, names, probs)
+    shown = {"": fitted}
+    of_class = any(name.startswith(_OF_CLASS) for name in names)
+    if specimen is None and not of_class:
+        new = {k: _with_new_specimens(tree) for k, tree in results.items()}
+        if all(tree is not None for tree in new.values()):
+            shown["new"] = {k: with_parameters(tree, None) for k, tree in new.items()}
+    density = _densities(shown, names, probs)
     rows, columns = density.sizes["y_part"], density.sizes["x_part"]
     canvas = Canvas(
         "grid",
-        density[["log_density"]],
-        "area line xlabel ylabel legend",
+        density[["log_density"]].isel(whose=0, drop=True),
+        "area line new xlabel ylabel legend",
         backend,
         visuals,
         pc_kwargs,
@@ -112,10 +135,17 @@ def plot_parameter_density(
         cols=["x_part"],
         aes={"color": ["class_label"]},
     )
-    regions = {key: density[key] for key in ("x", "y", "level")}
-    regions["artist_dims"] = {"prob": len(probs)}
-    canvas.draw("area", _contours, kind="contourf", alpha=0.4, **regions)
-    canvas.draw("line", _contours, kind="contour", linewidths=1.2, linestyles="solid", **regions)
+    for name, kind, of_whom, levels, settings in (
+        ("area", "contourf", "", probs, {"alpha": 0.4}),
+        ("line", "contour", "", probs, {"linewidths": 1.2, "linestyles": "solid"}),
+        ("new", "contour", "new", probs[:1], {"linewidths": 1.2, "linestyles": "dashed"}),
+    ):
+        if of_whom in shown:
+            of_one = density.sel(whose=of_whom, drop=True).isel(prob=slice(len(levels)))
+            regions = {key: of_one[key] for key in ("x", "y", "level")}
+            regions["artist_dims"] = {"prob": len(levels)}
+            data = of_one[["log_density"]]
+            canvas.draw(name, _contours, data=data, kind=kind, **regions, **settings)
     tree = next(iter(fitted.values()))
     for part in range(columns):
         where = {"y_part": rows - 1, "x_part": part}
@@ -124,60 +154,106 @@ def plot_parameter_density(
         where = {"y_part": part, "x_part": 0}
         canvas.label("ylabel", _axis_label(tree, names[1]), coords=where)
     held = " and ".join(f"{100 * prob:.3g} %" for prob in reversed(probs))
-    entries = canvas.entries("color", "class_label", "", linewidth=5, alpha=0.7)
+    entries = canvas.entries("class_label", "", "color", linewidth=5, alpha=0.7)
+    if "new" in shown:
+        entries["typical specimen"] = {"color": "0.5", "linewidth": 5, "alpha": 0.7}
+        entries[f"new specimen, {100 * probs[0]:.3g} %"] = {"color": "0.5", "linestyle": "--"}
     canvas.legend(entries, title=f"posterior,\n{held}")
-    whose = "typical specimen" if any(map(specimens_differ, fitted.values())) else None
-    whose = f"specimen {specimen}" if specimen is not None else whose
+    whose = None if specimen is None else f"specimen {specimen}"
+    if specimen is None and not of_class and any(map(specimens_differ, fitted.values())):
+        whose = "typical specimen"
     canvas.title(training_attrs(fitted), law_of(tree), whose)
     return canvas.collection
+
+
+def _with_new_specimens(tree: xr.DataTree) -> xr.DataTree | None:
+    """The result with a new specimen in place of the typical one, for each draw of its class.
+
+    None if specimens do not differ, or the result does not tell how.
+    """
+    if not specimens_differ(tree) or "spread" not in tree["posterior"]:
+        return None
+    posterior = tree["posterior"].to_dataset()
+    of_class = distributions_of(tree, posterior.sizes["chain"] * posterior.sizes["draw"])
+    location, spread = of_class.location[..., 0], of_class.spread[..., 0]
+    normal = np.random.default_rng(_SEED).standard_normal(location.shape)
+    correlated = [
+        sum(factor[:, 0] * z for factor, z in zip(row, normal, strict=False))
+        for row in of_class.factor
+    ]
+    stacked = posterior["location"].stack(sample=("chain", "draw")).transpose("coordinate", ...)
+    new = stacked.copy(data=location + spread * np.array(correlated)).unstack("sample")
+    tree = tree.copy()
+    tree["posterior"] = xr.DataTree(posterior.assign(location=new))
+    return tree
 
 
 def _two_variables(
     fitted: Mapping[str, xr.DataTree], var_names: Sequence[str] | None
 ) -> tuple[str, str]:
     """Names of the variables on the two axes."""
-    scalar = [
-        [n for n, v in tree["posterior"].to_dataset().items() if set(v.dims) == {"chain", "draw"}]
-        for tree in fitted.values()
-    ]
-    common = [str(name) for name in scalar[0] if all(name in names for names in scalar)]
-    names = tuple(common[:2] if var_names is None else var_names)
+    scalar = [_scalars(tree) for tree in fitted.values()]
+    common = [name for name in scalar[0] if all(name in of_class for of_class in scalar)]
+    names = tuple(sorted(common, key=_interest)[:2] if var_names is None else var_names)
+    if var_names is None and names[1:] and _interest(names[0]) < _interest(names[1]) == 1:
+        # A single parameter, of which the class has a location and a spread.
+        names = tuple(name for name in common if name.startswith(_OF_CLASS))[:2]
     if isinstance(var_names, str) or len(set(names)) != 2 or not set(names) <= set(common):
         raise ValueError(
-            f"two different variables are needed, not {var_names or names}; scalars in the "
+            f"two different variables are needed, not {var_names or names}; numbers in the "
             f"posterior of every class are {common} (for one variable see arviz.plot_dist)"
         )
     return names[0], names[1]
 
 
+def _scalars(tree: xr.DataTree) -> dict[str, Array]:
+    """Draws of the numbers of a posterior, those of a vector by the names of its entries."""
+    scalars = {}
+    for name, variable in tree["posterior"].to_dataset().items():
+        rest = [dim for dim in variable.dims if dim not in ("chain", "draw")]
+        if not rest:
+            scalars[str(name)] = variable.values.ravel()
+        elif len(rest) == 1 and rest[0] != "obs":  # not the curves
+            for i, label in enumerate(variable[rest[0]].values.tolist()):
+                scalars[f"{name}[{label}]"] = variable.isel({rest[0]: i}).values.ravel()
+    return scalars
+
+
+def _interest(name: str) -> int:
+    """Rank of what is shown unless asked: the wall, the distribution of its class, the rest."""
+    if name.startswith(_OF_CLASS):
+        return 1
+    return 2 if name.split("[")[0] in _NUISANCE else 0
+
+
 def _axis_label(tree: xr.DataTree, name: str) -> str:
     """Symbol and unit of a variable."""
     symbols = {"sigma": r"\sigma", "slope_weight": r"\beta"}
+    units = json.loads(tree.attrs.get("units", "{}"))
     try:
         energy = StrainEnergy.from_name(tree.attrs.get("strain_energy", ""))
         symbols |= {p.name: p.symbol for p in energy.parameters}
+        units = {p.name: p.unit for p in energy.parameters} | units
     except ValueError:
         pass  # a law of the user's own that is not defined here: its names have to do
-    unit = json.loads(tree.attrs.get("units", "{}")).get(name, "").replace("mm2", "mm²")
+    unit = units.get(name, "").replace("mm2", "mm²")
     label = f"${symbols[name]}$" if name in symbols else name
     return f"{label} ({unit})" if unit else label
 
 
 def _densities(
-    fitted: Mapping[str, xr.DataTree], names: tuple[str, str], probs: Sequence[float]
+    shown: Mapping[str, Mapping[str, xr.DataTree]], names: tuple[str, str], probs: Sequence[float]
 ) -> xr.Dataset:
     """Density of each class in each piece of the axes, and its levels of highest density."""
-    draws = [
-        np.stack([tree["posterior"][name].values.ravel() for name in names], axis=1)
-        for tree in fitted.values()
-    ]
+    trees = [tree for of_class in shown.values() for tree in of_class.values()]
+    draws = [np.stack([_scalars(tree)[name] for name in names], axis=1) for tree in trees]
     typical = [_without_extremes(points) for points in draws]
     breaks = [_breaks([points[:, axis] for points in typical]) for axis in (0, 1)]
-    shape = (len(fitted), len(breaks[1]) + 1, len(breaks[0]) + 1)
+    shape = (len(trees), len(breaks[1]) + 1, len(breaks[0]) + 1)
     density = np.full((*shape, _GRID, _GRID), np.nan)
     grid = np.full((2, *shape, _GRID), np.nan)
-    level = np.empty((len(fitted), len(probs)))
-    for i, (tree, points) in enumerate(zip(fitted.values(), typical, strict=True)):
+    level = np.empty((len(trees), len(probs)))
+    for i, (tree, points) in enumerate(zip(trees, typical, strict=True)):
         components = int(np.clip(len(points) // 50, 1, _COMPONENTS))
         rng = np.random.default_rng(components)
         mixture = GaussianMixture.fit(points, components, rng, iterations=50).widened(1.5)
@@ -194,15 +270,17 @@ def _densities(
             x, y = grid[:, i, j, k] = np.linspace(ends[0], ends[1], _GRID, axis=1)
             nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
             density[i, j, k] = mixture.log_density(nodes).reshape(_GRID, _GRID)
-    of_part = ("class_label", "y_part", "x_part")
+    whose = len(shown), len(trees) // len(shown)
+    of_part = ("whose", "class_label", "y_part", "x_part")
     return xr.Dataset(
         {
-            "log_density": ((*of_part, "i", "j"), density),
-            "x": ((*of_part, "i"), grid[0]),
-            "y": ((*of_part, "j"), grid[1]),
-            "level": (("class_label", "prob"), level),
+            "log_density": ((*of_part, "i", "j"), density.reshape(*whose, *density.shape[1:])),
+            "x": ((*of_part, "i"), grid[0].reshape(*whose, *grid.shape[2:])),
+            "y": ((*of_part, "j"), grid[1].reshape(*whose, *grid.shape[2:])),
+            "level": (("whose", "class_label", "prob"), level.reshape(*whose, -1)),
         },
-        {"class_label": list(fitted), "y_part": range(shape[1]), "x_part": range(shape[2])},
+        {"whose": list(shown), "class_label": list(next(iter(shown.values())))}
+        | {"y_part": range(shape[1]), "x_part": range(shape[2])},
     )
 
 
@@ -223,10 +301,14 @@ def _breaks(values: Sequence[Array]) -> list[float]:
 
 
 def _bounds(tree: xr.DataTree, names: tuple[str, str]) -> Array:
-    """Lower and upper ends of the uniform priors; infinite for others."""
+    """Lower and upper ends of the uniform priors; infinite for others, but a spread's 0."""
     priors = json.loads(tree.attrs.get("priors", "{}"))
     records = [priors.get(name, ["", []]) for name in names]
-    ends = [ends if kind == "Uniform" else [-np.inf, np.inf] for kind, ends in records]
+    low = [0.0 if name.startswith("spread[") else -np.inf for name in names]
+    ends = [
+        of_one if kind == "Uniform" else [least, np.inf]
+        for (kind, of_one), least in zip(records, low, strict=True)
+    ]
     return np.transpose(ends)
 
 

@@ -8,31 +8,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import check_inflation_data, points_of
+from pymc_hyperelastic.data.inflation import points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import GEOMETRY
-from pymc_hyperelastic.models.study import inflation_data_of
-from pymc_hyperelastic.plots.style import (
-    MOST_DRAWS,
-    RADIUS_LABEL,
-    Backend,
-    Canvas,
-    Visuals,
-    fitted_classes,
-    law_of,
-    per_kilopascal,
-    training_attrs,
+from pymc_hyperelastic.plots.bands import (
+    VISUALS,
+    Bands,
+    bands_of,
+    draw_bands,
+    label_columns,
+    title_bands,
 )
+from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, per_kilopascal
 from pymc_hyperelastic.predictions.curves import pressure_curve
-from pymc_hyperelastic.predictions.draws import GivenTube, draws_of
-from pymc_hyperelastic.predictions.measured import typical_tests
-from pymc_hyperelastic.predictions.members import specimens_differ, tests_of
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-_CURVE = 80  # points of a posterior curve
+_FAR_OUT = 3.0  # interquartile ranges, Tukey's outer fence
 
 
 def plot_pressure_fit(
@@ -55,13 +48,19 @@ def plot_pressure_fit(
     dashed; a result that does not hold these cannot say. Where internal radii depend on what is
     inferred of the tube, data are shown at those of the median tube.
 
+    Where tests are at several axial stretches, each has a colour and a marker, those of its band
+    and its data. Where there is one stretch, or each specimen has its own, and tubes differ,
+    specimens are told apart in the same way. Slopes far outside of the others, as close readings
+    make them, do not stretch the axis: an arrowhead at its end stands for each, and the legend
+    counts them.
+
     Parameters
     ----------
     classes : xarray.DataTree
         Result of :func:`pymc_hyperelastic.fit_classes`, one of its classes, or a sampled model.
     data : xarray.Dataset or dict of str to xarray.Dataset, optional
         What is shown with the posterior: inflation data, or those for each class. The training
-        data when missing. Tests on tubes of other dimensions have bands of their own.
+        data when missing. Each tube has a band of its own.
     prob : float
         Probability that the band holds at each radius, with equal tails.
     energy : StrainEnergy or list of Layer, optional
@@ -76,15 +75,16 @@ def plot_pressure_fit(
         Plotting backend; ``"none"`` only collects what would be drawn.
     visuals : dict of str to dict or bool, optional
         Settings of ``band``, ``median``, ``extrapolated`` (the dashed part of the median),
-        ``points``, ``xlabel``, ``ylabel``, ``title`` (of a column) and ``legend``; False leaves one
-        out.
+        ``points``, ``above`` and ``below`` (arrowheads of slopes beyond the axis), ``xlabel``,
+        ``ylabel``, ``title`` (of a column) and ``legend``; False leaves one out.
     **pc_kwargs
         Passed to :meth:`arviz_plots.PlotCollection.grid`.
 
     Returns
     -------
     arviz_plots.PlotCollection
-        Its variables are ``pressure`` and ``stiffness``.
+        Its variables are ``pressure`` and ``stiffness``, its dimensions ``class_label``, ``tube``
+        and, where they have colours of their own, ``axial_stretch`` or ``specimen``.
 
     Raises
     ------
@@ -102,85 +102,91 @@ def plot_pressure_fit(
     >>> list(figure.viz["plot"].data_vars)
     ['pressure', 'stiffness']
     """
-    from arviz_plots.visuals import fill_between_y, line_xy, scatter_xy
+    from arviz_plots.visuals import set_ylim
 
-    fitted = fitted_classes(classes)
-    if not 0 < prob < 1:
-        raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
     factor = per_kilopascal(pressure_unit)
-    shown = {name: _data_of(name, tree, data, specimen) for name, tree in fitted.items()}
-    material: GivenTube = {"energy": energy, "specimen": specimen}
-    drawn = {n: _posterior_curves(fitted[n], shown[n], prob, material, factor) for n in fitted}
-    posterior = _side_by_side({name: curves for name, (curves, _) in drawn.items()})
-    measured = _side_by_side({name: _measured(tests, factor) for name, (_, tests) in drawn.items()})
+    bands = bands_of(
+        classes,
+        data,
+        prob,
+        {"energy": energy, "specimen": specimen},
+        lambda draws, radius: pressure_curve(draws, radius) * factor,
+        lambda tests: _measured(tests, factor),
+    )
+    columns = len(bands.fitted)
     canvas = Canvas(
         "grid",
-        posterior,
-        "band median extrapolated points xlabel ylabel title legend",
+        bands.posterior,
+        f"{VISUALS} above below",
         backend,
         visuals,
         pc_kwargs,
-        {"figsize": (max(2.9 * len(fitted) + 0.9, 5), 5.6), "sharex": "col", "sharey": "row"},
+        {"figsize": (max(2.9 * columns + 0.9, 5), 5.6), "sharex": "col", "sharey": "row"},
         rows=["__variable__"],
         cols=["class_label"],
-        aes={"color": ["class_label"], "overlay": ["tube"]},
+        **bands.looks,
     )
-    band = posterior.sel(plot_axis=["x", "y_bottom", "y_top"]).rename(plot_axis="kwarg")
-    grey = {"color": "0.25", "ignore_aes": {"color", "overlay"}}
-    canvas.draw("band", fill_between_y, data=band, alpha=0.35, linewidth=0)
-    canvas.draw("points", scatter_xy, data=measured, size=7, alpha=0.6, **grey)
-    solid, dashed = _solid_and_dashed(posterior)
-    canvas.draw("median", line_xy, data=solid, width=1.5)
-    extrapolated = bool(dashed.notnull().any().to_array().any())
-    if extrapolated:
-        canvas.draw("extrapolated", line_xy, data=dashed, width=1.5, linestyle="--")
-    top, bottom = posterior[["pressure"]], posterior[["stiffness"]]
-    for name in fitted:
-        where = {"coords": {"class_label": name}}
-        canvas.label("xlabel", RADIUS_LABEL, data=bottom, **where)
-        if len(fitted) > 1:
-            canvas.label("title", f"class {name}", data=top, size="medium", **where)
-    where = {"coords": {"class_label": next(iter(fitted))}}
-    canvas.label("ylabel", f"pressure ({pressure_unit})", data=top, **where)
-    canvas.label("ylabel", f"stiffness d$p$/d$a$ ({pressure_unit}/mm)", data=bottom, **where)
-    canvas.legend(
-        {
-            "data": {"color": "0.25", "marker": "o", "markersize": 3, "linestyle": "none"},
-            "posterior median": {"color": "0.4", "linewidth": 1.5},
-            **({"extrapolated": {"color": "0.4", "linestyle": "--"}} if extrapolated else {}),
-            f"{100 * prob:.3g} % of the posterior": {"color": "0.4", "linewidth": 6, "alpha": 0.35},
-        },
-        loc="outside lower center",
-        ncols=4 if extrapolated else 3,
-    )
-    law = energy.name if isinstance(energy, StrainEnergy) else law_of(next(iter(fitted.values())))
-    # The posterior is as simulated as the data that it comes from.
-    origin = [{"simulated": attrs.get("simulated")} for attrs in training_attrs(fitted)]
-    whose = "typical specimen" if any(map(specimens_differ, fitted.values())) else None
-    whose = f"specimen {specimen}" if specimen is not None else whose
-    canvas.title([*(data.attrs for data in shown.values()), *origin], law, whose)
+    entries = draw_bands(canvas, bands)
+    limits = _limits(bands.points["stiffness"], bands.posterior["stiffness"])
+    if limits:
+        canvas.adjust(set_ylim, data=bands.points[["stiffness"]], limits=limits)
+        entries |= _draw_beyond(canvas, bands, limits)
+    label_columns(canvas, bands, "pressure", "stiffness")
+    where = {"coords": {"class_label": next(iter(bands.fitted))}}
+    for name, text in (
+        ("pressure", f"pressure ({pressure_unit})"),
+        ("stiffness", f"stiffness d$p$/d$a$ ({pressure_unit}/mm)"),
+    ):
+        canvas.label("ylabel", text, data=bands.posterior[[name]], **where)
+    canvas.legend(entries, loc="outside lower center")
+    title_bands(canvas, bands, energy, specimen)
     return canvas.collection
 
 
-def _data_of(name: str, tree: xr.DataTree, data: Any, specimen: str | None) -> xr.Dataset:
-    """Inflation data to be shown with a class."""
-    if isinstance(data, Mapping) and not isinstance(data, xr.Dataset):
-        if name not in data:
-            raise ValueError(f"data has nothing for class {name!r}; it has {list(data)}")
-        data = data[name]
-    elif data is None:
-        if "inner_radius" not in tree.children.get("constant_data", {}):
-            raise ValueError(f"{name!r} holds no inflation data: give them as data=...")
-        data = inflation_data_of(tree)
-        data = data if specimen is None else tests_of(data, specimen)
-    check_inflation_data(data)
-    return data
+def _limits(slope: xr.DataArray, curve: xr.DataArray) -> tuple[float, float] | None:
+    """Ends of the axis of slopes, where some are so far off that they would flatten the rest.
+
+    These are Tukey's far-out values, beyond three interquartile ranges, that no band reaches.
+    """
+    slopes = slope.sel(plot_axis="y").values
+    slopes = slopes[np.isfinite(slopes)]
+    if not slopes.size:
+        return None
+    low, high = np.quantile(slopes, [0.25, 0.75])
+    reach = _FAR_OUT * (high - low)
+    band = curve.sel(plot_axis=["y_bottom", "y_top"])
+    low = min(low - reach, float(band.min()))
+    high = max(high + reach, float(band.max()))
+    near = slopes[(slopes >= low) & (slopes <= high)]
+    if near.size == slopes.size:
+        return None
+    low, high = min(near.min(), float(band.min())), max(near.max(), float(band.max()))
+    margin = 0.06 * (high - low)
+    return float(low - margin), float(high + margin)
 
 
-def _side_by_side(of_class: dict[str, xr.Dataset]) -> xr.Dataset:
-    """Join what is drawn for each class; what one has more of is NaN in the other."""
-    names = xr.DataArray(list(of_class), dims="class_label", name="class_label")
-    return xr.concat(of_class.values(), dim=names, join="outer", fill_value=np.nan)
+def _draw_beyond(
+    canvas: Canvas, bands: Bands, limits: tuple[float, float]
+) -> dict[str, dict[str, Any]]:
+    """Draw arrowheads at the end of the axis where slopes are beyond it; the legend counts them."""
+    from arviz_plots.visuals import scatter_xy
+
+    points = bands.points[["stiffness"]]
+    slope = points.sel(plot_axis="y", drop=True)
+    at_end = {"size": 25, "clip_on": False, "zorder": 5, "alpha": 1}
+    entries = {}
+    for name, marker, end, beyond in (
+        ("above", "^", limits[1], slope > limits[1]),
+        ("below", "v", limits[0], slope < limits[0]),
+    ):
+        count = int(beyond["stiffness"].sum())
+        if count:
+            ends = points.where(beyond)
+            ends = ends.where((points["plot_axis"] == "x") | ~beyond, end)
+            canvas.draw(name, scatter_xy, data=ends, **bands.dots | at_end | {"marker": marker})
+            what = {"marker": marker, "linestyle": "none", "color": "0.25", "markersize": 5}
+            entries[f"{count} of {int(slope.count()['stiffness'])} slopes {name} the axis"] = what
+    return entries
 
 
 def _measured(data: xr.Dataset, pressure_factor: float) -> xr.Dataset:
@@ -194,50 +200,5 @@ def _measured(data: xr.Dataset, pressure_factor: float) -> xr.Dataset:
         slope[test][1:-1] = (pressure[test][2:] - pressure[test][:-2]) / step
     dims = ("plot_axis", "point")
     return xr.Dataset(
-        {"pressure": (dims, [radius, pressure]), "stiffness": (dims, [radius, slope])},
-        {"plot_axis": ["x", "y"], "point": range(len(radius))},
+        {"pressure": (dims, [radius, pressure]), "stiffness": (dims, [radius, slope])}
     )
-
-
-def _posterior_curves(
-    tree: xr.DataTree, data: xr.Dataset, prob: float, material: GivenTube, pressure_factor: float
-) -> tuple[xr.Dataset, xr.Dataset]:
-    """Median and band of pressure and stiffness for each of the tubes of the data.
-
-    With them the data, of which what is not known is that of the median tube.
-    """
-    posterior = tree["posterior"].to_dataset()
-    step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // MOST_DRAWS)
-    thinned = tree.copy()
-    thinned["posterior"] = xr.DataTree(posterior.isel(draw=slice(None, None, step)))
-    geometry = np.stack([data[name].values for name in GEOMETRY], axis=1)
-    # NaN are not equal to each other, infinities are.
-    tubes, tube_of_test = np.unique(
-        np.where(np.isnan(geometry), np.inf, geometry), axis=0, return_inverse=True
-    )
-    curves, tests = [], data
-    for i, tube in enumerate(tubes):
-        known = {k: v for k, v in zip(GEOMETRY, tube.tolist(), strict=True) if np.isfinite(v)}
-        draws = draws_of(thinned, **material, **known)
-        tests = typical_tests(data, draws.inferred)
-        radius = tests["radius"].values[tube_of_test[data["test"].values] == i]
-        grid = np.linspace(radius.min(), radius.max(), _CURVE)
-        curve = pressure_curve(draws, grid)
-        beyond = curve.coords.get("extrapolated", xr.zeros_like(curve["radius"])).values
-        levels = [0.5, (1 - prob) / 2, (1 + prob) / 2]
-        y = (curve * pressure_factor).quantile(levels, dim=["chain", "draw"])
-        rows = {name: [grid, beyond, *of_levels.values] for name, of_levels in y.items()}
-        curves.append(xr.Dataset({name: (("plot_axis", "point"), v) for name, v in rows.items()}))
-    axes = {
-        "plot_axis": ["x", "extrapolated", "y", "y_bottom", "y_top"],
-        "tube": range(len(curves)),
-    }
-    return xr.concat(curves, dim="tube").assign_coords(axes), tests
-
-
-def _solid_and_dashed(posterior: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
-    """The median where it is measured, and where it is extrapolated; which reaches the first."""
-    line = posterior.sel(plot_axis=["x", "y"])
-    beyond = posterior.sel(plot_axis="extrapolated", drop=True)
-    next_to = beyond.rolling(point=3, center=True, min_periods=1).max()
-    return line.where(beyond != 1), line.where(next_to == 1)

@@ -14,39 +14,55 @@ if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
 
+_MOST_ROWS = 8  # of panels, where there is one result
+_NO_CLASS = "#D55E00"  # decisions that are no class
+
+
 def plot_class_probability(
     result: xr.Dataset | Mapping[str, xr.Dataset],
     *,
+    undecided_below: float = 0.0,
+    none_below: float = 0.0,
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
     **pc_kwargs: Any,
 ) -> PlotCollection:
-    """Plot the probability of each class: a row for each new experiment, a bar for each class.
+    """Plot the probability of each class: a panel for each new experiment, a bar for each class.
+
+    The decision stands above the bars, in another colour where it is no class ("undecided", "none
+    of these", "cannot be judged"). Where classes have variability, a diamond beside each bar is the
+    p-value: near 0 no specimen of the class looks like this one, however probable the class is
+    among those that were asked for.
 
     Parameters
     ----------
     result : xarray.Dataset or dict of str to xarray.Dataset
         Result of :func:`pymc_hyperelastic.classify`; of a dict, such as one of strain energies,
-        each has a column. What is not yet classified (NaN) has no bar.
+        each has a column; of a single one, many panels share a few columns. What is not yet
+        classified (NaN) has no bar.
+    undecided_below, none_below : float, default 0
+        The limits that :func:`pymc_hyperelastic.classify` was given, drawn as lines unless 0: that
+        of the probability and that of the p-values.
     backend : {"matplotlib", "none"}
         Plotting backend; ``"none"`` only collects what would be drawn.
     visuals : dict of str to dict or bool, optional
-        Settings of ``bar``, ``error`` (one standard error to each side), ``number``, ``xlabel``,
-        ``ylabel`` and ``title`` (of a row); False leaves one out.
+        Settings of ``bar``, ``error`` (one standard error to each side), ``number``, ``p_value``,
+        ``p_number``, ``undecided_below``, ``none_below`` (the lines), ``xlabel``, ``ylabel``,
+        ``title`` (of a panel) and ``legend``; False leaves one out.
     **pc_kwargs
-        Passed to :meth:`arviz_plots.PlotCollection.grid`.
+        Passed to :meth:`arviz_plots.PlotCollection.grid`, or ``wrap`` for a single result.
 
     Returns
     -------
     arviz_plots.PlotCollection
-        With the dimensions ``model`` (column), ``test`` or ``specimen`` (row), and
-        ``class_label``.
+        With the dimensions ``test`` or ``specimen`` (panel), ``class_label``, and for several
+        results ``model`` (column).
 
     Raises
     ------
     TypeError, ValueError
         If `result` holds no class probabilities, results of a dict differ in their experiments or
-        classes, or the backend or a visual is unknown.
+        classes, a limit is no number from 0 to 1, or the backend or a visual is unknown.
 
     Examples
     --------
@@ -62,60 +78,132 @@ def plot_class_probability(
     >>> figure.get_viz("number", class_label="C1")["string"]
     '0.900'
     """
-    from arviz_plots.visuals import annotate_xy, ci_line_y, hist, set_xticks, set_ylim
+    from arviz_plots.visuals import set_xlim, set_xticks, set_ylim
 
+    limits = {"undecided_below": undecided_below, "none_below": none_below}
+    for name, limit in limits.items():
+        if not 0 <= limit < 1:
+            raise ValueError(f"{name} is {limit!r}; expected a number from 0 to 1")
     single = isinstance(result, xr.Dataset) or not isinstance(result, Mapping)
     results: dict[str, Any] = {"": result} if single else dict(result)
     labels = [_labels(of_model) for of_model in results.values()]
     row, headings, classes = labels[0]
     if any(other != labels[0] for other in labels):
         raise ValueError("the results differ in their experiments or classes; plot them apart")
-    table = xr.concat(
-        [r[["class_probability", "class_probability_se"]] for r in results.values()],
-        dim="model",
-        coords="minimal",
-        compat="override",
-    )
-    table = table.reset_coords(drop=True).assign_coords({"model": list(results), row: headings})
-    probability, error = table["class_probability"], table["class_probability_se"]
-    width = max(1 + 0.55 * len(classes), 2.2)
+    table = _table(results, row, headings)
+    several = len(results) > 1
+    columns = len(results) if several else min(-(-len(headings) // _MOST_ROWS), 4)
+    titles = _titles(results, headings)
+    longest = max(len(line) for _, _, title, _ in titles for line in title.splitlines())
+    of_class = 0.95 if "p_value" in table else 0.55
+    width = max(1 + of_class * len(classes), 2.2, 0 if several else 0.066 * longest)
+    rows = -(-len(headings) // columns) if not several else len(headings)
     canvas = Canvas(
-        "grid",
+        "grid" if several else "wrap",
         table[["class_probability"]],
-        "bar error number xlabel ylabel title",
+        f"bar error number p_value p_number {' '.join(limits)} xlabel ylabel title legend",
         backend,
         visuals,
         pc_kwargs,
-        {"figsize": (max(width * len(results) + 0.8, 3.6), 1.25 * len(headings) + 0.7)}
-        | {"sharex": True, "sharey": True},
-        rows=[row],
-        cols=["model"],
+        {"figsize": (max(width * columns + 0.8, 3.6), (1.4 if several else 1.25) * rows + 0.7)}
+        # The panel above an empty place would have no ticks.
+        | {"sharex": several or len(headings) % columns == 0, "sharey": True},
+        cols=["model"] if several else [row],
+        **{"rows": [row]} if several else {"col_wrap": columns},
         aes={"color": ["class_label"]},
     )
-    place = xr.DataArray(np.arange(len(classes)), dims="class_label")
-    place = place.where(probability.notnull())  # no bar where nothing is known
-    edges = {"left_edges": place - 0.35, "right_edges": place + 0.35}
-    bars = stacked("class_probability", **edges, histogram=probability)
-    canvas.draw("bar", hist, data=bars.expand_dims("bar", axis=-1), alpha=0.75)
-    top = (probability + error).clip(0, 1)
-    bottom = (probability - error).clip(0, 1)
-    ends = stacked("class_probability", x=place, y_bottom=bottom, y_top=top)
-    canvas.draw("error", ci_line_y, data=ends, color="0.1", width=1.2)
-    settings = {"vertical_align": "bottom", "color": "0.1", "size": 8}
-    canvas.draw("number", annotate_xy, text=_number, x=place, y=top + 0.04, **settings)
-    canvas.adjust(set_ylim, limits=(0, 1.3))
+    entries = _draw_bars(canvas, table, limits)
+    canvas.adjust(set_ylim, limits=(0, 1))
+    canvas.adjust(set_xlim, limits=(-0.6, len(classes) - 0.4))
     canvas.adjust(_probability_ticks)
     canvas.adjust(set_xticks, values=range(len(classes)), labels=classes)
-    for model, of_model in results.items():
-        law = model or of_model.attrs.get("strain_energy")
-        where = {"coords": {row: headings[-1], "model": model}}
-        canvas.label("xlabel", f"class ({law})" if law else "class", **where)
-    for heading in headings:
-        where = {"coords": {row: heading, "model": next(iter(results))}}
-        canvas.label("ylabel", "probability", **where)
-        canvas.label("title", heading, size="small", loc="left", **where)
+    for i, (heading, model, title, colour) in enumerate(titles):
+        where = {"coords": {row: heading} | ({"model": model} if several else {})}
+        canvas.label("title", title, size="small", loc="left", color=colour, **where)
+        if i + columns >= len(titles):
+            law = model or results[model].attrs.get("strain_energy")
+            canvas.label("xlabel", f"class ({law})" if law else "class", **where)
+        if i % columns == 0:
+            canvas.label("ylabel", "probability", **where)
+    canvas.legend(entries, loc="outside lower center")
     canvas.title([r.attrs for r in results.values()], "class probabilities")
     return canvas.collection
+
+
+def _table(results: Mapping[str, xr.Dataset], row: str, headings: list[str]) -> xr.Dataset:
+    """What is drawn of the results, side by side if there are several."""
+    drawn = ["class_probability", "class_probability_se", "p_value"]
+    tables = [r[[name for name in drawn if name in r]] for r in results.values()]
+    table = xr.concat(tables, dim="model", coords="minimal", compat="override", join="override")
+    table = table.reset_coords(drop=True).assign_coords({"model": list(results), row: headings})
+    return table if len(results) > 1 else table.isel(model=0, drop=True)
+
+
+def _titles(
+    results: Mapping[str, xr.Dataset], headings: list[str]
+) -> list[tuple[str, str, str, str]]:
+    """Heading, model, title and its colour of each panel, row by row."""
+    titles = []
+    for i, heading in enumerate(headings):
+        for j, (model, result) in enumerate(results.items()):
+            title, colour = heading if j == 0 else "", "0.1"
+            if "decision" in result:
+                decision = str(result["decision"].values[i]) or "not classified"
+                title += f"{chr(10) if len(results) > 1 else ' '}→ {decision}"
+                colour = colour if decision in result["class_label"] else _NO_CLASS
+            titles.append((heading, model, title, colour))
+    return titles
+
+
+def _draw_bars(
+    canvas: Canvas, table: xr.Dataset, limits: Mapping[str, float]
+) -> dict[str, dict[str, Any]]:
+    """Draw bars and p-values with their numbers, and the limits; return the legend's entries."""
+    from arviz_plots.visuals import annotate_xy, ci_line_y, hist, hline, scatter_xy
+
+    probability, error = table["class_probability"], table["class_probability_se"]
+    place = xr.DataArray(np.arange(table.sizes["class_label"]), dims="class_label")
+    place = place.where(probability.notnull())  # no bar where nothing is known
+    half, centre = (0.22, place - 0.2) if "p_value" in table else (0.35, place)
+    edges = {"left_edges": centre - half, "right_edges": centre + half}
+    bars = stacked("class_probability", **edges, histogram=probability)
+    canvas.draw("bar", hist, data=bars.expand_dims("bar", axis=-1), alpha=0.5)
+    top, bottom = (probability + error).clip(0, 1), (probability - error).clip(0, 1)
+    ends = stacked("class_probability", x=centre, y_bottom=bottom, y_top=top)
+    canvas.draw("error", ci_line_y, data=ends, color="0.1", width=1.2)
+    canvas.draw("number", annotate_xy, **_written(probability, centre, bottom, top))
+    entries: dict[str, dict[str, Any]] = {}
+    if "p_value" in table:
+        p_value = table["p_value"].where(probability.notnull())
+        points = stacked("class_probability", x=(place + 0.28).where(p_value.notnull()), y=p_value)
+        dark = {"color": "0.1", "marker": "d"}
+        canvas.draw("p_value", scatter_xy, data=points, size=22, clip_on=False, **dark)
+        canvas.draw("p_number", annotate_xy, **_written(p_value, place + 0.28, p_value, p_value))
+        entries["probability"] = {"color": "0.6", "linewidth": 6}
+        entries["p-value"] = dark | {"linestyle": "none", "markersize": 5}
+    for (name, limit), style in zip(limits.items(), (":", "--"), strict=True):
+        if limit:
+            line = {"color": "0.3", "linestyle": style}
+            level = xr.full_like(probability.isel(class_label=0, drop=True), limit).to_dataset()
+            canvas.draw(name, hline, data=level, width=1, ignore_aes="all", **line)
+            entries[f"{name} = {limit:g}"] = line
+    return entries
+
+
+def _written(
+    values: xr.DataArray, x: xr.DataArray, low: xr.DataArray, high: xr.DataArray
+) -> dict[str, Any]:
+    """Numbers where the axis has more room: above what is drawn from low to high, or below."""
+    above = 1 - high >= low
+    return {
+        "data": values.to_dataset(name="class_probability"),
+        "text": _number,
+        "x": x,
+        "y": xr.where(above, high + 0.07, low - 0.07),
+        "vertical_align": xr.where(above, "bottom", "top"),
+        "color": "0.1",
+        "size": 8,
+    }
 
 
 def _labels(result: Any) -> tuple[str, list[str], list[str]]:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.units import to_internal
@@ -21,8 +22,14 @@ Visuals = Mapping[str, Mapping[str, Any] | bool]
 
 # Okabe and Ito's palette, told apart with any colour vision and in grey; the yellow is left out.
 PALETTE = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000"]
+# Where colours run out, they come again with the next of these. Dashes mean extrapolation.
+LINE_STYLES = ["-", "-.", ":"]
+MARKERS = ["o", "^", "s", "d", "x", "+", "."]
 MOST_DRAWS = 2000  # of a class in one figure: more change no line visibly
 RADIUS_LABEL = "internal radius $a$ (mm)"
+DIAMETER_LABEL = "outer diameter $d_o$ (mm)"
+# Inches that figures leave for a legend beside and below their panels.
+_BESIDE, _BELOW = 1.2, 0.35
 
 
 class Canvas:
@@ -53,6 +60,8 @@ class Canvas:
         if unknown:
             raise ValueError(f"no visual is called {unknown[0]!r}; there are {known.split()}")
         figure = {"layout": "constrained"} | figure | given.get("figure_kwargs", {})
+        # Whoever asks for a size gets it.
+        self._may_grow = "figsize" not in given.get("figure_kwargs", {})
         settings = {"color": PALETTE} | settings | given | {"figure_kwargs": figure}
         self.collection: PlotCollection = getattr(PlotCollection, layout)(
             data, backend=backend, **settings
@@ -86,21 +95,32 @@ class Canvas:
         """Adjust panels, such as their limits."""
         self.collection.map(function, store_artist=False, ignore_aes="all", **settings)
 
-    def entries(self, key: str, dim: str, prefix: str, **settings: Any) -> dict[str, dict]:
-        """Legend entries of the values of `dim`, which the aesthetic `key` tells apart."""
-        mapping = self.collection.aes[key]["mapping"]
+    def entries(self, dim: str, prefix: str, *aesthetics: str, **settings: Any) -> dict[str, dict]:
+        """Legend entries of the values of `dim`, which these aesthetics tell apart."""
+        mappings = {key: self.collection.aes[key]["mapping"] for key in aesthetics}
+        labels = mappings[aesthetics[0]][dim].values.tolist()
         return {
-            f"{prefix}{label}": settings | {key: mapping.sel({dim: label}).item()}
-            for label in mapping[dim].values.tolist()
+            f"{prefix}{label}": settings
+            | {key: mapping.sel({dim: label}).item() for key, mapping in mappings.items()}
+            for label in labels
         }
 
     def legend(self, entries: dict[str, dict], **settings: Any) -> None:
-        """Add a legend beside the panels, unless it would have one entry."""
+        """Add a legend beside or below the panels, all of it, unless it would have one entry."""
         settings = {"frameon": False, "fontsize": "small", "loc": "outside center right"} | settings
         wanted = self.wanted("legend", settings)
-        if wanted is not None and len(entries) > 1:
-            backend = import_module(f"arviz_plots.backend.{self.collection.backend}")
-            backend.legend(self.collection, list(entries.values()), list(entries), **wanted)
+        if wanted is None or len(entries) < 2:
+            return
+        backend = import_module(f"arviz_plots.backend.{self.collection.backend}")
+
+        def draw(columns: int) -> Any:
+            several = {"ncols": columns} | wanted
+            return backend.legend(self.collection, [*entries.values()], [*entries], **several)
+
+        if self.collection.backend == "none":
+            draw(1)
+        else:
+            _fit(self.collection.get_viz("figure"), draw, len(entries), self._may_grow)
 
     def title(self, attrs: Sequence[Mapping[Any, Any]], *before: str | None) -> None:
         """Say what is shown, and of which data; simulated data are called so."""
@@ -110,6 +130,55 @@ class Canvas:
             text = f"{text}, SIMULATED data" if text else "SIMULATED data"
         if text:
             self.collection.add_title(text, size="medium", wrap=True)
+
+
+def _fit(figure: Any, draw: Callable[[int], Any], entries: int, may_grow: bool) -> None:
+    """Draw a legend in columns: beside the panels no higher, below them no wider than the figure.
+
+    If it may, the figure grows by what the legend takes more than it has been left.
+    """
+
+    def drawn(columns: int) -> tuple[Any, float, float]:
+        legend = draw(columns)
+        size = legend.get_window_extent(figure.canvas.get_renderer()).size / figure.dpi
+        return legend, *size.tolist()
+
+    width, height = figure.get_size_inches()
+    legend, wide, high = drawn(1)
+    beside = legend._outside_loc in ("left", "right")
+    for columns in range(2, entries + 1):
+        if beside and high <= height:
+            break
+        legend.remove()
+        legend, next_wide, next_high = drawn(columns)
+        if not beside and next_wide > 0.98 * width:
+            legend.remove()
+            legend, *_ = drawn(columns - 1)
+            break
+        wide, high = next_wide, next_high
+    if may_grow:
+        more = (max(wide - _BESIDE, 0), 0) if beside else (0, max(high - _BELOW, 0))
+        figure.set_size_inches(width + more[0], height + more[1])
+
+
+def told_apart() -> dict[str, list[str]]:
+    """Colour, line style and marker of things that one figure tells apart, however many."""
+    count = len(PALETTE)
+    return {
+        "color": PALETTE * len(MARKERS),
+        "linestyle": [s for s in LINE_STYLES for _ in range(count)],
+        "marker": [m for m in MARKERS for _ in range(count)],
+    }
+
+
+def stretch_labels(axial_stretch: Any) -> list[str]:
+    """Axial stretches as figures name them."""
+    return [f"{s:.4g}" if np.isfinite(s) else "unknown" for s in np.asarray(axial_stretch, float)]
+
+
+def by_stretch(label: str) -> float:
+    """Where the label of an axial stretch stands among others."""
+    return np.inf if label == "unknown" else float(label)
 
 
 def check_table(result: Any, origin: str, *names: str) -> None:

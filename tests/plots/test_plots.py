@@ -293,7 +293,7 @@ def test_fit_of_one_class_to_other_data(classes):
     outer = new["outer_radius"].copy()
     outer[0] = 9.5
     figure = ph.plot_pressure_fit(classes["C1"], new.assign(outer_radius=outer), backend="none")
-    assert figure.viz["band"]["pressure"].sizes["tube"] == 2
+    assert figure.viz["band"]["pressure"]["specimen"].values.tolist() == ["S1", "S2 and 3 more"]
     assert texts(figure, "title") == []
     with_dict = ph.plot_pressure_fit(classes, {"C1": new, "C2": DATA}, backend="none")
     assert with_dict.viz["band"]["pressure"].sizes["class_label"] == 2

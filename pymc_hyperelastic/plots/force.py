@@ -1,0 +1,112 @@
+"""The posterior of the axial force over the data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.plots.bands import (
+    VISUALS,
+    bands_of,
+    draw_bands,
+    label_columns,
+    title_bands,
+)
+from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals
+from pymc_hyperelastic.predictions.draws import Array, Draws
+
+if TYPE_CHECKING:
+    from arviz_plots import PlotCollection
+
+
+def plot_axial_force(
+    classes: xr.DataTree,
+    data: xr.Dataset | Mapping[str, xr.Dataset] | None = None,
+    *,
+    prob: float = 0.94,
+    energy: StrainEnergy | Sequence[Layer] | None = None,
+    specimen: str | None = None,
+    backend: Backend = "matplotlib",
+    visuals: Visuals | None = None,
+    **pc_kwargs: Any,
+) -> PlotCollection:
+    """Plot the posterior of the reduced axial force over the data, a column for each class.
+
+    It is what a force transducer at the end of the closed tube reads, see
+    :func:`~pymc_hyperelastic.predict_axial_force`. Forces that were measured, in the variable
+    ``axial_force`` of the data, are shown beside the bands, whether the class was fitted to them or
+    not; without any there are the bands alone.
+
+    Parameters
+    ----------
+    classes, data, prob, energy, specimen, backend
+        Those of :func:`~pymc_hyperelastic.plot_pressure_fit`, as are colours and bands.
+    visuals : dict of str to dict or bool, optional
+        Settings of ``band``, ``median``, ``extrapolated`` (the dashed part of the median),
+        ``points``, ``xlabel``, ``ylabel``, ``title`` (of a column) and ``legend``; False leaves one
+        out.
+    **pc_kwargs
+        Passed to :meth:`arviz_plots.PlotCollection.grid`.
+
+    Returns
+    -------
+    arviz_plots.PlotCollection
+        Its variable is ``axial_force``, its dimensions are those of
+        :func:`~pymc_hyperelastic.plot_pressure_fit`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :func:`~pymc_hyperelastic.plot_pressure_fit` does.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
+    >>> model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
+    >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
+    >>> figure = ph.plot_axial_force(tree, backend="none")
+    >>> "points" in figure.viz.children  # nobody measured a force
+    False
+    """
+    bands = bands_of(
+        classes, data, prob, {"energy": energy, "specimen": specimen}, _curve, _measured
+    )
+    columns = len(bands.fitted)
+    canvas = Canvas(
+        "grid",
+        bands.posterior,
+        VISUALS,
+        backend,
+        visuals,
+        pc_kwargs,
+        {"figsize": (max(2.9 * columns + 0.9, 5), 3.6), "sharey": True},
+        cols=["class_label"],
+        **bands.looks,
+    )
+    entries = draw_bands(canvas, bands)
+    label_columns(canvas, bands, "axial_force", "axial_force")
+    first = {"coords": {"class_label": next(iter(bands.fitted))}}
+    canvas.label("ylabel", "reduced axial force (mN)", **first)
+    canvas.legend(entries, loc="outside lower center")
+    title_bands(canvas, bands, energy, specimen)
+    return canvas.collection
+
+
+def _curve(draws: Draws, radius: Array) -> xr.Dataset:
+    """Axial force of draws at radii."""
+    beyond = draws.extrapolated_radii(radius)
+    return draws.dataset({"radius": radius}, beyond, axial_force=draws.tube.axial_force(radius))
+
+
+def _measured(data: xr.Dataset) -> xr.Dataset:
+    """Measured axial forces; NaN where there is none."""
+    radius = data["radius"].values
+    force = data["axial_force"].values if "axial_force" in data else np.full_like(radius, np.nan)
+    known = np.where(np.isnan(force), np.nan, radius)
+    return xr.Dataset({"axial_force": (("plot_axis", "point"), [known, force])})

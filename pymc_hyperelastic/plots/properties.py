@@ -1,0 +1,265 @@
+"""Posteriors of what follows from a fit at given pressures: elastic properties, wall stresses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.plots.style import (
+    Backend,
+    Canvas,
+    Visuals,
+    fitted_classes,
+    law_of,
+    per_kilopascal,
+    told_apart,
+    training_attrs,
+)
+from pymc_hyperelastic.predictions.members import TYPICAL
+from pymc_hyperelastic.predictions.properties import tube_properties, wall_stress
+
+if TYPE_CHECKING:
+    from arviz_plots import PlotCollection
+
+# As axes name them; what is left out by default are radii and the slope, see plot_pressure_fit.
+_PROPERTIES = {
+    "compliance": "compliance d$A$/d$p$ (mm²/kPa)",
+    "distensibility": "distensibility (1/kPa)",
+    "peterson_modulus": "Peterson's modulus (kPa)",
+    "incremental_modulus": "incremental modulus (kPa)",
+    "pulse_wave_velocity": "pulse wave velocity (m/s)",
+}
+_STRESSES = {"sigma_rr": "radial", "sigma_tt": "hoop", "sigma_zz": "axial"}
+_VISUALS = "band median xlabel ylabel title legend"
+
+
+def plot_elastic_properties(
+    classes: xr.DataTree,
+    pressure: Any,
+    *,
+    var_names: Sequence[str] = tuple(_PROPERTIES),
+    prob: float = 0.94,
+    pressure_unit: str = "mmHg",
+    tube: Mapping[str, Any] | None = None,
+    backend: Backend = "matplotlib",
+    visuals: Visuals | None = None,
+    **pc_kwargs: Any,
+) -> PlotCollection:
+    """Plot the posterior of elastic properties over the pressure, a colour for each class.
+
+    Parameters
+    ----------
+    classes : xarray.DataTree
+        Result of :func:`pymc_hyperelastic.fit_classes`, one of its classes, or a sampled model.
+    pressure : array_like, shape (pressure,)
+        Internal pressures, in `pressure_unit`.
+    var_names : sequence of str
+        What has a panel: names of :func:`~pymc_hyperelastic.tube_properties` from compliance to
+        pulse wave velocity, all of these by default.
+    prob : float
+        Probability that the bands hold at each pressure, with equal tails.
+    pressure_unit : str
+        Unit of the pressures, as pint knows it.
+    tube : dict of str to object, optional
+        What :func:`~pymc_hyperelastic.tube_properties` is told besides: the material, the
+        ``specimen``, the tube, the ``density`` of the fluid.
+    backend : {"matplotlib", "none"}
+        Plotting backend; ``"none"`` only collects what would be drawn.
+    visuals : dict of str to dict or bool, optional
+        Settings of ``band``, ``median``, ``xlabel``, ``ylabel`` and ``legend``; False leaves one
+        out.
+    **pc_kwargs
+        Passed to :meth:`arviz_plots.PlotCollection.wrap`.
+
+    Returns
+    -------
+    arviz_plots.PlotCollection
+        Its variables are those of `var_names`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `classes` is no DataTree with a posterior, a name, `prob`, the backend or a visual is
+        unknown, or :func:`~pymc_hyperelastic.tube_properties` raises it.
+
+    Examples
+    --------
+    >>> import xarray as xr, pymc_hyperelastic as ph
+    >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
+    >>> tree = xr.DataTree.from_dict({"posterior": posterior})
+    >>> tube = {"energy": ph.NeoHookean(), "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> figure = ph.plot_elastic_properties(tree, [5.0, 10.0], tube=tube, backend="none")
+    >>> list(figure.viz["plot"].data_vars)[:2]
+    ['compliance', 'distensibility']
+    """
+    names = list(var_names)
+    unknown = [name for name in names if name not in _PROPERTIES]
+    if unknown or not names or isinstance(var_names, str):
+        raise ValueError(f"var_names must be a list of {list(_PROPERTIES)}; got {var_names!r}")
+    fitted = fitted_classes(classes)
+    told = {"pressure_unit": pressure_unit, **(tube or {})}
+    tables = {n: tube_properties(tree, pressure, **told)[names] for n, tree in fitted.items()}
+    factor = per_kilopascal(pressure_unit)
+    bands = xr.concat(
+        [_band(table, table["pressure"] * factor, prob) for table in tables.values()],
+        dim=xr.DataArray(list(fitted), dims="class_label", name="class_label"),
+    )
+    columns = min(len(names), 3)
+    canvas = Canvas(
+        "wrap",
+        bands,
+        _VISUALS,
+        backend,
+        visuals,
+        pc_kwargs,
+        {"figsize": (3 * columns + 1.2, 2.6 * -(-len(names) // columns) + 0.3)},
+        cols=["__variable__"],
+        col_wrap=columns,
+        aes={"color": ["class_label"], "linestyle": ["class_label"]},
+        **_looks(),
+    )
+    _draw(canvas, bands)
+    for name in names:
+        canvas.label("xlabel", f"pressure ({pressure_unit})", data=bands[[name]])
+        canvas.label("ylabel", _PROPERTIES[name], data=bands[[name]])
+    canvas.legend(canvas.entries("class_label", "", "color", "linestyle"), title="class")
+    _title(canvas, fitted, tables, prob, (tube or {}).get("energy"))
+    return canvas.collection
+
+
+def plot_wall_stress(
+    classes: xr.DataTree,
+    pressure: Any,
+    *,
+    prob: float = 0.94,
+    pressure_unit: str = "mmHg",
+    tube: Mapping[str, Any] | None = None,
+    backend: Backend = "matplotlib",
+    visuals: Visuals | None = None,
+    **pc_kwargs: Any,
+) -> PlotCollection:
+    """Plot the posterior of the stresses through the wall, a row for each class.
+
+    Parameters
+    ----------
+    classes, prob, pressure_unit, backend
+        Those of :func:`~pymc_hyperelastic.plot_elastic_properties`.
+    pressure : array_like, shape (pressure,)
+        Internal pressures, in `pressure_unit`; each has a colour.
+    tube : dict of str to object, optional
+        What :func:`~pymc_hyperelastic.wall_stress` is told besides: the material, the ``specimen``,
+        the tube, the ``points`` in the wall.
+    visuals : dict of str to dict or bool, optional
+        Settings of ``band``, ``median``, ``xlabel``, ``ylabel``, ``title`` (of a column) and
+        ``legend``; False leaves one out.
+    **pc_kwargs
+        Passed to :meth:`arviz_plots.PlotCollection.grid`.
+
+    Returns
+    -------
+    arviz_plots.PlotCollection
+        Its variables are ``sigma_rr``, ``sigma_tt`` and ``sigma_zz``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `classes` is no DataTree with a posterior, `prob`, the backend or a visual is unknown, or
+        :func:`~pymc_hyperelastic.wall_stress` raises it.
+
+    Examples
+    --------
+    >>> import xarray as xr, pymc_hyperelastic as ph
+    >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
+    >>> tree = xr.DataTree.from_dict({"posterior": posterior})
+    >>> tube = {"energy": ph.NeoHookean(), "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> figure = ph.plot_wall_stress(tree, [5.0, 10.0], tube=tube, backend="none")
+    >>> figure.viz["median"]["sigma_tt"].sizes["pressure"]
+    2
+    """
+    fitted = fitted_classes(classes)
+    told = {"pressure_unit": pressure_unit, **(tube or {})}
+    tables = {n: wall_stress(tree, pressure, **told)[[*_STRESSES]] for n, tree in fitted.items()}
+    factor = per_kilopascal(pressure_unit)
+    bands = xr.concat(
+        [_band(table, table["position"], prob) for table in tables.values()],
+        dim=xr.DataArray(list(fitted), dims="class_label", name="class_label"),
+    )
+    levels = [f"{p * factor:.4g} {pressure_unit}" for p in bands["pressure"].values]
+    bands = bands.assign_coords(pressure=levels)
+    canvas = Canvas(
+        "grid",
+        bands,
+        _VISUALS,
+        backend,
+        visuals,
+        pc_kwargs,
+        {"figsize": (9.2, 2.5 * len(fitted) + 0.6), "sharex": True, "sharey": "col"},
+        rows=["class_label"],
+        cols=["__variable__"],
+        aes={"color": ["pressure"], "linestyle": ["pressure"]},
+        **_looks(),
+    )
+    _draw(canvas, bands)
+    first, *_, last = [*fitted, *fitted]
+    for name, direction in _STRESSES.items():
+        of_one = bands[[name]]
+        top, bottom = {"coords": {"class_label": first}}, {"coords": {"class_label": last}}
+        canvas.label("title", f"{direction} stress", data=of_one, size="medium", **top)
+        canvas.label("xlabel", "place in the wall $(R-A)/(B-A)$", data=of_one, **bottom)
+    for name in fitted:
+        text = "Cauchy stress (kPa)" if len(fitted) == 1 else f"class {name}\nCauchy stress (kPa)"
+        where = {"data": bands[["sigma_rr"]], "coords": {"class_label": name}}
+        canvas.label("ylabel", text, **where)
+    canvas.legend(canvas.entries("pressure", "", "color", "linestyle"), title="pressure")
+    single = levels[0] if len(levels) == 1 else None
+    _title(canvas, fitted, tables, prob, (tube or {}).get("energy"), single)
+    return canvas.collection
+
+
+def _looks() -> dict[str, list[str]]:
+    """Colours and line styles; there are no points to mark."""
+    looks = told_apart()
+    return {name: looks[name] for name in ("color", "linestyle")}
+
+
+def _band(table: xr.Dataset, x: xr.DataArray, prob: float) -> xr.Dataset:
+    """Median and band of draws over an axis; what no draw reaches is left out."""
+    if not 0 < prob < 1:
+        raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
+    table = table.reset_coords(drop=True)
+    some = table.notnull().any(["chain", "draw"])
+    levels = [0.5, (1 - prob) / 2, (1 + prob) / 2]
+    y = table.where(some, 0.0).quantile(levels, ["chain", "draw"]).where(some)
+    y = y.rename(quantile="plot_axis").assign_coords(plot_axis=["y", "y_bottom", "y_top"])
+    along = xr.zeros_like(y.isel(plot_axis=[0])).assign_coords(plot_axis=["x"])
+    return xr.concat([along + x.reset_coords(drop=True), y], dim="plot_axis")
+
+
+def _draw(canvas: Canvas, bands: xr.Dataset) -> None:
+    """Draw bands and medians."""
+    from arviz_plots.visuals import fill_between_y, line_xy
+
+    band = bands.sel(plot_axis=["x", "y_bottom", "y_top"]).rename(plot_axis="kwarg")
+    settings: dict[str, Any] = {"alpha": 0.3, "linewidth": 0, "ignore_aes": {"linestyle"}}
+    canvas.draw("band", fill_between_y, data=band, **settings)
+    canvas.draw("median", line_xy, data=bands.sel(plot_axis=["x", "y"]), width=1.5)
+
+
+def _title(
+    canvas: Canvas,
+    fitted: Mapping[str, xr.DataTree],
+    tables: Mapping[str, xr.Dataset],
+    prob: float,
+    energy: Any,
+    pressure: str | None = None,
+) -> None:
+    """Say by which law, of whom, at which pressure if there is one, and of which data."""
+    table = next(iter(tables.values()))
+    law = energy.name if isinstance(energy, StrainEnergy) else law_of(next(iter(fitted.values())))
+    whose = table.attrs.get("specimen")
+    whose = f"{whose} specimen" if whose == TYPICAL else whose and f"specimen {whose}"
+    held = f"median and {100 * prob:.3g} % of the posterior"
+    canvas.title(training_attrs(fitted), law, whose, pressure, held)
