@@ -9,9 +9,9 @@ from scipy.special import logsumexp, softmax
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
     Prediction,
-    same_training_data,
     training_evidence,
 )
+from pymc_hyperelastic.classes.training import same_training_data
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 

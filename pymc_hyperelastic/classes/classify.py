@@ -14,6 +14,7 @@ from scipy.special import softmax
 from pymc_hyperelastic.classes.average import average, weights_of_laws
 from pymc_hyperelastic.classes.interface import Prediction, Predictor
 from pymc_hyperelastic.classes.kinds import kind_of_classes
+from pymc_hyperelastic.classes.training import check_new
 from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.evidence.diagnosis import VERDICTS, worst_verdict
@@ -49,7 +50,10 @@ def classify(
     Parameters
     ----------
     new_data : xarray.Dataset
-        New inflation data; they must not be among the training data.
+        New inflation data. Measurements from which a class was learned are refused, under whatever
+        names: it would always claim them. With variability new specimens are new to the class, and
+        other experiments on a specimen of the training data are warned of; without, they are other
+        curves of the class's one material.
     classes : xarray.DataTree
         Result of :func:`fit_classes`, perhaps read from a file.
     by : {"test", "specimen"}
@@ -101,8 +105,8 @@ def classify(
     Raises
     ------
     TypeError, ValueError
-        If the data are unsound, `classes` are not fitted classes of one model, or `class_prior` is
-        not a probability of each class.
+        If the data are unsound or were in the training data, `classes` are not fitted classes of
+        one model, or `class_prior` is not a probability of each class.
 
     Examples
     --------
@@ -142,6 +146,7 @@ def classify(
         kind.predictor(tree.children, new_data, len(units), own)
         for kind, tree, own in zip(kinds, trees, seeds, strict=True)
     ]
+    check_new(new_data, classes.children, any(kind.fresh_specimens for kind in kinds))
 
     def predict(data: xr.Dataset) -> list[Prediction]:
         of_laws = [predictor(data) for predictor in predictors]

@@ -15,6 +15,7 @@ from pymc_hyperelastic.classes.average import labels_of
 from pymc_hyperelastic.classes.fit import check_classes
 from pymc_hyperelastic.classes.interface import ClassKind
 from pymc_hyperelastic.classes.kinds import kind_of_settings
+from pymc_hyperelastic.classes.training import check_left_out
 from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.diagnosis import worst_of
@@ -88,7 +89,8 @@ def calibration_report(
     ------
     TypeError, ValueError
         If anything is wrong with the data, priors or numbers, a specimen stands in two classes or
-        not in `leave_out`, or a class has no specimen left.
+        not in `leave_out`, a curve under two specimens that are not left out together, or a class
+        has no specimen left.
 
     Examples
     --------
@@ -123,6 +125,7 @@ def calibration_report(
     true_class = _true_classes(classes)
     units = _units(true_class, leave_out)
     _check_left(classes, true_class, units)
+    check_left_out(classes, units)
     kinds = [
         kind_of_settings(
             variability,

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.study import inflation_data_of
 
 Array = NDArray[np.float64]
 
@@ -58,6 +57,8 @@ class ClassKind(ABC):
     variability: ClassVar[str]
     #: Whether a prediction has a p-value.
     has_p_value: ClassVar[bool]
+    #: Whether a new specimen is a fresh draw, which no specimen of the class is.
+    fresh_specimens: ClassVar[bool] = False
     #: Attributes of a fitted class that must be alike in all classes of a comparison.
     common_attrs: ClassVar[tuple[str, ...]]
 
@@ -125,8 +126,3 @@ class ClassKind(ABC):
 def training_evidence(fitted: Mapping[str, xr.DataTree]) -> float:
     """Log evidence of the training data of all classes together."""
     return sum(log_evidence(of_class).value for of_class in fitted.values())
-
-
-def same_training_data(first: xr.DataTree, second: xr.DataTree) -> bool:
-    """Whether two classes were fitted to the same data."""
-    return inflation_data_of(first).equals(inflation_data_of(second))

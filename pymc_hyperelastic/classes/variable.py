@@ -67,6 +67,7 @@ class Variability(Population, ClassKind):
 
     variability: ClassVar[str] = "specimen"
     has_p_value: ClassVar[bool] = True
+    fresh_specimens: ClassVar[bool] = True
     common_attrs: ClassVar[tuple[str, ...]] = ("variability_settings",)
 
     @classmethod
