@@ -27,12 +27,23 @@ class Prediction(NamedTuple):
     """Chance that a specimen of the class is stranger, by either of the following."""
     p_typical: float = np.nan
     p_fit: float = np.nan
+    hybrids: "Callable[[int], Array] | None" = None
+    """Log evidences under this class with parts of that of another number in place of its own.
+
+    One axis a part of the kind, two entries long: this class's part, and the other's.
+    """
+    probability_error: float = 0.0
+    """Standard error of the class's probability from what laws it is an average of."""
+    rival: int = -1
+    """Number of the most probable other class."""
+    parts: tuple[float, ...] = ()
+    """Parts of the log ratio of the evidences of this class and its rival."""
 
 
 class Fold(NamedTuple):
     """What classes that were fitted without some specimens say of these."""
 
-    training_evidence: float
+    training_evidence: Estimate
     verdict: str
     """The worst about a class's evidence."""
     predictions: dict[str, list[Prediction]]
@@ -63,6 +74,16 @@ class ClassKind(ABC):
     common_attrs: ClassVar[tuple[str, ...]]
 
     energy: StrainEnergy
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """What a class consists of, as far as its parts can be told apart in an evidence."""
+        return ("all",)
+
+    @property
+    def in_words(self) -> str:
+        """What tells two kinds of one law apart that may be averaged."""
+        return ""
 
     @classmethod
     @abstractmethod
@@ -123,6 +144,7 @@ class ClassKind(ABC):
         )
 
 
-def training_evidence(fitted: Mapping[str, xr.DataTree]) -> float:
+def training_evidence(fitted: Mapping[str, xr.DataTree]) -> Estimate:
     """Log evidence of the training data of all classes together."""
-    return sum(log_evidence(of_class).value for of_class in fitted.values())
+    values, errors = np.transpose([log_evidence(of_class) for of_class in fitted.values()])
+    return Estimate(float(values.sum()), float(np.linalg.norm(errors)))

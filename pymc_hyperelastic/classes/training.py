@@ -40,8 +40,8 @@ def check_new(new_data: xr.Dataset, classes: Mapping[str, xr.DataTree], fresh: b
         warnings.warn(
             f"the new data name the specimens {names}, whose other measurements were in the "
             "training data: with variability each is taken for a specimen that the class has never "
-            "seen, and looks more like it than it should. Leave these specimens out of the classes, "
-            "or give them other names if they are others",
+            "seen, and looks more like it than it should. Leave these specimens out of the "
+            "classes, or give them other names if they are others",
             stacklevel=3,
         )
 
