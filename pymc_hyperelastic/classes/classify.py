@@ -180,8 +180,7 @@ def classify(
 
     predictions = _predict_all(predict, new_data, units, len(names), progressbar)
     result = _tabulate(predictions, prior, by, names)
-    parts = parts_of(laws)
-    result = result.assign(table_of_parts(predictions, by, names, parts)).assign_coords(part=parts)
+    result = result.assign(table_of_parts(predictions, by, names, parts_of(laws)))
     if not has_p_value:
         result = result.drop_vars(["p_value", "typical_p_value", "fit_p_value"])
     result["class_verdict"] = (

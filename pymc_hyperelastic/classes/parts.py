@@ -95,4 +95,5 @@ def table_of_parts(
     return {
         "rival": ((by, "class_label"), np.array(rivals)),
         "log_ratio_part": ((by, "class_label", "part"), values),
+        "part": ("part", list(parts)),
     }

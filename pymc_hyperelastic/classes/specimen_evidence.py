@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +27,9 @@ PARTS: dict[str, tuple[str, ...]] = {
     "noise": ("log_sigma", "noise_spread"),
 }
 """Parts of a class's distribution, and of what each consists."""
+
+# Draws of two distributions whose parts are exchanged.
+_EXCHANGED = 250
 
 
 def variance_of_specimen(draws: SpecimenDraws, distributions: ClassDistribution) -> float:
@@ -87,21 +89,25 @@ def hybrid_evidences(
     own: ClassDistribution,
     other: ClassDistribution,
     parts: Sequence[str],
+    ends: tuple[float, float],
 ) -> Array:
     """Log evidences of a specimen under a class of which some `parts` are those of another one.
 
-    One axis a part, two entries long: `own` part, and the `other`'s. Draw by draw of both classes'
-    distributions parts are exchanged. Of the `samples` of the specimen, the first of which is tried
-    first, that is taken whose weights have the smallest Pareto shape; NaN where none can be
-    trusted, and where nothing or everything is exchanged, which is known already.
+    One axis a part, two entries long: `own` part, and the `other`'s. Parts are exchanged draw by
+    draw of the two distributions, of which some are enough: what these few make the evidences under
+    the classes themselves differ from the `ends`, which are known from more, is divided evenly. Of
+    the `samples` of the specimen, the first of which is tried first, that is taken whose weights
+    have the smallest Pareto shape; NaN where none can be trusted.
     """
-    count = min(len(own.location[0]), len(other.location[0]))
-    pair = tuple(_first(d, count) for d in (own, other))
-    values, shapes = np.full((2,) * len(parts), np.nan), np.full((2,) * len(parts), np.inf)
-    mixed = [i for i in product((0, 1), repeat=len(parts)) if 0 < sum(i) < len(parts)]
-    for draws in samples if mixed else ():
+    shape = (2,) * len(parts)
+    if len(parts) == 1:
+        return np.array(ends)
+    count = min(len(own.location[0]), len(other.location[0]), _EXCHANGED)
+    pair = tuple(_some(d, count) for d in (own, other))
+    values, shapes = np.full(shape, np.nan), np.full(shape, np.inf)
+    for draws in samples:
         densities = _densities_of_parts(draws, pair, parts)
-        for place in mixed:
+        for place in np.ndindex(shape):
             density = densities(dict(zip(parts, place, strict=True)))
             largest = density.max(axis=0)
             log_weights = draws.log_weight + largest
@@ -109,9 +115,12 @@ def hybrid_evidences(
             pareto_k = _trust(log_weights, draws)[1]
             if pareto_k < shapes[place]:
                 values[place], shapes[place] = logsumexp(log_weights), pareto_k
-        if max(shapes[place] for place in mixed) < LARGEST_PARETO_K:
+        if shapes.max() < LARGEST_PARETO_K:
             break
-    return np.where(shapes < LARGEST_PARETO_K, values, np.nan)
+    values[shapes >= LARGEST_PARETO_K] = np.nan
+    exchanged = np.indices(shape).mean(axis=0)
+    first, last = np.array(ends) - values.flat[[0, -1]]
+    return values + (1 - exchanged) * first + exchanged * last
 
 
 def _densities_of_parts(
@@ -133,14 +142,15 @@ def _densities_of_parts(
     return densities
 
 
-def _first(d: ClassDistribution, count: int) -> ClassDistribution:
+def _some(d: ClassDistribution, count: int) -> ClassDistribution:
     """So many of the draws of a class's distribution."""
+    chosen = np.linspace(0, len(d.location[0]) - 1, count).round().astype(int)
 
-    def first(values: Any) -> Any:
-        return None if values is None else values[..., :count, :]
+    def some(values: Any) -> Any:
+        return None if values is None else values[..., chosen, :]
 
-    factor = [[first(entry) for entry in row] for row in d.factor]
-    others = {name: first(getattr(d, name)) for name in vars(d) if name != "factor"}
+    factor = [[some(entry) for entry in row] for row in d.factor]
+    others = {name: some(getattr(d, name)) for name in vars(d) if name != "factor"}
     return ClassDistribution(factor=factor, **others)
 
 

@@ -281,9 +281,9 @@ class SpecimenPredictive:
     ) -> Array:
         """Log evidences under one class with parts of another, see :class:`Prediction`."""
         distributions, parts = [*self._distributions.values()], self._settings.parts
-        values = hybrid_evidences(samples, distributions[number], distributions[other], parts)
-        values.flat[[0, -1]] = [known[i].log_evidence.value for i in (number, other)]
-        return values
+        own, others = distributions[number], distributions[other]
+        ends = known[number].log_evidence.value, known[other].log_evidence.value
+        return hybrid_evidences(samples, own, others, parts, ends)
 
     def _near(self, name: str) -> SpecimenSampler:
         """Sampler under a distribution like that of a class."""

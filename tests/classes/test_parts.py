@@ -77,9 +77,9 @@ def specimen(location=(0.1, 0.9), log_sigma=-1.2, apart=0.1):
 def parts_of(own, other, draws=None, parts=tuple(PARTS)):
     """Parts of the log ratio, and the log ratio itself."""
     draws = draws or specimen()
-    values = hybrid_evidences([draws], own, other, parts)
-    ends = [specimen_evidence(draws, d).log_evidence.value for d in (own, other)]
-    values.flat[[0, -1]] = ends
+    ends = tuple(specimen_evidence(draws, d).log_evidence.value for d in (own, other))
+    values = hybrid_evidences([draws], own, other, parts, ends)
+    np.testing.assert_allclose(values.flat[[0, -1]], ends)
     return dict(zip(parts, shapley(values), strict=True)), ends[0] - ends[1]
 
 
@@ -121,9 +121,12 @@ def test_hybrids_are_densities_of_exchanged_parts():
     draws = specimen()
     mixed = replace(own, effect_spread=other.effect_spread, log_sigma=other.log_sigma)
     expected = np.log(np.mean(np.exp(log_density(np, vars(draws), mixed)[0])))
-    values = hybrid_evidences([draws], own, other, tuple(PARTS))
+    ends = tuple(specimen_evidence(draws, d).log_evidence.value for d in (own, other))
+    values = hybrid_evidences([draws], own, other, tuple(PARTS), ends)
     np.testing.assert_allclose(values[0, 1, 1], expected, atol=ROUNDING)
-    assert np.isnan(values.flat[[0, -1]]).all()
+    # What is known better of the two classes themselves is divided evenly.
+    moved = hybrid_evidences([draws], own, other, tuple(PARTS), (ends[0] + 0.3, ends[1]))
+    np.testing.assert_allclose(moved[0, 1, 1], expected + 0.1, atol=ROUNDING)
 
 
 def test_hybrids_that_cannot_be_trusted_are_not_told():
@@ -131,17 +134,19 @@ def test_hybrids_that_cannot_be_trusted_are_not_told():
     own, other = distribution(), distribution(location=[9.0, 1.0], log_sigma=-0.5)
     bad, good = specimen(), specimen(location=(9.0, 1.0))
     parts = ("material", "noise")
-    assert np.isnan(hybrid_evidences([bad], own, other, parts)[1, 0])
-    values = hybrid_evidences([bad, good], own, other, parts)
-    assert np.isfinite(values[1, 0]) and np.isfinite(values[0, 1])
+    ends = (0.0, 0.0)
+    assert np.isnan(hybrid_evidences([bad], own, other, parts, ends)[1, 0])
+    values = hybrid_evidences([bad, good], own, other, parts, ends)
+    assert np.isfinite(values).all()
 
 
 def test_classes_of_unlike_numbers_of_draws_compare():
-    """Draws of the two are paired as far as they go."""
+    """Draws of the two are paired as far as they go, and of very many some are enough."""
     changes = {"location": [0.6, 1.0], "log_sigma": -0.5}
     expected, _ = parts_of(distribution(), distribution(**changes))
-    parts, _ = parts_of(distribution(), distribution(20, **changes))
-    np.testing.assert_allclose([*parts.values()], [*expected.values()], atol=ROUNDING)
+    for counts in ((50, 20), (600, 50)):
+        parts, _ = parts_of(distribution(counts[0]), distribution(counts[1], **changes))
+        np.testing.assert_allclose([*parts.values()], [*expected.values()], atol=ROUNDING)
 
 
 # --- fitted classes -------------------------------------------------------------------------------
@@ -168,6 +173,27 @@ def test_stiffness_and_noise_of_fitted_classes(tmp_path):
     # Both classes were measured alike.
     assert np.all(abs(parts.sel(part="noise")) < abs(parts.sel(part="material")))
     result.to_netcdf(tmp_path / "result.nc")
+
+
+def test_noise_of_fitted_classes():
+    """Walls are alike, but for what their curves leave open; what differs is the noise."""
+    rng = np.random.default_rng(11)
+
+    def with_noise(data, sd):
+        noise = sd * rng.standard_normal(data.sizes["obs"])
+        return data.assign(pressure=data["pressure"] + noise)
+
+    moduli = [[40.0, 40.0], [50.0, 50.0], [60.0, 60.0]]
+    quiet, loud = (
+        with_noise(curves(dict(zip(names, moduli, strict=True)), seed), sd)
+        for names, seed, sd in ((["A1", "A2", "A3"], 1, 0.0), (["B1", "B2", "B3"], 2, 3.0))
+    )
+    prior = pm.LogNormal.dist(np.log(1.0), 1.0)
+    classes = fit(training={"quiet": quiet, "loud": loud}, sigma=prior, draws=300, chains=1)
+    new = with_noise(curves({"N": [46.0, 46.0]}, 3), 3.0)
+    parts = classify(new, classes)["log_ratio_part"].sel(class_label="loud")[0]
+    assert parts.sel(part="noise") > 1
+    assert abs(parts.sel(part="material")) < parts.sel(part="noise") / 2
 
 
 @pytest.mark.deep
@@ -200,7 +226,7 @@ def test_pooled_classes_have_one_part():
     assert result["part"].values.tolist() == ["all"]
     one = fit(training={"soft": TRAINING["soft"]}, variability="none", draws=200, chains=1)
     alone = classify(curves({"N1": [42.0]}, 3), one)
-    assert "rival" not in alone and "log_ratio_part" not in alone
+    assert not {"rival", "log_ratio_part", "part"} & set(alone.variables)
 
 
 def test_the_rival_is_the_most_probable_other_class():
