@@ -121,6 +121,12 @@ def classify(
         and positive where it speaks for the class; NaN where one of these evidences is not to be
         trusted.
 
+    Warns
+    -----
+    UserWarning
+        If specimens stand in the training data of classes with variability, with other
+        measurements; if something cannot be judged; if an interrupt leaves something unknown.
+
     Raises
     ------
     TypeError, ValueError
@@ -160,6 +166,8 @@ def classify(
             "none_below needs classes that say how specimens differ: "
             "ph.fit_classes(..., variability='specimen')"
         )
+    with np.errstate(divide="ignore"):
+        log_prior = np.log(prior)
     check_inflation_data(new_data)
     units = _units(new_data, by)
     seed = seed_sequence(random_seed)
@@ -169,9 +177,6 @@ def classify(
         for kind, tree, own in zip(kinds, trees, seeds, strict=True)
     ]
     check_new(new_data, classes.children, any(kind.fresh_specimens for kind in kinds))
-
-    with np.errstate(divide="ignore"):
-        log_prior = np.log(prior)
 
     def predict(data: xr.Dataset) -> list[Prediction]:
         of_laws = [predictor(data) for predictor in predictors]
@@ -196,14 +201,8 @@ def classify(
         )
     if average_over:
         result = result.assign(laws.as_variables())
-    first = [unit[0] for unit in units]
-    labels = ("specimen", "experiment", "group") if by == "test" else ("specimen", "group")
-    return result.assign_coords(
-        {label: (by, new_data[label].values[first]) for label in labels}
-    ).assign_attrs(
-        # What the data are, above all whether they were simulated, stays with the result.
-        {key: new_data.attrs[key] for key in ("title", "simulated") if key in new_data.attrs}
-        | {
+    return _labelled(result, new_data, units, by).assign_attrs(
+        {
             "strain_energy": ", ".join(laws.labels),
             "class_prior": json.dumps(dict(zip(names, prior.tolist(), strict=True))),
         }
@@ -277,6 +276,18 @@ def _tabulate(
     return xr.Dataset(
         {name: (dims, values) for name, values in tables.items()}, {"class_label": list(names)}
     )
+
+
+def _labelled(
+    result: xr.Dataset, data: xr.Dataset, units: Sequence[Sequence[int]], by: str
+) -> xr.Dataset:
+    """The result with names of what was classified, and what the data are said to be."""
+    first = [unit[0] for unit in units]
+    labels = ("specimen", "experiment", "group") if by == "test" else ("specimen", "group")
+    # Above all whether they were simulated.
+    kept = {key: data.attrs[key] for key in ("title", "simulated") if key in data.attrs}
+    named = {label: (by, data[label].values[first]) for label in labels}
+    return result.assign_coords(named).assign_attrs(kept)
 
 
 def _decide(

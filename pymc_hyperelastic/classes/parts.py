@@ -31,7 +31,7 @@ def with_parts(
     `averaged` are those of the `laws` together, and `predictions` those of every class by law.
     """
     if len(averaged) < 2:
-        return [*averaged]
+        return [prediction._replace(hybrids=None) for prediction in averaged]
     chances = np.nan_to_num([p.log_evidence.value for p in averaged], nan=-np.inf) + log_prior
     known: dict[tuple[int, int], Array] = {}
     result = []
@@ -42,7 +42,9 @@ def with_parts(
         else:
             parts = shapley(_hybrids(laws, predictions, own, rival))
         known[own, rival] = parts
-        result.append(prediction._replace(rival=rival, parts=tuple(parts.tolist())))
+        told = tuple(parts.tolist())
+        # What hybrids are made of is large, and of no more use.
+        result.append(prediction._replace(rival=rival, parts=told, hybrids=None))
     return result
 
 
