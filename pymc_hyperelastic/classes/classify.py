@@ -11,9 +11,11 @@ import xarray as xr
 from pymc.progress_bar import create_simple_progress
 from scipy.special import softmax
 
-from pymc_hyperelastic.classes.average import average, weights_of_laws
+from pymc_hyperelastic.classes.average import average, laws_of
 from pymc_hyperelastic.classes.interface import Prediction, Predictor
 from pymc_hyperelastic.classes.kinds import kind_of_classes
+from pymc_hyperelastic.classes.parts import parts_of, table_of_parts, with_parts
+from pymc_hyperelastic.classes.training import check_new
 from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
 from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.evidence.diagnosis import VERDICTS, worst_verdict
@@ -50,7 +52,10 @@ def classify(
     Parameters
     ----------
     new_data : xarray.Dataset
-        New inflation data; they must not be among the training data.
+        New inflation data. Measurements from which a class was learned are refused, under whatever
+        names: it would always claim them. With variability new specimens are new to the class, and
+        other experiments on a specimen of the training data are warned of; without, they are other
+        curves of the class's one material.
     classes : xarray.DataTree
         Result of :func:`fit_classes`, perhaps read from a file.
     by : {"test", "specimen"}
@@ -60,9 +65,12 @@ def classify(
     average_over : sequence of xarray.DataTree, optional
         The same classes, of the same training data, fitted with other strain energies: what each
         says counts by its posterior probability, which is the product of the evidences of its
-        classes. The variable ``strain_energy_probability`` tells it. The p-value is the mean of the
-        laws' p-values by these probabilities. Evidences compare only between classes of the same
-        noise, or between classes that all have variability.
+        classes. The variable ``strain_energy_probability`` tells it, and
+        ``strain_energy_probability_se`` what the errors of these evidences leave open, which all
+        errors of the result hold too: if one is infinite, nothing can be judged. The p-value is the
+        mean of the laws' p-values by these probabilities. Evidences compare only between classes of
+        the same noise, or between classes that all have variability; of these one law may be there
+        twice, with an experiment effect and without.
     undecided_below : float, default 0
         Probability that the most probable class must have for a decision.
     none_below : float, default 0
@@ -99,11 +107,32 @@ def classify(
         says how far the fits of the classes can be trusted, see
         :func:`~pymc_hyperelastic.diagnose_evidence`.
 
+        What drives an answer is in ``log_ratio_part`` (..., class_label, part), in nats: the log
+        ratio of the evidences of the class and of its ``rival``, the most probable other class, is
+        the sum of these parts. With variability they are "material" (location, spreads and
+        correlation of the coordinates), "experiments" (how much those on a specimen differ) and
+        "noise" (its size), as far as the classes have them; else a class has one part, "all". Each
+        is the mean change of the log evidence ``v`` when the class's part is exchanged for the
+        rival's, over all orders in which the ``n`` parts can be exchanged,
+
+        .. math:: φ_j = \sum_{S \not\ni j} \frac{|S|! \, (n - 1 - |S|)!}{n!} \,
+            \bigl[v(S) - v(S \cup \{j\})\bigr], \qquad
+            \sum_j φ_j = \ln\frac{P(D | C)}{P(D | C_{\mathrm{rival}})}
+
+        and positive where it speaks for the class; NaN where one of these evidences is not to be
+        trusted.
+
+    Warns
+    -----
+    UserWarning
+        If specimens stand in the training data of classes with variability, with other
+        measurements; if something cannot be judged; if an interrupt leaves something unknown.
+
     Raises
     ------
     TypeError, ValueError
-        If the data are unsound, `classes` are not fitted classes of one model, or `class_prior` is
-        not a probability of each class.
+        If the data are unsound or were in the training data, `classes` are not fitted classes of
+        one model, or `class_prior` is not a probability of each class.
 
     Examples
     --------
@@ -117,6 +146,9 @@ def classify(
     >>> result = ph.classify(new, classes, random_seed=2, progressbar=False)
     >>> result["class_probability"].idxmax("class_label").item()
     'C2'
+    >>> parts = result["log_ratio_part"].sel(class_label="C2")
+    >>> bool(parts.sum("part") > 0)  # of the log ratio to class C1
+    True
     """
     _check_limits(by, undecided_below, none_below)
     if isinstance(average_over, xr.DataTree) or not isinstance(average_over, Sequence):
@@ -128,13 +160,15 @@ def classify(
     kinds = [kind_of_classes(tree) for tree in trees]
     names = list(classes.children)
     prior = _class_prior(class_prior, names)
-    laws = weights_of_laws(trees, kinds)
+    laws = laws_of(trees, kinds)
     has_p_value = all(kind.has_p_value for kind in kinds)
     if none_below and not has_p_value:
         raise ValueError(
             "none_below needs classes that say how specimens differ: "
             "ph.fit_classes(..., variability='specimen')"
         )
+    with np.errstate(divide="ignore"):
+        log_prior = np.log(prior)
     check_inflation_data(new_data)
     units = _units(new_data, by)
     seed = seed_sequence(random_seed)
@@ -143,13 +177,16 @@ def classify(
         kind.predictor(tree.children, new_data, len(units), own)
         for kind, tree, own in zip(kinds, trees, seeds, strict=True)
     ]
+    check_new(new_data, classes.children, any(kind.fresh_specimens for kind in kinds))
 
     def predict(data: xr.Dataset) -> list[Prediction]:
         of_laws = [predictor(data) for predictor in predictors]
-        return [average(laws, of_class) for of_class in zip(*of_laws, strict=True)]
+        averaged = average(laws, of_laws, log_prior)
+        return with_parts(averaged, laws, of_laws, log_prior)
 
     predictions = _predict_all(predict, new_data, units, len(names), progressbar)
     result = _tabulate(predictions, prior, by, names)
+    result = result.assign(table_of_parts(predictions, by, names, parts_of(laws)))
     if not has_p_value:
         result = result.drop_vars(["p_value", "typical_p_value", "fit_p_value"])
     result["class_verdict"] = (
@@ -160,20 +197,15 @@ def classify(
     doubtful = (result["decision"] == "cannot be judged") & (result["method"] != _FAILED.method)
     if unclear := int(doubtful.any("class_label").sum()):
         warnings.warn(
-            f"{unclear} of {len(units)} cannot be judged: see class_verdict, pareto_k and p_value",
+            f"{unclear} of {len(units)} cannot be judged: see class_verdict, log_evidence_se, "
+            "pareto_k and p_value",
             stacklevel=2,
         )
     if average_over:
-        result["strain_energy_probability"] = laws
-    first = [unit[0] for unit in units]
-    labels = ("specimen", "experiment", "group") if by == "test" else ("specimen", "group")
-    return result.assign_coords(
-        {label: (by, new_data[label].values[first]) for label in labels}
-    ).assign_attrs(
-        # What the data are, above all whether they were simulated, stays with the result.
-        {key: new_data.attrs[key] for key in ("title", "simulated") if key in new_data.attrs}
-        | {
-            "strain_energy": ", ".join(laws["strain_energy"].values.tolist()),
+        result = result.assign(laws.as_variables())
+    return _labelled(result, new_data, units, by).assign_attrs(
+        {
+            "strain_energy": ", ".join(laws.labels),
             "class_prior": json.dumps(dict(zip(names, prior.tolist(), strict=True))),
         }
     )
@@ -237,9 +269,10 @@ def _tabulate(
     # Delta method: dp_c = p_c Σ_j (δ_cj − p_j) d ln Z_j.
     weight = np.eye(len(names)) - probability[:, None, :]
     own = table(lambda p: p.own_error)
+    of_evidences = probability * np.sqrt(np.einsum("icj,ij->ic", weight**2, own**2))
     tables = {
         "class_probability": probability,
-        "class_probability_se": probability * np.sqrt(np.einsum("icj,ij->ic", weight**2, own**2)),
+        "class_probability_se": np.hypot(of_evidences, table(lambda p: p.probability_error)),
         "log_evidence": log_evidence,
         "log_evidence_se": table(lambda p: p.log_evidence.standard_error),
         "method": table(lambda p: p.method).astype(str),
@@ -252,6 +285,18 @@ def _tabulate(
     return xr.Dataset(
         {name: (dims, values) for name, values in tables.items()}, {"class_label": list(names)}
     )
+
+
+def _labelled(
+    result: xr.Dataset, data: xr.Dataset, units: Sequence[Sequence[int]], by: str
+) -> xr.Dataset:
+    """The result with names of what was classified, and what the data are said to be."""
+    first = [unit[0] for unit in units]
+    labels = ("specimen", "experiment", "group") if by == "test" else ("specimen", "group")
+    # Above all whether they were simulated.
+    kept = {key: data.attrs[key] for key in ("title", "simulated") if key in data.attrs}
+    named = {label: (by, data[label].values[first]) for label in labels}
+    return result.assign_coords(named).assign_attrs(kept)
 
 
 def _decide(

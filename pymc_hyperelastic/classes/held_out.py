@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from pymc.progress_bar import create_simple_progress
 from scipy.special import logsumexp, softmax
 
-from pymc_hyperelastic.classes.average import labels_of
+from pymc_hyperelastic.classes.average import Laws, labels_of
 from pymc_hyperelastic.classes.fit import check_classes
 from pymc_hyperelastic.classes.interface import ClassKind
 from pymc_hyperelastic.classes.kinds import kind_of_settings
+from pymc_hyperelastic.classes.training import check_left_out
 from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.diagnosis import worst_of
+from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -79,7 +81,8 @@ def calibration_report(
         ``log_score``, ``brier_score`` and ``verdict``, how far the fits without the specimen can be
         trusted, (strain_energy, specimen) and, of specimens under classes
         with variability, ``p_value``. With several strain energies the last one is ``"average"``,
-        and ``strain_energy_probability`` (specimen, strain_energy) tells of what. Coordinates of
+        and ``strain_energy_probability`` (specimen, strain_energy) tells of what, with the standard
+        error ``strain_energy_probability_se``. Coordinates of
         a specimen are ``true_class`` and ``left_out``. What
         :func:`~pymc_hyperelastic.score_probabilities` takes, and
         :func:`~pymc_hyperelastic.plot_reliability` shows, is in here.
@@ -88,7 +91,8 @@ def calibration_report(
     ------
     TypeError, ValueError
         If anything is wrong with the data, priors or numbers, a specimen stands in two classes or
-        not in `leave_out`, or a class has no specimen left.
+        not in `leave_out`, a curve under two specimens that are not left out together, or a class
+        has no specimen left.
 
     Examples
     --------
@@ -123,6 +127,7 @@ def calibration_report(
     true_class = _true_classes(classes)
     units = _units(true_class, leave_out)
     _check_left(classes, true_class, units)
+    check_left_out(classes, units)
     kinds = [
         kind_of_settings(
             variability,
@@ -143,7 +148,7 @@ def calibration_report(
     found = _leave_out_each(
         kinds, classes, true_class, units, draws, chains, seed.spawn(len(kinds)), progressbar
     )
-    report = _tabulate(found, labels_of(energies), list(classes), true_class, units)
+    report = _tabulate(found, labels_of(kinds), list(classes), true_class, units)
     if not kinds[0].has_p_value:
         report = report.drop_vars("p_value")
     report.attrs = {"variability": variability, "random_seed": json.dumps(seed.entropy)}
@@ -199,7 +204,7 @@ class _Found(NamedTuple):
     log_evidence: Array
     p_value: Array
     training: Array
-    """Log evidence of all other specimens, by law and specimen."""
+    """Log evidence of all other specimens and its standard error, by law and specimen."""
     verdict: NDArray[np.str_]
     """How far that can be trusted."""
 
@@ -220,7 +225,7 @@ def _leave_out_each(
     found = _Found(
         np.full(shape, np.nan),
         np.full(shape, np.nan),
-        np.full(shape[:2], np.nan),
+        np.full((*shape[:2], 2), np.nan),
         np.full(shape[:2], "", dtype="U20"),
     )
     progress = create_simple_progress(progressbar)
@@ -258,15 +263,20 @@ def _tabulate(
     specimens = list(true_class)
     extra = {}
     if len(labels) > 1:
-        laws = softmax(training, axis=0)
-        with np.errstate(divide="ignore"):
-            averaged = logsumexp(value + np.log(laws)[..., None], axis=0)
+        of_specimen = [
+            Laws(labels, [], [Estimate(*law) for law in of_laws.tolist()])
+            for of_laws in np.moveaxis(training, 1, 0)
+        ]
+        log_laws = np.stack([laws.log_probability for laws in of_specimen], axis=1)
+        averaged, laws = logsumexp(value + log_laws[..., None], axis=0), np.exp(log_laws)
         value = np.concatenate([value, averaged[None]])
         p_value = np.concatenate([p_value, np.einsum("is,isc->sc", laws, p_value)[None]])
-        extra["strain_energy_probability"] = (
-            ("strain_energy", "specimen"),
-            np.concatenate([laws, np.full((1, len(specimens)), np.nan)]),
-        )
+        errors = np.stack([laws.probability_error for laws in of_specimen], axis=1)
+        for name, of_laws in (("", laws), ("_se", errors)):
+            extra[f"strain_energy_probability{name}"] = (
+                ("strain_energy", "specimen"),
+                np.concatenate([of_laws, np.full((1, len(specimens)), np.nan)]),
+            )
         labels = [*labels, "average"]
         verdict = np.concatenate([verdict, [[worst_of(v) for v in verdict.T]]])
     dims = ("strain_energy", "specimen", "class_label")

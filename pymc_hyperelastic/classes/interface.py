@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.study import inflation_data_of
 
 Array = NDArray[np.float64]
 
@@ -28,12 +27,23 @@ class Prediction(NamedTuple):
     """Chance that a specimen of the class is stranger, by either of the following."""
     p_typical: float = np.nan
     p_fit: float = np.nan
+    hybrids: "Callable[[int], Array] | None" = None
+    """Log evidences under this class with parts of that of another number in place of its own.
+
+    One axis a part of the kind, two entries long: this class's part, and the other's.
+    """
+    probability_error: float = 0.0
+    """Standard error of the class's probability from what laws it is an average of."""
+    rival: int = -1
+    """Number of the most probable other class."""
+    parts: tuple[float, ...] = ()
+    """Parts of the log ratio of the evidences of this class and its rival."""
 
 
 class Fold(NamedTuple):
     """What classes that were fitted without some specimens say of these."""
 
-    training_evidence: float
+    training_evidence: Estimate
     verdict: str
     """The worst about a class's evidence."""
     predictions: dict[str, list[Prediction]]
@@ -58,10 +68,22 @@ class ClassKind(ABC):
     variability: ClassVar[str]
     #: Whether a prediction has a p-value.
     has_p_value: ClassVar[bool]
+    #: Whether a new specimen is a fresh draw, which no specimen of the class is.
+    fresh_specimens: ClassVar[bool] = False
     #: Attributes of a fitted class that must be alike in all classes of a comparison.
     common_attrs: ClassVar[tuple[str, ...]]
 
     energy: StrainEnergy
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """What a class consists of, as far as its parts can be told apart in an evidence."""
+        return ("all",)
+
+    @property
+    def in_words(self) -> str:
+        """What tells two kinds of one law apart that may be averaged."""
+        return ""
 
     @classmethod
     @abstractmethod
@@ -125,11 +147,7 @@ class ClassKind(ABC):
         )
 
 
-def training_evidence(fitted: Mapping[str, xr.DataTree]) -> float:
+def training_evidence(fitted: Mapping[str, xr.DataTree]) -> Estimate:
     """Log evidence of the training data of all classes together."""
-    return sum(log_evidence(of_class).value for of_class in fitted.values())
-
-
-def same_training_data(first: xr.DataTree, second: xr.DataTree) -> bool:
-    """Whether two classes were fitted to the same data."""
-    return inflation_data_of(first).equals(inflation_data_of(second))
+    values, errors = np.transpose([log_evidence(of_class) for of_class in fitted.values()])
+    return Estimate(float(values.sum()), float(np.linalg.norm(errors)))

@@ -1,5 +1,7 @@
 """The evidence of a specimen under classes whose specimens differ."""
 
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -7,12 +9,27 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import ENOUGH
+from pymc_hyperelastic.evidence.importance import ENOUGH, LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.weights import effective_sample_size, pareto_shape
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, independent, log_densities
+from pymc_hyperelastic.models.specimen_draws import (
+    SpecimenDraws,
+    independent,
+    log_densities,
+    log_density_of_noise,
+)
 
 Array = NDArray[np.float64]
+
+PARTS: dict[str, tuple[str, ...]] = {
+    "material": ("location", "spread", "factor"),
+    "experiments": ("experiment_spread", "effect_spread"),
+    "noise": ("log_sigma", "noise_spread"),
+}
+"""Parts of a class's distribution, and of what each consists."""
+
+# Draws of two distributions whose parts are exchanged.
+_EXCHANGED = 250
 
 
 def variance_of_specimen(draws: SpecimenDraws, distributions: ClassDistribution) -> float:
@@ -50,15 +67,91 @@ def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) ->
     count = len(density)
     log_weights = draws.log_weight + logsumexp(density, axis=0) - np.log(count)
     value = float(logsumexp(log_weights))
-    effective = effective_sample_size(log_weights)
+    effective, pareto_k = _trust(log_weights, draws)
     of_draws = max(1 / effective - 1 / log_weights.size, 0.0)
     each = np.exp(logsumexp(density + draws.log_weight, axis=1) - value)
     own = float(np.sqrt(of_draws + np.var(each) / count))
     estimate = Estimate(value, float(np.hypot(own, draws.standard_error)))
     method = "specimen draws by tempering" if draws.method == "tempering" else "specimen draws"
+    return SpecimenEvidence(estimate, own, method, pareto_k)
+
+
+def _trust(log_weights: Array, draws: SpecimenDraws) -> tuple[float, float]:
+    """Effective number of weighted draws, and the larger Pareto shape of these and of the draws."""
+    effective = effective_sample_size(log_weights)
     pareto_k = np.inf if effective < ENOUGH else pareto_shape(log_weights)
     # Tempering has no weights, and no shape.
-    return SpecimenEvidence(estimate, own, method, float(np.fmax(pareto_k, draws.pareto_k)))
+    return effective, float(np.fmax(pareto_k, draws.pareto_k))
+
+
+def hybrid_evidences(
+    samples: Sequence[SpecimenDraws],
+    own: ClassDistribution,
+    other: ClassDistribution,
+    parts: Sequence[str],
+    ends: tuple[float, float],
+) -> Array:
+    """Log evidences of a specimen under a class of which some `parts` are those of another one.
+
+    One axis a part, two entries long: `own` part, and the `other`'s. Parts are exchanged draw by
+    draw of the two distributions, of which some are enough: what these few make the evidences under
+    the classes themselves differ from the `ends`, which are known from more, is divided evenly. Of
+    the `samples` of the specimen, the first of which is tried first, that is taken whose weights
+    have the smallest Pareto shape; NaN where none can be trusted.
+    """
+    shape = (2,) * len(parts)
+    if len(parts) == 1:
+        return np.array(ends)
+    count = min(len(own.location[0]), len(other.location[0]), _EXCHANGED)
+    pair = tuple(_some(d, count) for d in (own, other))
+    values, shapes = np.full(shape, np.nan), np.full(shape, np.inf)
+    for draws in samples:
+        densities = _densities_of_parts(draws, pair, parts)
+        for place in np.ndindex(shape):
+            density = densities(dict(zip(parts, place, strict=True)))
+            largest = density.max(axis=0)
+            log_weights = draws.log_weight + largest
+            log_weights += np.log(np.exp(density - largest).mean(axis=0))
+            pareto_k = _trust(log_weights, draws)[1]
+            if pareto_k < shapes[place]:
+                values[place], shapes[place] = logsumexp(log_weights), pareto_k
+        if shapes.max() < LARGEST_PARETO_K:
+            break
+    values[shapes >= LARGEST_PARETO_K] = np.nan
+    exchanged = np.indices(shape).mean(axis=0)
+    first, last = np.array(ends) - values.flat[[0, -1]]
+    return values + (1 - exchanged) * first + exchanged * last
+
+
+def _densities_of_parts(
+    draws: SpecimenDraws, pair: Sequence[ClassDistribution], parts: Sequence[str]
+) -> Callable[[Mapping[str, int]], Array]:
+    """Log densities of draws by whose part is taken; noise is independent of all else."""
+    known: dict[tuple[int, int], Array] = {}
+
+    def densities(whose: Mapping[str, int]) -> Array:
+        wall = whose["material"], whose.get("experiments", 0)
+        if wall not in known:
+            changes: dict[str, Any] = dict.fromkeys(PARTS["noise"])
+            changes |= {name: getattr(pair[wall[1]], name) for name in PARTS["experiments"]}
+            known[wall] = log_densities(draws, replace(pair[wall[0]], **changes))
+        if "noise" not in parts:
+            return known[wall]
+        return known[wall] + log_density_of_noise(np, draws.log_sigma, pair[whose["noise"]])
+
+    return densities
+
+
+def _some(d: ClassDistribution, count: int) -> ClassDistribution:
+    """So many of the draws of a class's distribution."""
+    chosen = np.linspace(0, len(d.location[0]) - 1, count).round().astype(int)
+
+    def some(values: Any) -> Any:
+        return None if values is None else values[..., chosen, :]
+
+    factor = [[some(entry) for entry in row] for row in d.factor]
+    others = {name: some(getattr(d, name)) for name in vars(d) if name != "factor"}
+    return ClassDistribution(factor=factor, **others)
 
 
 def near_class(distributions: ClassDistribution) -> ClassDistribution:

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -23,6 +23,8 @@ from pymc_hyperelastic.classes.interface import (
     training_evidence,
 )
 from pymc_hyperelastic.classes.specimen_evidence import (
+    PARTS,
+    hybrid_evidences,
     near_class,
     specimen_evidence,
 )
@@ -67,6 +69,7 @@ class Variability(Population, ClassKind):
 
     variability: ClassVar[str] = "specimen"
     has_p_value: ClassVar[bool] = True
+    fresh_specimens: ClassVar[bool] = True
     common_attrs: ClassVar[tuple[str, ...]] = ("variability_settings",)
 
     @classmethod
@@ -91,6 +94,17 @@ class Variability(Population, ClassKind):
                 f"and no force_sigma; got {slope_weight} and {force_sigma}{others}"
             )
         return cls(energy, sigma, experiment_effect, reference_stress, priors, noise_sd)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Parts of a class's distribution that are there."""
+        there = {"experiments": bool(self.experiment_effect), "noise": self.known_sigma is None}
+        return tuple(part for part in PARTS if there.get(part, True))
+
+    @property
+    def in_words(self) -> str:
+        """Whether experiments on a specimen differ."""
+        return "with experiment effect" if self.experiment_effect else ""
 
     @cached_property
     def reference(self) -> ClassDistribution:
@@ -256,11 +270,13 @@ class SpecimenPredictive:
         """Evidence and predictive p-value of the specimen of these data under each class."""
         draws = draws or self._sampler(data, rng)
         predictions: list[Prediction] = []
-        for name, distributions in self._distributions.items():
+        samples = [draws]
+        for number, (name, distributions) in enumerate(self._distributions.items()):
             evidence = specimen_evidence(draws, distributions)
             if evidence.pareto_k >= LARGEST_PARETO_K:
                 # Sampled closer to the class.
-                again = specimen_evidence(self._near(name)(data, rng), distributions)
+                samples.append(self._near(name)(data, rng))
+                again = specimen_evidence(samples[-1], distributions)
                 if again.pareto_k < evidence.pareto_k:
                     # From draws of its own, which no other class shares.
                     evidence = again._replace(own_error=again.log_evidence.standard_error)
@@ -271,9 +287,19 @@ class SpecimenPredictive:
                     evidence.method,
                     evidence.pareto_k,
                     *self._p_values(draws, name, rng),
+                    partial(self._hybrids, samples, predictions, number),
                 )
             )
         return predictions
+
+    def _hybrids(
+        self, samples: list[SpecimenDraws], known: list[Prediction], number: int, other: int
+    ) -> Array:
+        """Log evidences under one class with parts of another, see :class:`Prediction`."""
+        distributions, parts = [*self._distributions.values()], self._settings.parts
+        own, others = distributions[number], distributions[other]
+        ends = known[number].log_evidence.value, known[other].log_evidence.value
+        return hybrid_evidences(samples, own, others, parts, ends)
 
     def _near(self, name: str) -> SpecimenSampler:
         """Sampler under a distribution like that of a class."""

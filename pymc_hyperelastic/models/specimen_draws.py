@@ -112,9 +112,13 @@ def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDis
     else:
         total = _log_density_of_tests(xp, draws, distribution)
     if distribution.log_sigma is not None:
-        mean, sd = distribution.log_sigma, distribution.noise_spread
-        total = total + _log_normal(xp, draws["log_sigma"], mean, sd)
+        total = total + log_density_of_noise(xp, draws["log_sigma"], distribution)
     return total
+
+
+def log_density_of_noise(xp: ModuleType, log_sigma: Any, distribution: ClassDistribution) -> Any:
+    """The part of :func:`log_density` that is the noise's."""
+    return _log_normal(xp, log_sigma, distribution.log_sigma, distribution.noise_spread)
 
 
 def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 import pymc as pm
 import pytest
 import xarray as xr
-from variable_classes import SIGMA, TRAINING, classify, fit
+from variable_classes import SIGMA, classify, curves, fit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.kinds import kind_of_classes
@@ -53,7 +53,8 @@ def test_an_inferred_one_is_read_back(tmp_path):
         assert abs(found.value - expected.value) < STANDARD_ERRORS * error
     kind = kind_of_classes(classes)
     assert json.loads(kind.attrs()["variability_settings"])["noise_sd"][0].lower() == "lognormal"
-    results = [classify(TRAINING["soft"], tree) for tree in (classes, of_sigma)]
+    new = curves({"N1": [30.0], "N2": [38.0], "N3": [50.0]}, 3)
+    results = [classify(new, tree) for tree in (classes, of_sigma)]
     values, errors = (
         [result[name].values for result in results] for name in ("log_evidence", "log_evidence_se")
     )
@@ -66,7 +67,7 @@ def test_pooled_classes_infer_it():
     classes = fit(draws=500, chains=2, **settings)
     for fitted in classes.children.values():
         assert set(fitted["posterior"].data_vars) == {"mu", "noise_sd"}
-    new = ph.select(TRAINING["stiff"], specimen="B2")
+    new = curves({"N": [85.0, 85.0]}, 3)
     result = classify(new, classes)
     of_sigma = fit(
         draws=500, chains=2, variability="none", sigma=pm.HalfNormal.dist(5.0 * np.sqrt(2))

@@ -12,7 +12,7 @@ from variable_classes import NAMES, SEED, TRAINING, curves, fit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import kinds
-from pymc_hyperelastic.classes.interface import ClassKind, Fold, Prediction
+from pymc_hyperelastic.classes.interface import ClassKind, Fold, Prediction, training_evidence
 from pymc_hyperelastic.data.select import specimens_apart, without_specimens
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 
@@ -78,7 +78,7 @@ class Scattered(ClassKind):
                 for data in classes.values()
                 for name, part in specimens_apart(data, left_out).items()
             }
-            return Fold(sum(ph.log_evidence(t).value for t in fitted.values()), "good", predictions)
+            return Fold(training_evidence(fitted), "good", predictions)
 
         return fold
 

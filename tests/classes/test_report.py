@@ -61,6 +61,10 @@ def test_average_of_a_report_is_weighted_by_what_was_not_left_out(report):
     np.testing.assert_allclose(laws.isel(strain_energy=slice(2)).sum("strain_energy"), 1)
     assert np.isnan(laws.sel(strain_energy="average")).all()
     np.testing.assert_array_equal(laws.values[:2, :3], laws.values[:2, 3:])
+    # Of two laws the error is one and the same, and at most that of a coin.
+    errors = report["strain_energy_probability_se"].values
+    np.testing.assert_allclose(errors[0], errors[1], atol=ROUNDING)
+    assert np.all((errors[:2] > 0) & (errors[:2] < 0.5)) and np.isnan(errors[2]).all()
     value = report["log_evidence"].values
     expected = logsumexp(value[:2] + np.log(laws.values[:2])[..., None], axis=0)
     np.testing.assert_allclose(value[2], expected)

@@ -114,7 +114,8 @@ def test_what_is_made_of_classes_minds_no_context():
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a hundred draws are few
             classes = ph.fit_classes(ph.NeoHookean(), {"C": curves()}, **NOISE, **settings)
-        result = ph.classify(curves(), classes, random_seed=1, progressbar=False)
+        new = curves(pressure=(2.1, 3.9, 7.1, 12.1))
+        result = ph.classify(new, classes, random_seed=1, progressbar=False)
         return result["log_evidence"]
 
     with pm.Model() as other:
