@@ -207,6 +207,8 @@ def classify(
         {
             "strain_energy": ", ".join(laws.labels),
             "class_prior": json.dumps(dict(zip(names, prior.tolist(), strict=True))),
+            "undecided_below": float(undecided_below),
+            "none_below": float(none_below),
         }
     )
 

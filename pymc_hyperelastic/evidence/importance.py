@@ -62,6 +62,13 @@ def by_importance(
 
     Where the prior can be drawn from it has a share: where the likelihood is bounded, so are then
     the weights, and what the mixture has missed shows.
+
+    References
+    ----------
+    A share of the prior: A. Owen and Y. Zhou, Safe and effective importance sampling, Journal of
+    the American Statistical Association 95 (2000) 135. All draws are kept: J.-M. Cornuet,
+    J.-M. Marin, A. Mira and C. P. Robert, Adaptive multiple importance sampling, Scandinavian
+    Journal of Statistics 39 (2012) 798.
     """
     mixture = adapted_mixture(score, like, rng)
     drawn = _Drawn(score, draw_prior)

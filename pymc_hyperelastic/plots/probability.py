@@ -21,8 +21,8 @@ _NO_CLASS = "#D55E00"  # decisions that are no class
 def plot_class_probability(
     result: xr.Dataset | Mapping[str, xr.Dataset],
     *,
-    undecided_below: float = 0.0,
-    none_below: float = 0.0,
+    undecided_below: float | None = None,
+    none_below: float | None = None,
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
     **pc_kwargs: Any,
@@ -40,9 +40,9 @@ def plot_class_probability(
         Result of :func:`pymc_hyperelastic.classify`; of a dict, such as one of strain energies,
         each has a column; of a single one, many panels share a few columns. What is not yet
         classified (NaN) has no bar.
-    undecided_below, none_below : float, default 0
-        The limits that :func:`pymc_hyperelastic.classify` was given, drawn as lines unless 0: that
-        of the probability and that of the p-values.
+    undecided_below, none_below : float, optional
+        Limits drawn as lines unless 0, that of the probability and that of the p-values; when
+        missing those that :func:`pymc_hyperelastic.classify` was given.
     backend : {"matplotlib", "none"}
         Plotting backend; ``"none"`` only collects what would be drawn.
     visuals : dict of str to dict or bool, optional
@@ -80,13 +80,11 @@ def plot_class_probability(
     """
     from arviz_plots.visuals import set_xlim, set_xticks, set_ylim
 
-    limits = {"undecided_below": undecided_below, "none_below": none_below}
-    for name, limit in limits.items():
-        if not 0 <= limit < 1:
-            raise ValueError(f"{name} is {limit!r}; expected a number from 0 to 1")
     single = isinstance(result, xr.Dataset) or not isinstance(result, Mapping)
     results: dict[str, Any] = {"": result} if single else dict(result)
     labels = [_labels(of_model) for of_model in results.values()]
+    given = {"undecided_below": undecided_below, "none_below": none_below}
+    limits = _limits(given, next(iter(results.values())))
     row, headings, classes = labels[0]
     if any(other != labels[0] for other in labels):
         raise ValueError("the results differ in their experiments or classes; plot them apart")
@@ -205,6 +203,17 @@ def _written(
         "size": 8,
     }
 
+
+def _limits(given: Mapping[str, float | None], result: xr.Dataset) -> dict[str, float]:
+    """Limits of a decision, from the result where they are not given."""
+    limits = {
+        name: result.attrs.get(name, 0.0) if limit is None else limit
+        for name, limit in given.items()
+    }
+    for name, limit in limits.items():
+        if not 0 <= limit < 1:
+            raise ValueError(f"{name} is {limit!r}; expected a number from 0 to 1")
+    return limits
 
 def _labels(result: Any) -> tuple[str, list[str], list[str]]:
     """Dimension of the rows, their headings, and the classes."""

@@ -257,6 +257,8 @@ def test_decisions_and_p_values_are_shown():
         assert figure.get_viz(name, specimen="S2")["y"] == limit
     texts = legend_texts(ph.plot_class_probability(result, **limits))
     assert texts == ["probability", "p-value", "undecided_below = 0.8", "none_below = 0.05"]
+    stored = ph.plot_class_probability(result.assign_attrs(limits), backend="none")
+    assert stored.get_viz("none_below", specimen="S2")["y"] == 0.05
     assert "none_below" not in ph.plot_class_probability(answers(4), backend="none").viz.children
     several = ph.plot_class_probability({"A": result, "B": result}, backend="none")
     assert [e["string"] for e in drawn(several, "title")][:2] == ["S1\n→ C1", "\n→ C1"]
