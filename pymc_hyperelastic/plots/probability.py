@@ -215,6 +215,7 @@ def _limits(given: Mapping[str, float | None], result: xr.Dataset) -> dict[str, 
             raise ValueError(f"{name} is {limit!r}; expected a number from 0 to 1")
     return limits
 
+
 def _labels(result: Any) -> tuple[str, list[str], list[str]]:
     """Dimension of the rows, their headings, and the classes."""
     variables = ("class_probability", "class_probability_se", "class_label")
