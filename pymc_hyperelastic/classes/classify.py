@@ -315,7 +315,8 @@ def _decide(
         decision[np.isnan(p_value).any(axis=1)] = "cannot be judged"
         decision[(p_value < none_below).all(axis=1)] = "none of these"
     decision[np.isnan(result["log_evidence"].values).any(axis=1)] = "cannot be judged"
-    decision[(result["method"] == "").any("class_label").values] = ""
+    # What failed has an infinite error, and what was not tried has none.
+    decision[np.isnan(result["log_evidence_se"].values).any(axis=1)] = ""
     return xr.DataArray(decision.astype(str), dims=probability.dims[:1])
 
 

@@ -10,8 +10,8 @@ from pymc_hyperelastic.evidence.search import find_reference, places_to_climb_fr
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.tempering import Tempering
 
-# Tempering scores so many times as many points as fit into cache at most: a minute or two.
-_MOST_EFFORT = 50_000
+# Tempering scores so many times as many points as fit into cache at most: about a minute.
+_MOST_EFFORT = 20_000
 # Draws of the prior of which the best are climbed from.
 _PRIOR_DRAWS = 2000
 
