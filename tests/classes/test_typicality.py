@@ -107,7 +107,9 @@ def test_what_cannot_be_judged_is_not_decided():
     assert decided(p_value=[np.nan, 0.5]) == NAMES[0]
     assert decided(p_value=[np.nan, 0.5], none_below=NONE_BELOW) == "cannot be judged"
     assert decided(p_value=[0.01, 0.02], none_below=NONE_BELOW) == "none of these"
-    assert decided(log_evidence=[np.nan, np.nan]) == ""
+    nothing = {"log_evidence": [np.nan] * 2, "class_probability": [np.nan] * 2}
+    assert decided(**nothing, log_evidence_se=[np.nan, np.nan]) == ""
+    assert decided(**nothing, log_evidence_se=[np.inf, np.inf]) == "cannot be judged"
 
 
 @pytest.mark.deep
