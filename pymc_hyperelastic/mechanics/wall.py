@@ -1,6 +1,6 @@
 """Integrals over the wall of a tube: their rule of quadrature, and the Op that they share."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from types import ModuleType
@@ -21,7 +21,7 @@ from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import hoop_elongation, opening_factor
 
-# Built Ops by their class, types of inputs and properties.
+# Built Ops by their class, types of inputs and settings.
 _ops: dict[tuple[Any, ...], "TubeOp"] = {}
 
 
@@ -42,7 +42,8 @@ class TubeOp(TensorSymbolicOp):
         """Apply it, by the same Op wherever inputs are of the same types."""
         inputs, op = self.filter_inputs(*inputs), self
         if not hasattr(self, "fgraph"):
-            op = _built(type(self), tuple(x.type for x in inputs), self._props_dict().items())
+            given = self._props_dict() | self._init_kwargs
+            op = _built(type(self), tuple(x.type for x in inputs), given)
         return super(TubeOp, op).__call__(*inputs, **settings)
 
     @staticmethod
@@ -83,11 +84,11 @@ class TubeOp(TensorSymbolicOp):
         return self.strain_energy.stress_difference(log_hoop, log_axial, **parameters)
 
 
-def _built(kind: Any, input_types: tuple[Any, ...], props: Iterable[tuple[str, Any]]) -> TubeOp:
+def _built(kind: Any, input_types: tuple[Any, ...], settings: Mapping[str, Any]) -> TubeOp:
     """The Op for inputs of these types: most models ask for one that was built before."""
-    key = kind, input_types, tuple(props)
+    key = kind, input_types, *settings.items()
     if key not in _ops:
-        _ops[key] = kind(list(input_types), **dict(props))
+        _ops[key] = kind(list(input_types), **settings)
     return _ops[key]
 
 

@@ -308,3 +308,18 @@ def test_default_order_suffices_over_the_documented_range(law):
     allowed = np.where(corners[0] >= 1, QUADRATURE_TOLERANCE_INFLATED, QUADRATURE_TOLERANCE)
     assert (abs(pressure - better_pressure) <= allowed * abs(better_pressure)).all()
     assert (abs(stiffness - better_stiffness) <= allowed * abs(better_stiffness)).all()
+
+
+def test_an_op_is_built_once_and_as_it_is_asked_for():
+    """Inputs of the same types share one Op, unless it was given other settings."""
+    tube = (8.0, 7.0, 9.0, 1.0, 0.0, 10.0)
+
+    def built(**settings):
+        pressure, _ = PressureIntegral(strain_energy=ph.NeoHookean(), **settings)(*tube)
+        return pressure.owner.op
+
+    assert built() is built()
+    assert built(order=12).order == 12
+    named = built(name="artery", inline=False)
+    assert named.name == "artery" and not named.is_inline
+    assert built().is_inline
