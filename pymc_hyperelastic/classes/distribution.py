@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from pymc_hyperelastic.classes.specimens import (
     shared_draws,
 )
 from pymc_hyperelastic.data.select import specimens_apart
+from pymc_hyperelastic.evidence.checks import PACKAGE
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.evidence.importance import Integral, by_importance
 from pymc_hyperelastic.evidence.integral import integrate
@@ -41,8 +41,6 @@ _ALIKE, _ANOTHER, _ENOUGH = 0.03, 0.3, 0.1
 # Fits by which it is found how many draws are needed; particles and distributions of a first one,
 # and draws of the prior that lead to it.
 _MOST_FITS, _PARTICLES, _DISTRIBUTIONS, _PRIOR_DRAWS = 4, 500, 200, 2000
-
-_PACKAGE = str(Path(__file__).parents[1])
 
 Specimens = Mapping[str, SpecimenDraws]
 
@@ -110,7 +108,7 @@ def draws_of_class(
                 f"specimen {name!r} was given up after long, and its class has no evidence: leave "
                 "it out, or give more informative priors"
             )
-            warnings.warn(said, skip_file_prefixes=(_PACKAGE,))
+            warnings.warn(said, skip_file_prefixes=(PACKAGE,))
     return ClassDraws(close, _larger(_IN_CLASS, sum(variances.values())), known)
 
 

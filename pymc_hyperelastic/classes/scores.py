@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.checks import check_count, check_prob
 
 Array = NDArray[np.float64]
 
@@ -104,8 +104,7 @@ def score_probabilities(
     0.667
     """
     check_count("bins", bins, 1)
-    if not 0 < prob < 1:
-        raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
+    check_prob(prob)
     attrs = dict(getattr(probability, "attrs", {}))
     probability = _checked_probability(probability)
     unit = str(probability.dims[0])

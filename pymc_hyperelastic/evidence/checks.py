@@ -1,10 +1,14 @@
 """Checks of the model and the numbers that a user gives."""
 
+import os.path
 from numbers import Integral, Real
 from typing import Any
 
 import pymc as pm
 from pymc.vartypes import discrete_types
+
+# A warning that skips files under this path names the line that called the package.
+PACKAGE = os.path.join(os.path.dirname(os.path.dirname(__file__)), "")
 
 
 def check_count(name: str, value: Any, least: int) -> None:
@@ -13,6 +17,12 @@ def check_count(name: str, value: Any, least: int) -> None:
         raise TypeError(f"{name} is {value!r}; expected a whole number")
     if value < least:
         raise ValueError(f"{name} is {value}; expected at least {least}")
+
+
+def check_prob(prob: float) -> None:
+    """Raise unless `prob`, which an interval is to hold, is between 0 and 1."""
+    if not 0 < prob < 1:
+        raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
 
 
 def check_fraction(name: str, value: Any) -> None:

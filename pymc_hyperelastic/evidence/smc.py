@@ -1,6 +1,5 @@
 """Sampling by sequential Monte Carlo, and the evidence that it gives."""
 
-import os.path
 import warnings
 from collections.abc import Sequence
 from typing import Any
@@ -12,14 +11,11 @@ from pymc.progress_bar import SMCProgressBarManager
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.checks import check_count, check_model
+from pymc_hyperelastic.evidence.checks import PACKAGE, check_count, check_model
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence, with_diagnosis
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import sampling_tree
-
-# Chains are run for several public functions: a warning of them names the line that called one.
-_PACKAGE = os.path.join(os.path.dirname(os.path.dirname(__file__)), "")
 
 
 def sample_smc(
@@ -129,7 +125,7 @@ def run_smc(
                 if not populations:
                     raise
                 said = f"interrupted: {chain} of {chains} chains are complete"
-                warnings.warn(said, skip_file_prefixes=(_PACKAGE,))
+                warnings.warn(said, skip_file_prefixes=(PACKAGE,))
                 break
             populations.append(kernel.tempered_posterior)
     tree = particles_to_tree(kernel, populations, stats, variables, random_seed)

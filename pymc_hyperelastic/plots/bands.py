@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.evidence.checks import check_prob
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
@@ -22,6 +23,7 @@ from pymc_hyperelastic.plots.style import (
     by_stretch,
     fitted_classes,
     law_of,
+    median_and_band,
     stretch_labels,
     told_apart,
     training_attrs,
@@ -81,8 +83,7 @@ def bands_of(
 ) -> Bands:
     """Curves of fitted classes over the radii of data, or of what the classes were fitted to."""
     fitted = fitted_classes(classes)
-    if not 0 < prob < 1:
-        raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
+    check_prob(prob)
     specimen = material.get("specimen")
     shown = {name: _data_of(name, tree, data, specimen) for name, tree in fitted.items()}
     told = _told_by(shown)
@@ -136,7 +137,7 @@ def title_bands(
 ) -> None:
     """Say by which law, of whom, and of which data."""
     fitted, shown = bands.fitted, bands.shown
-    law = energy.name if isinstance(energy, StrainEnergy) else law_of(next(iter(fitted.values())))
+    law = law_of(next(iter(fitted.values())), energy)
     # The posterior is as simulated as the data that it comes from.
     origin = [{"simulated": attrs.get("simulated")} for attrs in training_attrs(fitted)]
     whose = "typical specimen" if any(map(specimens_differ, fitted.values())) else None
@@ -255,8 +256,7 @@ def _posterior_curves(
         grid = np.linspace(radius.min(), radius.max(), _CURVE)
         predicted = curve(draws, grid)
         beyond = predicted.coords.get("extrapolated", xr.zeros_like(predicted["radius"])).values
-        levels = [0.5, (1 - prob) / 2, (1 + prob) / 2]
-        y = predicted.quantile(levels, dim=["chain", "draw"])
+        y = predicted.quantile(median_and_band(prob), dim=["chain", "draw"])
         rows = {name: [grid, beyond, *of_levels.values] for name, of_levels in y.items()}
         label = labels[int(np.flatnonzero(tube_of_test == i)[0])]
         of_tube = xr.Dataset({name: (("plot_axis", "point"), v) for name, v in rows.items()})

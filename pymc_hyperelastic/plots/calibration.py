@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import binom
 
+from pymc_hyperelastic.evidence.checks import check_prob
 from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals, check_table, stacked
 
 if TYPE_CHECKING:
@@ -92,8 +93,7 @@ def plot_calibration_ranks(
     check_table(sbc, "ph.simulation_based_calibration", "rank")
     if kind not in ("ecdf", "histogram"):
         raise ValueError(f"kind must be 'ecdf' or 'histogram', not {kind!r}")
-    if not 0 < prob < 1:
-        raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
+    check_prob(prob)
     rank, values = sbc["rank"], sbc.attrs["ranked_draws"] + 1
     if rank.ndim == 1:
         rank = rank.expand_dims("parameter", axis=1)

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.evidence.checks import check_prob
 from pymc_hyperelastic.plots.style import (
     Backend,
     Canvas,
     Visuals,
     fitted_classes,
     law_of,
+    median_and_band,
     per_kilopascal,
     told_apart,
     training_attrs,
@@ -103,10 +104,7 @@ def plot_elastic_properties(
     told = {"pressure_unit": pressure_unit, **(tube or {})}
     tables = {n: tube_properties(tree, pressure, **told)[names] for n, tree in fitted.items()}
     factor = per_kilopascal(pressure_unit)
-    bands = xr.concat(
-        [_band(table, table["pressure"] * factor, prob) for table in tables.values()],
-        dim=xr.DataArray(list(fitted), dims="class_label", name="class_label"),
-    )
+    bands = _bands(tables, {n: t["pressure"] * factor for n, t in tables.items()}, prob)
     columns = min(len(names), 3)
     canvas = Canvas(
         "wrap",
@@ -183,10 +181,7 @@ def plot_wall_stress(
     told = {"pressure_unit": pressure_unit, **(tube or {})}
     tables = {n: wall_stress(tree, pressure, **told)[[*_STRESSES]] for n, tree in fitted.items()}
     factor = per_kilopascal(pressure_unit)
-    bands = xr.concat(
-        [_band(table, table["position"], prob) for table in tables.values()],
-        dim=xr.DataArray(list(fitted), dims="class_label", name="class_label"),
-    )
+    bands = _bands(tables, {n: t["position"] for n, t in tables.items()}, prob)
     levels = [f"{p * factor:.4g} {pressure_unit}" for p in bands["pressure"].values]
     bands = bands.assign_coords(pressure=levels)
     canvas = Canvas(
@@ -225,14 +220,20 @@ def _looks() -> dict[str, list[str]]:
     return {name: looks[name] for name in ("color", "linestyle")}
 
 
+def _bands(
+    tables: Mapping[str, xr.Dataset], axes: Mapping[str, xr.DataArray], prob: float
+) -> xr.Dataset:
+    """Medians and bands of the draws of each class over its axis."""
+    check_prob(prob)
+    names = xr.DataArray(list(tables), dims="class_label", name="class_label")
+    return xr.concat([_band(table, axes[n], prob) for n, table in tables.items()], dim=names)
+
+
 def _band(table: xr.Dataset, x: xr.DataArray, prob: float) -> xr.Dataset:
     """Median and band of draws over an axis; what no draw reaches is left out."""
-    if not 0 < prob < 1:
-        raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
     table = table.reset_coords(drop=True)
     some = table.notnull().any(["chain", "draw"])
-    levels = [0.5, (1 - prob) / 2, (1 + prob) / 2]
-    y = table.where(some, 0.0).quantile(levels, ["chain", "draw"]).where(some)
+    y = table.where(some, 0.0).quantile(median_and_band(prob), ["chain", "draw"]).where(some)
     y = y.rename(quantile="plot_axis").assign_coords(plot_axis=["y", "y_bottom", "y_top"])
     along = xr.zeros_like(y.isel(plot_axis=[0])).assign_coords(plot_axis=["x"])
     return xr.concat([along + x.reset_coords(drop=True), y], dim="plot_axis")
@@ -258,7 +259,7 @@ def _title(
 ) -> None:
     """Say by which law, of whom, at which pressure if there is one, and of which data."""
     table = next(iter(tables.values()))
-    law = energy.name if isinstance(energy, StrainEnergy) else law_of(next(iter(fitted.values())))
+    law = law_of(next(iter(fitted.values())), energy)
     whose = table.attrs.get("specimen")
     whose = f"{whose} specimen" if whose == TYPICAL else whose and f"specimen {whose}"
     held = f"median and {100 * prob:.3g} % of the posterior"

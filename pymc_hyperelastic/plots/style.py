@@ -12,6 +12,7 @@ import xarray as xr
 
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 
 # arviz_plots brings matplotlib along: it is imported when the first figure is drawn.
 if TYPE_CHECKING:
@@ -217,8 +218,15 @@ def fitted_classes(classes: xr.DataTree) -> dict[str, xr.DataTree]:
     return fitted
 
 
-def law_of(tree: xr.DataTree) -> str | None:
-    """Name of the material, or those of the layers."""
+def median_and_band(prob: float) -> list[float]:
+    """Quantiles of a posterior curve: its median, and the ends of a band with equal tails."""
+    return [0.5, (1 - prob) / 2, (1 + prob) / 2]
+
+
+def law_of(tree: xr.DataTree, energy: Any = None) -> str | None:
+    """Name of the material, which may be given, or those of the layers."""
+    if isinstance(energy, StrainEnergy):
+        return energy.name
     layers = json.loads(tree.attrs.get("layers", "[]"))
     return " in ".join(record["strain_energy"] for record in layers) or tree.attrs.get(
         "strain_energy"

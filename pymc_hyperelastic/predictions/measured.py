@@ -16,7 +16,6 @@ Where the geometry is inferred, its median stands for it.
 
 import warnings
 from collections.abc import Mapping
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import points_of
 from pymc_hyperelastic.data.units import mmHg
+from pymc_hyperelastic.evidence.checks import PACKAGE
 from pymc_hyperelastic.mechanics.tube import (
     GEOMETRY,
     inferred_geometry,
@@ -36,7 +36,6 @@ Array = NDArray[np.float64]
 
 # Relative: what was measured is within, however it was rounded.
 _ROUNDING = 1e-9
-_PACKAGE = str(Path(__file__).parents[1])
 
 
 class Extrapolated(NamedTuple):
@@ -150,7 +149,7 @@ def warned(extrapolated: Extrapolated | None) -> Extrapolated | None:
 
 def warn_user(words: str) -> None:
     """Warn at the line that called the package."""
-    warnings.warn(words, skip_file_prefixes=(_PACKAGE,))
+    warnings.warn(words, skip_file_prefixes=(PACKAGE,))
 
 
 def _hoop_stretches(radius: Array, tube: Mapping[str, Array | float]) -> Array:
