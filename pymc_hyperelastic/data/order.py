@@ -116,19 +116,18 @@ def _refuse_repeated(rows: Rows, measured: str, parts: list[NDArray[np.intp]]) -
     """Raise where a row repeats another of its test: it would count twice."""
     compared = [name for name in (measured, "pressure", "axial_force") if name in rows.frame]
     values = np.column_stack([rows.numbers(name, may_be_missing=True) for name in compared])
+    twice = pd.DataFrame(values).assign(test=rows.test).duplicated().to_numpy()
     for points in parts:
-        columns = pd.DataFrame(values[points])
-        alike = columns.groupby(list(columns), dropna=False).ngroup().to_numpy()
-        twice = np.flatnonzero(pd.Series(alike).duplicated())
-        if twice.size:
-            i = twice[0]
-            first = points[np.flatnonzero(alike == alike[i])[0]]
-            found = zip(compared, values[points[i]], strict=True)
-            raise ValueError(
-                f"{rows.place(points[i])}: repeats row {rows.frame.index[first]} "
-                f"({', '.join(f'{name} {value:.6g}' for name, value in found)}), and would count "
-                "twice: drop it, frame.drop_duplicates()"
-            )
+        if not twice[points].any():
+            continue
+        i = points[np.argmax(twice[points])]
+        first = next(j for j in points if np.array_equal(values[j], values[i], equal_nan=True))
+        found = zip(compared, values[i], strict=True)
+        raise ValueError(
+            f"{rows.place(i)}: repeats row {rows.frame.index[first]} "
+            f"({', '.join(f'{name} {value:.6g}' for name, value in found)}), and would count "
+            "twice: drop it, frame.drop_duplicates()"
+        )
 
 
 def _fixes(measured: str) -> str:

@@ -20,19 +20,20 @@ _DRAWS, _FORWARD_DRAWS = (200, 1000, 4000), (20, 500, 2000)
 CLIMBS = 8
 # So many times the draws are made, at most, until enough of them are possible.
 _MOST_TRIED = 50
-# Points drawn at each stage of the first look, for each pair of unknowns; at most, if there are few
-# unknowns, since in many dimensions points meet nothing narrow; and at most for each that can be
-# scored at once. Climbs from the most outstanding of them.
-_PROBES, _MOST_PROBES, _COSTLY, _PROBED = 5_000, 320_000, 10, 2
+# Points drawn at each stage of the first look: so many for the fourth power of the number of
+# unknowns, since what a narrow mode fills of a wide one falls with it; at least; at most, if there
+# are few unknowns, since in many dimensions points meet nothing narrow; and at most for each that
+# can be scored at once. Climbs from the most outstanding of them.
+_PROBES, _FEWEST_PROBES, _MOST_PROBES, _COSTLY, _PROBED = 312, 5_000, 320_000, 10, 2
 # Moves at a stage of the search, which need not be exact.
 _FORWARD_MOVES, _MOVES = 10, 20
 # Shares of the prior: while little is known, and in the end.
 _FIRST_SHARE, _LAST_SHARE = 0.2, 0.1
 # Share of the modes in the end, where there are several.
 _SHARE_OF_MODES = 0.2
-# Places visited by a particle are like so many independent ones; more of them than this do not make
-# a mixture better.
-_VISITED, _ENOUGH = 1 / 3, 20_000
+# Places visited by a particle are like so many independent ones. More of them than this for each
+# pair of unknowns, or in all, do not make a mixture better.
+_VISITED, _PLACES, _MOST_PLACES = 1 / 3, 1_000, 20_000
 
 
 @dataclass(frozen=True)
@@ -136,8 +137,9 @@ def _possible_draws(
 
 def _fitted(tempering: Tempering, rng: np.random.Generator) -> GaussianMixture:
     visited = tempering.visited
-    visited = visited[:: -(-len(visited) // _ENOUGH)]
     components = components_for(len(visited) * _VISITED, tempering.dimension)
+    enough = min(_PLACES * tempering.dimension**2, _MOST_PLACES)
+    visited = visited[:: -(-len(visited) // enough)]
     return GaussianMixture.fit(visited, components, rng)
 
 
@@ -147,9 +149,10 @@ def _outstanding(target: Target, mixture: GaussianMixture, rng: np.random.Genera
     A narrow mode is met by one point in many thousands, and given away by its weight.
     """
     size = target.dimension
-    probes = min(_PROBES * size**2, _MOST_PROBES // size, _COSTLY * target.at_once)
+    useful = min(max(_PROBES * size**4, _FEWEST_PROBES), _MOST_PROBES // size)
+    probes = min(useful, _COSTLY * target.at_once)
     points, log_weights = weighted_draws(target.score, mixture, probes, rng)
-    return points[np.argsort(-log_weights)[:_PROBED]]
+    return points[np.argpartition(-log_weights, _PROBED)[:_PROBED]]
 
 
 def places_to_climb_from(points: Array, score: Array) -> Array:

@@ -10,7 +10,7 @@ import xarray as xr
 from pymc.progress_bar import SMCProgressBarManager
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import PACKAGE, check_count, check_model
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence, with_diagnosis
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
@@ -172,6 +172,7 @@ def _temper(
     return stages
 
 
+@without_traces
 def particles_to_tree(
     kernel: BatchedSMC,
     populations: list[Array],
