@@ -20,11 +20,10 @@ _DRAWS, _FORWARD_DRAWS = (200, 1000, 4000), (20, 500, 2000)
 CLIMBS = 8
 # So many times the draws are made, at most, until enough of them are possible.
 _MOST_TRIED = 50
-# Points drawn at each stage of the first look: so many for the fourth power of the number of
-# unknowns, since what a narrow mode fills of a wide one falls with it; at least; at most, if there
-# are few unknowns, since in many dimensions points meet nothing narrow; and at most for each that
-# can be scored at once. Climbs from the most outstanding of them.
-_PROBES, _FEWEST_PROBES, _MOST_PROBES, _COSTLY, _PROBED = 312, 5_000, 320_000, 10, 2
+# Points drawn at each stage of the first look, for each pair of unknowns; at most, if there are few
+# unknowns, since in many dimensions points meet nothing narrow; and at most for each that can be
+# scored at once. Climbs from the most outstanding of them.
+_PROBES, _MOST_PROBES, _COSTLY, _PROBED = 5_000, 320_000, 5, 2
 # Moves at a stage of the search, which need not be exact.
 _FORWARD_MOVES, _MOVES = 10, 20
 # Shares of the prior: while little is known, and in the end.
@@ -149,8 +148,7 @@ def _outstanding(target: Target, mixture: GaussianMixture, rng: np.random.Genera
     A narrow mode is met by one point in many thousands, and given away by its weight.
     """
     size = target.dimension
-    useful = min(max(_PROBES * size**4, _FEWEST_PROBES), _MOST_PROBES // size)
-    probes = min(useful, _COSTLY * target.at_once)
+    probes = min(_PROBES * size**2, _MOST_PROBES // size, _COSTLY * target.at_once)
     points, log_weights = weighted_draws(target.score, mixture, probes, rng)
     return points[np.argpartition(-log_weights, _PROBED)[:_PROBED]]
 

@@ -293,7 +293,8 @@ def _dynesty(seed, **settings):
 
 
 PEERS = {
-    "package": Peer("`ph.sample_smc`, parameters kept", package),
+    # Over as long a time as its slowest peer: machines change their speed.
+    "package": Peer("`ph.sample_smc`, parameters kept", package, rounds=60),
     "package_with_curves": Peer("`ph.sample_smc`, curves kept too", package_with_curves),
     "package_by_quadrature": Peer("`ph.log_evidence_by_quadrature`", package_by_quadrature),
     "pymc_by_hand": Peer("`pm.sample_smc`, model written by hand", pymc_by_hand, rounds=2),
