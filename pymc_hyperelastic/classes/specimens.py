@@ -5,7 +5,7 @@ specimen is sampled once, under a wide reference distribution; under any class d
 likelihood is then a weighted mean over these draws, and a class has few unknowns left.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -18,6 +18,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.compile.sharedvalue import SharedVariable
 
+from pymc_hyperelastic.classes.specimen_target import SpecimenTarget
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.importance import Integral, by_importance
 from pymc_hyperelastic.evidence.integral import integrate
@@ -52,12 +53,12 @@ class _SpecimenModel:
     """Model of a specimen with so many tests, whose data may be replaced."""
 
     forward: ForwardModel
-    target: Target
+    whole: Target
 
     @cached_property
     def pressure(self) -> BatchedFunction:
         """Pressures of the tests."""
-        model = self.target.model
+        model = self.whole.model
         return BatchedFunction.of_model(model, model.replace_rvs_by_values([model["pressure"]]))
 
 
@@ -77,13 +78,13 @@ class SpecimenSampler:
 
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data."""
-        target = self._model_for(data).target
+        model = self._model_for(data)
+        target = self._target(model, self._log_reference)
         found = integrate(target, PARTICLES, rng)
-        draws = self._draws(found.particles[:, self._places(target)])
-        misfit, freedom = self._misfit(data, self._model_for(data).pressure(found.particles)[0])
-        draws = replace(draws, misfit=misfit, freedom=freedom)
-        density = log_density(np, vars(draws), self.reference)
-        return _weighted(draws, density, found)
+        curves = model.pressure(target.particles(found.particles))[0]
+        misfit, freedom = self._misfit(data, curves)
+        draws = replace(self._draws(found.particles), misfit=misfit, freedom=freedom)
+        return _weighted(draws, self._log_reference(found.particles), found)
 
     def near(
         self,
@@ -96,25 +97,25 @@ class SpecimenSampler:
 
         The draws that are known of it show where; they are returned where this does not succeed.
         """
-        target = self._model_for(data).target
-        places, size = self._places(target), target.dimension
 
-        def score(points: Array) -> tuple[Array, Array]:
-            here = self._draws(points)
-            particles = np.zeros((len(points), size))
-            particles[:, places] = points
-            reference = log_density(np, vars(here), self.reference)
-            likelihood = target.score(particles)[1]
-            return reference + likelihood, mean_density(here, distributions) - reference
+        def log_prior(points: Array) -> Array:
+            return mean_density(self._draws(points), distributions)
 
+        target = self._target(self._model_for(data), log_prior)
         mixture = GaussianMixture.fit(
-            draws.points, components_for(len(draws.points), len(places)), rng
+            draws.points, components_for(len(draws.points), target.dimension), rng
         )
-        found = by_importance(score, mixture, PARTICLES, rng)
+        found = by_importance(target.score, mixture, PARTICLES, rng)
         if not found.trusted:
             return draws
         again = replace(self._draws(found.particles), misfit=draws.misfit, freedom=draws.freedom)
-        return _weighted(again, mean_density(again, distributions), found)
+        return _weighted(again, log_prior(found.particles), found)
+
+    def _target(self, model: _SpecimenModel, log_prior: Callable[[Array], Array]) -> SpecimenTarget:
+        return SpecimenTarget(model.whole, self._places(model.whole), log_prior)
+
+    def _log_reference(self, points: Array) -> Array:
+        return log_density(np, vars(self._draws(points)), self.reference)
 
     def _places(self, target: Target) -> NDArray[np.intp]:
         """Columns of particles on which curves depend: coordinates of each test, and ``ln σ``."""

@@ -176,9 +176,9 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
 def sampler_of(
     expressions: Sequence[Variable],
 ) -> Callable[[int, np.random.Generator], list[Array]]:
-    """Compile a function that draws expressions of random variables, the draws along the first axis.
+    """Compile a function that draws expressions of random variables.
 
-    It takes the number of draws and a generator.
+    It takes the number of draws and a generator; draws are along the first axis.
     """
     nodes = [v.owner for v in ancestors(expressions) if _is_random(v)]
     at_once = all(isinstance(node.op, RandomVariable) and node.op.ndims_params for node in nodes)

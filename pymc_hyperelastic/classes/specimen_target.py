@@ -1,0 +1,80 @@
+"""A specimen as a target: on what its curves depend, everything else integrated out."""
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.search import width_of
+from pymc_hyperelastic.evidence.target import COST_OF_SLOPES, Slope, Target, by_differences
+
+Array = NDArray[np.float64]
+
+# Draws by which it is known how wide the prior is.
+_DRAWS = 1000
+
+
+class SpecimenTarget(Target):
+    """The variables of a model on which its curves depend, under a prior of their own.
+
+    Where experiments differ a specimen has, besides the coordinates of each test, its own and an
+    effect: a funnel, in which particles get lost. Both can be integrated out of the prior.
+
+    Parameters
+    ----------
+    whole : Target
+        The model with all its variables.
+    places : array of int
+        Columns of those on which the curves depend.
+    log_prior : callable
+        Log density of points of these alone.
+    """
+
+    def __init__(
+        self, whole: Target, places: NDArray[np.intp], log_prior: Callable[[Array], Array]
+    ) -> None:
+        self.whole, self.places, self.log_prior = whole, places, log_prior
+        self.dimension, self.nan_scores = len(places), 0
+        self.effort, self.most_effort = 0.0, np.inf
+
+    def particles(self, points: Array) -> Array:
+        """Points among all variables, of which the others do not matter to the curves."""
+        particles = np.zeros((len(points), self.whole.dimension))
+        particles[:, self.places] = points
+        return particles
+
+    def draw_prior(self, count: int, rng: np.random.Generator) -> Array:
+        """Draw points from the prior, shape (count, d)."""
+        return self.whole.draw_prior(count, rng)[:, self.places]
+
+    def score(self, points: Array) -> tuple[Array, Array]:
+        """Log prior and log likelihood of every point; NaN and ``+inf`` count as ``−inf``."""
+        self.effort += len(points) / self.at_once
+        likelihood = self.whole.score(self.particles(points))[1]
+        return self._possible(self.log_prior(points), likelihood)
+
+    @property
+    def at_once(self) -> int:
+        """How many points are scored at once: few if each takes long."""
+        return self.whole.at_once
+
+    @cached_property
+    def _with_slopes(self) -> BatchedFunction | None:
+        return self.whole._with_slopes
+
+    def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
+        """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""
+        self.effort += COST_OF_SLOPES * len(points) / self.at_once
+        prior, of_prior = self._prior_slope(points)
+        _, likelihood, _, of_likelihood = self.whole.slopes(self.particles(points))
+        return *self._possible(prior, likelihood), of_prior, of_likelihood[:, self.places]
+
+    @cached_property
+    def _prior_slope(self) -> Slope:
+        def score(points: Array) -> tuple[Array, Array]:
+            return self.log_prior(points), np.zeros(len(points))
+
+        prior = self.draw_prior(_DRAWS, np.random.default_rng(1))
+        return by_differences(score, width_of(prior))
