@@ -37,23 +37,39 @@ def typical_p_value(
     .. math:: μ' = m_r + A (x - m_r) + e, \qquad A = 1 - S Σ_r^{-1}, \quad e \sim N(0, S A^T)
 
     and the p-value is the share of Mahalanobis distances of such ``μ'`` that are not below that of
-    ``μ``. Directions of which the curves tell next to nothing do not count; NaN if that is all.
+    ``μ``. Directions of which the curves tell next to nothing do not count; NaN if that is all of
+    the wall's.
     """
     tests = max(draws.tests, 1)
-    own = draws.tests > 1
-    middle, whiten = _whitening(_summary(*_fresh(scale, reference, tests, rng), own))
-    here = (_summary(draws.centre, draws.scatter, own) - middle) @ whiten
-    members = (_summary(*_fresh(scale, distributions, tests, rng), own) - middle) @ whiten
+    references = _fresh(scale, reference, tests, rng)
+    others = _fresh(scale, distributions, tests, rng)
+    wall = _share_as_far(draws.centre, references[0], others[0], rng)
+    if draws.tests < 2 or np.isnan(wall):
+        return wall
+    scatters = draws.scatter, references[1], others[1]
+    here, usual, apart = (np.log(scatter + _SMALLEST) for scatter in scatters)
+    between = _share_as_far(here, usual, apart, rng)
+    # What is not told of is no second question.
+    return wall if np.isnan(between) else either(wall, between)
+
+
+def _share_as_far(here: Array, reference: Array, others: Array, rng: np.random.Generator) -> float:
+    """Share of others whose mean would be as far from theirs; NaN if draws tell next to nothing.
+
+    All have the shape (coordinate, draw): draws of the specimen, of the reference, and others.
+    """
+    middle, whiten = _whitening(reference.T)
+    here, others = (here.T - middle) @ whiten, (others.T - middle) @ whiten
     left, directions = np.linalg.eigh(np.atleast_2d(np.cov(here.T)))
     told = left < _TOLD
     if not told.any():
         return np.nan
     left, directions = left[told], directions[:, told]
-    mean, members = here.mean(axis=0) @ directions, members @ directions * (1 - left)
-    members += np.sqrt(left * (1 - left)) * rng.standard_normal(members.shape)
-    origin, whiten = _whitening(members)
+    mean, others = here.mean(axis=0) @ directions, others @ directions * (1 - left)
+    others = others + np.sqrt(left * (1 - left)) * rng.standard_normal(others.shape)
+    origin, whiten = _whitening(others)
     distance = np.sum(((mean - origin) @ whiten) ** 2)
-    return _rank(np.sum(((members - origin) @ whiten) ** 2, axis=1), distance)
+    return _rank(np.sum(((others - origin) @ whiten) ** 2, axis=1), distance)
 
 
 def noise_p_value(
@@ -95,11 +111,6 @@ def misfit_p_value(draws: SpecimenDraws, misfit: Array, freedom: Array) -> float
 def either(*p_values: float) -> float:
     """P-value of the smallest of independent ones."""
     return float(1 - (1 - np.min(p_values)) ** len(p_values))
-
-
-def _summary(centre: Array, scatter: Array, own: bool) -> Array:
-    """By what specimens are compared: coordinates, and how far their tests are apart (draw, -)."""
-    return np.concatenate([centre, np.log(scatter + _SMALLEST)] if own else [centre]).T
 
 
 def _fresh(

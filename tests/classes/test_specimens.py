@@ -6,11 +6,18 @@ import numpy as np
 import pymc as pm
 import pytest
 from scipy import stats
+from scipy.optimize import approx_fprime
 from scipy.special import logsumexp
+from variable_classes import SIGMA, UNIT_PRESSURE, curves
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.specimen_evidence import specimen_evidence
-from pymc_hyperelastic.classes.specimens import class_model, shared_draws
+from pymc_hyperelastic.classes.specimens import (
+    SpecimenSampler,
+    class_model,
+    reference_of,
+    shared_draws,
+)
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.target import Target
@@ -197,3 +204,58 @@ def test_evidence_of_precise_points_of_unknown_noise():
     assert evidence.standard_error < EVIDENCE_TOLERANCE
     assert abs(evidence.value - truth) < STANDARD_ERRORS * evidence.standard_error
     np.testing.assert_allclose(particles[:, :2].mean(axis=0), [2.0, -3.0], atol=1e-3)
+
+
+@pytest.fixture(scope="module")
+def of_two_tests():
+    """A specimen with two tests that differ, and the population of which it is one."""
+    data = curves({"A": [38.0, 52.0]}, SEED)
+    return data, Population(ph.NeoHookean(), SIGMA, True, 20.0)
+
+
+def test_evidence_of_tests_that_differ_is_the_integral_over_all_that_is_unknown(of_two_tests):
+    """A sum over a fine grid of the specimen and its effect; its tests are integrated by sums."""
+    data, population = of_two_tests
+    sampler = SpecimenSampler(population, population.forward_model(data), reference_of(population))
+    draws = sampler(data, np.random.default_rng(SEED))
+    assert draws.method == "importance"
+    reference = log_density(np, vars(draws), sampler.reference)
+    value = logsumexp(draws.log_weight + reference)
+
+    # The strain at the reference stress, of which the coordinate is the logarithm.
+    grid = np.linspace(-4.0, 2.0, 1201)
+    strain = np.exp(grid)
+    moduli = 20.0 / (np.exp(2 * strain) - np.exp(-2 * strain))
+    measured = data["pressure"].values.reshape(2, -1)
+    fit = [
+        stats.norm(moduli[:, None] * UNIT_PRESSURE, SIGMA / np.sqrt(2)).logpdf(p).sum(axis=1)
+        for p in measured
+    ]
+    r = sampler.reference
+    step = grid[1] - grid[0]
+    terms = []
+    for effect in np.linspace(-5, 5, 101) * r.effect_spread:
+        within = stats.norm(grid[:, None], r.experiment_spread[0] * np.exp(effect)).logpdf(grid)
+        of_specimen = sum(logsumexp(within + f, axis=1) + np.log(step) for f in fit)
+        centre = stats.norm(r.location[0], r.spread[0]).logpdf(grid)
+        total = logsumexp(of_specimen + centre) + np.log(step)
+        terms.append(total + stats.norm(0, r.effect_spread).logpdf(effect))
+    exact = logsumexp(terms) + np.log(0.1 * r.effect_spread)
+    error = np.hypot(STANDARD_ERRORS * draws.standard_error, QUADRATURE_TOLERANCE)
+    assert abs(value - exact) < error
+
+
+def test_slopes_of_a_specimen_are_those_of_its_score():
+    """Of the prior by differences, of the likelihood compiled, and those of its own variables."""
+    data = curves({"A": [38.0, 52.0, 45.0, 41.0]}, SEED)
+    population = Population(ph.Ogden(), SIGMA, True, 20.0)
+    sampler = SpecimenSampler(population, population.forward_model(data), reference_of(population))
+    target = sampler._target(sampler._model_for(data), sampler._log_reference)
+    assert target.has_slopes and target.dimension == 8
+    points = target.draw_prior(3, np.random.default_rng(SEED))
+    prior, likelihood, of_prior, of_likelihood = target.slopes(points)
+    np.testing.assert_allclose([prior, likelihood], target.score(points))
+    for i, slopes in enumerate((of_prior, of_likelihood)):
+        for point, slope in zip(points, slopes, strict=True):
+            expected = approx_fprime(point, lambda x, i=i: target.score(x[None])[i][0], 1e-6)
+            np.testing.assert_allclose(slope, expected, rtol=1e-3, atol=1e-3)

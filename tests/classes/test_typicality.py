@@ -112,6 +112,55 @@ def test_what_cannot_be_judged_is_not_decided():
     assert decided(**nothing, log_evidence_se=[np.inf, np.inf]) == "cannot be judged"
 
 
+@pytest.fixture(scope="module")
+def differing():
+    """Classes of specimens with two experiments each, which differ."""
+    soft = {f"A{i}": [mu, mu * x] for i, (mu, x) in enumerate(zip(MODULI, APART, strict=True))}
+    stiff = {f"B{i}": [2 * mu for mu in both] for i, both in enumerate(soft.values())}
+    return fit(
+        training={"soft": curves(soft, 1), "stiff": curves(stiff, 2)}, experiment_effect=True
+    )
+
+
+MODULI, APART = (30.0, 38.0, 50.0, 34.0, 44.0), (1.1, 0.92, 1.05, 0.9, 1.2)
+
+
+# Pressures below the noise tell only that a wall is soft, and of few specimens whose experiments
+# differ it is not known how soft they may be.
+SEEN = [name for name in STRANGE if name != "hundred times too soft"]
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("name", SEEN)
+def test_strangers_are_found_where_experiments_differ(differing, name):
+    """How far the tests are apart is asked only where the curves tell it."""
+    data = curves({"N": [38.0, 36.0]}, 3).copy(deep=True)
+    both = data["pressure"].values.reshape(2, -1)
+    data["pressure"].values[:] = np.concatenate([STRANGE[name](p) for p in both])
+    result = classify(data, differing, none_below=NONE_BELOW)
+    assert result["decision"].item() == "none of these"
+
+
+@pytest.mark.deep
+@pytest.mark.filterwarnings("ignore:.* cannot be judged")
+def test_p_values_are_uniform_where_experiments_differ(differing):
+    """Of three hundred specimens that the fitted class brings forth, each tested twice."""
+    rng = np.random.default_rng(SEED)
+    posterior = differing["soft"]["posterior"].to_dataset().stack(sample=("chain", "draw"))
+    posterior = posterior.isel(sample=rng.choice(posterior.sizes["sample"], size=300))
+    location, spread, within = (
+        posterior[name].values.ravel() for name in ("location", "spread", "experiment_spread")
+    )
+    within = within * np.exp(posterior["effect_spread"].values * rng.standard_normal(300))
+    own = location + spread * rng.standard_normal(300)
+    strain = np.exp(own + within * rng.standard_normal((2, 300)))
+    moduli = 20.0 / (np.exp(2 * strain) - np.exp(-2 * strain))
+    data = curves({f"N{i}": [*mu] for i, mu in enumerate(moduli.T)}, 5)
+    result = classify(data, differing).sel(class_label="soft")
+    assert stats.kstest(result["typical_p_value"].values, "uniform").pvalue > CHANCE
+    assert np.mean(result["p_value"].values < NONE_BELOW) < 2 * NONE_BELOW
+
+
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:.* cannot be judged")
 def test_p_values_of_the_class_itself_are_uniform(classes):
