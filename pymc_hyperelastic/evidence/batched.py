@@ -168,18 +168,6 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
         return_transformed=True,
     )
     names = [model.rvs_to_values[rv].name for rv in model.free_RVs]
-    sample = sampler_of(expressions)
-    return lambda count, rng: dict(zip(names, sample(count, rng), strict=True))
-
-
-@without_traces
-def sampler_of(
-    expressions: Sequence[Variable],
-) -> Callable[[int, np.random.Generator], list[Array]]:
-    """Compile a function that draws expressions of random variables.
-
-    It takes the number of draws and a generator; draws are along the first axis.
-    """
     nodes = [v.owner for v in ancestors(expressions) if _is_random(v)]
     at_once = all(isinstance(node.op, RandomVariable) and node.op.ndims_params for node in nodes)
     shared = _shared_inputs(expressions)
@@ -195,14 +183,16 @@ def sampler_of(
         )
     function = _compiled[key]
 
-    def sample(count: int, rng: np.random.Generator) -> list[Array]:
+    def sample(count: int, rng: np.random.Generator) -> dict[str, Array]:
         def draw(size: int) -> list[Array]:
             return function(size, *(_fresh_value(v, rng) for v in shared))
 
         if at_once:
-            return draw(count)
-        # A distribution that is made of others cannot always be drawn as a batch.
-        return [np.stack(v) for v in zip(*(draw(1) for _ in range(count)), strict=True)]
+            values = draw(count)
+        else:
+            # A distribution that is made of others cannot always be drawn as a batch.
+            values = [np.stack(v) for v in zip(*(draw(1) for _ in range(count)), strict=True)]
+        return dict(zip(names, values, strict=True))
 
     return sample
 
@@ -255,11 +245,7 @@ def _of_size(expressions: Sequence[Variable], draws: TensorVariable) -> list[Var
         parameter = variable.owner.op.dist_params(variable.owner)[0]
         if not any(map(_is_random, ancestors([parameter]))):
             batched[parameter] = pt.broadcast_to(parameter, (draws, *parameter.shape))
-    # What is not random is the same in all.
-    return [
-        drawn if drawn.type.ndim > one.type.ndim else pt.broadcast_to(drawn, (draws, *drawn.shape))
-        for one, drawn in zip(expressions, vectorize_graph(expressions, batched), strict=True)
-    ]
+    return vectorize_graph(expressions, batched)
 
 
 def _is_random(variable: Variable) -> bool:

@@ -4,6 +4,7 @@ from bisect import bisect_left
 from typing import Literal, get_args
 
 import numpy as np
+import pymc as pm
 import pytensor
 import pytensor.tensor as pt
 import xarray as xr
@@ -14,7 +15,6 @@ from pytensor.graph.utils import MissingInputError
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import measured_radius, points_of
-from pymc_hyperelastic.evidence.batched import sampler_of
 from pymc_hyperelastic.mechanics.axial_force import wall_force
 from pymc_hyperelastic.mechanics.collocation import nodes_needed
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
@@ -114,7 +114,7 @@ def representative_values(parameters: list[TensorVariable]) -> list[Array] | Non
     from, so that nothing is known of their range.
     """
     try:
-        draws = sampler_of(parameters)(_DRAWS, np.random.default_rng(1))
+        draws = pm.draw(parameters, draws=_DRAWS, random_seed=1, mode="FAST_COMPILE")
     except (MissingInputError, NotImplementedError):
         return None
     ends = np.array([[d.min(), d.max()] for d in draws])
