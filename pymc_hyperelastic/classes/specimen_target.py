@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.search import width_of
-from pymc_hyperelastic.evidence.target import COST_OF_SLOPES, Slope, Target, by_differences
+from pymc_hyperelastic.evidence.target import Slope, Target, by_differences
 
 Array = NDArray[np.float64]
 
@@ -38,6 +38,7 @@ class SpecimenTarget(Target):
         self.whole, self.places, self.log_prior = whole, places, log_prior
         self.dimension, self.nan_scores = len(places), 0
         self.effort, self.most_effort = 0.0, np.inf
+        self._score = whole._score
 
     def particles(self, points: Array) -> Array:
         """Points among all variables, of which the others do not matter to the curves."""
@@ -51,25 +52,18 @@ class SpecimenTarget(Target):
 
     def score(self, points: Array) -> tuple[Array, Array]:
         """Log prior and log likelihood of every point; NaN and ``+inf`` count as ``−inf``."""
-        self.effort += len(points) / self.at_once
-        likelihood = self.whole.score(self.particles(points))[1]
+        _, likelihood = super().score(self.particles(points))
         return self._possible(self.log_prior(points), likelihood)
 
-    @property
-    def at_once(self) -> int:
-        """How many points are scored at once: few if each takes long."""
-        return self.whole.at_once
+    def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
+        """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""
+        _, likelihood, _, of_likelihood = super().slopes(self.particles(points))
+        prior, of_prior = self._prior_slope(points)
+        return *self._possible(prior, likelihood), of_prior, of_likelihood[:, self.places]
 
     @cached_property
     def _with_slopes(self) -> BatchedFunction | None:
         return self.whole._with_slopes
-
-    def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
-        """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""
-        self.effort += COST_OF_SLOPES * len(points) / self.at_once
-        prior, of_prior = self._prior_slope(points)
-        _, likelihood, _, of_likelihood = self.whole.slopes(self.particles(points))
-        return *self._possible(prior, likelihood), of_prior, of_likelihood[:, self.places]
 
     @cached_property
     def _prior_slope(self) -> Slope:

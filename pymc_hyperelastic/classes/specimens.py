@@ -79,7 +79,7 @@ class SpecimenSampler:
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data."""
         model = self._model_for(data)
-        target = self._target(model, self._log_reference)
+        target = self._target(model.whole, self._log_reference)
         found = integrate(target, PARTICLES, rng)
         curves = model.pressure(target.particles(found.particles))[0]
         misfit, freedom = self._misfit(data, curves)
@@ -101,7 +101,7 @@ class SpecimenSampler:
         def log_prior(points: Array) -> Array:
             return mean_density(self._draws(points), distributions)
 
-        target = self._target(self._model_for(data), log_prior)
+        target = self._target(self._model_for(data).whole, log_prior)
         mixture = GaussianMixture.fit(
             draws.points, components_for(len(draws.points), target.dimension), rng
         )
@@ -111,19 +111,19 @@ class SpecimenSampler:
         again = replace(self._draws(found.particles), misfit=draws.misfit, freedom=draws.freedom)
         return _weighted(again, log_prior(found.particles), found)
 
-    def _target(self, model: _SpecimenModel, log_prior: Callable[[Array], Array]) -> SpecimenTarget:
-        return SpecimenTarget(model.whole, self._places(model.whole), log_prior)
+    def _target(self, whole: Target, log_prior: Callable[[Array], Array]) -> SpecimenTarget:
+        return SpecimenTarget(whole, self._places(whole), log_prior)
 
     def _log_reference(self, points: Array) -> Array:
         return log_density(np, vars(self._draws(points)), self.reference)
 
-    def _places(self, target: Target) -> NDArray[np.intp]:
+    def _places(self, whole: Target) -> NDArray[np.intp]:
         """Columns of particles on which curves depend: coordinates of each test, and ``ln σ``."""
         own = self.reference.experiment_spread is not None
         names = [f"{name}_of_test" if own else name for name in self.scale.names]
         names += ["log_specimen_sigma"] if self.sigma is None else []
-        ends = np.cumsum([size for _, size in target.var_info.values()])
-        columns = dict(zip(target.var_info, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
+        ends = np.cumsum([size for _, size in whole.var_info.values()])
+        columns = dict(zip(whole.var_info, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
         return np.concatenate([columns[name] for name in names])
 
     def _draws(self, points: Array) -> SpecimenDraws:

@@ -22,8 +22,9 @@ CLIMBS = 8
 _MOST_TRIED = 50
 # Points drawn at each stage of the first look, for each pair of unknowns; at most, if there are few
 # unknowns, since in many dimensions points meet nothing narrow; and at most for each that can be
-# scored at once, and for each pair of the first unknowns. Climbs from the most outstanding of them.
-_PROBES, _MOST_PROBES, _COSTLY, _FIRST, _PROBED = 5_000, 320_000, 1.25, 4, 2
+# scored at once, and for each pair of unknowns, of which two to four count. Climbs from the most
+# outstanding of them.
+_PROBES, _MOST_PROBES, _COSTLY, _PAIRED, _PROBED = 5_000, 320_000, 1.25, (2, 4), 2
 # Moves at a stage of the search, which need not be exact.
 _FORWARD_MOVES, _MOVES = 10, 20
 # Shares of the prior: while little is known, and in the end.
@@ -148,10 +149,10 @@ def _outstanding(target: Target, mixture: GaussianMixture, rng: np.random.Genera
     A narrow mode is met by one point in many thousands, and given away by its weight.
     """
     size = target.dimension
-    affordable = int(_COSTLY * min(size, _FIRST) ** 2 * target.at_once)
+    affordable = int(_COSTLY * np.clip(size, *_PAIRED) ** 2 * target.at_once)
     probes = min(_PROBES * size**2, _MOST_PROBES // size, affordable)
     points, log_weights = weighted_draws(target.score, mixture, probes, rng)
-    return points[np.argpartition(-log_weights, _PROBED)[:_PROBED]]
+    return points[np.argpartition(-log_weights, _PROBED - 1)[:_PROBED]]
 
 
 def places_to_climb_from(points: Array, score: Array) -> Array:

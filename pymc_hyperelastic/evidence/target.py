@@ -37,7 +37,7 @@ _FEW = 4
 # Logarithm of the smallest number there is.
 _LOG_SMALLEST = np.log(np.nextafter(0.0, 1.0))
 # Slopes take so many times as long as a score.
-COST_OF_SLOPES = 3
+_COST_OF_SLOPES = 3
 # Step of a difference, as a fraction of a variable's width.
 _STEP = 1e-4
 
@@ -130,7 +130,7 @@ class Target:
     def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
         """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""
         assert self._with_slopes is not None
-        self.effort += COST_OF_SLOPES * len(points) / self.at_once
+        self.effort += _COST_OF_SLOPES * len(points) / self.at_once
         prior, likelihood, *slopes = self._with_slopes(points)
         return *self._possible(prior, likelihood), *(
             np.nan_to_num(s, posinf=0, neginf=0) for s in slopes

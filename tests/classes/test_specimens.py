@@ -206,16 +206,10 @@ def test_evidence_of_precise_points_of_unknown_noise():
     np.testing.assert_allclose(particles[:, :2].mean(axis=0), [2.0, -3.0], atol=1e-3)
 
 
-@pytest.fixture(scope="module")
-def of_two_tests():
-    """A specimen with two tests that differ, and the population of which it is one."""
-    data = curves({"A": [38.0, 52.0]}, SEED)
-    return data, Population(ph.NeoHookean(), SIGMA, True, 20.0)
-
-
-def test_evidence_of_tests_that_differ_is_the_integral_over_all_that_is_unknown(of_two_tests):
+def test_evidence_of_tests_that_differ_is_the_integral_over_all_that_is_unknown():
     """A sum over a fine grid of the specimen and its effect; its tests are integrated by sums."""
-    data, population = of_two_tests
+    data = curves({"A": [38.0, 52.0]}, SEED)
+    population = Population(ph.NeoHookean(), SIGMA, True, 20.0)
     sampler = SpecimenSampler(population, population.forward_model(data), reference_of(population))
     draws = sampler(data, np.random.default_rng(SEED))
     assert draws.method == "importance"
@@ -234,13 +228,13 @@ def test_evidence_of_tests_that_differ_is_the_integral_over_all_that_is_unknown(
     r = sampler.reference
     step = grid[1] - grid[0]
     terms = []
-    for effect in np.linspace(-5, 5, 101) * r.effect_spread:
+    for effect in np.linspace(-5, 5, 41) * r.effect_spread:
         within = stats.norm(grid[:, None], r.experiment_spread[0] * np.exp(effect)).logpdf(grid)
         of_specimen = sum(logsumexp(within + f, axis=1) + np.log(step) for f in fit)
         centre = stats.norm(r.location[0], r.spread[0]).logpdf(grid)
         total = logsumexp(of_specimen + centre) + np.log(step)
         terms.append(total + stats.norm(0, r.effect_spread).logpdf(effect))
-    exact = logsumexp(terms) + np.log(0.1 * r.effect_spread)
+    exact = logsumexp(terms) + np.log(0.25 * r.effect_spread)
     error = np.hypot(STANDARD_ERRORS * draws.standard_error, QUADRATURE_TOLERANCE)
     assert abs(value - exact) < error
 
@@ -250,7 +244,7 @@ def test_slopes_of_a_specimen_are_those_of_its_score():
     data = curves({"A": [38.0, 52.0, 45.0, 41.0]}, SEED)
     population = Population(ph.Ogden(), SIGMA, True, 20.0)
     sampler = SpecimenSampler(population, population.forward_model(data), reference_of(population))
-    target = sampler._target(sampler._model_for(data), sampler._log_reference)
+    target = sampler._target(sampler._model_for(data).whole, sampler._log_reference)
     assert target.has_slopes and target.dimension == 8
     points = target.draw_prior(3, np.random.default_rng(SEED))
     prior, likelihood, of_prior, of_likelihood = target.slopes(points)
@@ -259,3 +253,14 @@ def test_slopes_of_a_specimen_are_those_of_its_score():
         for point, slope in zip(points, slopes, strict=True):
             expected = approx_fprime(point, lambda x, i=i: target.score(x[None])[i][0], 1e-6)
             np.testing.assert_allclose(slope, expected, rtol=1e-3, atol=1e-3)
+
+
+def test_scores_of_a_specimen_that_are_no_number_are_counted():
+    """A message says how many likelihoods are none, not only that none is finite."""
+    data = curves({"A": [38.0, 52.0]}, SEED)
+    population = Population(ph.NeoHookean(), SIGMA, True, 20.0)
+    sampler = SpecimenSampler(population, population.forward_model(data), reference_of(population))
+    target = sampler._target(sampler._model_for(data).whole, lambda points: np.zeros(len(points)))
+    _, likelihood = target.score(np.full((5, 2), np.nan))
+    with pytest.raises(ValueError, match=r"\(5 are NaN\)"):
+        target.check_possible(np.isfinite(likelihood), "5 points")

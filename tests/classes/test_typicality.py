@@ -112,6 +112,10 @@ def test_what_cannot_be_judged_is_not_decided():
     assert decided(**nothing, log_evidence_se=[np.inf, np.inf]) == "cannot be judged"
 
 
+# Moduli of specimens, and by what the second experiment on each differs from the first.
+MODULI, APART = (30.0, 38.0, 50.0, 34.0, 44.0), (1.1, 0.92, 1.05, 0.9, 1.2)
+
+
 @pytest.fixture(scope="module")
 def differing():
     """Classes of specimens with two experiments each, which differ."""
@@ -120,9 +124,6 @@ def differing():
     return fit(
         training={"soft": curves(soft, 1), "stiff": curves(stiff, 2)}, experiment_effect=True
     )
-
-
-MODULI, APART = (30.0, 38.0, 50.0, 34.0, 44.0), (1.1, 0.92, 1.05, 0.9, 1.2)
 
 
 # Pressures below the noise tell only that a wall is soft, and of few specimens whose experiments

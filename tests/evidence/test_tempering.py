@@ -124,3 +124,14 @@ def test_a_model_without_slopes_is_sampled_by_walks():
     )
     exact = stats.norm(0, np.sqrt(5)).logpdf(measured).sum()
     assert abs(value - exact) < 3 * error < 0.3
+
+
+def test_one_unknown_whose_density_is_costly_is_searched():
+    """Points can be scored one at a time only, and there are few to stand out."""
+    with pm.Model() as model:
+        x = pm.Normal("x", 0, 1)
+        pm.Normal("y", x, 1.0, observed=np.random.default_rng(SEED).normal(0.3, 1.0, 100_000))
+    target = Target(model)
+    assert target.at_once <= 2
+    found = find_reference(target, np.random.default_rng(SEED))
+    assert len(found.log_masses) == 1
