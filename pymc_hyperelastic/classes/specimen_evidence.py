@@ -103,7 +103,10 @@ def hybrid_evidences(
     if len(parts) == 1:
         return np.array(ends)
     count = min(len(own.location[0]), len(other.location[0]), _EXCHANGED)
-    pair = tuple(_some(d, count) for d in (own, other))
+    pair = tuple(
+        d.at(np.linspace(0, len(d.location[0]) - 1, count).round().astype(int))
+        for d in (own, other)
+    )
     values, shapes = np.full(shape, np.nan), np.full(shape, np.inf)
     for draws in samples:
         densities = _densities_of_parts(draws, pair, parts)
@@ -140,18 +143,6 @@ def _densities_of_parts(
         return known[wall] + log_density_of_noise(np, draws.log_sigma, pair[whose["noise"]])
 
     return densities
-
-
-def _some(d: ClassDistribution, count: int) -> ClassDistribution:
-    """So many of the draws of a class's distribution."""
-    chosen = np.linspace(0, len(d.location[0]) - 1, count).round().astype(int)
-
-    def some(values: Any) -> Any:
-        return None if values is None else values[..., chosen, :]
-
-    factor = [[some(entry) for entry in row] for row in d.factor]
-    others = {name: some(getattr(d, name)) for name in vars(d) if name != "factor"}
-    return ClassDistribution(factor=factor, **others)
 
 
 def near_class(distributions: ClassDistribution) -> ClassDistribution:

@@ -96,16 +96,23 @@ class SpecimenSampler:
         """Sample the specimen of these data again, as one of a class of these distributions.
 
         The draws that are known of it show where; they are returned where this does not succeed.
+        A share of specimens of the class is among those tried: curves may leave a coordinate open,
+        as far as the class goes.
         """
 
         def log_prior(points: Array) -> Array:
             return mean_density(self._draws(points), distributions)
 
+        def draw_prior(count: int, rng: np.random.Generator) -> Array:
+            chosen = distributions.at(rng.integers(len(distributions.location[0]), size=count))
+            fresh = fresh_specimens(self.scale, chosen, data.sizes["test"], rng)
+            return np.concatenate([fresh[name] for name in self._names], axis=1)
+
         target = self._target(self._model_for(data).whole, log_prior)
         mixture = GaussianMixture.fit(
             draws.points, components_for(len(draws.points), target.dimension), rng
         )
-        found = by_importance(target.score, mixture, PARTICLES, rng)
+        found = by_importance(target.score, mixture, PARTICLES, rng, draw_prior)
         if not found.trusted:
             return draws
         again = replace(self._draws(found.particles), misfit=draws.misfit, freedom=draws.freedom)
@@ -117,14 +124,18 @@ class SpecimenSampler:
     def _log_reference(self, points: Array) -> Array:
         return log_density(np, vars(self._draws(points)), self.reference)
 
-    def _places(self, whole: Target) -> NDArray[np.intp]:
-        """Columns of particles on which curves depend: coordinates of each test, and ``ln σ``."""
+    @property
+    def _names(self) -> list[str]:
+        """Variables on which curves depend: coordinates of each test, and ``ln σ``."""
         own = self.reference.experiment_spread is not None
         names = [f"{name}_of_test" if own else name for name in self.scale.names]
-        names += ["log_specimen_sigma"] if self.sigma is None else []
+        return names + (["log_specimen_sigma"] if self.sigma is None else [])
+
+    def _places(self, whole: Target) -> NDArray[np.intp]:
+        """Columns of particles on which curves depend."""
         ends = np.cumsum([size for _, size in whole.var_info.values()])
         columns = dict(zip(whole.var_info, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
-        return np.concatenate([columns[name] for name in names])
+        return np.concatenate([columns[name] for name in self._names])
 
     def _draws(self, points: Array) -> SpecimenDraws:
         """Draws of a specimen that are not weighted yet."""

@@ -54,6 +54,16 @@ class ClassDistribution:
     log_sigma: Any = None
     noise_spread: Any = None
 
+    def at(self, draws: NDArray[np.intp]) -> "ClassDistribution":
+        """Some of the draws, where there are many, in the order in which they are named."""
+
+        def some(values: Any) -> Any:
+            return None if values is None else values[..., draws, :]
+
+        factor = [[some(entry) for entry in row] for row in self.factor]
+        others = {name: some(getattr(self, name)) for name in vars(self) if name != "factor"}
+        return ClassDistribution(factor=factor, **others)
+
 
 def register_class(
     scale: NaturalScale,

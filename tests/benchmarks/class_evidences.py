@@ -37,23 +37,23 @@ GROUPS = ("C1", "C2")
 # Documented priors of a class, see `population_model`: medians and spreads of logarithms.
 REFERENCE_STRESS, STRAIN, SHAPE_SD, SPREAD = 20.0, (0.2, 0.7), 1.2, (0.4, 0.7)
 # Likelihoods are tabulated where they are within so many nats of their largest value.
-NEGLIGIBLE = 25.0
-# Nodes of a panel, and panels: over the coordinate of the shape, and over the strain within reach.
-ORDER, SHAPE_PANELS, STRAIN_PANELS = 16, 30, 1
-# Coordinates of the shape outside which no class has specimens, in standard deviations of location.
-REACH = 8.0
-CLASS_DRAWS, BLOCK = 200_000, 200
+NEGLIGIBLE = 20.0
+# Nodes of a panel, how many there are at least, and their largest width: a class may be narrow.
+ORDER, PANELS, WIDTH = 12, 2, 0.2
+# Coordinates of the shape outside which no class has specimens, in standard deviations of location,
+# and the one beyond which curves no longer change: the power law has become an exponential.
+REACH, LIMIT = 25.0, 12.0
+# Points of all specimens times distributions of a class for one truth, and distributions at once.
+WORK, BLOCK = 3e9, 50
 
 
-def panels(low, high, count):
+def panels(low, high, width=WIDTH):
     """Nodes and weights of a composite Gauss-Legendre rule."""
     node, weight = leggauss(ORDER)
+    count = max(PANELS, int(np.ceil((high - low) / width)))
     edges = np.linspace(low, high, count + 1)
-    half = np.diff(edges) / 2
-    return (
-        (edges[:-1] + half)[:, None] + half[:, None] * node,
-        half[:, None] * np.broadcast_to(weight, (count, ORDER)),
-    )
+    half = np.diff(edges)[:, None] / 2
+    return (edges[:-1, None] + half * (node + 1)).ravel(), (half * weight).ravel()
 
 
 def log_modulus_of_strain(law, log_strain, exponent):
@@ -78,32 +78,35 @@ def tabulate(curves, law, shape_mean):
 
     @np.errstate(all="ignore")  # an exponent may be so large that pressures overflow
     def profile(x):
-        top, *others = parabola(curves, law, np.exp(x), sigma=SIGMA, slope_weight=0.0)
+        top, *others = parabola(
+            curves, law, np.exp(np.minimum(x, LIMIT)), sigma=SIGMA, slope_weight=0.0
+        )
         return np.where(np.isfinite(top), top, -np.inf), *others
 
     low, high = shape_mean - REACH * SHAPE_SD, shape_mean + REACH * SHAPE_SD
     scan = np.linspace(low, high, 4001)
     top = profile(scan)[0]
     inside = scan[top > top.max() - NEGLIGIBLE]
-    shape, shape_weight = (
-        x.ravel()
-        for x in panels(max(inside[0] - 0.01, low), min(inside[-1] + 0.01, high), SHAPE_PANELS)
-    )
-    top, curvature, peak = profile(shape)
-    exponent = np.exp(shape)
+    low, high = max(inside[0] - 0.01, low), min(inside[-1] + 0.01, high)
+    rules = [panels(low, min(high, LIMIT))]
+    if high > LIMIT:
+        rules.append(panels(LIMIT, high, width=1.0))
+    shapes = [np.concatenate(x) for x in zip(*rules, strict=True)]
+    top, curvature, peak = profile(shapes[0])
     reach = np.sqrt(NEGLIGIBLE / curvature)
     # A large modulus is a small strain.
     ends = [
-        log_strain_of_modulus(law, np.log(m), exponent)
+        log_strain_of_modulus(law, np.log(m), np.exp(np.minimum(shapes[0], LIMIT)))
         for m in (peak + reach, np.maximum(peak - reach, 1e-3 * peak))
     ]
-    rows = [panels(*pair, STRAIN_PANELS) for pair in zip(*ends, strict=True)]
-    strain = np.array([node.ravel() for node, _ in rows])
-    weight = np.array([weight.ravel() for _, weight in rows])
-    modulus = np.exp(log_modulus_of_strain(law, strain, exponent[:, None]))
-    log_likelihood = top[:, None] - curvature[:, None] * (modulus - peak[:, None]) ** 2
-    log_mass = log_likelihood + np.log(weight * shape_weight[:, None])
-    points = np.stack([strain, np.broadcast_to(shape[:, None], strain.shape)], axis=-1)
+    points, log_mass = [], []
+    for row, (shape, weight) in enumerate(zip(*shapes, strict=True)):
+        strain, strain_weight = panels(ends[0][row], ends[1][row])
+        modulus = np.exp(log_modulus_of_strain(law, strain, np.exp(min(shape, LIMIT))))
+        misfit = top[row] - curvature[row] * (modulus - peak[row]) ** 2
+        points.append(np.column_stack([strain, np.full_like(strain, shape)]))
+        log_mass.append(misfit + np.log(weight * strain_weight))
+    points, log_mass = np.concatenate(points), np.concatenate(log_mass)
     keep = log_mass > log_mass.max() - NEGLIGIBLE
     return points[keep], log_mass[keep]
 
@@ -151,7 +154,8 @@ def class_evidence(data, law):
     mean = np.array([np.log(STRAIN[0]), shape_mean, *2 * [np.log(SPREAD[0])], 0.0])
     covariance = np.diag(np.square([STRAIN[1], SHAPE_SD, SPREAD[1], SPREAD[1], 0.6]))
     # Proposals of heavy tails, each learnt from the one before.
-    for draws in (4000, 8000, 8000, CLASS_DRAWS):
+    last = int(WORK / sum(len(log_mass) for _, log_mass in specimens))
+    for draws in (4000, 8000, 8000, last):
         proposal = stats.multivariate_t(mean, covariance, df=6, seed=rng)
         theta = proposal.rvs(draws)
         log_weight = class_log_prior(theta, shape_mean) + log_likelihood(theta, specimens)
