@@ -111,7 +111,8 @@ def classify(
         ratio of the evidences of the class and of its ``rival``, the most probable other class, is
         the sum of these parts. With variability they are "material" (location, spreads and
         correlation of the coordinates), "experiments" (how much those on a specimen differ) and
-        "noise" (its size), as far as the classes have them; else a class has one part, "all". Each
+        "noise" (its size), as far as the classes have them. Without, they are what was measured:
+        "pressure", "slope" and "force", as far as the likelihood of the classes has them. Each
         is the mean change of the log evidence ``v`` when the class's part is exchanged for the
         rival's, over all orders in which the ``n`` parts can be exchanged,
 
@@ -120,7 +121,14 @@ def classify(
             \sum_j φ_j = \ln\frac{P(D | C)}{P(D | C_{\mathrm{rival}})}
 
         and positive where it speaks for the class; NaN where one of these evidences is not to be
-        trusted.
+        trusted. A signal is exchanged when the rival predicts it, by itself, and the class the
+        others: ``v`` is then the sum of the log evidences of the two, each of its own signals.
+        Slopes are differences of the same pressures. Beside these they are what they add to the
+        likelihood; without them they are taken as numbers by themselves, with the errors that the
+        likelihood gives each. What the two tell alike is divided between them. Evidences of some
+        signals alone are taken with fewer draws, to a few hundredths of a nat, or half a nat where
+        tempering is needed, and take about half as long again for two signals, and longer for
+        three; of one signal there are none.
 
     Warns
     -----
