@@ -67,10 +67,13 @@ def classify(
         says counts by its posterior probability, which is the product of the evidences of its
         classes. The variable ``strain_energy_probability`` tells it, and
         ``strain_energy_probability_se`` what the errors of these evidences leave open, which all
-        errors of the result hold too: if one is infinite, nothing can be judged. The p-value is the
-        mean of the laws' p-values by these probabilities. Evidences compare only between classes of
-        the same noise, or between classes that all have variability; of these one law may be there
-        twice, with an experiment effect and without.
+        errors of the result hold too: if one is infinite, nothing can be judged.
+        ``strain_energy_log_evidence`` is what it rests on, and ``strain_energy_class_probability``
+        (strain_energy, class_label) what each class would say alone, both with their ``_se``; see
+        :func:`~pymc_hyperelastic.plot_law_probability`. The p-value is the mean of the laws'
+        p-values by these probabilities. Evidences compare only between classes of the same noise,
+        or between classes that all have variability; of these one law may be there twice, with an
+        experiment effect and without.
     undecided_below : float, default 0
         Probability that the most probable class must have for a decision.
     none_below : float, default 0
