@@ -45,6 +45,7 @@ from pymc_hyperelastic.plots.density import plot_parameter_density
 from pymc_hyperelastic.plots.fit import plot_pressure_fit
 from pymc_hyperelastic.plots.force import plot_axial_force
 from pymc_hyperelastic.plots.inflation import plot_inflation
+from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.plots.properties import plot_elastic_properties, plot_wall_stress
 from pymc_hyperelastic.predictions.curves import (
@@ -108,6 +109,7 @@ __all__ = [
     "plot_elastic_properties",
     "plot_wall_stress",
     "plot_class_probability",
+    "plot_law_probability",
     "plot_calibration_ranks",
     "plot_reliability",
 ]

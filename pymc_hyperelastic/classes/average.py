@@ -1,21 +1,26 @@
 """Averages over strain energies, each by its probability."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import log_softmax, logsumexp, softmax
 
+from pymc_hyperelastic.classes.comparable import Fit, check_comparable, noise_of
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
     Prediction,
     training_evidence,
 )
-from pymc_hyperelastic.classes.training import same_training_data
+from pymc_hyperelastic.classes.kinds import kind_of_classes
+from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.study import wall_of
 
 Array = NDArray[np.float64]
 
@@ -38,6 +43,8 @@ class Laws:
     parts: list[tuple[str, ...]]
     """Parts of a class that can be told apart, by law."""
     evidences: list[Estimate]
+    of_classes: dict[str, list[Estimate]] = field(default_factory=dict)
+    """The evidences of each class by itself, by law."""
 
     @cached_property
     def log_probability(self) -> Array:
@@ -66,55 +73,124 @@ class Laws:
         return _error(np.exp(self.drawn), probability)
 
     def as_variables(self) -> dict[str, xr.DataArray]:
-        """Probability of each law, and its standard error."""
-        coords = {"strain_energy": self.labels}
-        values = {"": np.exp(self.log_probability), "_se": self.probability_error}
-        return {
-            f"strain_energy_probability{name}": xr.DataArray(value, coords, "strain_energy")
-            for name, value in values.items()
+        """Log evidence and probability of each law, and that by each class alone."""
+        coords: dict[str, Any] = {"strain_energy": self.labels}
+        values, errors = np.transpose(self.evidences)
+        variables = {
+            "log_evidence": values,
+            "log_evidence_se": errors,
+            "probability": np.exp(self.log_probability),
+            "probability_se": self.probability_error,
         }
-
-
-def laws_of(trees: Sequence[xr.DataTree], kinds: Sequence[ClassKind]) -> Laws:
-    """The laws of fitted classes, whose evidences have to compare."""
-    first = trees[0]
-    labels = labels_of(kinds)
-    noises = [
-        kind.noise_in_words(next(iter(tree.children.values())))
-        for kind, tree in zip(kinds, trees, strict=True)
-    ]
-    for tree, label, noise in zip(trees, labels, noises, strict=True):
-        if list(tree.children) != list(first.children):
-            raise ValueError(
-                f"average_over holds the classes {list(tree.children)}, not "
-                f"{list(first.children)} as the others"
-            )
-        if noise != noises[0]:
-            raise ValueError(
-                f"average_over holds {label} with {noise}, but {labels[0]} has {noises[0]}: their "
-                "evidences do not compare"
-            )
-        for name, fitted in tree.children.items():
-            if not same_training_data(fitted, first[name]):
-                raise ValueError(
-                    f"class {name!r} has other training data under {label} than under "
-                    f"{labels[0]}: their evidences do not compare"
+        found = {
+            f"strain_energy_{name}": xr.DataArray(value, coords, "strain_energy")
+            for name, value in variables.items()
+        }
+        if self.of_classes:
+            alone = [Laws(self.labels, self.parts, e) for e in self.of_classes.values()]
+            coords |= {"class_label": list(self.of_classes)}
+            for name, table in (
+                ("", [np.exp(laws.log_probability) for laws in alone]),
+                ("_se", [laws.probability_error for laws in alone]),
+            ):
+                found[f"strain_energy_class_probability{name}"] = xr.DataArray(
+                    np.transpose(table), coords, ("strain_energy", "class_label")
                 )
+        return found
+
+
+def laws_of(
+    trees: Sequence[xr.DataTree],
+    kinds: Sequence[ClassKind],
+    labels: Sequence[str] | None = None,
+    argument: str = "average_over",
+) -> Laws:
+    """The laws of fitted classes, whose evidences have to compare.
+
+    They are labelled by what they are, unless `labels` are given. The `argument` is that by which
+    the classes were given.
+    """
+    labels = list(labels or labels_of(kinds))
+    check_comparable(
+        [
+            Fit(label, tree.children, kind.noise_in_words(next(iter(tree.children.values()))))
+            for label, tree, kind in zip(labels, trees, kinds, strict=True)
+        ],
+        argument,
+    )
     evidences = [training_evidence(tree.children) for tree in trees]
-    return Laws(labels, [kind.parts for kind in kinds], evidences)
+    of_classes = {name: [log_evidence(tree[name]) for tree in trees] for name in trees[0].children}
+    return Laws(labels, [kind.parts for kind in kinds], evidences, of_classes)
+
+
+def laws_of_fits(fits: Mapping[str, xr.DataTree] | Sequence[xr.DataTree]) -> Laws:
+    """The laws of results: of sampled models, or of classes; a dict names the laws."""
+    trees = list(fits.values()) if isinstance(fits, Mapping) else list(fits)
+    labels = list(fits) if isinstance(fits, Mapping) else None
+    for i, tree in enumerate(trees):
+        if not isinstance(tree, xr.DataTree):
+            which = f"{labels[i]!r}" if labels else f"number {i}"
+            raise TypeError(
+                f"fit {which} must be a result of ph.sample_smc or ph.fit_classes, not "
+                f"{type(tree).__name__}"
+            )
+    if not trees:
+        raise ValueError("there are no fits: expected results of ph.sample_smc or ph.fit_classes")
+    of_classes = [_are_classes(tree) for tree in trees]
+    if all(of_classes):
+        return laws_of(trees, [kind_of_classes(tree) for tree in trees], labels, "fits")
+    if any(of_classes):
+        raise ValueError(
+            "some of the fits are classes, results of ph.fit_classes, and some are single results: "
+            "their evidences do not compare; of one class take classes['C1']"
+        )
+    labels = labels or labels_of_results(trees)
+    check_comparable(
+        [Fit(name, {"": t}, noise_of(t)) for name, t in zip(labels, trees, strict=True)], "fits"
+    )
+    return Laws(labels, [], [log_evidence(tree) for tree in trees])
+
+
+def _are_classes(tree: xr.DataTree) -> bool:
+    return "evidence" not in tree.children and any(
+        "evidence" in child.children for child in tree.children.values()
+    )
 
 
 def labels_of(kinds: Sequence[ClassKind]) -> list[str]:
     """Names of strain energies; where these are alike, with what else tells the kinds apart."""
+    return _told_apart([(kind.energy.name, repr(kind.energy), kind.in_words) for kind in kinds])
+
+
+def labels_of_results(trees: Sequence[xr.DataTree]) -> list[str]:
+    """Names of the strain energies, or of the layers, of sampled models."""
+    known = []
+    for i, tree in enumerate(trees):
+        if not {"strain_energy", "layers"} & set(tree.attrs):
+            raise ValueError(
+                f"fit number {i} does not name its strain energy: give the fits as a dict of names "
+                "to results"
+            )
+        energies = [layer.energy for layer in wall_of(tree)]
+        name, settings = (" in ".join(map(say, energies)) for say in (_name, repr))
+        known.append((name, settings, ""))
+    return _told_apart(known)
+
+
+def _name(energy: StrainEnergy) -> str:
+    return energy.name
+
+
+def _told_apart(known: Sequence[tuple[str, str, str]]) -> list[str]:
+    """Labels of laws, of each of which the name, all settings and more words are known."""
     labels: list[str] = []
-    for kind in kinds:
-        alike = [other for other in kinds if other.energy.name == kind.energy.name]
-        laws = {repr(other.energy) for other in alike}
-        same = [other for other in alike if repr(other.energy) == repr(kind.energy)]
-        label = kind.energy.name if len(laws) == 1 else repr(kind.energy)
-        if len({other.in_words for other in same}) > 1 and kind.in_words:
-            label = f"{label} {kind.in_words}"
-        times = sum(known.split(" (")[0] == label for known in labels)
+    for name, settings, words in known:
+        alike = [other for other in known if other[0] == name]
+        same = [other for other in alike if other[1] == settings]
+        label = name if len({other[1] for other in alike}) == 1 else settings
+        if len({other[2] for other in same}) > 1 and words:
+            label = f"{label} {words}"
+        times = sum(other.split(" (")[0] == label for other in labels)
         labels.append(f"{label} ({times + 1})" if times else label)
     return labels
 

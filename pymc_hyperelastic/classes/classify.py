@@ -67,10 +67,13 @@ def classify(
         says counts by its posterior probability, which is the product of the evidences of its
         classes. The variable ``strain_energy_probability`` tells it, and
         ``strain_energy_probability_se`` what the errors of these evidences leave open, which all
-        errors of the result hold too: if one is infinite, nothing can be judged. The p-value is the
-        mean of the laws' p-values by these probabilities. Evidences compare only between classes of
-        the same noise, or between classes that all have variability; of these one law may be there
-        twice, with an experiment effect and without.
+        errors of the result hold too: if one is infinite, nothing can be judged.
+        ``strain_energy_log_evidence`` is what it rests on, and ``strain_energy_class_probability``
+        (strain_energy, class_label) what each class would say alone, both with their ``_se``; see
+        :func:`~pymc_hyperelastic.plot_law_probability`. The p-value is the mean of the laws'
+        p-values by these probabilities. Evidences compare only between classes of the same noise,
+        or between classes that all have variability; of these one law may be there twice, with an
+        experiment effect and without.
     undecided_below : float, default 0
         Probability that the most probable class must have for a decision.
     none_below : float, default 0
@@ -111,7 +114,8 @@ def classify(
         ratio of the evidences of the class and of its ``rival``, the most probable other class, is
         the sum of these parts. With variability they are "material" (location, spreads and
         correlation of the coordinates), "experiments" (how much those on a specimen differ) and
-        "noise" (its size), as far as the classes have them; else a class has one part, "all". Each
+        "noise" (its size), as far as the classes have them. Without, they are what was measured:
+        "pressure", "slope" and "force", as far as the likelihood of the classes has them. Each
         is the mean change of the log evidence ``v`` when the class's part is exchanged for the
         rival's, over all orders in which the ``n`` parts can be exchanged,
 
@@ -120,7 +124,14 @@ def classify(
             \sum_j φ_j = \ln\frac{P(D | C)}{P(D | C_{\mathrm{rival}})}
 
         and positive where it speaks for the class; NaN where one of these evidences is not to be
-        trusted.
+        trusted. A signal is exchanged when the rival predicts it, by itself, and the class the
+        others: ``v`` is then the sum of the log evidences of the two, each of its own signals.
+        Slopes are differences of the same pressures. Beside these they are what they add to the
+        likelihood; without them they are taken as numbers by themselves, with the errors that the
+        likelihood gives each. What the two tell alike is divided between them. Evidences of some
+        signals alone are taken with fewer draws, to a few hundredths of a nat, or half a nat where
+        tempering is needed, and take about half as long again for two signals, and longer for
+        three; of one signal there are none.
 
     Warns
     -----

@@ -30,7 +30,8 @@ class Prediction(NamedTuple):
     hybrids: "Callable[[int], Array] | None" = None
     """Log evidences under this class with parts of that of another number in place of its own.
 
-    One axis a part of the kind, two entries long: this class's part, and the other's.
+    One axis a part of the kind, two entries long: this class's part, and the other's. It holds for
+    the data at hand, before other ones are predicted.
     """
     probability_error: float = 0.0
     """Standard error of the class's probability from what laws it is an average of."""
@@ -77,7 +78,7 @@ class ClassKind(ABC):
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """What a class consists of, as far as its parts can be told apart in an evidence."""
+        """What an evidence consists of: parts of a class, or of what was measured."""
         return ("all",)
 
     @property

@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import logsumexp, softmax
 
 from pymc_hyperelastic.classes.average import Laws
 from pymc_hyperelastic.classes.interface import Prediction
 
 Array = NDArray[np.float64]
+
+# Share of an average over laws below which a law changes no digit that is told of a part.
+_NEGLIGIBLE = 1e-4
 
 
 def parts_of(laws: Laws) -> list[str]:
@@ -51,18 +54,32 @@ def with_parts(
 def _hybrids(
     laws: Laws, predictions: Sequence[Sequence[Prediction]], own: int, rival: int
 ) -> Array:
-    """Log evidences with parts of the rival in place of the class's own, averaged over laws."""
+    """Log evidences with parts of the rival in place of the class's own, averaged over laws.
+
+    Laws that count for nothing are not asked what is between the two ends: it may not be known.
+    """
     parts, terms = parts_of(laws), []
-    for log_probability, of_law, known in zip(
-        laws.log_probability, laws.parts, predictions, strict=True
-    ):
-        hybrids = known[own].hybrids
-        ends = [known[i].log_evidence.value for i in (own, rival)]
-        values = np.array(ends) if hybrids is None else hybrids(rival)
+    both = np.array([[of[i].log_evidence.value for i in (own, rival)] for of in predictions])
+    for law, counts in enumerate(_count(laws, both)):
+        of_law, hybrids = laws.parts[law], predictions[law][own].hybrids
+        if hybrids is not None and counts:
+            values = hybrids(rival)
+        else:
+            values = np.full((2,) * len(of_law), -np.inf)
+            values.flat[[0, -1]] = both[law]
         # What a law does not have changes nothing.
         values = values[tuple(slice(None) if part in of_law else None for part in parts)]
-        terms.append(log_probability + np.broadcast_to(values, (2,) * len(parts)))
+        terms.append(laws.log_probability[law] + np.broadcast_to(values, (2,) * len(parts)))
     return logsumexp(terms, axis=0)
+
+
+def _count(laws: Laws, ends: Array) -> NDArray[np.bool_]:
+    """Whether a law counts: by its probability, or in what is said of the class or its rival."""
+    if len(ends) == 1:
+        return np.array([True])
+    shares = softmax(laws.log_probability[:, None] + ends, axis=0)
+    # What is not a number counts: it must not be passed over.
+    return ~((np.exp(laws.log_probability) < _NEGLIGIBLE) & (shares.max(axis=1) < _NEGLIGIBLE))
 
 
 def shapley(values: Array) -> Array:

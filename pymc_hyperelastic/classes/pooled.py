@@ -1,11 +1,12 @@
 """Classes whose specimens share one set of parameters, as in the paper."""
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pymc as pm
+import pytensor
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -19,11 +20,13 @@ from pymc_hyperelastic.classes.interface import (
     Seed,
     training_evidence,
 )
+from pymc_hyperelastic.classes.signals import with_hybrids
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, without_specimens
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
+    DRAWS,
     LARGEST_PARETO_K,
     by_importance,
     draw_heavy_tailed,
@@ -43,6 +46,10 @@ Array = NDArray[np.float64]
 
 # Draws of a class to which a mixture is fitted, and of the mixture for the class's own evidence.
 _TO_FIT, _CLASS_DRAWS = 4000, 20000
+# The same for a part of an answer: draws of the class, of a mixture, and particles of one chain.
+_FEW_CLASS_DRAWS, _FEW_DRAWS, _FEW_PARTICLES = 4000, 2000, 500
+# Nats: of a part that is known no better nothing is told.
+_LARGEST_ERROR = 0.5
 
 
 @dataclass(frozen=True)
@@ -81,6 +88,11 @@ class Pooled(ClassKind):
         settings = model_settings_of(fitted)
         energy, priors = settings.pop("energy"), settings.pop("priors")
         return cls(energy, Observation(**settings), priors)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """What was measured: a class is told from another by each."""
+        return self.observation.signals
 
     def model(self, data: xr.Dataset) -> pm.Model:
         """Model of a class with these data."""
@@ -134,7 +146,17 @@ class Pooled(ClassKind):
                 predictives.extend(
                     ClassPredictive(fitted, self, forward, rng) for fitted in classes.values()
                 )
-            return [predictive(seeds.pop()) for predictive in predictives]
+            own = [(predictive, seeds.pop()) for predictive in predictives]
+            known = [predictive(seed) for predictive, seed in own]
+            if len(self.parts) == 1:
+                return known
+
+            def evidence_of(number: int, signals: Collection[str]) -> float:
+                predictive, seed = own[number]
+                return predictive.log_evidence_of(signals, seed)
+
+            measured = self.observation.measured(data)
+            return with_hybrids(known, self.parts, measured, evidence_of)
 
         return predict
 
@@ -219,20 +241,29 @@ class ClassPredictive:
         model, variables = kind.model(inflation_data_of(fitted)), kind.observation.noise
         noise = {name: model[name] for name in variables if name in model.named_vars}
         parameters = {name: model[name] for name in kind.energy.parameter_names}
-        observation = replace(kind.observation, **noise)
+        observation, signals = replace(kind.observation, **noise), kind.parts
+        # One signal is never left out.
+        names = signals if len(signals) > 1 else ()
+        self._switches = {name: pytensor.shared(1.0, name=f"with_{name}") for name in names}
+        log_likelihood = observation.log_likelihood(
+            forward.tube(parameters), self._switches or None
+        )
         with model:
-            new = pm.Potential("new", observation.log_likelihood(forward.tube(parameters)))
+            new = pm.Potential("new", log_likelihood)
 
         particles = fitted["unconstrained_posterior"].to_dataset()
-        self._chains = [
+        chains = [
             {name: particles[name].values[chain] for name in particles.data_vars}
             for chain in range(particles.sizes["chain"])
         ]
         self._likelihood = BatchedFunction.of_model(model, [model.logp([new])])
         self._kernel = BatchedSMC(draws=particles.sizes["draw"], model=model, tempered=["new"])
-        self._draws = np.concatenate([self._kernel.columns(chain) for chain in self._chains])
+        draws = np.concatenate([self._kernel.columns(chain) for chain in chains])
+        self._effort = _Effort(draws, DRAWS, chains)
+        thinned = {name: _some(values, _FEW_PARTICLES) for name, values in chains[0].items()}
+        self._little = _Effort(_some(draws, _FEW_CLASS_DRAWS), _FEW_DRAWS, [thinned])
 
-        some = self._draws[:: max(1, len(self._draws) // _TO_FIT)]
+        some = draws[:: max(1, len(draws) // _TO_FIT)]
         components = components_for(len(some), self._kernel.dimension)
         self._mixture = GaussianMixture.fit(some, components, rng, iterations=20)
         points, log_density = draw_heavy_tailed(self._mixture, _CLASS_DRAWS, rng)
@@ -242,20 +273,48 @@ class ClassPredictive:
 
     def __call__(self, random_seed: int) -> Prediction:
         """Marginal likelihood of the data that the forward model holds."""
-        rng = np.random.default_rng(random_seed)
-        return self._from_class_draws() or self._from_adapted_draws(rng) or self._by_tempering(rng)
+        return self._predict(self._effort, np.random.default_rng(random_seed))
 
-    def _from_class_draws(self) -> Prediction | None:
-        log_weights = np.nan_to_num(self._likelihood(self._draws)[0], nan=-np.inf, neginf=-np.inf)
+    def log_evidence_of(self, signals: Collection[str], random_seed: int) -> float:
+        """Log evidence of some of the signals of these data; NaN where it cannot be trusted.
+
+        No class is chosen by it, and to a few hundredths of a nat it is known with fewer draws.
+        """
+        on = [name in signals for name in self._switches]
+        self._switch(on)
+        try:
+            rng = np.random.default_rng([random_seed, *on])
+            value, error = self._predict(self._little, rng).log_evidence
+        except (ValueError, ArithmeticError):
+            return np.nan
+        finally:
+            self._switch([True] * len(on))
+        return value if error < _LARGEST_ERROR else np.nan
+
+    def _switch(self, on: Sequence[bool]) -> None:
+        for switch, signal_on in zip(self._switches.values(), on, strict=True):
+            switch.set_value(float(signal_on))
+
+    def _predict(self, effort: "_Effort", rng: np.random.Generator) -> Prediction:
+        return (
+            self._from_class_draws(effort)
+            or self._from_adapted_draws(effort, rng)
+            or self._by_tempering(effort, rng)
+        )
+
+    def _from_class_draws(self, effort: "_Effort") -> Prediction | None:
+        log_weights = self._likelihood(effort.class_draws)[0]
+        log_weights = np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
         estimate, pareto_k = mean_weight(log_weights)
         if pareto_k >= LARGEST_PARETO_K:
             return None
         return _prediction(estimate, "class draws", pareto_k)
 
-    def _from_adapted_draws(self, rng: np.random.Generator) -> Prediction | None:
+    def _from_adapted_draws(self, effort: "_Effort", rng: np.random.Generator) -> Prediction | None:
         if self._normaliser_k >= LARGEST_PARETO_K:
             return None
-        found = by_importance(self._kernel.score, self._mixture, 1, rng)
+        score, draws = self._kernel.score, effort.draws
+        found = by_importance(score, self._mixture, 1, rng, first_draws=draws)
         if not found.trusted:
             return None
         estimate = Estimate(
@@ -264,10 +323,25 @@ class ClassPredictive:
         )
         return _prediction(estimate, "adapted draws", max(found.pareto_k, self._normaliser_k))
 
-    def _by_tempering(self, rng: np.random.Generator) -> Prediction:
+    def _by_tempering(self, effort: "_Effort", rng: np.random.Generator) -> Prediction:
         values, errors = [], []
-        for chain in self._chains:
+        for chain in effort.chains:
             self._kernel.temper(chain, rng)
             values.append(self._kernel.log_marginal_likelihood)
             errors.append(np.sqrt(self._kernel.log_evidence_variance))
         return _prediction(combine_chains(np.array(values), np.array(errors)), "tempering", np.nan)
+
+
+class _Effort(NamedTuple):
+    """With how many draws each of the three ways is gone."""
+
+    class_draws: Array
+    draws: int
+    """From the adapted mixture, at first."""
+    chains: list[dict[str, Array]]
+    """Particles of the class that are tempered."""
+
+
+def _some(draws: Array, most: int) -> Array:
+    """So many of the draws at most, evenly spread."""
+    return draws[:: -(-len(draws) // most)]

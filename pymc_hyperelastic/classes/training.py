@@ -13,11 +13,6 @@ from pymc_hyperelastic.models.study import inflation_data_of
 _DECIMALS = 9
 
 
-def same_training_data(first: xr.DataTree, second: xr.DataTree) -> bool:
-    """Whether two classes were fitted to the same data."""
-    return inflation_data_of(first).equals(inflation_data_of(second))
-
-
 def check_new(new_data: xr.Dataset, classes: Mapping[str, xr.DataTree], fresh: bool) -> None:
     """Raise if an experiment is one of those from which a class was learned.
 

@@ -22,8 +22,8 @@ LARGEST_PARETO_K = 0.5
 # Effective draws without which nothing is known of a mean: its error is then a twentieth at most.
 ENOUGH = 400
 # Draws from the final mixture. Where they are not like the posterior another one is made of them,
-# from which twice as many are drawn, and so on; there are so many mixtures at most.
-DRAWS, _ATTEMPTS = 8000, 4
+# from which twice as many are drawn, and so on, so many at most.
+DRAWS, _MOST_DRAWS = 8000, 64000
 # Share of the prior in them.
 _PRIOR_SHARE = 0.1
 # Draws of a step of adaptation, for each unknown and at least; it goes so far that this fraction of
@@ -57,6 +57,7 @@ def by_importance(
     size: int,
     rng: np.random.Generator,
     draw_prior: DrawPrior | None = None,
+    first_draws: int = DRAWS,
 ) -> Integral:
     """Integral by importance sampling from a mixture, adapted from one that it is somehow like.
 
@@ -72,7 +73,7 @@ def by_importance(
     """
     mixture = adapted_mixture(score, like, rng)
     drawn = _Drawn(score, draw_prior)
-    for draws in (DRAWS << i for i in range(_ATTEMPTS)):
+    for draws in (first_draws << i for i in range((_MOST_DRAWS // first_draws).bit_length())):
         points, log_weights = drawn.with_draws(mixture, draws, rng)
         log_value, pareto_k = mean_weight(log_weights)
         effective = effective_sample_size(log_weights)

@@ -8,14 +8,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, check_table, stacked
+from pymc_hyperelastic.plots.style import (
+    DOUBT,
+    Backend,
+    Canvas,
+    Visuals,
+    check_table,
+    rounded_probability,
+    stacked,
+)
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
 
 _MOST_ROWS = 8  # of panels, where there is one result
-_NO_CLASS = "#D55E00"  # decisions that are no class
 
 
 def plot_class_probability(
@@ -148,7 +155,7 @@ def _titles(
             if "decision" in result:
                 decision = str(result["decision"].values[i]) or "not classified"
                 title += f"{chr(10) if len(results) > 1 else ' '}→ {decision}"
-                colour = colour if decision in result["class_label"] else _NO_CLASS
+                colour = colour if decision in result["class_label"] else DOUBT
             titles.append((heading, model, title, colour))
     return titles
 
@@ -195,7 +202,7 @@ def _written(
     above = 1 - high >= low
     return {
         "data": values.to_dataset(name="class_probability"),
-        "text": _number,
+        "text": rounded_probability,
         "x": x,
         "y": xr.where(above, high + 0.07, low - 0.07),
         "vertical_align": xr.where(above, "bottom", "top"),
@@ -235,12 +242,6 @@ def _labels(result: Any) -> tuple[str, list[str], list[str]]:
     if len(set(headings)) < len(headings):
         headings = [f"{i}: {heading}" for i, heading in enumerate(headings, 1)]
     return row, headings, classes
-
-
-def _number(probability: float) -> str:
-    if probability < 0.0005:
-        return "<0.001"
-    return ">0.999" if probability > 0.9995 else f"{probability:.3f}"
 
 
 def _probability_ticks(da: xr.DataArray, target: Any) -> None:

@@ -26,6 +26,7 @@ PALETTE = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 # Where colours run out, they come again with the next of these. Dashes mean extrapolation.
 LINE_STYLES = ["-", "-.", ":"]
 MARKERS = ["o", "^", "s", "d", "x", "+", "."]
+DOUBT = "#D55E00"  # of what is said in place of an answer
 MOST_DRAWS = 2000  # of a class in one figure: more change no line visibly
 RADIUS_LABEL = "internal radius $a$ (mm)"
 DIAMETER_LABEL = "outer diameter $d_o$ (mm)"
@@ -203,6 +204,15 @@ def stacked(name: str, **arrays: xr.DataArray) -> xr.Dataset:
 def per_kilopascal(pressure_unit: str) -> float:
     """How many of the unit make 1 kPa."""
     return 1 / float(to_internal(1.0, pressure_unit, "pressure"))
+
+
+def rounded_probability(probability: float, error: float = 0.0) -> str:
+    """A probability as it is printed, never as exactly zero or one unless its error says so."""
+    if error >= 0.0005:
+        return f"{probability:.3f} ± {error:.3f}"
+    if probability < 0.0005:
+        return "<0.001"
+    return ">0.999" if probability > 0.9995 else f"{probability:.3f}"
 
 
 def fitted_classes(classes: xr.DataTree) -> dict[str, xr.DataTree]:

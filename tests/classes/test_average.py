@@ -128,6 +128,46 @@ def test_parts_of_an_average_are_those_of_averaged_evidences():
     assert (first.rival, second.rival) == (1, 0)
 
 
+def of_one_law(between):
+    """Predictions of two classes by a law, and what is told between the two, in two parts."""
+    table = np.array([[-3.0, between], [-3.5, -5.0]])
+    known = predictions()[0]
+    tables = [table, np.flip(table)]
+    return [p._replace(hybrids=lambda _, t=t: t) for p, t in zip(known, tables, strict=True)]
+
+
+@pytest.mark.parametrize("unknown", [np.nan, np.inf, -np.inf])
+def test_a_law_that_counts_for_nothing_spoils_no_part(unknown):
+    """What it does not tell is not missed; of a law that counts, parts are then unknown."""
+    known = [of_one_law(-4.5), of_one_law(unknown)]
+    parts = (("pressure", "slope"),) * 2
+    alone = laws((-50.0, 0.0), (-51.0, 0.0), parts=parts)
+    alone = Laws(["one"], [parts[0]], alone.evidences[:1])
+    (expected, _) = with_parts(known[0], alone, known[:1], EQUAL)
+    for evidence in (-80.0, -2000.0, -np.inf):
+        of_laws = laws((-50.0, 0.0), (evidence, 0.0), parts=parts)
+        averaged = average(of_laws, known, EQUAL)
+        for prediction, sign in zip(with_parts(averaged, of_laws, known, EQUAL), (1, -1)):
+            np.testing.assert_allclose(prediction.parts, sign * np.array(expected.parts))
+    for evidence in (-51.0, -58.0):
+        of_laws = laws((-50.0, 0.0), (evidence, 0.0), parts=parts)
+        averaged = average(of_laws, known, EQUAL)
+        with np.errstate(invalid="ignore"):
+            (first, _) = with_parts(averaged, of_laws, known, EQUAL)
+        assert unknown == -np.inf or not np.isfinite(first.parts).any()
+
+
+def test_a_law_counts_that_says_all_of_new_data():
+    """However improbable it was: what it does not know of them nobody does."""
+    known = [of_one_law(-4.5), of_one_law(np.nan)]
+    likely = [p._replace(log_evidence=ph.Estimate(p.log_evidence.value + 9, 0.0)) for p in known[1]]
+    parts = (("pressure", "slope"),) * 2
+    of_laws = laws((-50.0, 0.0), (-61.0, 0.0), parts=parts)
+    averaged = average(of_laws, [known[0], likely], EQUAL)
+    (first, _) = with_parts(averaged, of_laws, [known[0], likely], EQUAL)
+    assert np.isnan(first.parts).all()
+
+
 def test_labels_tell_kinds_apart():
     """By the law, its settings, the experiment effect, and at last by a number."""
     noise = {"sigma": 1.0}

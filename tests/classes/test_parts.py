@@ -218,12 +218,12 @@ def test_averages_over_laws_with_and_without_an_experiment_effect():
     np.testing.assert_allclose(result["log_evidence"].values, expected, atol=0.3)
 
 
-def test_pooled_classes_have_one_part():
-    """It is the log ratio; a class by itself has no rival."""
+def test_pooled_classes_of_pressures_have_one_part():
+    """It is the log ratio; a class by itself has no rival. Of more signals: test_signals.py."""
     classes = fit(variability="none", draws=200, chains=1)
     result = classify(curves({"N1": [42.0], "N2": [80.0]}, 3), classes)
     assert_parts(result)
-    assert result["part"].values.tolist() == ["all"]
+    assert result["part"].values.tolist() == ["pressure"]
     one = fit(training={"soft": TRAINING["soft"]}, variability="none", draws=200, chains=1)
     alone = classify(curves({"N1": [42.0]}, 3), one)
     assert not {"rival", "log_ratio_part", "part"} & set(alone.variables)

@@ -103,9 +103,9 @@ def three_ways(classes):
     results = {}
     with pytest.MonkeyPatch.context() as patch:
         results["class draws"] = classify(near(), classes)
-        patch.setattr(ClassPredictive, "_from_class_draws", lambda self: None)
+        patch.setattr(ClassPredictive, "_from_class_draws", lambda *_: None)
         results["adapted draws"] = classify(near(), classes)
-        patch.setattr(ClassPredictive, "_from_adapted_draws", lambda self, rng: None)
+        patch.setattr(ClassPredictive, "_from_adapted_draws", lambda *_: None)
         results["tempering"] = classify(near(), classes)
     return results
 

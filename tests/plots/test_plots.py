@@ -9,8 +9,7 @@ import pytest
 import xarray as xr
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.plots.probability import _number
-from pymc_hyperelastic.plots.style import PALETTE
+from pymc_hyperelastic.plots.style import PALETTE, rounded_probability
 
 mpl.use("Agg")
 
@@ -342,7 +341,7 @@ def test_bars_are_the_numbers(result):
             assert bar["y"].item() == p
             assert error["y_top"].item() == min(p + se, 1)
             assert error["y_bottom"].item() == max(p - se, 0)
-            assert figure.get_viz("number", **here)["string"] == _number(p)
+            assert figure.get_viz("number", **here)["string"] == rounded_probability(p)
 
 
 def test_results_of_several_laws_have_columns(result):
@@ -368,7 +367,7 @@ def test_specimens_without_a_known_group(result):
 )
 def test_printed_probabilities(probability, text):
     """No probability is printed as exactly zero or one."""
-    assert _number(probability) == text
+    assert rounded_probability(probability) == text
 
 
 def test_figures_can_be_saved_and_edited(classes, result, tmp_path):

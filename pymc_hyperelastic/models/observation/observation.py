@@ -83,6 +83,17 @@ class Observation:
         """Whether axial forces play a part."""
         return "force_sigma" in self.sigmas
 
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """What was measured, as far as it plays a part; slopes are those of the pressures."""
+        there = {"slope": with_slopes(self.slope_weight), "force": self.with_force}
+        return ("pressure", *(name for name, plays in there.items() if plays))
+
+    def measured(self, data: xr.Dataset) -> list[str]:
+        """Which of the signals these data have."""
+        known = {"force": self.with_force and bool(data["axial_force"].notnull().any())}
+        return [name for name in self.signals if known.get(name, True)]
+
     def check(
         self,
         wall: StrainEnergy | Sequence[Layer],
@@ -169,9 +180,14 @@ class Observation:
         else:
             pm.Potential("likelihood", self.log_likelihood(tube))
 
-    def log_likelihood(self, tube: SymbolicTube) -> TensorVariable:
-        """The paper's log-likelihood, see :func:`~pymc_hyperelastic.inflation_likelihood`."""
-        return paper_log_likelihood(tube, **self.sigmas)
+    def log_likelihood(
+        self, tube: SymbolicTube, switches: Mapping[str, Any] | None = None
+    ) -> TensorVariable:
+        """The paper's log-likelihood, see :func:`~pymc_hyperelastic.inflation_likelihood`.
+
+        With `switches`, it is that of the :attr:`signals` whose switch is not 0.
+        """
+        return paper_log_likelihood(tube, **self.sigmas, switches=switches)
 
 
 def inflation_likelihood(

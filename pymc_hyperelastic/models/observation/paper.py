@@ -1,7 +1,8 @@
 """The paper's likelihood: misfits of pressure and slope, normalised as a density of pressures."""
 
+from collections.abc import Mapping
 from functools import reduce
-from operator import and_
+from operator import add, and_
 from typing import Any
 
 import numpy as np
@@ -24,9 +25,22 @@ Array = NDArray[np.float64]
 
 
 def paper_log_likelihood(
-    tube: SymbolicTube, *, sigma: Any, slope_weight: Any, force_sigma: Any = None
+    tube: SymbolicTube,
+    *,
+    sigma: Any,
+    slope_weight: Any,
+    force_sigma: Any = None,
+    switches: Mapping[str, Any] | None = None,
 ) -> TensorVariable:
-    """Log-likelihood of :func:`~pymc_hyperelastic.inflation_likelihood`, of the tube's data."""
+    r"""Log-likelihood of :func:`~pymc_hyperelastic.inflation_likelihood`, of the tube's data.
+
+    With `switches` it is that of the signals ``"pressure"``, ``"slope"`` and ``"force"`` whose
+    switch is not 0. Slopes beside their pressures have the normaliser ``½ ln det(I + β DᵀD)``.
+    Alone they are taken as ``N_s`` independent numbers, or where ``σ`` and ``β`` are inferred they
+    would speak for any that are large:
+
+    .. math:: -\frac{β}{σ^2} |Δs|^2 - \frac{N_s}{2} \ln\frac{π σ^2}{β}
+    """
     slopes, forces = with_slopes(slope_weight), force_sigma is not None
     unknown_weight = isinstance(slope_weight, Variable)
 
@@ -45,6 +59,8 @@ def paper_log_likelihood(
             arrays["eigenvalues"], arrays["multiplicities"] = compressed_spectrum(data)
         elif slopes:
             arrays["half_log_determinant"] = np.array(half_log_determinant(data, slope_weight))
+        if slopes:
+            arrays["slopes"] = np.array(float(central_differences(data)[0].size))
         if forces:
             measured = np.isfinite(data["axial_force"].values.astype(float))
             arrays["forces"] = np.array(float(measured.sum()))
@@ -54,16 +70,24 @@ def paper_log_likelihood(
     squares, conditions = tube.misfits((slopes, forces), targets_of)
     weight = None if unknown_weight else float(slope_weight)
     inputs = forward.share(("normalisers", weight, forces), normalisers_of)
-    log_density = -inputs["points"] / 2 * pt.log(np.pi * pt.square(sigma))
-    log_density -= squares[forward.error_in] / pt.square(sigma)
+    log_area = pt.log(np.pi * pt.square(sigma))
+    terms = {"pressure": -inputs["points"] / 2 * log_area}
+    terms["pressure"] -= squares[forward.error_in] / pt.square(sigma)
     if slopes:
-        log_density -= slope_weight * squares["slope"] / pt.square(sigma)
+        terms["slope"] = -slope_weight * squares["slope"] / pt.square(sigma)
         if unknown_weight:
             logs = pt.log1p(slope_weight * inputs["eigenvalues"])
-            log_density += pt.sum(inputs["multiplicities"] * logs) / 2
+            beside = pt.sum(inputs["multiplicities"] * logs) / 2
         else:
-            log_density += inputs["half_log_determinant"]
+            beside = inputs["half_log_determinant"]
+        if switches is not None:
+            log_weight = pt.log(pt.as_tensor(slope_weight, dtype="float64"))
+            alone = inputs["slopes"] / 2 * (log_weight - log_area)
+            beside = pt.where(switches["pressure"], beside, alone)
+        terms["slope"] += beside
     if forces:
-        log_density -= inputs["forces"] / 2 * pt.log(np.pi * pt.square(force_sigma))
-        log_density -= squares["force"] / pt.square(force_sigma)
-    return pt.where(reduce(and_, conditions), log_density, -np.inf)
+        terms["force"] = -inputs["forces"] / 2 * pt.log(np.pi * pt.square(force_sigma))
+        terms["force"] -= squares["force"] / pt.square(force_sigma)
+    if switches is not None:
+        terms = {name: pt.where(switches[name], term, 0.0) for name, term in terms.items()}
+    return pt.where(reduce(and_, conditions), reduce(add, terms.values()), -np.inf)
