@@ -90,8 +90,7 @@ def draws_of_class(
     """
     known, close = None, specimens
     for limit in (_ALIKE, _ANOTHER):
-        few = {name: draws.first(_IN_CLASS) for name, draws in close.items()}
-        fit = _Fit(model, few, _PARTICLES, known)
+        fit = _Fit(model, close, _IN_CLASS, _PARTICLES, known)
         tree = fit.chains(rng.spawn(1))
         known = fit.known
         variances = fit.variances(tree)
@@ -113,19 +112,25 @@ def draws_of_class(
 
 
 class _Fit:
-    """A class, of draws that stand for its specimens."""
+    """A class, of so many of the draws that stand for its specimens."""
 
     def __init__(
-        self, model: ClassModel, draws: Specimens, count: int, known: Array | None = None
+        self,
+        model: ClassModel,
+        draws: Specimens,
+        size: int,
+        count: int,
+        known: Array | None = None,
     ) -> None:
-        self.draws, self.known = draws, known
+        self.draws, self.size, self.known = draws, size, known
         self._mixture: GaussianMixture | None = None
-        self.kernel = model.kernel(draws, count)
+        few = {name: specimen.first(size) for name, specimen in draws.items()}
+        self.kernel = model.kernel(few, count)
 
     def variances(self, tree: xr.DataTree) -> dict[str, float]:
         """What the draws of each specimen leave open of the evidence."""
         distributions = distributions_of(tree, _DISTRIBUTIONS)
-        return {n: variance_of_specimen(d, distributions) for n, d in self.draws.items()}
+        return {n: variance_of_specimen(d, distributions, self.size) for n, d in self.draws.items()}
 
     def chains(self, rngs: Sequence[np.random.Generator], entropy: Any = None) -> xr.DataTree:
         """Posterior and evidence."""
@@ -186,8 +191,7 @@ def fit_distribution(
     rngs = [np.random.default_rng(seed) for seed in random_seed.spawn(chains)]
     specimens, size, known = draws
     for _ in range(_MOST_FITS):
-        few = {name: specimen.first(size) for name, specimen in specimens.items()}
-        fit = _Fit(model, few, count, known)
+        fit = _Fit(model, specimens, size, count, known)
         tree = fit.chains(rngs, random_seed.entropy)
         variance, known = sum(fit.variances(tree).values()), fit.known
         if size == PARTICLES or variance < _ENOUGH**2:

@@ -32,19 +32,24 @@ PARTS: dict[str, tuple[str, ...]] = {
 _EXCHANGED = 250
 
 
-def variance_of_specimen(draws: SpecimenDraws, distributions: ClassDistribution) -> float:
-    r"""Variance of a class's log evidence that comes from the draws of one of its specimens.
+def variance_of_specimen(
+    draws: SpecimenDraws, distributions: ClassDistribution, count: int
+) -> float:
+    r"""Variance of a class's log evidence if `count` of the draws stand for one of its specimens.
 
     The evidence is a mean over the class's distributions ``φ`` of products of sums over draws. To
     first order each draw changes its logarithm by what it has of its sum, averaged over ``φ``:
     what one distribution makes of it another may undo.
+
+    All draws tell of it. By those `count` alone, how many are needed would be chosen as soon as
+    they look good, which is where the ones that matter most are missing.
     """
     log_shares = draws.log_weight + log_densities(draws, distributions)
     log_shares -= logsumexp(log_shares, axis=1, keepdims=True)
     shares = np.exp(log_shares).mean(axis=0)
-    count, common = len(shares), draws.standard_error**2
+    known, common = len(shares), draws.standard_error**2
     # Draws were themselves chosen among weighted ones: what these do not know adds to both terms.
-    return float(common + (np.sum(shares**2) - 1 / count) * (1 + count * common))
+    return float(common + (known * np.sum(shares**2) - 1) * (1 / count + common))
 
 
 class SpecimenEvidence(NamedTuple):

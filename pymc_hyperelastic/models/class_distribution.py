@@ -55,10 +55,10 @@ class ClassDistribution:
     noise_spread: Any = None
 
     def at(self, draws: NDArray[np.intp]) -> "ClassDistribution":
-        """Some of the draws, where there are many, in the order in which they are named."""
+        """Some of the draws, in the order in which they are named; a number is that of all."""
 
         def some(values: Any) -> Any:
-            return None if values is None else values[..., draws, :]
+            return values if np.ndim(values) < 2 else values[..., draws, :]
 
         factor = [[some(entry) for entry in row] for row in self.factor]
         others = {name: some(getattr(self, name)) for name in vars(self) if name != "factor"}

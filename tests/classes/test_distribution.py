@@ -14,6 +14,7 @@ from pymc_hyperelastic.classes.distribution import (
     fit_distribution,
 )
 from pymc_hyperelastic.classes.specimen_evidence import variance_of_specimen
+from pymc_hyperelastic.classes.specimens import PARTICLES
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities
@@ -42,18 +43,22 @@ def normal_classes(location, spread):
 
 @pytest.mark.parametrize("locations", [np.zeros(1), np.linspace(-1, 1, 21)], ids=["one", "many"])
 def test_stated_variance_is_that_of_the_evidence(locations):
-    """Over many sets of draws the evidence of a class spreads as each of them says."""
+    """Over many sets of draws the evidence of a class spreads as each of them says.
+
+    That of an eighth of the draws is told by all of them.
+    """
     rng = np.random.default_rng(SEED)
     values, stated = [], []
     for _ in range(400):
-        draws = normal_draws(rng, 128, 2.0)
+        draws = normal_draws(rng, 1024, 2.0)
+        few = draws.first(128)
         by_class = logsumexp(
-            draws.log_weight + log_densities(draws, normal_classes(locations, 0.7)), axis=1
+            few.log_weight + log_densities(few, normal_classes(locations, 0.7)), axis=1
         )
         values.append(logsumexp(by_class) - np.log(len(locations)))
         weights = np.exp(by_class - logsumexp(by_class))
         posterior = normal_classes(rng.choice(locations, size=200, p=weights), 0.7)
-        stated.append(variance_of_specimen(draws, posterior))
+        stated.append(variance_of_specimen(draws, posterior, 128))
     # A spread of 400 numbers is known to 4 %; the logarithm bends by half a variance.
     np.testing.assert_allclose(np.sqrt(np.mean(stated)), np.std(values), rtol=0.15)
     assert abs(np.mean(values)) < STANDARD_ERRORS * np.std(values) / 20 + np.var(values) / 2
@@ -75,8 +80,8 @@ def test_draws_near_a_class_stand_for_it():
     log_terms = density.logpdf(data["pressure"].values).sum(axis=1)
     log_terms += stats.norm(centre, width).logpdf(x) + np.log(x[1] - x[0])
     value = logsumexp(near.log_weight + log_densities(near, narrow))
-    error = np.sqrt(variance_of_specimen(near, narrow))
-    assert error < PRECISE < ENOUGH < np.sqrt(variance_of_specimen(wide, narrow))
+    error = np.sqrt(variance_of_specimen(near, narrow, PARTICLES))
+    assert error < PRECISE < ENOUGH < np.sqrt(variance_of_specimen(wide, narrow, PARTICLES))
     assert abs(value - logsumexp(log_terms)) < STANDARD_ERRORS * error
 
 
