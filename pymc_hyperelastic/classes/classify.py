@@ -129,9 +129,9 @@ def classify(
         Slopes are differences of the same pressures. Beside these they are what they add to the
         likelihood; without them they are taken as numbers by themselves, with the errors that the
         likelihood gives each. What the two tell alike is divided between them. Evidences of some
-        signals alone are taken with fewer draws, to a few hundredths of a nat, or half a nat where
-        tempering is needed, and take about half as long again for two signals, and longer for
-        three; of one signal there are none.
+        signals alone are taken with fewer draws: mostly to a few hundredths of a nat, and a part
+        that rests on one with an error above half a nat is NaN. They take half as long again for
+        two signals, and twice as long for three; of one signal there are none.
 
     Warns
     -----
