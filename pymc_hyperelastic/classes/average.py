@@ -209,7 +209,12 @@ def average(
     evidence, share = logsumexp(terms, axis=0), softmax(terms, axis=0)
     errors = np.array([[p.log_evidence.standard_error for p in of_law] for of_law in predictions])
     own = np.array([[p.own_error for p in of_law] for of_law in predictions])
-    error, own = (np.linalg.norm(share * each, axis=0) for each in (errors, own))
+    # What has an infinite error may have any share, though it seems to have none.
+    with np.errstate(invalid="ignore"):
+        error, own = (
+            np.linalg.norm(np.where(np.isinf(each), np.inf, share * each), axis=0)
+            for each in (errors, own)
+        )
     of_laws = of_probability = np.full(len(evidence), np.inf)
     if laws.drawn is not None:
         drawn = logsumexp(laws.drawn[:, :, None] + values, axis=1)

@@ -101,6 +101,17 @@ def test_an_evidence_that_is_not_known_leaves_all_unknown():
     assert alone.probability_error.tolist() == [0.0]
 
 
+@pytest.mark.parametrize("value", [-10.0, -1e5, -np.inf])
+def test_new_data_that_one_law_cannot_judge_are_judged_by_none(value):
+    """What has no known value may have any, be its share as small as it seems."""
+    known = predictions()
+    failed = ph.Estimate(value, np.inf)
+    known[1] = [p._replace(log_evidence=failed, own_error=np.inf) for p in known[1]]
+    for prediction in average(laws((-50.0, 0.1), (-51.0, 0.1)), known, EQUAL):
+        assert np.isinf(prediction.log_evidence.standard_error)
+        assert np.isinf(prediction.own_error)
+
+
 def test_parts_of_an_average_are_those_of_averaged_evidences():
     """One law knows two parts and the other one of them: it changes by that alone."""
 
