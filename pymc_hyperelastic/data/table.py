@@ -109,9 +109,9 @@ def inflation_data(
     UserWarning
         If the rows of a test were shuffled; they are sorted by what was measured, along which the
         pressure then rises. If a number is taken for the axial stretch or the opening angle, and a
-        column of that name says something else. If a pressure, a length, a stretch, an angle or a force is beyond what
-        soft tubes have, such as 120 kPa where 120 mmHg was meant; the ranges are on the page Your
-        own data. `check` makes it an error, or silences it.
+        column of that name says something else. If a pressure, a length, a stretch, an angle or a
+        force is beyond what soft tubes have, such as 120 kPa where 120 mmHg was meant; the ranges
+        are on the page Your own data. `check` makes it an error, or silences it.
 
     Raises
     ------
