@@ -41,6 +41,7 @@ Measured = Callable[[xr.Dataset], xr.Dataset]
 VISUALS = "band median extrapolated points xlabel ylabel title legend"
 _ROOM = 2.0  # that bands may take on each side of the data, in sizes of the largest of these
 _CURVE = 80  # points of a posterior curve
+_FEWEST_DRAWS = 400  # of a band, where there are many in one panel
 _CUT = "bands go on beyond the axis"
 _LABELS = {"axial_stretch": "axial stretch", "specimen": "specimen"}
 
@@ -290,10 +291,11 @@ def _posterior_curves(
     With them the data, of which what is not known is that of the median tube.
     """
     posterior = tree["posterior"].to_dataset()
-    step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // MOST_DRAWS)
+    tubes, tube_of_test = _tubes(data)
+    most = max(MOST_DRAWS // len(tubes), _FEWEST_DRAWS)
+    step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // most)
     thinned = tree.copy()
     thinned["posterior"] = xr.DataTree(posterior.isel(draw=slice(None, None, step)))
-    tubes, tube_of_test = _tubes(data)
     tests, labels = data, _labels(data, told)
     curves: dict[str, list[xr.Dataset]] = {label: [] for label in labels}
     for i, tube in enumerate(tubes):

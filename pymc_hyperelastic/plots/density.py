@@ -36,6 +36,7 @@ _NUISANCE = (
     "sigma noise_sd noise_spread specimen_noise_sd force_sigma force_noise_sd slope_weight "
     "experiment_spread effect_spread correlation_unit"
 ).split()
+_LOG_FROM = 10.0  # ratio of the ends of an axis of positive numbers, from which it is logarithmic
 _COMPONENTS = 6  # of the mixture that stands for a posterior: they follow two bent ridges
 
 
@@ -96,7 +97,8 @@ def plot_parameter_density(
     -----
     The density is that of a Gaussian mixture fitted to the draws: narrow modes and bent ridges are
     not smeared by the spread of the whole. It is cut at the ends of a uniform prior, and a region
-    holds its probability of the draws.
+    holds its probability of the draws. Where specimens differ it is that of the logarithms in which
+    a class's specimens are spread, and an axis is logarithmic if its ends are far apart.
 
     Examples
     --------
@@ -108,6 +110,8 @@ def plot_parameter_density(
     >>> figure.viz["plot"].sizes["y_part"]  # one for each sign of alpha
     2
     """
+    from arviz_plots.visuals import set_xscale, set_yscale
+
     results = fitted_classes(classes)
     fitted = {k: with_parameters(tree, specimen) for k, tree in results.items()}
     names = _two_variables(fitted, var_names)
@@ -121,6 +125,7 @@ def plot_parameter_density(
         if all(tree is not None for tree in new.values()):
             shown["new"] = {k: with_parameters(tree, None) for k, tree in new.items()}
     density = _densities(shown, names, probs)
+    scaled = {"x": set_xscale, "y": set_yscale}
     rows, columns = density.sizes["y_part"], density.sizes["x_part"]
     canvas = Canvas(
         "grid",
@@ -135,6 +140,9 @@ def plot_parameter_density(
         cols=["x_part"],
         aes={"color": ["class_label"]},
     )
+    for axis, spread in density.attrs["spread"].items():
+        if spread > _LOG_FROM:
+            canvas.adjust(scaled[axis], scale="log")
     for name, kind, of_whom, levels, settings in (
         ("area", "contourf", "", probs, {"alpha": 0.4}),
         ("line", "contour", "", probs, {"linewidths": 1.2, "linestyles": "solid"}),
@@ -244,9 +252,15 @@ def _axis_label(tree: xr.DataTree, name: str) -> str:
 def _densities(
     shown: Mapping[str, Mapping[str, xr.DataTree]], names: tuple[str, str], probs: Sequence[float]
 ) -> xr.Dataset:
-    """Density of each class in each piece of the axes, and its levels of highest density."""
+    """Density of each class in each piece of the axes, and its levels of highest density.
+
+    The attribute ``spread`` has the ratio of the ends of an axis on which it is that of logarithms.
+    """
     trees = [tree for of_class in shown.values() for tree in of_class.values()]
+    by_log = np.array([_spread_by_log(trees[0], name) for name in names])
     draws = [np.stack([_scalars(tree)[name] for name in names], axis=1) for tree in trees]
+    for points in draws:
+        points[:, by_log] = np.log(np.maximum(points[:, by_log], np.finfo(float).tiny))
     typical = [_without_extremes(points) for points in draws]
     breaks = [_breaks([points[:, axis] for points in typical]) for axis in (0, 1)]
     shape = (len(trees), len(breaks[1]) + 1, len(breaks[0]) + 1)
@@ -264,12 +278,18 @@ def _densities(
         for j, k in set(zip(y_part.tolist(), x_part.tolist(), strict=True)):
             part = points[(y_part == j) & (x_part == k)]
             margin = 0.15 * np.ptp(part, axis=0)
-            ends = np.clip(
-                [part.min(axis=0) - margin, part.max(axis=0) + margin], *_bounds(tree, names)
-            )
+            bounds = _bounds(tree, names)
+            with np.errstate(divide="ignore"):
+                bounds[:, by_log] = np.log(np.maximum(bounds[:, by_log], 0.0))
+            ends = np.clip([part.min(axis=0) - margin, part.max(axis=0) + margin], *bounds)
             x, y = grid[:, i, j, k] = np.linspace(ends[0], ends[1], _GRID, axis=1)
             nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
             density[i, j, k] = mixture.log_density(nodes).reshape(_GRID, _GRID)
+    grid[by_log] = np.exp(grid[by_log])
+    spread = {
+        axis: float(np.nanmax(ends) / np.nanmin(ends)) if log else 1.0
+        for axis, ends, log in zip("xy", grid, by_log, strict=True)
+    }
     whose = len(shown), len(trees) // len(shown)
     of_part = ("whose", "class_label", "y_part", "x_part")
     return xr.Dataset(
@@ -281,7 +301,20 @@ def _densities(
         },
         {"whose": list(shown), "class_label": list(next(iter(shown.values())))}
         | {"y_part": range(shape[1]), "x_part": range(shape[2])},
+        {"spread": spread},
     )
+
+
+def _spread_by_log(tree: xr.DataTree, name: str) -> bool:
+    """Whether specimens of a class are spread in the logarithm of this parameter."""
+    if not specimens_differ(tree):
+        return False
+    try:
+        energy = StrainEnergy.from_name(tree.attrs.get("strain_energy", ""))
+    except ValueError:
+        return False  # a law of the user's own that is not defined here
+    scales = {p.name: p.natural_scale for p in energy.parameters}
+    return scales.get(name.split("[")[0]) == "log"
 
 
 def _without_extremes(points: Array) -> Array:

@@ -19,7 +19,7 @@ from pymc_hyperelastic.plots.bands import (
     title_bands,
 )
 from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals
-from pymc_hyperelastic.predictions.curves import force_curve
+from pymc_hyperelastic.predictions.curves import force_curve, warn_of_no_force
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -84,6 +84,7 @@ def plot_axial_force(
     bands = bands_of(
         classes, data, prob, {"energy": energy, "specimen": specimen}, force_curve, _measured
     )
+    warn_of_no_force(bands.posterior["axial_force"].sel(plot_axis=["y_bottom", "y_top"]))
     columns = len(bands.fitted)
     canvas = Canvas(
         "grid",

@@ -16,8 +16,8 @@ from pymc_hyperelastic.predictions.draws import (
 )
 from pymc_hyperelastic.predictions.measured import warn_user, warned
 
-# What rounding leaves, of the pressure's force on the lumen, or in mN.
-_NO_FORCE = 1e-9
+# What rounding leaves, mN.
+NO_FORCE = 1e-9
 
 
 def predict_pressure(
@@ -136,21 +136,27 @@ def predict_axial_force(
     draws = draws_of(tree, **tube)
     radius = checked_radii(internal_radius, **tube)
     warned(draws.extrapolated_radii(radius))
-    return force_curve(draws, radius)
+    force = force_curve(draws, radius)
+    # At rest a tube of any material has neither force nor pressure.
+    if np.any(np.abs(draws.tube.pressure(radius)[0] * radius**2) > NO_FORCE):
+        warn_of_no_force(force["axial_force"])
+    return force
 
 
 def force_curve(draws: Draws, radius: Array) -> xr.Dataset:
-    """Axial force of draws at radii, see :func:`predict_axial_force`."""
+    """Axial force of draws at radii, see :func:`predict_axial_force`, without a warning."""
+    extrapolated = draws.extrapolated_radii(radius)
     force = draws.tube.axial_force(radius)
-    # At rest a tube of any material has neither pressure nor force.
-    by_pressure = np.nanmax(np.abs(draws.tube.pressure(radius)[0] * radius**2), initial=0.0)
-    largest = np.nanmax(np.abs(force), initial=0.0)
-    if by_pressure > _NO_FORCE and largest < _NO_FORCE * by_pressure:
+    return draws.dataset({"radius": radius}, extrapolated, axial_force=force)
+
+
+def warn_of_no_force(force: xr.DataArray) -> None:
+    """Warn if axial forces of a tube that is inflated are 0, all of them."""
+    if not np.any(np.abs(force) > NO_FORCE):
         warn_user(
-            "the axial force is 0 at all of these radii: at this axial stretch the strain energy "
-            "knows no other, whatever its parameters, and says nothing of a force that is measured"
+            "the axial force is 0 at all of these radii, whatever the parameters: at this axial "
+            "stretch the strain energy says nothing about a force that is measured"
         )
-    return draws.dataset({"radius": radius}, draws.extrapolated_radii(radius), axial_force=force)
 
 
 def radius_at_pressure(
