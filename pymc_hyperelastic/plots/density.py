@@ -37,6 +37,7 @@ _NUISANCE = (
     "experiment_spread effect_spread correlation_unit"
 ).split()
 _LOG_FROM = 10.0  # ratio of the ends of an axis of positive numbers, from which it is logarithmic
+_LEAST_SHOWN = 0.5  # probability of what axes hold, where the regions that are asked for hold less
 _COMPONENTS = 6  # of the mixture that stands for a posterior: they follow two bent ridges
 
 
@@ -110,8 +111,6 @@ def plot_parameter_density(
     >>> figure.viz["plot"].sizes["y_part"]  # one for each sign of alpha
     2
     """
-    from arviz_plots.visuals import set_xscale, set_yscale
-
     results = fitted_classes(classes)
     fitted = {k: with_parameters(tree, specimen) for k, tree in results.items()}
     names = _two_variables(fitted, var_names)
@@ -125,7 +124,6 @@ def plot_parameter_density(
         if all(tree is not None for tree in new.values()):
             shown["new"] = {k: with_parameters(tree, None) for k, tree in new.items()}
     density = _densities(shown, names, probs)
-    scaled = {"x": set_xscale, "y": set_yscale}
     rows, columns = density.sizes["y_part"], density.sizes["x_part"]
     canvas = Canvas(
         "grid",
@@ -140,9 +138,6 @@ def plot_parameter_density(
         cols=["x_part"],
         aes={"color": ["class_label"]},
     )
-    for axis, spread in density.attrs["spread"].items():
-        if spread > _LOG_FROM:
-            canvas.adjust(scaled[axis], scale="log")
     for name, kind, of_whom, levels, settings in (
         ("area", "contourf", "", probs, {"alpha": 0.4}),
         ("line", "contour", "", probs, {"linewidths": 1.2, "linestyles": "solid"}),
@@ -154,6 +149,7 @@ def plot_parameter_density(
             regions["artist_dims"] = {"prob": len(levels)}
             data = of_one[["log_density"]]
             canvas.draw(name, _contours, data=data, kind=kind, **regions, **settings)
+    _limit(canvas, density)
     tree = next(iter(fitted.values()))
     for part in range(columns):
         where = {"y_part": rows - 1, "x_part": part}
@@ -172,6 +168,21 @@ def plot_parameter_density(
         whose = "typical specimen"
     canvas.title(training_attrs(fitted), law_of(tree), whose)
     return canvas.collection
+
+
+def _limit(canvas: Canvas, density: xr.Dataset) -> None:
+    """Let the pieces of the axes end with the regions; those of logarithms may be logarithmic."""
+    from arviz_plots import visuals
+
+    for axis in ("x", "y"):
+        ends, part = density[axis], f"{axis}_part"
+        across = [dim for dim in ends.dims if dim != part]
+        low, high = ends.min(across), ends.max(across)
+        if density.attrs["by_log"][axis] and float((high / low).max()) > _LOG_FROM:
+            canvas.adjust(getattr(visuals, f"set_{axis}scale"), scale="log")
+        for i in range(ends.sizes[part]):
+            limits = float(low[i]), float(high[i])
+            canvas.adjust(getattr(visuals, f"set_{axis}lim"), limits=limits, coords={part: i})
 
 
 def _with_new_specimens(tree: xr.DataTree) -> xr.DataTree | None:
@@ -254,25 +265,19 @@ def _densities(
 ) -> xr.Dataset:
     """Density of each class in each piece of the axes, and its levels of highest density.
 
-    The attribute ``spread`` has the ratio of the ends of an axis on which it is that of logarithms.
+    The attribute ``by_log`` says on which axes it is that of logarithms.
     """
     trees = [tree for of_class in shown.values() for tree in of_class.values()]
     by_log = np.array([_spread_by_log(trees[0], name) for name in names])
     draws = [np.stack([_scalars(tree)[name] for name in names], axis=1) for tree in trees]
     for points in draws:
         points[:, by_log] = np.log(np.maximum(points[:, by_log], np.finfo(float).tiny))
-    typical = [_without_extremes(points) for points in draws]
-    breaks = [_breaks([points[:, axis] for points in typical]) for axis in (0, 1)]
+    mixtures, levels, inside = zip(*(_regions(points, probs) for points in draws), strict=True)
+    breaks = [_breaks([points[:, axis] for points in inside]) for axis in (0, 1)]
     shape = (len(trees), len(breaks[1]) + 1, len(breaks[0]) + 1)
     density = np.full((*shape, _GRID, _GRID), np.nan)
     grid = np.full((2, *shape, _GRID), np.nan)
-    level = np.empty((len(trees), len(probs)))
-    for i, (tree, points) in enumerate(zip(trees, typical, strict=True)):
-        components = int(np.clip(len(points) // 50, 1, _COMPONENTS))
-        rng = np.random.default_rng(components)
-        mixture = GaussianMixture.fit(points, components, rng, iterations=50).widened(1.5)
-        # The region that holds a probability ends where the density of that share of draws is less.
-        level[i] = np.quantile(mixture.log_density(draws[i]), 1 - np.array(probs))
+    for i, (tree, mixture, points) in enumerate(zip(trees, mixtures, inside, strict=True)):
         x_part = np.digitize(points[:, 0], breaks[0])
         y_part = len(breaks[1]) - np.digitize(points[:, 1], breaks[1])  # the highest is on top
         for j, k in set(zip(y_part.tolist(), x_part.tolist(), strict=True)):
@@ -286,10 +291,6 @@ def _densities(
             nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
             density[i, j, k] = mixture.log_density(nodes).reshape(_GRID, _GRID)
     grid[by_log] = np.exp(grid[by_log])
-    spread = {
-        axis: float(np.nanmax(ends) / np.nanmin(ends)) if log else 1.0
-        for axis, ends, log in zip("xy", grid, by_log, strict=True)
-    }
     whose = len(shown), len(trees) // len(shown)
     of_part = ("whose", "class_label", "y_part", "x_part")
     return xr.Dataset(
@@ -297,12 +298,25 @@ def _densities(
             "log_density": ((*of_part, "i", "j"), density.reshape(*whose, *density.shape[1:])),
             "x": ((*of_part, "i"), grid[0].reshape(*whose, *grid.shape[2:])),
             "y": ((*of_part, "j"), grid[1].reshape(*whose, *grid.shape[2:])),
-            "level": (("whose", "class_label", "prob"), level.reshape(*whose, -1)),
+            "level": (("whose", "class_label", "prob"), np.reshape(levels, (*whose, -1))),
         },
         {"whose": list(shown), "class_label": list(next(iter(shown.values())))}
         | {"y_part": range(shape[1]), "x_part": range(shape[2])},
-        {"spread": spread},
+        {"by_log": dict(zip("xy", by_log.tolist(), strict=True))},
     )
+
+
+def _regions(points: Array, probs: Sequence[float]) -> tuple[GaussianMixture, Array, Array]:
+    """The mixture that stands for some draws, its levels, and the draws in the widest region."""
+    typical = _without_extremes(points)
+    components = int(np.clip(len(typical) // 50, 1, _COMPONENTS))
+    rng = np.random.default_rng(components)
+    mixture = GaussianMixture.fit(typical, components, rng, iterations=50).widened(1.5)
+    # The region that holds a probability ends where the density of that share of draws is less.
+    density = mixture.log_density(points)
+    widest = np.quantile(density, 1 - max(*probs, _LEAST_SHOWN))
+    inside = typical[mixture.log_density(typical) >= widest]
+    return mixture, np.quantile(density, 1 - np.array(probs)), inside
 
 
 def _spread_by_log(tree: xr.DataTree, name: str) -> bool:
