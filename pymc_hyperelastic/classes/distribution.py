@@ -1,7 +1,7 @@
 """The distribution of a class, fitted to draws of its specimens: as many as its evidence needs."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,6 +43,10 @@ _ALIKE, _ANOTHER, _ENOUGH = 0.03, 0.3, 0.1
 _MOST_FITS, _PARTICLES, _DISTRIBUTIONS, _PRIOR_DRAWS = 4, 500, 200, 2000
 
 Specimens = Mapping[str, SpecimenDraws]
+
+
+def _nothing() -> None:
+    """Tell nobody of progress."""
 
 
 class ClassDraws(NamedTuple):
@@ -132,9 +136,17 @@ class _Fit:
         distributions = distributions_of(tree, _DISTRIBUTIONS)
         return {n: variance_of_specimen(d, distributions, self.size) for n, d in self.draws.items()}
 
-    def chains(self, rngs: Sequence[np.random.Generator], entropy: Any = None) -> xr.DataTree:
-        """Posterior and evidence."""
-        integrals = [self._chain(rng) for rng in rngs]
+    def chains(
+        self,
+        rngs: Sequence[np.random.Generator],
+        entropy: Any = None,
+        advance: Callable[[], None] = _nothing,
+    ) -> xr.DataTree:
+        """Posterior and evidence; `advance` is called after each chain."""
+        integrals = []
+        for rng in rngs:
+            integrals.append(self._chain(rng))
+            advance()
         stats: list[dict[str, list]] = [
             {
                 "beta": [1.0],
@@ -182,8 +194,11 @@ def fit_distribution(
     count: int,
     chains: int,
     random_seed: np.random.SeedSequence,
+    advance: Callable[[], None] = _nothing,
 ) -> xr.DataTree:
     """Posterior and evidence of a class's distribution, with the draws of its specimens.
+
+    After each chain `advance` is called; where more draws are needed, chains are fitted again.
 
     Both say by which ``method`` an integral was found, with the ``pareto_k`` of its weights:
     ``evidence`` by chain, and ``specimens`` by specimen.
@@ -192,7 +207,8 @@ def fit_distribution(
     specimens, size, known = draws
     for _ in range(_MOST_FITS):
         fit = _Fit(model, specimens, size, count, known)
-        tree = fit.chains(rngs, random_seed.entropy)
+        tree = fit.chains(rngs, random_seed.entropy, advance)
+        advance = _nothing
         variance, known = sum(fit.variances(tree).values()), fit.known
         if size == PARTICLES or variance < _ENOUGH**2:
             break

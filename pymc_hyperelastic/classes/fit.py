@@ -19,7 +19,7 @@ def fit_classes(
     *,
     noise_sd: Any = None,
     sigma: Any = None,
-    slope_weight: Any,
+    slope_weight: Any = None,
     force_noise_sd: Any = None,
     force_sigma: Any = None,
     priors: dict[str, Any] | None = None,
@@ -51,8 +51,8 @@ def fit_classes(
         Training data of each class by its name.
     noise_sd, sigma, slope_weight, force_noise_sd, force_sigma, priors
         See :func:`pymc_hyperelastic.inflation_model`; they hold for all classes. With variability
-        `slope_weight` is 0, no error of forces is given, and `noise_sd`, `sigma` and `priors` are
-        those of :func:`~pymc_hyperelastic.population_model`.
+        `slope_weight` is 0 and need not be given, no error of forces is, and `noise_sd`, `sigma`
+        and `priors` are those of :func:`~pymc_hyperelastic.population_model`.
     variability : {"none", "specimen"}
         Whether specimens of a class differ.
     experiment_effect, reference_stress

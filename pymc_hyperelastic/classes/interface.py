@@ -144,7 +144,8 @@ class ClassKind(ABC):
         """Log density of a class's posterior at the draws of another, its evidence left out."""
         raise ValueError(
             "the divergence is that of classes without variability, whose posteriors are "
-            "distributions of the same material parameters"
+            "distributions of the same material parameters; how far others are apart is shown by "
+            "ph.plot_parameter_density"
         )
 
 

@@ -80,6 +80,11 @@ class Pooled(ClassKind):
             raise ValueError(f"experiment_effect is {experiment_effect!r}: {only}")
         if reference_stress != 20.0:
             raise ValueError(f"reference_stress is {reference_stress!r}: {only}")
+        if noise.get("slope_weight") is None:
+            raise TypeError(
+                "slope_weight is not given, which says how much slopes count: 0 leaves them out, "
+                "ph.balanced_slope_weight(data) weighs them as pressures"
+            )
         return cls(energy, Observation(**noise), priors)
 
     @classmethod

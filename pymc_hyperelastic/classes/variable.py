@@ -39,7 +39,7 @@ from pymc_hyperelastic.classes.typicality import (
     noise_p_value,
     typical_p_value,
 )
-from pymc_hyperelastic.data.select import specimens_apart
+from pymc_hyperelastic.data.select import specimens_apart, specimens_of
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
@@ -79,7 +79,7 @@ class Variability(Population, ClassKind):
         *,
         noise_sd: Any = None,
         sigma: Any = None,
-        slope_weight: Any = 0.0,
+        slope_weight: Any = None,
         force_sigma: Any = None,
         priors: Mapping[str, Any] | None = None,
         experiment_effect: bool = False,
@@ -88,7 +88,7 @@ class Variability(Population, ClassKind):
     ) -> "Variability":
         """The kind, of settings that ask for nothing but pressures."""
         others = "".join(f" and {name}" for name, value in noise.items() if value is not None)
-        if slope_weight != 0 or force_sigma is not None or others:
+        if slope_weight not in (None, 0) or force_sigma is not None or others:
             raise ValueError(
                 "with variability='specimen' pressures alone are compared: expected slope_weight=0 "
                 f"and no force_sigma; got {slope_weight} and {force_sigma}{others}"
@@ -155,22 +155,24 @@ class Variability(Population, ClassKind):
         self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         progress, model = create_simple_progress(progressbar), ClassModel(self)
+        # Of each class its specimens, a first fit, and the chains.
+        steps = sum(len(specimens_of(data)[0]) + 1 + chains for data in classes.values())
         with progress:
-            bar = progress.add_task("Fitting classes", completed=0, total=2 * len(classes))
+            bar = progress.add_task("Fitting classes", completed=0, total=steps)
+            advance = partial(progress.advance, bar)
             for (name, data), own in zip(classes.items(), seed.spawn(len(classes)), strict=True):
                 rng, sampler = np.random.default_rng(own), self.sampler(data)
                 try:
-                    specimens = sample_specimens(sampler, data, rng)
-                    progress.advance(bar)
+                    specimens = sample_specimens(sampler, data, rng, advance)
                     close = draws_of_class(model, sampler, data, specimens, rng)
-                    fitted = fit_distribution(model, close, draws, chains, own)
+                    advance()
+                    fitted = fit_distribution(model, close, draws, chains, own, advance)
                 except (ValueError, ArithmeticError) as error:
                     yield name, error
                     continue
                 fitted.attrs |= self.attrs()
                 for group, dataset in Study(self.energy, data, {}).groups().items():
                     fitted[group] = dataset
-                progress.advance(bar)
                 yield name, fitted
 
     def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:
@@ -198,7 +200,8 @@ class Variability(Population, ClassKind):
             for name, of_class in close.items():
                 stay = {s: d for s, d in of_class.specimens.items() if s not in left_out}
                 some = of_class._replace(specimens=stay)
-                fitted[name] = fit_distribution(model, some, draws, chains, *seed.spawn(1))
+                (own,) = seed.spawn(1)
+                fitted[name] = fit_distribution(model, some, draws, chains, own)
             rng = np.random.default_rng(*seed.spawn(1))
             predictions = {}
             for name, data in classes.items():
@@ -221,9 +224,12 @@ class Variability(Population, ClassKind):
 
 
 def sample_specimens(
-    sampler: SpecimenSampler, data: xr.Dataset, rng: np.random.Generator
+    sampler: SpecimenSampler,
+    data: xr.Dataset,
+    rng: np.random.Generator,
+    advance: Callable[[], None] = lambda: None,
 ) -> dict[str, SpecimenDraws]:
-    """Draws of each specimen of the data.
+    """Draws of each specimen of the data; `advance` is called after each.
 
     Raises
     ------
@@ -234,6 +240,7 @@ def sample_specimens(
     for name, part in specimens_apart(data).items():
         try:
             draws[name] = sampler(part, rng)
+            advance()
         except (ValueError, ArithmeticError) as error:
             raise ValueError(f"specimen {name!r} cannot be sampled: {error}") from error
     return draws

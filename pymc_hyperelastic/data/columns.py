@@ -83,6 +83,18 @@ class Rows:
             raise ValueError(f"{name} is {given}; where it is not known, give None")
         return np.full(self.first.size, float(given))
 
+    def overlooked(self, name: str, given: float | str | None) -> list[str]:
+        """What to doubt where a number was taken, and a column of its name says something else."""
+        if isinstance(given, str) or given is None or name not in self.frame:
+            return []
+        column = pd.to_numeric(self.frame[name], errors="coerce")
+        if not (column.notna() & (column != given)).any():
+            return []
+        return [
+            f"the frame has a column {name!r} with values other than {given:g}, which is taken for "
+            f"all rows: to take the column, say {name}={name!r}"
+        ]
+
     def constant(self, name: str, values: np.ndarray) -> np.ndarray:
         """One value a test, or an error at the first row that differs from its test's first."""
         of_test = values[self.first]
@@ -112,12 +124,16 @@ def check_frame(frame: pd.DataFrame, measured: str) -> None:
             f"expected a pandas DataFrame, not {type(frame).__name__}; "
             "read a file with pandas.read_csv first"
         )
-    for name in ("specimen", "experiment", measured, "pressure"):
-        if name not in frame:
-            raise ValueError(
-                f"the frame has no column {name!r}; it has {listed(frame.columns)}: "
-                "rename the one that holds it"
-            )
+    missing = [n for n in ("specimen", "experiment", measured, "pressure") if n not in frame]
+    if missing:
+        hint = ""
+        if "radius" in missing and any("diameter" in str(name) for name in frame.columns):
+            hint = " (of outer diameters under pressure say measured='outer_diameter')"
+        raise ValueError(
+            f"the frame has no column {' and no column '.join(map(repr, missing))}; it has "
+            f"{listed(frame.columns)}: rename what holds it, "
+            f"frame.rename(columns={{'...': {missing[0]!r}}}){hint}"
+        )
     twice = frame.columns[frame.columns.duplicated()]
     if twice.size:
         raise ValueError(f"the frame has more than one column {twice[0]!r}; drop or rename one")

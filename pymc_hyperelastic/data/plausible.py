@@ -30,8 +30,9 @@ class Expected(NamedTuple):
     above: str
 
 
-SMALL = "are inner_radius and outer_radius diameters, or the radii of another tube?"
-LENGTHS = "was another unit meant, radius_unit=...?"
+SMALL = "are inner_radius and outer_radius diameters, in another unit, or of another tube?"
+LARGE = "is the measured radius a diameter, in another unit than inner_radius, or of another tube?"
+LENGTHS = "was another unit meant? radius_unit=... is that of every length, measured or of the tube"
 RANGES = {
     "highest_pressure": Expected(
         "the highest pressure",
@@ -83,7 +84,7 @@ RANGES = {
         0.75,
         1.7,
         SMALL,
-        "is the measured radius a diameter, or of another tube?",
+        LARGE,
     ),
     "last_stretch": Expected(
         "the hoop stretch at the highest pressure, over that without load,",
@@ -91,7 +92,7 @@ RANGES = {
         0.9,
         2.6,
         SMALL,
-        "is the measured radius a diameter, or of another tube?",
+        LARGE,
     ),
     "axial_stress": Expected(
         "the largest axial force over the area of the wall",

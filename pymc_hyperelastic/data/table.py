@@ -108,9 +108,10 @@ def inflation_data(
     -----
     UserWarning
         If the rows of a test were shuffled; they are sorted by what was measured, along which the
-        pressure then rises. If a pressure, a length, a stretch, an angle or a force is beyond what
-        soft tubes have, such as 120 kPa where 120 mmHg was meant; the ranges are on the page Your
-        own data. `check` makes it an error, or silences it.
+        pressure then rises. If a number is taken for the axial stretch or the opening angle, and a
+        column of that name says something else. If a pressure, a length, a stretch, an angle or a
+        force is beyond what soft tubes have, such as 120 kPa where 120 mmHg was meant; the ranges
+        are on the page Your own data. `check` makes it an error, or silences it.
 
     Raises
     ------
@@ -204,6 +205,8 @@ def inflation_data(
             values["radius"] = internal_radius_from_outer_radius(outer, **geometry)
     data = _dataset(rows, order, values)
     check_inflation_data(data)
+    for name, taken in {"axial_stretch": axial_stretch, "opening_angle": opening_angle}.items():
+        doubt(rows.overlooked(name, taken), check, stacklevel=2)
     check_plausible(data, check, stacklevel=2)
     return data
 

@@ -24,6 +24,7 @@ from pymc_hyperelastic.plots.style import (
     fitted_classes,
     law_of,
     median_and_band,
+    solid_and_dashed,
     stretch_labels,
     told_apart,
     training_attrs,
@@ -38,7 +39,10 @@ Curve = Callable[[Draws, NDArray[np.float64]], xr.Dataset]
 Measured = Callable[[xr.Dataset], xr.Dataset]
 
 VISUALS = "band median extrapolated points xlabel ylabel title legend"
+_ROOM = 2.0  # that bands may take on each side of the data, in sizes of the largest of these
 _CURVE = 80  # points of a posterior curve
+_FEWEST_DRAWS = 400  # of a band, where there are many in one panel
+_CUT = "bands go on beyond the axis"
 _LABELS = {"axial_stretch": "axial stretch", "specimen": "specimen"}
 
 
@@ -106,7 +110,7 @@ def draw_bands(canvas: Canvas, bands: Bands) -> dict[str, dict[str, Any]]:
     canvas.draw("band", fill_between_y, data=band, alpha=0.35, linewidth=0, ignore_aes=shape)
     if bands.points.notnull().any().to_array().any():
         canvas.draw("points", scatter_xy, data=bands.points, **bands.dots)
-    solid, dashed = _solid_and_dashed(posterior)
+    solid, dashed = solid_and_dashed(posterior, "point")
     line = {"width": 1.5, "ignore_aes": shape - {"linestyle"}}
     canvas.draw("median", line_xy, data=solid, **line)
     entries = _entries(canvas, bands)
@@ -114,6 +118,51 @@ def draw_bands(canvas: Canvas, bands: Bands) -> dict[str, dict[str, Any]]:
         canvas.draw("extrapolated", line_xy, data=dashed, linestyle="--", **line)
         entries["extrapolated"] = {"color": "0.4", "linestyle": "--"}
     return entries
+
+
+def limit_axis(
+    canvas: Canvas, bands: Bands, name: str, far_out: float | None = None
+) -> tuple[tuple[float, float] | None, dict[str, dict[str, Any]]]:
+    """Limit an axis that bands, or far-out data, would stretch until nothing is seen of the data.
+
+    Bands are followed as far beyond the data as twice the largest of these: that of a typical
+    specimen may reach a thousand times as far, in the tube of one that is stiffer or softer. Far
+    out are Tukey's values, beyond so many interquartile ranges, that no band reaches; there are
+    none where `far_out` is None. Returns the limits, if the axis has any, and what the legend says
+    of the bands.
+    """
+    from arviz_plots.visuals import set_ylim
+
+    limits, cut = _limits(bands.points[name], bands.posterior[name], far_out)
+    if limits is None:
+        return None, {}
+    canvas.adjust(set_ylim, data=bands.points[[name]], limits=limits)
+    return limits, {_CUT: {"color": "0.4", "linewidth": 0}} if cut else {}
+
+
+def _limits(
+    points: xr.DataArray, curve: xr.DataArray, far_out: float | None
+) -> tuple[tuple[float, float] | None, bool]:
+    """Ends of an axis that is to be limited, and whether bands go on beyond."""
+    values = points.sel(plot_axis="y").values
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return None, False
+    low, high = -np.inf, np.inf
+    if far_out is not None:
+        low, high = np.quantile(values, [0.25, 0.75])
+        low, high = low - far_out * (high - low), high + far_out * (high - low)
+    near = values[(values >= low) & (values <= high)]
+    room = _ROOM * np.abs(near).max() or np.inf
+    band = curve.sel(plot_axis=["y_bottom", "y_top"])
+    ends = float(band.min()), float(band.max())
+    held = max(ends[0], near.min() - room), min(ends[1], near.max() + room)
+    near = values[(values >= min(low, held[0])) & (values <= max(high, held[1]))]
+    if near.size == values.size and held == ends:
+        return None, False
+    low, high = min(near.min(), held[0]), max(near.max(), held[1])
+    margin = 0.06 * (high - low)
+    return (float(low - margin), float(high + margin)), held != ends
 
 
 def label_columns(canvas: Canvas, bands: Bands, top: str, bottom: str) -> None:
@@ -242,10 +291,11 @@ def _posterior_curves(
     With them the data, of which what is not known is that of the median tube.
     """
     posterior = tree["posterior"].to_dataset()
-    step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // MOST_DRAWS)
+    tubes, tube_of_test = _tubes(data)
+    most = max(MOST_DRAWS // len(tubes), _FEWEST_DRAWS)
+    step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // most)
     thinned = tree.copy()
     thinned["posterior"] = xr.DataTree(posterior.isel(draw=slice(None, None, step)))
-    tubes, tube_of_test = _tubes(data)
     tests, labels = data, _labels(data, told)
     curves: dict[str, list[xr.Dataset]] = {label: [] for label in labels}
     for i, tube in enumerate(tubes):
@@ -270,11 +320,3 @@ def _posterior_curves(
         return bands[0], tests
     names = xr.DataArray(list(curves), dims=told, name=told)
     return xr.concat(bands, dim=names, join="outer", fill_value=np.nan), tests
-
-
-def _solid_and_dashed(posterior: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
-    """The median where it is measured, and where it is extrapolated; which reaches the first."""
-    line = posterior.sel(plot_axis=["x", "y"])
-    beyond = posterior.sel(plot_axis="extrapolated", drop=True)
-    next_to = beyond.rolling(point=3, center=True, min_periods=1).max()
-    return line.where(beyond != 1), line.where(next_to == 1)

@@ -36,6 +36,8 @@ _NUISANCE = (
     "sigma noise_sd noise_spread specimen_noise_sd force_sigma force_noise_sd slope_weight "
     "experiment_spread effect_spread correlation_unit"
 ).split()
+_LOG_FROM = 10.0  # ratio of the ends of an axis of positive numbers, from which it is logarithmic
+_LEAST_SHOWN = 0.5  # probability of what axes hold, where the regions that are asked for hold less
 _COMPONENTS = 6  # of the mixture that stands for a posterior: they follow two bent ridges
 
 
@@ -96,7 +98,8 @@ def plot_parameter_density(
     -----
     The density is that of a Gaussian mixture fitted to the draws: narrow modes and bent ridges are
     not smeared by the spread of the whole. It is cut at the ends of a uniform prior, and a region
-    holds its probability of the draws.
+    holds its probability of the draws. Where specimens differ it is that of the logarithms in which
+    a class's specimens are spread, and an axis is logarithmic if its ends are far apart.
 
     Examples
     --------
@@ -146,6 +149,7 @@ def plot_parameter_density(
             regions["artist_dims"] = {"prob": len(levels)}
             data = of_one[["log_density"]]
             canvas.draw(name, _contours, data=data, kind=kind, **regions, **settings)
+    _limit(canvas, density)
     tree = next(iter(fitted.values()))
     for part in range(columns):
         where = {"y_part": rows - 1, "x_part": part}
@@ -164,6 +168,21 @@ def plot_parameter_density(
         whose = "typical specimen"
     canvas.title(training_attrs(fitted), law_of(tree), whose)
     return canvas.collection
+
+
+def _limit(canvas: Canvas, density: xr.Dataset) -> None:
+    """Let the pieces of the axes end with the regions; those of logarithms may be logarithmic."""
+    from arviz_plots import visuals
+
+    for axis in ("x", "y"):
+        ends, part = density[axis], f"{axis}_part"
+        across = [dim for dim in ends.dims if dim != part]
+        low, high = ends.min(across), ends.max(across)
+        if density.attrs["by_log"][axis] and float((high / low).max()) > _LOG_FROM:
+            canvas.adjust(getattr(visuals, f"set_{axis}scale"), scale="log")
+        for i in range(ends.sizes[part]):
+            limits = float(low[i]), float(high[i])
+            canvas.adjust(getattr(visuals, f"set_{axis}lim"), limits=limits, coords={part: i})
 
 
 def _with_new_specimens(tree: xr.DataTree) -> xr.DataTree | None:
@@ -244,32 +263,34 @@ def _axis_label(tree: xr.DataTree, name: str) -> str:
 def _densities(
     shown: Mapping[str, Mapping[str, xr.DataTree]], names: tuple[str, str], probs: Sequence[float]
 ) -> xr.Dataset:
-    """Density of each class in each piece of the axes, and its levels of highest density."""
+    """Density of each class in each piece of the axes, and its levels of highest density.
+
+    The attribute ``by_log`` says on which axes it is that of logarithms.
+    """
     trees = [tree for of_class in shown.values() for tree in of_class.values()]
+    by_log = np.array([_spread_by_log(trees[0], name) for name in names])
     draws = [np.stack([_scalars(tree)[name] for name in names], axis=1) for tree in trees]
-    typical = [_without_extremes(points) for points in draws]
-    breaks = [_breaks([points[:, axis] for points in typical]) for axis in (0, 1)]
+    for points in draws:
+        points[:, by_log] = np.log(np.maximum(points[:, by_log], np.finfo(float).tiny))
+    mixtures, levels, inside = zip(*(_regions(points, probs) for points in draws), strict=True)
+    breaks = [_breaks([points[:, axis] for points in inside]) for axis in (0, 1)]
     shape = (len(trees), len(breaks[1]) + 1, len(breaks[0]) + 1)
     density = np.full((*shape, _GRID, _GRID), np.nan)
     grid = np.full((2, *shape, _GRID), np.nan)
-    level = np.empty((len(trees), len(probs)))
-    for i, (tree, points) in enumerate(zip(trees, typical, strict=True)):
-        components = int(np.clip(len(points) // 50, 1, _COMPONENTS))
-        rng = np.random.default_rng(components)
-        mixture = GaussianMixture.fit(points, components, rng, iterations=50).widened(1.5)
-        # The region that holds a probability ends where the density of that share of draws is less.
-        level[i] = np.quantile(mixture.log_density(draws[i]), 1 - np.array(probs))
+    for i, (tree, mixture, points) in enumerate(zip(trees, mixtures, inside, strict=True)):
         x_part = np.digitize(points[:, 0], breaks[0])
         y_part = len(breaks[1]) - np.digitize(points[:, 1], breaks[1])  # the highest is on top
         for j, k in set(zip(y_part.tolist(), x_part.tolist(), strict=True)):
             part = points[(y_part == j) & (x_part == k)]
             margin = 0.15 * np.ptp(part, axis=0)
-            ends = np.clip(
-                [part.min(axis=0) - margin, part.max(axis=0) + margin], *_bounds(tree, names)
-            )
+            bounds = _bounds(tree, names)
+            with np.errstate(divide="ignore"):
+                bounds[:, by_log] = np.log(np.maximum(bounds[:, by_log], 0.0))
+            ends = np.clip([part.min(axis=0) - margin, part.max(axis=0) + margin], *bounds)
             x, y = grid[:, i, j, k] = np.linspace(ends[0], ends[1], _GRID, axis=1)
             nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
             density[i, j, k] = mixture.log_density(nodes).reshape(_GRID, _GRID)
+    grid[by_log] = np.exp(grid[by_log])
     whose = len(shown), len(trees) // len(shown)
     of_part = ("whose", "class_label", "y_part", "x_part")
     return xr.Dataset(
@@ -277,11 +298,37 @@ def _densities(
             "log_density": ((*of_part, "i", "j"), density.reshape(*whose, *density.shape[1:])),
             "x": ((*of_part, "i"), grid[0].reshape(*whose, *grid.shape[2:])),
             "y": ((*of_part, "j"), grid[1].reshape(*whose, *grid.shape[2:])),
-            "level": (("whose", "class_label", "prob"), level.reshape(*whose, -1)),
+            "level": (("whose", "class_label", "prob"), np.reshape(levels, (*whose, -1))),
         },
         {"whose": list(shown), "class_label": list(next(iter(shown.values())))}
         | {"y_part": range(shape[1]), "x_part": range(shape[2])},
+        {"by_log": dict(zip("xy", by_log.tolist(), strict=True))},
     )
+
+
+def _regions(points: Array, probs: Sequence[float]) -> tuple[GaussianMixture, Array, Array]:
+    """The mixture that stands for some draws, its levels, and the draws in the widest region."""
+    typical = _without_extremes(points)
+    components = int(np.clip(len(typical) // 50, 1, _COMPONENTS))
+    rng = np.random.default_rng(components)
+    mixture = GaussianMixture.fit(typical, components, rng, iterations=50).widened(1.5)
+    # The region that holds a probability ends where the density of that share of draws is less.
+    density = mixture.log_density(points)
+    widest = np.quantile(density, 1 - max(*probs, _LEAST_SHOWN))
+    inside = typical[mixture.log_density(typical) >= widest]
+    return mixture, np.quantile(density, 1 - np.array(probs)), inside
+
+
+def _spread_by_log(tree: xr.DataTree, name: str) -> bool:
+    """Whether specimens of a class are spread in the logarithm of this parameter."""
+    if not specimens_differ(tree):
+        return False
+    try:
+        energy = StrainEnergy.from_name(tree.attrs.get("strain_energy", ""))
+    except ValueError:
+        return False  # a law of the user's own that is not defined here
+    scales = {p.name: p.natural_scale for p in energy.parameters}
+    return scales.get(name.split("[")[0]) == "log"
 
 
 def _without_extremes(points: Array) -> Array:

@@ -17,6 +17,7 @@ from pymc_hyperelastic.plots.bands import (
     bands_of,
     draw_bands,
     label_columns,
+    limit_axis,
     title_bands,
 )
 from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, per_kilopascal
@@ -52,7 +53,9 @@ def plot_pressure_fit(
     and its data. Where there is one stretch, or each specimen has its own, and tubes differ,
     specimens are told apart in the same way. Slopes far outside of the others, as close readings
     make them, do not stretch the axis: an arrowhead at its end stands for each, and the legend
-    counts them.
+    counts them. Nor do bands that reach several times as far as the data, as that of a typical
+    specimen in the tube of a far stiffer or softer one: they go on beyond the axis, and the legend
+    says so.
 
     Parameters
     ----------
@@ -102,8 +105,6 @@ def plot_pressure_fit(
     >>> list(figure.viz["plot"].data_vars)
     ['pressure', 'stiffness']
     """
-    from arviz_plots.visuals import set_ylim
-
     factor = per_kilopascal(pressure_unit)
     bands = bands_of(
         classes,
@@ -127,9 +128,10 @@ def plot_pressure_fit(
         **bands.looks,
     )
     entries = draw_bands(canvas, bands)
-    limits = _limits(bands.points["stiffness"], bands.posterior["stiffness"])
+    entries |= limit_axis(canvas, bands, "pressure")[1]
+    limits, cut = limit_axis(canvas, bands, "stiffness", _FAR_OUT)
+    entries |= cut
     if limits:
-        canvas.adjust(set_ylim, data=bands.points[["stiffness"]], limits=limits)
         entries |= _draw_beyond(canvas, bands, limits)
     label_columns(canvas, bands, "pressure", "stiffness")
     where = {"coords": {"class_label": next(iter(bands.fitted))}}
@@ -141,28 +143,6 @@ def plot_pressure_fit(
     canvas.legend(entries, loc="outside lower center")
     title_bands(canvas, bands, energy, specimen)
     return canvas.collection
-
-
-def _limits(slope: xr.DataArray, curve: xr.DataArray) -> tuple[float, float] | None:
-    """Ends of the axis of slopes, where some are so far off that they would flatten the rest.
-
-    These are Tukey's far-out values, beyond three interquartile ranges, that no band reaches.
-    """
-    slopes = slope.sel(plot_axis="y").values
-    slopes = slopes[np.isfinite(slopes)]
-    if not slopes.size:
-        return None
-    low, high = np.quantile(slopes, [0.25, 0.75])
-    reach = _FAR_OUT * (high - low)
-    band = curve.sel(plot_axis=["y_bottom", "y_top"])
-    low = min(low - reach, float(band.min()))
-    high = max(high + reach, float(band.max()))
-    near = slopes[(slopes >= low) & (slopes <= high)]
-    if near.size == slopes.size:
-        return None
-    low, high = min(near.min(), float(band.min())), max(near.max(), float(band.max()))
-    margin = 0.06 * (high - low)
-    return float(low - margin), float(high + margin)
 
 
 def _draw_beyond(

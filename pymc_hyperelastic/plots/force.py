@@ -15,10 +15,11 @@ from pymc_hyperelastic.plots.bands import (
     bands_of,
     draw_bands,
     label_columns,
+    limit_axis,
     title_bands,
 )
 from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals
-from pymc_hyperelastic.predictions.draws import Array, Draws
+from pymc_hyperelastic.predictions.curves import force_curve, warn_of_no_force
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -59,6 +60,12 @@ def plot_axial_force(
         Its variable is ``axial_force``, its dimensions are those of
         :func:`~pymc_hyperelastic.plot_pressure_fit`.
 
+    Warns
+    -----
+    UserWarning
+        If the force is 0 whatever the parameters, see
+        :func:`~pymc_hyperelastic.predict_axial_force`.
+
     Raises
     ------
     TypeError, ValueError
@@ -68,15 +75,16 @@ def plot_axial_force(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
-    >>> model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
+    >>> model = ph.inflation_model(ph.Demiray(), data, sigma=5 * ph.mmHg, slope_weight=0)
     >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
     >>> figure = ph.plot_axial_force(tree, backend="none")
     >>> "points" in figure.viz.children  # nobody measured a force
     False
     """
     bands = bands_of(
-        classes, data, prob, {"energy": energy, "specimen": specimen}, _curve, _measured
+        classes, data, prob, {"energy": energy, "specimen": specimen}, force_curve, _measured
     )
+    warn_of_no_force(bands.posterior["axial_force"].sel(plot_axis=["y_bottom", "y_top"]))
     columns = len(bands.fitted)
     canvas = Canvas(
         "grid",
@@ -90,18 +98,13 @@ def plot_axial_force(
         **bands.looks,
     )
     entries = draw_bands(canvas, bands)
+    entries |= limit_axis(canvas, bands, "axial_force")[1]
     label_columns(canvas, bands, "axial_force", "axial_force")
     first = {"coords": {"class_label": next(iter(bands.fitted))}}
     canvas.label("ylabel", "reduced axial force (mN)", **first)
     canvas.legend(entries, loc="outside lower center")
     title_bands(canvas, bands, energy, specimen)
     return canvas.collection
-
-
-def _curve(draws: Draws, radius: Array) -> xr.Dataset:
-    """Axial force of draws at radii."""
-    beyond = draws.extrapolated_radii(radius)
-    return draws.dataset({"radius": radius}, beyond, axial_force=draws.tube.axial_force(radius))
 
 
 def _measured(data: xr.Dataset) -> xr.Dataset:

@@ -9,6 +9,7 @@ import xarray as xr
 
 from pymc_hyperelastic.evidence.checks import check_prob
 from pymc_hyperelastic.plots.style import (
+    PALETTE,
     Backend,
     Canvas,
     Visuals,
@@ -16,9 +17,11 @@ from pymc_hyperelastic.plots.style import (
     law_of,
     median_and_band,
     per_kilopascal,
+    solid_and_dashed,
     told_apart,
     training_attrs,
 )
+from pymc_hyperelastic.predictions.draws import GivenTube
 from pymc_hyperelastic.predictions.members import TYPICAL
 from pymc_hyperelastic.predictions.properties import tube_properties, wall_stress
 
@@ -34,7 +37,7 @@ _PROPERTIES = {
     "pulse_wave_velocity": "pulse wave velocity (m/s)",
 }
 _STRESSES = {"sigma_rr": "radial", "sigma_tt": "hoop", "sigma_zz": "axial"}
-_VISUALS = "band median xlabel ylabel title legend"
+_VISUALS = "band median extrapolated xlabel ylabel title legend"
 
 
 def plot_elastic_properties(
@@ -51,6 +54,9 @@ def plot_elastic_properties(
 ) -> PlotCollection:
     """Plot the posterior of elastic properties over the pressure, a colour for each class.
 
+    Where pressures are extrapolated, see :func:`~pymc_hyperelastic.tube_properties`, the median is
+    dashed.
+
     Parameters
     ----------
     classes : xarray.DataTree
@@ -66,12 +72,12 @@ def plot_elastic_properties(
         Unit of the pressures, as pint knows it.
     tube : dict of str to object, optional
         What :func:`~pymc_hyperelastic.tube_properties` is told besides: the material, the
-        ``specimen``, the tube, the ``density`` of the fluid.
+        ``specimen``, the tube, the ``density`` of the fluid, such as ``{"axial_stretch": 1.2}``.
     backend : {"matplotlib", "none"}
         Plotting backend; ``"none"`` only collects what would be drawn.
     visuals : dict of str to dict or bool, optional
-        Settings of ``band``, ``median``, ``xlabel``, ``ylabel`` and ``legend``; False leaves one
-        out.
+        Settings of ``band``, ``median``, ``extrapolated`` (the dashed part of the median),
+        ``xlabel``, ``ylabel`` and ``legend``; False leaves one out.
     **pc_kwargs
         Passed to :meth:`arviz_plots.PlotCollection.wrap`.
 
@@ -101,7 +107,7 @@ def plot_elastic_properties(
     if unknown or not names or isinstance(var_names, str):
         raise ValueError(f"var_names must be a list of {list(_PROPERTIES)}; got {var_names!r}")
     fitted = fitted_classes(classes)
-    told = {"pressure_unit": pressure_unit, **(tube or {})}
+    told = _told(tube, pressure_unit, pc_kwargs)
     tables = {n: tube_properties(tree, pressure, **told)[names] for n, tree in fitted.items()}
     factor = per_kilopascal(pressure_unit)
     bands = _bands(tables, {n: t["pressure"] * factor for n, t in tables.items()}, prob)
@@ -119,11 +125,14 @@ def plot_elastic_properties(
         aes={"color": ["class_label"], "linestyle": ["class_label"]},
         **_looks(),
     )
-    _draw(canvas, bands)
+    dashed = _draw(canvas, bands, "pressure")
     for name in names:
         canvas.label("xlabel", f"pressure ({pressure_unit})", data=bands[[name]])
         canvas.label("ylabel", _PROPERTIES[name], data=bands[[name]])
-    canvas.legend(canvas.entries("class_label", "", "color", "linestyle"), title="class")
+    entries = canvas.entries("class_label", "", "color", "linestyle")
+    if len(fitted) == 1:
+        entries = {"posterior median": {"color": PALETTE[0]}}
+    canvas.legend(entries | dashed, title="class" if len(fitted) > 1 else None)
     _title(canvas, fitted, tables, prob, (tube or {}).get("energy"))
     return canvas.collection
 
@@ -141,6 +150,9 @@ def plot_wall_stress(
 ) -> PlotCollection:
     """Plot the posterior of the stresses through the wall, a row for each class.
 
+    Where the pressure is extrapolated, see :func:`~pymc_hyperelastic.wall_stress`, the median is
+    dashed.
+
     Parameters
     ----------
     classes, prob, pressure_unit, backend
@@ -151,8 +163,8 @@ def plot_wall_stress(
         What :func:`~pymc_hyperelastic.wall_stress` is told besides: the material, the ``specimen``,
         the tube, the ``points`` in the wall.
     visuals : dict of str to dict or bool, optional
-        Settings of ``band``, ``median``, ``xlabel``, ``ylabel``, ``title`` (of a column) and
-        ``legend``; False leaves one out.
+        Settings of ``band``, ``median``, ``extrapolated``, ``xlabel``, ``ylabel``, ``title`` (of a
+        column) and ``legend``; False leaves one out.
     **pc_kwargs
         Passed to :meth:`arviz_plots.PlotCollection.grid`.
 
@@ -178,7 +190,7 @@ def plot_wall_stress(
     2
     """
     fitted = fitted_classes(classes)
-    told = {"pressure_unit": pressure_unit, **(tube or {})}
+    told = _told(tube, pressure_unit, pc_kwargs)
     tables = {n: wall_stress(tree, pressure, **told)[[*_STRESSES]] for n, tree in fitted.items()}
     factor = per_kilopascal(pressure_unit)
     bands = _bands(tables, {n: t["position"] for n, t in tables.items()}, prob)
@@ -197,7 +209,7 @@ def plot_wall_stress(
         aes={"color": ["pressure"], "linestyle": ["pressure"]},
         **_looks(),
     )
-    _draw(canvas, bands)
+    dashed = _draw(canvas, bands, "position")
     first, *_, last = [*fitted, *fitted]
     for name, direction in _STRESSES.items():
         of_one = bands[[name]]
@@ -208,10 +220,20 @@ def plot_wall_stress(
         text = "Cauchy stress (kPa)" if len(fitted) == 1 else f"class {name}\nCauchy stress (kPa)"
         where = {"data": bands[["sigma_rr"]], "coords": {"class_label": name}}
         canvas.label("ylabel", text, **where)
-    canvas.legend(canvas.entries("pressure", "", "color", "linestyle"), title="pressure")
+    entries = canvas.entries("pressure", "", "color", "linestyle")
+    canvas.legend(entries | dashed, title="pressure")
     single = levels[0] if len(levels) == 1 else None
     _title(canvas, fitted, tables, prob, (tube or {}).get("energy"), single)
     return canvas.collection
+
+
+def _told(tube: Mapping[str, Any] | None, unit: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """What a prediction is told; TypeError if some of it was not given in `tube`."""
+    strays = [name for name in given if name in (*GivenTube.__annotations__, "density", "points")]
+    if strays:
+        said = ", ".join(f"{name!r}: {given[name]!r}" for name in strays)
+        raise TypeError(f"what a figure is to know of the tube is given as tube={{{said}}}")
+    return {"pressure_unit": unit, **(tube or {})}
 
 
 def _looks() -> dict[str, list[str]]:
@@ -231,22 +253,34 @@ def _bands(
 
 def _band(table: xr.Dataset, x: xr.DataArray, prob: float) -> xr.Dataset:
     """Median and band of draws over an axis; what no draw reaches is left out."""
+    beyond = table.coords.get("extrapolated", xr.zeros_like(table["pressure"])).astype(float)
     table = table.reset_coords(drop=True)
     some = table.notnull().any(["chain", "draw"])
     y = table.where(some, 0.0).quantile(median_and_band(prob), ["chain", "draw"]).where(some)
     y = y.rename(quantile="plot_axis").assign_coords(plot_axis=["y", "y_bottom", "y_top"])
-    along = xr.zeros_like(y.isel(plot_axis=[0])).assign_coords(plot_axis=["x"])
-    return xr.concat([along + x.reset_coords(drop=True), y], dim="plot_axis")
+    rows = {"x": x, "extrapolated": beyond}
+    along = [
+        xr.zeros_like(y.isel(plot_axis=[0])).assign_coords(plot_axis=[name])
+        + row.reset_coords(drop=True)
+        for name, row in rows.items()
+    ]
+    return xr.concat([*along, y], dim="plot_axis")
 
 
-def _draw(canvas: Canvas, bands: xr.Dataset) -> None:
-    """Draw bands and medians."""
+def _draw(canvas: Canvas, bands: xr.Dataset, along: str) -> dict[str, dict[str, Any]]:
+    """Draw bands and medians; return what the legend says of dashes, if there are any."""
     from arviz_plots.visuals import fill_between_y, line_xy
 
     band = bands.sel(plot_axis=["x", "y_bottom", "y_top"]).rename(plot_axis="kwarg")
     settings: dict[str, Any] = {"alpha": 0.3, "linewidth": 0, "ignore_aes": {"linestyle"}}
     canvas.draw("band", fill_between_y, data=band, **settings)
-    canvas.draw("median", line_xy, data=bands.sel(plot_axis=["x", "y"]), width=1.5)
+    solid, dashed = solid_and_dashed(bands, along)
+    canvas.draw("median", line_xy, data=solid, width=1.5)
+    if not dashed.notnull().any().to_array().any():
+        return {}
+    line: dict[str, Any] = {"linestyle": "--", "width": 1.5, "ignore_aes": {"linestyle"}}
+    canvas.draw("extrapolated", line_xy, data=dashed, **line)
+    return {"extrapolated": {"color": "0.4", "linestyle": "--"}}
 
 
 def _title(

@@ -233,6 +233,14 @@ def median_and_band(prob: float) -> list[float]:
     return [0.5, (1 - prob) / 2, (1 + prob) / 2]
 
 
+def solid_and_dashed(posterior: xr.Dataset, along: str) -> tuple[xr.Dataset, xr.Dataset]:
+    """The median where it is measured, and where it is extrapolated; which reaches the first."""
+    line = posterior.sel(plot_axis=["x", "y"])
+    beyond = posterior.sel(plot_axis="extrapolated", drop=True)
+    next_to = beyond.rolling({along: 3}, center=True, min_periods=1).max()
+    return line.where(beyond != 1), line.where(next_to == 1)
+
+
 def law_of(tree: xr.DataTree, energy: Any = None) -> str | None:
     """Name of the material, which may be given, or those of the layers."""
     if isinstance(energy, StrainEnergy):

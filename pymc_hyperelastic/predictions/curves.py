@@ -2,6 +2,7 @@
 
 from typing import Any, Unpack
 
+import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.doubt import Check
@@ -13,7 +14,10 @@ from pymc_hyperelastic.predictions.draws import (
     checked_radii,
     draws_of,
 )
-from pymc_hyperelastic.predictions.measured import warned
+from pymc_hyperelastic.predictions.measured import warn_user, warned
+
+# What rounding leaves, mN.
+NO_FORCE = 1e-9
 
 
 def predict_pressure(
@@ -112,6 +116,13 @@ def predict_axial_force(
         ``axial_force`` (mN) with dimensions (chain, draw, radius); tension is positive. The
         coordinate ``extrapolated`` and its warning are those of :func:`predict_pressure`.
 
+    Warns
+    -----
+    UserWarning
+        If something is extrapolated. If the force is 0 whatever the parameters, as that of
+        :class:`~pymc_hyperelastic.CriscioneType`, and that of :class:`~pymc_hyperelastic.Ogden` at
+        an axial stretch of 1.
+
     Examples
     --------
     >>> import xarray as xr, pymc_hyperelastic as ph
@@ -124,9 +135,28 @@ def predict_axial_force(
     """
     draws = draws_of(tree, **tube)
     radius = checked_radii(internal_radius, **tube)
-    extrapolated = warned(draws.extrapolated_radii(radius))
+    warned(draws.extrapolated_radii(radius))
+    force = force_curve(draws, radius)
+    # At rest a tube of any material has neither force nor pressure.
+    if np.any(np.abs(draws.tube.pressure(radius)[0] * radius**2) > NO_FORCE):
+        warn_of_no_force(force["axial_force"])
+    return force
+
+
+def force_curve(draws: Draws, radius: Array) -> xr.Dataset:
+    """Axial force of draws at radii, see :func:`predict_axial_force`, without a warning."""
+    extrapolated = draws.extrapolated_radii(radius)
     force = draws.tube.axial_force(radius)
     return draws.dataset({"radius": radius}, extrapolated, axial_force=force)
+
+
+def warn_of_no_force(force: xr.DataArray) -> None:
+    """Warn if axial forces of a tube that is inflated are 0, all of them."""
+    if not np.any(np.abs(force) > NO_FORCE):
+        warn_user(
+            "the axial force is 0 at all of these radii, whatever the parameters: at this axial "
+            "stretch the strain energy says nothing about a force that is measured"
+        )
 
 
 def radius_at_pressure(

@@ -64,6 +64,8 @@ class Draws(NamedTuple):
     """Medians of what is inferred of the geometry, or of the wall."""
     member: Member
     """Of whom they are."""
+    of_class: str | None = None
+    """Name of the class, if the result is one of several."""
 
     @property
     def tests(self) -> xr.Dataset | None:
@@ -92,7 +94,9 @@ class Draws(NamedTuple):
     def extrapolated_radii(self, radius: Array) -> Extrapolated | None:
         """Which internal radii are beyond what was measured; None if the result does not tell."""
         measured = self.measured
-        return None if measured is None else measured.at_radii(radius, self.typical)
+        if measured is None:
+            return None
+        return measured.at_radii(radius, self.typical)._replace(of_class=self.of_class)
 
     def extrapolated_pressures(
         self, pressure: Array, radius: Array, unit: str
@@ -103,7 +107,8 @@ class Draws(NamedTuple):
             return None
         # Draws that do not reach a pressure would have to be inflated further than the others.
         median = np.median(np.where(np.isnan(radius), np.inf, radius), axis=(0, 1))
-        return measured.at_pressures(pressure, median, self.typical, unit)
+        found = measured.at_pressures(pressure, median, self.typical, unit)
+        return found._replace(of_class=self.of_class)
 
     def dataset(
         self, axes: dict[str, Array], extrapolated: Extrapolated | None = None, **variables: Array
@@ -168,14 +173,15 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
     if layered:
         thickness = np.sum(np.broadcast_arrays(*(v["thickness"] for v in values)), axis=0)
         inferred["thickness"], medians["thickness"] = thickness, float(np.median(thickness))
-    geometry = _geometry(_common_geometry(member.data), inferred, given)
-    typical = _geometry(_common_geometry(member.data), medians, given)
+    geometry = _geometry(member.data, inferred, given)
+    typical = _geometry(member.data, medians, given)
     return Draws(
         TubeNumbers(_layers(wall, values, geometry), geometry),
         {name: posterior[name] for name in ("chain", "draw")},
         {name: value.item() for name, value in typical.items()},
         medians,
         member,
+        tree.name,
     )
 
 
@@ -245,10 +251,10 @@ def _inferred_measures(posterior: xr.Dataset, layered: bool) -> list[str]:
 
 
 def _geometry(
-    known: dict[str, Any], inferred: dict[str, Any], given: dict[str, Any]
+    data: xr.Dataset | None, inferred: dict[str, Any], given: dict[str, Any]
 ) -> dict[str, Array]:
     """Reference tube: as it is given, else as it was inferred, else that of the data."""
-    tube = known | inferred | given
+    tube = _common_geometry(data) | inferred | given
     wall = next((name for name in ("thickness", "wall_area") if name in inferred), None)
     if wall and "outer_radius" in given:
         del tube[wall]
@@ -257,14 +263,28 @@ def _geometry(
         check_geometry(**{wall: tube[wall]})
     unknown = [name for name, value in tube.items() if value is None]
     if unknown:
-        raise ValueError(
-            f"the result's data do not have one {' and one '.join(unknown)}: give what is meant, "
-            f"{', '.join(name + '=...' for name in unknown)}, or if it is the tube of one of their "
-            "specimens, specimen=..."
-        )
+        raise ValueError(_not_one_tube(data, unknown))
     tube = inferred_geometry(tube)
     check_geometry(**tube)
     return {name: np.atleast_3d(np.asarray(tube[name], float)) for name in GEOMETRY}
+
+
+def _not_one_tube(data: xr.Dataset | None, unknown: list[str]) -> str:
+    """What is not known of a tube, or differs between tests, and how to say which is meant."""
+    none = np.array([])
+    tubes = {name: none if data is None else np.unique(data[name].values) for name in unknown}
+    measured = {k: [f"{x:.6g}" for x in v if np.isfinite(x)] for k, v in tubes.items()}
+    found = [
+        f"{k} ({', '.join(v[:4] + ['...'] * (len(v) > 4)) or 'unknown'})"
+        for k, v in measured.items()
+    ]
+    say = ", ".join(f"{k}={v[0] if v else '...'}" for k, v in measured.items())
+    message = f"the result's data do not have one {', one '.join(found)}: say which, such as {say}"
+    # Other tests of a specimen may be at another stretch, but are on the same tube.
+    names = [] if data is None else list(dict.fromkeys(data["specimen"].values.tolist()))
+    if len(names) > 1:
+        message += f", or whose tube it is, such as specimen={names[0]!r}"
+    return f"{message}; in a figure tube={{{unknown[0]!r}: ...}}"
 
 
 def _common_geometry(data: xr.Dataset | None) -> dict[str, Any]:

@@ -44,6 +44,8 @@ class Extrapolated(NamedTuple):
     points: NDArray[np.bool_]
     words: str
     """What was asked for there, and what was measured."""
+    of_class: str | None = None
+    """Which of several classes predicts, as a warning names it."""
 
 
 class Measured(NamedTuple):
@@ -103,8 +105,8 @@ class Measured(NamedTuple):
         # A radius that is NaN is not between.
         beyond = ~_between(asked, low, high).all(axis=0)
         words = (
-            f"hoop stretch {_ends(asked[:, beyond])} at axial stretch {axial:.4g}, measured "
-            f"{low:.4g} to {high:.4g}"
+            f"hoop stretch of the wall {_ends(asked[:, beyond])} at axial stretch {axial:.4g}, "
+            f"measured {low:.4g} to {high:.4g}"
         )
         return Extrapolated(beyond, words)
 
@@ -142,8 +144,12 @@ def measured_by(tests: xr.Dataset) -> Measured | None:
 def warned(extrapolated: Extrapolated | None) -> Extrapolated | None:
     """The same, after a warning if something is extrapolated."""
     if extrapolated is not None and extrapolated.points.any():
-        count = f"{extrapolated.points.sum()} of {extrapolated.points.size} points"
-        warn_user(f"{count} are extrapolated, by the law alone: {extrapolated.words}")
+        count = int(extrapolated.points.sum())
+        whose = f"class {extrapolated.of_class!r}: " if extrapolated.of_class else ""
+        warn_user(
+            f"{whose}{count} of {extrapolated.points.size} points {'is' if count == 1 else 'are'} "
+            f"extrapolated, where nothing was measured and the law decides: {extrapolated.words}"
+        )
     return extrapolated
 
 

@@ -116,8 +116,8 @@ def _of_specimen(tree: xr.DataTree, energy: StrainEnergy, specimen: str) -> xr.D
     if "experiment_spread" in posterior:
         raise ValueError(
             f"specimen {specimen!r}: with experiment_effect each experiment has parameters of its "
-            "own, and predictions of one specimen are not offered; those of the typical one are "
-            "(without specimen=...), and all of ph.population_model"
+            "own, and of a class predictions of the typical specimen alone are offered, without "
+            "specimen=...; a result of ph.population_model has those of each specimen"
         )
     scale, rng = _scale(tree, energy), np.random.default_rng(_SEED)
     draws = _stored_draws(tree["specimens"].to_dataset(), specimen)

@@ -32,6 +32,12 @@ BAD_INPUT = [
     ("numbered class", lambda: fit({1: curves()}), ValueError, ["class", "text", "got 1"]),
     ("class with a slash", lambda: fit({"C/1": curves()}), ValueError, ["'/'", "'C/1'"]),
     (
+        "pooled classes of which nothing says how slopes count",
+        lambda: fit(slope_weight=None),
+        TypeError,
+        ["slope_weight is not given", "balanced_slope_weight"],
+    ),
+    (
         "one bad class",
         lambda: fit({"C1": curves(), "C2": with_nan()}),
         ValueError,

@@ -1,5 +1,7 @@
 """Classes whose specimens differ: their densities and evidences, and what they say of others."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -18,6 +20,7 @@ from variable_classes import (
 )
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes import variable
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 
 # An honest standard error is exceeded threefold once in 370 runs; seeds are fixed.
@@ -63,6 +66,27 @@ def other_law():
 @pytest.fixture(scope="module")
 def by_specimen(classes, new_data):
     return classify(new_data, classes)
+
+
+def test_progress_is_seen_in_small_steps(classes, monkeypatch):
+    """Each specimen and each chain moves the bar; and slopes need no word, as there are none."""
+
+    class Bar(nullcontext):
+        total, done = 0, 0
+
+        def add_task(self, description, completed, total):
+            self.total += total
+
+        def advance(self, task, advance=1):
+            self.done += advance
+
+    bar = Bar()
+    monkeypatch.setattr(variable, "create_simple_progress", lambda wanted: bar)
+    settings = {"draws": 500, "chains": 2, "sigma": SIGMA, "variability": "specimen"}
+    again = ph.fit_classes(ph.NeoHookean(), TRAINING, **settings, random_seed=SEED)
+    assert bar.done == bar.total == 2 * (3 + 1 + 2)
+    for name in NAMES:
+        xr.testing.assert_equal(again[name]["posterior"], classes[name]["posterior"])
 
 
 def test_one_seed_gives_one_fit(classes):

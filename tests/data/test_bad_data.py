@@ -19,6 +19,18 @@ BAD_DATA = [
         ["no column 'radius'", "'r'", "'pressure'"],
     ),
     (
+        "several columns missing",
+        lambda: build(good_frame().drop(columns=["experiment", "pressure"])),
+        ValueError,
+        ["no column 'experiment' and no column 'pressure'", "rename(columns="],
+    ),
+    (
+        "a diameter in place of the radius",
+        lambda: build(with_diameters()),
+        ValueError,
+        ["no column 'radius'", "measured='outer_diameter'"],
+    ),
+    (
         "a column twice",
         lambda: build(good_frame().rename(columns={"A": "pressure"})),
         ValueError,

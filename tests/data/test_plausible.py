@@ -50,6 +50,16 @@ DOUBTFUL = [
         lambda **c: build(curve(2 * RADIUS), **c),
         "is the measured radius a diameter",
     ),
+    (
+        "measured in um, the tube in mm",
+        lambda **c: build(curve(1e3 * RADIUS), **c),
+        "in another unit than inner_radius",
+    ),
+    (
+        "the tube in mm, measured in um, and radius_unit for both",
+        lambda **c: build(curve(1e3 * RADIUS), radius_unit="um", **c),
+        "radius_unit=... is that of every length",
+    ),
     ("outer diameter as radius", lambda **c: build(outer_radius=18.0, **c), "is outer_radius a"),
     (
         "diameters as radii of the tube",
@@ -80,6 +90,27 @@ def test_what_is_doubted(row):
     with pytest.raises(ValueError, match=r"experiment 1: .* expected at"):
         call(check="raise")
     call(check="ignore")
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "cut"),
+    [("axial_stretch", [1.2] * 10, {}), ("opening_angle", ["60"] * 9 + [""], RING)],
+)
+def test_a_column_that_is_not_taken(name, values, cut):
+    """A table that states the stretch or the angle is not taken at 1 or 0 without a word."""
+    frame = curve(**{name: values})
+    doubted = f"column {name!r} with values other than .*say {name}={name!r}"
+    with pytest.warns(UserWarning, match=doubted) as warned:
+        build(frame)
+    assert [w.filename for w in warned] == [__file__]
+    with pytest.raises(ValueError, match=doubted):
+        build(frame, check="raise")
+    build(frame, check="ignore")
+    # Where it is taken, is no number, or says the same, nothing is doubted.
+    build(frame[:5], angle_unit="deg", **{name: name}, **cut)
+    build(frame, **{name: None})
+    build(curve(**{name: "not written down"}))
+    build(curve(**{name: [1.5] * 10}), **{name: 1.5}, **cut)
 
 
 def test_many_experiments_give_one_warning():

@@ -238,6 +238,27 @@ def test_an_outlying_slope_does_not_flatten_the_others():
     assert not any("slopes" in text for text in legend_texts(plain))
 
 
+def test_data_are_seen_beside_wide_bands():
+    """A band a thousand times as high as the data goes on beyond the axis; the legend says so."""
+    data = study(2)
+    tree = fitted(data)
+    data["axial_force"] = ("obs", 1e3 * data["pressure"].values, {"units": "mN"})
+    stiff = tree.copy()
+    stiff["posterior"] = xr.DataTree(tree["posterior"].to_dataset() * 1e3)
+    pressure, force = ph.plot_pressure_fit(stiff), ph.plot_axial_force(stiff, data)
+    for figure, name, highest in (
+        (pressure, "pressure", data["pressure"].max() / ph.mmHg),
+        (pressure, "stiffness", 7 / ph.mmHg),  # in the table the pressure rises by 6 kPa/mm
+        (force, "axial_force", data["axial_force"].max()),
+    ):
+        low, high = figure.get_viz("plot", name, class_label="posterior").get_ylim()
+        assert max(abs(low), abs(high)) < 4 * highest
+        assert "bands go on beyond the axis" in legend_texts(figure)
+    # What nobody measured leaves its band the axis.
+    whole = [ph.plot_pressure_fit(tree), ph.plot_axial_force(stiff)]
+    assert not [f for f in whole if "bands go on beyond the axis" in legend_texts(f)]
+
+
 def test_decisions_and_p_values_are_shown():
     """Each panel says what was decided; diamonds are the p-values, lines the limits."""
     decided = ["C1", "undecided", "none of these", ""]
@@ -317,6 +338,23 @@ def test_new_specimens_of_a_class_are_inside_the_dashed_line():
     assert labels == [r"$\mu$ (kPa)"]
 
 
+@pytest.mark.parametrize("spread", [0.1, 1.5])
+def test_regions_of_a_class_fill_their_axes(spread):
+    """However wide a class is: its regions are seen, and hold nothing that no material is."""
+    tree, _ = with_variability(ph.Ogden(), spread)
+    figure = ph.plot_parameter_density(tree)
+    axes = figure.get_viz("plot", "log_density")
+    (line,) = figure.viz["new"]["log_density"].values.ravel()
+    corners = np.concatenate([path.vertices for path in line.get_paths() if len(path.vertices)])
+    assert (corners > 0).all()
+    for log, ends, place in (
+        (axes.get_xscale() == "log", axes.get_xlim(), corners[:, 0]),
+        (axes.get_yscale() == "log", axes.get_ylim(), corners[:, 1]),
+    ):
+        assert log == (spread > 1)
+        assert np.ptp(np.log(place)) > 0.5 * np.ptp(np.log(ends))
+
+
 def test_class_of_one_parameter_shows_location_and_spread():
     """By default nothing that nobody asked for, such as noise, is on an axis."""
     tree, _ = with_variability(ph.NeoHookean(), 0.2)
@@ -375,6 +413,35 @@ def test_properties_and_stresses_are_those_that_are_predicted():
     alone = ph.plot_wall_stress(tree, 20.0, backend="none")
     assert "20 mmHg" in alone.get_viz("figure_title")["string"]
     assert legend_texts(ph.plot_wall_stress(tree, pressure)) == ["10 mmHg", "20 mmHg"]
+
+
+def test_extrapolated_properties_are_dashed():
+    """Below what was measured the median is dashed, in both figures, and the legend says why."""
+    data = study(2)
+    tree = fitted(data)
+    pressure = [0.5 * float(data["pressure"].min()) / ph.mmHg, 10.0, 20.0]
+    with pytest.warns(UserWarning, match="1 of 3 points is extrapolated"):
+        figure = ph.plot_elastic_properties(tree, pressure, backend="none")
+    where = {"class_label": "posterior"}
+    solid, dashed = (figure.get_viz(n, "compliance", **where) for n in ("median", "extrapolated"))
+    assert np.isfinite(solid["y"]).tolist() == [False, True, True]
+    assert np.isfinite(dashed["y"]).tolist() == [True, True, False]
+    assert dashed["linestyle"] == "--"
+    with pytest.warns(UserWarning, match="extrapolated"):
+        figure = ph.plot_wall_stress(tree, pressure, backend="none")
+    lines = figure.viz["extrapolated"]["sigma_tt"].sel(where).values
+    assert [line is not None for line in lines] == [True, False, False]
+    with pytest.warns(UserWarning, match="extrapolated"):
+        told = legend_texts(ph.plot_elastic_properties(tree, pressure))
+    assert told == ["posterior median", "extrapolated"]
+    assert legend_texts(ph.plot_elastic_properties(tree, pressure[1:])) == []
+
+
+@pytest.mark.parametrize("plot", [ph.plot_elastic_properties, ph.plot_wall_stress])
+def test_a_tube_is_given_as_one(plot):
+    """Whoever says the tube as predictions take it is told how figures do."""
+    with pytest.raises(TypeError, match=r"tube=\{'axial_stretch': 1.2\}"):
+        plot(fitted(study(2)), [10.0], axial_stretch=1.2)
 
 
 def test_pressures_that_nothing_reaches_have_no_band():

@@ -346,7 +346,7 @@ NOT_OFFERED = {
     ),
     "specimen whose experiments differ": (
         lambda r: ph.predict_pressure(with_experiment_effect(r), 8.0, specimen="A1"),
-        ["experiment_effect", "typical one", "ph.population_model"],
+        ["experiment_effect", "typical specimen", "ph.population_model"],
     ),
     "typical specimen of nobody knows which scale": (
         lambda r: ph.predict_pressure(without_attrs(r["population_model"]), 8.0),

@@ -126,6 +126,28 @@ def test_axial_stretches():
         assert found["extrapolated"].all()
 
 
+def test_a_warning_names_its_class():
+    """Of several classes, whose predictions warn alike, each says which it is."""
+    classes = xr.DataTree.from_dict({"soft": fitted(), "stiff": fitted()})
+    with pytest.warns(UserWarning, match="^class 'stiff': 1 of 1 points is extrapolated"):
+        ph.predict_pressure(classes["stiff"], [9.5])
+    with pytest.warns(UserWarning, match="^2 of 2 points are extrapolated"):
+        ph.predict_pressure(fitted(), [9.5, 9.6])
+
+
+def test_which_tube_is_asked_with_those_that_were_tested():
+    """The tests of one specimen at several stretches are named by these, not by the specimen."""
+    data = data_of(*(({"axial_stretch": s}, RADIUS) for s in (1.0, 1.25)))
+    data = data.assign_coords(specimen=("test", ["S1", "S1"]), experiment=("test", [1, 2]))
+    with pytest.raises(ValueError, match=r"axial_stretch \(1, 1.25\).*axial_stretch=1;") as raised:
+        ph.tube_properties(fitted(data), [1.0])
+    assert "specimen" not in str(raised.value).replace("specimens", "")
+    assert "tube={'axial_stretch': ...}" in str(raised.value)
+    two = data_of(({}, RADIUS), ({"outer_radius": 9.5}, RADIUS))
+    with pytest.raises(ValueError, match=r"outer_radius \(9, 9.5\).*specimen='S1'"):
+        ph.tube_properties(fitted(two), [1.0])
+
+
 def test_pressures_of_several_tubes():
     """A pressure on this tube, or a stretch on another one: either is measured."""
     wide = np.linspace(7.0, 10.0, 9)

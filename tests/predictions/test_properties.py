@@ -1,5 +1,7 @@
 """Posteriors of properties and stresses are those of each draw, and balance."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import oracles
 import pytensor.tensor as pt
@@ -163,12 +165,20 @@ def test_stresses_balance_pressure_and_force(energy, parameters, tube):
     axial = wall_integral(
         stress["sigma_zz"] * 2 * np.pi * stress["current_radius"], stress, tube, weight / 2
     )
-    force = ph.predict_axial_force(tree, a, energy=energy, **tube)["axial_force"].values[0, 0]
+    told = pytest.warns(UserWarning, match="the axial force is 0 .* whatever the parameters")
+    with told if law_has_no_force(energy, tube) else nullcontext():
+        force = ph.predict_axial_force(tree, a, energy=energy, **tube)["axial_force"].values[0, 0]
     np.testing.assert_allclose(axial, force + np.pi * a**2 * pressure, rtol=tolerance)
     faces = ph.wall_stress(tree, pressure, points=2, **settings)["sigma_rr"][0, 0]
     scale = np.abs(stress["sigma_tt"]).max().item()
     np.testing.assert_allclose(faces[:, 0], -pressure, rtol=1e-10)
     np.testing.assert_allclose(faces[:, 1], 0.0, atol=1e-14 * scale)
+
+
+def law_has_no_force(energy, tube) -> bool:
+    """Where twice the axial stress is the sum of the other two, whatever the parameters."""
+    unstretched = tube["axial_stretch"] == 1
+    return isinstance(energy, ph.CriscioneType) or (unstretched and isinstance(energy, ph.Ogden))
 
 
 def law_has_slack_fibres(energy, tube) -> bool:
