@@ -20,7 +20,8 @@ from pymc_hyperelastic.plots.style import (
     training_attrs,
 )
 from pymc_hyperelastic.predictions.members import TYPICAL
-from pymc_hyperelastic.predictions.properties import tube_properties, wall_stress
+from pymc_hyperelastic.predictions.properties import tube_properties
+from pymc_hyperelastic.predictions.stress import wall_stress
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
