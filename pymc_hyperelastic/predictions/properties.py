@@ -98,12 +98,12 @@ def tube_properties(
         With a `pressure_range` also, with dimensions (chain, draw):
 
         ``stored_energy_change`` : the stored energy at the systolic pressure less that at the
-        diastolic one, at the axial stretch of the tube, kPa [6]_.
+        diastolic one, at the axial stretch of the tube, kPa.
 
-        ``in_vivo_axial_stretch`` : the least axial stretch between 0.8 and 2.5 at which the reduced
-        axial force is the same at both pressures: below it the force falls when the tube is
-        inflated, above it rises [6]_. NaN where there is none; the attribute ``draws_without``
-        counts these draws.
+        ``in_vivo_axial_stretch`` : the least axial stretch ``λz`` between 0.8 and 2.5 at which the
+        reduced axial force is the same at both pressures, ``F(p_sys, λz) = F(p_dia, λz)``: in a
+        shorter tube the force falls when it is inflated, in a longer one it rises. NaN where there
+        is none; the attribute ``draws_without`` counts these draws.
 
         The coordinate ``extrapolated`` (pressure) is that of :func:`radius_at_pressure`. The
         scalars ``range_extrapolated`` and ``in_vivo_extrapolated`` say likewise of the two

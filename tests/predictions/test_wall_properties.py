@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import oracles
 import pymc as pm
+import pytensor.tensor as pt
 import pytest
 import xarray as xr
 from drawn import LAWS, SHEEP, TUBES, curve, every_tube, fitted_tree, one_draw, radii_of, result
@@ -148,6 +149,22 @@ def test_no_radius_no_properties():
         found = ph.tube_properties(tree, [4.0, 6.0], energy=ph.NeoHookean(), **SHEEP)
     for name in found:
         assert np.isnan(found[name][0]).values.tolist() == [[False, True], [False, False]], name
+
+
+def test_no_radius_no_energy_of_any_law():
+    """Also of one that compares stretches, of which a comparison with NaN is false."""
+
+    class Onesided(ph.StrainEnergy):
+        """The neo-Hookean solid, where it is stretched."""
+
+        parameters = ph.NeoHookean.parameters
+
+        def energy(self, radial, hoop, axial, *, mu):
+            return pt.where(hoop > 0, mu / 2 * (radial**2 + hoop**2 + axial**2 - 3), 0.0)
+
+    with pytest.warns(UserWarning, match="of 2 draws 1 do not reach 6 kPa"):
+        found = ph.tube_properties(result(mu=[20.0, 40.0]), 6.0, energy=Onesided(), **SHEEP)
+    assert np.isnan(found["stored_energy"][0, :, 0]).values.tolist() == [True, False]
 
 
 def test_axial_properties_say_that_no_force_was_measured():
