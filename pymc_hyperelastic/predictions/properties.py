@@ -176,6 +176,19 @@ def tube_properties(
     array([60., 90.])
     >>> properties["pulse_wave_velocity"].values.round(3).ravel()
     array([2.73 , 3.344])
+    >>> properties["circumferential_material_stiffness"].values.round(6).ravel()
+    array([ 80., 120.])
+
+    The stretch at which the force is the same at 80 and at 120 mmHg, of a stiffening tube:
+
+    >>> law = {"c": 20.0, "a1": 0.8, "a2": 0.6, "a4": 0.1}
+    >>> posterior = xr.Dataset({n: (("chain", "draw"), [[x]]) for n, x in law.items()})
+    >>> tree = xr.DataTree.from_dict({"posterior": posterior})
+    >>> tube = {"energy": ph.FungOrthotropic(), "inner_radius": 0.44, "outer_radius": 0.55}
+    >>> in_mmhg = {"pressure_unit": "mmHg", "pressure_range": (80, 120)}
+    >>> properties = ph.tube_properties(tree, 100, **tube, **in_mmhg)
+    >>> round(properties["in_vivo_axial_stretch"].item(), 3)
+    1.789
     """
     _check_density(density)
     draws = draws_of(tree, **tube)
@@ -294,7 +307,7 @@ def _of_the_wall(draws: Draws, a: Array, pressure: Array) -> dict[str, Array]:
     }
 
 
-def _check_density(density: Any) -> None:
+def _check_density(density: float) -> None:
     """Raise for what is no density."""
     if not (isinstance(density, Real) and 0 < density < np.inf):
         raise ValueError(f"density must be a positive number in kg/m³; got {density!r}")

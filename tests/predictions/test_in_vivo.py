@@ -175,7 +175,7 @@ def test_a_law_that_says_nothing_of_force_has_none():
         parameters = ph.CriscioneType.parameters
 
         def energy(self, radial, hoop, axial, *, a, b):
-            power = (hoop / radial) ** b
+            power = (1 / (radial**2 * axial)) ** b
             return a / 2 * (power + 1 / power)
 
     tree = result(a=[3.0] * 40, b=np.linspace(2.0, 6.0, 40))
