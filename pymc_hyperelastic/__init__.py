@@ -48,17 +48,14 @@ from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.plots.properties import plot_elastic_properties, plot_wall_stress
+from pymc_hyperelastic.predictions.admissible import admissible
 from pymc_hyperelastic.predictions.curves import (
     predict_axial_force,
     predict_pressure,
     radius_at_pressure,
 )
-from pymc_hyperelastic.predictions.properties import (
-    admissible,
-    pulse_wave_velocity,
-    tube_properties,
-    wall_stress,
-)
+from pymc_hyperelastic.predictions.properties import pulse_wave_velocity, tube_properties
+from pymc_hyperelastic.predictions.stress import wall_stress
 
 __version__ = version("pymc-hyperelastic")
 

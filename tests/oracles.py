@@ -215,6 +215,47 @@ def layered_force(
     )
 
 
+def layered_material(
+    layers: Sequence[Layer], internal_radius, inner_radius, axial_stretch, opening_angle
+) -> tuple[mp.mpf, mp.mpf, mp.mpf]:
+    """Means over the wall of stored energy, and of two moduli, by adaptive quadrature.
+
+    The moduli are differences of the Cauchy stresses ``s_t - s_r`` and ``s_z - s_r`` between two
+    states of each circle, stretched further by ``e^+-h`` around or along and thinned as much.
+    """
+
+    def mean(of_circle):
+        def density(layer, reference, current, axial, k):
+            hoop = k * current / reference
+            return of_circle(layer.energy, hoop, axial, layer.parameters) * reference
+
+        total = wall_integral(
+            density, layers, internal_radius, inner_radius, axial_stretch, opening_angle
+        )
+        return 2 * total / (mp.mpf(layers[-1].outer_radius) ** 2 - mp.mpf(inner_radius) ** 2)
+
+    def stored(energy, hoop, axial, parameters):
+        one = mp.mpf(1)
+        at_rest = energy(one, one, one, **parameters)
+        return energy(1 / (hoop * axial), hoop, axial, **parameters) - at_rest
+
+    def around(energy, hoop, axial, parameters):
+        stress = [
+            hoop * grown * hoop_response(energy, hoop * grown, axial, parameters)
+            for grown in (mp.exp(STEP), mp.exp(-STEP))
+        ]
+        return (stress[0] - stress[1]) / (2 * STEP)
+
+    def along(energy, hoop, axial, parameters):
+        stress = [
+            axial * grown * axial_response(energy, hoop, axial * grown, parameters)
+            for grown in (mp.exp(STEP), mp.exp(-STEP))
+        ]
+        return (stress[0] - stress[1]) / (2 * STEP)
+
+    return mean(stored), mean(around), mean(along)
+
+
 GEOMETRY = ("internal_radius", "inner_radius", "outer_radius", "axial_stretch", "opening_angle")
 
 

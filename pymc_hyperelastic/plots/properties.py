@@ -23,18 +23,26 @@ from pymc_hyperelastic.plots.style import (
 )
 from pymc_hyperelastic.predictions.draws import GivenTube
 from pymc_hyperelastic.predictions.members import TYPICAL
-from pymc_hyperelastic.predictions.properties import tube_properties, wall_stress
+from pymc_hyperelastic.predictions.properties import tube_properties
+from pymc_hyperelastic.predictions.stress import wall_stress
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-# As axes name them; what is left out by default are radii and the slope, see plot_pressure_fit.
-_PROPERTIES = {
+# As axes name them; what is left out are radii and the slope, see plot_pressure_fit.
+_OF_THE_CURVE = {
     "compliance": "compliance d$A$/d$p$ (mm²/kPa)",
     "distensibility": "distensibility (1/kPa)",
     "peterson_modulus": "Peterson's modulus (kPa)",
     "incremental_modulus": "incremental modulus (kPa)",
     "pulse_wave_velocity": "pulse wave velocity (m/s)",
+}
+_PROPERTIES = _OF_THE_CURVE | {
+    "circumferential_stress": "mean circumferential\nCauchy stress (kPa)",
+    "axial_stress": "mean axial\nCauchy stress (kPa)",
+    "circumferential_material_stiffness": "circumferential material\nstiffness (kPa)",
+    "axial_material_stiffness": "axial material\nstiffness (kPa)",
+    "stored_energy": "stored energy (kJ/m³)",
 }
 _STRESSES = {"sigma_rr": "radial", "sigma_tt": "hoop", "sigma_zz": "axial"}
 _VISUALS = "band median extrapolated xlabel ylabel title legend"
@@ -44,7 +52,7 @@ def plot_elastic_properties(
     classes: xr.DataTree,
     pressure: Any,
     *,
-    var_names: Sequence[str] = tuple(_PROPERTIES),
+    var_names: Sequence[str] = tuple(_OF_THE_CURVE),
     prob: float = 0.94,
     pressure_unit: str = "mmHg",
     tube: Mapping[str, Any] | None = None,
@@ -64,8 +72,9 @@ def plot_elastic_properties(
     pressure : array_like, shape (pressure,)
         Internal pressures, in `pressure_unit`.
     var_names : sequence of str
-        What has a panel: names of :func:`~pymc_hyperelastic.tube_properties` from compliance to
-        pulse wave velocity, all of these by default.
+        What has a panel: names of :func:`~pymc_hyperelastic.tube_properties` with a value at each
+        pressure, from ``compliance`` to ``stored_energy``; by default those up to
+        ``pulse_wave_velocity``, which follow from the curve of pressure alone.
     prob : float
         Probability that the bands hold at each pressure, with equal tails.
     pressure_unit : str

@@ -43,6 +43,13 @@ _NAMES = {
     "peterson_modulus": ("kPa", "Peterson's elastic modulus"),
     "incremental_modulus": ("kPa", "incremental elastic modulus"),
     "pulse_wave_velocity": ("m/s", "pulse wave velocity"),
+    "circumferential_stress": ("kPa", "mean circumferential Cauchy stress"),
+    "axial_stress": ("kPa", "mean axial Cauchy stress"),
+    "circumferential_material_stiffness": ("kPa", "circumferential material stiffness"),
+    "axial_material_stiffness": ("kPa", "axial material stiffness"),
+    "stored_energy": ("kPa", "stored energy per volume"),
+    "stored_energy_change": ("kPa", "change of stored energy per volume, diastole to systole"),
+    "in_vivo_axial_stretch": ("1", "in vivo axial stretch"),
     "sigma_rr": ("kPa", "radial Cauchy stress"),
     "sigma_tt": ("kPa", "hoop Cauchy stress"),
     "sigma_zz": ("kPa", "axial Cauchy stress"),
@@ -78,6 +85,14 @@ class Draws(NamedTuple):
         """Where the tubes were measured by which the parameters are known, if the result tells."""
         evidence = self.member.evidence
         return None if evidence is None else measured_by(typical_tests(evidence, self.inferred))
+
+    @property
+    def without_force(self) -> bool:
+        """Whether no axial force was measured in the tests that the parameters come from."""
+        evidence = self.member.evidence
+        if evidence is None:
+            return False  # nobody knows
+        return "axial_force" not in evidence or bool(evidence["axial_force"].isnull().all())
 
     def radius_at(self, pressure: Array) -> Array:
         """Internal radius (chain, draw, pressure) on the rising branch; NaN and a warning if none.

@@ -1,4 +1,4 @@
-"""What laboratories report of a tube, as posteriors: elastic properties, stresses, stability."""
+"""What laboratories report of a tube at given pressures, as posteriors."""
 
 from numbers import Real
 from typing import Any, Unpack
@@ -7,29 +7,25 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.doubt import Check
-from pymc_hyperelastic.mechanics.strain_energy.isotropic import _Isotropic
-from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.predictions.draws import (
     Array,
+    Draws,
     GivenTube,
-    checked_numbers,
     checked_pressures,
-    checked_radii,
     draws_of,
-    radii_of_data,
 )
+from pymc_hyperelastic.predictions.in_vivo import between_pressures
 from pymc_hyperelastic.predictions.measured import warned
 
-# Circles of the wall at which admissibility is looked at.
-_CIRCLES = 11
-# Stretches whose logarithms differ by less have no order that rounding leaves intact.
-_SAME_STRETCH = 1e-6
+# Without a measured force, what is said of the axial direction rests on the law and its prior.
+_AXIAL = ("axial_stress", "axial_material_stiffness", "in_vivo_axial_stretch")
 
 
 def tube_properties(
     tree: xr.DataTree,
     pressure: Any,
     *,
+    pressure_range: Any = None,
     density: float = 1060.0,
     pressure_unit: str = "kPa",
     check: Check = "warn",
@@ -37,8 +33,11 @@ def tube_properties(
 ) -> xr.Dataset:
     r"""Posterior of the elastic properties that are reported of a vessel, at given pressures.
 
-    They follow from the curve ``p(a)`` and its slope at constant axial stretch, at the radius of
-    :func:`radius_at_pressure`, which also says what is warned of, and what is an error.
+    They are those of the tube at its axial stretch, at the radius of :func:`radius_at_pressure`,
+    which also says what is warned of, and what is an error.
+
+    What concerns the axial direction is hardly told by pressures: it is as credible as the law is,
+    unless axial forces were measured and fitted, at more than one axial stretch.
 
     Parameters
     ----------
@@ -46,6 +45,9 @@ def tube_properties(
         A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
         Internal pressures, in `pressure_unit`.
+    pressure_range : pair of float, optional
+        Diastolic and systolic pressure, in `pressure_unit`: with them the result also has the in
+        vivo axial stretch, and what energy the wall stores in between.
     density : float, default 1060
         Density ``ρ`` of the fluid within, kg/m³; that of blood by default.
     pressure_unit : str, default "kPa"
@@ -80,17 +82,66 @@ def tube_properties(
 
         ``pulse_wave_velocity`` : ``√(A/(ρ dA/dp))``, m/s [4]_.
 
-        The coordinate ``extrapolated`` (pressure) is that of :func:`radius_at_pressure`.
+        ``circumferential_stress`` : ``p a/(b − a)``, kPa, by equilibrium the mean of the Cauchy
+        stress ``σθθ`` over the thickness of the wall.
+
+        ``axial_stress`` : ``(F + π a² p)/(π (b² − a²))`` with the reduced axial force ``F``, kPa,
+        by equilibrium the mean of ``σzz`` over the area of the wall.
+
+        ``circumferential_material_stiffness``, ``axial_material_stiffness`` : ``∂²Ŵ/∂(ln λθ)²``
+        and ``∂²Ŵ/∂(ln λz)²``, kPa, linearised about the inflated tube, as means over the area of
+        the wall [5]_; see below.
+
+        ``stored_energy`` : ``Ŵ`` per unit of volume, less that of the stress-free state, as a mean
+        over the wall, kPa, which is kJ/m³ [6]_.
+
+        With a `pressure_range` also, with dimensions (chain, draw):
+
+        ``stored_energy_change`` : the stored energy at the systolic pressure less that at the
+        diastolic one, at the axial stretch of the tube, kPa.
+
+        ``in_vivo_axial_stretch`` : the least axial stretch ``λz`` between 0.8 and 2.5 at which the
+        reduced axial force is the same at both pressures, ``F(p_sys, λz) = F(p_dia, λz)``: in a
+        shorter tube the force falls when it is inflated, in a longer one it rises. NaN where there
+        is none; the attribute ``draws_without`` counts these draws.
+
+        The coordinate ``extrapolated`` (pressure) is that of :func:`radius_at_pressure`. The
+        scalars ``range_extrapolated`` and ``in_vivo_extrapolated`` say likewise of the two
+        pressures whether one of them is extrapolated at the axial stretch of the tube, and at the
+        median of the in vivo stretch.
 
     Warns
     -----
     UserWarning
-        If some draws do not reach a pressure, or something is extrapolated.
+        If some draws do not reach a pressure, or something is extrapolated. With a
+        `pressure_range`, if some draws have no in vivo stretch, or it was found without an axial
+        force among the result's data.
 
     Raises
     ------
     ValueError
-        If the density is not positive.
+        If the density is not positive, or the `pressure_range` not two rising pressures from 0 up.
+
+    Notes
+    -----
+    The material stiffness is that of small strains that are superposed on large ones, at constant
+    radial stress and with the other stretch held: of ``Ŵ(λθ, λz) = W(1/(λθ λz), λθ, λz)``, the
+    energy of the incompressible wall,
+
+    .. math::
+
+        C_θ = \frac{∂(σ_{θθ} - σ_{rr})}{∂\ln λ_θ}
+            = 2 (σ_{θθ} - σ_{rr}) + 4 λ_θ^4 \frac{∂^2 \hat W}{∂(λ_θ^2)^2}
+            = \mathcal{C}_{θθθθ} - 2 \mathcal{C}_{θθrr} + \mathcal{C}_{rrrr}, \qquad
+        \mathcal{C}_{iijj} = \frac{∂^2 W}{∂\ln λ_i \, ∂\ln λ_j},
+
+    and the same in the axial direction. The :math:`\mathcal{C}` are the components of Baek et
+    al. [5]_, of which :math:`\mathcal{C}_{θθθθ}` alone is often reported [7]_: it takes the
+    stretches for independent, and changes when a function of the volume is added to ``W``, which is
+    the same incompressible material. The combination does not. For fibres in a neo-Hookean matrix
+    of modulus ``c`` it is larger than the one component by ``2 c λr²``, a percent in an inflated
+    artery. At rest an isotropic wall has four times its shear modulus, Young's modulus over
+    ``1 − ν²``.
 
     References
     ----------
@@ -103,6 +154,14 @@ def tube_properties(
        156 (1961) 445-457.
     .. [4] J. C. Bramwell, A. V. Hill, The velocity of the pulse wave in man, Proceedings of the
        Royal Society B 93 (1922) 298-306.
+    .. [5] S. Baek, R. L. Gleason, K. R. Rajagopal, J. D. Humphrey, Theory of small on large:
+       potential utility in computations of fluid-solid interactions in arteries, Computer Methods
+       in Applied Mechanics and Engineering 196 (2007) 3070-3078.
+    .. [6] J. Ferruzzi, M. R. Bersi, J. D. Humphrey, Biomechanical phenotyping of central arteries
+       in health and disease: advantages of and methods for murine models, Annals of Biomedical
+       Engineering 41 (2013) 1311-1330.
+    .. [7] B. Spronck, J. D. Humphrey, Arterial stiffness: different metrics, different meanings,
+       Journal of Biomechanical Engineering 141 (2019) 091004.
 
     Examples
     --------
@@ -117,29 +176,36 @@ def tube_properties(
     array([60., 90.])
     >>> properties["pulse_wave_velocity"].values.round(3).ravel()
     array([2.73 , 3.344])
+    >>> properties["circumferential_material_stiffness"].values.round(6).ravel()
+    array([ 80., 120.])
+
+    The stretch at which the force is the same at 80 and at 120 mmHg, of a stiffening tube:
+
+    >>> law = {"c": 20.0, "a1": 0.8, "a2": 0.6, "a4": 0.1}
+    >>> posterior = xr.Dataset({n: (("chain", "draw"), [[x]]) for n, x in law.items()})
+    >>> tree = xr.DataTree.from_dict({"posterior": posterior})
+    >>> tube = {"energy": ph.FungOrthotropic(), "inner_radius": 0.44, "outer_radius": 0.55}
+    >>> in_mmhg = {"pressure_unit": "mmHg", "pressure_range": (80, 120)}
+    >>> properties = ph.tube_properties(tree, 100, **tube, **in_mmhg)
+    >>> round(properties["in_vivo_axial_stretch"].item(), 3)
+    1.789
     """
-    if not (isinstance(density, Real) and 0 < density < np.inf):
-        raise ValueError(f"density must be a positive number in kg/m³; got {density!r}")
+    _check_density(density)
     draws = draws_of(tree, **tube)
     pressure = checked_pressures(pressure, pressure_unit, check, stacklevel=2)
+    if pressure_range is not None:
+        pressure_range = _checked_range(pressure_range, pressure_unit, check)
     a = draws.radius_at(pressure)
     extrapolated = warned(draws.extrapolated_pressures(pressure, a, pressure_unit))
-    _, slope = draws.tube.pressure(a)
-    b = draws.tube.current(draws.tube.geometry["outer_radius"], a)
-    per_area = 2 / (a * slope)
-    return draws.dataset(
-        {"pressure": pressure},
-        extrapolated,
-        radius=a,
-        outer_radius=b,
-        stiffness=slope,
-        compliance=np.pi * a**2 * per_area,
-        distensibility=per_area,
-        peterson_modulus=a * slope,
-        incremental_modulus=1.5 * a**2 * b / ((b - a) * (b + a)) * (b / a * slope),
-        # 1000 Pa in a kPa: then the velocity is in m/s.
-        pulse_wave_velocity=np.sqrt(1000 / (density * per_area)),
-    )
+    properties = _of_the_curve(draws, a, density) | _of_the_wall(draws, a, pressure)
+    result = draws.dataset({"pressure": pressure}, extrapolated, **properties)
+    if pressure_range is not None:
+        between = between_pressures(draws, pressure_range, pressure_unit)
+        result = result.assign(between.data_vars).assign_coords(between.coords)
+    if draws.without_force:
+        for name in set(_AXIAL) & set(result):
+            result[name].attrs["comment"] = "no axial force was measured: it rests on the law"
+    return result
 
 
 def pulse_wave_velocity(
@@ -199,212 +265,60 @@ def pulse_wave_velocity(
     >>> speed["pulse_wave_velocity"].values.round(3).ravel()
     array([2.73 , 3.344])
     """
-    checked_pressures(pressure, pressure_unit, check, stacklevel=2)
-    settings: dict[str, Any] = {"density": density, "pressure_unit": pressure_unit}
-    settings["check"] = "ignore"
-    return tube_properties(tree, pressure, **settings, **tube)[["pulse_wave_velocity"]]
-
-
-def wall_stress(
-    tree: xr.DataTree,
-    pressure: Any,
-    *,
-    points: Any = 21,
-    pressure_unit: str = "kPa",
-    check: Check = "warn",
-    **tube: Unpack[GivenTube],
-) -> xr.Dataset:
-    r"""Posterior of the Cauchy stresses through the wall at given pressures.
-
-    At the circle of reference radius ``R``, which moves to ``r(R)``,
-
-    .. math::
-
-        σ_{rr}(R) = -\int_R^B \frac{∂\hat W/∂λ_θ}{λ_z r} \, dR, \qquad
-        σ_{θθ} = σ_{rr} + λ_θ \frac{∂\hat W}{∂λ_θ}, \qquad
-        σ_{zz} = σ_{rr} + λ_z \frac{∂\hat W}{∂λ_z}.
-
-    The radial stress is ``−p`` inside and 0 outside. Between layers hoop and axial stress jump; at
-    the interface itself they are those of the layer within. The hoop stress balances the pressure,
-    ``∫ σθθ dr = p a``: Laplace's law for its mean over the thickness.
-
-    Source: R. W. Ogden, Non-linear elastic deformations, Dover 1997, section 5.3.
-
-    Parameters
-    ----------
-    tree : xarray.DataTree
-        A sampled model, see :func:`predict_pressure`.
-    pressure : array_like, shape (pressure,)
-        Internal pressures, in `pressure_unit`; the radius is that of :func:`radius_at_pressure`.
-    points : int or array_like, default 21
-        Where in the wall: a number of circles at equal distances in the reference tube, or their
-        places ``(R − A)/(B − A)`` from 0 (inside) to 1 (outside).
-    pressure_unit : str, default "kPa"
-        Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
-    check : {"warn", "raise", "ignore"}
-        What to do about pressures above 40 kPa (300 mmHg), which were probably given in mmHg.
-    **tube
-        The material and the tube, see :func:`predict_pressure`.
-
-    Returns
-    -------
-    xarray.Dataset
-        ``sigma_rr``, ``sigma_tt`` and ``sigma_zz`` (kPa) with dimensions (chain, draw, pressure,
-        position), tension positive, the coordinate ``current_radius`` (mm), ``r(R)``, likewise, and
-        the coordinate ``extrapolated`` (pressure) of :func:`radius_at_pressure`.
-
-    Warns
-    -----
-    UserWarning
-        If some draws do not reach a pressure; the stresses are NaN there. If something is
-        extrapolated.
-
-    Raises
-    ------
-    TypeError
-        If `tree` is no DataTree or `energy` no strain energy.
-    ValueError
-        If something of the tube is not known, no draw reaches any of the pressures, or a point is
-        outside the wall.
-
-    Examples
-    --------
-    >>> import xarray as xr, pymc_hyperelastic as ph
-    >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
-    >>> tree = xr.DataTree.from_dict({"posterior": posterior})
-    >>> tube = {"inner_radius": 7.0, "outer_radius": 9.0}
-    >>> stress = ph.wall_stress(tree, 2.0, points=3, energy=ph.NeoHookean(), **tube)
-    >>> stress["sigma_tt"].isel(draw=0).values.round(2).ravel()
-    array([10.8 ,  9.23,  8.13])
-    """
+    _check_density(density)
     draws = draws_of(tree, **tube)
     pressure = checked_pressures(pressure, pressure_unit, check, stacklevel=2)
-    if isinstance(points, int) and not isinstance(points, bool) and points > 0:
-        points = np.linspace(0.0, 1.0, points)
-    position = checked_numbers("points", points, "a number of circles, or places from 0 to 1")
-    if not np.all((position >= 0) & (position <= 1)):
-        raise ValueError(f"points must be places in the wall, from 0 to 1; got {points!r}")
-    radius = draws.radius_at(pressure)
-    extrapolated = warned(draws.extrapolated_pressures(pressure, radius, pressure_unit))
-    stresses = draws.tube.with_axis().stresses(radius[..., None], position)
-    return draws.dataset(
-        {"pressure": pressure, "position": position},
-        extrapolated,
-        sigma_rr=stresses.radial,
-        sigma_tt=stresses.hoop,
-        sigma_zz=stresses.axial,
-        current_radius=stresses.current,
-    ).set_coords("current_radius")
+    a = draws.radius_at(pressure)
+    extrapolated = warned(draws.extrapolated_pressures(pressure, a, pressure_unit))
+    speed = _of_the_curve(draws, a, density)["pulse_wave_velocity"]
+    return draws.dataset({"pressure": pressure}, extrapolated, pulse_wave_velocity=speed)
 
 
-def admissible(
-    tree: xr.DataTree, internal_radius: Any = None, **tube: Unpack[GivenTube]
-) -> xr.Dataset:
-    r"""Which draws of a posterior are materials that behave as solids do, over a range of radii.
-
-    Priors admit parameters whose tube would lose its stability, or whose stresses point the wrong
-    way. Two conditions are looked at, at each of the radii:
-
-    ``pressure_rises`` : ``dp/da > 0``; else the tube jumps to another radius when it is inflated.
-
-    ``baker_ericksen`` : the greater principal stress is in the direction of the greater stretch,
-
-    .. math:: (σ_i - σ_j)(λ_i - λ_j) > 0 \quad \text{wherever } λ_i \neq λ_j,
-
-    for each two of the radial, hoop and axial direction, at eleven circles of every layer. It is
-    stated for isotropic solids [1]_, and fibres need not obey it: it is reported for the isotropic
-    laws of the package only.
-
-    Parameters
-    ----------
-    tree : xarray.DataTree
-        A sampled model, see :func:`predict_pressure`.
-    internal_radius : array_like, shape (radius,), optional
-        Current internal radii, in ``radius_unit``; by default 40 between the ends of the result's
-        data.
-    **tube
-        The material and the tube, see :func:`predict_pressure`.
-
-    Returns
-    -------
-    xarray.Dataset
-        The booleans ``pressure_rises`` and, for isotropic laws, ``baker_ericksen`` with dimensions
-        (chain, draw). The attribute ``fraction`` of each is that of the draws that pass, and
-        ``summary`` of the Dataset says it in words. If the result holds its data, the coordinates
-        ``radius`` and ``extrapolated`` (radius) tell where it was looked at beyond what was
-        measured, see :func:`predict_pressure`.
-
-    Warns
-    -----
-    UserWarning
-        If some radii are beyond what was measured.
-
-    Raises
-    ------
-    TypeError
-        If `tree` is no DataTree or `energy` no strain energy.
-    ValueError
-        If something of the tube is not known, a radius is impossible, or there are neither radii
-        nor data.
-
-    References
-    ----------
-    .. [1] M. Baker, J. L. Ericksen, Inequalities restricting the form of the stress-deformation
-       relations for isotropic elastic solids and Reiner-Rivlin fluids, Journal of the Washington
-       Academy of Sciences 44 (1954) 33-35.
-
-    Examples
-    --------
-    >>> import numpy as np, xarray as xr, pymc_hyperelastic as ph
-    >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, -1.0]])})
-    >>> tree = xr.DataTree.from_dict({"posterior": posterior})
-    >>> tube = {"inner_radius": 7.0, "outer_radius": 9.0}
-    >>> passed = ph.admissible(tree, np.linspace(7, 10, 20), energy=ph.NeoHookean(), **tube)
-    >>> passed["baker_ericksen"].values
-    array([[ True, False]])
-    >>> print(passed.attrs["summary"])
-    From 7 to 10 mm, of 2 draws: pressure rises in 50.0 %, Baker-Ericksen holds in 50.0 %.
-    """
-    draws = draws_of(tree, **tube)
-    radius = (
-        radii_of_data(draws.member.data)
-        if internal_radius is None
-        else checked_radii(internal_radius, **tube)
-    )
-    extrapolated = warned(draws.extrapolated_radii(radius))
-    _, slope = draws.tube.pressure(radius)
-    passed: dict[str, Any] = {"pressure_rises": ((slope > 0) & (slope < np.inf)).all(axis=-1)}
-    if all(isinstance(layer.energy, _Isotropic) for layer in draws.tube.layers):
-        passed["baker_ericksen"] = _baker_ericksen(draws.tube.with_axis(), radius[:, None])
-    result = draws.dataset({}, **passed)
-    words = {"pressure_rises": "pressure rises", "baker_ericksen": "Baker-Ericksen holds"}
-    for name, values in passed.items():
-        result[name].attrs = {"long_name": words[name], "fraction": float(values.mean())}
-    shares = [f"{words[name]} in {100 * v.mean():.1f} %" for name, v in passed.items()]
-    ends, count = f"{radius.min():g} to {radius.max():g} mm", slope[..., 0].size
-    result.attrs["summary"] = f"From {ends}, of {count} draws: {', '.join(shares)}."
-    if extrapolated is not None:
-        at = draws.dataset({"radius": radius}, extrapolated)
-        result = result.assign_coords(radius=at["radius"], extrapolated=at["extrapolated"])
-    return result
+def _of_the_curve(draws: Draws, a: Array, density: float) -> dict[str, Array]:
+    """Properties that follow from radii and the slope of the curve."""
+    _, slope = draws.tube.pressure(a)
+    b = draws.tube.current(draws.tube.geometry["outer_radius"], a)
+    per_area = 2 / (a * slope)
+    return {
+        "radius": a,
+        "outer_radius": b,
+        "stiffness": slope,
+        "compliance": np.pi * a**2 * per_area,
+        "distensibility": per_area,
+        "peterson_modulus": a * slope,
+        "incremental_modulus": 1.5 * a**2 * b / ((b - a) * (b + a)) * (b / a * slope),
+        # 1000 Pa in a kPa: then the velocity is in m/s.
+        "pulse_wave_velocity": np.sqrt(1000 / (density * per_area)),
+    }
 
 
-def _baker_ericksen(tube: TubeNumbers, radius: Array) -> Array:
-    """Whether the greater stress is in the direction of the greater stretch, in every layer."""
-    passed: Any = True
-    for layer in tube.layers:
-        thickness = layer.outer_radius - layer.inner_radius
-        reference = layer.inner_radius + np.linspace(0.0, 1.0, _CIRCLES) * thickness
-        circles = tube.circles(layer, radius, reference)
-        log_radial = -circles.log_hoop - circles.log_axial
-        # Stresses less the radial one. Where they overflow their difference is NaN: nothing holds.
-        stress = (np.zeros_like(log_radial), circles.hoop_difference, circles.axial_difference)
-        stretch = (log_radial, circles.log_hoop, circles.log_axial)
-        with np.errstate(invalid="ignore"):
-            holds = [
-                (np.abs(stretch[i] - stretch[j]) < _SAME_STRETCH)
-                | ((stress[i] - stress[j]) * (stretch[i] - stretch[j]) > 0)
-                for i, j in ((0, 1), (1, 2), (2, 0))
-            ]
-        passed = passed & np.all(holds, axis=(0, -2, -1))
-    return passed
+def _of_the_wall(draws: Draws, a: Array, pressure: Array) -> dict[str, Array]:
+    """Stresses, stiffness and energy of the material, as means over the wall."""
+    tube = draws.tube
+    b = tube.current(tube.geometry["outer_radius"], a)
+    thickness = tube.wall_area / (np.pi * (a + b))
+    means = tube.wall_means(a)
+    return {
+        "circumferential_stress": pressure * a / thickness,
+        "axial_stress": (tube.axial_force(a) + np.pi * a**2 * pressure) / tube.wall_area,
+        "circumferential_material_stiffness": means.hoop_stiffness,
+        "axial_material_stiffness": means.axial_stiffness,
+        "stored_energy": means.energy,
+    }
+
+
+def _check_density(density: float) -> None:
+    """Raise for what is no density."""
+    if not (isinstance(density, Real) and 0 < density < np.inf):
+        raise ValueError(f"density must be a positive number in kg/m³; got {density!r}")
+
+
+def _checked_range(pressure_range: Any, unit: str, check: Check) -> Array:
+    """Diastolic and systolic pressure, kPa."""
+    words = f"pressure_range must be a diastolic and a higher systolic pressure in {unit}; got "
+    if np.shape(pressure_range) != (2,):
+        raise ValueError(f"{words}{pressure_range!r}")
+    pressures = checked_pressures(pressure_range, unit, check, stacklevel=3)
+    if not 0 <= pressures[0] < pressures[1]:
+        raise ValueError(f"{words}{pressure_range!r}")
+    return pressures

@@ -405,6 +405,13 @@ def test_properties_and_stresses_are_those_that_are_predicted():
         np.testing.assert_allclose(band["x"], pressure, rtol=1e-10)
     labels = [e["string"] for e in drawn(figure, "ylabel")]
     assert len(labels) == 5 and all("(" in label for label in labels)
+    of_the_wall = ["axial_stress", "circumferential_material_stiffness", "stored_energy"]
+    figure = ph.plot_elastic_properties(tree, pressure, var_names=of_the_wall, backend="none")
+    for name in of_the_wall:
+        median = figure.get_viz("median", name, class_label="posterior")
+        np.testing.assert_allclose(median["y"], table[name].median(["chain", "draw"]), rtol=1e-10)
+    labels = [e["string"] for e in drawn(figure, "ylabel")]
+    assert [label.split("(")[1] for label in labels] == ["kPa)", "kPa)", "kJ/m³)"]
     figure = ph.plot_wall_stress(tree, pressure, backend="none")
     stress = ph.wall_stress(tree, pressure, **at)["sigma_tt"].median(["chain", "draw"])
     for i, label in enumerate(("10 mmHg", "20 mmHg")):

@@ -132,6 +132,25 @@ def test_every_prediction_of_every_result(results, kind, question, specimen):
 
 @pytest.mark.parametrize("specimen", [None, "A2"])
 @pytest.mark.parametrize("kind", KINDS)
+def test_two_pressures_of_every_result(results, kind, specimen):
+    """Energy between two pressures is that of each; no in vivo stretch goes without a warning."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = ph.tube_properties(
+            results[kind], [2.0, 3.0], pressure_range=(2.0, 3.0), specimen=specimen
+        )
+    told = " ".join(str(warning.message) for warning in caught)
+    assert "have no in vivo axial stretch" in told or "rests on the law" in told
+    change = found["stored_energy"].diff("pressure").squeeze("pressure", drop=True)
+    xr.testing.assert_allclose(found["stored_energy_change"], change.rename(None), rtol=INVERSE)
+    stretch = found["in_vivo_axial_stretch"]
+    assert stretch.attrs["draws_without"] == np.isnan(stretch).sum()
+    assert ("in_vivo_extrapolated" in found.coords) == bool(np.isfinite(stretch).any())
+    assert not found.coords["range_extrapolated"]
+
+
+@pytest.mark.parametrize("specimen", [None, "A2"])
+@pytest.mark.parametrize("kind", KINDS)
 def test_every_fit_can_be_drawn(results, kind, specimen):
     """The fit is drawn with the data of the specimen, or with all."""
     figure = ph.plot_pressure_fit(results[kind], specimen=specimen)

@@ -126,6 +126,11 @@ def test_properties_say_what_they_are():
         "peterson_modulus": "kPa",
         "incremental_modulus": "kPa",
         "pulse_wave_velocity": "m/s",
+        "circumferential_stress": "kPa",
+        "axial_stress": "kPa",
+        "circumferential_material_stiffness": "kPa",
+        "axial_material_stiffness": "kPa",
+        "stored_energy": "kPa",
         "pressure": "kPa",
     }
 

@@ -10,6 +10,7 @@ import pytensor.tensor as pt
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
+from pymc_hyperelastic.mechanics.material import MaterialIntegral
 from pymc_hyperelastic.mechanics.pressure import PressureIntegral
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import current_radius, hoop_elongation, opening_factor
@@ -42,6 +43,14 @@ class Stresses(NamedTuple):
     radial: Array
     hoop: Array
     axial: Array
+
+
+class WallMeans(NamedTuple):
+    """Means over the current area of the wall, kPa; see :class:`MaterialIntegral`."""
+
+    energy: Array
+    hoop_stiffness: Array
+    axial_stiffness: Array
 
 
 class LayerNumbers(NamedTuple):
@@ -81,6 +90,10 @@ class TubeNumbers(NamedTuple):
         """The same with one axis more, for places in the wall."""
         return self.each(lambda value: value[..., None])
 
+    def stretched(self, axial_stretch: Array) -> "TubeNumbers":
+        """The same tubes at other axial stretches."""
+        return self._replace(geometry={**self.geometry, "axial_stretch": axial_stretch})
+
     def current(self, reference: Array, radius: Any) -> Array:
         """Where circles are when the internal radius is `radius`."""
         return current_radius(reference, radius, **self._unloaded)
@@ -104,6 +117,22 @@ class TubeNumbers(NamedTuple):
             own = self.current(layer.inner_radius, radius) if i else radius
             force = force + self._integrate(AxialForceIntegral, layer, own, layer.inner_radius)[0]
         return force
+
+    def wall_means(self, radius: Any) -> WallMeans:
+        """Stored energy and material stiffness at internal radii, as means over the wall."""
+        sums: Any = 0.0
+        for i, layer in enumerate(self.layers):
+            own = self.current(layer.inner_radius, radius) if i else radius
+            of_layer = self._integrate(MaterialIntegral, layer, own, layer.inner_radius)
+            sums = sums + np.array(of_layer)
+        # A radius may be NaN, of which a comparison within the law knows nothing.
+        return WallMeans(*np.where(np.isnan(radius), np.nan, sums / self.wall_area))
+
+    @property
+    def wall_area(self) -> Array:
+        """Current area of the wall's cross-section, mm²: it does not depend on the pressure."""
+        inner, outer, axial, angle = self.geometry.values()
+        return np.pi * (outer - inner) * (outer + inner) / (opening_factor(angle) * axial)
 
     def circles(self, layer: LayerNumbers, radius: Array, reference: Array) -> Circles:
         """Circles of a layer, of these reference radii, at internal radii of the wall."""

@@ -1,0 +1,135 @@
+"""Which draws of a posterior are materials that behave as solids do."""
+
+from typing import Any, Unpack
+
+import numpy as np
+import xarray as xr
+
+from pymc_hyperelastic.mechanics.strain_energy.isotropic import _Isotropic
+from pymc_hyperelastic.models.forward import TubeNumbers
+from pymc_hyperelastic.predictions.draws import (
+    Array,
+    GivenTube,
+    checked_radii,
+    draws_of,
+    radii_of_data,
+)
+from pymc_hyperelastic.predictions.measured import warned
+
+# Circles of the wall at which admissibility is looked at.
+_CIRCLES = 11
+# Stretches whose logarithms differ by less have no order that rounding leaves intact.
+_SAME_STRETCH = 1e-6
+
+
+def admissible(
+    tree: xr.DataTree, internal_radius: Any = None, **tube: Unpack[GivenTube]
+) -> xr.Dataset:
+    r"""Which draws of a posterior are materials that behave as solids do, over a range of radii.
+
+    Priors admit parameters whose tube would lose its stability, or whose stresses point the wrong
+    way. Two conditions are looked at, at each of the radii:
+
+    ``pressure_rises`` : ``dp/da > 0``; else the tube jumps to another radius when it is inflated.
+
+    ``baker_ericksen`` : the greater principal stress is in the direction of the greater stretch,
+
+    .. math:: (σ_i - σ_j)(λ_i - λ_j) > 0 \quad \text{wherever } λ_i \neq λ_j,
+
+    for each two of the radial, hoop and axial direction, at eleven circles of every layer. It is
+    stated for isotropic solids [1]_, and fibres need not obey it: it is reported for the isotropic
+    laws of the package only.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        A sampled model, see :func:`predict_pressure`.
+    internal_radius : array_like, shape (radius,), optional
+        Current internal radii, in ``radius_unit``; by default 40 between the ends of the result's
+        data.
+    **tube
+        The material and the tube, see :func:`predict_pressure`.
+
+    Returns
+    -------
+    xarray.Dataset
+        The booleans ``pressure_rises`` and, for isotropic laws, ``baker_ericksen`` with dimensions
+        (chain, draw). The attribute ``fraction`` of each is that of the draws that pass, and
+        ``summary`` of the Dataset says it in words. If the result holds its data, the coordinates
+        ``radius`` and ``extrapolated`` (radius) tell where it was looked at beyond what was
+        measured, see :func:`predict_pressure`.
+
+    Warns
+    -----
+    UserWarning
+        If some radii are beyond what was measured.
+
+    Raises
+    ------
+    TypeError
+        If `tree` is no DataTree or `energy` no strain energy.
+    ValueError
+        If something of the tube is not known, a radius is impossible, or there are neither radii
+        nor data.
+
+    References
+    ----------
+    .. [1] M. Baker, J. L. Ericksen, Inequalities restricting the form of the stress-deformation
+       relations for isotropic elastic solids and Reiner-Rivlin fluids, Journal of the Washington
+       Academy of Sciences 44 (1954) 33-35.
+
+    Examples
+    --------
+    >>> import numpy as np, xarray as xr, pymc_hyperelastic as ph
+    >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, -1.0]])})
+    >>> tree = xr.DataTree.from_dict({"posterior": posterior})
+    >>> tube = {"inner_radius": 7.0, "outer_radius": 9.0}
+    >>> passed = ph.admissible(tree, np.linspace(7, 10, 20), energy=ph.NeoHookean(), **tube)
+    >>> passed["baker_ericksen"].values
+    array([[ True, False]])
+    >>> print(passed.attrs["summary"])
+    From 7 to 10 mm, of 2 draws: pressure rises in 50.0 %, Baker-Ericksen holds in 50.0 %.
+    """
+    draws = draws_of(tree, **tube)
+    radius = (
+        radii_of_data(draws.member.data)
+        if internal_radius is None
+        else checked_radii(internal_radius, **tube)
+    )
+    extrapolated = warned(draws.extrapolated_radii(radius))
+    _, slope = draws.tube.pressure(radius)
+    passed: dict[str, Any] = {"pressure_rises": ((slope > 0) & (slope < np.inf)).all(axis=-1)}
+    if all(isinstance(layer.energy, _Isotropic) for layer in draws.tube.layers):
+        passed["baker_ericksen"] = _baker_ericksen(draws.tube.with_axis(), radius[:, None])
+    result = draws.dataset({}, **passed)
+    words = {"pressure_rises": "pressure rises", "baker_ericksen": "Baker-Ericksen holds"}
+    for name, values in passed.items():
+        result[name].attrs = {"long_name": words[name], "fraction": float(values.mean())}
+    shares = [f"{words[name]} in {100 * v.mean():.1f} %" for name, v in passed.items()]
+    ends, count = f"{radius.min():g} to {radius.max():g} mm", slope[..., 0].size
+    result.attrs["summary"] = f"From {ends}, of {count} draws: {', '.join(shares)}."
+    if extrapolated is not None:
+        at = draws.dataset({"radius": radius}, extrapolated)
+        result = result.assign_coords(radius=at["radius"], extrapolated=at["extrapolated"])
+    return result
+
+
+def _baker_ericksen(tube: TubeNumbers, radius: Array) -> Array:
+    """Whether the greater stress is in the direction of the greater stretch, in every layer."""
+    passed: Any = True
+    for layer in tube.layers:
+        thickness = layer.outer_radius - layer.inner_radius
+        reference = layer.inner_radius + np.linspace(0.0, 1.0, _CIRCLES) * thickness
+        circles = tube.circles(layer, radius, reference)
+        log_radial = -circles.log_hoop - circles.log_axial
+        # Stresses less the radial one. Where they overflow their difference is NaN: nothing holds.
+        stress = (np.zeros_like(log_radial), circles.hoop_difference, circles.axial_difference)
+        stretch = (log_radial, circles.log_hoop, circles.log_axial)
+        with np.errstate(invalid="ignore"):
+            holds = [
+                (np.abs(stretch[i] - stretch[j]) < _SAME_STRETCH)
+                | ((stress[i] - stress[j]) * (stretch[i] - stretch[j]) > 0)
+                for i, j in ((0, 1), (1, 2), (2, 0))
+            ]
+        passed = passed & np.all(holds, axis=(0, -2, -1))
+    return passed
