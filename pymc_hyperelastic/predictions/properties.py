@@ -135,13 +135,13 @@ def tube_properties(
             = \mathcal{C}_{θθθθ} - 2 \mathcal{C}_{θθrr} + \mathcal{C}_{rrrr}, \qquad
         \mathcal{C}_{iijj} = \frac{∂^2 W}{∂\ln λ_i \, ∂\ln λ_j},
 
-    and the same in the axial direction. The :math:`\mathcal{C}` are the components of Baek et
-    al. [5]_, of which :math:`\mathcal{C}_{θθθθ}` alone is often reported [7]_: it takes the
-    stretches for independent, and changes when a function of the volume is added to ``W``, which is
-    the same incompressible material. The combination does not. For fibres in a neo-Hookean matrix
-    of modulus ``c`` it is larger than the one component by ``2 c λr²``, a percent in an inflated
-    artery. At rest an isotropic wall has four times its shear modulus, Young's modulus over
-    ``1 − ν²``.
+    and the same in the axial direction. Articles differ in what they call stiffness [7]_. The
+    :math:`\mathcal{C}` are the components of Baek et al. [5]_, and often
+    :math:`\mathcal{C}_{θθθθ}` alone is reported: it takes the stretches for independent, and
+    changes when a function of the volume is added to ``W``, which is the same incompressible
+    material. The combination does not. For fibres in a neo-Hookean matrix of modulus ``c`` it is
+    larger than the one component by ``2 c λr²``, a percent in an inflated artery. At rest an
+    isotropic wall has four times its shear modulus, Young's modulus over ``1 − ν²``.
 
     References
     ----------
