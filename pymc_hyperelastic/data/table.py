@@ -173,6 +173,7 @@ def inflation_data(
     rows = rows_of(last_cycles(frame, cycles))
     stretch = rows.of_points("axial_stretch", axial_stretch)
     varying = varies(stretch, rows.test)
+    stretch = np.where(varying[rows.test], stretch, stretch[rows.first][rows.test])
     check_stretches(rows, stretch, varying)
     doubt(doubtful_stretches(rows, stretch, varying), check, stacklevel=2)
     order, shuffled = order_of_points(rows, measured, stretch, varying)
