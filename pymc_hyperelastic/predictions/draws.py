@@ -48,6 +48,7 @@ _NAMES = {
     "sigma_zz": ("kPa", "axial Cauchy stress"),
     "position": ("1", "place in the reference wall, 0 inside to 1 outside"),
     "current_radius": ("mm", "current radius of the place in the wall"),
+    "axial_stretch": ("1", "axial stretch"),
     "extrapolated": ("1", "whether it is beyond what was measured"),
 }
 
@@ -58,8 +59,11 @@ class Draws(NamedTuple):
     tube: TubeNumbers
     """Arrays that broadcast to (chain, draw, 1)."""
     coords: dict[str, xr.DataArray]
-    typical: dict[str, float]
-    """Geometry, of which what differs between draws has its median."""
+    typical: dict[str, Any]
+    """Geometry, of which what differs between draws has its median.
+
+    The axial stretch may be an array, one for each of the radii or pressures that are asked for.
+    """
     inferred: dict[str, float]
     """Medians of what is inferred of the geometry, or of the wall."""
     member: Member
@@ -77,6 +81,28 @@ class Draws(NamedTuple):
         evidence = self.member.evidence
         return None if evidence is None else measured_by(typical_tests(evidence, self.inferred))
 
+    def at_each_stretch(self, points: Array) -> Array:
+        """Radii or pressures, as many as axial stretches are given; one is that at all of them.
+
+        Raises
+        ------
+        ValueError
+            If there are as many as several of both, but not as many of one as of the other.
+        """
+        count = np.size(self.typical["axial_stretch"])
+        if points.size == 1 and count > 1:
+            return np.full(count, points[0])
+        self._check_stretches(points)
+        return points
+
+    def _check_stretches(self, points: Array) -> None:
+        count = np.size(self.typical["axial_stretch"])
+        if count not in (1, points.size):
+            raise ValueError(
+                f"axial_stretch has {count} values, and there are {points.size} radii or "
+                "pressures: expected one value, or one for each of these"
+            )
+
     def radius_at(self, pressure: Array) -> Array:
         """Internal radius (chain, draw, pressure) on the rising branch; NaN and a warning if none.
 
@@ -85,12 +111,14 @@ class Draws(NamedTuple):
         ValueError
             If no draw reaches any of the pressures.
         """
+        self._check_stretches(pressure)
         radius = self.tube.radius_at(pressure)
         _report_unreached(radius, pressure)
         return radius
 
     def extrapolated_radii(self, radius: Array) -> Extrapolated | None:
         """Which internal radii are beyond what was measured; None if the result does not tell."""
+        self._check_stretches(radius)
         measured = self.measured
         return None if measured is None else measured.at_radii(radius, self.typical)
 
@@ -110,13 +138,16 @@ class Draws(NamedTuple):
     ) -> xr.Dataset:
         """Label arrays of the dimensions chain, draw and those of `axes`.
 
-        Along the first of `axes` the points are `extrapolated`, or not.
+        Along the first of `axes` the points are `extrapolated`, or not, and at axial stretches of
+        their own if several are given.
         """
         dims = ("chain", "draw", *axes)
         values = {name: (dims, value) for name, value in variables.items()}
         coords: dict[str, Any] = {**self.coords, **axes}
         if extrapolated is not None:
             coords["extrapolated"] = next(iter(axes)), extrapolated.points
+        if axes and np.ndim(self.typical["axial_stretch"]):
+            coords["axial_stretch"] = next(iter(axes)), self.typical["axial_stretch"]
         result = xr.Dataset(values, coords)
         if self.member.name is not None:
             result.attrs["specimen"] = self.member.name
@@ -133,7 +164,8 @@ class GivenTube(TypedDict, total=False):
     specimen: str | None
     inner_radius: float | None
     outer_radius: float | None
-    axial_stretch: float | None
+    axial_stretch: float | Sequence[float] | NDArray[np.float64] | None
+    """One for all points, or one for each."""
     opening_angle: float | None
     radius_unit: str
     """Of all radii that are given."""
@@ -173,7 +205,7 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
     return Draws(
         TubeNumbers(_layers(wall, values, geometry), geometry),
         {name: posterior[name] for name in ("chain", "draw")},
-        {name: value.item() for name, value in typical.items()},
+        {name: v.item() if v.size == 1 else v.ravel() for name, v in typical.items()},
         medians,
         member,
     )
@@ -221,11 +253,13 @@ def _layers(
     return layers
 
 
-def _given_geometry(**tube: Unpack[GivenTube]) -> dict[str, float]:
+def _given_geometry(**tube: Unpack[GivenTube]) -> dict[str, Any]:
     """What is given of the geometry, in mm and rad."""
     given: dict[str, Any] = {k: v for k, v in tube.items() if k in GEOMETRY and v is not None}
     for name, value in given.items():
-        if not isinstance(value, Real):
+        if name == "axial_stretch" and not isinstance(value, Real):
+            given[name] = checked_numbers(name, value, "axial stretches, one for each point")
+        elif not isinstance(value, Real):
             raise TypeError(f"{name} is {value!r}; expected a number")
         if name in ("inner_radius", "outer_radius"):
             given[name] = float(_millimetres(value, **tube))
@@ -264,7 +298,9 @@ def _geometry(
         )
     tube = inferred_geometry(tube)
     check_geometry(**tube)
-    return {name: np.atleast_3d(np.asarray(tube[name], float)) for name in GEOMETRY}
+    values = {name: np.asarray(tube[name], float) for name in GEOMETRY}
+    # What is given as a list is by points, the last axis.
+    return {n: v[None, None] if v.ndim == 1 else np.atleast_3d(v) for n, v in values.items()}
 
 
 def _common_geometry(data: xr.Dataset | None) -> dict[str, Any]:
