@@ -122,6 +122,19 @@ def extension_tests(data: xr.Dataset) -> NDArray[np.bool_]:
     return varies(at_points(data, "axial_stretch"), data["test"].values)
 
 
+def held_stretches(data: xr.Dataset) -> NDArray[np.float64]:
+    """Axial stretch of each test, by test; NaN of an extension test.
+
+    Examples
+    --------
+    >>> from pymc_hyperelastic.data.datasets import load_dataset
+    >>> held_stretches(load_dataset("simulated_sheep_aorta")).tolist()
+    [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    """
+    first = [points_of(data, test).start for test in range(data.sizes["test"])]
+    return np.where(extension_tests(data), np.nan, at_points(data, "axial_stretch")[first])
+
+
 def measured_radius(data: xr.Dataset) -> xr.DataArray:
     """The radius that was measured, mm: the internal one, or half of the outer diameter.
 
