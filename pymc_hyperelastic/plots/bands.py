@@ -150,22 +150,16 @@ def label_columns(canvas: Canvas, bands: Bands, lowest: str) -> None:
     highest, *_ = names = list(map(str, bands.posterior.data_vars))
     for name, data in bands.shown.items():
         where = {"coords": {"class_label": name}}
-        radius = radius_label(data)
+        computed = "\nfrom the measured outer diameter" if "outer_diameter" in data else ""
         for variable in names:
             of_variable = bands.posterior[[variable]]
             if variable == lowest:
-                canvas.label("xlabel", radius, data=of_variable, **where)
+                canvas.label("xlabel", RADIUS_LABEL + computed, data=of_variable, **where)
             elif is_over_stretch(variable):
                 canvas.label("xlabel", STRETCH_LABEL, data=of_variable, **where)
         if len(bands.shown) > 1:
             of_highest = bands.posterior[[highest]]
             canvas.label("title", f"class {name}", data=of_highest, size="medium", **where)
-
-
-def radius_label(data: xr.Dataset) -> str:
-    """What an axis of internal radii says."""
-    computed = "\nfrom the measured outer diameter" if "outer_diameter" in data else ""
-    return RADIUS_LABEL + computed
 
 
 def rows_of(bands: Bands) -> tuple[int, dict[str, Any]]:

@@ -17,12 +17,11 @@ from pymc_hyperelastic.plots.bands import (
     bands_of,
     draw_bands,
     label_columns,
-    radius_label,
     rows_of,
     title_bands,
 )
 from pymc_hyperelastic.plots.extension import points_over
-from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, per_kilopascal
+from pymc_hyperelastic.plots.style import RADIUS_LABEL, Backend, Canvas, Visuals, per_kilopascal
 from pymc_hyperelastic.predictions.curves import pressure_curve
 
 if TYPE_CHECKING:
@@ -148,7 +147,7 @@ def plot_pressure_fit(
     texts = {
         "pressure": f"pressure ({pressure_unit})",
         "stiffness": f"stiffness d$p$/d$a$ ({pressure_unit}/mm)",
-        "extension_radius": radius_label(next(iter(bands.shown.values()))),
+        "extension_radius": RADIUS_LABEL,
     }
     for name in there:
         canvas.label("ylabel", texts[name], data=bands.posterior[[name]], **where)

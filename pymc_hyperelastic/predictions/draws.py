@@ -113,7 +113,8 @@ class Draws(NamedTuple):
         """
         self._check_stretches(pressure)
         radius = self.tube.radius_at(pressure)
-        _report_unreached(radius, pressure)
+        several = np.size(self.typical["axial_stretch"]) > 1
+        _report_unreached(radius, pressure, several)
         return radius
 
     def extrapolated_radii(self, radius: Array) -> Extrapolated | None:
@@ -370,16 +371,21 @@ def radii_of_data(data: xr.Dataset | None) -> Array:
     return np.linspace(measured.min(), measured.max(), _RADII)
 
 
-def _report_unreached(radius: Array, pressure: Array) -> None:
+def _report_unreached(radius: Array, pressure: Array, several_stretches: bool) -> None:
     """Warn of pressures that some draws do not reach; raise if none reaches any."""
     unreached = np.isnan(radius)
     where = "on the rising branch of the curve, see ph.radius_at_pressure"
     if unreached.all():
-        wanted = ", ".join(f"{p:g}" for p in pressure)
+        wanted = ", ".join(f"{p:g}" for p in dict.fromkeys(pressure.tolist()))
         raise ValueError(f"no draw reaches a pressure of {wanted} kPa {where}")
     count = unreached.sum(axis=(0, 1))
-    if count.any():
+    if not count.any():
+        return
+    if several_stretches:
+        missed = f"{unreached.any(axis=-1).sum()} do not reach the pressure at "
+        missed += f"{(count > 0).sum()} of {count.size} axial stretches"
+    else:
         missed = ", ".join(
             f"{n} do not reach {p:g} kPa" for p, n in zip(pressure, count, strict=True) if n
         )
-        warn_user(f"of {radius[..., 0].size} draws {missed} {where}; the values are NaN there")
+    warn_user(f"of {radius[..., 0].size} draws {missed} {where}; the values are NaN there")
