@@ -214,7 +214,10 @@ def inflation_likelihood(
     measured pressure minus the measured one (half of an outer diameter).
 
     With ``σ_F`` (`force_noise_sd` is ``σ_F/√2``), measured axial forces add
-    ``−|ΔF|²/σ_F² − (N_F/2) ln(π σ_F²)``.
+    ``−|ΔF|²/σ_F² − (N_F/2) ln(π σ_F²)``. The model's force is that at the measured radius, or with
+    the error in the radius at its own.
+
+    Tests in which the axial stretch varies have no slopes, and no rows in ``D``.
 
     Parameters
     ----------
