@@ -65,8 +65,13 @@ class Rows:
 
     def of_tests(self, name: str, given: float | str | None) -> np.ndarray:
         """One number a test: NaN for None, that of a number, that of a column by its name."""
+        values = self.of_points(name, given)
+        return self.constant(name, values) if isinstance(given, str) else values[self.first]
+
+    def of_points(self, name: str, given: float | str | None) -> np.ndarray:
+        """One number a row: NaN for None, that of a number, those of a column by its name."""
         if given is None:
-            return np.full(self.first.size, np.nan)
+            return np.full(self.test.size, np.nan)
         if isinstance(given, str):
             if given not in self.frame:
                 raise ValueError(
@@ -74,14 +79,14 @@ class Rows:
                     f"{listed(self.frame.columns)}. Give {name} as a number or as the name of a "
                     "column"
                 )
-            return self.constant(name, self.numbers(given))
+            return self.numbers(given)
         if isinstance(given, bool | np.bool_) or not isinstance(given, Real):
             raise TypeError(
                 f"{name} is {given!r}; expected a number, the name of a column, or None if unknown"
             )
         if np.isnan(given):
             raise ValueError(f"{name} is {given}; where it is not known, give None")
-        return np.full(self.first.size, float(given))
+        return np.full(self.test.size, float(given))
 
     def overlooked(self, name: str, given: float | str | None) -> list[str]:
         """What to doubt where a number was taken, and a column of its name says something else."""

@@ -1,8 +1,12 @@
 """Inflation data: measured curves as one labelled, checked :class:`xarray.Dataset`.
 
-Dimension ``obs`` holds the measured points, dimension ``test`` the inflation experiments. The
-coordinate ``test`` on ``obs`` says to which experiment a point belongs. Pressures are in kPa,
-lengths in mm, angles in rad.
+Dimension ``obs`` holds the measured points, dimension ``test`` the experiments. The coordinate
+``test`` on ``obs`` says to which experiment a point belongs. Pressures are in kPa, lengths in mm,
+angles in rad.
+
+In an *inflation test* the axial stretch is held; in an *extension test* it varies from point to
+point, mostly while the pressure is held. Where there are extension tests ``axial_stretch`` lies on
+``obs``, for all tests; who needs it, or another measure of the tube, asks :func:`at_points`.
 """
 
 from collections.abc import Hashable, Iterable
@@ -10,8 +14,12 @@ from math import pi
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
+
+# Relative: a stretch that varies by less was held, and is rounded.
+_ROUNDING = 1e-9
 
 # What the Dataset holds: name, (dimension, unit, name for people).
 VARIABLES = {
@@ -69,6 +77,64 @@ def points_of(data: xr.Dataset, i: int) -> slice:
     return slice(int(points[0]), int(points[-1]) + 1)
 
 
+def at_points(data: xr.Dataset, name: str) -> NDArray[np.float64]:
+    """A measure of the tube at every point, whether it lies on ``test`` or varies within a test.
+
+    Examples
+    --------
+    >>> from pymc_hyperelastic.data.datasets import load_dataset
+    >>> at_points(load_dataset("simulated_sheep_aorta"), "axial_stretch").shape
+    (160,)
+    """
+    return _at_points(data, data[name]).astype(float)
+
+
+def _at_points(data: xr.Dataset, variable: xr.DataArray) -> NDArray:
+    return variable.values if variable.dims == ("obs",) else variable.values[data["test"].values]
+
+
+def varies(stretch: NDArray[np.float64], test: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """In which tests, numbered from 0, an axial stretch given by points is not one number.
+
+    Examples
+    --------
+    >>> varies(np.array([1.5, 1.5 + 1e-15, 1.2, 1.3]), np.array([0, 0, 1, 1]))
+    array([False,  True])
+    """
+    low, high = np.full((2, int(test.max()) + 1), [[np.inf], [-np.inf]])
+    with np.errstate(invalid="ignore"):  # NaN, where it is not known, is one number
+        np.minimum.at(low, test, stretch)
+        np.maximum.at(high, test, stretch)
+    return high - low > _ROUNDING * np.abs(high)
+
+
+def extension_tests(data: xr.Dataset) -> NDArray[np.bool_]:
+    """Which tests are extension tests: those whose axial stretch varies by more than rounding.
+
+    Examples
+    --------
+    >>> from pymc_hyperelastic.data.datasets import load_dataset
+    >>> extension_tests(load_dataset("simulated_sheep_aorta")).any()
+    np.False_
+    """
+    if data["axial_stretch"].dims != ("obs",):
+        return np.zeros(data.sizes["test"], bool)
+    return varies(at_points(data, "axial_stretch"), data["test"].values)
+
+
+def held_stretches(data: xr.Dataset) -> NDArray[np.float64]:
+    """Axial stretch of each test, by test; NaN of an extension test.
+
+    Examples
+    --------
+    >>> from pymc_hyperelastic.data.datasets import load_dataset
+    >>> held_stretches(load_dataset("simulated_sheep_aorta")).tolist()
+    [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]
+    """
+    first = [points_of(data, test).start for test in range(data.sizes["test"])]
+    return np.where(extension_tests(data), np.nan, at_points(data, "axial_stretch")[first])
+
+
 def measured_radius(data: xr.Dataset) -> xr.DataArray:
     """The radius that was measured, mm: the internal one, or half of the outer diameter.
 
@@ -106,10 +172,10 @@ def check_inflation_data(data: xr.Dataset) -> None:
             continue
         if name not in data.variables:
             raise ValueError(f"the inflation data lack {name!r} (dimension {dimension!r})")
-        if data[name].dims != (dimension,):
-            raise ValueError(
-                f"{name!r} has dimensions {data[name].dims}; expected ({dimension!r},)"
-            )
+        allowed = [(dimension,), ("obs",)] if name == "axial_stretch" else [(dimension,)]
+        if data[name].dims not in allowed:
+            expected = " or ".join(map(str, allowed))
+            raise ValueError(f"{name!r} has dimensions {data[name].dims}; expected {expected}")
         if data[name].attrs.get("units", unit) != unit:
             raise ValueError(
                 f"{name!r} is in {data[name].attrs['units']!r}; expected {unit!r}: convert it"
@@ -178,9 +244,11 @@ def _check_test_positions(data: xr.Dataset) -> None:
 def _may_be_missing(data: xr.Dataset, name: str) -> bool | np.ndarray:
     """Where NaN means something: a geometry that is not known, a force that was not measured."""
     if name == "radius" and "outer_diameter" in data:
-        unknown = np.any([data[geometry].isnull().values for geometry in GEOMETRY], axis=0)
-        return unknown[data["test"].values]
-    return name in (*GEOMETRY, "axial_force")
+        unknown = [_at_points(data, data[geometry].isnull()) for geometry in GEOMETRY]
+        return np.any(unknown, axis=0)
+    if data[name].dims == ("obs",):  # a stretch that varies was measured
+        return name == "axial_force"
+    return name in GEOMETRY
 
 
 def _finite(data: xr.Dataset, name: str, may_be_missing: bool | np.ndarray) -> np.ndarray:
@@ -198,8 +266,8 @@ def _finite(data: xr.Dataset, name: str, may_be_missing: bool | np.ndarray) -> n
 
 
 def _found(data: xr.Dataset, name: str, i: int, values: np.ndarray) -> str:
-    dimension, unit, _ = (VARIABLES | OPTIONAL)[name]
-    place = _point(data, i) if dimension == "obs" else describe_test(data, i)
+    _, unit, _ = (VARIABLES | OPTIONAL)[name]
+    place = _point(data, i) if data[name].dims == ("obs",) else describe_test(data, i)
     return f"{place}: {name} is {values[i]:.6g}{'' if unit == '1' else ' ' + unit}"
 
 

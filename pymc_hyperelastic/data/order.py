@@ -1,4 +1,8 @@
-"""The order of a test's points, by which slopes are taken: as measured, sorted, or refused."""
+"""The order of a test's points, by which slopes are taken: as measured, sorted, or refused.
+
+Points of an inflation test stand in the order of radii, those of an extension test in that of axial
+stretches.
+"""
 
 from typing import Literal, get_args
 
@@ -7,6 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.columns import Rows, labels_of
+from pymc_hyperelastic.data.extension import clearly_extended
 
 Cycles = Literal["last", "all"]
 
@@ -39,25 +44,36 @@ def last_cycles(frame: pd.DataFrame, cycles: Cycles) -> pd.DataFrame:
     return frame[rank == last]
 
 
-def order_of_points(rows: Rows, measured: str) -> tuple[NDArray[np.intp], list[str]]:
+def order_of_points(
+    rows: Rows, measured: str, stretch: NDArray[np.float64], varying: NDArray[np.bool_]
+) -> tuple[NDArray[np.intp], list[str]]:
     """Rows test by test, each in the order of its curve; and what was sorted, in words.
 
     A test in which radius or pressure never turns stays as it is, and so does one that turns by
     less than a tenth of its range, as readings do. Rows that were shuffled are sorted by the
     radius if the pressure then never falls. All else is refused.
+
+    In a test whose axial `stretch`, given by rows, is `varying`, it is the stretch that does not
+    turn; rows that were shuffled are sorted by it, whatever the radius does.
     """
     radius, pressure = rows.numbers(measured), rows.numbers("pressure")
     # Stable: points keep the frame's order inside a test, also where its rows are scattered.
     gathered = np.argsort(rows.test, kind="stable")
     parts = np.split(gathered, np.cumsum(np.bincount(rows.test))[:-1])
-    _refuse_repeated(rows, measured, parts)
+    of_rows = varying[rows.test]
+    _refuse_repeated(rows, measured, parts, np.where(of_rows, stretch, np.nan))
     order, doubts = [], []
     for points in parts:
-        order.append(_in_order(rows, points, radius[points], pressure[points], measured))
+        along, name = radius[points], measured
+        if varying[rows.test[points[0]]] and clearly_extended(stretch[points]):
+            along, name = stretch[points], "axial_stretch"
+            order.append(_in_order_of_stretch(rows, points, along))
+        else:
+            order.append(_in_order(rows, points, along, pressure[points], measured))
         if not np.array_equal(order[-1], points):
-            turn = points[_first_turn(radius[points])]
+            turn = points[_first_turn(along)]
             doubts.append(
-                f"{rows.place(turn)}: {measured} turns back here; the rows of the experiment were "
+                f"{rows.place(turn)}: {name} turns back here; the rows of the experiment were "
                 "shuffled, and have been sorted by it"
             )
     return np.concatenate(order), doubts
@@ -75,7 +91,7 @@ def _in_order(
         return points
     turns = min(_turns(radius), _turns(pressure))
     found = f"{rows.place(points[_first_turn(radius)])}: {measured} turns back here"
-    if turns == 1 or (turns and len(points) >= _LEG * (turns + 1)):
+    if _up_and_down(turns, len(points)):
         raise ValueError(f"{found}, as if this were loading and unloading; {_fixes(measured)}")
     ascending = np.argsort(radius, kind="stable")
     if np.all(np.diff(pressure[ascending]) >= 0):
@@ -83,6 +99,25 @@ def _in_order(
     if turns:
         raise ValueError(f"{found}, and sorted by it the pressure falls; {_fixes(measured)}")
     return points
+
+
+def _in_order_of_stretch(
+    rows: Rows, points: NDArray[np.intp], stretch: NDArray[np.float64]
+) -> NDArray[np.intp]:
+    """Rows of one extension test, of these stretches."""
+    turns = 0 if _never_turns(stretch) else _turns(stretch)
+    if _up_and_down(turns, len(points)):
+        raise ValueError(
+            f"{rows.place(points[_first_turn(stretch)])}: axial_stretch turns back here, as if "
+            "this were loading and unloading, between which a wall loses energy; "
+            f"{_named_or_sorted('axial_stretch')}"
+        )
+    return points[np.argsort(stretch, kind="stable")] if turns else points
+
+
+def _up_and_down(turns: int, count: int) -> bool:
+    """Whether so many rows turn as those of cycles do, and not as shuffled ones."""
+    return turns == 1 or (turns > 0 and count >= _LEG * (turns + 1))
 
 
 def _never_turns(x: NDArray[np.float64]) -> bool:
@@ -112,10 +147,15 @@ def _turns(x: NDArray[np.float64]) -> int:
     return turns
 
 
-def _refuse_repeated(rows: Rows, measured: str, parts: list[NDArray[np.intp]]) -> None:
-    """Raise where a row repeats another of its test: it would count twice."""
+def _refuse_repeated(
+    rows: Rows, measured: str, parts: list[NDArray[np.intp]], stretch: NDArray[np.float64]
+) -> None:
+    """Raise where a row repeats another of its test, at the same stretch: it would count twice."""
     compared = [name for name in (measured, "pressure", "axial_force") if name in rows.frame]
-    values = np.column_stack([rows.numbers(name, may_be_missing=True) for name in compared])
+    columns = [rows.numbers(name, may_be_missing=True) for name in compared]
+    if np.isfinite(stretch).any():
+        compared, columns = ["axial_stretch", *compared], [stretch, *columns]
+    values = np.column_stack(columns)
     twice = pd.DataFrame(values).assign(test=rows.test).duplicated().to_numpy()
     for points in parts:
         if not twice[points].any():
@@ -125,14 +165,18 @@ def _refuse_repeated(rows: Rows, measured: str, parts: list[NDArray[np.intp]]) -
         found = zip(compared, values[i], strict=True)
         raise ValueError(
             f"{rows.place(i)}: repeats row {rows.frame.index[first]} "
-            f"({', '.join(f'{name} {value:.6g}' for name, value in found)}), and would count "
+            f"({', '.join(f'{n} {x:.6g}' for n, x in found if np.isfinite(x))}), and would count "
             "twice: drop it, frame.drop_duplicates()"
         )
 
 
 def _fixes(measured: str) -> str:
+    return f"slopes are taken between neighbouring rows: {_named_or_sorted(measured)}"
+
+
+def _named_or_sorted(along: str) -> str:
     return (
-        "slopes are taken between neighbouring rows: name loading and unloading in a column "
-        "'phase', cycles in a column 'cycle', and choose with ph.select(data, phase=...); or, if "
-        f"the rows were only shuffled, sort them, frame.sort_values({measured!r})"
+        "name loading and unloading in a column 'phase', cycles in a column 'cycle', and choose "
+        "with ph.select(data, phase=...); or, if the rows were only shuffled, sort them, "
+        f"frame.sort_values({along!r})"
     )

@@ -12,7 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.doubt import Check, doubt
-from pymc_hyperelastic.data.inflation import describe_test
+from pymc_hyperelastic.data.inflation import at_points, describe_test
 from pymc_hyperelastic.data.units import mmHg
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius, opening_factor
 
@@ -157,24 +157,28 @@ def _quantities(data: xr.Dataset) -> dict[str, Array]:
     """What has a range in :data:`RANGES`, one number a test."""
     test = data["test"].values
     pressure, radius = data["pressure"].values, data["radius"].values
-    inner, outer, axial, angle = (data[name].values for name in GEOMETRY)
+    inner, outer, angle = (data[name].values for name in GEOMETRY if name != "axial_stretch")
+    axial = at_points(data, "axial_stretch")
     k, middle = opening_factor(angle), (inner + outer) / 2
     lowest, highest = _extreme(np.argmin, pressure, test), _extreme(np.argmax, pressure, test)
 
     def hoop_stretch(points: Array) -> Array:
         """Of the wall's middle, over that of the closed, stretched tube without load."""
+        stretch = axial[points]
         r = current_radius(
-            middle, radius[points], inner_radius=inner, axial_stretch=axial, opening_angle=angle
+            middle, radius[points], inner_radius=inner, axial_stretch=stretch, opening_angle=angle
         )
-        return k * r / middle * np.sqrt(axial)
+        return k * r / middle * np.sqrt(stretch)
 
+    # Of stretches that vary the one that is further from 1.
+    furthest = _extreme(np.argmax, np.abs(np.log(np.maximum(axial, np.finfo(float).tiny))), test)
     quantities = {
         "highest_pressure": pressure[highest],
         "lowest_pressure": pressure[lowest],
         "ring_radius": middle / k - (outer - inner) / 2,
         "largest_radius": radius[_extreme(np.argmax, radius, test)],
         "wall": k * (outer - inner) / middle,
-        "axial_stretch": axial,
+        "axial_stretch": axial[furthest],
         "opening_angle": np.where(angle == 0, np.nan, np.abs(angle)),
         "first_stretch": np.where(pressure[lowest] < _UNLOADED, hoop_stretch(lowest), np.nan),
         "last_stretch": np.where(pressure[highest] > _UNLOADED, hoop_stretch(highest), np.nan),

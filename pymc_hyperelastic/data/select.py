@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.inflation import check_inflation_data, listed
+from pymc_hyperelastic.data.inflation import check_inflation_data, extension_tests, listed
 
 
 def select(
@@ -70,12 +70,20 @@ def select(
 
 
 def tests_at(data: xr.Dataset, positions: Sequence[int] | np.ndarray) -> xr.Dataset:
-    """Keep the tests at the given positions, which must rise, with ``test`` counted anew."""
+    """Keep the tests at the given positions, which must rise, with ``test`` counted anew.
+
+    Of inflation tests alone the axial stretch is one number each, as in data that hold no others.
+    """
     test = data["test"].values
     points = np.isin(test, positions)
     chosen = data.isel(obs=points, test=positions)
     renumbered = np.searchsorted(positions, test[points])
-    return chosen.assign_coords(test=("obs", renumbered, data["test"].attrs))
+    chosen = chosen.assign_coords(test=("obs", renumbered, data["test"].attrs))
+    stretch = chosen["axial_stretch"]
+    if stretch.dims == ("obs",) and not extension_tests(chosen).any():
+        held = stretch.values[np.unique(renumbered, return_index=True)[1]]
+        chosen = chosen.assign(axial_stretch=("test", held, stretch.attrs))
+    return chosen
 
 
 def specimens_of(data: xr.Dataset) -> tuple[list[str], NDArray[np.intp]]:

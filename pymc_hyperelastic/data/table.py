@@ -14,6 +14,7 @@ from pymc_hyperelastic.data.columns import (
     rows_of,
 )
 from pymc_hyperelastic.data.doubt import Check, check_known, doubt
+from pymc_hyperelastic.data.extension import check_stretches, doubtful_stretches
 from pymc_hyperelastic.data.geometry import WALL, Convention, RadiiOf, reference_tube
 from pymc_hyperelastic.data.inflation import (
     COORDINATES,
@@ -21,11 +22,12 @@ from pymc_hyperelastic.data.inflation import (
     OPTIONAL_COORDINATES,
     VARIABLES,
     check_inflation_data,
+    varies,
 )
 from pymc_hyperelastic.data.order import Cycles, last_cycles, order_of_points
 from pymc_hyperelastic.data.plausible import check_plausible
 from pymc_hyperelastic.data.units import to_internal
-from pymc_hyperelastic.mechanics.tube import GEOMETRY, internal_radius_from_outer_radius
+from pymc_hyperelastic.mechanics.tube import internal_radius_from_outer_radius
 
 Measured = Literal["radius", "outer_diameter"]
 
@@ -60,13 +62,17 @@ def inflation_data(
         ``pressure`` and optionally ``axial_force`` (reduced axial force; missing where it was not
         measured), ``group``, ``cycle`` and ``phase`` (such as loading and unloading); others are
         ignored. A specimen and an experiment, and where they are there a cycle and a phase,
-        together name one inflation test. Its rows stand in the order of inflation or deflation.
+        together name one test. Its rows stand in the order of inflation or deflation, or of
+        axial extension.
     inner_radius, outer_radius : float, str or None
         Radii of the reference tube in `radius_unit`: a number, or the name of a column that is
         constant within each test. None where they are not known: they are then inferred, see
         ``geometry`` of :func:`~pymc_hyperelastic.inflation_model`; or where the wall says the rest.
     axial_stretch, opening_angle : float, str or None
         Axial stretch, and opening angle of the cut ring in `angle_unit`, given in the same way.
+        The column of the stretch may vary within a test: that is then an extension test, mostly at
+        a held pressure. Inflation and extension tests on a specimen stand in one table. Slopes play
+        no part in extension tests.
     opening_angle_convention : {"whole", "fung"}, optional
         Which angle, needed unless it is 0 or unknown: ``"whole"``, what the opened sector lacks of
         a full circle, 2π less its own angle [1]_; ``"fung"``, half of that, the angle between the
@@ -102,16 +108,18 @@ def inflation_data(
         with ``inner_radius``, ``outer_radius`` (of the opened sector, mm), ``axial_stretch``,
         ``opening_angle`` (whole, rad), NaN where unknown, and the coordinates ``specimen``,
         ``experiment``, ``group`` (``"all"`` without such a column) and, if the table has them,
-        ``cycle`` and ``phase``.
+        ``cycle`` and ``phase``. Where some test is an extension test, ``axial_stretch`` lies on
+        ``obs``, for all tests.
 
     Warns
     -----
     UserWarning
         If the rows of a test were shuffled; they are sorted by what was measured, along which the
-        pressure then rises. If a number is taken for the axial stretch or the opening angle, and a
-        column of that name says something else. If a pressure, a length, a stretch, an angle or a
-        force is beyond what soft tubes have, such as 120 kPa where 120 mmHg was meant; the ranges
-        are on the page Your own data. `check` makes it an error, or silences it.
+        pressure then rises, or by the axial stretch that varies. If a stretch varies by less than a
+        hundredth, or in a few rows only. If a number is taken for the axial stretch or the opening
+        angle, and a column of that name says something else. If a pressure, a length, a stretch, an
+        angle or a force is beyond what soft tubes have, such as 120 kPa where 120 mmHg was meant;
+        the ranges are on the page Your own data. `check` makes it an error, or silences it.
 
     Raises
     ------
@@ -119,7 +127,7 @@ def inflation_data(
         If `frame` is not a DataFrame, or a geometry argument is neither a number nor a str.
     ValueError
         If a column, label or value is missing, is text, is not finite or is impossible for a
-        tube; if geometry or group change within a test; if an angle or the radii may mean two
+        tube; if radii, angle or group change within a test; if an angle or the radii may mean two
         things, or do not determine the tube; if a unit does not fit; if rows of a test repeat, or
         run up and down as in loading and unloading.
 
@@ -164,7 +172,12 @@ def inflation_data(
     check_known(check)
     check_frame(frame, measured)
     rows = rows_of(last_cycles(frame, cycles))
-    order, shuffled = order_of_points(rows, measured)
+    stretch = rows.of_points("axial_stretch", axial_stretch)
+    varying = varies(stretch, rows.test)
+    stretch = np.where(varying[rows.test], stretch, stretch[rows.first][rows.test])
+    check_stretches(rows, stretch, varying)
+    doubt(doubtful_stretches(rows, stretch, varying), check, stacklevel=2)
+    order, shuffled = order_of_points(rows, measured, stretch, varying)
     doubt(shuffled, check, stacklevel=2)
 
     def millimetres(values: np.ndarray, power: int = 1) -> np.ndarray:
@@ -191,19 +204,20 @@ def inflation_data(
     values = {
         measured: millimetres(rows.numbers(measured)[order]),
         "pressure": to_internal(rows.numbers("pressure")[order], pressure_unit, "pressure"),
-        "axial_stretch": rows.of_tests("axial_stretch", axial_stretch),
+        "axial_stretch": stretch[order] if varying.any() else stretch[rows.first],
         **tube,
     }
     if "axial_force" in rows.frame:
         force = rows.numbers("axial_force", may_be_missing=True)[order]
         values["axial_force"] = to_internal(force, force_unit, "force")
     if measured == "outer_diameter":
-        geometry = {name: values[name][rows.test[order]] for name in GEOMETRY}
+        geometry = {name: v[rows.test[order]] for name, v in tube.items()}
+        geometry["axial_stretch"] = stretch[order]
         outer = values["outer_diameter"] / 2
         # NaN where the geometry is not known or the wall does not fit in.
         with np.errstate(invalid="ignore"):
             values["radius"] = internal_radius_from_outer_radius(outer, **geometry)
-    data = _dataset(rows, order, values)
+    data = _dataset(rows, order, values, "obs" if varying.any() else "test")
     check_inflation_data(data)
     for name, taken in {"axial_stretch": axial_stretch, "opening_angle": opening_angle}.items():
         doubt(rows.overlooked(name, taken), check, stacklevel=2)
@@ -211,7 +225,9 @@ def inflation_data(
     return data
 
 
-def _dataset(rows: Rows, order: np.ndarray, values: dict[str, np.ndarray]) -> xr.Dataset:
+def _dataset(
+    rows: Rows, order: np.ndarray, values: dict[str, np.ndarray], stretch_dimension: str
+) -> xr.Dataset:
     """Values, with what says where they belong."""
     frame = rows.frame
     group = labels_of(frame, "group") if "group" in frame else np.full(len(frame), "all")
@@ -222,6 +238,7 @@ def _dataset(rows: Rows, order: np.ndarray, values: dict[str, np.ndarray]) -> xr
     }
     coordinates |= {name: label[rows.first] for name, label in rows.labels.items()}
     kinds = {n: k for n, k in (VARIABLES | OPTIONAL).items() if n in values}
+    kinds["axial_stretch"] = stretch_dimension, *kinds["axial_stretch"][1:]
     where = {n: k for n, k in (COORDINATES | OPTIONAL_COORDINATES).items() if n in coordinates}
     return xr.Dataset(_variables(kinds, values), _variables(where, coordinates))
 

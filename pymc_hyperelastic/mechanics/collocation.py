@@ -4,6 +4,10 @@ Pressure and stiffness are linear in the material's response ``T(ln λθ)``. Whe
 are known, they are ``M g`` and ``S g``: ``g`` holds the response at ``K`` Chebyshev stretches that
 span the walls, and the matrices do not depend on the material. The squared misfit to any number
 of points is then, by a QR factorisation, that of ``K`` numbers.
+
+Walls at one axial stretch make a group. Where the stretch varies within a group, the response is
+known on a grid of hoop and axial stretches: a product of Chebyshev points in ``ln λθ`` and
+``ln λz``.
 """
 
 from collections.abc import Sequence
@@ -31,6 +35,11 @@ from pymc_hyperelastic.mechanics.wall import TubeOp, wall_rule
 # for signal.
 _COEFFICIENT_TOLERANCE = 1e-14
 _MOST_NODES = 64
+# Of axial stretches in a grid, and of all its nodes.
+_MOST_AXIAL, _MOST_IN_GRID = 32, 1024
+# Lines through a grid along which it is known how many nodes the response takes: both edges, on
+# which every kink that crosses the grid begins and ends, and as many between.
+_LINES = np.cos(np.pi * np.arange(9) / 8)
 # Points whose walls are handled at once: bounds memory, whatever the size of the data.
 _CHUNK = 2048
 
@@ -57,10 +66,34 @@ class KnownTubes(NamedTuple):
         return [values[:, None] for values in self[:-1]]
 
 
+class Nodes(NamedTuple):
+    """How many nodes: of the hoop stretch, and of the axial one where that varies."""
+
+    hoop: int
+    axial: int = 1
+
+
+class Group(NamedTuple):
+    """Points whose walls share their nodes: centre and half width of the logarithms there."""
+
+    points: NDArray[np.intp]
+    hoop: tuple[float, float]
+    """Of ``ln λθ``."""
+    axial: tuple[float, float]
+    """Of ``ln λz``; the half width is 0 where all have one axial stretch."""
+
+    def grid(self, nodes: Nodes) -> tuple[Array, Array]:
+        """``ln λθ`` and ``ln λz`` at all nodes, those of one axial stretch together."""
+        (hoop, hoop_half), (axial, axial_half) = self.hoop, self.axial
+        log_hoop = hoop + hoop_half * chebyshev_nodes(nodes.hoop)
+        log_axial = axial + axial_half * chebyshev_nodes(nodes.axial)
+        return np.tile(log_hoop, nodes.axial), np.repeat(log_axial, nodes.hoop)
+
+
 class CollocatedIntegral(TubeOp):
     r"""Integrals over the walls of known tubes as constant matrices times the wall's response.
 
-    Inputs are ``ln λθ`` at the nodes (group, node), ``ln λz`` (group), the matrices (group, row,
+    Inputs are ``ln λθ`` and ``ln λz`` at the nodes (group, node), the matrices (group, row,
     node), then the parameters in the order of the strain energy, vectors entry by entry: scalars,
     or with `per_group` one value a group. For each matrix there is an output (group, row).
     """
@@ -77,7 +110,6 @@ class CollocatedIntegral(TubeOp):
         log_hoop, log_axial, *matrices = inputs[: self.constants]
         entries = inputs[self.constants :]
         batched = any(x.type.ndim > self.per_group for x in entries)
-        log_axial = log_axial[:, None]
         if batched:
             # The particles run along the last axis, where NumPy's sums over the others are fast.
             log_hoop, log_axial = log_hoop[..., None], log_axial[..., None]
@@ -96,7 +128,7 @@ class CollocatedIntegral(TubeOp):
 class CollocatedPressureIntegral(CollocatedIntegral):
     r"""Pressures and stiffnesses of known tubes as constant matrices times the wall's response.
 
-    .. math:: T_{gk} = T(\ln λ_θ^{(gk)}, \ln λ_z^{(g)}), \qquad
+    .. math:: T_{gk} = T(\ln λ_θ^{(gk)}, \ln λ_z^{(gk)}), \qquad
         p_{gj} = \sum_k M_{gjk} T_{gk}, \qquad s_{gj} = \sum_k S_{gjk} T_{gk}
 
     See :class:`CollocatedIntegral` for the inputs.
@@ -128,35 +160,62 @@ def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: Tensor) 
 
 
 def nodes_needed(
-    energy: StrainEnergy, tubes: KnownTubes, values: Sequence[Array], *, with_force: bool = False
-) -> int | None:
-    """Number ``K`` of Chebyshev stretches at which the response must be known, or None.
+    energy: StrainEnergy,
+    groups: Sequence[Group],
+    values: Sequence[Array],
+    *,
+    with_force: bool = False,
+) -> Nodes | None:
+    """How many stretches the response must be known at, or None.
 
-    The response is expanded for all the `values` of the parameters' entries; ``K`` is where the
-    coefficients have fallen below rounding for all of them. None means that more than 64 were
-    needed: then the direct rule is to be used.
+    The response is expanded for all the `values` of the parameters' entries; as many are needed as
+    there are coefficients before they have fallen below rounding for all of them. None means that
+    these were more than 64, or in a grid more than 32 axial stretches, or 1024 nodes: then the
+    direct rule is to be used.
     """
-    node = chebyshev_nodes(2 * _MOST_NODES)
-    needed = 2
-    for axial_stretch, _, (centre, half) in _groups(tubes):
-        shape = (-1, 1)
+    function, needed = _response_function(energy, with_force), Nodes(2)
+
+    def along(log_hoop: Array, log_axial: Array) -> Array:
+        """Coefficients of responses (draw, line, node) along a last axis, and their largest."""
+        hoop, axial = np.broadcast_arrays(log_hoop, log_axial)
         with np.errstate(all="ignore"):
-            responses = _response_function(energy, with_force)(
-                (centre + half * node)[None, :],
-                np.full((1, 1), np.log(axial_stretch)),
-                *(v.reshape(shape) for v in values),
+            responses = function(
+                hoop.reshape(1, -1), axial.reshape(1, -1), *(v.reshape(-1, 1) for v in values)
             )
-        response = np.stack(responses)
-        response = response[:, np.isfinite(response).all(axis=(0, 2))]
-        coefficients = np.abs(response @ value_to_coefficient(node.size).T)
+        response = np.stack([r.reshape(-1, *hoop.shape) for r in responses])
+        possible = np.isfinite(response).all(axis=(0, 2, 3))
+        return np.abs(response[:, possible] @ value_to_coefficient(hoop.shape[-1]).T)
+
+    for group in groups:
+        (hoop, hoop_half), (axial, axial_half) = group.hoop, group.axial
+        lines = (axial + axial_half * (_LINES if axial_half else np.zeros(1)))[:, None]
+        coefficients = along(hoop + hoop_half * chebyshev_nodes(2 * _MOST_NODES), lines)
         # Force is a difference of stresses, and known to their rounding.
-        largest = np.maximum.accumulate(coefficients.max(axis=2, keepdims=True))
-        significant = (coefficients > _COEFFICIENT_TOLERANCE * largest).any(axis=(0, 1))
-        needed = max(needed, int(np.flatnonzero(significant).max(initial=0)) + 1)
-    return needed if needed <= _MOST_NODES else None
+        largest = np.maximum.accumulate(coefficients.max(axis=(2, 3), keepdims=True))
+        needed = needed._replace(hoop=max(needed.hoop, _significant(coefficients, largest)))
+        if axial_half:
+            lines = (hoop + hoop_half * _LINES)[:, None]
+            across = along(lines, axial + axial_half * chebyshev_nodes(2 * _MOST_AXIAL))
+            largest = np.maximum.accumulate(across.max(axis=(2, 3), keepdims=True))
+            needed = needed._replace(axial=max(needed.axial, _significant(across, largest)))
+        if (
+            needed.hoop > _MOST_NODES
+            or needed.axial > _MOST_AXIAL
+            or (axial_half and needed.hoop * needed.axial > _MOST_IN_GRID)
+        ):
+            return None
+    return needed
 
 
-def collocate(tubes: KnownTubes, count: int, targets: dict[str, Array]) -> dict[str, Any]:
+def _significant(coefficients: Array, largest: Array) -> int:
+    """How many coefficients there are before all are below rounding."""
+    significant = (coefficients > _COEFFICIENT_TOLERANCE * largest).any(axis=(0, 1, 2))
+    return int(np.flatnonzero(significant).max(initial=0)) + 1
+
+
+def collocate(
+    tubes: KnownTubes, groups: Sequence[Group], nodes: Nodes, targets: dict[str, Array]
+) -> dict[str, Any]:
     """Matrices of :class:`CollocatedIntegral`, compressed against the measured values.
 
     With a QR factorisation ``[M y] = Q [R c; 0 ρ]`` of a group, ``|M g − y|² = |R g − c|² + ρ²``
@@ -165,32 +224,33 @@ def collocate(tubes: KnownTubes, count: int, targets: dict[str, Array]) -> dict[
     was: ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"``
     (mN).
 
-    Given back are ``log_hoop`` (group, node), ``log_axial`` (group), and for each target the
-    ``_matrix`` (group, node, node), ``_target`` (group, node) and ``_residual`` (the sum of all
-    ``ρ²``), with `count` nodes.
+    Given back are ``log_hoop`` and ``log_axial`` (group, node), and for each target the ``_matrix``
+    (group, row, node), ``_target`` (group, row) and ``_residual`` (the sum of all ``ρ²``). There
+    are as many rows as nodes, or points where these are fewer.
     """
-    node = chebyshev_nodes(count)
-    hoop, axial = [], []
     factors: dict[str, list[Array]] = {name: [] for name in targets}
     residual = dict.fromkeys(targets, 0.0)
-    for axial_stretch, points, (centre, half) in _groups(tubes):
-        hoop.append(centre + half * node)
-        axial.append(np.log(axial_stretch))
-        augmented = {name: np.zeros((count + 1, count + 1)) for name in factors}
-        for start in range(0, len(points), _CHUNK):
-            chunk = points[start : start + _CHUNK]
-            matrices = _matrices(tubes.at(chunk), centre, half, count)
+    count = nodes.hoop * nodes.axial
+    for group in groups:
+        augmented = {name: np.zeros((0, count + 1)) for name in factors}
+        for start in range(0, len(group.points), _CHUNK):
+            chunk = group.points[start : start + _CHUNK]
+            matrices = _matrices(tubes.at(chunk), group, nodes)
             for name, target in targets.items():
                 rows = np.column_stack([matrices[name], target[chunk]])
                 rows = rows[~np.isnan(rows[:, -1])]
                 stacked = np.concatenate([augmented[name], rows])
-                augmented[name] = np.linalg.qr(stacked, mode="r")
-        for name, triangle in augmented.items():
-            factors[name].append(triangle[:-1])
-            residual[name] += triangle[-1, -1] ** 2
-    collocated: dict[str, Any] = {"log_hoop": np.array(hoop), "log_axial": np.array(axial)}
-    for name, triangles in factors.items():
-        stacked = np.array(triangles)
+                few = len(stacked) <= count
+                augmented[name] = stacked if few else np.linalg.qr(stacked, mode="r")
+        for name, rows in augmented.items():
+            factors[name].append(rows[:count])
+            residual[name] += float(np.sum(rows[count:, -1] ** 2))
+    collocated: dict[str, Any] = _grids(groups, nodes)
+    for name, of_groups in factors.items():
+        most = max((len(rows) for rows in of_groups), default=0)
+        stacked = np.zeros((len(groups), most, count + 1))
+        for rows, block in zip(of_groups, stacked, strict=True):
+            block[: len(rows)] = rows
         collocated[f"{name}_matrix"] = stacked[..., :-1]
         collocated[f"{name}_target"] = stacked[..., -1]
         collocated[f"{name}_residual"] = np.array(residual[name])
@@ -198,43 +258,45 @@ def collocate(tubes: KnownTubes, count: int, targets: dict[str, Array]) -> dict[
 
 
 def curve_matrices(
-    tubes: KnownTubes, count: int, group: NDArray | None = None
+    tubes: KnownTubes, groups: Sequence[Group], nodes: Nodes
 ) -> tuple[dict[str, Array], NDArray[np.intp]]:
     """Matrices of :class:`CollocatedIntegral` for the points themselves, uncompressed.
 
-    Points of one `group` stand together; when missing, those of one axial stretch do. Groups are
-    padded to the same number of rows. With the matrices come the places of the points among all
-    rows, group by group. Slopes are by the internal radius.
+    Groups are padded to the same number of rows. With the matrices come the places of the points
+    among all rows, group by group; 0 for points that are in none. Slopes are by the internal
+    radius.
     """
-    groups = _groups(tubes, group)
-    node = chebyshev_nodes(count)
-    most = max(len(points) for _, points, _ in groups)
-    shape = len(groups), most, count
+    most = max(1, *(len(group.points) for group in groups))
+    shape = len(groups), most, nodes.hoop * nodes.axial
     matrices = {name: np.zeros(shape) for name in ("pressure", "stiffness", "force")}
     place = np.zeros(len(tubes.radius), int)
-    for number, (_, points, (centre, half)) in enumerate(groups):
-        place[points] = number * most + np.arange(len(points))
-        for start in range(0, len(points), _CHUNK):
-            chunk = points[start : start + _CHUNK]
+    for number, group in enumerate(groups):
+        place[group.points] = number * most + np.arange(len(group.points))
+        for start in range(0, len(group.points), _CHUNK):
+            chunk = group.points[start : start + _CHUNK]
             rows = slice(start, start + len(chunk))
-            blocks = _matrices(tubes.at(chunk), centre, half, count)
+            blocks = _matrices(tubes.at(chunk), group, nodes)
             for name, matrix in matrices.items():
                 matrix[number, rows] = blocks[name]
-    return {
-        "log_hoop": np.array([centre + half * node for *_, (centre, half) in groups]),
-        "log_axial": np.array([np.log(axial_stretch) for axial_stretch, *_ in groups]),
-        **{f"{name}_matrix": matrix for name, matrix in matrices.items()},
-    }, place
+    of_curves = {f"{name}_matrix": matrix for name, matrix in matrices.items()}
+    return _grids(groups, nodes) | of_curves, place
 
 
-def _matrices(tubes: KnownTubes, centre: float, half: float, count: int) -> dict[str, Array]:
+def _grids(groups: Sequence[Group], nodes: Nodes) -> dict[str, Array]:
+    """Where the response is to be known: (group, node)."""
+    log_hoop, log_axial = zip(*(group.grid(nodes) for group in groups), strict=True)
+    return {"log_hoop": np.array(log_hoop), "log_axial": np.array(log_axial)}
+
+
+def _matrices(tubes: KnownTubes, group: Group, nodes: Nodes) -> dict[str, Array]:
     """From responses at the nodes to what is measured at the points: (point, node) each.
 
     ``"slope"`` is the stiffness by the radius that was measured.
     """
+    centre, half = group.hoop
     wall = wall_rule(np, *tubes.walls)
-    vandermonde = chebyshev.chebvander((wall.log_hoop - centre) / half, count - 1)
-    coefficient = value_to_coefficient(count)
+    vandermonde = chebyshev.chebvander((wall.log_hoop - centre) / half, nodes.hoop - 1)
+    coefficient = value_to_coefficient(nodes.hoop)
     derivative = chebyshev.chebder(coefficient, axis=0) / half
 
     def moments(weight: Array) -> Array:
@@ -242,37 +304,52 @@ def _matrices(tubes: KnownTubes, centre: float, half: float, count: int) -> dict
 
     weighted = moments(wall.stiffness_weight)
     stiffness = weighted[:, :-1] @ derivative / 2 - weighted @ coefficient
-    return {
+    matrices = {
         "pressure": moments(wall.pressure_weight) @ coefficient,
         "stiffness": stiffness,
         "slope": stiffness * tubes.growth[:, None],
         "force": moments(wall.force_weight) @ coefficient,
     }
+    if nodes.axial == 1:
+        return matrices
+    # At the axial stretch of its point, a wall's response is interpolated between those of nodes.
+    centre, half = group.axial
+    place = (np.log(tubes.axial_stretch) - centre) / half
+    between = chebyshev.chebvander(place, nodes.axial - 1) @ value_to_coefficient(nodes.axial)
+    return {
+        name: (between[:, :, None] * matrix[:, None, :]).reshape(len(place), -1)
+        for name, matrix in matrices.items()
+    }
 
 
-def _groups(
-    tubes: KnownTubes, group: NDArray | None = None
-) -> list[tuple[float, NDArray[np.intp], tuple[float, float]]]:
-    """Axial stretch, points, and the centre and half width of ``ln λθ``, of each group."""
-    key = tubes.axial_stretch if group is None else group
+def groups_by(
+    tubes: KnownTubes, key: NDArray, some: NDArray[np.intp], *, varied: bool
+) -> list[Group]:
+    """Groups of some of the points that have the same `key`; their axial stretch may be varied."""
     groups = []
-    for value in np.unique(key):
-        points = np.flatnonzero(key == value)
+    for value in np.unique(key[some]):
+        own = some[key[some] == value]
         # Along a wall the stretch is monotonic: its two faces bound it.
-        radius, inner, outer, axial, angle = tubes.at(points).walls
+        radius, inner, outer, axial, angle = tubes.at(own).walls
         tube = {"inner_radius": inner, "axial_stretch": axial, "opening_angle": angle}
         faces = [np.log(stretches(face, radius, **tube)[1]) for face in (inner, outer)]
-        low, high = np.min(faces), np.max(faces)
-        half = max((high - low) / 2, 1e-3)
-        groups.append((float(axial[0, 0]), points, ((low + high) / 2, half)))
+        log_axial = np.log(axial)
+        span = _span(log_axial) if varied else (float(log_axial[0, 0]), 0.0)
+        groups.append(Group(own, _span(faces), span))
     return groups
+
+
+def _span(values: Any) -> tuple[float, float]:
+    """Centre and half width of the range of some numbers."""
+    low, high = float(np.min(values)), float(np.max(values))
+    return (low + high) / 2, max((high - low) / 2, 1e-3)
 
 
 @cache
 def _response_function(energy: StrainEnergy, with_force: bool) -> Any:
-    """Responses at ``ln λθ`` (1, node) and ``ln λz`` (1, 1), for parameters (draw, 1)."""
+    """Responses at ``ln λθ`` and ``ln λz`` (1, node), for parameters (draw, 1)."""
     log_hoop = pt.tensor("log_hoop", dtype="float64", shape=(1, None))
-    log_axial = pt.tensor("log_axial", dtype="float64", shape=(1, 1))
+    log_axial = pt.tensor("log_axial", dtype="float64", shape=(1, None))
     entries = [pt.tensor(n, dtype="float64", shape=(None, 1)) for n in energy.entry_names]
     hoop, axial, *full = pt.broadcast_arrays(log_hoop, log_axial, *entries)
     responses = [energy.stress_difference(hoop, axial, **energy.join(full))]

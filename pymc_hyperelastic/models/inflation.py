@@ -82,13 +82,15 @@ def inflation_model(
         In place of `noise_sd` the paper's ``σ``, kPa, which is ``√2`` standard deviations. A
         distribution is one of ``σ``, and ``sigma`` the random variable.
     slope_weight : float or distribution
-        The paper's ``β``, mm², likewise; 0 leaves the slopes out.
+        The paper's ``β``, mm², likewise; 0 leaves the slopes out. They are those of inflation
+        tests: tests in which the axial stretch varies have none.
     force_noise_sd, force_sigma : float or distribution, optional
         The same for measured axial forces, mN; without one of them they play no part.
     error_in : {"pressure", "radius"}
         What was measured with an error; with "radius", where curves are steep, `noise_sd` and
         `sigma` are in mm (of the internal radius, or of half an outer diameter) and slopes play no
-        part.
+        part. Forces are then compared with those at the model's radius, where it has the measured
+        pressure; the deterministics remain those at the measured radius.
     priors : dict of str to distribution, optional
         Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. For the others the
         default of the strain energy is taken: uniform over a documented physical range. A vector

@@ -1,24 +1,36 @@
-"""Bands of posterior curves over the radius, and the data beside them."""
+"""Bands of posterior curves over the radius or the axial stretch, and the data beside them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import (
+    check_inflation_data,
+    extension_tests,
+    held_stretches,
+)
+from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.evidence.checks import check_prob
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.study import inflation_data_of
+from pymc_hyperelastic.plots.extension import (
+    Along,
+    extension_curves,
+    is_over_stretch,
+    thinned_draws,
+)
 from pymc_hyperelastic.plots.style import (
     MARKERS,
     MOST_DRAWS,
     RADIUS_LABEL,
+    STRETCH_LABEL,
     Canvas,
     by_stretch,
     fitted_classes,
@@ -84,19 +96,33 @@ def bands_of(
     material: GivenTube,
     curve: Curve,
     measured: Measured,
+    along: Along,
+    pressure_unit: str = "mmHg",
 ) -> Bands:
-    """Curves of fitted classes over the radii of data, or of what the classes were fitted to."""
+    """Curves of fitted classes over the radii of data, or of what the classes were fitted to.
+
+    Those `along` extension tests are over their axial stretches, and have names of their own; the
+    `pressure_unit` is that in which these tests are named.
+    """
     fitted = fitted_classes(classes)
     check_prob(prob)
     specimen = material.get("specimen")
     shown = {name: _data_of(name, tree, data, specimen) for name, tree in fitted.items()}
-    told = _told_by(shown)
+    labels = {name: stretch_labels(data, pressure_unit) for name, data in shown.items()}
+    told = _told_by(shown, labels)
+    if told != "axial_stretch":
+        labels = {name: _owners(data, told) for name, data in shown.items()}
     drawn = {
-        name: _posterior_curves(tree, shown[name], told, prob, material, curve)
+        name: _posterior_curves(
+            tree, shown[name], (told, labels[name]), prob, material, (curve, along)
+        )
         for name, tree in fitted.items()
     }
     posterior = _side_by_side({name: curves for name, (curves, _) in drawn.items()}, told)
-    points = {n: _told_points(measured(tests), tests, told) for n, (_, tests) in drawn.items()}
+    points = {
+        name: _told_points(measured(tests), tests, told, labels[name])
+        for name, (_, tests) in drawn.items()
+    }
     return Bands(fitted, shown, told, posterior, _side_by_side(points, told), prob)
 
 
@@ -165,17 +191,32 @@ def _limits(
     return (float(low - margin), float(high + margin)), held != ends
 
 
-def label_columns(canvas: Canvas, bands: Bands, top: str, bottom: str) -> None:
-    """Name the radii below the lowest variable, and above the highest the class of each column."""
+def label_columns(canvas: Canvas, bands: Bands, lowest: str) -> None:
+    """Name the radii below the lowest variable over them, and on top the class of each column.
+
+    Below each of the variables over axial stretches, these.
+    """
+    highest, *_ = names = list(map(str, bands.posterior.data_vars))
     for name, data in bands.shown.items():
         where = {"coords": {"class_label": name}}
-        radius = RADIUS_LABEL
-        if "outer_diameter" in data:
-            radius += "\nfrom the measured outer diameter"
-        canvas.label("xlabel", radius, data=bands.posterior[[bottom]], **where)
+        computed = "\nfrom the measured outer diameter" if "outer_diameter" in data else ""
+        for variable in names:
+            of_variable = bands.posterior[[variable]]
+            if variable == lowest:
+                canvas.label("xlabel", RADIUS_LABEL + computed, data=of_variable, **where)
+            elif is_over_stretch(variable):
+                canvas.label("xlabel", STRETCH_LABEL, data=of_variable, **where)
         if len(bands.shown) > 1:
-            highest = bands.posterior[[top]]
-            canvas.label("title", f"class {name}", data=highest, size="medium", **where)
+            of_highest = bands.posterior[[highest]]
+            canvas.label("title", f"class {name}", data=of_highest, size="medium", **where)
+
+
+def rows_of(bands: Bands) -> tuple[int, dict[str, Any]]:
+    """How many rows of panels there are, and which of them share an axis of radii."""
+    names = list(map(str, bands.posterior.data_vars))
+    of_stretch = any(map(is_over_stretch, names))
+    shared = {"sharey": "row"} | ({} if of_stretch else {"sharex": "col"})
+    return len(names), shared
 
 
 def title_bands(
@@ -224,9 +265,9 @@ def _data_of(name: str, tree: xr.DataTree, data: Any, specimen: str | None) -> x
     return data
 
 
-def _told_by(shown: Mapping[str, xr.Dataset]) -> str | None:
+def _told_by(shown: Mapping[str, xr.Dataset], labels: Mapping[str, list[str]]) -> str | None:
     """What colours tell apart besides the classes: axial stretches, or the tubes of specimens."""
-    stretches = {s for data in shown.values() for s in stretch_labels(data["axial_stretch"])}
+    stretches = {label for of_class in labels.values() for label in of_class}
     if 1 < len(stretches) <= len(MARKERS):
         return "axial_stretch"
     tubes = max(len(_tubes(data)[0]) for data in shown.values())
@@ -235,18 +276,18 @@ def _told_by(shown: Mapping[str, xr.Dataset]) -> str | None:
 
 def _tubes(data: xr.Dataset) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     """The distinct tubes of the data, and which of them each test is on."""
-    geometry = np.stack([data[name].values for name in GEOMETRY], axis=1)
+    tubes = {name: data[name].values for name in GEOMETRY}
+    tubes["axial_stretch"] = held_stretches(data)
+    geometry = np.stack([tubes[name] for name in GEOMETRY], axis=1)
     # NaN are not equal to each other, infinities are.
     known = np.where(np.isnan(geometry), np.inf, geometry)
     return np.unique(known, axis=0, return_inverse=True)
 
 
-def _labels(data: xr.Dataset, told: str | None) -> list[str]:
-    """What tells the band of each test apart: its axial stretch, or who has such a tube."""
+def _owners(data: xr.Dataset, told: str | None) -> list[str]:
+    """What tells the band of each test apart: who has such a tube, if anything."""
     if told is None:
         return [""] * data.sizes["test"]
-    if told == "axial_stretch":
-        return stretch_labels(data[told])
     specimen, (_, tube) = data[told].values, _tubes(data)
     owners = [dict.fromkeys(specimen[tube == t].tolist()) for t in tube.tolist()]
     return [
@@ -267,37 +308,72 @@ def _side_by_side(of_class: dict[str, xr.Dataset], told: str | None) -> xr.Datas
     return joined.sel({told: labels})
 
 
-def _told_points(points: xr.Dataset, data: xr.Dataset, told: str | None) -> xr.Dataset:
+def _told_points(
+    points: xr.Dataset, data: xr.Dataset, told: str | None, labels: list[str]
+) -> xr.Dataset:
     """Points of the data, apart from each other as their bands are."""
     points = points.assign_coords(plot_axis=["x", "y"], point=range(points.sizes["point"]))
     if told is None:
         return points
-    labels = np.array(_labels(data, told))
-    names = list(dict.fromkeys(labels.tolist()))
-    of_point = xr.DataArray(labels[data["test"].values], dims="point")
+    names = list(dict.fromkeys(labels))
+    of_point = xr.DataArray(np.array(labels)[data["test"].values], dims="point")
     return points.where(of_point == xr.DataArray(names, {told: names}, told))
 
 
 def _posterior_curves(
     tree: xr.DataTree,
     data: xr.Dataset,
-    told: str | None,
+    told: tuple[str | None, list[str]],
     prob: float,
     material: GivenTube,
-    curve: Curve,
+    curves: tuple[Curve, Along],
 ) -> tuple[xr.Dataset, xr.Dataset]:
-    """Median and band of curves for each of the tubes of the data.
+    """Median and band of curves for each of the tubes of the data, and for each extension test.
 
     With them the data, of which what is not known is that of the median tube.
     """
-    posterior = tree["posterior"].to_dataset()
+    dimension, labels = told
+    over_radii, along = curves
+    rows: dict[str, list[dict[str, NDArray[np.float64]]]] = {label: [] for label in labels}
+    inferred: dict[str, float] = {}
+    for test, inferred, of_tube in _over_radii(tree, data, prob, material, over_radii):
+        rows[labels[test]].append(of_tube)
+    for test, inferred, of_test in extension_curves(tree, data, prob, material, along):
+        rows[labels[test]].append(of_test)
+    names = dict.fromkeys(name for of_label in rows.values() for one in of_label for name in one)
+    in_order = sorted(names, key=is_over_stretch)
+    axes: dict[str, Any] = {"plot_axis": ["x", "extrapolated", "y", "y_bottom", "y_top"]}
+    bands = []
+    for of_label in rows.values():
+        values = np.full((len(in_order), len(of_label), 5, _CURVE), np.nan)
+        for i, one in enumerate(of_label):
+            for name, curve in one.items():
+                values[in_order.index(name), i, :, : curve.shape[1]] = curve
+        variables = {
+            name: (("tube", "plot_axis", "point"), of_name)
+            for name, of_name in zip(in_order, values, strict=True)
+        }
+        bands.append(xr.Dataset(variables, axes | {"tube": range(len(of_label))}))
+    tests = typical_tests(data, inferred)
+    if dimension is None:
+        return bands[0], tests
+    places = xr.DataArray(list(rows), dims=dimension, name=dimension)
+    return xr.concat(bands, dim=places, join="outer", fill_value=np.nan), tests
+
+
+def _over_radii(
+    tree: xr.DataTree, data: xr.Dataset, prob: float, material: GivenTube, curve: Curve
+) -> Iterator[tuple[int, dict[str, float], dict[str, NDArray[np.float64]]]]:
+    """The first inflation test on each tube, medians of what is inferred, and its curves.
+
+    Rows of a curve are radius, whether it is extrapolated, median and both ends of the band.
+    """
+    held = np.flatnonzero(~extension_tests(data))
+    if not held.size:
+        return
+    data = tests_at(data, held)
     tubes, tube_of_test = _tubes(data)
-    most = max(MOST_DRAWS // len(tubes), _FEWEST_DRAWS)
-    step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // most)
-    thinned = tree.copy()
-    thinned["posterior"] = xr.DataTree(posterior.isel(draw=slice(None, None, step)))
-    tests, labels = data, _labels(data, told)
-    curves: dict[str, list[xr.Dataset]] = {label: [] for label in labels}
+    thinned = thinned_draws(tree, max(MOST_DRAWS // len(tubes), _FEWEST_DRAWS))
     for i, tube in enumerate(tubes):
         known = {k: v for k, v in zip(GEOMETRY, tube.tolist(), strict=True) if np.isfinite(v)}
         draws = draws_of(thinned, **material, **known)
@@ -307,16 +383,7 @@ def _posterior_curves(
         predicted = curve(draws, grid)
         beyond = predicted.coords.get("extrapolated", xr.zeros_like(predicted["radius"])).values
         y = predicted.quantile(median_and_band(prob), dim=["chain", "draw"])
-        rows = {name: [grid, beyond, *of_levels.values] for name, of_levels in y.items()}
-        label = labels[int(np.flatnonzero(tube_of_test == i)[0])]
-        of_tube = xr.Dataset({name: (("plot_axis", "point"), v) for name, v in rows.items()})
-        curves[label].append(of_tube)
-    axes: dict[str, Any] = {"plot_axis": ["x", "extrapolated", "y", "y_bottom", "y_top"]}
-    bands = [
-        xr.concat(of_label, dim="tube").assign_coords(axes | {"tube": range(len(of_label))})
-        for of_label in curves.values()
-    ]
-    if told is None:
-        return bands[0], tests
-    names = xr.DataArray(list(curves), dims=told, name=told)
-    return xr.concat(bands, dim=names, join="outer", fill_value=np.nan), tests
+        curves = {
+            str(name): np.array([grid, beyond, *of_levels.values]) for name, of_levels in y.items()
+        }
+        yield int(held[tube_of_test == i][0]), draws.inferred, curves

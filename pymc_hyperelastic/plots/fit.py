@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import points_of
+from pymc_hyperelastic.data.inflation import at_points, extension_tests, points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.plots.bands import (
@@ -18,9 +18,11 @@ from pymc_hyperelastic.plots.bands import (
     draw_bands,
     label_columns,
     limit_axis,
+    rows_of,
     title_bands,
 )
-from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, per_kilopascal
+from pymc_hyperelastic.plots.extension import points_over
+from pymc_hyperelastic.plots.style import RADIUS_LABEL, Backend, Canvas, Visuals, per_kilopascal
 from pymc_hyperelastic.predictions.curves import pressure_curve
 
 if TYPE_CHECKING:
@@ -49,13 +51,17 @@ def plot_pressure_fit(
     dashed; a result that does not hold these cannot say. Where internal radii depend on what is
     inferred of the tube, data are shown at those of the median tube.
 
+    Extension tests have a panel of their own: the internal radius over the axial stretch, that of
+    each draw at the pressures that were measured. How their forces fit is shown by
+    :func:`~pymc_hyperelastic.plot_axial_force`.
+
     Where tests are at several axial stretches, each has a colour and a marker, those of its band
-    and its data. Where there is one stretch, or each specimen has its own, and tubes differ,
-    specimens are told apart in the same way. Slopes far outside of the others, as close readings
-    make them, do not stretch the axis: an arrowhead at its end stands for each, and the legend
-    counts them. Nor do bands that reach several times as far as the data, as that of a typical
-    specimen in the tube of a far stiffer or softer one: they go on beyond the axis, and the legend
-    says so.
+    and its data, and so has each pressure at which the stretch was varied. Where there is one
+    stretch, or each specimen has its own, and tubes differ, specimens are told apart in the same
+    way. Slopes far outside of the others, as close readings make them, do not stretch the axis: an
+    arrowhead at its end stands for each, and the legend counts them. Nor do bands that reach
+    several times as far as the data, as that of a typical specimen in the tube of a far stiffer or
+    softer one: they go on beyond the axis, and the legend says so.
 
     Parameters
     ----------
@@ -86,8 +92,9 @@ def plot_pressure_fit(
     Returns
     -------
     arviz_plots.PlotCollection
-        Its variables are ``pressure`` and ``stiffness``, its dimensions ``class_label``, ``tube``
-        and, where they have colours of their own, ``axial_stretch`` or ``specimen``.
+        Its variables are ``pressure`` and ``stiffness``, and of extension tests
+        ``extension_radius``, its dimensions ``class_label``, ``tube`` and, where they have colours
+        of their own, ``axial_stretch`` or ``specimen``.
 
     Raises
     ------
@@ -113,8 +120,10 @@ def plot_pressure_fit(
         {"energy": energy, "specimen": specimen},
         lambda draws, radius: pressure_curve(draws, radius) * factor,
         lambda tests: _measured(tests, factor),
+        lambda _, radius: {"extension_radius": radius},
+        pressure_unit,
     )
-    columns = len(bands.fitted)
+    columns, (rows, shared) = len(bands.fitted), rows_of(bands)
     canvas = Canvas(
         "grid",
         bands.posterior,
@@ -122,24 +131,29 @@ def plot_pressure_fit(
         backend,
         visuals,
         pc_kwargs,
-        {"figsize": (max(2.9 * columns + 0.9, 5), 5.6), "sharex": "col", "sharey": "row"},
+        {"figsize": (max(2.9 * columns + 0.9, 5), 0.6 + 2.5 * rows)} | shared,
         rows=["__variable__"],
         cols=["class_label"],
         **bands.looks,
     )
     entries = draw_bands(canvas, bands)
-    entries |= limit_axis(canvas, bands, "pressure")[1]
-    limits, cut = limit_axis(canvas, bands, "stiffness", _FAR_OUT)
-    entries |= cut
-    if limits:
-        entries |= _draw_beyond(canvas, bands, limits)
-    label_columns(canvas, bands, "pressure", "stiffness")
+    there = [str(name) for name in bands.posterior.data_vars]
+    if "pressure" in there:
+        entries |= limit_axis(canvas, bands, "pressure")[1]
+    if "stiffness" in there:
+        limits, cut = limit_axis(canvas, bands, "stiffness", _FAR_OUT)
+        entries |= cut
+        if limits:
+            entries |= _draw_beyond(canvas, bands, limits)
+    label_columns(canvas, bands, "stiffness")
     where = {"coords": {"class_label": next(iter(bands.fitted))}}
-    for name, text in (
-        ("pressure", f"pressure ({pressure_unit})"),
-        ("stiffness", f"stiffness d$p$/d$a$ ({pressure_unit}/mm)"),
-    ):
-        canvas.label("ylabel", text, data=bands.posterior[[name]], **where)
+    texts = {
+        "pressure": f"pressure ({pressure_unit})",
+        "stiffness": f"stiffness d$p$/d$a$ ({pressure_unit}/mm)",
+        "extension_radius": RADIUS_LABEL,
+    }
+    for name in there:
+        canvas.label("ylabel", texts[name], data=bands.posterior[[name]], **where)
     canvas.legend(entries, loc="outside lower center")
     title_bands(canvas, bands, energy, specimen)
     return canvas.collection
@@ -170,15 +184,23 @@ def _draw_beyond(
 
 
 def _measured(data: xr.Dataset, pressure_factor: float) -> xr.Dataset:
-    """Measured pressures, and their central differences inside each test."""
+    """Measured pressures, and their central differences inside each inflation test.
+
+    Of extension tests the radii.
+    """
     radius, pressure = data["radius"].values, pressure_factor * data["pressure"].values
     slope = np.full_like(pressure, np.nan)
-    for i in range(data.sizes["test"]):
+    extended, dims = extension_tests(data), ("plot_axis", "point")
+    for i in np.flatnonzero(~extended).tolist():
         test = points_of(data, i)
         step = radius[test][2:] - radius[test][:-2]
         step[step == 0] = np.nan
         slope[test][1:-1] = (pressure[test][2:] - pressure[test][:-2]) / step
-    dims = ("plot_axis", "point")
-    return xr.Dataset(
-        {"pressure": (dims, [radius, pressure]), "stiffness": (dims, [radius, slope])}
-    )
+    measured = {}
+    if not extended.all():
+        measured["pressure"] = dims, points_over(data, radius, pressure, extension=False)
+        measured["stiffness"] = dims, points_over(data, radius, slope, extension=False)
+    if extended.any():
+        stretch = at_points(data, "axial_stretch")
+        measured["extension_radius"] = dims, points_over(data, stretch, radius, extension=True)
+    return xr.Dataset(measured)

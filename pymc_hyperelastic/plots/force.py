@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.data.inflation import at_points, extension_tests
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.plots.bands import (
@@ -16,10 +17,13 @@ from pymc_hyperelastic.plots.bands import (
     draw_bands,
     label_columns,
     limit_axis,
+    rows_of,
     title_bands,
 )
+from pymc_hyperelastic.plots.extension import points_over
 from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals
 from pymc_hyperelastic.predictions.curves import force_curve, warn_of_no_force
+from pymc_hyperelastic.predictions.draws import Array, Draws, GivenTube
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -43,6 +47,9 @@ def plot_axial_force(
     ``axial_force`` of the data, are shown beside the bands, whether the class was fitted to them or
     not; without any there are the bands alone.
 
+    Of extension tests the force is shown over the axial stretch, in a panel below: the band is that
+    at the pressures that were measured, each draw at the radius that it has there.
+
     Parameters
     ----------
     classes, data, prob, energy, specimen, backend
@@ -57,8 +64,8 @@ def plot_axial_force(
     Returns
     -------
     arviz_plots.PlotCollection
-        Its variable is ``axial_force``, its dimensions are those of
-        :func:`~pymc_hyperelastic.plot_pressure_fit`.
+        Its variables are ``axial_force`` and, of extension tests, ``extension_force``, its
+        dimensions are those of :func:`~pymc_hyperelastic.plot_pressure_fit`.
 
     Warns
     -----
@@ -81,11 +88,11 @@ def plot_axial_force(
     >>> "points" in figure.viz.children  # nobody measured a force
     False
     """
-    bands = bands_of(
-        classes, data, prob, {"energy": energy, "specimen": specimen}, force_curve, _measured
-    )
-    warn_of_no_force(bands.posterior["axial_force"].sel(plot_axis=["y_bottom", "y_top"]))
-    columns = len(bands.fitted)
+    material: GivenTube = {"energy": energy, "specimen": specimen}
+    bands = bands_of(classes, data, prob, material, force_curve, _measured, _along)
+    if "axial_force" in bands.posterior:
+        warn_of_no_force(bands.posterior["axial_force"].sel(plot_axis=["y_bottom", "y_top"]))
+    columns, (rows, shared) = len(bands.fitted), rows_of(bands)
     canvas = Canvas(
         "grid",
         bands.posterior,
@@ -93,13 +100,15 @@ def plot_axial_force(
         backend,
         visuals,
         pc_kwargs,
-        {"figsize": (max(2.9 * columns + 0.9, 5), 3.6), "sharey": True},
+        {"figsize": (max(2.9 * columns + 0.9, 5), 0.8 + 2.8 * rows)} | shared,
+        rows=["__variable__"],
         cols=["class_label"],
         **bands.looks,
     )
     entries = draw_bands(canvas, bands)
-    entries |= limit_axis(canvas, bands, "axial_force")[1]
-    label_columns(canvas, bands, "axial_force", "axial_force")
+    if "axial_force" in bands.posterior:
+        entries |= limit_axis(canvas, bands, "axial_force")[1]
+    label_columns(canvas, bands, "axial_force")
     first = {"coords": {"class_label": next(iter(bands.fitted))}}
     canvas.label("ylabel", "reduced axial force (mN)", **first)
     canvas.legend(entries, loc="outside lower center")
@@ -107,9 +116,22 @@ def plot_axial_force(
     return canvas.collection
 
 
+def _along(draws: Draws, radius: Array) -> dict[str, Array]:
+    """Axial force of draws at radii along an extension test."""
+    return {"extension_force": draws.tube.axial_force(radius)}
+
+
 def _measured(data: xr.Dataset) -> xr.Dataset:
     """Measured axial forces; NaN where there is none."""
-    radius = data["radius"].values
+    dims, radius = ("plot_axis", "point"), data["radius"].values
     force = data["axial_force"].values if "axial_force" in data else np.full_like(radius, np.nan)
-    known = np.where(np.isnan(force), np.nan, radius)
-    return xr.Dataset({"axial_force": (("plot_axis", "point"), [known, force])})
+    extended, measured = extension_tests(data), {}
+    for name, x, there in (
+        ("axial_force", radius, ~extended),
+        ("extension_force", at_points(data, "axial_stretch"), extended),
+    ):
+        if there.any():
+            known = np.where(np.isnan(force), np.nan, x)
+            extension = name == "extension_force"
+            measured[name] = dims, points_over(data, known, force, extension=extension)
+    return xr.Dataset(measured)

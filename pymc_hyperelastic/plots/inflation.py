@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import check_inflation_data, points_of
+from pymc_hyperelastic.data.inflation import (
+    at_points,
+    check_inflation_data,
+    extension_tests,
+    points_of,
+)
 from pymc_hyperelastic.plots.style import (
     DIAMETER_LABEL,
     MARKERS,
     RADIUS_LABEL,
+    STRETCH_LABEL,
     Backend,
     Canvas,
     Visuals,
@@ -44,10 +51,13 @@ def plot_inflation(
 ) -> PlotCollection:
     """Plot the measured curves: pressure over internal radius, or outer diameter if that was read.
 
+    Extension tests have panels of their own beside these: axial force over axial stretch, or if no
+    forces were measured the radius, or the diameter. Of the others, forces are not shown.
+
     Colours tell specimens apart, or groups where a panel holds several; where there are more than
     seven, line styles do it with them. Markers tell axial stretches, or if there is one, or as many
     as there are specimens, experiments. The curves of a single specimen have colours by axial
-    stretch.
+    stretch, where that varies by the pressure.
 
     Parameters
     ----------
@@ -68,7 +78,8 @@ def plot_inflation(
     Returns
     -------
     arviz_plots.PlotCollection
-        Its title is that of the data, and says whether they are simulated.
+        Its title is that of the data, and says whether they are simulated. Its variable is
+        ``pressure``, and with extension tests ``axial_force`` or ``radius``.
 
     Raises
     ------
@@ -82,42 +93,31 @@ def plot_inflation(
     >>> figure.viz["plot"]["group"].values
     array(['C1', 'C2'], dtype='<U2')
     """
-    from arviz_plots.visuals import line_xy, scatter_xy, set_xlim
+    from arviz_plots.visuals import line_xy, scatter_xy
 
     check_inflation_data(data)
     if group_by not in (*_LABELS, None):
         raise ValueError(f"group_by must be one of {', '.join(_LABELS)} or None, not {group_by!r}")
-    curves = _curves(data, per_kilopascal(pressure_unit))
-    colour, marker = _told_by(curves, group_by)
-    names = curves[group_by].values.tolist() if group_by else [None]
-    columns, rows = min(len(names), 3), -(-len(names) // 3)
-    canvas = Canvas(
-        "wrap",
+    labels = {name: data[name].values.tolist() for name in _LABELS if name != "axial_stretch"}
+    labels["axial_stretch"] = stretch_labels(data, pressure_unit)
+    colour, marker = _told_by(labels, group_by)
+    dims = [name for name in _LABELS if name in (group_by, colour, marker)]
+    curves = _curves(data, {name: labels[name] for name in dims}, per_kilopascal(pressure_unit))
+    canvas = _panels(
         curves,
-        "line points xlabel ylabel title legend",
+        group_by,
         backend,
         visuals,
         pc_kwargs,
-        {"figsize": (3 * columns + (1.2 if columns > 1 else 2.2), 2.9 * rows + 0.3)}
-        | {"sharey": True},
-        cols=[group_by] if group_by else [],
-        col_wrap=3,
         aes={"color": [colour], "linestyle": [colour], "marker": [marker or colour]}
-        | {"overlay": [*_LABELS, "curve"]},
+        | {"overlay": [*dims, "curve"]},
         **told_apart() | ({"marker": MARKERS} if marker else {}),
     )
     canvas.draw("line", line_xy, width=0.8, alpha=0.7, ignore_aes={"marker"})
     canvas.draw("points", scatter_xy, size=10, width=0.8, ignore_aes={"linestyle"})
-    low, high = (float(f(curves["pressure"].sel(plot_axis="x"))) for f in (np.nanmin, np.nanmax))
-    margin = 0.04 * (high - low)
-    canvas.adjust(set_xlim, limits=(low - margin, high + margin))
-    canvas.label("xlabel", DIAMETER_LABEL if "outer_diameter" in data else RADIUS_LABEL)
-    for i, name in enumerate(names):
-        here = {"coords": {group_by: name}} if group_by else {}
-        if i % columns == 0:
-            canvas.label("ylabel", f"pressure ({pressure_unit})", **here)
-        if group_by and len(names) > 1:
-            canvas.label("title", f"{_LABELS[group_by]} {name}", size="medium", **here)
+    _label(canvas, curves, data, group_by, pressure_unit)
+    if backend == "matplotlib":
+        _blank(canvas, curves, group_by)
     entries: dict[str, Any] = {}
     if curves.sizes[colour] > 1 and colour != group_by:
         style = ("color", "linestyle") if marker else ("color", "linestyle", "marker")
@@ -131,45 +131,119 @@ def plot_inflation(
     return canvas.collection
 
 
-def _told_by(curves: xr.Dataset, group_by: str | None) -> tuple[str, str | None]:
+def _panels(
+    curves: xr.Dataset,
+    group_by: str | None,
+    backend: str,
+    visuals: Visuals | None,
+    given: dict[str, Any],
+    **settings: Any,
+) -> Canvas:
+    """Panels side by side; where there are curves of two kinds, a row of both for each group."""
+    known = "line points xlabel ylabel title legend"
+    groups, kinds = curves.sizes[group_by] if group_by else 1, len(curves.data_vars)
+    columns, rows = (min(groups, 3), -(-groups // 3)) if kinds == 1 else (kinds, groups)
+    size = (3 * columns + (1.2 if columns > 1 else 2.2), 2.9 * rows + 0.3)
+    of_groups = [group_by] if group_by else []
+    if kinds == 1:
+        figure = {"figsize": size, "sharey": True}
+        settings |= {"cols": of_groups, "col_wrap": 3}
+        return Canvas("wrap", curves, known, backend, visuals, given, figure, **settings)
+    figure = {"figsize": size, "sharey": "col"}
+    settings |= {"cols": ["__variable__"], "rows": of_groups}
+    return Canvas("grid", curves, known, backend, visuals, given, figure, **settings)
+
+
+def _label(
+    canvas: Canvas, curves: xr.Dataset, data: xr.Dataset, group_by: str | None, pressure_unit: str
+) -> None:
+    """Label and limit the panels of each kind of curves."""
+    from arviz_plots.visuals import set_xlim
+
+    read = DIAMETER_LABEL if "outer_diameter" in data else RADIUS_LABEL
+    axes = {
+        "pressure": (read, f"pressure ({pressure_unit})"),
+        "axial_force": (STRETCH_LABEL, "axial force (mN)"),
+        "radius": (STRETCH_LABEL, read),
+    }
+    names = curves[group_by].values.tolist() if group_by else [None]
+    several = len(curves.data_vars) > 1
+    columns = 1 if several else min(len(names), 3)
+    titled = set()
+    for kind in map(str, curves.data_vars):
+        one = {"data": curves[[kind]]}
+        x = curves[kind].sel(plot_axis="x")
+        low, high = (float(f(x)) for f in (np.nanmin, np.nanmax))
+        margin = 0.04 * (high - low)
+        canvas.adjust(set_xlim, limits=(low - margin, high + margin), **one)
+        canvas.label("xlabel", axes[kind][0], **one)
+        for i, name in enumerate(names):
+            here = {"coords": {group_by: name}} if group_by else {}
+            if i % columns == 0:
+                canvas.label("ylabel", axes[kind][1], **one, **here)
+            there = bool(x.sel(here.get("coords", {})).notnull().any())
+            if group_by and len(names) > 1 and there and name not in titled:
+                titled.add(name)
+                canvas.label("title", f"{_LABELS[group_by]} {name}", size="medium", **one, **here)
+
+
+def _blank(canvas: Canvas, curves: xr.Dataset, group_by: str | None) -> None:
+    """Leave panels blank in which there is no curve, as of a group without extension tests."""
+    if not group_by:
+        return
+    for kind, of_kind in curves.data_vars.items():
+        for name in curves[group_by].values.tolist():
+            if not of_kind.sel({group_by: name}).notnull().any():
+                canvas.collection.get_viz("plot", kind, {group_by: name}).set_axis_off()
+
+
+def _told_by(labels: Mapping[str, list], group_by: str | None) -> tuple[str, str | None]:
     """What colours tell apart, and what markers do, if anything.
 
     Colours tell the coarser of the labels that share a panel.
     """
-    several = [name for name in _LABELS if curves.sizes[name] > 1 and name != group_by]
+
+    def count(*names: str | None) -> int:
+        """How many tests these labels tell apart."""
+        return len(set(zip(*(labels[name] for name in names if name), strict=True)))
+
+    several = [name for name in _LABELS if count(name) > 1 and name != group_by]
     if not several:
         return "specimen", None
     colour, *finer = several
     # Stretches of which each specimen has its own are known by the order of its experiments.
-    if "axial_stretch" in finer and curves.sizes["axial_stretch"] <= len(MARKERS):
+    if "axial_stretch" in finer and count("axial_stretch") <= len(MARKERS):
         return colour, "axial_stretch"
-    there = curves["pressure"].notnull()
-    seen, named = (
-        int(there.any(set(there.dims) - {group_by, colour, *more}).sum())
-        for more in ([], ["experiment"])
-    )
-    told = "experiment" in finer and named > seen
+    told = "experiment" in finer and count(group_by, colour, "experiment") > count(group_by, colour)
     return colour, "experiment" if told else None
 
 
-def _curves(data: xr.Dataset, pressure_factor: float) -> xr.Dataset:
+def _curves(data: xr.Dataset, labels: Mapping[str, list], pressure_factor: float) -> xr.Dataset:
     """Curves by label: each is a dimension, so that panels and colours follow from it."""
-    labels = {name: data[name].values.tolist() for name in _LABELS}
-    labels["axial_stretch"] = stretch_labels(data["axial_stretch"])
     coords = {name: list(dict.fromkeys(values)) for name, values in labels.items()}
-    coords["axial_stretch"].sort(key=by_stretch)
+    if "axial_stretch" in coords:
+        coords["axial_stretch"].sort(key=by_stretch)
     places = [
-        tuple(coords[name].index(labels[name][i]) for name in _LABELS)
+        tuple(coords[name].index(values[i]) for name, values in labels.items())
         for i in range(data.sizes["test"])
     ]
     # Cycles and phases of an experiment have the same labels.
     repeats = [places[:i].count(place) for i, place in enumerate(places)]
     longest = np.bincount(data["test"].values).max()
-    curves = np.full((*map(len, coords.values()), max(repeats) + 1, 2, longest), np.nan)
+    shape = *map(len, coords.values()), max(repeats) + 1, 2, longest
     read = data["outer_diameter" if "outer_diameter" in data else "radius"].values
+    extended, stretch = extension_tests(data), at_points(data, "axial_stretch")
+    force = data["axial_force"].values if "axial_force" in data else np.full(read.size, np.nan)
+    of_extended = np.isfinite(force) & extended[data["test"].values]
+    pulled = ("axial_force", force) if of_extended.any() else ("radius", read)
+    curves: dict[str, np.ndarray] = {}
     for i, (place, repeat) in enumerate(zip(places, repeats, strict=True)):
         test = points_of(data, i)
-        curve = [read[test], pressure_factor * data["pressure"].values[test]]
-        curves[place][repeat, :, : test.stop - test.start] = curve
-    dims = (*_LABELS, "curve", "plot_axis", "point")
-    return xr.Dataset({"pressure": (dims, curves)}, {**coords, "plot_axis": ["x", "y"]})
+        kind, x, y = ("pressure", read, pressure_factor * data["pressure"].values)
+        if extended[i]:
+            (kind, y), x = pulled, stretch
+        of_kind = curves.setdefault(kind, np.full(shape, np.nan))
+        of_kind[place][repeat, :, : test.stop - test.start] = [x[test], y[test]]
+    dims = (*coords, "curve", "plot_axis", "point")
+    variables = {kind: (dims, curves[kind]) for kind in sorted(curves, key="pressure".__ne__)}
+    return xr.Dataset(variables, {**coords, "plot_axis": ["x", "y"]})

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.data.inflation import extension_tests, held_stretches, points_of
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -30,6 +31,9 @@ DOUBT = "#D55E00"  # of what is said in place of an answer
 MOST_DRAWS = 2000  # of a class in one figure: more change no line visibly
 RADIUS_LABEL = "internal radius $a$ (mm)"
 DIAMETER_LABEL = "outer diameter $d_o$ (mm)"
+STRETCH_LABEL = "axial stretch $\\lambda_z$"
+# How the label of a stretch that varies begins; the part by which a pressure that is held varies.
+_VARIED, _HELD = "varied at", 0.5
 # Inches that figures leave for a legend beside and below their panels.
 _BESIDE, _BELOW = 1.2, 0.35
 
@@ -173,14 +177,27 @@ def told_apart() -> dict[str, list[str]]:
     }
 
 
-def stretch_labels(axial_stretch: Any) -> list[str]:
-    """Axial stretches as figures name them."""
-    return [f"{s:.4g}" if np.isfinite(s) else "unknown" for s in np.asarray(axial_stretch, float)]
+def stretch_labels(data: xr.Dataset, pressure_unit: str = "mmHg") -> list[str]:
+    """Axial stretches of tests as figures name them; where they vary, at which pressure."""
+    labels = [f"{s:.4g}" if np.isfinite(s) else "unknown" for s in held_stretches(data)]
+    pressure = per_kilopascal(pressure_unit) * data["pressure"].values
+    for test in np.flatnonzero(extension_tests(data)):
+        own = pressure[points_of(data, int(test))]
+        low, high, mean = (_short(f(own)) for f in (np.min, np.max, np.mean))
+        held = np.ptp(own) <= _HELD * np.abs(own).max()
+        labels[test] = f"{_VARIED} {mean if held else f'{low} to {high}'} {pressure_unit}"
+    return labels
 
 
-def by_stretch(label: str) -> float:
-    """Where the label of an axial stretch stands among others."""
-    return np.inf if label == "unknown" else float(label)
+def by_stretch(label: str) -> tuple[int, float]:
+    """Where the label of an axial stretch stands among others: those that vary after those held."""
+    if label.startswith(_VARIED):
+        return 1, float(label.removeprefix(_VARIED).split()[0])
+    return (2, 0.0) if label == "unknown" else (0, float(label))
+
+
+def _short(pressure: float) -> str:
+    return f"{pressure:.0f}" if abs(pressure) >= 10 else f"{pressure:.2g}"
 
 
 def check_table(result: Any, origin: str, *names: str) -> None:

@@ -37,7 +37,8 @@ def predict_pressure(
         model, needed where the result does not name it; ``specimen``, of whom the prediction is,
         see below; ``inner_radius``, ``outer_radius`` (of the opened sector; not with layers),
         ``axial_stretch``, ``opening_angle`` (rad, the whole one that the sector lacks of a full
-        circle), numbers; ``radius_unit`` (by default ``"mm"``), the unit of all
+        circle), numbers, of the stretch also one for each of the radii (or for one radius several),
+        as in an extension test; ``radius_unit`` (by default ``"mm"``), the unit of all
         radii that are given here, as pint knows it. The result is in mm. What is not given of the
         tube is that of each draw where the posterior has a variable of the name; for the outer
         radius also ``thickness`` (mm) or ``wall_area`` (mm², area of the unloaded wall's
@@ -54,6 +55,7 @@ def predict_pressure(
         lies outside of their convex hull is extrapolated, also of a tube of other dimensions. Of
         the tube of the data that is what lies outside its measured radii. A result that does not
         hold its data, such as one read from an old file, cannot say, and the coordinate is absent.
+        Where several axial stretches are given, ``axial_stretch`` (radius) is a coordinate, too.
 
     Warns
     -----
@@ -89,7 +91,7 @@ def predict_pressure(
     ('chain', 'draw', 'radius')
     """
     draws = draws_of(tree, **tube)
-    radius = checked_radii(internal_radius, **tube)
+    radius = draws.at_each_stretch(checked_radii(internal_radius, **tube))
     warned(draws.extrapolated_radii(radius))
     return pressure_curve(draws, radius)
 
@@ -102,19 +104,43 @@ def pressure_curve(draws: Draws, radius: Array) -> xr.Dataset:
 
 
 def predict_axial_force(
-    tree: xr.DataTree, internal_radius: Any, **tube: Unpack[GivenTube]
+    tree: xr.DataTree,
+    internal_radius: Any = None,
+    *,
+    pressure: Any = None,
+    pressure_unit: str = "kPa",
+    check: Check = "warn",
+    **tube: Unpack[GivenTube],
 ) -> xr.Dataset:
     """Posterior of the tube's reduced axial force at new radii, without measurement error.
 
     It is what a force transducer at the end of the closed tube reads, see
     :func:`~pymc_hyperelastic.axial_force`. Arguments and errors are those of
-    :func:`predict_pressure`.
+    :func:`predict_pressure`; or in place of the radius a pressure is given, as where it is held
+    while the tube is extended.
+
+    Parameters
+    ----------
+    tree, internal_radius, **tube
+        Those of :func:`predict_pressure`.
+    pressure : array_like, shape (pressure,), optional
+        Internal pressures, in `pressure_unit`, in place of radii: the force is that at the radius
+        of :func:`radius_at_pressure`, draw by draw.
+    pressure_unit, check
+        Those of :func:`radius_at_pressure`.
 
     Returns
     -------
     xarray.Dataset
         ``axial_force`` (mN) with dimensions (chain, draw, radius); tension is positive. The
-        coordinate ``extrapolated`` and its warning are those of :func:`predict_pressure`.
+        coordinate ``extrapolated`` and its warning are those of :func:`predict_pressure`. Of given
+        pressures the last dimension is ``pressure``, there is the ``radius`` (mm) as well, and the
+        coordinate and warnings are those of :func:`radius_at_pressure`.
+
+    Raises
+    ------
+    TypeError
+        If radii and pressures are given, or neither.
 
     Warns
     -----
@@ -132,9 +158,24 @@ def predict_axial_force(
     >>> force = ph.predict_axial_force(tree, 1.0, energy=ph.NeoHookean(), **tube)
     >>> force["axial_force"].values.round(3).ravel()
     array([19.641, 39.282])
+
+    The tube is extended while the pressure is held:
+
+    >>> tube["axial_stretch"] = [1.2, 1.4]
+    >>> force = ph.predict_axial_force(tree, pressure=1.0, energy=ph.NeoHookean(), **tube)
+    >>> force["axial_force"].isel(draw=0).values.round(3).ravel()
+    array([19.448, 34.507])
     """
+    if (internal_radius is None) == (pressure is None):
+        raise TypeError("give internal_radius, or pressure, at which the force is asked for")
     draws = draws_of(tree, **tube)
-    radius = checked_radii(internal_radius, **tube)
+    if pressure is not None:
+        pressure = checked_pressures(pressure, pressure_unit, check, stacklevel=2)
+        force = force_at_pressure(draws, draws.at_each_stretch(pressure), pressure_unit)
+        if np.any(pressure > 0):
+            warn_of_no_force(force["axial_force"])
+        return force
+    radius = draws.at_each_stretch(checked_radii(internal_radius, **tube))
     warned(draws.extrapolated_radii(radius))
     force = force_curve(draws, radius)
     # At rest a tube of any material has neither force nor pressure.
@@ -157,6 +198,14 @@ def warn_of_no_force(force: xr.DataArray) -> None:
             "the axial force is 0 at all of these radii, whatever the parameters: at this axial "
             "stretch the strain energy says nothing about a force that is measured"
         )
+
+
+def force_at_pressure(draws: Draws, pressure: Array, unit: str) -> xr.Dataset:
+    """Radius and axial force of draws at pressures, see :func:`predict_axial_force`."""
+    radius = draws.radius_at(pressure)
+    extrapolated = warned(draws.extrapolated_pressures(pressure, radius, unit))
+    curves = {"radius": radius, "axial_force": draws.tube.axial_force(radius)}
+    return draws.dataset({"pressure": pressure}, extrapolated, **curves)
 
 
 def radius_at_pressure(
@@ -183,7 +232,8 @@ def radius_at_pressure(
     tree : xarray.DataTree
         A sampled model, see :func:`predict_pressure`.
     pressure : array_like, shape (pressure,)
-        Internal pressures, in `pressure_unit`.
+        Internal pressures, in `pressure_unit`; one for each axial stretch, or one for all, where
+        several stretches are given.
     pressure_unit : str, default "kPa"
         Unit of what is given, as pint knows it, such as ``"mmHg"``. The result is in kPa.
     check : {"warn", "raise", "ignore"}
@@ -227,6 +277,7 @@ def radius_at_pressure(
     """
     draws = draws_of(tree, **tube)
     pressure = checked_pressures(pressure, pressure_unit, check, stacklevel=2)
+    pressure = draws.at_each_stretch(pressure)
     radius = draws.radius_at(pressure)
     extrapolated = warned(draws.extrapolated_pressures(pressure, radius, pressure_unit))
     return draws.dataset({"pressure": pressure}, extrapolated, radius=radius)

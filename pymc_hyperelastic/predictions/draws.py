@@ -55,6 +55,7 @@ _NAMES = {
     "sigma_zz": ("kPa", "axial Cauchy stress"),
     "position": ("1", "place in the reference wall, 0 inside to 1 outside"),
     "current_radius": ("mm", "current radius of the place in the wall"),
+    "axial_stretch": ("1", "axial stretch"),
     "extrapolated": ("1", "whether it is beyond what was measured"),
 }
 
@@ -65,8 +66,11 @@ class Draws(NamedTuple):
     tube: TubeNumbers
     """Arrays that broadcast to (chain, draw, 1)."""
     coords: dict[str, xr.DataArray]
-    typical: dict[str, float]
-    """Geometry, of which what differs between draws has its median."""
+    typical: dict[str, Any]
+    """Geometry, of which what differs between draws has its median.
+
+    The axial stretch may be an array, one for each of the radii or pressures that are asked for.
+    """
     inferred: dict[str, float]
     """Medians of what is inferred of the geometry, or of the wall."""
     member: Member
@@ -94,6 +98,28 @@ class Draws(NamedTuple):
             return False  # nobody knows
         return "axial_force" not in evidence or bool(evidence["axial_force"].isnull().all())
 
+    def at_each_stretch(self, points: Array) -> Array:
+        """Radii or pressures, as many as axial stretches are given; one is that at all of them.
+
+        Raises
+        ------
+        ValueError
+            If there are as many as several of both, but not as many of one as of the other.
+        """
+        count = np.size(self.typical["axial_stretch"])
+        if points.size == 1 and count > 1:
+            return np.full(count, points[0])
+        self._check_stretches(points)
+        return points
+
+    def _check_stretches(self, points: Array) -> None:
+        count = np.size(self.typical["axial_stretch"])
+        if count not in (1, points.size):
+            raise ValueError(
+                f"axial_stretch has {count} values, and there are {points.size} radii or "
+                "pressures: expected one value, or one for each of these"
+            )
+
     def radius_at(self, pressure: Array) -> Array:
         """Internal radius (chain, draw, pressure) on the rising branch; NaN and a warning if none.
 
@@ -102,12 +128,15 @@ class Draws(NamedTuple):
         ValueError
             If no draw reaches any of the pressures.
         """
+        self._check_stretches(pressure)
         radius = self.tube.radius_at(pressure)
-        _report_unreached(radius, pressure)
+        several = np.size(self.typical["axial_stretch"]) > 1
+        _report_unreached(radius, pressure, several)
         return radius
 
     def extrapolated_radii(self, radius: Array) -> Extrapolated | None:
         """Which internal radii are beyond what was measured; None if the result does not tell."""
+        self._check_stretches(radius)
         measured = self.measured
         if measured is None:
             return None
@@ -130,13 +159,16 @@ class Draws(NamedTuple):
     ) -> xr.Dataset:
         """Label arrays of the dimensions chain, draw and those of `axes`.
 
-        Along the first of `axes` the points are `extrapolated`, or not.
+        Along the first of `axes` the points are `extrapolated`, or not, and at axial stretches of
+        their own if several are given.
         """
         dims = ("chain", "draw", *axes)
         values = {name: (dims, value) for name, value in variables.items()}
         coords: dict[str, Any] = {**self.coords, **axes}
         if extrapolated is not None:
             coords["extrapolated"] = next(iter(axes)), extrapolated.points
+        if axes and np.ndim(self.typical["axial_stretch"]):
+            coords["axial_stretch"] = next(iter(axes)), self.typical["axial_stretch"]
         result = xr.Dataset(values, coords)
         if self.member.name is not None:
             result.attrs["specimen"] = self.member.name
@@ -153,7 +185,8 @@ class GivenTube(TypedDict, total=False):
     specimen: str | None
     inner_radius: float | None
     outer_radius: float | None
-    axial_stretch: float | None
+    axial_stretch: float | Sequence[float] | NDArray[np.float64] | None
+    """One for all points, or one for each."""
     opening_angle: float | None
     radius_unit: str
     """Of all radii that are given."""
@@ -193,7 +226,7 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
     return Draws(
         TubeNumbers(_layers(wall, values, geometry), geometry),
         {name: posterior[name] for name in ("chain", "draw")},
-        {name: value.item() for name, value in typical.items()},
+        {name: v.item() if v.size == 1 else v.ravel() for name, v in typical.items()},
         medians,
         member,
         tree.name,
@@ -242,11 +275,13 @@ def _layers(
     return layers
 
 
-def _given_geometry(**tube: Unpack[GivenTube]) -> dict[str, float]:
+def _given_geometry(**tube: Unpack[GivenTube]) -> dict[str, Any]:
     """What is given of the geometry, in mm and rad."""
     given: dict[str, Any] = {k: v for k, v in tube.items() if k in GEOMETRY and v is not None}
     for name, value in given.items():
-        if not isinstance(value, Real):
+        if name == "axial_stretch" and not isinstance(value, Real):
+            given[name] = checked_numbers(name, value, "axial stretches, one for each point")
+        elif not isinstance(value, Real):
             raise TypeError(f"{name} is {value!r}; expected a number")
         if name in ("inner_radius", "outer_radius"):
             given[name] = float(_millimetres(value, **tube))
@@ -281,7 +316,9 @@ def _geometry(
         raise ValueError(_not_one_tube(data, unknown))
     tube = inferred_geometry(tube)
     check_geometry(**tube)
-    return {name: np.atleast_3d(np.asarray(tube[name], float)) for name in GEOMETRY}
+    values = {name: np.asarray(tube[name], float) for name in GEOMETRY}
+    # What is given as a list is by points, the last axis.
+    return {n: v[None, None] if v.ndim == 1 else np.atleast_3d(v) for n, v in values.items()}
 
 
 def _not_one_tube(data: xr.Dataset | None, unknown: list[str]) -> str:
@@ -369,16 +406,21 @@ def radii_of_data(data: xr.Dataset | None) -> Array:
     return np.linspace(measured.min(), measured.max(), _RADII)
 
 
-def _report_unreached(radius: Array, pressure: Array) -> None:
+def _report_unreached(radius: Array, pressure: Array, several_stretches: bool) -> None:
     """Warn of pressures that some draws do not reach; raise if none reaches any."""
     unreached = np.isnan(radius)
     where = "on the rising branch of the curve, see ph.radius_at_pressure"
     if unreached.all():
-        wanted = ", ".join(f"{p:g}" for p in pressure)
+        wanted = ", ".join(f"{p:g}" for p in dict.fromkeys(pressure.tolist()))
         raise ValueError(f"no draw reaches a pressure of {wanted} kPa {where}")
     count = unreached.sum(axis=(0, 1))
-    if count.any():
+    if not count.any():
+        return
+    if several_stretches:
+        missed = f"{unreached.any(axis=-1).sum()} do not reach the pressure at "
+        missed += f"{(count > 0).sum()} of {count.size} axial stretches"
+    else:
         missed = ", ".join(
             f"{n} do not reach {p:g} kPa" for p, n in zip(pressure, count, strict=True) if n
         )
-        warn_user(f"of {radius[..., 0].size} draws {missed} {where}; the values are NaN there")
+    warn_user(f"of {radius[..., 0].size} draws {missed} {where}; the values are NaN there")

@@ -7,22 +7,23 @@ at a radius
     where circles of the wall have hoop and axial stretches that lie outside the convex hull of
     those that were measured. On one tube at one axial stretch that is outside its measured radii;
 at a pressure
-    that is lower or higher than all that were measured on this tube. To tests on other tubes, or at
-    other axial stretches, pressures do not compare: if there are such, it is extrapolated only
-    if the wall at its median radius is, too.
+    that is lower or higher than all that were measured on this tube at this axial stretch, in
+    inflation tests or in extension tests that pass through it. To tests on other tubes, or at other
+    axial stretches, pressures do not compare: if there are such, it is extrapolated only if the
+    wall at its median radius is, too.
 
 Where the geometry is inferred, its median stands for it.
 """
 
 import warnings
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.inflation import points_of
+from pymc_hyperelastic.data.inflation import at_points, extension_tests, points_of
 from pymc_hyperelastic.data.units import mmHg
 from pymc_hyperelastic.evidence.checks import PACKAGE
 from pymc_hyperelastic.mechanics.tube import (
@@ -49,32 +50,47 @@ class Extrapolated(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """The tests of a result: on which tubes, and from where to where."""
+    """The tests of a result: on which tubes, and from where to where.
+
+    Every point of an extension test is at an axial stretch of its own, and stands here beside the
+    inflation tests.
+    """
 
     tubes: dict[str, Array]
-    """Geometry by test."""
+    """Geometry of each test, or point."""
     radius: Array
-    """Smallest and largest internal radius of each test, mm: (end, test)."""
+    """Smallest and largest internal radius of each, mm: (end, test)."""
+    axial: Array
+    """Least and largest axial stretch of each; of a point those of its test."""
     pressure: Array
     """Lowest and highest pressure, kPa, likewise."""
 
-    def at_radii(self, radius: Array, tube: Mapping[str, float]) -> Extrapolated:
-        """Which internal radii of a tube are beyond."""
+    def at_radii(self, radius: Array, tube: Mapping[str, Any]) -> Extrapolated:
+        """Which internal radii of a tube, of one axial stretch or one each, are beyond."""
         beyond = self._beyond_stretches(radius, tube)
-        if self._on(tube).all():
+        held = np.array_equal(*self.axial) and not np.ndim(tube["axial_stretch"])
+        if held and self._on(tube, tube["axial_stretch"]).all():
             words = f"internal radius {_ends(radius[beyond.points])} mm, measured "
             return beyond._replace(words=words + f"{_ends(self.radius)} mm")
         return beyond
 
     def at_pressures(
-        self, pressure: Array, radius: Array, tube: Mapping[str, float], unit: str
+        self, pressure: Array, radius: Array, tube: Mapping[str, Any], unit: str
     ) -> Extrapolated:
-        """Which pressures, given in a unit, are beyond in a tube that has these median radii."""
-        here = self._on(tube)
-        beyond = np.ones(pressure.shape, bool)
-        if here.any():
-            on_this = self.pressure[:, here]
-            beyond = ~_between(pressure, on_this.min(), on_this.max())
+        """Which pressures, given in a unit, are beyond in a tube that has these median radii.
+
+        The tube has one axial stretch, or one for each of them.
+        """
+        stretches = np.broadcast_to(tube["axial_stretch"], pressure.shape)
+        here = np.array([self._on(tube, stretch) for stretch in stretches])
+        there = here.any(axis=1)
+        low, high = (
+            np.where(there, extreme(np.where(here, of_tests, far), axis=1), np.nan)
+            for extreme, of_tests, far in zip(
+                (np.min, np.max), self.pressure, (np.inf, -np.inf), strict=True
+            )
+        )
+        beyond = ~_between(pressure, low, high)
         words = f"pressure {_in_both_units(pressure[beyond])}"
         if here.all():
             words += f", measured {_in_both_units(self.pressure)}"
@@ -87,27 +103,32 @@ class Measured(NamedTuple):
         words = f"pressure {_in_both_units(pressure[beyond])}, {stretched.words}"
         return Extrapolated(beyond, words)
 
-    def _on(self, tube: Mapping[str, float]) -> NDArray[np.bool_]:
-        """Which tests are on this tube."""
-        same = [np.isclose(self.tubes[n], tube[n], rtol=_ROUNDING, atol=0) for n in GEOMETRY]
-        return np.all(same, axis=0)
+    def _on(self, tube: Mapping[str, Any], stretch: float) -> NDArray[np.bool_]:
+        """Which tests are on this tube, and have, or pass through, this axial stretch."""
+        unloaded = [name for name in GEOMETRY if name != "axial_stretch"]
+        same = [np.isclose(self.tubes[n], tube[n], rtol=_ROUNDING, atol=0) for n in unloaded]
+        return np.all([*same, _between(stretch, *self.axial)], axis=0)
 
-    def _beyond_stretches(self, radius: Array, tube: Mapping[str, float]) -> Extrapolated:
+    def _beyond_stretches(self, radius: Array, tube: Mapping[str, Any]) -> Extrapolated:
         """At which radii the wall of a tube is stretched as none was."""
-        axial, measured = tube["axial_stretch"], self.tubes["axial_stretch"]
-        if not _between(axial, measured.min(), measured.max()):
-            words = f"axial stretch {axial:.4g}, measured {_ends(measured)}"
-            return Extrapolated(np.ones(radius.shape, bool), words)
+        axial = np.broadcast_to(tube["axial_stretch"], radius.shape)
+        measured = self.tubes["axial_stretch"]
+        outside = ~_between(axial, measured.min(), measured.max())
+        if outside.all():
+            words = f"axial stretch {_ends(axial)}, measured {_ends(measured)}"
+            return Extrapolated(outside, words)
         of_tests = np.concatenate([_hoop_stretches(a, self.tubes) for a in self.radius])
         low = -_upper_hull(axial, measured, -of_tests.min(axis=0))
         high = _upper_hull(axial, measured, of_tests.max(axis=0))
         asked = _hoop_stretches(radius, tube)
         # A radius that is NaN is not between.
-        beyond = ~_between(asked, low, high).all(axis=0)
+        beyond = outside | ~_between(asked, low, high).all(axis=0)
         words = (
-            f"hoop stretch of the wall {_ends(asked[:, beyond])} at axial stretch {axial:.4g}, "
-            f"measured {low:.4g} to {high:.4g}"
+            f"hoop stretch of the wall {_ends(asked[:, beyond])} at axial stretch {_ends(axial)}, "
+            f"measured {low.min():.4g} to {high.max():.4g}"
         )
+        if outside.any():
+            words += f" at {_ends(measured)}"
         return Extrapolated(beyond, words)
 
 
@@ -117,10 +138,10 @@ def typical_tests(data: xr.Dataset, inferred: Mapping[str, float]) -> xr.Dataset
     tubes = inferred_geometry(
         tubes | {k: np.full(data.sizes["test"], v) for k, v in inferred.items()}
     )
-    data = data.assign({name: ("test", value) for name, value in tubes.items()})
+    data = data.assign({name: (data[name].dims, value) for name, value in tubes.items()})
     if np.isfinite(data["radius"]).all() or "outer_diameter" not in data:
         return data
-    of_points = {name: value[data["test"].values] for name, value in tubes.items()}
+    of_points = {name: at_points(data, name) for name in GEOMETRY}
     with np.errstate(invalid="ignore"):
         radius = internal_radius_from_outer_radius(data["outer_diameter"].values / 2, **of_points)
     return data.assign(radius=("obs", radius))
@@ -128,17 +149,25 @@ def typical_tests(data: xr.Dataset, inferred: Mapping[str, float]) -> xr.Dataset
 
 def measured_by(tests: xr.Dataset) -> Measured | None:
     """What was measured in tests; None if nothing is known of their tubes."""
-    spans = [points_of(tests, test) for test in range(tests.sizes["test"])]
-    radius, pressure = (
-        np.array([[f(tests[name].values[span]) for span in spans] for f in (np.min, np.max)])
-        for name in ("radius", "pressure")
-    )
-    tubes = {name: tests[name].values for name in GEOMETRY}
-    known = np.isfinite([*tubes.values(), *radius, *pressure]).all(axis=0)
+    points = {name: tests[name].values for name in ("radius", "pressure")}
+    points |= {name: at_points(tests, name) for name in GEOMETRY}
+    columns: list[dict[str, Array]] = []
+    for test, extended in enumerate(extension_tests(tests)):
+        own = {name: values[points_of(tests, test)] for name, values in points.items()}
+        ends = {name: np.array([[v.min()], [v.max()]]) for name, v in own.items()}
+        if extended:
+            count = own["radius"].size
+            ends = {name: np.repeat(v, count, axis=1) for name, v in ends.items()}
+            ends["radius"] = np.stack([own["radius"]] * 2)
+        at_each = own["axial_stretch"] if extended else own["axial_stretch"][:1]
+        columns.append(ends | {"at_each": at_each[None]})
+    joined = {n: np.concatenate([c[n] for c in columns], axis=1) for n in columns[0]}
+    known = np.isfinite(np.concatenate([*joined.values()])).all(axis=0)
     if not known.any():
         return None
-    tubes = {name: value[known] for name, value in tubes.items()}
-    return Measured(tubes, radius[:, known], pressure[:, known])
+    joined = {name: values[:, known] for name, values in joined.items()}
+    tubes = {name: joined[name][0] for name in GEOMETRY} | {"axial_stretch": joined["at_each"][0]}
+    return Measured(tubes, joined["radius"], joined["axial_stretch"], joined["pressure"])
 
 
 def warned(extrapolated: Extrapolated | None) -> Extrapolated | None:
@@ -165,15 +194,15 @@ def _hoop_stretches(radius: Array, tube: Mapping[str, Array | float]) -> Array:
     return np.array([stretches(face, radius, **rest)[1] for face in faces])
 
 
-def _upper_hull(at: float, x: Array, y: Array) -> float:
-    """Height of the convex hull of points (x, y) at one place between them."""
+def _upper_hull(at: Array, x: Array, y: Array) -> Array:
+    """Height of the convex hull of points (x, y) at places between them."""
     hull: list[tuple[float, float]] = []
     for place in np.unique(x):
         point = place, y[x == place].max()
         while len(hull) > 1 and _turns_left(hull[-2], hull[-1], point):
             hull.pop()
         hull.append(point)
-    return float(np.interp(at, *np.transpose(hull)))
+    return np.interp(at, *np.transpose(hull))
 
 
 def _turns_left(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
@@ -181,8 +210,8 @@ def _turns_left(a: tuple[float, float], b: tuple[float, float], c: tuple[float, 
     return (b[0] - a[0]) * (c[1] - a[1]) >= (b[1] - a[1]) * (c[0] - a[0])
 
 
-def _between(x: Array | float, low: float, high: float) -> NDArray[np.bool_]:
-    margin = _ROUNDING * max(abs(low), abs(high))
+def _between(x: Array | float, low: Array | float, high: Array | float) -> NDArray[np.bool_]:
+    margin = _ROUNDING * np.maximum(np.abs(low), np.abs(high))
     return np.logical_and(x >= low - margin, x <= high + margin)
 
 

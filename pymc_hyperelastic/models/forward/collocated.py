@@ -1,21 +1,25 @@
 """Curves as constant matrices times the material's response, for known radii and geometry."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import measured_radius
+from pymc_hyperelastic.data.inflation import at_points, extension_tests, measured_radius
 from pymc_hyperelastic.mechanics.collocation import (
     CollocatedAxialForce,
     CollocatedPressureIntegral,
+    Group,
     KnownTubes,
+    Nodes,
     collocate,
     curve_matrices,
+    groups_by,
 )
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward.direct import WallVariables
@@ -23,43 +27,70 @@ from pymc_hyperelastic.models.forward.direct import WallVariables
 Array = NDArray[np.float64]
 Arrays = dict[str, NDArray]
 
+# What names the arrays of extension tests.
+_EXTENSION = "extension_"
+
 
 def known_tubes(data: xr.Dataset) -> KnownTubes:
     """The tube at every point of the data."""
-    test, radius = data["test"].values, data["radius"].values.astype(float)
-    geometry = {name: data[name].values[test].astype(float) for name in GEOMETRY}
+    radius = data["radius"].values.astype(float)
+    geometry = {name: at_points(data, name) for name in GEOMETRY}
     return KnownTubes(radius, **geometry, growth=measured_radius(data).values / radius)
+
+
+def groups_of(
+    data: xr.Dataset, tubes: KnownTubes, *, by_test: bool = False
+) -> tuple[list[Group], list[Group]]:
+    """Groups of inflation tests at one axial stretch each, and one of all extension tests.
+
+    With `by_test` each test is a group.
+    """
+    test = data["test"].values
+    extended = extension_tests(data)[test]
+    keys = (test, test) if by_test else (tubes.axial_stretch, np.zeros_like(test))
+    held = groups_by(tubes, keys[0], np.flatnonzero(~extended), varied=False)
+    varied = groups_by(tubes, keys[1], np.flatnonzero(extended), varied=True)
+    return held, varied
 
 
 @dataclass(frozen=True)
 class Collocated:
     """Constant matrices of so many Chebyshev stretches.
 
-    The methods are those of :class:`~pymc_hyperelastic.models.forward.direct.Direct`; geometry is
-    known, and plays no part in them.
+    Those of inflation tests are `nodes`, those of extension tests `grid`: None if there are none,
+    and then none may take the place of the data. The methods are those of
+    :class:`~pymc_hyperelastic.models.forward.direct.Direct`; geometry is known, and plays no part
+    in them.
     """
 
     nodes: int
     with_force: bool = False
     by_test: bool = False
+    grid: Nodes | None = None
 
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
         """Arrays by which the data enter :meth:`curves`."""
-        group = data["test"].values if self.by_test else None
-        matrices, place = curve_matrices(known_tubes(data), self.nodes, group)
-        if not self.with_force:
-            del matrices["force_matrix"]
-        return matrices | {"place": place}
+        tubes, arrays = known_tubes(data), self._which(data)
+        for prefix, (groups, nodes) in self._parts(data, tubes).items():
+            matrices, place = curve_matrices(tubes, groups, nodes)
+            if not self.with_force:
+                del matrices["force_matrix"]
+            of_part = matrices | {"place": place}
+            arrays |= {prefix + name: array for name, array in of_part.items()}
+        return arrays
 
     def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """What the model says at the points."""
-        pressure, stiffness = self._pressure(
-            inputs, inputs["pressure_matrix"], inputs["stiffness_matrix"], wall
-        )
-        curves = {"pressure": pressure, "stiffness": stiffness}
-        if self.with_force:
-            curves["axial_force"] = self._force(inputs, wall)
-        return {name: curve.flatten()[inputs["place"]] for name, curve in curves.items()}
+        of_parts = []
+        for part, entries in self._inputs(inputs, wall):
+            pressure, stiffness = self._pressure(
+                part, part["pressure_matrix"], part["stiffness_matrix"], wall, entries
+            )
+            curves = {"pressure": pressure, "stiffness": stiffness}
+            if self.with_force:
+                curves["axial_force"] = self._force(part, wall, entries)
+            of_parts.append({n: curve.flatten()[part["place"]] for n, curve in curves.items()})
+        return {name: _joined(inputs, [part[name] for part in of_parts]) for name in of_parts[0]}
 
     def conditions(self, *_: Any) -> list[TensorVariable]:
         """None: known tubes are possible."""
@@ -70,62 +101,143 @@ class Collocated:
 
         As many numbers as there are stretches stand for all points, see :func:`collocate`.
         """
-        return collocate(known_tubes(data), self.nodes, dict(targets))
+        tubes, arrays = known_tubes(data), self._which(data)
+        arrays.pop("extended", None)
+        residuals = {f"{name}_residual": np.zeros(()) for name in targets}
+        for prefix, (groups, nodes) in self._parts(data, tubes).items():
+            of_part = collocate(tubes, groups, nodes, dict(targets))
+            for name, residual in residuals.items():
+                residual += of_part.pop(name)
+            arrays |= {prefix + name: array for name, array in of_part.items()}
+        return arrays | residuals
 
     def differences(
         self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
-    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
+    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
         """Differences between curves and targets, compressed."""
-        # Without slopes, as many rows of nothing.
-        slope_matrix = inputs.get("slope_matrix", inputs["pressure_matrix"][:, :0])
-        pressure, slope = self._pressure(inputs, inputs["pressure_matrix"], slope_matrix, wall)
-        response = {"pressure": pressure - inputs["pressure_target"]}
-        if "slope_target" in inputs:
-            response["slope"] = slope - inputs["slope_target"]
-        if "force_target" in inputs:
-            response["force"] = self._force(inputs, wall) - inputs["force_target"]
+        response: dict[str, list[TensorVariable]] = {}
+        for part, entries in self._inputs(inputs, wall):
+            # Without slopes, as many rows of nothing.
+            slope_matrix = part.get("slope_matrix", part["pressure_matrix"][:, :0])
+            pressure, slope = self._pressure(
+                part, part["pressure_matrix"], slope_matrix, wall, entries
+            )
+            found = {"pressure": pressure, "slope": slope}
+            if "force_target" in part:
+                found["force"] = self._force(part, wall, entries)
+            for name, curve in found.items():
+                if f"{name}_target" in part:
+                    response.setdefault(name, []).append(curve - part[f"{name}_target"])
         return response, []
 
     def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
         """Arrays by which the data, and a linear map of each test, enter :meth:`mapped`."""
-        arrays = self.curve_arrays(data)
-        shape, place = arrays["pressure_matrix"].shape, arrays["place"]
-        pressure, stiffness = (
-            arrays[name].reshape(-1, self.nodes)[place]
-            for name in ("pressure_matrix", "stiffness_matrix")
-        )
-        growth = known_tubes(data).growth[:, None]
-        matrix = np.zeros((shape[0] * shape[1], shape[2]))
-        matrix[place] = linear(pressure, stiffness * growth)
-        return {
-            "log_hoop": arrays["log_hoop"],
-            "log_axial": arrays["log_axial"],
-            "mapped_matrix": matrix.reshape(shape),
-            "no_slopes": np.zeros((shape[0], 0, shape[2])),
-            "place": place,
-        }
+        tubes = known_tubes(data)
+        arrays, growth = self._which(data), tubes.growth[:, None]
+        for prefix, (groups, nodes) in self._parts(data, tubes).items():
+            matrices, place = curve_matrices(tubes, groups, nodes)
+            shape = matrices["pressure_matrix"].shape
+            points = np.concatenate([group.points for group in groups])
+            pressure, stiffness = np.zeros((2, len(place), shape[2]))
+            pressure[points] = matrices["pressure_matrix"].reshape(-1, shape[2])[place[points]]
+            stiffness[points] = matrices["stiffness_matrix"].reshape(-1, shape[2])[place[points]]
+            matrix = np.zeros((shape[0] * shape[1], shape[2]))
+            matrix[place[points]] = linear(pressure, stiffness * growth)[points]
+            of_part = {
+                "log_hoop": matrices["log_hoop"],
+                "log_axial": matrices["log_axial"],
+                "mapped_matrix": matrix.reshape(shape),
+                "no_slopes": np.zeros((shape[0], 0, shape[2])),
+                "place": place,
+            }
+            arrays |= {prefix + name: array for name, array in of_part.items()}
+        return arrays
 
     def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
         """A linear map of pressures and slopes: one constant matrix times the response."""
-        mapped, _ = self._pressure(inputs, inputs["mapped_matrix"], inputs["no_slopes"], wall)
-        return mapped.flatten()[inputs["place"]]
+        of_parts = []
+        for part, entries in self._inputs(inputs, wall):
+            mapped, _ = self._pressure(
+                part, part["mapped_matrix"], part["no_slopes"], wall, entries
+            )
+            of_parts.append(mapped.flatten()[part["place"]])
+        return _joined(inputs, of_parts)
+
+    def _parts(
+        self, data: xr.Dataset, tubes: KnownTubes
+    ) -> dict[str, tuple[Sequence[Group], Nodes]]:
+        """Groups and nodes of inflation tests and of extension tests, by what names their arrays.
+
+        Where there are no tests of one kind a group without points stands for them.
+        """
+        held, varied = groups_of(data, tubes, by_test=self.by_test)
+        if self.grid is None:
+            if varied:
+                raise ValueError(
+                    "these data hold extension tests, in which axial_stretch varies, and those in "
+                    "whose place they are put hold none: make the model of data that hold both"
+                )
+            return {"": (held, Nodes(self.nodes))}
+        return {
+            "": (held, Nodes(self.nodes)) if held else _NOTHING,
+            _EXTENSION: (varied, self.grid) if varied else _NOTHING,
+        }
+
+    def _which(self, data: xr.Dataset) -> Arrays:
+        """Which points are of extension tests; by test, of which test each group is."""
+        if self.grid is None:
+            return {}
+        extended = extension_tests(data)
+        arrays: Arrays = {"extended": extended[data["test"].values]}
+        if self.by_test:
+            for prefix, there in (("", ~extended), (_EXTENSION, extended)):
+                tests = np.flatnonzero(there)
+                arrays[f"{prefix}tests"] = tests if tests.size else np.zeros(1, int)
+        return arrays
+
+    def _inputs(
+        self, inputs: Mapping[str, Any], wall: WallVariables
+    ) -> list[tuple[Mapping[str, Any], list[Any]]]:
+        """Inputs and entries of the parameters of each of the parts."""
+        entries = wall.energy.split(wall.parameters)
+        if self.grid is None:
+            return [(inputs, entries)]
+        start = len(_EXTENSION)
+        varied = {k[start:]: v for k, v in inputs.items() if k.startswith(_EXTENSION)}
+        held = {k: v for k, v in inputs.items() if not k.startswith(_EXTENSION)}
+        if not self.by_test:
+            return [(held, entries), (varied, entries)]
+        return [(part, [x[part["tests"]] for x in entries]) for part in (held, varied)]
 
     def _pressure(
         self,
-        inputs: Mapping[str, Any],
+        part: Mapping[str, Any],
         pressure_matrix: Any,
         slope_matrix: Any,
         wall: WallVariables,
+        entries: Sequence[Any],
     ) -> tuple[TensorVariable, TensorVariable]:
         integral = CollocatedPressureIntegral(strain_energy=wall.energy, per_group=self.by_test)
-        stretches, entries = _stretches(inputs), wall.energy.split(wall.parameters)
-        return integral(*stretches, pressure_matrix, slope_matrix, *entries)
+        return integral(*_stretches(part), pressure_matrix, slope_matrix, *entries)
 
-    def _force(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
+    def _force(
+        self, part: Mapping[str, Any], wall: WallVariables, entries: Sequence[Any]
+    ) -> TensorVariable:
         integral = CollocatedAxialForce(strain_energy=wall.energy, per_group=self.by_test)
-        entries = wall.energy.split(wall.parameters)
-        return integral(*_stretches(inputs), inputs["force_matrix"], *entries)
+        return integral(*_stretches(part), part["force_matrix"], *entries)
+
+
+# One node, where the tube is at rest.
+_NOTHING = [Group(np.empty(0, int), (0.0, 0.0), (0.0, 0.0))], Nodes(1)
 
 
 def _stretches(inputs: Mapping[str, Any]) -> tuple[Any, Any]:
     return inputs["log_hoop"], inputs["log_axial"]
+
+
+def _joined(inputs: Mapping[str, Any], of_parts: Sequence[TensorVariable]) -> TensorVariable:
+    """Curves at the points, of which each is of an inflation test or of an extension test."""
+    if len(of_parts) == 1:
+        return of_parts[0]
+    held, varied = of_parts
+    return pt.where(inputs["extended"], varied, held)

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import measured_radius
+from pymc_hyperelastic.data.inflation import at_points, measured_radius
 from pymc_hyperelastic.mechanics.axial_force import wall_force
 from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
 from pymc_hyperelastic.mechanics.layers import Tube, tubes_of
@@ -30,7 +30,7 @@ _OVERFLOW = np.float64(1e60)
 
 def tube_inputs(data: xr.Dataset) -> Arrays:
     """What was measured of the tube at each point: its geometry, and one of its current radii."""
-    inputs = {name: data[name].values.astype(float)[data["test"].values] for name in GEOMETRY}
+    inputs = {name: at_points(data, name) for name in GEOMETRY}
     name = "current_outer_radius" if "outer_diameter" in data else "radius"
     return inputs | {name: measured_radius(data).values.astype(float)}
 
@@ -145,23 +145,28 @@ class Direct:
 
     def differences(
         self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
-    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
-        """Differences between curves and targets, and conditions of there being any."""
+    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+        """Differences between curves and targets, and conditions of there being any.
+
+        With the error in the radius pressure is what was controlled: radius and force are those of
+        the tube at the measured pressure.
+        """
         current = self._tube(inputs, wall)
         conditions = self.conditions(inputs, wall)
         if error_in == "radius":
-            found, error = self._error_in_radius(current, inputs["pressure_target"])
+            found, there = self._at_pressure(current, inputs["pressure_target"])
             conditions.append(found)
-            response = {"radius": error}
+            error = there.measured(there.radius) - current.measured(current.radius)
+            response, current = {"radius": [error]}, there
         else:
             pressure, stiffness = wall_pressure(current.tubes, self.order)
-            response = {"pressure": pressure - inputs["pressure_target"]}
+            response = {"pressure": [pressure - inputs["pressure_target"]]}
             if "slope_rows" in inputs:
                 slope = _bounded(stiffness) * current.growth
-                response["slope"] = slope[inputs["slope_rows"]] - inputs["slope_target"]
+                response["slope"] = [slope[inputs["slope_rows"]] - inputs["slope_target"]]
         if "force_rows" in inputs:
             force = wall_force(current.tubes, self.order)[inputs["force_rows"]]
-            response["force"] = force - inputs["force_target"]
+            response["force"] = [force - inputs["force_target"]]
         return response, conditions
 
     def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
@@ -192,10 +197,10 @@ class Direct:
             wall = wall._replace(parameters=of_points)
         return current_tube(inputs, wall)
 
-    def _error_in_radius(
+    def _at_pressure(
         self, current: CurrentTube, pressure: Any
-    ) -> tuple[TensorVariable, TensorVariable]:
-        """Whether there are radii of the measured pressures; how far they are from the measured."""
+    ) -> tuple[TensorVariable, CurrentTube]:
+        """Whether there are radii of the measured pressures, and the tube at these."""
         energies, inputs = [], []
         for tube in current.tubes:
             _, inner_radius, outer_radius, *_ = tube.geometry
@@ -206,7 +211,7 @@ class Direct:
         radius, last_step = op(pressure, current.radius, inner_radius, *reference, *inputs)
         found = last_step < _LARGEST_LAST_STEP
         radius = pt.where(found, radius, current.radius)
-        return pt.all(found), current.measured(radius) - current.measured(current.radius)
+        return pt.all(found), current._replace(radius=radius)
 
 
 def _bounded(stiffness: TensorVariable) -> TensorVariable:

@@ -13,7 +13,7 @@ from pytensor.compile.sharedvalue import SharedVariable
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import points_of
+from pymc_hyperelastic.data.inflation import at_points, extension_tests, points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
@@ -90,7 +90,10 @@ class ForwardModel:
         return other
 
     def between(self) -> "ForwardModel":
-        """The same tests at radii evenly spread between the ends of each."""
+        """The same tests at radii evenly spread between the ends of each.
+
+        Those of an extension test are at axial stretches that are evenly spread.
+        """
         return self.with_data(_between(self.data))
 
     def set_data(self, data: xr.Dataset) -> None:
@@ -181,8 +184,8 @@ class SymbolicTube(NamedTuple):
         )
         differences, conditions = way.differences(inputs, self.wall, self.forward.error_in)
         squares = {}
-        for name, difference in differences.items():
-            total = pt.sum(pt.square(difference))
+        for name, parts in differences.items():
+            total = sum(pt.sum(pt.square(difference)) for difference in parts)
             conditions.append(total < _LARGEST_MISFIT)
             # Else a noise parameter's gradient would be 0 * inf. That of the material is zero by
             # the integral itself.
@@ -208,17 +211,26 @@ def _shared_variable(value: NDArray, name: str) -> Variable:
 
 
 def _between(data: xr.Dataset) -> xr.Dataset:
-    spans = [points_of(data, test) for test in range(data.sizes["test"])]
-    steps = np.linspace(0, 1, _RADII_BETWEEN)
-    measured = {
-        name: (
-            "obs",
-            np.concatenate(
-                [v.min() + steps * np.ptp(v) for v in (data[name].values[span] for span in spans)]
-            ),
-        )
-        for name in ("radius", "outer_diameter")
-        if name in data
-    }
-    test = np.repeat(np.arange(len(spans)), _RADII_BETWEEN)
-    return xr.Dataset(measured, {"test": ("obs", test)}).assign(data[list(GEOMETRY)].data_vars)
+    names = [name for name in ("radius", "outer_diameter") if name in data]
+    measured = {name: data[name].values.astype(float) for name in names}
+    measured["axial_stretch"] = at_points(data, "axial_stretch")
+    extended = extension_tests(data)
+    between: dict[str, list[NDArray]] = {name: [] for name in measured}
+    for test in range(data.sizes["test"]):
+        own = {name: values[points_of(data, test)] for name, values in measured.items()}
+        along = "axial_stretch" if extended[test] else None
+        for name, values in own.items():
+            between[name].append(_along(own[along], values) if along else _evenly(values))
+    points = {name: ("obs", np.concatenate(values)) for name, values in between.items()}
+    of_points = np.repeat(np.arange(data.sizes["test"]), _RADII_BETWEEN)
+    of_tests = data[[name for name in GEOMETRY if name != "axial_stretch"]].data_vars
+    return xr.Dataset(points, {"test": ("obs", of_points)}).assign(of_tests)
+
+
+def _evenly(values: NDArray) -> NDArray:
+    return values.min() + np.linspace(0, 1, _RADII_BETWEEN) * np.ptp(values)
+
+
+def _along(stretch: NDArray, values: NDArray) -> NDArray:
+    order = np.argsort(stretch, kind="stable")
+    return np.interp(_evenly(stretch), stretch[order], values[order])

@@ -14,12 +14,17 @@ from pytensor.graph.replace import vectorize_graph
 from pytensor.graph.utils import MissingInputError
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import measured_radius, points_of
+from pymc_hyperelastic.data.inflation import (
+    at_points,
+    extension_tests,
+    measured_radius,
+    points_of,
+)
 from pymc_hyperelastic.mechanics.axial_force import wall_force
 from pymc_hyperelastic.mechanics.collocation import nodes_needed
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.models.forward.collocated import Collocated, known_tubes
+from pymc_hyperelastic.models.forward.collocated import Collocated, groups_of, known_tubes
 from pymc_hyperelastic.models.forward.direct import Direct, WallVariables, current_tube, tube_inputs
 
 Array = NDArray[np.float64]
@@ -29,6 +34,8 @@ Mode = Literal["auto", "collocation", "quadrature"]
 # relative to the largest value of a curve. With the mode "quadrature" it is the order between.
 _ORDERS, _USUAL_ORDER = (8, 12, 16, 24, 32, 64), 32
 _ORDER_TOLERANCE = 1e-11
+# What quadrature mostly takes, with which constant matrices of extension tests compete.
+_CHEAP_ORDER = 12
 # Parameters whose pressures exceed the measured ones by this factor are left out: their likelihood
 # is nil, whatever the rule.
 _BEYOND = 10.0
@@ -51,21 +58,45 @@ def way_to_integrate(
     if isinstance(wall.energy, StrainEnergy) and not wall.geometry and known_radii:
         values = representative_values(wall.energy.split(wall.parameters))
         if values is not None:
-            nodes = nodes_needed(wall.energy, known_tubes(data), values, with_force=with_force)
-            if nodes is not None:
-                return Collocated(nodes, **settings)
+            collocated = _collocated(wall.energy, data, values, **settings)
+            if collocated is not None and (mode == "collocation" or _is_cheap(collocated, data)):
+                return collocated
         reason = f"the response of {wall.energy.name} over the range of these parameters"
     if mode == "collocation":
         raise ValueError(f"{reason} cannot be collocated: use mode='quadrature'")
     return Direct(_order_needed(wall, data, with_force), **settings)
 
 
+def _collocated(
+    energy: StrainEnergy, data: xr.Dataset, values: list[Array], **settings: bool
+) -> Collocated | None:
+    """Constant matrices of as many stretches as are exact; None if none of them are."""
+    with_force = settings["with_force"]
+    held, varied = groups_of(data, known_tubes(data))
+    nodes, grid = (nodes_needed(energy, g, values, with_force=with_force) for g in (held, varied))
+    if nodes is None or grid is None:
+        return None
+    return Collocated(nodes.hoop, **settings, grid=grid if varied else None)
+
+
+def _is_cheap(way: Collocated, data: xr.Dataset) -> bool:
+    """Whether a grid of stretches is smaller than the walls of the points that it stands for."""
+    if way.grid is None:
+        return True
+    extended = extension_tests(data)
+    grids = extended.sum() if way.by_test else 1
+    points = extended[data["test"].values].sum()
+    return bool(grids * way.grid.hoop * way.grid.axial <= points * _CHEAP_ORDER)
+
+
 def _order_needed(wall: WallVariables, data: xr.Dataset, with_force: bool) -> int:
     """The order after the least at which curves agree with those of the highest one."""
     # At both ends of every curve; of many curves at some.
-    radius = measured_radius(data).values
+    radius, stretch = measured_radius(data).values, at_points(data, "axial_stretch")
     spans = [points_of(data, test) for test in range(data.sizes["test"])]
     ends = [span.start + f(radius[span]) for span in spans for f in (np.argmin, np.argmax)]
+    for test in np.flatnonzero(extension_tests(data)):
+        ends += [spans[test].start + f(stretch[spans[test]]) for f in (np.argmin, np.argmax)]
     inputs = {k: v[_some(np.array(ends), _MOST_POINTS)] for k, v in tube_inputs(data).items()}
     tubes = current_tube(inputs, wall).tubes
     unknown = [*(v for tube in tubes for v in tube.entries), *wall.geometry.values()]

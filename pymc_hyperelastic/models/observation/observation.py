@@ -11,7 +11,11 @@ import xarray as xr
 from pytensor.graph.basic import Constant, Variable
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
+from pymc_hyperelastic.data.inflation import (
+    check_inflation_data,
+    describe_test,
+    extension_tests,
+)
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
@@ -23,7 +27,7 @@ from pymc_hyperelastic.models.observation.noise import (
     in_sigmas,
 )
 from pymc_hyperelastic.models.observation.paper import paper_log_likelihood
-from pymc_hyperelastic.models.observation.slopes import central_differences, with_slopes
+from pymc_hyperelastic.models.observation.slopes import check_slopes, with_slopes
 from pymc_hyperelastic.models.priors import check_prior, is_inferred, register_prior
 
 ErrorIn = Literal["pressure", "radius"]
@@ -132,7 +136,7 @@ class Observation:
                 "part: expected 0"
             )
         if with_slopes(self.slope_weight):
-            central_differences(data)
+            check_slopes(data)
         if self.likelihood == "paper":
             return
         if self.error_in == "radius":
@@ -226,7 +230,10 @@ def inflation_likelihood(
     measured pressure minus the measured one (half of an outer diameter).
 
     With ``σ_F`` (`force_noise_sd` is ``σ_F/√2``), measured axial forces add
-    ``−|ΔF|²/σ_F² − (N_F/2) ln(π σ_F²)``.
+    ``−|ΔF|²/σ_F² − (N_F/2) ln(π σ_F²)``. The model's force is that at the measured radius, or with
+    the error in the radius at its own.
+
+    Tests in which the axial stretch varies have no slopes, and no rows in ``D``.
 
     Parameters
     ----------
@@ -331,6 +338,12 @@ def _check_geometry(
                 "layers state the thickness of the wall, and the data its outer radius: leave that "
                 "away, ph.inflation_data(..., outer_radius=None)"
             )
+    varying = np.flatnonzero(extension_tests(data))
+    if "axial_stretch" in inferred and varying.size:
+        raise ValueError(
+            f"{describe_test(data, int(varying[0]))}: axial_stretch varies within this test, in "
+            "which it was measured, and geometry holds one value for all tests: leave it out"
+        )
     for name in sorted(needed):
         unknown = np.flatnonzero(data[name].isnull().values)
         if unknown.size:

@@ -1,4 +1,7 @@
-"""Slopes of measured curves: central differences, and what they add to a likelihood."""
+"""Slopes of measured curves: central differences, and what they add to a likelihood.
+
+They are slopes by the radius at a held axial stretch: extension tests have none.
+"""
 
 from typing import Any
 
@@ -10,6 +13,7 @@ from scipy.linalg import cholesky_banded, eigvals_banded, solve_banded
 from pymc_hyperelastic.data.inflation import (
     check_inflation_data,
     describe_test,
+    extension_tests,
     measured_radius,
     points_of,
 )
@@ -28,7 +32,8 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
     .. math:: β = \frac{\sum_i p_i^2}{\sum_i s_i^2}
 
     with the measured pressures ``p`` and their central differences ``s``: a model whose pressures
-    and slopes are all wrong by the same fraction is penalised equally for both.
+    and slopes are all wrong by the same fraction is penalised equally for both. Extension tests,
+    which have no slopes, are left out of both sums.
 
     Use one value for all classes (that of all data together): evidences under different
     likelihoods cannot be compared.
@@ -46,7 +51,8 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
     Raises
     ------
     ValueError
-        If a test has too few points or repeated radii for a slope, or all pressures are equal.
+        If a test has too few points or repeated radii for a slope, all pressures are equal, or all
+        tests are extension tests.
 
     Examples
     --------
@@ -55,10 +61,22 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
     3.03
     """
     check_inflation_data(data)
+    check_slopes(data)
     slope = measured_slopes(data)
     if not np.any(slope):
         raise ValueError("all slopes of the measured pressures are zero: no balance exists")
-    return float(np.sum(data["pressure"].values ** 2) / np.sum(slope**2))
+    with_slope = ~extension_tests(data)[data["test"].values]
+    return float(np.sum(data["pressure"].values[with_slope] ** 2) / np.sum(slope**2))
+
+
+def check_slopes(data: xr.Dataset) -> None:
+    """Raise unless the data have slopes, between distinct radii."""
+    if extension_tests(data).all():
+        raise ValueError(
+            f"{describe_test(data, 0)}: axial_stretch varies within this test and all others; "
+            "extension tests have no slopes: set slope_weight=0, or add inflation tests"
+        )
+    central_differences(data)
 
 
 def measured_slopes(data: xr.Dataset) -> np.ndarray:
@@ -69,10 +87,10 @@ def measured_slopes(data: xr.Dataset) -> np.ndarray:
 
 
 def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    """Interior points of every test, and the factor ``1/(r[i+1] − r[i−1])`` at each."""
-    interior, difference = [], []
+    """Interior points of inflation tests, and the factor ``1/(r[i+1] − r[i−1])`` at each."""
+    interior, difference = [np.empty(0, int)], [np.empty(0)]
     radius = measured_radius(data).values
-    for test in range(data.sizes["test"]):
+    for test in np.flatnonzero(~extension_tests(data)).tolist():
         points = points_of(data, test)
         rows = np.arange(points.start + 1, points.stop - 1)
         if not rows.size:
@@ -110,9 +128,12 @@ def compressed_spectrum(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     whatever ``β``: interpolation at Chebyshev points in ``ln s`` converges as a geometric series.
     """
     bands = _gram_bands(*central_differences(data), data.sizes["obs"])
-    tests = (points_of(data, test) for test in range(data.sizes["test"]))
-    # The first two of each test are zero, but for rounding.
-    eigenvalues = np.concatenate([eigvals_banded(bands[:, points])[2:] for points in tests])
+    tests = (points_of(data, test) for test in np.flatnonzero(~extension_tests(data)).tolist())
+    # The first two of each test are zero, but for rounding; all of an extension test's are.
+    of_tests = [eigvals_banded(bands[:, points])[2:] for points in tests]
+    eigenvalues = np.concatenate([np.empty(0), *of_tests])
+    if not eigenvalues.size:
+        return eigenvalues, eigenvalues
     logs = np.log(eigenvalues)
     centre, half = (logs.max() + logs.min()) / 2, np.ptp(logs) / 2
     if half > 0:
@@ -148,7 +169,7 @@ def whiten(
 ) -> np.ndarray:
     """``B μ̃ = B⁻ᵀ (m + β Dᵀ s)``: the expected ``B y`` of pressures and slopes at every point.
 
-    They may be columns. Slopes at the ends of a test play no part.
+    They may be columns. Slopes at the ends of a test, and those of extension tests, play no part.
     """
     interior, difference = central_differences(data)
     weighted = (slope_weight * difference * slope[interior].T).T
