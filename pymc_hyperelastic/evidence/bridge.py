@@ -190,6 +190,15 @@ def _check_enough(draws: Array, names: list[str]) -> None:
     if still.any():
         constant = dict.fromkeys(np.array(names)[still].tolist())
         raise ValueError(f"all draws of {list(constant)} are the same")
+    # By chain and unknown. One that stands still disagrees with the others, if these move.
+    stuck = (np.ptp(_halves(draws).reshape(2, chains, -1, dimension), axis=2) == 0).any(axis=0)
+    if np.sum(~stuck.any(axis=1)) < min(2, chains):
+        chain = int(np.flatnonzero(stuck.any(axis=1))[0])
+        constant = dict.fromkeys(np.array(names)[stuck[chain]].tolist())
+        raise ValueError(
+            f"chain {chain} stands still for half of its draws, in {list(constant)}, and there are "
+            "not two that move: the sampler got stuck; sample again, from other places"
+        )
 
 
 def _check_possible(log_density: Array) -> None:

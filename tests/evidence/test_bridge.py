@@ -1,6 +1,7 @@
 """Bridge sampling: evidences from draws of any sampler, against exact ones; and when it doubts."""
 
 import warnings
+from itertools import product
 
 import numpy as np
 import pymc as pm
@@ -591,6 +592,11 @@ def test_draws_that_cannot_be_are_refused(regression):
     tree["posterior"]["slope"][2, 5, 1] = np.nan
     with pytest.raises(ValueError, match=r"1 of 2000 draws of 'slope', .* draw 5 of chain 2, are"):
         ph.log_evidence_by_bridge(regression.model, tree)
+    for chains, stuck in product([1, 2], [slice(None, 250), slice(250, None)]):
+        still = regression.draws(rng, chains=chains)
+        still["posterior"]["slope"][-1, stuck, 1] = 0.3
+        with pytest.raises(ValueError, match=rf"chain {chains - 1} stands .* in \['slope'\], "):
+            ph.log_evidence_by_bridge(regression.model, still)
     tree["posterior"]["slope"][..., 1] = 0.3
     with pytest.raises(ValueError, match=r"all draws of \['slope'\] are the same"):
         ph.log_evidence_by_bridge(regression.model, tree)
