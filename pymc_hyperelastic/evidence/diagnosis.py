@@ -31,8 +31,8 @@ _LARGEST_SHAPE = 0.7
 VERDICTS = ("good", "doubtful", "not to be trusted")
 _GOOD, _DOUBTFUL, _BAD = range(3)
 _INSTEAD = (
-    "; for a hierarchy with many unknowns take NUTS and ph.log_evidence_by_bridge, or for classes "
-    "of specimens ph.fit_classes"
+    "; another way is NUTS and ph.log_evidence_by_bridge, for classes of specimens that differ "
+    "ph.fit_classes"
 )
 
 
