@@ -6,14 +6,22 @@ The study of the other examples for data of your own: classes are fitted to the 
 ``train``, and the experiments in the rows marked ``new`` are classified. Run it as
 ``python classify_csv.py curves.csv --sigma 15 --pressure-unit mmHg``; ``--help`` says what the file
 must hold.
+
+By default all specimens of a class share one set of parameters, as in the paper, and the
+probabilities are over-confident where specimens differ. ``--variability specimen`` gives each its
+own, and ``--undecided-below`` and ``--none-below`` allow for answers beyond a forced choice.
 """
 
 import argparse
+import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pint
+import pymc as pm
+import xarray as xr
 
 import pymc_hyperelastic as ph
 
@@ -23,7 +31,8 @@ format of the CSV file: one row a measured point, one column each for
   specimen        name of the specimen
   experiment      name or number of the inflation experiment on it
   split           'train', or 'new' for what is to be classified
-  radius          current internal radius
+  radius          current internal radius; or in its place
+  outer_diameter  current outer diameter
   pressure        pressure
   inner_radius    internal radius of the tube without load, see --radii-of
   outer_radius    external radius of the tube without load, see --radii-of
@@ -36,15 +45,21 @@ Other columns are ignored. The rows of an experiment stand in the order of infla
 columns of the tube do not change within it. Decimal points, no units: give these as options.
 """
 GEOMETRY = ["inner_radius", "outer_radius", "axial_stretch", "opening_angle"]
-NEEDED = ["group", "specimen", "experiment", "split", "radius", "pressure", *GEOMETRY[:2]]
-LAWS = {law.name: law for law in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType())}
+LABELS = ["group", "specimen", "experiment", "split"]
+LAWS = ph.list_strain_energies()
+POOLED = (
+    "All specimens of a class share one set of parameters here: where specimens differ, these\n"
+    "probabilities are surer than they may be. --variability specimen gives each its own."
+)
 
 
 def read(path: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Training rows and new rows, numbered as the lines of the file."""
     frame = pd.read_csv(path, skipinitialspace=True)
     frame.index = range(2, len(frame) + 2)  # the first line holds the names
-    missing = [name for name in NEEDED if name not in frame]
+    measured = "outer_diameter" if "outer_diameter" in frame else "radius"
+    needed = [*LABELS, measured, "pressure", *GEOMETRY[:2]]
+    missing = [name for name in needed if name not in frame]
     if missing:
         raise ValueError(f"{path} has no column {', '.join(missing)}; see --help for the format")
     wrong = frame[~frame["split"].isin(["train", "new"])]
@@ -69,16 +84,46 @@ def main() -> None:
     )
     add = options.add_argument
     add("csv", type=Path, help="the file, see below")
-    add("--sigma", type=float, required=True, help="σ, √2 standard deviations, in pressure units")
-    add("--slope-weight", type=float, help="β in mm² (balanced when missing; 0: no slopes)")
+    add(
+        "--sigma",
+        type=float,
+        required=True,
+        help="σ, √2 standard deviations, in pressure units; with --variability specimen roughly, "
+        "give or take a factor of ten: then it is inferred",
+    )
+    add(
+        "--slope-weight",
+        type=float,
+        help="β in mm² (balanced when missing; 0: no slopes, as with --variability specimen)",
+    )
     add("--law", choices=LAWS, default="Ogden", help="strain energy (%(default)s)")
     add(
         "--by",
         choices=["test", "specimen"],
         default="test",
-        help="what is classified (%(default)s)",
+        help="what is classified: each experiment by itself, or a specimen by all of its "
+        "experiments (%(default)s)",
     )
-    add("--radius-unit", default="mm", help="unit of all radii, such as mm or um (%(default)s)")
+    add(
+        "--variability",
+        choices=["none", "specimen"],
+        default="none",
+        help="whether specimens of a class differ (%(default)s)",
+    )
+    add(
+        "--experiment-effect",
+        action="store_true",
+        help="experiments on a specimen differ by more than noise, as at several axial stretches; "
+        "takes minutes",
+    )
+    add("--undecided-below", type=float, default=0.0, help="least probability for a decision")
+    add(
+        "--none-below",
+        type=float,
+        default=0.0,
+        help="p-value below which a specimen is of no class; with --variability specimen",
+    )
+    add("--radius-unit", default="mm", help="of all radii and diameters (%(default)s)")
     add("--pressure-unit", default="kPa", help="such as kPa or mmHg (%(default)s)")
     add("--angle-unit", default="rad", help="rad or deg (%(default)s)")
     add(
@@ -103,7 +148,18 @@ def main() -> None:
     try:
         study(args)
     except (OSError, TypeError, ValueError) as error:
-        sys.exit(f"error: {error}")
+        sys.exit(f"error: {_by_options(str(error))}")
+
+
+def _by_options(message: str) -> str:
+    """The message, with settings of the package written as options of this script."""
+    names = "|".join(["slope_weight", "pressure_unit", "radius_unit", "angle_unit", "none_below"])
+    names += "|opening_angle_convention|radii_of"
+    return re.sub(
+        rf"\b({names})=[\"']?([\w.]+)[\"']?",
+        lambda found: f"--{found[1].replace('_', '-')} {found[2]}",
+        message,
+    )
 
 
 def study(args: argparse.Namespace) -> None:
@@ -112,6 +168,7 @@ def study(args: argparse.Namespace) -> None:
     given = {name: name for name in GEOMETRY if name in frames[0]}
     said = ("radius_unit", "pressure_unit", "angle_unit", "opening_angle_convention", "radii_of")
     meant = {name: vars(args)[name] for name in said}
+    meant["measured"] = "outer_diameter" if "outer_diameter" in frames[0] else "radius"
     attrs = {"title": args.csv.name, "simulated": int(args.simulated)}
     train, new = (
         ph.inflation_data(frame, **given, **meant).assign_attrs(attrs) for frame in frames
@@ -120,13 +177,19 @@ def study(args: argparse.Namespace) -> None:
         train, new = (ph.select(data, phase="loading") for data in (train, new))
     groups = dict.fromkeys(train["group"].values.tolist())
     training = {name: ph.select(train, group=name) for name in groups}
+    pooled = args.variability == "none"
     if args.slope_weight is None:
-        args.slope_weight = ph.balanced_slope_weight(train)
+        args.slope_weight = ph.balanced_slope_weight(train) if pooled else 0.0
+    if not args.sigma > 0:
+        raise ValueError(f"--sigma is {args.sigma:g}; expected a positive number")
+    sigma = pint.UnitRegistry().Quantity(args.sigma, args.pressure_unit).m_as("kPa")
     classes = ph.fit_classes(
-        LAWS[args.law],
+        ph.StrainEnergy.from_name(args.law),
         training,
-        sigma=pint.UnitRegistry().Quantity(args.sigma, args.pressure_unit).m_as("kPa"),
+        sigma=sigma if pooled else pm.LogNormal.dist(np.log(sigma), np.log(10) / 2),
         slope_weight=args.slope_weight,
+        variability=args.variability,
+        experiment_effect=args.experiment_effect,
         draws=args.draws,
         chains=args.chains,
         random_seed=args.seed,
@@ -134,20 +197,30 @@ def study(args: argparse.Namespace) -> None:
     )
     args.out.mkdir(parents=True, exist_ok=True)
     classes.to_netcdf(args.out / "classes.nc")
-    result = ph.classify(
-        new, classes, by=args.by, random_seed=args.seed, progressbar=not args.quiet
-    )
+    limits = {"undecided_below": args.undecided_below, "none_below": args.none_below}
+    settings = {"by": args.by, "random_seed": args.seed, "progressbar": not args.quiet}
+    result = ph.classify(new, classes, **settings, **limits)
     result.to_netcdf(args.out / "class_probability.nc")
+    report(args, train, classes, result)
 
-    print(f"\n{args.law}, σ = {args.sigma:g} {args.pressure_unit}, β = {args.slope_weight:.3g} mm²")
-    for name in training:
-        print(f"log evidence of {name}: {ph.log_evidence(classes[name])}")
-    table = result[["class_probability", "class_probability_se"]].to_dataframe().reset_index()
+
+def report(
+    args: argparse.Namespace, train: xr.Dataset, classes: xr.DataTree, result: xr.Dataset
+) -> None:
+    """Print and draw what was found."""
+    noise = f"σ = {args.sigma:g} {args.pressure_unit}, β = {args.slope_weight:.3g} mm²"
+    print(f"\n{args.law}, {classes.attrs.get('noise_in_words', noise)}")
+    for name, fitted in classes.children.items():
+        print(f"log evidence of {name}: {ph.log_evidence(fitted)}")
+    numbers = ["class_probability", "class_probability_se", "p_value", "decision"]
+    numbers = [name for name in numbers if name in result]
+    table = result[numbers].to_dataframe().reset_index()
     labels = [name for name in ("specimen", "experiment", "group") if name in table]
-    names = ["class_label", "class_probability", "class_probability_se"]
-    table = table[[*labels, *names]].sort_values([*labels[:2], "class_label"])
+    table = table[[*labels, "class_label", *numbers]].sort_values([*labels[:2], "class_label"])
     print(f"\n{table.to_string(index=False, float_format='{:.4f}'.format)}")
     table.to_csv(args.out / "class_probability.csv", index=False)
+    if args.variability == "none":
+        print(f"\n{POOLED}")
 
     unit = {"pressure_unit": args.pressure_unit}
     ph.plot_inflation(train, **unit).savefig(args.out / "training.png", dpi=150)

@@ -19,11 +19,13 @@ Array = NDArray[np.float64]
 WALL = {"thickness": 1, "wall_area": 2, "wall_volume": 3, "length": 1}
 
 _CONVENTIONS = (
+    "two conventions are in use; say which is meant: "
     'opening_angle_convention="whole" if it is the whole angle that the opened sector lacks of a '
     'full circle, 2π less its own; "fung" if it is Fung\'s, half of that: between the lines from '
     "the middle of the sector's inner side to its two ends"
 )
 _REFERENCES = (
+    "the ring and the sector to which it opened have different radii; say which are given: "
     'radii_of="ring" if the radii are those of the closed unloaded ring, before it was cut; '
     '"sector" if they are those of the sector to which it opened'
 )
@@ -87,23 +89,18 @@ def _whole_angle(
     ):
         if value is not None and value not in options:
             raise ValueError(f"{name} is {value!r}; expected one of {options}")
-    cut = np.isfinite(angle) & (angle != 0)
-    if convention is None:
-        _refuse(
-            cut,
-            places,
-            "opening_angle is {:.6g} rad, and two conventions are in use; say which is meant: "
-            + _CONVENTIONS,
-            angle,
-        )
-    if radii_of is None:
-        _refuse(
-            cut,
-            places,
-            "opening_angle is {:.6g} rad, so that the ring and the sector to which it opened have "
-            "different radii; say which are given: " + _REFERENCES,
-            angle,
-        )
+    _refuse(
+        np.abs(angle) >= 2 * np.pi,
+        places,
+        "opening_angle is {:.6g} rad; expected an angle between -2 pi and 2 pi: for degrees, say "
+        'angle_unit="deg"',
+        angle,
+    )
+    # What is asked, all at once.
+    asked = [_CONVENTIONS] if convention is None else []
+    asked += [_REFERENCES] if radii_of is None else []
+    cut = np.isfinite(angle) & (angle != 0) & bool(asked)
+    _refuse(cut, places, "opening_angle is {:.6g} rad, and " + "; and ".join(asked), angle)
     return 2 * angle if convention == "fung" else angle
 
 

@@ -94,7 +94,8 @@ DAMAGED = {
     "stretch below 0": (curve(), {"axial_stretch": -1.2}, "axial_stretch is -1.2"),
     "infinite radius": (curve(), {"outer_radius": np.inf}, "outer_radius is inf mm; expected"),
     "whose angle": (curve(), {"opening_angle": 1.0}, f"{PLACE}: .*two conventions"),
-    "angle in a column": (at("phi", slice(None), 9.0), {"opening_angle": "phi"}, "two conventions"),
+    "angle in a column": (at("phi", slice(None), 0.9), {"opening_angle": "phi"}, "two conventions"),
+    "degrees in a column": (at("phi", slice(None), 90.0), {"opening_angle": "phi"}, "angle_unit"),
     "too much of a turn": (curve(), FUNG | {"opening_angle": 200.0}, "6.98.* rad as a whole"),
     "too thick": (diameters(0.4), {"measured": "outer_diameter"}, "in which the wall has room"),
     "wall twice": (curve(), {"thickness": 2.0}, "with both of inner_radius"),
@@ -245,6 +246,17 @@ def test_radii_that_are_one_have_no_slope(step, points):
     with pytest.raises(ValueError, match="slope_weight=0"):
         ph.ogden_model(data, sigma=1.0, slope_weight=1.0)
     ph.ogden_model(data, sigma=1.0, slope_weight=0)
+
+
+def test_diameters_that_repeat_are_not_called_radii():
+    """Where outer diameters were measured, the size that is named is half of one."""
+    radius = RADIUS.copy()
+    radius[1:3] = radius[0] + 0.01, radius[0]
+    frame = curve(outer_diameter=2 * radius + 4.0).drop(columns="radius")
+    data = ph.inflation_data(frame, **TUBE, measured="outer_diameter")
+    named = rf"half the outer diameter repeats at rows 0 and 2 \({RADIUS[0] + 2:.6g} mm\)"
+    with pytest.raises(ValueError, match=named):
+        ph.balanced_slope_weight(data)
 
 
 def test_slope_weight_that_drowns_all_else_is_refused():

@@ -171,6 +171,11 @@ AMBIGUOUS = [
         [S1E1, 'radii_of="ring"', '"sector"'],
     ),
     (
+        "neither convention nor reference",
+        {"opening_angle": 1.0},
+        [S1E1, "opening_angle_convention=", "; and the ring and the sector", "radii_of="],
+    ),
+    (
         "other convention",
         FUNG | {"opening_angle_convention": "half"},
         ["'half'", "'whole', 'fung'"],

@@ -90,6 +90,7 @@ def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     """Interior points of inflation tests, and the factor ``1/(r[i+1] − r[i−1])`` at each."""
     interior, difference = [np.empty(0, int)], [np.empty(0)]
     radius = measured_radius(data).values
+    what = "half the outer diameter" if "outer_diameter" in data else "radius"
     for test in np.flatnonzero(~extension_tests(data)).tolist():
         points = points_of(data, test)
         rows = np.arange(points.start + 1, points.stop - 1)
@@ -105,7 +106,7 @@ def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
             first = rows[alike[0]]
             labels = data["row"].values if "row" in data.coords else np.arange(radius.size)
             raise ValueError(
-                f"{describe_test(data, test)}: radius repeats at rows {labels[first - 1]} and "
+                f"{describe_test(data, test)}: {what} repeats at rows {labels[first - 1]} and "
                 f"{labels[first + 1]} ({radius[first - 1]:.6g} mm); the slope term needs distinct "
                 "neighbouring radii: drop one or set slope_weight=0"
             )
