@@ -204,13 +204,14 @@ def curve_matrices(
 
     Points of one `group` stand together; when missing, those of one axial stretch do. Groups are
     padded to the same number of rows. With the matrices come the places of the points among all
-    rows, group by group. Slopes are by the internal radius.
+    rows, group by group. Slopes of pressure and force are by the internal radius.
     """
     groups = _groups(tubes, group)
     node = chebyshev_nodes(count)
     most = max(len(points) for _, points, _ in groups)
     shape = len(groups), most, count
-    matrices = {name: np.zeros(shape) for name in ("pressure", "stiffness", "force")}
+    names = ("pressure", "stiffness", "force", "force_slope")
+    matrices = {name: np.zeros(shape) for name in names}
     place = np.zeros(len(tubes.radius), int)
     for number, (_, points, (centre, half)) in enumerate(groups):
         place[points] = number * most + np.arange(len(points))
@@ -240,13 +241,14 @@ def _matrices(tubes: KnownTubes, centre: float, half: float, count: int) -> dict
     def moments(weight: Array) -> Array:
         return np.einsum("nq,nqk->nk", weight, vandermonde)
 
-    weighted = moments(wall.stiffness_weight)
+    of_pressure, weighted = moments(wall.pressure_weight), moments(wall.stiffness_weight)
     stiffness = weighted[:, :-1] @ derivative / 2 - weighted @ coefficient
     return {
-        "pressure": moments(wall.pressure_weight) @ coefficient,
+        "pressure": of_pressure @ coefficient,
         "stiffness": stiffness,
         "slope": stiffness * tubes.growth[:, None],
         "force": moments(wall.force_weight) @ coefficient,
+        "force_slope": np.pi * tubes.radius[:, None] * (of_pressure[:, :-1] @ derivative),
     }
 
 

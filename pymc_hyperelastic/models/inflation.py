@@ -46,6 +46,8 @@ def inflation_model(
     slope_weight: Any,
     force_noise_sd: Any = None,
     force_sigma: Any = None,
+    force_offset_sd: Any = None,
+    diameter_noise_sd: Any = None,
     error_in: ErrorIn = "pressure",
     priors: dict[str, Any] | None = None,
     geometry: dict[str, Any] | None = None,
@@ -185,6 +187,7 @@ def inflation_model(
             "make this one inside `with pm.Model():`, or leave the name away"
         )
     noise = {"noise_sd": noise_sd, "force_noise_sd": force_noise_sd}
+    noise |= {"force_offset_sd": force_offset_sd, "diameter_noise_sd": diameter_noise_sd}
     observation = Observation(sigma, slope_weight, force_sigma, error_in, likelihood, **noise)
     unknown: dict[str, Any] = {"priors": priors, "geometry": geometry, "rising": rising}
     return tube_model(energy, data, observation, **unknown, mode=mode, parent=context, name=name)

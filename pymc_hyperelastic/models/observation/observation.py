@@ -18,11 +18,13 @@ from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
 from pymc_hyperelastic.models.forward import ForwardModel, Mode, SymbolicTube
 from pymc_hyperelastic.models.observation.generative import register_measurements
 from pymc_hyperelastic.models.observation.noise import (
+    NOISE_UNITS,
     check_given,
     check_noise,
     in_sigmas,
 )
 from pymc_hyperelastic.models.observation.paper import paper_log_likelihood
+from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES, offsets_given
 from pymc_hyperelastic.models.observation.slopes import central_differences, with_slopes
 from pymc_hyperelastic.models.priors import check_prior, is_inferred, register_prior
 
@@ -53,20 +55,16 @@ class Observation:
     likelihood: Likelihood = "paper"
     noise_sd: Any = None
     force_noise_sd: Any = None
+    force_offset_sd: Any = None
+    diameter_noise_sd: Any = None
 
     def __post_init__(self) -> None:
-        check_given(self.sigma, self.noise_sd, self.force_sigma, self.force_noise_sd)
+        check_given(self.noise)
 
     @property
     def noise(self) -> dict[str, Any]:
         """What is said of the errors, by the name by which it was given."""
-        noise = {
-            "sigma": self.sigma,
-            "noise_sd": self.noise_sd,
-            "slope_weight": self.slope_weight,
-            "force_sigma": self.force_sigma,
-            "force_noise_sd": self.force_noise_sd,
-        }
+        noise = {name: getattr(self, name) for name in NOISE_UNITS}
         return {
             name: value
             for name, value in noise.items()
@@ -120,6 +118,8 @@ class Observation:
                 f"slope_weight is {self.slope_weight}, but with error_in='radius' slopes play no "
                 "part: expected 0"
             )
+        if self.diameter_noise_sd is not None:
+            self._check_diameter_noise()
         if with_slopes(self.slope_weight):
             central_differences(data)
         if self.likelihood == "paper":
@@ -134,6 +134,21 @@ class Observation:
                 "with likelihood='generative' slope_weight must be a number of mm², such as "
                 "ph.balanced_slope_weight(data), and no distribution: it is part of the "
                 "covariance, which is factorised once; take likelihood='paper' to infer it"
+            )
+
+    def _check_diameter_noise(self) -> None:
+        """Raise if an error of the diameter is stated twice, or slopes would share it."""
+        if self.error_in == "radius":
+            raise ValueError(
+                "with error_in='radius' noise_sd is the error of the measured radius (mm), and "
+                "pressures have none: leave diameter_noise_sd away, or give it with the error of "
+                "the pressures as noise_sd (kPa) and leave error_in away"
+            )
+        if with_slopes(self.slope_weight):
+            raise ValueError(
+                f"slope_weight is {self.slope_weight}, but with diameter_noise_sd slopes play no "
+                "part: they are differences of pressures over radii that have an error each; "
+                "expected 0"
             )
 
     def forward_model(
@@ -162,12 +177,19 @@ class Observation:
     ) -> None:
         """Add what was measured to the model in context: a Potential, or observed variables.
 
-        The `settings` are those of :func:`register_measurements`.
+        With it what is learned of offsets, see :func:`~pymc_hyperelastic.force_offsets`. The
+        `settings` are those of :func:`register_measurements`.
         """
         if self.likelihood == "generative":
             register_measurements(tube, curves, **self.sigmas, **settings)
         else:
             pm.Potential("likelihood", self.log_likelihood(tube))
+        if self.force_offset_sd is not None:
+            tests = pm.modelcontext(None).name_for("test")
+            errors = {name: v for name, v in self.sigmas.items() if name != "slope_weight"}
+            known = offsets_given(tube, curves, **errors)
+            for name, values in zip(OFFSET_VARIABLES, known, strict=True):
+                pm.Deterministic(name, values, dims=tests)
 
     def log_likelihood(self, tube: SymbolicTube) -> TensorVariable:
         """The paper's log-likelihood, see :func:`~pymc_hyperelastic.inflation_likelihood`."""
@@ -185,6 +207,8 @@ def inflation_likelihood(
     slope_weight: Any,
     force_noise_sd: Any = None,
     force_sigma: Any = None,
+    force_offset_sd: Any = None,
+    diameter_noise_sd: Any = None,
     error_in: ErrorIn = "pressure",
     geometry: Mapping[str, Any] | None = None,
     mode: Mode = "auto",
@@ -284,6 +308,7 @@ def inflation_likelihood(
     if strangers:
         raise ValueError(f"geometry holds {strangers[0]!r}; it may hold {GEOMETRY}")
     noise = {"noise_sd": noise_sd, "force_noise_sd": force_noise_sd}
+    noise |= {"force_offset_sd": force_offset_sd, "diameter_noise_sd": diameter_noise_sd}
     observation = Observation(sigma, slope_weight, force_sigma, error_in, **noise)
     observation.check(energy, data, parameters, geometry)
     sizes = {p.name: p.size for p in energy.parameters}
