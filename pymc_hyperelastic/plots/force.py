@@ -13,12 +13,14 @@ from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.plots.bands import (
     VISUALS,
     bands_of,
+    data_of,
     draw_bands,
     label_columns,
     title_bands,
 )
-from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals
-from pymc_hyperelastic.predictions.draws import Array, Draws
+from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, fitted_classes
+from pymc_hyperelastic.predictions.draws import Array, Draws, GivenTube
+from pymc_hyperelastic.predictions.offsets import less_offsets
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -74,9 +76,11 @@ def plot_axial_force(
     >>> "points" in figure.viz.children  # nobody measured a force
     False
     """
-    bands = bands_of(
-        classes, data, prob, {"energy": energy, "specimen": specimen}, _curve, _measured
-    )
+    fitted = fitted_classes(classes)
+    shown = {name: data_of(name, tree, data, specimen) for name, tree in fitted.items()}
+    corrected = {name: less_offsets(shown[name], tree) for name, tree in fitted.items()}
+    material: GivenTube = {"energy": energy, "specimen": specimen}
+    bands = bands_of(classes, corrected, prob, material, _curve, _measured)
     columns = len(bands.fitted)
     canvas = Canvas(
         "grid",
@@ -90,6 +94,11 @@ def plot_axial_force(
         **bands.looks,
     )
     entries = draw_bands(canvas, bands)
+    if any(corrected[name] is not shown[name] for name in shown):
+        entries = {
+            f"{name} less its offset" if name.startswith("data") else name: looks
+            for name, looks in entries.items()
+        }
     label_columns(canvas, bands, "axial_force", "axial_force")
     first = {"coords": {"class_label": next(iter(bands.fitted))}}
     canvas.label("ylabel", "reduced axial force (mN)", **first)

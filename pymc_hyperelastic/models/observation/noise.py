@@ -74,16 +74,17 @@ def to_store(noise: Mapping[str, Any]) -> dict[str, Any]:
     return stored
 
 
-def noise_in_words(noise: Mapping[str, Any]) -> str:
+def noise_in_words(noise: Mapping[str, Any], error_in: str = "pressure") -> str:
     """What is said of the errors, as ``σ`` and as standard deviations.
 
     >>> from pymc_hyperelastic.models.observation.noise import noise_in_words
     >>> noise_in_words({"noise_sd": 0.5, "slope_weight": 0.0})
     'sigma = 0.707107 kPa (a standard deviation of 0.5 kPa), slope_weight = 0 mm2'
     """
+    units = NOISE_UNITS | ({"sigma": "mm", "noise_sd": "mm"} if error_in == "radius" else {})
     said = []
     for name, value in to_store(noise).items():
-        unit = NOISE_UNITS[name]
+        unit = units[name]
         what = f"{name} inferred, in {unit}" if is_inferred(value) else f"{name} = {value:g} {unit}"
         if name in _OF_WHAT:
             what += f" ({_OF_WHAT[name]})"

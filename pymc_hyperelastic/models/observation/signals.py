@@ -1,8 +1,8 @@
 r"""Pressures and forces point by point, where measurements share an error.
 
-An error of the diameter shifts pressure and force of a point together, along the curves. To first
-order, with the model's slopes ``p'`` and ``F'`` by the measured radius at the point, and half of the
-diameter's standard deviation ``s_r``, both errors have the covariance
+An error of the diameter shifts pressure and force of a point together, along the curves. With the
+model's slopes ``p'`` and ``F'`` by the radius that was measured, and half of the standard deviation
+of the diameter ``s_r``, both errors have, to first order, the covariance
 
 .. math:: \begin{pmatrix} s_p^2 & 0 \\ 0 & s_F^2 \end{pmatrix}
     + s_r^2 \begin{pmatrix} p'^2 & p' F' \\ p' F' & F'^2 \end{pmatrix} .
