@@ -59,4 +59,4 @@ def table_of(vector: TensorVariable, inputs: Mapping[str, Any]) -> TensorVariabl
 def positions(test: NDArray) -> tuple[NDArray[np.intp], int]:
     """Place of each point within its test, which never falls, and how many the longest has."""
     position = np.arange(len(test)) - np.searchsorted(test, test)
-    return position, int(position.max(initial=0)) + 1
+    return position, int(position.max(initial=-1)) + 1

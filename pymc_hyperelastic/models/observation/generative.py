@@ -155,7 +155,8 @@ def _offset_normal(
     def dist(
         mean: TensorVariable, sd: TensorVariable, offset_sd: Any, test: Any, points: Any, _: Any
     ) -> TensorVariable:
-        offset = pm.Normal.dist(pt.zeros_like(points[..., 0], dtype="float64"), offset_sd)
+        of_tests = pt.zeros_like(points.sum(axis=-1), dtype="float64")
+        offset = pm.Normal.dist(of_tests, offset_sd)
         return pm.Normal.dist(mean + offset[test], sd)
 
     return pm.CustomDist(

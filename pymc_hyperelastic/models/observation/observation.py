@@ -236,6 +236,29 @@ def inflation_likelihood(
     With ``σ_F`` (`force_noise_sd` is ``σ_F/√2``), measured axial forces add
     ``−|ΔF|²/σ_F² − (N_F/2) ln(π σ_F²)``.
 
+    With an offset of the transducer, one for all ``n`` forces of a test and normal with the
+    standard deviation ``s`` (`force_offset_sd`), errors of forces have the covariance
+    ``v I + s² 1 1ᵀ``, ``v = σ_F²/2``. For each test it adds, exactly,
+
+    .. math:: \frac{s^2 (\sum_i ΔF_i)^2}{2 v (v + n s^2)} - \frac12 \ln\left(1 + n s^2/v\right) .
+
+    With an error of the diameter, of the standard deviation ``2 s_r`` (`diameter_noise_sd`), errors
+    of pressure and force of a point have the covariance
+
+    .. math:: \begin{pmatrix} σ^2/2 & 0 \\ 0 & σ_F^2/2 \end{pmatrix}
+        + s_r^2 \begin{pmatrix} p'^2 & p' F' \\ p' F' & F'^2 \end{pmatrix},
+
+    with the slopes ``p'`` and ``F'`` of the model by the radius that was measured, there. They
+    depend on the material, and with them the normaliser, which is part of the likelihood. This is
+    the integral over the true diameter, a flat prior given, for curves that are straight over the
+    error. What matters is by which share the slope changes over one standard deviation of the
+    diameter, ``κ = s_D |p''/p'|``: of a curve that grows as ``exp(D/ℓ)`` it is ``s_D/ℓ``. Of a
+    mouse aorta of 1.3 mm with fibres, between 50 and 120 mmHg with errors of 1 mmHg and 0.5 mN, the
+    log-likelihood of a point differs from the integral by 0.02 nats (root mean square) for 5 µm,
+    with κ up to 0.02, and by 0.06 for 10 µm, κ up to 0.04; on average by 0.001. Parameters from 100
+    points are off by a tenth of their standard deviation. For 40 µm, κ up to 0.15, it is half a
+    nat, and they are off by a whole one: do not trust it there.
+
     Parameters
     ----------
     name : str
@@ -256,6 +279,11 @@ def inflation_likelihood(
         part. See :func:`~pymc_hyperelastic.balanced_slope_weight`.
     force_noise_sd, force_sigma : tensor_like, optional
         The same for axial forces, mN; without one of them they play no part.
+    force_offset_sd : tensor_like, optional
+        Standard deviation of the offset that the forces of a test share, mN.
+    diameter_noise_sd : tensor_like, optional
+        Standard deviation of the error of a measured outer diameter, or of twice a measured
+        internal radius, mm. Slopes then play no part, and points are not compressed.
     error_in : {"pressure", "radius"}
         What was measured with an error. Where curves are steep it is the radius; slopes then play
         no part.
