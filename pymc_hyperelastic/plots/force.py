@@ -96,7 +96,7 @@ def plot_axial_force(
     entries = draw_bands(canvas, bands)
     if any(corrected[name] is not shown[name] for name in shown):
         entries = {
-            f"{name} less its offset" if name.startswith("data") else name: looks
+            f"{name}, less its test's offset" if name.startswith("data") else name: looks
             for name, looks in entries.items()
         }
     label_columns(canvas, bands, "axial_force", "axial_force")

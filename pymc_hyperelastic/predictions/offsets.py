@@ -77,7 +77,7 @@ def knows_offsets(tree: xr.DataTree) -> bool:
 def less_offsets(data: xr.Dataset, tree: xr.DataTree) -> xr.Dataset:
     """Data with each test's forces less the posterior mean of its offset, if the result has such.
 
-    Forces of tests that it does not know stay, and a warning names these.
+    Forces of tests that it does not know stay, and a warning says of how many.
     """
     if "axial_force" not in data or not knows_offsets(tree):
         return data
@@ -85,11 +85,13 @@ def less_offsets(data: xr.Dataset, tree: xr.DataTree) -> xr.Dataset:
     known = dict(zip(mean["test"].values.tolist(), mean.values.tolist(), strict=True))
     tests = [describe_test(data, i) for i in range(data.sizes["test"])]
     test, force = data["test"].values, data["axial_force"]
-    for i in sorted(set(test[force.notnull().values].tolist())):
-        if tests[i] not in known:
-            warn_user(
-                f"{tests[i]}: the result does not know the offset of its force transducer; its "
-                "forces are shown as they were measured"
-            )
+    with_forces = [tests[i] for i in sorted(set(test[force.notnull().values].tolist()))]
+    strange = [name for name in with_forces if name not in known]
+    if strange:
+        others = f" and {len(strange) - 1} more" if len(strange) > 1 else ""
+        warn_user(
+            f"{strange[0]}{others}: the result does not know the offset of the force transducer in "
+            "these tests, to which it was not fitted; their forces are as they were measured"
+        )
     offset = np.array([known.get(name, 0.0) for name in tests])[test]
     return data.assign(axial_force=force.copy(data=force.values - offset))
