@@ -54,6 +54,7 @@ from pymc_hyperelastic.predictions.curves import (
     predict_pressure,
     radius_at_pressure,
 )
+from pymc_hyperelastic.predictions.offsets import force_offsets
 from pymc_hyperelastic.predictions.properties import pulse_wave_velocity, tube_properties
 from pymc_hyperelastic.predictions.stress import wall_stress
 
@@ -89,6 +90,7 @@ __all__ = [
     "predict_pressure",
     "predict_axial_force",
     "radius_at_pressure",
+    "force_offsets",
     "tube_properties",
     "pulse_wave_velocity",
     "wall_stress",

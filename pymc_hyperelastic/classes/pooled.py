@@ -39,6 +39,7 @@ from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.inflation import tube_model
 from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES
 from pymc_hyperelastic.models.priors import complete_priors
 from pymc_hyperelastic.models.study import inflation_data_of, model_settings_of
 
@@ -129,10 +130,12 @@ class Pooled(ClassKind):
     def _sampled(
         self, models: dict[str, pm.Model], seeds: list[int], **settings: Any
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
-        parameters = [rv.name for rv in next(iter(models.values())).free_RVs]
+        first = next(iter(models.values()))
+        kept = [rv.name for rv in first.free_RVs]
+        kept += [name for name in OFFSET_VARIABLES if name in first.named_vars]
         for (name, model), seed in zip(models.items(), seeds, strict=True):
             try:
-                yield name, run_smc(model, random_seed=seed, var_names=parameters, **settings)
+                yield name, run_smc(model, random_seed=seed, var_names=kept, **settings)
             except (ValueError, ArithmeticError) as error:
                 yield name, error
 

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
-from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
 from pymc_hyperelastic.mechanics.wall import WallIntegral
 
 
@@ -30,6 +31,23 @@ class AxialForceIntegral(WallIntegral):
     def response(self, log_hoop: Tensor, log_axial: Tensor, entries: Sequence[Any]) -> Tensor:
         """``2 (σzz − σrr) − (σθθ − σrr)`` of the material."""
         return force_response(self.strain_energy, log_hoop, log_axial, entries)
+
+
+class AxialForceSlope(AxialForceIntegral):
+    r"""Derivative of the reduced axial force by the internal radius, at constant axial stretch.
+
+    .. math:: \frac{∂F}{∂a} = π a \int_{\ln A}^{\ln B} \frac{1}{1 + δ}
+        \frac{∂\left(2 (σ_{zz} - σ_{rr}) - (σ_{θθ} - σ_{rr})\right)}{∂\ln λ_θ} \, d(\ln R)
+
+    Inputs and attributes are those of :class:`AxialForceIntegral`; the output is in mN/mm.
+    """
+
+    def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
+        """The same rule: ``∂ln λθ/∂a`` and the weight of the force make that of the pressure."""
+        wall, log_axial, entries = self.wall(inputs)
+        response = self.response(wall.log_hoop, log_axial, entries)
+        slope = elementwise_derivative(response, wall.log_hoop)
+        return [np.pi * inputs[0] * (wall.pressure_weight * slope).sum(axis=-1)]
 
 
 def force_response(
@@ -92,3 +110,13 @@ def wall_force(tubes: Sequence[Tube], order: int = 32) -> Tensor:
     return sum(
         AxialForceIntegral(strain_energy=tube.energy, order=order)(*tube.inputs) for tube in tubes
     )
+
+
+def wall_force_slope(tubes: Sequence[Tube], order: int = 32) -> Tensor:
+    """Derivative of a wall's axial force by the internal radius, mN/mm."""
+    slope = 0.0
+    for tube in tubes:
+        own = AxialForceSlope(strain_energy=tube.energy, order=order)(*tube.inputs)
+        # The internal radius a' of a layer grows by a/a' when that of the wall grows by 1.
+        slope += own * (tubes[0].radius / tube.radius if tube.within else 1.0)
+    return slope

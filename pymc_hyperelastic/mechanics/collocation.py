@@ -263,12 +263,13 @@ def curve_matrices(
     """Matrices of :class:`CollocatedIntegral` for the points themselves, uncompressed.
 
     Groups are padded to the same number of rows. With the matrices come the places of the points
-    among all rows, group by group; 0 for points that are in none. Slopes are by the internal
-    radius.
+    among all rows, group by group; 0 for points that are in none. Slopes of pressure and force are
+    by the internal radius.
     """
     most = max(1, *(len(group.points) for group in groups))
     shape = len(groups), most, nodes.hoop * nodes.axial
-    matrices = {name: np.zeros(shape) for name in ("pressure", "stiffness", "force")}
+    names = ("pressure", "stiffness", "force", "force_slope")
+    matrices = {name: np.zeros(shape) for name in names}
     place = np.zeros(len(tubes.radius), int)
     for number, group in enumerate(groups):
         place[group.points] = number * most + np.arange(len(group.points))
@@ -302,13 +303,14 @@ def _matrices(tubes: KnownTubes, group: Group, nodes: Nodes) -> dict[str, Array]
     def moments(weight: Array) -> Array:
         return np.einsum("nq,nqk->nk", weight, vandermonde)
 
-    weighted = moments(wall.stiffness_weight)
+    of_pressure, weighted = moments(wall.pressure_weight), moments(wall.stiffness_weight)
     stiffness = weighted[:, :-1] @ derivative / 2 - weighted @ coefficient
     matrices = {
-        "pressure": moments(wall.pressure_weight) @ coefficient,
+        "pressure": of_pressure @ coefficient,
         "stiffness": stiffness,
         "slope": stiffness * tubes.growth[:, None],
         "force": moments(wall.force_weight) @ coefficient,
+        "force_slope": np.pi * tubes.radius[:, None] * (of_pressure[:, :-1] @ derivative),
     }
     if nodes.axial == 1:
         return matrices

@@ -46,6 +46,8 @@ def inflation_model(
     slope_weight: Any,
     force_noise_sd: Any = None,
     force_sigma: Any = None,
+    force_offset_sd: Any = None,
+    diameter_noise_sd: Any = None,
     error_in: ErrorIn = "pressure",
     priors: dict[str, Any] | None = None,
     geometry: dict[str, Any] | None = None,
@@ -86,6 +88,16 @@ def inflation_model(
         tests: tests in which the axial stretch varies have none.
     force_noise_sd, force_sigma : float or distribution, optional
         The same for measured axial forces, mN; without one of them they play no part.
+    force_offset_sd : float or distribution, optional
+        Standard deviation, mN, of the offset of the force transducer: what it shows beyond the
+        axial force of the tube, one number for all points of a test, another one for the next.
+        Each has a normal prior about 0 and is integrated out exactly. See
+        :func:`~pymc_hyperelastic.force_offsets` for what is learned of them.
+    diameter_noise_sd : float or distribution, optional
+        Standard deviation, mm, of the error of a measured outer diameter; where internal radii were
+        measured, of twice such a radius. It is an error besides that of the pressure, and slopes
+        play no part then. To first order it is a shift along the curves of the model, which
+        pressure and force of a point share: see :func:`~pymc_hyperelastic.inflation_likelihood`.
     error_in : {"pressure", "radius"}
         What was measured with an error; with "radius", where curves are steep, `noise_sd` and
         `sigma` are in mm (of the internal radius, or of half an outer diameter) and slopes play no
@@ -117,8 +129,10 @@ def inflation_model(
         differences. This is the paper's form as a density of the pressures, without its factor for
         the small gap between ``s`` and ``D m``: data can be simulated from it, and it has a
         log-likelihood by points, each given those before it in its test. Forces are
-        ``measured_axial_force``. The values are in the ``pm.Data`` ``pressure_data`` and
-        ``axial_force_data``. `slope_weight` must be a number, and the error in the pressure.
+        ``measured_axial_force``, each given those before it where they share an offset, and given
+        the pressures where they share the error of a diameter. The values are in the ``pm.Data``
+        ``pressure_data`` and ``axial_force_data``. `slope_weight` must be a number, and the error
+        in the pressure.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated, see :func:`~pymc_hyperelastic.inflation_likelihood`.
     name : str, optional
@@ -161,6 +175,19 @@ def inflation_model(
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha', 'inner_radius', 'thickness']
 
+    Forces by a transducer whose zero is not known:
+
+    >>> import numpy as np
+    >>> forces = data.assign(axial_force=("obs", np.full(data.sizes["obs"], 50.0)))
+    >>> noise = {"noise_sd": pm.HalfNormal.dist(1), "force_noise_sd": pm.HalfNormal.dist(10)}
+    >>> model = ph.inflation_model(
+    ...     ph.Ogden(), forces, **noise, force_offset_sd=100.0, slope_weight=0.0
+    ... )
+    >>> [rv.name for rv in model.free_RVs]
+    ['mu', 'alpha', 'noise_sd', 'force_noise_sd']
+    >>> [v.name for v in model.deterministics if "offset" in v.name]
+    ['force_offset_mean', 'force_offset_error']
+
     Measurements as an observed variable:
 
     >>> model = ph.inflation_model(
@@ -187,6 +214,7 @@ def inflation_model(
             "make this one inside `with pm.Model():`, or leave the name away"
         )
     noise = {"noise_sd": noise_sd, "force_noise_sd": force_noise_sd}
+    noise |= {"force_offset_sd": force_offset_sd, "diameter_noise_sd": diameter_noise_sd}
     observation = Observation(sigma, slope_weight, force_sigma, error_in, likelihood, **noise)
     unknown: dict[str, Any] = {"priors": priors, "geometry": geometry, "rising": rising}
     return tube_model(energy, data, observation, **unknown, mode=mode, parent=context, name=name)

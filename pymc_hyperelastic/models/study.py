@@ -126,12 +126,15 @@ class Study:
             # Sampling a model with a prior of one's own is fine; it cannot serve as a stored class,
             # which `fit_classes` checks before it samples.
             law = self.energy
+        observed, said = self.observation, {}
+        if observed:
+            said["noise_in_words"] = noise_in_words(observed.noise, observed.error_in)
         try:
             if isinstance(law, StrainEnergy):
-                return strain_energy_attrs(law)
-            return layers_attrs(named_layers(law))
+                return said | strain_energy_attrs(law)
+            return said | layers_attrs(named_layers(law))
         except ValueError:  # settings of a law that are no text
-            return {"strain_energy": law.name} if isinstance(law, StrainEnergy) else {}
+            return said | ({"strain_energy": law.name} if isinstance(law, StrainEnergy) else {})
 
 
 def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:

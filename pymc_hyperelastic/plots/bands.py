@@ -107,7 +107,7 @@ def bands_of(
     fitted = fitted_classes(classes)
     check_prob(prob)
     specimen = material.get("specimen")
-    shown = {name: _data_of(name, tree, data, specimen) for name, tree in fitted.items()}
+    shown = {name: data_of(name, tree, data, specimen) for name, tree in fitted.items()}
     labels = {name: stretch_labels(data, pressure_unit) for name, data in shown.items()}
     told = _told_by(shown, labels)
     if told != "axial_stretch":
@@ -250,7 +250,7 @@ def _entries(canvas: Canvas, bands: Bands) -> dict[str, dict[str, Any]]:
     return entries | {posterior: {"color": "0.4", "linewidth": 6, "alpha": 0.35}}
 
 
-def _data_of(name: str, tree: xr.DataTree, data: Any, specimen: str | None) -> xr.Dataset:
+def data_of(name: str, tree: xr.DataTree, data: Any, specimen: str | None) -> xr.Dataset:
     """Inflation data to be shown with a class."""
     if isinstance(data, Mapping) and not isinstance(data, xr.Dataset):
         if name not in data:

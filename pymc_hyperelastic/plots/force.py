@@ -14,6 +14,7 @@ from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.plots.bands import (
     VISUALS,
     bands_of,
+    data_of,
     draw_bands,
     label_columns,
     limit_axis,
@@ -21,9 +22,10 @@ from pymc_hyperelastic.plots.bands import (
     title_bands,
 )
 from pymc_hyperelastic.plots.extension import points_over
-from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals
+from pymc_hyperelastic.plots.style import Backend, Canvas, Visuals, fitted_classes
 from pymc_hyperelastic.predictions.curves import force_curve, warn_of_no_force
 from pymc_hyperelastic.predictions.draws import Array, Draws, GivenTube
+from pymc_hyperelastic.predictions.offsets import less_offsets
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
@@ -88,8 +90,11 @@ def plot_axial_force(
     >>> "points" in figure.viz.children  # nobody measured a force
     False
     """
+    fitted = fitted_classes(classes)
+    shown = {name: data_of(name, tree, data, specimen) for name, tree in fitted.items()}
+    corrected = {name: less_offsets(shown[name], tree) for name, tree in fitted.items()}
     material: GivenTube = {"energy": energy, "specimen": specimen}
-    bands = bands_of(classes, data, prob, material, force_curve, _measured, _along)
+    bands = bands_of(classes, corrected, prob, material, force_curve, _measured, _along)
     if "axial_force" in bands.posterior:
         warn_of_no_force(bands.posterior["axial_force"].sel(plot_axis=["y_bottom", "y_top"]))
     columns, (rows, shared) = len(bands.fitted), rows_of(bands)
@@ -106,6 +111,11 @@ def plot_axial_force(
         **bands.looks,
     )
     entries = draw_bands(canvas, bands)
+    if any(corrected[name] is not shown[name] for name in shown):
+        entries = {
+            f"{name}, less its test's offset" if name.startswith("data") else name: looks
+            for name, looks in entries.items()
+        }
     if "axial_force" in bands.posterior:
         entries |= limit_axis(canvas, bands, "axial_force")[1]
     label_columns(canvas, bands, "axial_force")

@@ -13,7 +13,7 @@ from pytensor.tensor.blockwise import Blockwise
 from tiers import tiers
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
+from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral, AxialForceSlope
 
 # What the package promises against adaptive quadrature.
 FORCE_TOLERANCE = 1e-9
@@ -268,3 +268,41 @@ def test_an_energy_is_all_that_an_axial_force_needs():
         for energy in (NeoHookeanByItsEnergy(), ph.NeoHookean())
     ]
     np.testing.assert_allclose(*forces, rtol=1e-11)  # rounding, of energies differentiated
+
+
+# --- its slope ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_slope_is_the_derivative_by_the_radius(law):
+    """What is written under the integral is PyTensor's derivative of it, which has its own oracle.
+
+    In walls within which fibres slacken both are those of the pieces.
+    """
+    inputs, force = force_of(law)
+    slope = AxialForceSlope(strain_energy=LAWS[law].strain_energy)(*inputs)
+    expected = pytensor.grad(force.sum(), inputs[0])
+    ordinary = LAWS[law].parameters[0][0]
+    problems = [p for p in problems_of(law) if p.parameters == ordinary]
+    found, expected = pytensor.function(inputs, [slope, expected], mode=AS_WRITTEN)(
+        *columns_of(problems)
+    )
+    # Just above rest it is a difference of stresses, known to their rounding.
+    rounding = IDENTITY_TOLERANCE * np.median(np.abs(expected))
+    np.testing.assert_allclose(found, expected, rtol=GRADIENT_TOLERANCE, atol=rounding)
+
+
+@pytest.mark.parametrize("law", ["NeoHookean", "HolzapfelGasserOgden"])
+def test_slope_has_a_gradient(law):
+    """By all inputs: likelihoods follow slopes, with an error of the diameter."""
+    ordinary = LAWS[law].parameters[0][0]
+    chosen = ("in vivo", "slackening, shortened")
+    pytensor.gradient.verify_grad(
+        AxialForceSlope(strain_energy=LAWS[law].strain_energy),
+        columns_of(
+            [p for p in problems_of(law) if tube_of(p) in chosen and p.parameters == ordinary]
+        ),
+        n_tests=1,
+        rng=np.random.default_rng(7),  # weights of the sum that is differentiated; any will do
+        mode=AS_WRITTEN,
+    )

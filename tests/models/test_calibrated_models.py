@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pymc as pm
 import pytest
+from shared_errors import dataset, table
 
 import pymc_hyperelastic as ph
 
@@ -93,3 +94,28 @@ def test_inflation_models_need_the_generative_likelihood():
     assert sbc["posterior_sd"].sel(parameter="mu").max() < sbc["truth"].sel(parameter="mu").std()
     with pytest.raises(ValueError, match='likelihood="generative"'):
         calibrate(ph.power_law_neo_hookean_model(data, **settings), **few)
+
+
+def forced(**errors):
+    """Model of pressures and forces of two tests; one force was not measured."""
+    data = dataset(table((6, 5)))
+    data["axial_force"][8] = np.nan
+    data["axial_force"][6] = 100.0
+    priors = {"mu": pm.Uniform.dist(2, 8), "alpha": pm.Uniform.dist(3, 6)}
+    noise = {"noise_sd": 0.4, "force_noise_sd": 4.0, **errors}
+    settings = {"slope_weight": 0.0, "priors": priors, "likelihood": "generative"}
+    return ph.inflation_model(ph.Ogden(), data, **noise, **settings)
+
+
+@pytest.mark.deep
+def test_shared_errors_are_calibrated():
+    """Material, and the inferred size of offsets, with an error of the diameter besides."""
+    offset = pm.LogNormal.dist(3, 0.5)
+    assert_calibrated(calibrate(forced(force_offset_sd=offset, diameter_noise_sd=0.05)))
+
+
+@pytest.mark.deep
+def test_an_offset_that_is_left_away_is_found_out():
+    """Forces of a transducer with an offset, taken for forces of one without."""
+    right, wrong = forced(), forced(force_offset_sd=20.0)
+    assert calibrate(right, simulator=wrong)["p_value"].min() < FAILS

@@ -1,27 +1,26 @@
-"""Products with a matrix that has one block for each test, all padded to one size."""
+"""Points as a table with a row for each test, all padded to one length, and products with it."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
-
-from pymc_hyperelastic.data.inflation import points_of
 
 Array = NDArray[np.float64]
 
 
 def identity_of_tests(data: xr.Dataset) -> Array:
     """Rows (obs, column) of the identity matrix of each test."""
-    position, size = _positions(data)
+    position, size = positions(data["test"].values)
     return np.eye(size)[position]
 
 
 def block_arrays(data: xr.Dataset, rows: Array) -> dict[str, Array]:
     """Rows (obs, column) as ``blocks`` (test, row, column), with the places of points in them."""
-    position, size = _positions(data)
+    position, size = positions(data["test"].values)
     tests = data.sizes["test"]
     place = data["test"].values * size + position
     points = np.zeros(tests * size, int)
@@ -39,9 +38,25 @@ def block_product(
     return (blocks @ columns).flatten()[inputs["place"]]
 
 
-def _positions(data: xr.Dataset) -> tuple[NDArray[np.intp], int]:
-    """Place of each point within its test, and the number of points of the longest."""
-    test = data["test"].values
-    spans = [points_of(data, i) for i in range(data.sizes["test"])]
-    position = np.arange(data.sizes["obs"]) - np.array([span.start for span in spans])[test]
-    return position, max(span.stop - span.start for span in spans)
+def table_arrays(test: NDArray, tests: int) -> dict[str, NDArray]:
+    """Table with a row for each test, of points whose `test` never falls; a test may have none.
+
+    Which ``points`` stand in it (test, column), whether there is one (``there``), and the ``place``
+    of each point in the flattened table.
+    """
+    position, size = positions(test)
+    place = test * size + position
+    points, there = np.zeros((tests, size), int), np.zeros((tests, size), bool)
+    points.flat[place], there.flat[place] = np.arange(len(place)), True
+    return {"points": points, "there": there, "place": place}
+
+
+def table_of(vector: TensorVariable, inputs: Mapping[str, Any]) -> TensorVariable:
+    """A vector over points as such a table, 0 where there is none."""
+    return pt.where(inputs["there"], vector[inputs["points"]], 0.0)
+
+
+def positions(test: NDArray) -> tuple[NDArray[np.intp], int]:
+    """Place of each point within its test, which never falls, and how many the longest has."""
+    position = np.arange(len(test)) - np.searchsorted(test, test)
+    return position, int(position.max(initial=-1)) + 1

@@ -22,6 +22,7 @@ from pymc_hyperelastic.mechanics.collocation import (
     groups_by,
 )
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
+from pymc_hyperelastic.models.forward.blocks import positions, table_arrays, table_of
 from pymc_hyperelastic.models.forward.direct import WallVariables
 
 Array = NDArray[np.float64]
@@ -70,11 +71,12 @@ class Collocated:
 
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
         """Arrays by which the data enter :meth:`curves`."""
-        tubes, arrays = known_tubes(data), self._which(data)
+        tubes = known_tubes(data)
+        arrays = self._which(data) | {"growth": tubes.growth}
         for prefix, (groups, nodes) in self._parts(data, tubes).items():
             matrices, place = curve_matrices(tubes, groups, nodes)
             if not self.with_force:
-                del matrices["force_matrix"]
+                del matrices["force_matrix"], matrices["force_slope_matrix"]
             of_part = matrices | {"place": place}
             arrays |= {prefix + name: array for name, array in of_part.items()}
         return arrays
@@ -88,9 +90,22 @@ class Collocated:
             )
             curves = {"pressure": pressure, "stiffness": stiffness}
             if self.with_force:
-                curves["axial_force"] = self._force(part, wall, entries)
+                curves["axial_force"] = self._force(part, part["force_matrix"], wall, entries)
             of_parts.append({n: curve.flatten()[part["place"]] for n, curve in curves.items()})
         return {name: _joined(inputs, [part[name] for part in of_parts]) for name in of_parts[0]}
+
+    def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
+        """How the curves rise with the radius that was measured, at the stretch of each point."""
+        of_parts = []
+        for part, entries in self._inputs(inputs, wall):
+            matrices = part["pressure_matrix"], part["stiffness_matrix"]
+            slopes = {"pressure": self._pressure(part, *matrices, wall, entries)[1]}
+            if self.with_force:
+                matrix = part["force_slope_matrix"]
+                slopes["axial_force"] = self._force(part, matrix, wall, entries)
+            of_parts.append({n: slope.flatten()[part["place"]] for n, slope in slopes.items()})
+        joined = {name: _joined(inputs, [part[name] for part in of_parts]) for name in of_parts[0]}
+        return {name: slope * inputs["growth"] for name, slope in joined.items()}
 
     def conditions(self, *_: Any) -> list[TensorVariable]:
         """None: known tubes are possible."""
@@ -103,12 +118,19 @@ class Collocated:
         """
         tubes, arrays = known_tubes(data), self._which(data)
         arrays.pop("extended", None)
-        residuals = {f"{name}_residual": np.zeros(()) for name in targets}
+        compressed = {name: target for name, target in targets.items() if name != "force_sum"}
+        residuals = {f"{name}_residual": np.zeros(()) for name in compressed}
         for prefix, (groups, nodes) in self._parts(data, tubes).items():
-            of_part = collocate(tubes, groups, nodes, dict(targets))
+            of_part = collocate(tubes, groups, nodes, compressed)
             for name, residual in residuals.items():
                 residual += of_part.pop(name)
+            if "force_sum" in targets:
+                rows = np.isfinite(targets["force_sum"])
+                of_part |= _force_sum_arrays(data, tubes, groups, nodes, rows)
             arrays |= {prefix + name: array for name, array in of_part.items()}
+        if "force_sum" in targets:
+            known, tests = np.nan_to_num(targets["force_sum"]), data.sizes["test"]
+            arrays["force_sum_target"] = np.bincount(data["test"].values, known, minlength=tests)
         return arrays | residuals
 
     def differences(
@@ -116,6 +138,7 @@ class Collocated:
     ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
         """Differences between curves and targets, compressed."""
         response: dict[str, list[TensorVariable]] = {}
+        sums = []
         for part, entries in self._inputs(inputs, wall):
             # Without slopes, as many rows of nothing.
             slope_matrix = part.get("slope_matrix", part["pressure_matrix"][:, :0])
@@ -124,10 +147,15 @@ class Collocated:
             )
             found = {"pressure": pressure, "slope": slope}
             if "force_target" in part:
-                found["force"] = self._force(part, wall, entries)
+                found["force"] = self._force(part, part["force_matrix"], wall, entries)
             for name, curve in found.items():
                 if f"{name}_target" in part:
                     response.setdefault(name, []).append(curve - part[f"{name}_target"])
+            if "force_sum_matrix" in part:
+                of_groups = self._force(part, part["force_sum_matrix"], wall, entries)
+                sums.append(table_of(of_groups.flatten(), part).sum(axis=-1))
+        if sums:
+            response["force_sum"] = [sum(sums) - inputs["force_sum_target"]]
         return response, []
 
     def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
@@ -221,10 +249,10 @@ class Collocated:
         return integral(*_stretches(part), pressure_matrix, slope_matrix, *entries)
 
     def _force(
-        self, part: Mapping[str, Any], wall: WallVariables, entries: Sequence[Any]
+        self, part: Mapping[str, Any], matrix: Any, wall: WallVariables, entries: Sequence[Any]
     ) -> TensorVariable:
         integral = CollocatedAxialForce(strain_energy=wall.energy, per_group=self.by_test)
-        return integral(*_stretches(part), part["force_matrix"], *entries)
+        return integral(*_stretches(part), matrix, *entries)
 
 
 # One node, where the tube is at rest.
@@ -241,3 +269,34 @@ def _joined(inputs: Mapping[str, Any], of_parts: Sequence[TensorVariable]) -> Te
         return of_parts[0]
     held, varied = of_parts
     return pt.where(inputs["extended"], varied, held)
+
+
+def _force_sum_arrays(
+    data: xr.Dataset,
+    tubes: KnownTubes,
+    groups: Sequence[Group],
+    nodes: Nodes,
+    measured: NDArray[np.bool_],
+) -> Arrays:
+    """Matrices of the sum of each test's forces: a row for each group that it has points in.
+
+    With them the table of these rows, test by test. A test without a force in these groups has
+    none.
+    """
+    matrices, place = curve_matrices(tubes, groups, nodes)
+    forces = matrices["force_matrix"].reshape(-1, nodes.hoop * nodes.axial)
+    of_groups = [group.points[measured[group.points]] for group in groups]
+    rows, tests = np.concatenate(of_groups), data.sizes["test"]
+    group = np.repeat(np.arange(len(groups)), [len(points) for points in of_groups])
+    # What a test has in one group, group by group, and then test by test.
+    both, part_of = np.unique(group * tests + data["test"].values[rows], return_inverse=True)
+    group, test = np.divmod(both, tests)
+    position, width = positions(group)
+    sums = np.zeros((len(groups), width, forces.shape[1]))
+    row = group * width + position
+    np.add.at(sums.reshape(-1, forces.shape[1]), row[part_of], forces[place[rows]])
+    by_test = np.argsort(test, kind="stable")
+    table = table_arrays(test[by_test], tests)
+    # Without rows there is nothing to point to.
+    points = row[by_test][table["points"]] if row.size else table["points"]
+    return {"force_sum_matrix": sums, "points": points, "there": table["there"]}

@@ -11,13 +11,19 @@ from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, measured_radius
-from pymc_hyperelastic.mechanics.axial_force import wall_force
+from pymc_hyperelastic.mechanics.axial_force import wall_force, wall_force_slope
 from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
 from pymc_hyperelastic.mechanics.layers import Tube, tubes_of
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opening_factor
-from pymc_hyperelastic.models.forward.blocks import block_arrays, block_product, identity_of_tests
+from pymc_hyperelastic.models.forward.blocks import (
+    block_arrays,
+    block_product,
+    identity_of_tests,
+    table_arrays,
+    table_of,
+)
 
 Array = NDArray[np.float64]
 Arrays = dict[str, NDArray]
@@ -129,6 +135,14 @@ class Direct:
             curves["radius"] = current.radius
         return curves
 
+    def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
+        """How the curves rise with the radius that was measured."""
+        current = self._tube(inputs, wall)
+        slopes = {"pressure": wall_pressure(current.tubes, self.order)[1]}
+        if self.with_force:
+            slopes["axial_force"] = wall_force_slope(current.tubes, self.order)
+        return {name: _bounded(slope) * current.growth for name, slope in slopes.items()}
+
     def conditions(self, inputs: Mapping[str, Any], wall: WallVariables) -> list[TensorVariable]:
         """Conditions of there being such a tube, where it depends on what is unknown."""
         if not wall.geometry and isinstance(wall.energy, StrainEnergy):
@@ -140,7 +154,10 @@ class Direct:
         arrays = self.curve_arrays(data)
         for name, target in targets.items():
             rows = np.flatnonzero(np.isfinite(target))
-            arrays |= {f"{name}_rows": rows, f"{name}_target": target[rows]}
+            if name == "force_sum":
+                arrays |= table_arrays(data["test"].values[rows], data.sizes["test"])
+            else:
+                arrays |= {f"{name}_rows": rows, f"{name}_target": target[rows]}
         return arrays
 
     def differences(
@@ -166,7 +183,10 @@ class Direct:
                 response["slope"] = [slope[inputs["slope_rows"]] - inputs["slope_target"]]
         if "force_rows" in inputs:
             force = wall_force(current.tubes, self.order)[inputs["force_rows"]]
-            response["force"] = [force - inputs["force_target"]]
+            error = force - inputs["force_target"]
+            response["force"] = [error]
+            if "points" in inputs:
+                response["force_sum"] = [table_of(error, inputs).sum(axis=-1)]
         return response, conditions
 
     def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:

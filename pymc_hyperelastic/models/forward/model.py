@@ -148,6 +148,8 @@ class Misfits(NamedTuple):
     squares: dict[str, TensorVariable]
     conditions: list[TensorVariable]
     """What must hold for there to be any."""
+    force_sums: TensorVariable | None = None
+    """Of each test, the sum of the differences themselves."""
 
 
 class SymbolicTube(NamedTuple):
@@ -170,19 +172,29 @@ class SymbolicTube(NamedTuple):
         way = self.forward.way
         return way.conditions(self.forward.share("curves", way.curve_arrays), self.wall)
 
+    def slopes(self) -> dict[str, TensorVariable]:
+        """How the curves rise with the radius that was measured, by the names of the curves.
+
+        ``pressure`` (kPa/mm), and with measured forces ``axial_force`` (mN/mm).
+        """
+        way = self.forward.way
+        return way.slopes(self.forward.share("curves", way.curve_arrays), self.wall)
+
     def misfits(self, key: Hashable, targets_of: Callable[[xr.Dataset], Arrays]) -> Misfits:
         """Sums of squared differences between the curves and targets.
 
         `targets_of` gives what was measured at each point of data, NaN where nothing was:
         ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"``
         (mN). Its `key` tells them from other targets of the same data. The sums have these names;
-        with the error in the radius there is ``"radius"`` (mm²) in place of the pressure.
+        with the error in the radius there is ``"radius"`` (mm²) in place of the pressure. With
+        ``"force_sum"``, the forces once more, their differences are added up test by test as well.
         """
         way = self.forward.way
         inputs = self.forward.share(
             ("misfits", key), lambda data: way.misfit_arrays(data, targets_of(data))
         )
         differences, conditions = way.differences(inputs, self.wall, self.forward.error_in)
+        (force_sums,) = differences.pop("force_sum", [None])
         squares = {}
         for name, parts in differences.items():
             total = sum(pt.sum(pt.square(difference)) for difference in parts)
@@ -191,7 +203,9 @@ class SymbolicTube(NamedTuple):
             # the integral itself.
             known = pt.where(conditions[-1], total, 0.0)
             squares[name] = known + inputs.get(f"{name}_residual", 0.0)
-        return Misfits(squares, conditions)
+            if name == "force" and force_sums is not None:
+                force_sums = pt.where(conditions[-1], force_sums, 0.0)
+        return Misfits(squares, conditions, force_sums)
 
     def mapped(self, key: Hashable, linear_of: Callable[[xr.Dataset], Callable]) -> TensorVariable:
         """A linear map of the pressures, and of the slopes by the radius that was measured.

@@ -10,19 +10,24 @@ import pymc as pm
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
-from pytensor.compile.sharedvalue import SharedVariable
 from pytensor.tensor.variable import TensorVariable
 from scipy.linalg import solve_banded
 
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.forward.blocks import block_arrays, block_product, identity_of_tests
 from pymc_hyperelastic.models.observation.noise import sd_of_sigma
+from pymc_hyperelastic.models.observation.signals import (
+    LARGEST,
+    as_double,
+    force_arrays,
+    measured,
+    offset_log_density,
+    rows_of_forces,
+    signals_of,
+)
 from pymc_hyperelastic.models.observation.slopes import precision_root, whiten, with_slopes
 
 Array = NDArray[np.float64]
-
-# kPa, or mN: beyond any tube; the square of what is smaller does not overflow.
-_LARGEST_MEAN = np.float64(1e30)
 
 
 def register_measurements(
@@ -32,6 +37,8 @@ def register_measurements(
     sigma: Any,
     slope_weight: float = 0.0,
     force_sigma: Any = None,
+    force_offset_sd: Any = None,
+    diameter_noise_sd: Any = None,
     dims: str | None = "obs",
     bounded: bool = True,
 ) -> None:
@@ -44,56 +51,50 @@ def register_measurements(
     log-density, with ``ln B_ii``, is ``ln p(y_i | the y before)``. Where the curves of a parameter
     overflow, or the tube is impossible, means are infinite and the log-likelihood ``−inf``, unless
     it is not `bounded`.
+
+    With an offset of the transducer the entries of the forces are those of each given the ones
+    before it in its test, see :func:`offset_log_density`; with an error of the diameter they are
+    given the pressures, too, see :func:`signals_of`.
     """
     forward, conditions = tube.forward, tube.conditions()
 
     def possible(mean: TensorVariable) -> TensorVariable:
         if not bounded:
             return mean
-        small = pt.all(pt.abs(mean) < _LARGEST_MEAN)
+        small = pt.all(pt.abs(mean) < LARGEST)
         return pt.where(reduce(and_, [small, *conditions]), mean, np.inf)
 
-    settings = {"observed": _measured(forward, "pressure", dims), "dims": dims}
+    def data_of(name: str, dims: str | None) -> dict[str, Any]:
+        values = measured(forward, name, lambda array, name: pm.Data(name, array, dims=dims))
+        return {"observed": values, "dims": dims}
+
+    settings = data_of("pressure", dims)
+    errors = {"sigma": sigma, "force_sigma": force_sigma, "diameter_noise_sd": diameter_noise_sd}
+    expected = signals_of(tube, curves, **errors)
     if not with_slopes(slope_weight):
-        sd = sd_of_sigma(_double(sigma))
-        pm.Normal("measured_pressure", possible(curves["pressure"]), sd, **settings)
+        mean, sd = possible(expected.pressure), expected.pressure_sd
+        pressure = pm.Normal("measured_pressure", mean, sd, **settings)
     else:
 
         def linear_of(data: xr.Dataset) -> Callable[[Array, Array], Array]:
             return partial(whiten, precision_root(data, slope_weight), data, slope_weight)
 
         mean = tube.mapped(("whitened", slope_weight), linear_of)
-        _correlated_normal(forward, possible(mean), sigma, slope_weight, **settings)
-    if force_sigma is not None:
-        rows = forward.share("force_rows", lambda data: {"rows": _rows_of_forces(data)})["rows"]
-        if dims:
-            model = pm.modelcontext(None)
-            dims = model.name_for("force_obs")
-            model.add_coord(dims, _rows_of_forces(forward.data))
-        pm.Normal(
-            "measured_axial_force",
-            possible(curves["axial_force"][rows]),
-            sd_of_sigma(_double(force_sigma)),
-            observed=_measured(forward, "axial_force", dims),
-            dims=dims,
-        )
-
-
-def _measured(forward: ForwardModel, name: str, dims: str | None) -> SharedVariable:
-    """What was measured of a quantity, where it was, as data of the model in context."""
-
-    def arrays_of(data: xr.Dataset) -> dict[str, Array]:
-        values = data[name].values.astype(float)
-        return {f"{name}_data": values[np.isfinite(values)]}
-
-    def make(values: Array, name: str) -> SharedVariable:
-        return pm.Data(name, values, dims=dims)
-
-    return forward.share(("measured", name), arrays_of, make)[f"{name}_data"]
-
-
-def _rows_of_forces(data: xr.Dataset) -> NDArray[np.intp]:
-    return np.flatnonzero(np.isfinite(data["axial_force"].values))
+        pressure = _correlated_normal(forward, possible(mean), sigma, slope_weight, **settings)
+    if force_sigma is None:
+        return
+    if dims:
+        model = pm.modelcontext(None)
+        dims = model.name_for("force_obs")
+        model.add_coord(dims, rows_of_forces(forward.data))
+    settings = data_of("axial_force", dims)
+    rows = force_arrays(tube)["rows"]
+    # With an error of the diameter they depend on the pressures, drawn ones where these are drawn.
+    mean = possible(expected.force_given(pressure, rows))
+    if force_offset_sd is None:
+        pm.Normal("measured_axial_force", mean, expected.force_sd, **settings)
+    else:
+        _offset_normal(tube, mean, expected.force_sd, force_offset_sd, **settings)
 
 
 def _correlated_normal(
@@ -128,7 +129,7 @@ def _correlated_normal(
     return pm.CustomDist(
         "measured_pressure",
         mean,
-        _double(sigma),
+        as_double(sigma),
         *(inputs[name] for name in ("blocks", "points", "place")),
         dist=dist,
         logp=logp,
@@ -137,6 +138,36 @@ def _correlated_normal(
     )
 
 
-def _double(value: Any) -> TensorVariable:
-    """A number in double precision: PyTensor reads 7.0 as a single-precision one."""
-    return pt.as_tensor(value, dtype="float64")
+def _offset_normal(
+    tube: SymbolicTube, mean: TensorVariable, sd: Any, offset_sd: Any, **settings: Any
+) -> TensorVariable:
+    """Forces about `mean` with errors of their own, and one that all of a test share."""
+    inputs = force_arrays(tube)
+
+    def logp(
+        value: Any, mean: TensorVariable, sd: TensorVariable, offset_sd: Any, *_: Any
+    ) -> TensorVariable:
+        possible = pt.isfinite(mean)
+        error = pt.where(possible, value - mean, 0.0)
+        log_density = offset_log_density(error, pt.square(sd), offset_sd, inputs)
+        return pt.where(possible, log_density, -np.inf)
+
+    def dist(
+        mean: TensorVariable, sd: TensorVariable, offset_sd: Any, test: Any, points: Any, _: Any
+    ) -> TensorVariable:
+        of_tests = pt.zeros_like(points.sum(axis=-1), dtype="float64")
+        offset = pm.Normal.dist(of_tests, offset_sd)
+        return pm.Normal.dist(mean + offset[test], sd)
+
+    return pm.CustomDist(
+        "measured_axial_force",
+        mean,
+        pt.zeros_like(mean) + sd,
+        as_double(offset_sd),
+        inputs["test"],
+        inputs["points"],
+        dist=dist,
+        logp=logp,
+        signature="(n),(n),(),(n),(t,m)->(n)",
+        **settings,
+    )

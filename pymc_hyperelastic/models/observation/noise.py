@@ -17,10 +17,12 @@ from pymc_hyperelastic.models.priors import is_inferred
 # What is said of the errors, and the unit that it has.
 NOISE_UNITS = {
     "sigma": "kPa",
+    "noise_sd": "kPa",
     "slope_weight": "mm2",
     "force_sigma": "mN",
-    "noise_sd": "kPa",
     "force_noise_sd": "mN",
+    "force_offset_sd": "mN",
+    "diameter_noise_sd": "mm",
 }
 # The paper's name of what is given as a standard deviation.
 SIGMA_OF = {"noise_sd": "sigma", "force_noise_sd": "force_sigma"}
@@ -31,6 +33,15 @@ _EXPECTED = {
     "force_sigma": "a positive number of mN",
     "noise_sd": "a standard deviation, a positive number of kPa (2 mmHg is 2 * ph.mmHg)",
     "force_noise_sd": "a standard deviation, a positive number of mN",
+    "force_offset_sd": "a standard deviation, a positive number of mN (without offsets, leave it "
+    "away)",
+    "diameter_noise_sd": "a standard deviation, a positive number of mm (of a diameter that is "
+    "known, leave it away)",
+}
+# What is said of those that are no errors of one measurement.
+_OF_WHAT = {
+    "force_offset_sd": "one standard deviation of the transducer's offset, one for each test",
+    "diameter_noise_sd": "one standard deviation of a measured diameter",
 }
 
 
@@ -63,18 +74,21 @@ def to_store(noise: Mapping[str, Any]) -> dict[str, Any]:
     return stored
 
 
-def noise_in_words(noise: Mapping[str, Any]) -> str:
+def noise_in_words(noise: Mapping[str, Any], error_in: str = "pressure") -> str:
     """What is said of the errors, as ``σ`` and as standard deviations.
 
     >>> from pymc_hyperelastic.models.observation.noise import noise_in_words
     >>> noise_in_words({"noise_sd": 0.5, "slope_weight": 0.0})
     'sigma = 0.707107 kPa (a standard deviation of 0.5 kPa), slope_weight = 0 mm2'
     """
+    units = NOISE_UNITS | ({"sigma": "mm", "noise_sd": "mm"} if error_in == "radius" else {})
     said = []
     for name, value in to_store(noise).items():
-        unit = NOISE_UNITS[name]
+        unit = units[name]
         what = f"{name} inferred, in {unit}" if is_inferred(value) else f"{name} = {value:g} {unit}"
-        if name in SIGMA_OF:
+        if name in _OF_WHAT:
+            what += f" ({_OF_WHAT[name]})"
+        elif name in SIGMA_OF:
             what += " (one standard deviation)"
         elif name in _SD_OF and is_inferred(value):
             what += " (√2 standard deviations)"
@@ -84,21 +98,28 @@ def noise_in_words(noise: Mapping[str, Any]) -> str:
     return ", ".join(said)
 
 
-def check_given(sigma: Any, noise_sd: Any, force_sigma: Any, force_noise_sd: Any) -> None:
-    """Raise TypeError unless each error is given once, and that of the pressure at all."""
-    if sigma is None and noise_sd is None:
+def check_given(noise: Mapping[str, Any]) -> None:
+    """Raise TypeError unless each error is given once, and that of the pressure at all.
+
+    What is not given is None, or left away.
+    """
+    given = {name for name, value in noise.items() if value is not None}
+    if not given & {"sigma", "noise_sd"}:
         raise TypeError(
             "sigma is None, and so is noise_sd: give noise_sd, the standard deviation of the "
             "errors (kPa), or sigma, the paper's σ, which is √2 standard deviations"
         )
-    given = {"sigma": sigma, "noise_sd": noise_sd}
-    given |= {"force_sigma": force_sigma, "force_noise_sd": force_noise_sd}
     for sd, paper in SIGMA_OF.items():
-        if given[sd] is not None and given[paper] is not None:
+        if {sd, paper} <= given:
             raise TypeError(
                 f"both {sd} and {paper} are given, and say the same: give {sd}, a standard "
                 f"deviation, or {paper}, which is √2 standard deviations"
             )
+    if "force_offset_sd" in given and not given & {"force_sigma", "force_noise_sd"}:
+        raise TypeError(
+            "force_offset_sd is given, but without an error of the forces these play no part: give "
+            "force_noise_sd, the standard deviation of what differs from point to point (mN)"
+        )
 
 
 def check_noise(name: str, value: Any) -> None:

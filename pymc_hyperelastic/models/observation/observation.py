@@ -22,11 +22,13 @@ from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
 from pymc_hyperelastic.models.forward import ForwardModel, Mode, SymbolicTube
 from pymc_hyperelastic.models.observation.generative import register_measurements
 from pymc_hyperelastic.models.observation.noise import (
+    NOISE_UNITS,
     check_given,
     check_noise,
     in_sigmas,
 )
 from pymc_hyperelastic.models.observation.paper import paper_log_likelihood
+from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES, offsets_given
 from pymc_hyperelastic.models.observation.slopes import check_slopes, with_slopes
 from pymc_hyperelastic.models.priors import check_prior, is_inferred, register_prior
 
@@ -57,20 +59,16 @@ class Observation:
     likelihood: Likelihood = "paper"
     noise_sd: Any = None
     force_noise_sd: Any = None
+    force_offset_sd: Any = None
+    diameter_noise_sd: Any = None
 
     def __post_init__(self) -> None:
-        check_given(self.sigma, self.noise_sd, self.force_sigma, self.force_noise_sd)
+        check_given(self.noise)
 
     @property
     def noise(self) -> dict[str, Any]:
         """What is said of the errors, by the name by which it was given."""
-        noise = {
-            "sigma": self.sigma,
-            "noise_sd": self.noise_sd,
-            "slope_weight": self.slope_weight,
-            "force_sigma": self.force_sigma,
-            "force_noise_sd": self.force_noise_sd,
-        }
+        noise = {name: getattr(self, name) for name in NOISE_UNITS}
         return {
             name: value
             for name, value in noise.items()
@@ -135,6 +133,8 @@ class Observation:
                 f"slope_weight is {self.slope_weight}, but with error_in='radius' slopes play no "
                 "part: expected 0"
             )
+        if self.diameter_noise_sd is not None:
+            self._check_diameter_noise()
         if with_slopes(self.slope_weight):
             check_slopes(data)
         if self.likelihood == "paper":
@@ -149,6 +149,21 @@ class Observation:
                 "with likelihood='generative' slope_weight must be a number of mm², such as "
                 "ph.balanced_slope_weight(data), and no distribution: it is part of the "
                 "covariance, which is factorised once; take likelihood='paper' to infer it"
+            )
+
+    def _check_diameter_noise(self) -> None:
+        """Raise if an error of the diameter is stated twice, or slopes would share it."""
+        if self.error_in == "radius":
+            raise ValueError(
+                "with error_in='radius' noise_sd is the error of the measured radius (mm), and "
+                "pressures have none: leave diameter_noise_sd away, or give it with the error of "
+                "the pressures as noise_sd (kPa) and leave error_in away"
+            )
+        if with_slopes(self.slope_weight):
+            raise ValueError(
+                f"slope_weight is {self.slope_weight}, but with diameter_noise_sd slopes play no "
+                "part: they are differences of pressures over radii that have an error each; "
+                "expected 0"
             )
 
     def forward_model(
@@ -177,12 +192,19 @@ class Observation:
     ) -> None:
         """Add what was measured to the model in context: a Potential, or observed variables.
 
-        The `settings` are those of :func:`register_measurements`.
+        With it what is learned of offsets, see :func:`~pymc_hyperelastic.force_offsets`. The
+        `settings` are those of :func:`register_measurements`.
         """
         if self.likelihood == "generative":
             register_measurements(tube, curves, **self.sigmas, **settings)
         else:
             pm.Potential("likelihood", self.log_likelihood(tube))
+        if self.force_offset_sd is not None:
+            tests = pm.modelcontext(None).name_for("test")
+            errors = {name: v for name, v in self.sigmas.items() if name != "slope_weight"}
+            known = offsets_given(tube, curves, **errors)
+            for name, values in zip(OFFSET_VARIABLES, known, strict=True):
+                pm.Deterministic(name, values, dims=tests)
 
     def log_likelihood(
         self, tube: SymbolicTube, switches: Mapping[str, Any] | None = None
@@ -205,6 +227,8 @@ def inflation_likelihood(
     slope_weight: Any,
     force_noise_sd: Any = None,
     force_sigma: Any = None,
+    force_offset_sd: Any = None,
+    diameter_noise_sd: Any = None,
     error_in: ErrorIn = "pressure",
     geometry: Mapping[str, Any] | None = None,
     mode: Mode = "auto",
@@ -235,6 +259,29 @@ def inflation_likelihood(
 
     Tests in which the axial stretch varies have no slopes, and no rows in ``D``.
 
+    With an offset of the transducer, one for all ``n`` forces of a test and normal with the
+    standard deviation ``s`` (`force_offset_sd`), errors of forces have the covariance
+    ``v I + s² 1 1ᵀ``, ``v = σ_F²/2``. For each test it adds, exactly,
+
+    .. math:: \frac{s^2 (\sum_i ΔF_i)^2}{2 v (v + n s^2)} - \frac12 \ln\left(1 + n s^2/v\right) .
+
+    With an error of the diameter, of the standard deviation ``2 s_r`` (`diameter_noise_sd`), errors
+    of pressure and force of a point have the covariance
+
+    .. math:: \begin{pmatrix} σ^2/2 & 0 \\ 0 & σ_F^2/2 \end{pmatrix}
+        + s_r^2 \begin{pmatrix} p'^2 & p' F' \\ p' F' & F'^2 \end{pmatrix},
+
+    with the slopes ``p'`` and ``F'`` of the model by the radius that was measured, there. They
+    depend on the material, and with them the normaliser, which is part of the likelihood. This is
+    the integral over the true diameter, a flat prior given, for curves that are straight over the
+    error. What matters is by which share the slope changes over one standard deviation of the
+    diameter, ``κ = s_D |p''/p'|``: of a curve that grows as ``exp(D/ℓ)`` it is ``s_D/ℓ``. Of a
+    mouse aorta of 1.3 mm with fibres, between 50 and 120 mmHg with errors of 1 mmHg and 0.5 mN, the
+    log-likelihood of a point differs from the integral by 0.02 nats (root mean square) for 5 µm,
+    with κ up to 0.02, and by 0.06 for 10 µm, κ up to 0.04; on average by 0.001. Parameters from 100
+    points are off by a tenth of their standard deviation. For 40 µm, κ up to 0.15, it is half a
+    nat, and they are off by a whole one: do not trust it there.
+
     Parameters
     ----------
     name : str
@@ -255,6 +302,11 @@ def inflation_likelihood(
         part. See :func:`~pymc_hyperelastic.balanced_slope_weight`.
     force_noise_sd, force_sigma : tensor_like, optional
         The same for axial forces, mN; without one of them they play no part.
+    force_offset_sd : tensor_like, optional
+        Standard deviation of the offset that the forces of a test share, mN.
+    diameter_noise_sd : tensor_like, optional
+        Standard deviation of the error of a measured outer diameter, or of twice a measured
+        internal radius, mm. Slopes then play no part, and points are not compressed.
     error_in : {"pressure", "radius"}
         What was measured with an error. Where curves are steep it is the radius; slopes then play
         no part.
@@ -307,6 +359,7 @@ def inflation_likelihood(
     if strangers:
         raise ValueError(f"geometry holds {strangers[0]!r}; it may hold {GEOMETRY}")
     noise = {"noise_sd": noise_sd, "force_noise_sd": force_noise_sd}
+    noise |= {"force_offset_sd": force_offset_sd, "diameter_noise_sd": diameter_noise_sd}
     observation = Observation(sigma, slope_weight, force_sigma, error_in, **noise)
     observation.check(energy, data, parameters, geometry)
     sizes = {p.name: p.size for p in energy.parameters}

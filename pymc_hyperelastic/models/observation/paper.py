@@ -13,6 +13,11 @@ from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.models.forward import SymbolicTube
+from pymc_hyperelastic.models.observation.signals import (
+    as_double,
+    log_likelihood_by_points,
+    rows_of_forces,
+)
 from pymc_hyperelastic.models.observation.slopes import (
     central_differences,
     compressed_spectrum,
@@ -30,6 +35,8 @@ def paper_log_likelihood(
     sigma: Any,
     slope_weight: Any,
     force_sigma: Any = None,
+    force_offset_sd: Any = None,
+    diameter_noise_sd: Any = None,
     switches: Mapping[str, Any] | None = None,
 ) -> TensorVariable:
     r"""Log-likelihood of :func:`~pymc_hyperelastic.inflation_likelihood`, of the tube's data.
@@ -41,7 +48,12 @@ def paper_log_likelihood(
 
     .. math:: -\frac{β}{σ^2} |Δs|^2 - \frac{N_s}{2} \ln\frac{π σ^2}{β}
     """
+    if diameter_noise_sd is not None:
+        errors = {"sigma": sigma, "force_sigma": force_sigma}
+        errors |= {"force_offset_sd": force_offset_sd, "diameter_noise_sd": diameter_noise_sd}
+        return log_likelihood_by_points(tube, switches=switches, **errors)
     slopes, forces = with_slopes(slope_weight), force_sigma is not None
+    offsets = force_offset_sd is not None
     unknown_weight = isinstance(slope_weight, Variable)
 
     def targets_of(data: xr.Dataset) -> dict[str, Array]:
@@ -51,6 +63,8 @@ def paper_log_likelihood(
             targets["slope"][central_differences(data)[0]] = measured_slopes(data)
         if forces:
             targets["force"] = data["axial_force"].values.astype(float)
+        if offsets:
+            targets["force_sum"] = targets["force"]
         return targets
 
     def normalisers_of(data: xr.Dataset) -> dict[str, Array]:
@@ -62,12 +76,12 @@ def paper_log_likelihood(
         if slopes:
             arrays["slopes"] = np.array(float(central_differences(data)[0].size))
         if forces:
-            measured = np.isfinite(data["axial_force"].values.astype(float))
-            arrays["forces"] = np.array(float(measured.sum()))
+            test = data["test"].values[rows_of_forces(data)]
+            arrays["forces"] = np.bincount(test, minlength=data.sizes["test"]).astype(float)
         return arrays
 
     forward = tube.forward
-    squares, conditions = tube.misfits((slopes, forces), targets_of)
+    squares, conditions, force_sums = tube.misfits((slopes, forces, offsets), targets_of)
     weight = None if unknown_weight else float(slope_weight)
     inputs = forward.share(("normalisers", weight, forces), normalisers_of)
     log_area = pt.log(np.pi * pt.square(sigma))
@@ -86,8 +100,14 @@ def paper_log_likelihood(
             beside = pt.where(switches["pressure"], beside, alone)
         terms["slope"] += beside
     if forces:
-        terms["force"] = -inputs["forces"] / 2 * pt.log(np.pi * pt.square(force_sigma))
+        terms["force"] = -pt.sum(inputs["forces"]) / 2 * pt.log(np.pi * pt.square(force_sigma))
         terms["force"] -= squares["force"] / pt.square(force_sigma)
+    if force_sums is not None:
+        # Of σ_F²/2 I + s² 1 1ᵀ, of each test, by the lemmas of Woodbury and of the determinant.
+        prior, variance = pt.square(as_double(force_offset_sd)), pt.square(force_sigma) / 2
+        total = variance + inputs["forces"] * prior
+        terms["force"] -= pt.sum(pt.log(total / variance)) / 2
+        terms["force"] += pt.sum(prior * pt.square(force_sums) / (variance * total)) / 2
     if switches is not None:
         terms = {name: pt.where(switches[name], term, 0.0) for name, term in terms.items()}
     return pt.where(reduce(and_, conditions), reduce(add, terms.values()), -np.inf)

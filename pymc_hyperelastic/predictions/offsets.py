@@ -1,0 +1,97 @@
+"""What a posterior says of the offset of the force transducer in each test."""
+
+import numpy as np
+import xarray as xr
+
+from pymc_hyperelastic.data.inflation import describe_test
+from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES
+from pymc_hyperelastic.predictions.measured import warn_user
+
+# Draws are the same at every call.
+_SEED = 1
+
+
+def force_offsets(tree: xr.DataTree) -> xr.Dataset:
+    r"""Posterior of the offset of the force transducer in each test.
+
+    Offsets are integrated out of the likelihood of a model with ``force_offset_sd``. Given
+    material, tube and noise, that of a test is normal. With its ``n`` measured forces ``f_i``,
+    those of the model, and standard deviations ``s`` of the offset and ``s_F`` of a force,
+
+    .. math:: o \sim \mathcal{N}\left(\frac{v}{s_F^2} \sum_i (f_i - F_i),\ v\right), \qquad
+        \frac1v = \frac1{s^2} + \frac{n}{s_F^2} .
+
+    Its mean and ``√v`` are the deterministics ``force_offset_mean`` and ``force_offset_error`` of
+    such a model; here is one draw from it for each draw of the posterior. With an error of the
+    diameter each force counts by what its pressure leaves open of it.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        Result of a model with ``force_offset_sd``, such as :func:`pymc_hyperelastic.sample_smc`
+        gives, or a class of :func:`pymc_hyperelastic.fit_classes`.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``force_offset`` (mN) with dimensions (chain, draw, test): what the transducer shows beyond
+        the axial force of the tube. Without a measured force it is as before the test. Draws are
+        the same at every call.
+
+    Raises
+    ------
+    TypeError
+        If `tree` is no DataTree.
+    ValueError
+        If the model had no offsets.
+
+    Examples
+    --------
+    >>> import xarray as xr, pymc_hyperelastic as ph
+    >>> of_test = ("chain", "draw", "test")
+    >>> known = {"force_offset_mean": 3.0, "force_offset_error": 0.1}
+    >>> posterior = xr.Dataset({k: (of_test, [[[v]] * 400]) for k, v in known.items()})
+    >>> offsets = ph.force_offsets(xr.DataTree.from_dict({"posterior": posterior}))
+    >>> round(offsets["force_offset"].mean().item(), 1)
+    3.0
+    """
+    check_result(tree)
+    if not knows_offsets(tree):
+        raise ValueError(
+            "the result knows of no offset of a transducer: sample a model that has them, "
+            "ph.inflation_model(..., force_noise_sd=..., force_offset_sd=...), and keep the "
+            f"variables {list(OFFSET_VARIABLES)} in its posterior"
+        )
+    mean, error = (tree["posterior"][name] for name in OFFSET_VARIABLES)
+    offset = mean + error * np.random.default_rng(_SEED).standard_normal(mean.shape)
+    offset.attrs = {"units": "mN", "long_name": "offset of the force transducer"}
+    return offset.to_dataset(name="force_offset")
+
+
+def knows_offsets(tree: xr.DataTree) -> bool:
+    """Whether a result says what the offset of each test is."""
+    return all(name in tree["posterior"].data_vars for name in OFFSET_VARIABLES)
+
+
+def less_offsets(data: xr.Dataset, tree: xr.DataTree) -> xr.Dataset:
+    """Data with each test's forces less the posterior mean of its offset, if the result has such.
+
+    Forces of tests that it does not know stay, and a warning says of how many.
+    """
+    if "axial_force" not in data or not knows_offsets(tree):
+        return data
+    mean = tree["posterior"][OFFSET_VARIABLES[0]].mean(["chain", "draw"])
+    known = dict(zip(mean["test"].values.tolist(), mean.values.tolist(), strict=True))
+    tests = [describe_test(data, i) for i in range(data.sizes["test"])]
+    test, force = data["test"].values, data["axial_force"]
+    with_forces = [tests[i] for i in sorted(set(test[force.notnull().values].tolist()))]
+    strange = [name for name in with_forces if name not in known]
+    if strange:
+        others = f" and {len(strange) - 1} more" if len(strange) > 1 else ""
+        warn_user(
+            f"{strange[0]}{others}: the result does not know the offset of the force transducer in "
+            "these tests, to which it was not fitted; their forces are as they were measured"
+        )
+    offset = np.array([known.get(name, 0.0) for name in tests])[test]
+    return data.assign(axial_force=force.copy(data=force.values - offset))
