@@ -175,9 +175,8 @@ def fitted(points=None) -> xr.DataTree:
 
 def test_a_stretch_that_varies_has_to_be_said():
     """The data do not have one."""
-    with pytest.raises(
-        ValueError, match=r"do not have one axial_stretch: give.*axial_stretch=\.\.\."
-    ):
+    said = r"do not have one axial_stretch \(1\.1, .*\): say which, such as axial_stretch=1\.1"
+    with pytest.raises(ValueError, match=said):
         ph.predict_pressure(fitted(), 1.1)
 
 
