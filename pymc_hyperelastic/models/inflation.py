@@ -82,8 +82,8 @@ def inflation_model(
         In place of `noise_sd` the paper's ``σ``, kPa, which is ``√2`` standard deviations. A
         distribution is one of ``σ``, and ``sigma`` the random variable.
     slope_weight : float or distribution
-        The paper's ``β``, mm², likewise; 0 leaves the slopes out. They are those of inflation tests:
-        tests in which the axial stretch varies have none.
+        The paper's ``β``, mm², likewise; 0 leaves the slopes out. Tests in which the axial stretch
+        varies have none.
     force_noise_sd, force_sigma : float or distribution, optional
         The same for measured axial forces, mN; without one of them they play no part.
     error_in : {"pressure", "radius"}

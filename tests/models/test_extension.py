@@ -204,6 +204,19 @@ def test_tests_of_both_kinds_are_independent(mode):
     assert abs(with_slopes - together) > 1
 
 
+def test_more_points_than_stretches_are_compressed():
+    """What no curve could follow of many points counts as it does point by point."""
+    both, _, extension = kinds(150)
+    for points, slope_weight in ((both, SLOPE_WEIGHT), (extension, 0.0)):
+        direct, collocated = evaluated(
+            [
+                log_likelihood(points, mode=mode, slope_weight=slope_weight)
+                for mode in ("quadrature", "collocation")
+            ]
+        )
+        np.testing.assert_allclose(collocated, direct, rtol=LIKELIHOOD_TOLERANCE)
+
+
 def test_balance_of_slopes_is_that_of_the_inflation_tests():
     """Neither their pressures nor their differences are counted."""
     both, inflation, _ = kinds()
