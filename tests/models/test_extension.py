@@ -341,13 +341,15 @@ def test_data_of_either_kind_take_the_place_of_both(by_test):
                 np.testing.assert_allclose(curve[own], exact, rtol=COLLOCATION_TOLERANCE)
 
 
-def test_matrices_of_inflation_tests_refuse_others():
+def test_matrices_of_one_kind_refuse_the_other():
     """They would not be exact; the message says of which data the model is to be made."""
-    both, inflation, _ = kinds()
-    forward = ForwardModel(ph.Ogden(), inflation, around(OGDEN), mode="collocation")
-    forward.tube(OGDEN).curves()
-    with pytest.raises(ValueError, match=r"extension tests.*make the model of data that hold both"):
-        forward.set_data(both)
+    both, *of_one_kind = kinds()
+    for points, other in zip(of_one_kind, ("extension", "inflation"), strict=True):
+        forward = ForwardModel(ph.Ogden(), points, around(OGDEN), mode="collocation")
+        forward.tube(OGDEN).curves()
+        expected = rf"hold {other} tests.*make the model of data that hold both"
+        with pytest.raises(ValueError, match=expected):
+            forward.set_data(both)
 
 
 def test_a_rising_prior_looks_between_the_points():
