@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.columns import Rows
+from pymc_hyperelastic.data.inflation import varies
 
 # Parts of its stretch by which a tube is extended at least; what varies by less was held.
 _LEAST_EXTENSION = 0.01
@@ -26,8 +27,16 @@ def clearly_extended(stretch: NDArray[np.float64]) -> bool:
     return not (_held(stretch) or _alike(stretch)[1])
 
 
-def check_stretches(rows: Rows, stretch: NDArray[np.float64], varying: NDArray[np.bool_]) -> None:
-    """Raise where a stretch that varies, given by rows, is impossible."""
+def stretches_of(
+    rows: Rows, given: float | str | None
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Axial stretch of every row, and in which tests it varies; in the others it is one number.
+
+    Raises ValueError where one that varies is impossible.
+    """
+    stretch = rows.of_points("axial_stretch", given)
+    varying = varies(stretch, rows.test)
+    stretch = np.where(varying[rows.test], stretch, stretch[rows.first][rows.test])
     impossible = np.flatnonzero((stretch <= 0) & varying[rows.test])
     if impossible.size:
         i = impossible[0]
@@ -35,6 +44,7 @@ def check_stretches(rows: Rows, stretch: NDArray[np.float64], varying: NDArray[n
             f"{rows.place(i)}: axial_stretch is {stretch[i]:.6g}; expected a positive ratio of "
             "lengths, 1 for an unstretched tube"
         )
+    return stretch, varying
 
 
 def doubtful_stretches(

@@ -14,7 +14,7 @@ from pymc_hyperelastic.data.columns import (
     rows_of,
 )
 from pymc_hyperelastic.data.doubt import Check, check_known, doubt
-from pymc_hyperelastic.data.extension import check_stretches, doubtful_stretches
+from pymc_hyperelastic.data.extension import doubtful_stretches, stretches_of
 from pymc_hyperelastic.data.geometry import WALL, Convention, RadiiOf, reference_tube
 from pymc_hyperelastic.data.inflation import (
     COORDINATES,
@@ -22,7 +22,6 @@ from pymc_hyperelastic.data.inflation import (
     OPTIONAL_COORDINATES,
     VARIABLES,
     check_inflation_data,
-    varies,
 )
 from pymc_hyperelastic.data.order import Cycles, last_cycles, order_of_points
 from pymc_hyperelastic.data.plausible import check_plausible
@@ -172,10 +171,7 @@ def inflation_data(
     check_known(check)
     check_frame(frame, measured)
     rows = rows_of(last_cycles(frame, cycles))
-    stretch = rows.of_points("axial_stretch", axial_stretch)
-    varying = varies(stretch, rows.test)
-    stretch = np.where(varying[rows.test], stretch, stretch[rows.first][rows.test])
-    check_stretches(rows, stretch, varying)
+    stretch, varying = stretches_of(rows, axial_stretch)
     doubt(doubtful_stretches(rows, stretch, varying), check, stacklevel=2)
     order, shuffled = order_of_points(rows, measured, stretch, varying)
     doubt(shuffled, check, stacklevel=2)

@@ -245,7 +245,8 @@ def radius_at_pressure(
     -------
     xarray.Dataset
         ``radius`` (mm) with dimensions (chain, draw, pressure), and the coordinate ``extrapolated``
-        (pressure): whether none of the result's data on this tube has a pressure as low or as high.
+        (pressure): whether none of the result's data on this tube has a pressure as low or as high,
+        in inflation tests at this axial stretch, or in extension tests that pass through it.
         Pressures in other tubes, and at other axial stretches, do not compare: if the data have
         such, it is extrapolated where the wall at its median radius is, too, see
         :func:`predict_pressure`. Without data the coordinate is absent.

@@ -34,6 +34,11 @@ def curve_at(pressure, stretch):
     return ph.predict_axial_force(tree_of(MU), pressure=pressure, **TUBE, axial_stretch=stretch)
 
 
+def drifting(held, stretch):
+    """A pressure that is not held exactly; its mean is."""
+    return held * (1 + 0.2 * (stretch - 1.25))
+
+
 def study(specimens=("S1",), *, force=True, kinds=("inflation", "extension")) -> xr.Dataset:
     """Tests of both kinds of a neo-Hookean tube, without errors; those by extension let go."""
     tables = []
@@ -44,8 +49,9 @@ def study(specimens=("S1",), *, force=True, kinds=("inflation", "extension")) ->
             tables.append(table(specimen, f"at {stretch:g}", pressure, stretch, curve))
         for held in HELD if "extension" in kinds else ():
             stretch = np.linspace(1.4, 1.1, 7)
-            curve = curve_at(held, stretch)
-            tables.append(table(specimen, f"held {held:g}", held, stretch, curve))
+            pressure = drifting(held, stretch)
+            curve = curve_at(pressure, stretch)
+            tables.append(table(specimen, f"held {held:g}", pressure, stretch, curve))
     frame = pd.concat(tables, ignore_index=True)
     frame = frame if force else frame.drop(columns="axial_force")
     return ph.inflation_data(frame, **TUBE, axial_stretch="stretch", check="ignore")
@@ -164,7 +170,7 @@ def test_panels_without_curves_are_blank():
     ],
 )
 def test_bands_along_extension_tests(plot, name, variable):
-    """The median is that of the tube at the held pressure, and the data are those measured."""
+    """The median is that of the tube at the measured pressure, and the data are those measured."""
     data = study()
     figure = plot(fitted(data, 0.9 * MU, MU, 1.1 * MU), backend="none")
     for i, held in enumerate(HELD):
@@ -175,7 +181,10 @@ def test_bands_along_extension_tests(plot, name, variable):
         stretch = median["x"][known]
         np.testing.assert_allclose(stretch[[0, -1]], [1.1, 1.4], rtol=ROUNDING)
         exact = ph.predict_axial_force(
-            tree_of(0.9 * MU, MU, 1.1 * MU), pressure=held, **TUBE, axial_stretch=stretch
+            tree_of(0.9 * MU, MU, 1.1 * MU),
+            pressure=drifting(held, stretch),
+            **TUBE,
+            axial_stretch=stretch,
         )
         expected = exact[name].median(["chain", "draw"])
         np.testing.assert_allclose(median["y"][known], expected, rtol=ROUNDING)
@@ -223,5 +232,6 @@ def test_a_pressure_that_is_not_reached_is_told():
     where = {"class_label": "posterior", "axial_stretch": label, "tube": 0}
     median = figure.get_viz("median", "extension_force", **where)
     known = np.isfinite(median["x"])
-    exact = curve_at(HELD[1], median["x"][known])["axial_force"].values[0, 0]
+    stretch = median["x"][known]
+    exact = curve_at(drifting(HELD[1], stretch), stretch)["axial_force"].values[0, 0]
     np.testing.assert_allclose(median["y"][known], exact, rtol=ROUNDING)

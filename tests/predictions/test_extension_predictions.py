@@ -187,6 +187,11 @@ def test_between_measured_stretches_nothing_is_extrapolated():
     assert not found["extrapolated"].any()
     curve = ph.predict_pressure(fitted(), 1.1, axial_stretch=[1.15, 1.35])
     assert not curve["extrapolated"].any()
+    # What was measured at one end of an extension test was not at the other.
+    widest = ph.select(data(), experiment="at 3 kPa")["radius"].values[0]
+    with pytest.warns(UserWarning, match=r"1 of 2 points.*hoop stretch"):
+        curve = ph.predict_pressure(fitted(), widest, axial_stretch=STRETCHES[[0, 2]])
+    assert curve["extrapolated"].values.tolist() == [False, True]
 
 
 def test_beyond_measured_stretches_it_is_said():

@@ -58,8 +58,8 @@ def groups_of(
 class Collocated:
     """Constant matrices of so many Chebyshev stretches.
 
-    Those of inflation tests are `nodes`, those of extension tests `grid`: None if there are none,
-    and then none may take the place of the data. The methods are those of
+    Those of inflation tests are `nodes`, those of extension tests `grid`: 0, or None, if there are
+    none, and then none may take the place of the data. The methods are those of
     :class:`~pymc_hyperelastic.models.forward.direct.Direct`; geometry is known, and plays no part
     in them.
     """
@@ -199,12 +199,16 @@ class Collocated:
         Where there are no tests of one kind a group without points stands for them.
         """
         held, varied = groups_of(data, tubes, by_test=self.by_test)
-        if self.grid is None:
-            if varied:
+        for there, stretches, kind in (
+            (held, self.nodes, "inflation tests, in which axial_stretch is held"),
+            (varied, self.grid, "extension tests, in which axial_stretch varies"),
+        ):
+            if there and not stretches:
                 raise ValueError(
-                    "these data hold extension tests, in which axial_stretch varies, and those in "
-                    "whose place they are put hold none: make the model of data that hold both"
+                    f"these data hold {kind}, and those in whose place they are put hold none: "
+                    "make the model of data that hold both"
                 )
+        if self.grid is None:
             return {"": (held, Nodes(self.nodes))}
         return {
             "": (held, Nodes(self.nodes)) if held else _NOTHING,

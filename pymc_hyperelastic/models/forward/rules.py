@@ -76,7 +76,7 @@ def _collocated(
     nodes, grid = (nodes_needed(energy, g, values, with_force=with_force) for g in (held, varied))
     if nodes is None or grid is None:
         return None
-    return Collocated(nodes.hoop, **settings, grid=grid if varied else None)
+    return Collocated(nodes.hoop if held else 0, **settings, grid=grid if varied else None)
 
 
 def _is_cheap(way: Collocated, data: xr.Dataset) -> bool:

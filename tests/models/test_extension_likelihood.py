@@ -204,6 +204,19 @@ def test_tests_of_both_kinds_are_independent(mode):
     assert abs(with_slopes - together) > 1
 
 
+def test_more_points_than_stretches_are_compressed():
+    """What no curve could follow of many points counts as it does point by point."""
+    both, _, extension = kinds(150)
+    for points, slope_weight in ((both, SLOPE_WEIGHT), (extension, 0.0)):
+        direct, collocated = evaluated(
+            [
+                log_likelihood(points, mode=mode, slope_weight=slope_weight)
+                for mode in ("quadrature", "collocation")
+            ]
+        )
+        np.testing.assert_allclose(collocated, direct, rtol=LIKELIHOOD_TOLERANCE)
+
+
 def test_balance_of_slopes_is_that_of_the_inflation_tests():
     """Neither their pressures nor their differences are counted."""
     both, inflation, _ = kinds()
@@ -328,13 +341,15 @@ def test_data_of_either_kind_take_the_place_of_both(by_test):
                 np.testing.assert_allclose(curve[own], exact, rtol=COLLOCATION_TOLERANCE)
 
 
-def test_matrices_of_inflation_tests_refuse_others():
+def test_matrices_of_one_kind_refuse_the_other():
     """They would not be exact; the message says of which data the model is to be made."""
-    both, inflation, _ = kinds()
-    forward = ForwardModel(ph.Ogden(), inflation, around(OGDEN), mode="collocation")
-    forward.tube(OGDEN).curves()
-    with pytest.raises(ValueError, match=r"extension tests.*make the model of data that hold both"):
-        forward.set_data(both)
+    both, *of_one_kind = kinds()
+    for points, other in zip(of_one_kind, ("extension", "inflation"), strict=True):
+        forward = ForwardModel(ph.Ogden(), points, around(OGDEN), mode="collocation")
+        forward.tube(OGDEN).curves()
+        expected = rf"hold {other} tests.*make the model of data that hold both"
+        with pytest.raises(ValueError, match=expected):
+            forward.set_data(both)
 
 
 def test_a_rising_prior_looks_between_the_points():
