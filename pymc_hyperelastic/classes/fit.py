@@ -61,7 +61,8 @@ def fit_classes(
         See :func:`pymc_hyperelastic.sample_smc`. After an interrupt the classes already fitted are
         returned.
     **noise
-        Errors of what else was measured, see :func:`pymc_hyperelastic.inflation_model`.
+        Errors of what else was measured, without variability: ``force_offset_sd`` and
+        ``diameter_noise_sd`` of :func:`pymc_hyperelastic.inflation_model`.
 
     Returns
     -------

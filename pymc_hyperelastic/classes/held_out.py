@@ -72,7 +72,7 @@ def calibration_report(
     progressbar : bool
         Whether to show progress. After an interrupt what is not yet known is NaN.
     **noise
-        Errors of what else was measured, see :func:`pymc_hyperelastic.inflation_model`.
+        Errors of what else was measured, see :func:`pymc_hyperelastic.fit_classes`.
 
     Returns
     -------

@@ -117,5 +117,5 @@ def test_shared_errors_are_calibrated():
 @pytest.mark.deep
 def test_an_offset_that_is_left_away_is_found_out():
     """Forces of a transducer with an offset, taken for forces of one without."""
-    right, wrong = forced(), forced(force_offset_sd=20.0)
-    assert calibrate(right, simulator=wrong)["p_value"].min() < FAILS
+    right, wrong = forced(), forced(force_offset_sd=60.0)
+    assert calibrate(right, simulator=wrong, simulations=100)["p_value"].min() < FAILS
