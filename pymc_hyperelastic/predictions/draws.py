@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.doubt import Check, check_known
 from pymc_hyperelastic.data.plausible import check_plausible_pressures
-from pymc_hyperelastic.data.units import to_internal
+from pymc_hyperelastic.data.units import mmHg, to_internal
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.mechanics.layers import Layer, check_geometry
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -88,7 +88,7 @@ class Draws(NamedTuple):
             If no draw reaches any of the pressures.
         """
         radius = self.tube.radius_at(pressure)
-        _report_unreached(radius, pressure)
+        _report_unreached(radius, pressure, self.of_class)
         return radius
 
     def extrapolated_radii(self, radius: Array) -> Extrapolated | None:
@@ -354,16 +354,18 @@ def radii_of_data(data: xr.Dataset | None) -> Array:
     return np.linspace(measured.min(), measured.max(), _RADII)
 
 
-def _report_unreached(radius: Array, pressure: Array) -> None:
+def _report_unreached(radius: Array, pressure: Array, of_class: str | None) -> None:
     """Warn of pressures that some draws do not reach; raise if none reaches any."""
     unreached = np.isnan(radius)
     where = "on the rising branch of the curve, see ph.radius_at_pressure"
+    whose = f"class {of_class!r}: " if of_class else ""
+    names = [f"{p:g} kPa ({p / mmHg:.4g} mmHg)" for p in pressure]
     if unreached.all():
-        wanted = ", ".join(f"{p:g}" for p in pressure)
-        raise ValueError(f"no draw reaches a pressure of {wanted} kPa {where}")
+        raise ValueError(f"{whose}no draw reaches a pressure of {', '.join(names)} {where}")
     count = unreached.sum(axis=(0, 1))
     if count.any():
         missed = ", ".join(
-            f"{n} do not reach {p:g} kPa" for p, n in zip(pressure, count, strict=True) if n
+            f"{n} do not reach {name}" for name, n in zip(names, count, strict=True) if n
         )
-        warn_user(f"of {radius[..., 0].size} draws {missed} {where}; the values are NaN there")
+        draws = radius[..., 0].size
+        warn_user(f"{whose}of {draws} draws {missed} {where}; the values are NaN there")
