@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.doubt import Check, check_known
 from pymc_hyperelastic.data.plausible import check_plausible_pressures
-from pymc_hyperelastic.data.units import to_internal
+from pymc_hyperelastic.data.units import mmHg, to_internal
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.mechanics.layers import Layer, check_geometry
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -131,7 +131,7 @@ class Draws(NamedTuple):
         self._check_stretches(pressure)
         radius = self.tube.radius_at(pressure)
         several = np.size(self.typical["axial_stretch"]) > 1
-        _report_unreached(radius, pressure, several)
+        _report_unreached(radius, pressure, several, self.of_class)
         return radius
 
     def extrapolated_radii(self, radius: Array) -> Extrapolated | None:
@@ -406,13 +406,17 @@ def radii_of_data(data: xr.Dataset | None) -> Array:
     return np.linspace(measured.min(), measured.max(), _RADII)
 
 
-def _report_unreached(radius: Array, pressure: Array, several_stretches: bool) -> None:
+def _report_unreached(
+    radius: Array, pressure: Array, several_stretches: bool, of_class: str | None
+) -> None:
     """Warn of pressures that some draws do not reach; raise if none reaches any."""
     unreached = np.isnan(radius)
     where = "on the rising branch of the curve, see ph.radius_at_pressure"
+    whose = f"class {of_class!r}: " if of_class else ""
+    names = [f"{p:g} kPa ({p / mmHg:.4g} mmHg)" for p in pressure]
     if unreached.all():
-        wanted = ", ".join(f"{p:g}" for p in dict.fromkeys(pressure.tolist()))
-        raise ValueError(f"no draw reaches a pressure of {wanted} kPa {where}")
+        wanted = ", ".join(dict.fromkeys(names))
+        raise ValueError(f"{whose}no draw reaches a pressure of {wanted} {where}")
     count = unreached.sum(axis=(0, 1))
     if not count.any():
         return
@@ -421,6 +425,7 @@ def _report_unreached(radius: Array, pressure: Array, several_stretches: bool) -
         missed += f"{(count > 0).sum()} of {count.size} axial stretches"
     else:
         missed = ", ".join(
-            f"{n} do not reach {p:g} kPa" for p, n in zip(pressure, count, strict=True) if n
+            f"{n} do not reach {name}" for name, n in zip(names, count, strict=True) if n
         )
-    warn_user(f"of {radius[..., 0].size} draws {missed} {where}; the values are NaN there")
+    draws = radius[..., 0].size
+    warn_user(f"{whose}of {draws} draws {missed} {where}; the values are NaN there")
