@@ -47,7 +47,9 @@ def plot_axial_force(
     It is what a force transducer at the end of the closed tube reads, see
     :func:`~pymc_hyperelastic.predict_axial_force`. Forces that were measured, in the variable
     ``axial_force`` of the data, are shown beside the bands, whether the class was fitted to them or
-    not; without any there are the bands alone.
+    not; without any there are the bands alone. Bands are of the tube's own force. Where the class
+    knows offsets of the transducer (``force_offset_sd``), the points are what was measured less the
+    posterior mean of their test's offset, and the legend says so.
 
     Of extension tests the force is shown over the axial stretch, in a panel below: the band is that
     at the pressures that were measured, each draw at the radius that it has there.
