@@ -31,6 +31,7 @@ from pymc_hyperelastic.mechanics.pressure import (
     inflation_stiffness,
 )
 from pymc_hyperelastic.mechanics.strain_energy import *  # noqa: F403
+from pymc_hyperelastic.models.geometry import Measured
 from pymc_hyperelastic.models.inflation import (
     criscione_model,
     inflation_model,
@@ -69,6 +70,7 @@ __all__ = [
     "mmHg",
     *strain_energy.__all__,
     "Layer",
+    "Measured",
     "PressureIntegral",
     "inflation_pressure",
     "inflation_stiffness",

@@ -1,5 +1,6 @@
 """Whether evidences of laws compare: they do where data, noise and likelihood are the same."""
 
+import json
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -23,7 +24,10 @@ def noise_of(tree: xr.DataTree) -> str | None:
     """How measurements differ from curves, by what one result says of noise and likelihood."""
     attrs = tree.attrs
     if "variability" in attrs:
-        return f"variability={attrs['variability']!r}"
+        # Noise is a part of such a model, and may differ; what was measured may not.
+        settings = json.loads(attrs["variability_settings"])
+        forces = " and forces" if {"force_sigma", "force_noise_sd"} & set(settings) else ""
+        return f"variability={attrs['variability']!r}, of pressures{forces}"
     if "noise" not in attrs:
         return None
     likelihood = f" and the likelihood {attrs['likelihood']!r}" if "likelihood" in attrs else ""

@@ -218,7 +218,8 @@ def fit_distribution(
     dims = {
         "centre": ("specimen", "coordinate", "particle"),
         "scatter": ("specimen", "coordinate", "particle"),
-        "log_sigma": ("specimen", "particle"),
+        "log_sigma": ("specimen", "noise", "particle"),
+        "deviations": ("specimen", "measure", "particle"),
         "log_weight": ("specimen", "particle"),
         "tests": ("specimen",),
         "standard_error": ("specimen",),
@@ -229,7 +230,12 @@ def fit_distribution(
     }
     tree["specimens"] = xr.Dataset(
         {k: (v, np.stack([getattr(d, k) for d in specimens.values()])) for k, v in dims.items()},
-        {"specimen": list(specimens), "coordinate": model.settings.scale.names},
+        {
+            "specimen": list(specimens),
+            "coordinate": model.settings.scale.names,
+            "noise": model.settings.noises,
+            "measure": list(model.settings.geometry),
+        },
     )
     return with_diagnosis(tree)
 

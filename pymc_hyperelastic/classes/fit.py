@@ -11,6 +11,7 @@ from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
 from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.geometry import Measured
 
 
 def fit_classes(
@@ -23,6 +24,7 @@ def fit_classes(
     force_noise_sd: Any = None,
     force_sigma: Any = None,
     priors: dict[str, Any] | None = None,
+    geometry: Mapping[str, Measured] | None = None,
     variability: Literal["none", "specimen"] = "none",
     experiment_effect: bool = False,
     reference_stress: float = 20.0,
@@ -51,8 +53,11 @@ def fit_classes(
         Training data of each class by its name.
     noise_sd, sigma, slope_weight, force_noise_sd, force_sigma, priors
         See :func:`pymc_hyperelastic.inflation_model`; they hold for all classes. With variability
-        `slope_weight` is 0 and need not be given, no error of forces is, and `noise_sd`, `sigma`
-        and `priors` are those of :func:`~pymc_hyperelastic.population_model`.
+        they are those of :func:`~pymc_hyperelastic.population_model`, and `slope_weight` need not
+        be given.
+    geometry : dict of str to Measured, optional
+        Measures of the tube that have an error, of each specimen its own, see
+        :func:`~pymc_hyperelastic.population_model`; only with variability.
     variability : {"none", "specimen"}
         Whether specimens of a class differ.
     experiment_effect, reference_stress
@@ -61,8 +66,8 @@ def fit_classes(
         See :func:`pymc_hyperelastic.sample_smc`. After an interrupt the classes already fitted are
         returned.
     **noise
-        Errors of what else was measured, without variability: ``force_offset_sd`` and
-        ``diameter_noise_sd`` of :func:`pymc_hyperelastic.inflation_model`.
+        Errors of what else was measured: ``force_offset_sd`` and ``diameter_noise_sd`` of the
+        same functions.
 
     Returns
     -------
@@ -107,6 +112,7 @@ def fit_classes(
         force_noise_sd=force_noise_sd,
         force_sigma=force_sigma,
         priors=priors,
+        geometry=geometry,
         experiment_effect=experiment_effect,
         reference_stress=reference_stress,
     )

@@ -23,6 +23,7 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.geometry import Measured
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,7 @@ def calibration_report(
     experiment_effect: bool = False,
     reference_stress: float = 20.0,
     priors: dict[str, Any] | None = None,
+    geometry: Mapping[str, Measured] | None = None,
     leave_out: Mapping[str, Hashable] | None = None,
     draws: int = 1000,
     chains: int = 1,
@@ -60,8 +62,10 @@ def calibration_report(
         ``OgdenSeries(1)`` and ``OgdenSeries(2)``, are labelled with their settings.
     classes : dict of str to xarray.Dataset
         Data of each class by its name, as for :func:`fit_classes`.
-    noise_sd, sigma, slope_weight, variability, experiment_effect, reference_stress, priors
+    noise_sd, sigma, slope_weight, variability, experiment_effect, reference_stress
         See :func:`~pymc_hyperelastic.fit_classes`.
+    priors, geometry
+        Likewise.
     leave_out : dict of str to hashable, optional
         By specimen, what it belongs to: specimens of one animal, say, are left out together. Each
         specimen by itself when missing.
@@ -137,6 +141,7 @@ def calibration_report(
             sigma=sigma,
             slope_weight=slope_weight,
             priors=priors,
+            geometry=geometry,
             experiment_effect=experiment_effect,
             reference_stress=reference_stress,
         )

@@ -1,6 +1,6 @@
 """Classes whose specimens share one set of parameters, as in the paper."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -71,12 +71,15 @@ class Pooled(ClassKind):
         energy: StrainEnergy,
         *,
         priors: dict[str, Any] | None = None,
+        geometry: Mapping[str, Any] | None = None,
         experiment_effect: bool = False,
         reference_stress: float = 20.0,
         **noise: Any,
     ) -> "Pooled":
         """The kind, of settings that say nothing of how specimens differ."""
         only = "it is used only with variability='specimen'"
+        if geometry:
+            raise ValueError(f"geometry is {geometry!r}: {only}")
         if experiment_effect:
             raise ValueError(f"experiment_effect is {experiment_effect!r}: {only}")
         if reference_stress != 20.0:

@@ -164,6 +164,7 @@ def near_class(distributions: ClassDistribution) -> ClassDistribution:
             "effect_spread": np.sqrt(np.mean(np.square(d.effect_spread))),
         }
     if d.log_sigma is not None:
-        spread_of = np.var(d.log_sigma) + np.mean(np.square(d.noise_spread))
-        optional |= {"log_sigma": np.mean(d.log_sigma), "noise_spread": 1.5 * np.sqrt(spread_of)}
+        logs, spreads = (np.asarray(v)[..., 0] for v in (d.log_sigma, d.noise_spread))
+        spread_of = logs.var(axis=1) + (spreads**2).mean(axis=1)
+        optional |= {"log_sigma": logs.mean(axis=1), "noise_spread": 1.5 * np.sqrt(spread_of)}
     return ClassDistribution(mean, wide, independent(len(mean)), **optional)

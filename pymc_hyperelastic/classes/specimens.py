@@ -16,7 +16,9 @@ import pytensor
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
+from pymc.distributions.distribution import support_point
 from pytensor.compile.sharedvalue import SharedVariable
+from scipy import stats
 from scipy.special import logsumexp
 
 from pymc_hyperelastic.classes.specimen_target import SpecimenTarget
@@ -27,10 +29,13 @@ from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel
-from pymc_hyperelastic.models.natural_scale import NaturalScale
-from pymc_hyperelastic.models.observation.noise import sd_of_sigma
-from pymc_hyperelastic.models.population import Population, register_curves, register_specimens
-from pymc_hyperelastic.models.priors import is_inferred
+from pymc_hyperelastic.models.geometry import deviation_name
+from pymc_hyperelastic.models.population import (
+    Population,
+    log_noise_name,
+    register_curves,
+    register_specimens,
+)
 from pymc_hyperelastic.models.specimen_draws import (
     SpecimenDraws,
     independent,
@@ -59,10 +64,14 @@ class _SpecimenModel:
     whole: Target
 
     @cached_property
-    def pressure(self) -> BatchedFunction:
-        """Pressures of the tests."""
+    def misfit(self) -> BatchedFunction:
+        """Squares of all standard errors: what the log density lacks of its largest value."""
         model = self.whole.model
-        return BatchedFunction.of_model(model, model.replace_rvs_by_values([model["pressure"]]))
+        lacking = [
+            2 * pt.sum(pm.logp(rv, support_point(rv)) - pm.logp(rv, model.rvs_to_values[rv]))
+            for rv in model.observed_RVs
+        ]
+        return BatchedFunction.of_model(model, model.replace_rvs_by_values([sum(lacking)]))
 
 
 class SpecimenSampler:
@@ -75,7 +84,7 @@ class SpecimenSampler:
     def __init__(
         self, population: Population, forward: ForwardModel, reference: ClassDistribution
     ) -> None:
-        self.scale, self.sigma = population.scale, population.known_sigma
+        self.population, self.scale = population, population.scale
         self.forward, self.reference = forward, reference
         self._models: dict[int, _SpecimenModel] = {}
 
@@ -84,8 +93,8 @@ class SpecimenSampler:
         model = self._model_for(data)
         target = self._target(model.whole, self._log_reference)
         found = integrate(target, PARTICLES, rng)
-        curves = model.pressure(target.particles(found.particles))[0]
-        misfit, freedom = self._misfit(data, curves)
+        squares = model.misfit(target.particles(found.particles))[0]
+        misfit, freedom = self._misfit(data, squares)
         draws = replace(self._draws(found.particles), misfit=misfit, freedom=freedom)
         return _weighted(draws, self._log_reference(found.particles), found)
 
@@ -115,7 +124,7 @@ class SpecimenSampler:
 
         def draw_prior(count: int, rng: np.random.Generator) -> Array:
             chosen = distributions.at(rng.integers(len(distributions.location[0]), size=count))
-            fresh = fresh_specimens(self.scale, chosen, data.sizes["test"], rng)
+            fresh = fresh_specimens(self.population, chosen, data.sizes["test"], rng)
             return np.concatenate([fresh[name] for name in self._names], axis=1)
 
         target = self._target(self._model_for(data).whole, log_prior)
@@ -146,17 +155,26 @@ class SpecimenSampler:
         )
 
     def _target(self, whole: Target, log_prior: Callable[[Array], Array]) -> SpecimenTarget:
-        return SpecimenTarget(whole, self._places(whole), log_prior)
+        """The specimen, under a prior of what its classes are held against, and of its tube."""
+
+        def with_tube(points: Array) -> Array:
+            deviations = points[:, points.shape[1] - len(self.population.geometry) :]
+            return log_prior(points) + stats.norm.logpdf(deviations).sum(axis=1)
+
+        return SpecimenTarget(whole, self._places(whole), with_tube)
 
     def _log_reference(self, points: Array) -> Array:
         return log_density(np, vars(self._draws(points)), self.reference)
 
     @property
     def _names(self) -> list[str]:
-        """Variables on which curves depend: coordinates of each test, and ``ln σ``."""
+        """Variables on which curves depend: coordinates of each test, noises, and the tube."""
         own = self.reference.experiment_spread is not None
-        names = [f"{name}_of_test" if own else name for name in self.scale.names]
-        return names + (["log_specimen_sigma"] if self.sigma is None else [])
+        return [
+            *(f"{name}_of_test" if own else name for name in self.scale.names),
+            *map(log_noise_name, self.population.noises),
+            *map(deviation_name, self.population.geometry),
+        ]
 
     def _places(self, whole: Target) -> NDArray[np.intp]:
         """Columns of particles on which curves depend."""
@@ -166,28 +184,33 @@ class SpecimenSampler:
 
     def _draws(self, points: Array) -> SpecimenDraws:
         """Draws of a specimen that are not weighted yet."""
-        count, own = len(self.scale.names), self.reference.experiment_spread is not None
-        log_sigma = points[:, -1] if self.sigma is None else np.zeros(len(points))
-        of_tests = points[:, : points.shape[1] - (self.sigma is None)]
-        of_tests = np.moveaxis(of_tests.reshape(len(points), count, -1), 1, 0)
+        own = self.reference.experiment_spread is not None
+        sizes = len(self.population.noises), len(self.population.geometry)
+        ends = points.shape[1] - np.cumsum([0, *sizes[::-1]])[::-1]
+        of_tests, log_sigma, deviations = np.split(points, ends[:-1], axis=1)
+        of_tests = of_tests.reshape(len(points), len(self.scale.names), -1)
+        of_tests = np.moveaxis(of_tests, 1, 0)
         centre = of_tests.mean(axis=2)
         scatter = ((of_tests - centre[..., None]) ** 2).sum(axis=2)
         tests = of_tests.shape[2] if own else 1
-        return SpecimenDraws(centre, scatter, log_sigma, 0 * log_sigma, tests, 0.0, points)
+        unweighted = np.zeros(len(points))
+        known = centre, scatter, log_sigma.T, unweighted, tests, 0.0, points, deviations.T
+        return SpecimenDraws(*known)
 
-    def _misfit(self, data: xr.Dataset, curves: Array) -> tuple[float, float]:
-        """Squared misfit of the best of these posterior curves (draw, obs), and its freedom.
+    def _misfit(self, data: xr.Dataset, squares: Array) -> tuple[float, float]:
+        """Squared misfit of the best of the posterior's curves, by that of all; its freedom.
 
         The mean over draws exceeds that of the best by the number of parameters of which the curves
         tell, which is half of the variance over the draws.
         """
-        if self.sigma is None:
+        if not self.population.known_noise:
             return np.nan, np.nan
-        measured, sd = data["pressure"].values.astype(float), sd_of_sigma(self.sigma)
+        count = data.sizes["obs"]
+        if self.population.observation.with_force:
+            count += int(data["axial_force"].notnull().sum())
         with np.errstate(over="ignore", invalid="ignore"):
-            squares = np.sum(((measured - curves) / sd) ** 2, axis=1)
-        told = min(np.var(squares) / 2, measured.size - 1) if np.isfinite(squares).all() else 0.0
-        return float(squares.mean() - told), float(measured.size - told)
+            told = min(np.var(squares) / 2, count - 1) if np.isfinite(squares).all() else 0.0
+            return float(squares.mean() - told), float(count - told)
 
     def _model_for(self, data: xr.Dataset) -> _SpecimenModel:
         """Model of a specimen with as many tests, with these data."""
@@ -203,9 +226,8 @@ class SpecimenSampler:
         coords = {"specimen": [0], "test": np.arange(tests)}
         with pm.Model(coords=coords, model=None) as model:
             of_test = np.zeros(tests, int)
-            coordinates, sigma = register_specimens(self.scale, self.reference, of_test)
-            sigma = pt.full((1,), np.float64(self.sigma)) if sigma is None else sigma
-            register_curves(forward, self.scale, coordinates, sigma[of_test])
+            specimens = register_specimens(self.population, self.reference, of_test)
+            register_curves(self.population, forward, specimens)
         return _SpecimenModel(forward, Target(model))
 
 
@@ -222,40 +244,47 @@ def _weighted(draws: SpecimenDraws, log_density: Array, found: Integral) -> Spec
 
 def reference_of(population: Population) -> ClassDistribution:
     """Distribution of a specimen of which not even the class is known."""
-    sigma = population.observation.sigmas["sigma"]
+    sigmas = population.observation.sigmas
     mean, sd = population.scale.location_prior
     spread = _WIDER * np.exp(population.scale.spread_prior[0])
     optional: dict[str, Any] = {}
     if population.experiment_effect:
         optional |= {"experiment_spread": spread / 2, "effect_spread": _EFFECT}
-    if is_inferred(sigma):
-        logs = np.log(pm.draw(sigma, draws=_NOISE_DRAWS, random_seed=1, mode="FAST_COMPILE"))
-        optional |= {"log_sigma": logs.mean(), "noise_spread": np.hypot(logs.std(), 0.5)}
+    inferred = [sigmas[name] for name in population.noises]
+    if inferred:
+        drawn = pm.draw(inferred, draws=_NOISE_DRAWS, random_seed=1, mode="FAST_COMPILE")
+        logs = np.log(drawn)
+        spreads = np.hypot(logs.std(axis=1), 0.5)
+        optional |= {"log_sigma": logs.mean(axis=1), "noise_spread": spreads}
     return ClassDistribution(mean, np.hypot(sd, spread), independent(len(mean)), **optional)
 
 
 def fresh_specimens(
-    scale: NaturalScale, distributions: ClassDistribution, tests: int, rng: np.random.Generator
+    population: Population,
+    distributions: ClassDistribution,
+    tests: int,
+    rng: np.random.Generator,
 ) -> dict[str, Array]:
     """One new specimen of each distribution, by the variables of its model: (draw, entry)."""
-    count = len(distributions.location[0])
+    count, names = len(distributions.location[0]), population.scale.names
 
     def noise(entries: int = 1) -> Array:
         return rng.standard_normal((count, entries))
 
-    standard = [noise() for _ in scale.names]
+    standard = [noise() for _ in names]
     draws = {}
-    for i, name in enumerate(scale.names):
+    for i, name in enumerate(names):
         mixed = sum(a * z for a, z in zip(distributions.factor[i], standard, strict=False))
         draws[name] = distributions.location[i] + distributions.spread[i] * mixed
     if distributions.experiment_spread is not None:
         draws["log_effect"] = distributions.effect_spread * noise()
-        for i, name in enumerate(scale.names):
+        for i, name in enumerate(names):
             within = distributions.experiment_spread[i] * np.exp(draws["log_effect"])
             draws[f"{name}_of_test"] = draws[name] + within * noise(tests)
-    if distributions.log_sigma is not None:
-        draws["log_specimen_sigma"] = distributions.log_sigma + distributions.noise_spread * noise()
-    return draws
+    for i, name in enumerate(population.noises):
+        logs = distributions.log_sigma[i] + distributions.noise_spread[i] * noise()
+        draws[log_noise_name(name)] = logs
+    return draws | {deviation_name(name): noise() for name in population.geometry}
 
 
 def shared_draws(specimens: Iterable[SpecimenDraws]) -> dict[str, SharedVariable]:

@@ -8,7 +8,7 @@ from scipy.stats import f
 
 from pymc_hyperelastic.classes.specimens import fresh_specimens
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.natural_scale import NaturalScale
+from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 
 Array = NDArray[np.float64]
@@ -22,7 +22,7 @@ _SMALLEST = 1e-12
 
 def typical_p_value(
     draws: SpecimenDraws,
-    scale: NaturalScale,
+    population: Population,
     reference: ClassDistribution,
     distributions: ClassDistribution,
     rng: np.random.Generator,
@@ -41,8 +41,8 @@ def typical_p_value(
     the wall's.
     """
     tests = max(draws.tests, 1)
-    references = _fresh(scale, reference, tests, rng)
-    others = _fresh(scale, distributions, tests, rng)
+    references = _fresh(population, reference, tests, rng)
+    others = _fresh(population, distributions, tests, rng)
     wall = _share_as_far(draws.centre, references[0], others[0], rng)
     if draws.tests < 2 or np.isnan(wall):
         return wall
@@ -80,18 +80,22 @@ def noise_p_value(
 ) -> float:
     """Share of the specimens of a class whose curves are fitted as badly as this one's, or worse.
 
-    That is, whose noise is as large: what no curve of the law follows is noise.
+    That is, whose noise is as large: what no curve of the law follows is noise. Of several noises,
+    each is held against its own.
     """
-    prior, spread = reference.log_sigma, reference.noise_spread
-    here = (draws.log_sigma - prior) / spread
-    left = min(float(here.var()), 1.0)
     count = len(distributions.location[0])
-    members = distributions.log_sigma[:, 0] + distributions.noise_spread[
-        :, 0
-    ] * rng.standard_normal(count)
-    members = (1 - left) * (members - prior) / spread
-    members += np.sqrt(left * (1 - left)) * rng.standard_normal(count)
-    return _rank(members, float(here.mean()))
+    p_values = []
+    for i, (prior, spread) in enumerate(
+        zip(reference.log_sigma, reference.noise_spread, strict=True)
+    ):
+        here = (draws.log_sigma[i] - prior) / spread
+        left = min(float(here.var()), 1.0)
+        members = distributions.log_sigma[i][:, 0]
+        members = members + distributions.noise_spread[i][:, 0] * rng.standard_normal(count)
+        members = (1 - left) * (members - prior) / spread
+        members += np.sqrt(left * (1 - left)) * rng.standard_normal(count)
+        p_values.append(_rank(members, float(here.mean())))
+    return either(*p_values)
 
 
 def misfit_p_value(draws: SpecimenDraws, misfit: Array, freedom: Array) -> float:
@@ -114,13 +118,14 @@ def either(*p_values: float) -> float:
 
 
 def _fresh(
-    scale: NaturalScale, distributions: ClassDistribution, tests: int, rng: np.random.Generator
+    population: Population, distributions: ClassDistribution, tests: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Mean of the tests' coordinates, and the sum of their squared deviations, of new specimens."""
     if np.ndim(distributions.location[0]) == 0:
         distributions = _repeated(distributions, _REFERENCE)
-    draws: Mapping[str, Array] = fresh_specimens(scale, distributions, tests, rng)
-    of_tests = np.stack([draws.get(f"{name}_of_test", draws[name]) for name in scale.names])
+    draws: Mapping[str, Array] = fresh_specimens(population, distributions, tests, rng)
+    names = population.scale.names
+    of_tests = np.stack([draws.get(f"{name}_of_test", draws[name]) for name in names])
     centre = of_tests.mean(axis=2)
     return centre, ((of_tests - centre[..., None]) ** 2).sum(axis=2)
 

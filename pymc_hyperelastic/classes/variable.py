@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pymc.progress_bar import create_simple_progress
 
+from pymc_hyperelastic.classes.comparable import noise_of
 from pymc_hyperelastic.classes.distribution import ClassModel, draws_of_class, fit_distribution
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
@@ -45,7 +46,9 @@ from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
-from pymc_hyperelastic.models.observation.noise import noise_in_words
+from pymc_hyperelastic.models.geometry import Measured, check_geometry
+from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, noise_in_words
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.priors import prior_from_record, prior_to_record
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
@@ -77,28 +80,22 @@ class Variability(Population, ClassKind):
         cls,
         energy: StrainEnergy,
         *,
-        noise_sd: Any = None,
-        sigma: Any = None,
         slope_weight: Any = None,
-        force_sigma: Any = None,
         priors: Mapping[str, Any] | None = None,
+        geometry: Mapping[str, Any] | None = None,
         experiment_effect: bool = False,
         reference_stress: float = 20.0,
         **noise: Any,
     ) -> "Variability":
-        """The kind, of settings that ask for nothing but pressures."""
-        others = "".join(f" and {name}" for name, value in noise.items() if value is not None)
-        if slope_weight not in (None, 0) or force_sigma is not None or others:
-            raise ValueError(
-                "with variability='specimen' pressures alone are compared: expected slope_weight=0 "
-                f"and no force_sigma; got {slope_weight} and {force_sigma}{others}"
-            )
-        return cls(energy, sigma, experiment_effect, reference_stress, priors, noise_sd)
+        """The kind, of settings of :func:`~pymc_hyperelastic.population_model`."""
+        noise |= {"slope_weight": slope_weight or 0.0, "likelihood": "generative"}
+        settings = experiment_effect, reference_stress, priors, check_geometry(geometry)
+        return cls(energy, Observation(**noise), *settings)
 
     @property
     def parts(self) -> tuple[str, ...]:
         """Parts of a class's distribution that are there."""
-        there = {"experiments": bool(self.experiment_effect), "noise": self.known_sigma is None}
+        there = {"experiments": bool(self.experiment_effect), "noise": bool(self.noises)}
         return tuple(part for part in PARTS if there.get(part, True))
 
     @property
@@ -117,12 +114,16 @@ class Variability(Population, ClassKind):
 
     def attrs(self) -> dict[str, str]:
         """The settings as text; ValueError if a prior, or one of the law's, cannot be written."""
-        noise = {k: v for k, v in self.observation.noise.items() if k != "slope_weight"}
+        noise = self.observation.noise
+        if not noise["slope_weight"]:
+            del noise["slope_weight"]
         settings = noise_records(noise) | {
             "experiment_effect": bool(self.experiment_effect),
             "reference_stress": float(self.reference_stress),
             "priors": {k: prior_to_record(k, v) for k, v in (self.priors or {}).items()},
         }
+        if self.geometry:
+            settings["geometry_sd"] = {name: v.sd for name, v in self.geometry.items()}
         return strain_energy_attrs(self.energy) | {
             "variability": self.variability,
             "variability_settings": json.dumps(settings),
@@ -133,12 +134,15 @@ class Variability(Population, ClassKind):
     def of_tree(cls, fitted: xr.DataTree) -> "Variability":
         """Settings of a fitted class."""
         settings = json.loads(fitted.attrs["variability_settings"])
-        others = ("experiment_effect", "reference_stress")
+        noise = {name: settings[name] for name in NOISE_UNITS if name in settings}
+        errors = settings.get("geometry_sd", {})
         return cls(
             strain_energy_of(fitted),
-            **noise_from_records({k: settings[k] for k in ("sigma", "noise_sd") if k in settings}),
-            **{name: settings[name] for name in others},
-            priors={name: prior_from_record(record) for name, record in settings["priors"].items()},
+            Observation(**noise_from_records(noise), likelihood="generative"),
+            settings["experiment_effect"],
+            settings["reference_stress"],
+            {name: prior_from_record(record) for name, record in settings["priors"].items()},
+            {name: Measured(sd) for name, sd in errors.items()},
         )
 
     def fit(
@@ -213,13 +217,13 @@ class Variability(Population, ClassKind):
         return fold
 
     def noise_in_words(self, fitted: xr.DataTree) -> str:
-        """Noise is a part of the model, as the specimens are, and may differ as these may."""
-        return "variability='specimen'"
+        """What was measured; noise is a part of the model, as the specimens are."""
+        return str(noise_of(fitted))
 
     def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
         """Parameters of fresh draws from the class's distribution."""
         distributions = distributions_of(fitted)
-        draws = fresh_specimens(self.scale, distributions, 1, rng)
+        draws = fresh_specimens(self, distributions, 1, rng)
         return self.scale.numbers([draws[name][:, 0] for name in self.scale.names])
 
 
@@ -320,10 +324,11 @@ class SpecimenPredictive:
     ) -> tuple[float, float, float]:
         """Whether the specimen could be of a class: by its wall or its noise, and by each."""
         reference, distributions = self._sampler.reference, self._distributions[name]
-        scale = self._settings.scale
-        typical = typical_p_value(draws, scale, reference, distributions, rng)
-        if self._settings.known_sigma is None:
-            fit = noise_p_value(draws, reference, distributions, rng)
-        else:
-            fit = misfit_p_value(draws, *self._misfits[name])
+        typical = typical_p_value(draws, self._settings, reference, distributions, rng)
+        fits = []
+        if self._settings.noises:
+            fits.append(noise_p_value(draws, reference, distributions, rng))
+        if self._settings.known_noise:
+            fits.append(misfit_p_value(draws, *self._misfits[name]))
+        fit = either(*fits)
         return either(typical, fit), typical, fit

@@ -17,6 +17,15 @@ from typing import Any
 
 # What states the reference tube, in the order in which functions take it.
 GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
+# All measures that may state it.
+MEASURES = (
+    "inner_radius",
+    "outer_radius",
+    "thickness",
+    "wall_area",
+    "axial_stretch",
+    "opening_angle",
+)
 
 
 def opening_factor(opening_angle: Any) -> Any:
@@ -193,3 +202,37 @@ def inferred_geometry(known: Mapping[str, Any]) -> dict[str, Any]:
         area = k * known["wall_area"] / pi
         geometry["outer_radius"] = (known["inner_radius"] ** 2 + area) ** 0.5
     return geometry
+
+
+def measure_of(name: str, geometry: Mapping[str, Any]) -> Any:
+    r"""A measure of a tube that is known: ``h = B − A``, ``S = π (B² − A²)/k``, or as it is stated.
+
+    Examples
+    --------
+    >>> measure_of("thickness", {"inner_radius": 1.0, "outer_radius": 1.5})
+    0.5
+    """
+    if name not in ("thickness", "wall_area"):
+        return geometry[name]
+    inner, outer = geometry["inner_radius"], geometry["outer_radius"]
+    if name == "thickness":
+        return outer - inner
+    return pi * (outer - inner) * (outer + inner) / opening_factor(geometry["opening_angle"])
+
+
+def reopened(geometry: Mapping[str, Any], opening_angle: Any) -> dict[str, Any]:
+    """The tube whose closed ring is the same, and opens by another angle.
+
+    It keeps its middle line and its thickness, see :func:`opened_sector`.
+
+    Examples
+    --------
+    >>> ring = {"inner_radius": 1.0, "outer_radius": 1.2, "opening_angle": 0.0}
+    >>> reopened(ring, pi)
+    {'inner_radius': 2.1, 'outer_radius': 2.3, 'opening_angle': 3.141592653589793}
+    """
+    inner, outer = geometry["inner_radius"], geometry["outer_radius"]
+    ratio = opening_factor(opening_angle) / opening_factor(geometry["opening_angle"])
+    shift = (ratio - 1) * (inner + outer) / 2
+    moved = {"inner_radius": inner + shift, "outer_radius": outer + shift}
+    return {**geometry, **moved, "opening_angle": opening_angle}

@@ -13,15 +13,20 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.models.natural_scale import SPREAD, NaturalScale
 from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.observation.noise import in_sigmas
+from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, in_sigmas
 from pymc_hyperelastic.models.priors import is_inferred, register_prior
 
 Array = NDArray[np.float64]
 
 # Draws of a class's distribution against which a specimen is held.
 _DISTRIBUTIONS = 1000
-# The variable of a class's noise, by what it was given as.
-_NOISE = ("sigma", "noise_sd")
+# Errors that may differ from specimen to specimen, as the paper's ``σ`` where there is one, and the
+# name of the standard deviation of their logarithms.
+SPREAD_OF_NOISE = {
+    "sigma": "noise_spread",
+    "force_sigma": "force_noise_spread",
+    "diameter_noise_sd": "diameter_noise_spread",
+}
 # Priors of a class, each as the median and the standard deviation of a logarithm.
 _EXPERIMENT_SPREAD, _EFFECT_SPREAD, _NOISE_SPREAD = (0.15, 0.8), (0.5, 0.5), (0.3, 0.5)
 # Exponent of the prior of a correlation matrix, its determinant to the power of η − 1.
@@ -42,8 +47,8 @@ class ClassDistribution:
         Standard deviation by which experiments on a typical specimen differ from it.
     effect_spread : tensor_like, optional
         Standard deviation of the logarithm of that, between specimens.
-    log_sigma, noise_spread : tensor_like, optional
-        Mean and standard deviation of ``ln σ`` of the specimens, if the noise is inferred.
+    log_sigma, noise_spread : tensor_like, shape (noise), optional
+        Mean and standard deviation of ``ln σ`` of the specimens, for each noise that is inferred.
     """
 
     location: Any
@@ -94,11 +99,21 @@ def register_class(
         optional["experiment_spread"] = variable("experiment_spread", prior)
         prior = pm.LogNormal.dist(np.log(_EFFECT_SPREAD[0]), _EFFECT_SPREAD[1])
         optional["effect_spread"] = variable("effect_spread", prior, dims=None)
-    if is_inferred(observation.sigmas["sigma"]):
-        optional["log_sigma"] = pt.log(observation.with_variables().sigmas["sigma"])
+    inferred = noises_of(observation)
+    if inferred:
+        sigmas = observation.with_variables().sigmas
         prior = pm.LogNormal.dist(np.log(_NOISE_SPREAD[0]), _NOISE_SPREAD[1])
-        optional["noise_spread"] = variable("noise_spread", prior, dims=None)
+        optional["log_sigma"] = [pt.log(sigmas[name]) for name in inferred]
+        optional["noise_spread"] = [
+            variable(SPREAD_OF_NOISE[name], prior, dims=None) for name in inferred
+        ]
     return ClassDistribution(location, spread, factor, **optional)
+
+
+def noises_of(observation: Observation) -> list[str]:
+    """Errors that differ from specimen to specimen: those that are inferred."""
+    sigmas = observation.sigmas
+    return [name for name in SPREAD_OF_NOISE if is_inferred(sigmas.get(name))]
 
 
 def _correlation_factor(size: int) -> list[list[Any]]:
@@ -143,14 +158,16 @@ def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDis
     factors = np.ones((posterior.sizes["sample"], 1, 1))
     if size > 1:
         factors = np.linalg.cholesky(posterior["correlation"].transpose("sample", ...).values)
-    optional = {
-        name: posterior[name].values[:, None]
-        for name in ("effect_spread", "noise_spread")
-        if name in posterior
-    }
-    if "noise_spread" in posterior:
-        given = {name: posterior[name].values for name in _NOISE if name in posterior}
-        optional["log_sigma"] = np.log(in_sigmas(given)["sigma"])[:, None]
+    optional = {}
+    if "effect_spread" in posterior:
+        optional["effect_spread"] = posterior["effect_spread"].values[:, None]
+    given = {name: posterior[name].values for name in NOISE_UNITS if name in posterior}
+    sigmas = in_sigmas(given)
+    inferred = [name for name, spread in SPREAD_OF_NOISE.items() if spread in posterior]
+    if inferred:
+        spreads = [posterior[SPREAD_OF_NOISE[name]].values for name in inferred]
+        optional["log_sigma"] = np.log([sigmas[name] for name in inferred])[..., None]
+        optional["noise_spread"] = np.array(spreads)[..., None]
     return ClassDistribution(
         vector("location"),
         vector("spread"),

@@ -12,6 +12,7 @@ from pytensor.graph.replace import vectorize_graph
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import describe_test
+from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.batched import without_traces
 from pymc_hyperelastic.evidence.results import attach_study
 from pymc_hyperelastic.mechanics.layers import Layer
@@ -22,14 +23,16 @@ from pymc_hyperelastic.mechanics.strain_energy import (
     StrainEnergy,
 )
 from pymc_hyperelastic.models.forward import Mode
+from pymc_hyperelastic.models.geometry import (
+    check_geometry,
+    measured_of,
+    priors_of,
+    register_deviations,
+    register_measures,
+)
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.observation import ErrorIn, Likelihood
-from pymc_hyperelastic.models.priors import (
-    belongs_to,
-    check_geometry_priors,
-    complete_wall,
-    register_priors,
-)
+from pymc_hyperelastic.models.priors import belongs_to, complete_wall, register_priors
 from pymc_hyperelastic.models.study import Study
 
 # Draws from the prior by which it is known how many of them have a pressure that rises: to 3 % at
@@ -107,12 +110,14 @@ def inflation_model(
         Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. For the others the
         default of the strain energy is taken: uniform over a documented physical range. A vector
         parameter has a prior of its size.
-    geometry : dict of str to distribution, optional
+    geometry : dict of str to distribution or Measured, optional
         Priors of what is not known of the tube, one value for all tests: ``inner_radius``,
         ``axial_stretch``, ``opening_angle`` (rad), and one of ``outer_radius``, ``thickness`` (mm)
         or ``wall_area`` (mm², of the cross-section of the unloaded ring). Radii are those of
-        the opened sector, and the angle is the whole one that it lacks of a full circle. The
-        integral is then taken by direct quadrature, with gradients through the geometry.
+        the opened sector, and the angle is the whole one that it lacks of a full circle. In place
+        of a prior :class:`~pymc_hyperelastic.Measured` says with which error the value in the data
+        was measured, of each specimen by itself. The integral is then taken by direct quadrature,
+        with gradients through the geometry.
     rising : bool, default False
         Whether the prior leaves out materials whose pressure falls somewhere between the smallest
         and the largest radius of a test. The Potential ``rising`` then divides by the prior
@@ -235,12 +240,14 @@ def tube_model(
 ) -> pm.Model:
     """Model of :func:`inflation_model`, a part of `parent` or by itself, whatever the context."""
     wall, distributions = complete_wall(energy, priors, parent)
-    unknown = check_geometry_priors(geometry, parent)
+    unknown = check_geometry(geometry, parent)
     observation.check(wall, data, distributions, unknown)
     # Classes fit one compiled Potential to the data of each; observed variables are not shared.
     settings = {"mode": mode, "replaceable": observation.likelihood == "paper"}
     forward = observation.forward_model(wall, data, distributions, unknown, **settings)
-    if rising and any(belongs_to(v, parent) for v in [*distributions.values(), *unknown.values()]):
+    if rising and any(
+        belongs_to(v, parent) for v in [*distributions.values(), *priors_of(unknown).values()]
+    ):
         raise ValueError(
             "rising=True divides by the prior probability of the curves that rise, which is not "
             "known where parameters are variables of your own model: give distributions instead"
@@ -251,20 +258,28 @@ def tube_model(
         points: np.arange(data.sizes["obs"]),
         model.name_for("test"): [describe_test(data, test) for test in range(data.sizes["test"])],
     }
+    specimens, of_test = specimens_of(data)
+    measured = measured_of(unknown)
+    of_specimen = model.name_for("specimen")
+    if measured:
+        coords[of_specimen] = specimens
     if parent is not None:
         _check_names(parent, [*coords, model.name_for("pressure")])
     model.add_coords(coords)
     with model:
         parameters = register_priors(distributions)
-        of_tube = register_priors(unknown)
-        tube, observed = forward.tube(parameters, of_tube), observation.with_variables()
+        of_tube = register_priors(priors_of(unknown))
+        deviations = register_deviations(measured, of_specimen)
+        register_measures(data, measured, deviations, of_specimen)
+        known = of_tube, {name: z[of_test] for name, z in deviations.items()}
+        tube, observed = forward.tube(parameters, *known), observation.with_variables()
         curves = {
             curve: pm.Deterministic(curve, values, dims=points)
             for curve, values in tube.curves().items()
         }
         observed.register(tube, curves, dims=points)
         if rising:
-            rises = pt.all(forward.between().tube(parameters, of_tube).curves()["stiffness"] > 0)
+            rises = pt.all(forward.between().tube(parameters, *known).curves()["stiffness"] > 0)
             share = _prior_probability(rises, model.free_RVs)
             pm.Potential("rising", pt.where(rises, -np.log(share), -np.inf))
     if parent is None:

@@ -1,10 +1,10 @@
 """Specimens of a class differ: each has its own parameters, drawn from the class's distribution."""
 
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from numbers import Real
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pymc as pm
@@ -18,11 +18,23 @@ from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.results import attach_study
 from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.models.class_distribution import ClassDistribution, register_class
+from pymc_hyperelastic.models.class_distribution import (
+    SPREAD_OF_NOISE,
+    ClassDistribution,
+    noises_of,
+    register_class,
+)
 from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.geometry import (
+    Measured,
+    check_geometry,
+    check_measured_only,
+    register_deviations,
+    register_measures,
+)
 from pymc_hyperelastic.models.natural_scale import NaturalScale, check_moduli
 from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.observation.noise import sd_of_sigma
+from pymc_hyperelastic.models.observation.noise import SIGMA_OF, sd_of_sigma
 from pymc_hyperelastic.models.priors import check_prior, is_inferred
 from pymc_hyperelastic.models.study import Study
 
@@ -37,16 +49,11 @@ class Population:
     """Settings of specimens that differ, see :func:`population_model`."""
 
     energy: StrainEnergy
-    sigma: Any = None
+    observation: Observation
     experiment_effect: bool = False
     reference_stress: float = 20.0
     priors: Mapping[str, Any] | None = None
-    noise_sd: Any = None
-
-    @property
-    def observation(self) -> Observation:
-        """What was measured: pressures alone."""
-        return Observation(self.sigma, noise_sd=self.noise_sd, likelihood="generative")
+    geometry: Mapping[str, Measured] = field(default_factory=dict)
 
     @property
     def scale(self) -> NaturalScale:
@@ -54,10 +61,14 @@ class Population:
         return NaturalScale(self.energy, self.reference_stress)
 
     @property
-    def known_sigma(self) -> float | None:
-        """The paper's ``σ``, or None if the noise is inferred."""
-        sigma = self.observation.sigmas["sigma"]
-        return None if is_inferred(sigma) else float(sigma)
+    def noises(self) -> list[str]:
+        """Errors that specimens have of their own, since they are inferred."""
+        return noises_of(self.observation)
+
+    @property
+    def known_noise(self) -> bool:
+        """Whether the noise of pressures or forces is known."""
+        return bool({"sigma", "force_sigma"} & {*self.observation.sigmas} - {*self.noises})
 
     def check(self, data: xr.Dataset) -> None:
         """Raise unless these data can be modelled so."""
@@ -67,22 +78,31 @@ class Population:
         for name, value in observation.noise.items():
             if is_inferred(value):
                 _check_positive(name, value)
+        if is_inferred(observation.force_offset_sd):
+            raise ValueError(
+                "force_offset_sd is a distribution; where specimens differ, expected a number of "
+                "mN: each test has an offset of its own, and the number is their prior"
+            )
         stress = self.reference_stress
         if not isinstance(stress, Real) or not np.isfinite(stress) or stress <= 0:
             raise ValueError(f"reference_stress is {stress!r}; expected a positive number of kPa")
+        check_measured_only(self.geometry)
         parameters = {p.name: np.zeros(p.size) if p.size else 0.0 for p in self.energy.parameters}
-        observation.check(self.energy, data, parameters)
+        observation.check(self.energy, data, parameters, self.geometry)
+        self._check_priors()
+
+    def _check_priors(self) -> None:
+        """Raise unless the priors are those of unknowns of the class."""
         if self.priors is not None and not isinstance(self.priors, Mapping):
             raise TypeError(
                 'priors must be a dict such as {"noise_spread": pm.LogNormal.dist(-1, 0.5)}, not '
                 f"{type(self.priors).__name__}"
             )
         count = len(self.scale.names)
-        sizes = {"location": count, "spread": count}
+        sizes: dict[str, int | None] = {"location": count, "spread": count}
         if self.experiment_effect:
             sizes |= {"experiment_spread": count, "effect_spread": None}
-        if self.known_sigma is None:
-            sizes["noise_spread"] = None
+        sizes |= {SPREAD_OF_NOISE[name]: None for name in self.noises}
         for name, prior in (self.priors or {}).items():
             if name not in sizes:
                 raise ValueError(
@@ -100,7 +120,9 @@ class Population:
         reach = _REACH * sd
         coordinates = [pm.Uniform.dist(m - r, m + r) for m, r in zip(mean, reach, strict=True)]
         parameters = self.scale.parameters(coordinates)
-        return ForwardModel(self.energy, data, parameters, by_test=True)
+        return self.observation.forward_model(
+            self.energy, data, parameters, self.geometry, by_test=True
+        )
 
 
 def population_model(
@@ -109,6 +131,12 @@ def population_model(
     *,
     noise_sd: Any = None,
     sigma: Any = None,
+    slope_weight: float = 0.0,
+    force_noise_sd: Any = None,
+    force_sigma: Any = None,
+    force_offset_sd: float | None = None,
+    diameter_noise_sd: Any = None,
+    geometry: Mapping[str, Measured] | None = None,
     experiment_effect: bool = False,
     reference_stress: float = 20.0,
     priors: Mapping[str, Any] | None = None,
@@ -123,10 +151,12 @@ def population_model(
         p_i \sim N(p(a_i; θ(x_t)), σ_s^2/2)
 
     Specimens differ also in how much their experiments differ, ``ln κ_s ~ N(0, η²)``, and with an
-    unknown ``σ`` in their noise, ``ln σ_s ~ N(ln σ, ν²)``.
+    unknown ``σ`` in their noise, ``ln σ_s ~ N(ln σ, ν²)``: likewise in each other noise that is
+    unknown. The likelihood is the generative one of :func:`~pymc_hyperelastic.inflation_model`,
+    with forces, slopes, offsets and an error of the diameter where they are asked for.
 
-    Pressures alone enter: axial forces in the data play no part. The model stands by itself: made
-    in the context of another one it is no part of that, and a warning says so.
+    The model stands by itself: made in the context of another one it is no part of that, and a
+    warning says so.
 
     Parameters
     ----------
@@ -139,6 +169,20 @@ def population_model(
         median, each specimen has its own: ``specimen_noise_sd``.
     sigma : float or distribution
         In place of `noise_sd` the paper's ``σ``, kPa, ``√2`` times the standard deviation.
+    slope_weight : float, default 0
+        The paper's ``β``, mm²; 0 leaves the slopes out.
+    force_noise_sd, force_sigma : float or distribution, optional
+        The same for measured axial forces, mN; without one of them they play no part. With a
+        distribution each specimen has its own: ``specimen_force_noise_sd``.
+    force_offset_sd : float, optional
+        Standard deviation, mN, of the offset of the force transducer, one for each test.
+    diameter_noise_sd : float or distribution, optional
+        Standard deviation, mm, of the error of a measured outer diameter; with a distribution each
+        specimen has its own.
+    geometry : dict of str to Measured, optional
+        Measures of the tube that have an error, such as ``{"thickness": ph.Measured(sd=0.01)}``:
+        each specimen then has a deviation of its own, ``thickness_deviation``, and its
+        ``thickness``. See :class:`~pymc_hyperelastic.Measured`.
     experiment_effect : bool, default False
         Whether experiments on one specimen differ by more than noise, as at several axial stretches
         of a material whose law does not couple the directions rightly. Otherwise ``ω = 0``.
@@ -146,14 +190,16 @@ def population_model(
         Stress ``T₀`` (kPa) of the reference strain, which stands in place of the first modulus.
     priors : dict of str to distribution, optional
         Other priors of the class: of ``location``, ``spread`` and ``experiment_spread``, with one
-        entry a coordinate, and of ``effect_spread`` and ``noise_spread``.
+        entry a coordinate, and of ``effect_spread``, ``noise_spread``, ``force_noise_spread`` and
+        ``diameter_noise_spread``.
 
     Returns
     -------
     pymc.Model
         With the dimensions ``specimen``, ``coordinate``, ``test`` and ``obs``; the deterministics
-        of the specimens carry the names of the material parameters, and the observed variable is
-        ``measured_pressure``: predictive sampling and ``log_likelihood`` work.
+        of the specimens carry the names of the material parameters, and observed variables are
+        ``measured_pressure`` and ``measured_axial_force``: predictive sampling and
+        ``log_likelihood`` work.
 
     Warns
     -----
@@ -172,9 +218,9 @@ def population_model(
     Default priors, with :math:`x \sim LN(m, s)` for a normal logarithm of median ``m``: the
     reference strain LN(0.2, 0.7); a shape parameter LN(u/6, 1.2) of its largest value ``u``;
     ``τ`` LN(0.4, 0.7), a coefficient of variation from 10 to 160 %; ``ω`` LN(0.15, 0.8); ``η``
-    LN(0.5, 0.5); ``ν`` LN(0.3, 0.5); the correlation matrix ``R`` its determinant to the first
-    power. None of the spreads can vanish: with a handful of specimens a prior with mass at zero
-    makes a funnel, in which samplers get stuck.
+    LN(0.5, 0.5); every ``ν`` LN(0.3, 0.5); the correlation matrix ``R`` its determinant to the
+    first power. None of the spreads can vanish: with a handful of specimens a prior with mass at
+    zero makes a funnel, in which samplers get stuck.
 
     Specimens are sampled themselves, not their distances from the class in units of its spread: a
     curve of many points says more about its specimen than the class does.
@@ -196,7 +242,11 @@ def population_model(
     >>> [rv.name for rv in model.free_RVs]
     ['location', 'spread', 'correlation_unit', 'log_reference_strain', 'log_alpha']
     """
-    population = Population(energy, sigma, experiment_effect, reference_stress, priors, noise_sd)
+    noise = {"noise_sd": noise_sd, "force_noise_sd": force_noise_sd}
+    noise |= {"force_offset_sd": force_offset_sd, "diameter_noise_sd": diameter_noise_sd}
+    observation = Observation(sigma, slope_weight, force_sigma, likelihood="generative", **noise)
+    settings = experiment_effect, reference_stress, priors, check_geometry(geometry)
+    population = Population(energy, observation, *settings)
     population.check(data)
     if pm.Model.get_context(error_if_none=False) is not None:
         warnings.warn(
@@ -216,14 +266,10 @@ def population_model(
     }
     with pm.Model(coords=coords, model=None) as model:
         distribution = population.register_class()
-        coordinates, specimen_sigma = register_specimens(scale, distribution, of_test)
-        if specimen_sigma is None:
-            specimen_sigma = pt.full((len(specimens),), np.float64(population.known_sigma))
-        elif noise_sd is not None:
-            sd = sd_of_sigma(specimen_sigma)
-            pm.Deterministic("specimen_noise_sd", sd, dims="specimen")
-        forward = population.forward_model(data)
-        register_curves(forward, scale, coordinates, specimen_sigma[of_test], dims="obs")
+        of_specimens = register_specimens(population, distribution, of_test)
+        _register_noises(population, of_specimens)
+        register_curves(population, population.forward_model(data), of_specimens, dims="obs")
+        register_measures(data, population.geometry, of_specimens.deviations)
     attach_study(model, Study(energy, data, {}, reference_stress=float(reference_stress)))
     return model
 
@@ -239,10 +285,24 @@ def _check_positive(name: str, noise: Any) -> None:
         )
 
 
+class Specimens(NamedTuple):
+    """Variables of the specimens."""
+
+    of_test: NDArray[np.intp]
+    """To which of them each test belongs."""
+    coordinates: list[TensorVariable]
+    """Of every test."""
+    noises: dict[str, TensorVariable]
+    """Of every specimen, those that are inferred, as the paper's ``σ`` where there is one."""
+    deviations: dict[str, TensorVariable]
+    """Of every specimen, how far its tube is from what was measured."""
+
+
 def register_specimens(
-    scale: NaturalScale, distribution: ClassDistribution, of_test: NDArray[np.intp]
-) -> tuple[list[TensorVariable], TensorVariable | None]:
-    """Variables of the specimens: coordinates of every test, and noise of every specimen."""
+    population: Population, distribution: ClassDistribution, of_test: NDArray[np.intp]
+) -> Specimens:
+    """Variables of the specimens, in the model of the context."""
+    scale = population.scale
     location, spread = distribution.location, distribution.spread
     standard: list[Any] = []
     coordinates = []
@@ -263,26 +323,41 @@ def register_specimens(
             pm.Normal(f"{name}_of_test", x, distribution.experiment_spread[j] * within, dims="test")
             for j, (name, x) in enumerate(zip(scale.names, of_tests, strict=True))
         ]
-    if distribution.log_sigma is None:
-        return of_tests, None
-    log_sigma = pm.Normal(
-        "log_specimen_sigma", distribution.log_sigma, distribution.noise_spread, dims="specimen"
-    )
-    return of_tests, pt.exp(log_sigma)
+    noises = {}
+    for i, name in enumerate(population.noises):
+        moments = distribution.log_sigma[i], distribution.noise_spread[i]
+        noises[name] = pt.exp(pm.Normal(log_noise_name(name), *moments, dims="specimen"))
+    return Specimens(of_test, of_tests, noises, register_deviations(population.geometry))
+
+
+def log_noise_name(name: str) -> str:
+    """Name of the variable of an error that specimens have of their own."""
+    return f"log_specimen_{name}"
+
+
+def _register_noises(population: Population, specimens: Specimens) -> None:
+    """Standard deviations of the specimens, of errors that were given so."""
+    for name, value in specimens.noises.items():
+        as_given = next(sd for sd in population.observation.noise if SIGMA_OF.get(sd, sd) == name)
+        if as_given in SIGMA_OF:
+            pm.Deterministic(f"specimen_{as_given}", sd_of_sigma(value), dims="specimen")
+        elif name not in SIGMA_OF.values():
+            pm.Deterministic(f"specimen_{name}", value, dims="specimen")
 
 
 def register_curves(
-    forward: ForwardModel,
-    scale: NaturalScale,
-    coordinates: Sequence[TensorVariable],
-    sigma: TensorVariable,
-    dims: str | None = None,
+    population: Population, forward: ForwardModel, specimens: Specimens, dims: str | None = None
 ) -> None:
-    """Curves of the tests, and what was measured about them, with ``σ`` of every test."""
-    tube = forward.tube(scale.parameters(coordinates))
-    curves = tube.curves()
-    curves["pressure"] = pm.Deterministic("pressure", curves["pressure"], dims=dims)
+    """Curves of the tests, and what was measured about them."""
+    of_test = specimens.of_test
+    deviations = {name: z[of_test] for name, z in specimens.deviations.items()}
+    parameters = population.scale.parameters(specimens.coordinates)
+    tube = forward.tube(parameters, deviations=deviations)
+    curves = {
+        name: pm.Deterministic(name, values, dims=dims) for name, values in tube.curves().items()
+    }
     test = forward.share("test", lambda data: {"test": data["test"].values})["test"]
-    observation = Observation(sigma[test], likelihood="generative")
+    own = {name: sigma[of_test][test] for name, sigma in specimens.noises.items()}
+    observation = Observation(**population.observation.sigmas | own, likelihood="generative")
     # Specimens are scored many at a time, where curves that overflow are found out anyway.
     observation.register(tube, curves, dims=dims, bounded=False)

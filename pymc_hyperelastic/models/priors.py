@@ -130,42 +130,6 @@ def with_variables(
     ]
 
 
-# What may be inferred of a tube.
-_GEOMETRY = (
-    "inner_radius",
-    "outer_radius",
-    "thickness",
-    "wall_area",
-    "axial_stretch",
-    "opening_angle",
-)
-
-
-def check_geometry_priors(
-    geometry: Mapping[str, TensorVariable] | None, model: pm.Model | None = None
-) -> dict[str, Any]:
-    """Priors of a tube's geometry, or an error if they do not state one."""
-    if geometry is not None and not isinstance(geometry, Mapping):
-        raise TypeError(
-            'geometry must be a dict such as {"inner_radius": pm.Uniform.dist(0.3, 0.5)}, not '
-            f"{type(geometry).__name__}"
-        )
-    given = dict(geometry or {})
-    for name, prior in given.items():
-        if name not in _GEOMETRY:
-            raise ValueError(f"a prior is given for {name!r}; of a tube one may infer {_GEOMETRY}")
-        check_prior(name, prior, model=model)
-    outer = [name for name in ("outer_radius", "thickness", "wall_area") if name in given]
-    if len(outer) > 1:
-        raise ValueError(f"{outer} state the same: give a prior for one of them")
-    if outer in (["thickness"], ["wall_area"]) and "inner_radius" not in given:
-        raise ValueError(
-            f"{outer[0]} is inferred together with inner_radius; where that is known, give a prior "
-            "for outer_radius"
-        )
-    return given
-
-
 def check_prior(
     name: str, prior: Any, size: int | None = None, model: pm.Model | None = None
 ) -> None:

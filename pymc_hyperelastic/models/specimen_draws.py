@@ -32,8 +32,8 @@ class SpecimenDraws:
     ----------
     centre, scatter : array, shape (coordinate, draw)
         Mean of the tests' coordinates, and the sum of their squared deviations from it.
-    log_sigma : array, shape (draw)
-        ``ln σ``, zero if the noise is known.
+    log_sigma : array, shape (noise, draw)
+        ``ln σ`` of each noise that is inferred.
     log_weight : array, shape (draw)
         Logarithm of the weights.
     tests : int
@@ -41,7 +41,11 @@ class SpecimenDraws:
     standard_error : float
         Standard error of the logarithm of all weights together.
     points : array, shape (draw, entry)
-        What the curves depend on: the coordinates of each test, and ``ln σ`` if it is not known.
+        What the curves depend on: the coordinates of each test, each ``ln σ`` that is not known,
+        and the deviations of the tube.
+    deviations : array, shape (measure, draw)
+        By how much measures of the tube differ from what was measured, in standard deviations.
+        Their prior is that of all classes, and is no part of the weights.
     misfit, freedom : float
         Sum of the squared misfits of the best curve, in standard deviations of the noise if that is
         known, and the number of degrees of freedom that it would have.
@@ -56,6 +60,7 @@ class SpecimenDraws:
     tests: int
     standard_error: float
     points: Array
+    deviations: Array
     method: str = ""
     pareto_k: float = np.nan
     misfit: float = np.nan
@@ -67,9 +72,10 @@ class SpecimenDraws:
             self,
             centre=self.centre[:, :count],
             scatter=self.scatter[:, :count],
-            log_sigma=self.log_sigma[:count],
+            log_sigma=self.log_sigma[:, :count],
             log_weight=self.log_weight[:count] + np.log(len(self.log_weight) / count),
             points=self.points[:count],
+            deviations=self.deviations[:, :count],
         )
 
 
@@ -82,10 +88,9 @@ def stacked(specimens: Sequence[SpecimenDraws]) -> dict[str, Array]:
     """Arrays of several specimens, which follow the coordinates and come before the draws."""
     arrays = {
         name: np.stack([getattr(draws, name) for draws in specimens], axis=-2)
-        for name in ("centre", "scatter")
+        for name in ("centre", "scatter", "log_sigma")
     }
-    for name in ("log_sigma", "log_weight"):
-        arrays[name] = np.stack([getattr(draws, name) for draws in specimens])
+    arrays["log_weight"] = np.stack([draws.log_weight for draws in specimens])
     arrays["products"] = _products(arrays["centre"])
     return arrays | {"tests": np.array([[float(draws.tests)] for draws in specimens])}
 
@@ -118,7 +123,8 @@ def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDis
 
 def log_density_of_noise(xp: ModuleType, log_sigma: Any, distribution: ClassDistribution) -> Any:
     """The part of :func:`log_density` that is the noise's."""
-    return _log_normal(xp, log_sigma, distribution.log_sigma, distribution.noise_spread)
+    moments = zip(distribution.log_sigma, distribution.noise_spread, strict=True)
+    return sum(_log_normal(xp, log_sigma[i], *moment) for i, moment in enumerate(moments))
 
 
 def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Array:

@@ -23,6 +23,7 @@ import xarray as xr
 from pymc_hyperelastic.evidence.results import data_groups
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.geometry import Measured, deviation_name
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, noise_in_words, to_store
 from pymc_hyperelastic.models.priors import (
@@ -75,7 +76,9 @@ class Study:
     def _fixed(self, model: pm.Model) -> set[str]:
         """Unknowns of the study that are no free variables of a model that was made of its own."""
         noise = self.observation.noise if self.observation else {}
-        unknowns = {*self.priors, *self.geometry, *(k for k, v in noise.items() if is_inferred(v))}
+        unknowns = {*self.priors, *(k for k, v in noise.items() if is_inferred(v))}
+        for name, value in self.geometry.items():
+            unknowns.add(deviation_name(name) if isinstance(value, Measured) else name)
         return unknowns - {rv.name for rv in model.free_RVs}
 
     def _measured(self, model: pm.Model) -> dict[str, xr.Dataset]:

@@ -138,12 +138,21 @@ def _stored_draws(specimens: xr.Dataset, specimen: str) -> SpecimenDraws:
     return SpecimenDraws(
         centre=of_one["centre"].transpose("coordinate", "particle").values,
         scatter=of_one["scatter"].transpose("coordinate", "particle").values,
-        log_sigma=of_one["log_sigma"].values,
+        log_sigma=_rows(of_one, "log_sigma", "noise"),
         log_weight=of_one["log_weight"].values,
         tests=int(of_one["tests"]),
         standard_error=float(of_one["standard_error"]),
         points=np.empty((of_one.sizes["particle"], 0)),
+        deviations=_rows(of_one, "deviations", "measure"),
     )
+
+
+def _rows(of_one: xr.Dataset, name: str, dim: str) -> Array:
+    """Draws of one or several quantities, (quantity, particle); older files hold one, or none."""
+    if name not in of_one:
+        return np.empty((0, of_one.sizes["particle"]))
+    values = of_one[name]
+    return values.values[None] if dim not in values.dims else values.transpose(dim, ...).values
 
 
 def _one_draw_each(

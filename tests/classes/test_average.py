@@ -183,13 +183,13 @@ def test_labels_tell_kinds_apart():
     """By the law, its settings, the experiment effect, and at last by a number."""
     noise = {"sigma": 1.0}
     kinds = [
-        Variability(ph.Ogden(), **noise),
-        Variability(ph.Ogden(), **noise, experiment_effect=True),
-        Variability(ph.OgdenSeries(1), **noise),
-        Variability(ph.OgdenSeries(2), **noise),
-        Variability(ph.OgdenSeries(2), **noise, experiment_effect=True),
-        Variability(ph.NeoHookean(), **noise, experiment_effect=True),
-        Variability(ph.Ogden(), sigma=2.0),
+        Variability.of_settings(ph.Ogden(), **noise),
+        Variability.of_settings(ph.Ogden(), **noise, experiment_effect=True),
+        Variability.of_settings(ph.OgdenSeries(1), **noise),
+        Variability.of_settings(ph.OgdenSeries(2), **noise),
+        Variability.of_settings(ph.OgdenSeries(2), **noise, experiment_effect=True),
+        Variability.of_settings(ph.NeoHookean(), **noise, experiment_effect=True),
+        Variability.of_settings(ph.Ogden(), sigma=2.0),
     ]
     assert labels_of(kinds) == [
         "Ogden",

@@ -265,7 +265,7 @@ def test_laws_of_other_noise_are_refused(classes, other):
         stranger, message = trees
         for name in NAMES:
             del stranger[name].attrs["noise"], stranger[name].attrs["priors"]
-            stranger[name].attrs |= Variability(ph.NeoHookean(), 1.0).attrs()
+            stranger[name].attrs |= Variability.of_settings(ph.NeoHookean(), sigma=1.0).attrs()
     else:
         stranger = fit(ph.NeoHookean(), draws=50, chains=1, **other)
         message = f"average_over holds NeoHookean with the noise .*{next(iter(other))}.*, but "

@@ -32,7 +32,7 @@ def normal_draws(rng, count, width, centre=0.0):
     x = centre + width * rng.standard_normal(count)
     weight = -stats.norm(centre, width).logpdf(x) - np.log(count)
     zero = np.zeros(count)
-    return SpecimenDraws(x[None], zero[None], zero, weight, 1, 0.0, x[:, None])
+    return SpecimenDraws(x[None], zero[None], x[None][:0], weight, 1, 0.0, x[:, None], x[None][:0])
 
 
 def normal_classes(location, spread):
@@ -67,7 +67,7 @@ def test_stated_variance_is_that_of_the_evidence(locations):
 def test_draws_near_a_class_stand_for_it():
     """Sampled as one of a narrow class, a specimen has the evidence of a sum over a grid."""
     data = curves({"S": [42.0]}, 3)
-    sampler = Variability(ph.NeoHookean(), SIGMA).sampler(data)
+    sampler = Variability.of_settings(ph.NeoHookean(), sigma=SIGMA).sampler(data)
     rng = np.random.default_rng(SEED)
     wide = sampler(data, rng)
     # Far out in what the curves allow, and ten times as narrow.
@@ -95,7 +95,7 @@ def test_draws_are_added_where_they_are_lacking():
 def test_more_draws_make_the_evidence_of_a_class_precise():
     """A class is fitted to more draws of its specimens until it is as precise as is needed."""
     rng = np.random.default_rng(SEED)
-    model = ClassModel(Variability(ph.NeoHookean(), SIGMA))
+    model = ClassModel(Variability.of_settings(ph.NeoHookean(), sigma=SIGMA))
     draws = {f"{width}": normal_draws(rng, 2000, width, centre=np.log(0.2)) for width in (2.0, 9.0)}
     fitted = fit_distribution(
         model, ClassDraws(draws, 128, None), 500, 1, np.random.SeedSequence(SEED)

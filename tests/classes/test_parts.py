@@ -55,8 +55,8 @@ def distribution(count=50, **changes):
         "spread": [0.3, 0.4],
         "experiment_spread": [0.1, 0.1],
         "effect_spread": 0.3,
-        "log_sigma": -1.0,
-        "noise_spread": 0.3,
+        "log_sigma": [-1.0],
+        "noise_spread": [0.3],
     } | changes
     repeated = {name: np.multiply.outer(v, np.ones((count, 1))) for name, v in numbers.items()}
     factor = [[np.full((count, 1), entry) for entry in row] for row in independent(2)]
@@ -69,9 +69,8 @@ def specimen(location=(0.1, 0.9), log_sigma=-1.2, apart=0.1):
     centre = np.array(location)[:, None] + 0.1 * rng.standard_normal((2, count))
     scatter = apart**2 * rng.chisquare(6, (2, count)) / 3
     noise = log_sigma + 0.1 * rng.standard_normal(count)
-    return SpecimenDraws(
-        centre, scatter, noise, np.full(count, -np.log(count)), 3, 0.0, centre.T, "", 0.1
-    )
+    weight, none = np.full(count, -np.log(count)), np.empty((0, count))
+    return SpecimenDraws(centre, scatter, noise[None], weight, 3, 0.0, centre.T, none, pareto_k=0.1)
 
 
 def parts_of(own, other, draws=None, parts=tuple(PARTS)):
@@ -89,8 +88,8 @@ DIFFERENT = {
     "spread": ({"spread": [0.3, 1.2]}, "material"),
     "experiments": ({"experiment_spread": [0.4, 0.2]}, "experiments"),
     "their differences": ({"effect_spread": 1.0}, "experiments"),
-    "noise": ({"log_sigma": -0.2}, "noise"),
-    "spread of noise": ({"noise_spread": 1.0}, "noise"),
+    "noise": ({"log_sigma": [-0.2]}, "noise"),
+    "spread of noise": ({"noise_spread": [1.0]}, "noise"),
 }
 
 
@@ -105,7 +104,7 @@ def test_one_difference_is_one_part(changes, part):
 
 def test_parts_of_classes_that_differ_in_all_add_up():
     """Noise is independent of the rest: its part is that which it has alone, as the others have."""
-    changes = {"location": [0.5, 1.3], "experiment_spread": [0.3, 0.2], "log_sigma": -0.5}
+    changes = {"location": [0.5, 1.3], "experiment_spread": [0.3, 0.2], "log_sigma": [-0.5]}
     own, other = distribution(), distribution(**changes)
     parts, log_ratio = parts_of(own, other)
     np.testing.assert_allclose(sum(parts.values()), log_ratio, atol=ROUNDING)
@@ -117,7 +116,7 @@ def test_parts_of_classes_that_differ_in_all_add_up():
 def test_hybrids_are_densities_of_exchanged_parts():
     """Against the sum over draws of a distribution that is put together by hand."""
     own = distribution()
-    other = distribution(location=[0.5, 1.3], effect_spread=0.6, log_sigma=-0.5)
+    other = distribution(location=[0.5, 1.3], effect_spread=0.6, log_sigma=[-0.5])
     draws = specimen()
     mixed = replace(own, effect_spread=other.effect_spread, log_sigma=other.log_sigma)
     expected = np.log(np.mean(np.exp(log_density(np, vars(draws), mixed)[0])))
@@ -131,7 +130,7 @@ def test_hybrids_are_densities_of_exchanged_parts():
 
 def test_hybrids_that_cannot_be_trusted_are_not_told():
     """Few draws are where a class would have them; draws that are there are taken instead."""
-    own, other = distribution(), distribution(location=[9.0, 1.0], log_sigma=-0.5)
+    own, other = distribution(), distribution(location=[9.0, 1.0], log_sigma=[-0.5])
     bad, good = specimen(), specimen(location=(9.0, 1.0))
     parts = ("material", "noise")
     ends = (0.0, 0.0)
@@ -142,7 +141,7 @@ def test_hybrids_that_cannot_be_trusted_are_not_told():
 
 def test_classes_of_unlike_numbers_of_draws_compare():
     """Draws of the two are paired as far as they go, and of very many some are enough."""
-    changes = {"location": [0.6, 1.0], "log_sigma": -0.5}
+    changes = {"location": [0.6, 1.0], "log_sigma": [-0.5]}
     expected, _ = parts_of(distribution(), distribution(**changes))
     for counts in ((50, 20), (600, 50)):
         parts, _ = parts_of(distribution(counts[0]), distribution(counts[1], **changes))

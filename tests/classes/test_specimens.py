@@ -22,6 +22,7 @@ from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_density
 
@@ -32,6 +33,7 @@ STANDARD_ERRORS = 3
 EVIDENCE_TOLERANCE = 0.1
 # Sums of some hundred densities.
 DENSITY_TOLERANCE = 1e-9
+KNOWN_NOISE = Observation(SIGMA, likelihood="generative")
 # Nats, of five nodes over how much experiments differ, and of a single one in the tails.
 QUADRATURE_TOLERANCE, SINGLE_TEST_TOLERANCE = 0.01, 0.1
 
@@ -43,11 +45,12 @@ def random_draws(rng, size, tests, count):
     draws = SpecimenDraws(
         centre.T,
         ((x - centre[:, None]) ** 2).sum(axis=1).T,
-        rng.normal(-0.5, 0.3, count),
+        rng.normal(-0.5, 0.3, (1, count)),
         rng.normal(0, 1, count),
         tests,
         0.01,
         x.reshape(count, -1),
+        np.empty((0, count)),
     )
     return draws, x
 
@@ -82,7 +85,7 @@ def dense_density(x, draws, location, spread, factor, within=None, effect=None, 
         ]
         total = logsumexp(terms, axis=0) + np.log(grid[1] - grid[0])
     if noise is not None:
-        total = total + stats.norm(*noise).logpdf(draws.log_sigma)
+        total = total + stats.norm(*noise).logpdf(draws.log_sigma[0])
     return total
 
 
@@ -95,7 +98,7 @@ def test_density_of_a_specimen_whose_experiments_differ(size, tests, noise):
     location, spread = rng.normal(0, 0.3, size), rng.uniform(0.2, 0.6, size)
     within, factor = rng.uniform(0.1, 0.3, size), normal_factor(rng, size)
     rows = [list(factor[i, : i + 1]) for i in range(size)]
-    names = {} if noise is None else {"log_sigma": noise[0], "noise_spread": noise[1]}
+    names = {} if noise is None else {"log_sigma": [noise[0]], "noise_spread": [noise[1]]}
     distribution = ClassDistribution(location, spread, rows, within, 0.7, **names)
     expected = dense_density(x, draws, location, spread, factor, within, 0.7, noise)
     tolerance = QUADRATURE_TOLERANCE if tests > 1 else SINGLE_TEST_TOLERANCE
@@ -120,7 +123,8 @@ def test_density_of_a_specimen_of_one_material():
 def test_potential_of_a_class_is_the_mean_over_the_draws_of_its_specimens():
     """In the model of a class each specimen is a weighted sum over its draws, by SciPy."""
     rng = np.random.default_rng(SEED)
-    population = Population(ph.Yeoh(), pm.LogNormal.dist(0.0, 1.0), experiment_effect=True)
+    noise = Observation(pm.LogNormal.dist(0.0, 1.0), likelihood="generative")
+    population = Population(ph.Yeoh(), noise, experiment_effect=True)
     specimens = [random_draws(rng, 3, tests, 20) for tests in (2, 3)]
     model = class_model(population, shared_draws(draws for draws, _ in specimens))
     location, spread = rng.normal(0, 0.3, 3), rng.uniform(0.2, 0.6, 3)
@@ -172,7 +176,7 @@ def test_an_evidence_says_how_its_draws_were_found(method, shape, expected):
     rng = np.random.default_rng(SEED)
     x = rng.standard_normal((1, 4000))
     zero = np.zeros(4000)
-    draws = SpecimenDraws(x, 0 * x, zero, zero, 1, 0.0, x.T, method, shape)
+    draws = SpecimenDraws(x, 0 * x, zero[None], zero, 1, 0.0, x.T, x[:0], method, shape)
     class_of = ClassDistribution(np.zeros((1, 1, 1)), np.full((1, 1, 1), 0.9), [[1.0]])
     evidence = specimen_evidence(draws, class_of)
     alone = specimen_evidence(replace(draws, pareto_k=np.nan), class_of)
@@ -209,7 +213,7 @@ def test_evidence_of_precise_points_of_unknown_noise():
 def test_evidence_of_tests_that_differ_is_the_integral_over_all_that_is_unknown():
     """A sum over a fine grid of the specimen and its effect; its tests are integrated by sums."""
     data = curves({"A": [38.0, 52.0]}, SEED)
-    population = Population(ph.NeoHookean(), SIGMA, True, 20.0)
+    population = Population(ph.NeoHookean(), KNOWN_NOISE, True, 20.0)
     sampler = SpecimenSampler(population, population.forward_model(data), reference_of(population))
     draws = sampler(data, np.random.default_rng(SEED))
     assert draws.method == "importance"
@@ -242,7 +246,7 @@ def test_evidence_of_tests_that_differ_is_the_integral_over_all_that_is_unknown(
 def test_slopes_of_a_specimen_are_those_of_its_score():
     """Of the prior by differences, of the likelihood compiled, and those of its own variables."""
     data = curves({"A": [38.0, 52.0, 45.0, 41.0]}, SEED)
-    population = Population(ph.Ogden(), SIGMA, True, 20.0)
+    population = Population(ph.Ogden(), KNOWN_NOISE, True, 20.0)
     sampler = SpecimenSampler(population, population.forward_model(data), reference_of(population))
     target = sampler._target(sampler._model_for(data).whole, sampler._log_reference)
     assert target.has_slopes and target.dimension == 8
@@ -258,7 +262,7 @@ def test_slopes_of_a_specimen_are_those_of_its_score():
 def test_scores_of_a_specimen_that_are_no_number_are_counted():
     """A message says how many likelihoods are none, not only that none is finite."""
     data = curves({"A": [38.0, 52.0]}, SEED)
-    population = Population(ph.NeoHookean(), SIGMA, True, 20.0)
+    population = Population(ph.NeoHookean(), KNOWN_NOISE, True, 20.0)
     sampler = SpecimenSampler(population, population.forward_model(data), reference_of(population))
     target = sampler._target(sampler._model_for(data).whole, lambda points: np.zeros(len(points)))
     _, likelihood = target.score(np.full((5, 2), np.nan))

@@ -64,7 +64,9 @@ def test_a_misfit_that_the_class_has_too_is_no_stranger():
     """Misfits are held against the class's own, unless those are smaller than noise would have."""
     one = np.zeros(1)
     known = {"misfit": 40.0, "freedom": 10.0}
-    draws = SpecimenDraws(one[None], one[None], one, one, 1, 0.0, one[None], **known)
+    draws = SpecimenDraws(
+        one[None], one[None], one[None], one, 1, 0.0, one[None], one[None], **known
+    )
     as_noise, as_badly = np.array([10.0] * 50), np.array([40.0] * 50)
     freedom = np.full(50, 10.0)
     assert misfit_p_value(draws, as_noise, freedom) < 1e-3

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,13 @@ from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
 from pymc_hyperelastic.mechanics.layers import Tube, tubes_of
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opening_factor
+from pymc_hyperelastic.mechanics.tube import (
+    GEOMETRY,
+    inferred_geometry,
+    measure_of,
+    opening_factor,
+    reopened,
+)
 from pymc_hyperelastic.models.forward.blocks import (
     block_arrays,
     block_product,
@@ -24,6 +31,7 @@ from pymc_hyperelastic.models.forward.blocks import (
     table_arrays,
     table_of,
 )
+from pymc_hyperelastic.models.geometry import deviated
 
 Array = NDArray[np.float64]
 Arrays = dict[str, NDArray]
@@ -41,6 +49,16 @@ def tube_inputs(data: xr.Dataset) -> Arrays:
     return inputs | {name: measured_radius(data).values.astype(float)}
 
 
+def error_inputs(data: xr.Dataset, errors: Mapping[str, float | None]) -> Arrays:
+    """Standard deviations at each point of measures of the tube; None is that of the data."""
+    return {
+        f"{name}_sd": at_points(data, f"{name}_sd")
+        if sd is None
+        else np.full(data.sizes["obs"], sd)
+        for name, sd in errors.items()
+    }
+
+
 class WallVariables(NamedTuple):
     """What a wall is made of: variables of a model in place of distributions."""
 
@@ -50,6 +68,14 @@ class WallVariables(NamedTuple):
     """Of the strain energy; layers bring their own."""
     geometry: Mapping[str, Any]
     """What is not known of the tube."""
+    deviations: Mapping[str, Any] = MappingProxyType({})
+    """How far measures of the tube are from what was measured, in standard deviations."""
+
+    @property
+    def known_tube(self) -> bool:
+        """Whether all of the tube is known."""
+        known = not self.geometry and not self.deviations
+        return known and isinstance(self.energy, StrainEnergy)
 
 
 class CurrentTube(NamedTuple):
@@ -83,7 +109,7 @@ class CurrentTube(NamedTuple):
 def current_tube(inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
     """Tube of the given `inputs`, see :func:`tube_inputs`, but for what the wall says of it."""
     energy = wall.energy
-    known = {name: inputs[name] for name in GEOMETRY} | dict(wall.geometry)
+    known = _deviated(inputs, wall.deviations) | dict(wall.geometry)
     closed = pt.abs(known["opening_angle"]) < 2 * np.pi
     if "wall_area" in known:
         # An impossible one may have no root; one of zero is as impossible.
@@ -109,20 +135,40 @@ def current_tube(inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
     return CurrentTube(wall, tube, radius, possible, excess)
 
 
+def _deviated(inputs: Mapping[str, Any], deviations: Mapping[str, Any]) -> dict[str, Any]:
+    """The tube as it was measured, but for its deviations, see :class:`Measured`."""
+    measured = {name: inputs[name] for name in GEOMETRY}
+    changed = {
+        name: deviated(name, measure_of(name, measured), inputs[f"{name}_sd"], deviation)
+        for name, deviation in deviations.items()
+    }
+    if "opening_angle" not in changed:
+        return measured | changed
+    # The measured ring opens by another angle; what else was measured belongs to its sector.
+    tube = reopened(measured, changed.pop("opening_angle"))
+    ratios = {name: value / measure_of(name, measured) for name, value in changed.items()}
+    return tube | {name: measure_of(name, tube) * ratio for name, ratio in ratios.items()}
+
+
 @dataclass(frozen=True)
 class Direct:
     """Quadrature of so many nodes at every point.
 
-    With `by_test` each test has parameters of its own.
+    With `by_test` each test has parameters of its own. The `errors` are standard deviations of
+    measures of the tube, with their names, or None where the data hold them.
     """
 
     order: int
     with_force: bool = False
     by_test: bool = False
+    errors: tuple[tuple[str, float | None], ...] = ()
 
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
         """Arrays by which the data enter :meth:`curves`."""
-        return tube_inputs(data) | ({"test": data["test"].values} if self.by_test else {})
+        arrays = tube_inputs(data) | error_inputs(data, dict(self.errors))
+        if self.by_test or self.errors:
+            arrays["test"] = data["test"].values
+        return arrays
 
     def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """What the model says at the points."""
@@ -131,7 +177,7 @@ class Direct:
         curves = {"pressure": pressure, "stiffness": stiffness}
         if self.with_force:
             curves["axial_force"] = wall_force(current.tubes, self.order)
-        if wall.geometry and current.excess is not None:
+        if (wall.geometry or wall.deviations) and current.excess is not None:
             curves["radius"] = current.radius
         return curves
 
@@ -145,7 +191,7 @@ class Direct:
 
     def conditions(self, inputs: Mapping[str, Any], wall: WallVariables) -> list[TensorVariable]:
         """Conditions of there being such a tube, where it depends on what is unknown."""
-        if not wall.geometry and isinstance(wall.energy, StrainEnergy):
+        if wall.known_tube:
             return []
         return [self._tube(inputs, wall).possible]
 
@@ -215,7 +261,8 @@ class Direct:
             entries = wall.energy.split(wall.parameters)
             of_points = wall.energy.join([x[inputs["test"]] for x in entries])
             wall = wall._replace(parameters=of_points)
-        return current_tube(inputs, wall)
+        of_points = {name: z[inputs["test"]] for name, z in wall.deviations.items()}
+        return current_tube(inputs, wall._replace(deviations=of_points))
 
     def _at_pressure(
         self, current: CurrentTube, pressure: Any

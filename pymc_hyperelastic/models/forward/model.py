@@ -5,6 +5,7 @@ from copy import copy
 from typing import Any, NamedTuple
 
 import numpy as np
+import pymc as pm
 import pytensor
 import pytensor.tensor as pt
 import xarray as xr
@@ -16,9 +17,9 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.data.inflation import at_points, extension_tests, points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward.direct import Direct, WallVariables
 from pymc_hyperelastic.models.forward.rules import Mode, way_to_integrate
+from pymc_hyperelastic.models.geometry import measured_of, priors_of
 from pymc_hyperelastic.models.priors import with_variables
 
 Arrays = dict[str, NDArray]
@@ -43,7 +44,8 @@ class ForwardModel:
         Inflation data.
     parameters, geometry : dict of str to TensorVariable
         Distributions, or random expressions, of what is inferred of the material, and of what is
-        not known of the tube, by name: curves are right over their range.
+        not known of the tube, by name: curves are right over their range. What was measured of the
+        tube with an error is :class:`Measured`.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated.
     with_force : bool
@@ -77,9 +79,13 @@ class ForwardModel:
     ) -> None:
         self.data, self.error_in, self._replaceable = data, error_in, replaceable
         self._wall, self._distributions = wall, dict(parameters)
-        stated = WallVariables(wall, self._parameters(parameters), geometry or {})
-        settings = {"with_force": with_force, "by_test": by_test}
+        measured = measured_of(geometry or {})
+        deviations = {name: pm.Normal.dist() for name in measured}
+        unknown = priors_of(geometry or {})
+        stated = WallVariables(wall, self._parameters(parameters), unknown, deviations)
+        settings: dict[str, Any] = {"with_force": with_force, "by_test": by_test}
         settings["known_radii"] = error_in == "pressure"
+        settings["errors"] = {name: value.sd for name, value in measured.items()}
         self.way: Any = way_to_integrate(stated, data, mode=mode, **settings)
         self._shared: dict[Hashable, tuple[Callable, dict[str, SharedVariable]]] = {}
 
@@ -129,13 +135,21 @@ class ForwardModel:
         return self._shared[key][1]
 
     def tube(
-        self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None = None
+        self,
+        parameters: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None = None,
+        deviations: Mapping[str, Any] | None = None,
     ) -> "SymbolicTube":
-        """The tube with variables of a model in place of the distributions."""
+        """The tube with variables of a model in place of the distributions.
+
+        The `deviations` of what was measured of the tube, in standard deviations, are vectors of
+        the length of the tests.
+        """
         wall: Any = self._wall
         if not isinstance(wall, StrainEnergy):
             wall = with_variables(wall, self._distributions, parameters)
-        return SymbolicTube(self, WallVariables(wall, self._parameters(parameters), geometry or {}))
+        known = geometry or {}, deviations or {}
+        return SymbolicTube(self, WallVariables(wall, self._parameters(parameters), *known))
 
     def _parameters(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """Parameters of one material; layers bring their own."""
@@ -237,7 +251,7 @@ def _between(data: xr.Dataset) -> xr.Dataset:
             between[name].append(_along(own[along], values) if along else _evenly(values))
     points = {name: ("obs", np.concatenate(values)) for name, values in between.items()}
     of_points = np.repeat(np.arange(data.sizes["test"]), _RADII_BETWEEN)
-    of_tests = data[[name for name in GEOMETRY if name != "axial_stretch"]].data_vars
+    of_tests = {k: v for k, v in data.data_vars.items() if v.dims == ("test",) and k not in points}
     return xr.Dataset(points, {"test": ("obs", of_points)}).assign(of_tests)
 
 

@@ -1,6 +1,8 @@
 """Which way a wall is integrated: constant matrices of how many stretches, or how many nodes."""
 
 from bisect import bisect_left
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Literal, get_args
 
 import numpy as np
@@ -25,7 +27,13 @@ from pymc_hyperelastic.mechanics.collocation import nodes_needed
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.forward.collocated import Collocated, groups_of, known_tubes
-from pymc_hyperelastic.models.forward.direct import Direct, WallVariables, current_tube, tube_inputs
+from pymc_hyperelastic.models.forward.direct import (
+    Direct,
+    WallVariables,
+    current_tube,
+    error_inputs,
+    tube_inputs,
+)
 
 Array = NDArray[np.float64]
 Mode = Literal["auto", "collocation", "quadrature"]
@@ -46,16 +54,29 @@ _DRAWS, _MOST_CORNERS = 256, 1024
 
 
 def way_to_integrate(
-    wall: WallVariables, data: xr.Dataset, *, mode: Mode, known_radii: bool, **settings: bool
+    wall: WallVariables,
+    data: xr.Dataset,
+    *,
+    mode: Mode,
+    known_radii: bool,
+    errors: Mapping[str, float | None] = MappingProxyType({}),
+    **settings: bool,
 ) -> Collocated | Direct:
-    """The cheapest way that is exact, but for rounding, over the range of the parameters."""
+    """The cheapest way that is exact, but for rounding, over the range of the parameters.
+
+    The `errors` are standard deviations of what was measured of the tube.
+    """
     if mode not in get_args(Mode):
         raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
+
+    def direct(order: int) -> Direct:
+        return Direct(order, **settings, errors=tuple(errors.items()))
+
     if mode == "quadrature":
-        return Direct(_USUAL_ORDER, **settings)
-    reason = "layers, a geometry that is inferred, and an error in the radius"
+        return direct(_USUAL_ORDER)
+    reason = "layers, a geometry that is inferred or has an error, and an error in the radius"
     with_force = settings["with_force"]
-    if isinstance(wall.energy, StrainEnergy) and not wall.geometry and known_radii:
+    if wall.known_tube and known_radii:
         values = representative_values(wall.energy.split(wall.parameters))
         if values is not None:
             collocated = _collocated(wall.energy, data, values, **settings)
@@ -64,7 +85,7 @@ def way_to_integrate(
         reason = f"the response of {wall.energy.name} over the range of these parameters"
     if mode == "collocation":
         raise ValueError(f"{reason} cannot be collocated: use mode='quadrature'")
-    return Direct(_order_needed(wall, data, with_force), **settings)
+    return direct(_order_needed(wall, data, errors, with_force))
 
 
 def _collocated(
@@ -89,7 +110,9 @@ def _is_cheap(way: Collocated, data: xr.Dataset) -> bool:
     return bool(grids * way.grid.hoop * way.grid.axial <= points * _CHEAP_ORDER)
 
 
-def _order_needed(wall: WallVariables, data: xr.Dataset, with_force: bool) -> int:
+def _order_needed(
+    wall: WallVariables, data: xr.Dataset, errors: Mapping[str, float | None], with_force: bool
+) -> int:
     """The order after the least at which curves agree with those of the highest one."""
     # At both ends of every curve; of many curves at some.
     radius, stretch = measured_radius(data).values, at_points(data, "axial_stretch")
@@ -97,9 +120,11 @@ def _order_needed(wall: WallVariables, data: xr.Dataset, with_force: bool) -> in
     ends = [span.start + f(radius[span]) for span in spans for f in (np.argmin, np.argmax)]
     for test in np.flatnonzero(extension_tests(data)):
         ends += [spans[test].start + f(stretch[spans[test]]) for f in (np.argmin, np.argmax)]
-    inputs = {k: v[_some(np.array(ends), _MOST_POINTS)] for k, v in tube_inputs(data).items()}
+    some = _some(np.array(ends), _MOST_POINTS)
+    inputs = {k: v[some] for k, v in (tube_inputs(data) | error_inputs(data, errors)).items()}
     tubes = current_tube(inputs, wall).tubes
     unknown = [*(v for tube in tubes for v in tube.entries), *wall.geometry.values()]
+    unknown += wall.deviations.values()
     if not isinstance(wall.energy, StrainEnergy):
         unknown += [layer.thickness for layer in wall.energy]
     inferred = (v for v in unknown if isinstance(v, Variable) and not isinstance(v, Constant))

@@ -59,10 +59,9 @@ def register_measurements(
     forward, conditions = tube.forward, tube.conditions()
 
     def possible(mean: TensorVariable) -> TensorVariable:
-        if not bounded:
-            return mean
-        small = pt.all(pt.abs(mean) < LARGEST)
-        return pt.where(reduce(and_, [small, *conditions]), mean, np.inf)
+        small = [pt.all(pt.abs(mean) < LARGEST)] if bounded else []
+        needed = [*small, *conditions]
+        return pt.where(reduce(and_, needed), mean, np.inf) if needed else mean
 
     def data_of(name: str, dims: str | None) -> dict[str, Any]:
         values = measured(forward, name, lambda array, name: pm.Data(name, array, dims=dims))
@@ -120,20 +119,22 @@ def _correlated_normal(
         log_density = pt.log(inputs["root"]) - pt.log(np.pi * pt.square(sigma)) / 2 - square
         return pt.where(possible, log_density, -np.inf)
 
-    def dist(mean: TensorVariable, sigma: TensorVariable, *inverse: Any) -> TensorVariable:
-        blocks, points, place, _ = inverse
-        white = pm.Normal.dist(mean, sd_of_sigma(sigma))
+    def unwhitened(white: TensorVariable, blocks: Any, points: Any, place: Any) -> TensorVariable:
         return block_product(blocks, {"points": points, "place": place}, white)
+
+    def dist(mean: TensorVariable, sigma: TensorVariable, *inverse: Any) -> TensorVariable:
+        return unwhitened(pm.Normal.dist(mean, sd_of_sigma(sigma)), *inverse[:3])
 
     # One density for each point, given those before it: what criteria by points look at.
     return pm.CustomDist(
         "measured_pressure",
         mean,
-        as_double(sigma),
+        pt.zeros_like(mean) + as_double(sigma),
         *(inputs[name] for name in ("blocks", "points", "place")),
         dist=dist,
         logp=logp,
-        signature="(n),(),(t,m,m),(k),(n)->(n)",
+        support_point=lambda _rv, _size, mean, _sigma, *inverse: unwhitened(mean, *inverse),
+        signature="(n),(n),(t,m,m),(k),(n)->(n)",
         **settings,
     )
 
@@ -168,6 +169,7 @@ def _offset_normal(
         inputs["points"],
         dist=dist,
         logp=logp,
+        support_point=lambda _rv, _size, mean, *_: mean,
         signature="(n),(n),(),(n),(t,m)->(n)",
         **settings,
     )

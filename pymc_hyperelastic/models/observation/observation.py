@@ -19,6 +19,7 @@ from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
+from pymc_hyperelastic.models.geometry import check_measured, measured_of, priors_of
 from pymc_hyperelastic.models.observation.generative import register_measurements
 from pymc_hyperelastic.models.observation.noise import (
     NOISE_UNITS,
@@ -228,7 +229,8 @@ def _check_geometry(
     wall: StrainEnergy | Sequence[Layer], data: xr.Dataset, geometry: Mapping[str, Any] | None
 ) -> None:
     """Raise unless the tube is known, but for what is inferred of it."""
-    inferred = inferred_geometry(geometry or {})
+    check_measured(data, measured_of(geometry or {}), not isinstance(wall, StrainEnergy))
+    inferred = inferred_geometry(priors_of(geometry or {}))
     needed = set(GEOMETRY) - set(inferred)
     if not isinstance(wall, StrainEnergy):
         needed.discard("outer_radius")

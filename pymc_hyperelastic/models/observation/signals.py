@@ -68,13 +68,15 @@ def signals_of(
 ) -> Signals:
     """What is expected of the measurements, of the tube's `curves`.
 
-    Where the switch `pressure_known` is 0, forces are those without the pressures of their points.
+    An error is one number, or one for each point. Where the switch `pressure_known` is 0, forces
+    are those without the pressures of their points.
     """
     pressure, pressure_sd = curves["pressure"], sd_of_sigma(as_double(sigma))
     force = force_sd = rows = None
     if force_sigma is not None:
         rows = force_arrays(tube)["rows"]
         force, force_sd = curves["axial_force"][rows], sd_of_sigma(as_double(force_sigma))
+        force_sd = force_sd[rows] if force_sd.ndim else force_sd
     if diameter_noise_sd is None:
         return Signals(pressure, pressure_sd, force, force_sd)
     radius_sd = as_double(diameter_noise_sd) / 2

@@ -1,0 +1,187 @@
+"""What is not known of a tube: priors, and measured values with their errors."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import pymc as pm
+import pytensor.tensor as pt
+import xarray as xr
+
+from pymc_hyperelastic.data.inflation import describe_test, extension_tests
+from pymc_hyperelastic.data.select import specimens_of
+from pymc_hyperelastic.mechanics.tube import GEOMETRY, MEASURES, measure_of
+from pymc_hyperelastic.models.priors import check_prior
+
+# What stands for the outer radius, by the inner one.
+_OUTER = ("outer_radius", "thickness", "wall_area")
+
+
+@dataclass(frozen=True)
+class Measured:
+    r"""A measure of the tube that was measured with an error, for each specimen by itself.
+
+    With the measured value ``v`` and its standard deviation ``s``, a specimen has
+
+    .. math:: v \, e^{z s/v}, \qquad z \sim N(0, 1),
+
+    of a length, an area or a stretch, which stay positive, and ``v + z s`` of an angle. The value
+    is that of the data: where they hold the outer radius, a thickness is what lies between both
+    radii. Tests of one specimen share ``z``, its *deviation*; specimens have one each, and an error
+    that several share, as where one value of a batch stands for all, is not told from theirs.
+
+    Parameters
+    ----------
+    sd : float, optional
+        Standard deviation, in mm, mm² or rad, that of an axial stretch in 1. If left away it is
+        that of the data, such as ``thickness_sd``, see
+        :func:`pymc_hyperelastic.inflation_data`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no positive number.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> noise = {"noise_sd": 4 * ph.mmHg, "slope_weight": 0}
+    >>> model = ph.inflation_model(
+    ...     ph.Ogden(), data, **noise, geometry={"thickness": ph.Measured(sd=0.1)}
+    ... )
+    >>> [rv.name for rv in model.free_RVs]
+    ['mu', 'alpha', 'thickness_deviation']
+    """
+
+    sd: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.sd is None:
+            return
+        expected = "a standard deviation in mm, mm² or rad, a positive number"
+        if isinstance(self.sd, bool) or not isinstance(self.sd, Real):
+            raise TypeError(f"sd is {self.sd!r}; expected {expected}")
+        if not isfinite(self.sd) or self.sd <= 0:
+            raise ValueError(f"sd is {self.sd}; expected {expected}")
+
+
+def check_geometry(geometry: Any, model: pm.Model | None = None) -> dict[str, Any]:
+    """What is not known of the geometry, or an error if it is not stated."""
+    if geometry is not None and not isinstance(geometry, Mapping):
+        raise TypeError(
+            'geometry must be a dict such as {"inner_radius": pm.Uniform.dist(0.3, 0.5)}, not '
+            f"{type(geometry).__name__}"
+        )
+    given = dict(geometry or {})
+    for name, prior in given.items():
+        if name not in MEASURES:
+            raise ValueError(f"a prior is given for {name!r}; of a tube one may infer {MEASURES}")
+        if not isinstance(prior, Measured):
+            check_prior(name, prior, model=model)
+    outer = [name for name in _OUTER if name in given]
+    if len(outer) > 1:
+        raise ValueError(f"{outer} state the same: give a prior for one of them")
+    wall = [name for name in outer if name != "outer_radius"]
+    if wall and "inner_radius" not in given and not isinstance(given[wall[0]], Measured):
+        raise ValueError(
+            f"{wall[0]} is inferred together with inner_radius; where that is known, give a prior "
+            f"for outer_radius, or ph.Measured(sd=...) if {wall[0]} was measured with an error"
+        )
+    return given
+
+
+def check_measured_only(geometry: Mapping[str, Any]) -> None:
+    """Raise if a measure of the tube has a prior that is none of its specimen's own."""
+    for name, value in geometry.items():
+        if not isinstance(value, Measured):
+            raise TypeError(
+                f"geometry holds {value!r} for {name!r}; where specimens differ, expected "
+                "ph.Measured(): the measured value of each, with its error"
+            )
+
+
+def measured_of(geometry: Mapping[str, Any]) -> dict[str, Measured]:
+    """Those that were measured with an error."""
+    return {name: value for name, value in geometry.items() if isinstance(value, Measured)}
+
+
+def priors_of(geometry: Mapping[str, Any]) -> dict[str, Any]:
+    """Those that have a prior, one value for all tests."""
+    return {name: value for name, value in geometry.items() if not isinstance(value, Measured)}
+
+
+def check_measured(data: xr.Dataset, measured: Mapping[str, Measured], layered: bool) -> None:
+    """Raise unless the data hold values, and errors, of what was measured of the tube."""
+    if layered and set(measured) & set(_OUTER):
+        raise ValueError(
+            "layers state the thickness of the wall: give a layer's thickness a prior, "
+            "ph.Layer(..., thickness=pm.LogNormal.dist(...))"
+        )
+    varying = np.flatnonzero(extension_tests(data))
+    if "axial_stretch" in measured and varying.size:
+        raise ValueError(
+            f"{describe_test(data, int(varying[0]))}: axial_stretch varies within this test, and "
+            "ph.Measured holds one error for all of it: leave it out"
+        )
+    for name, value in measured.items():
+        for needed in _measures_behind(name):
+            _check_known(data, needed, f"geometry={{{name!r}: ph.Measured(...)}} needs")
+        if value.sd is None:
+            if f"{name}_sd" not in data:
+                raise ValueError(
+                    f"the data hold no {name}_sd: give ph.inflation_data(..., geometry_sd="
+                    f"{{{name!r}: ...}}), or the number here, ph.Measured(sd=...)"
+                )
+            _check_known(data, f"{name}_sd", "ph.Measured() needs")
+
+
+def _measures_behind(name: str) -> tuple[str, ...]:
+    """What the data must hold for there to be a value of a measure."""
+    radii = ("inner_radius", "outer_radius")
+    return {"thickness": radii, "wall_area": (*radii, "opening_angle")}.get(name, (name,))
+
+
+def _check_known(data: xr.Dataset, name: str, who: str) -> None:
+    unknown = np.flatnonzero(~np.isfinite(data[name].values))
+    if unknown.size:
+        raise ValueError(
+            f"{describe_test(data, int(unknown[0]))}: {name} is not known, and {who} it"
+        )
+
+
+def register_deviations(geometry: Mapping[str, Any], dims: str = "specimen") -> dict[str, Any]:
+    """Deviations of the specimens' tubes, in the model of the context."""
+    return {
+        name: pm.Normal(deviation_name(name), 0.0, 1.0, dims=dims) for name in measured_of(geometry)
+    }
+
+
+def deviation_name(name: str) -> str:
+    """Name of the variable that says how far a measure is from its measured value."""
+    return f"{name}_deviation"
+
+
+def register_measures(
+    data: xr.Dataset,
+    geometry: Mapping[str, Any],
+    deviations: Mapping[str, Any],
+    dims: str = "specimen",
+) -> None:
+    """Measures of the specimens' tubes, each as in the first of its tests."""
+    first = np.unique(specimens_of(data)[1], return_index=True)[1]
+    tube = {k: data[k].values[first] for k in GEOMETRY if data[k].dims == ("test",)}
+    for name, measured in measured_of(geometry).items():
+        sd = data[f"{name}_sd"].values[first] if measured.sd is None else measured.sd
+        values = deviated(name, measure_of(name, tube), sd, deviations[name])
+        pm.Deterministic(name, values, dims=dims)
+
+
+def deviated(name: str, value: Any, sd: Any, deviation: Any) -> Any:
+    """A measure that is so many standard deviations from the measured value."""
+    if name == "opening_angle":
+        return value + deviation * sd
+    return value * pt.exp(deviation * sd / value)
