@@ -158,8 +158,10 @@ def class_evidence(data, law):
     for draws in (4000, 8000, 8000, last):
         proposal = stats.multivariate_t(mean, covariance, df=6, seed=rng)
         theta = proposal.rvs(draws)
-        log_weight = class_log_prior(theta, shape_mean) + log_likelihood(theta, specimens)
-        log_weight -= proposal.logpdf(theta)
+        # Far out a correlation is rounded to one, where the prior vanishes.
+        with np.errstate(all="ignore"):
+            log_weight = class_log_prior(theta, shape_mean) + log_likelihood(theta, specimens)
+        log_weight = np.nan_to_num(log_weight - proposal.logpdf(theta), nan=-np.inf, neginf=-np.inf)
         weight = np.exp(log_weight - logsumexp(log_weight))
         mean = weight @ theta
         covariance = 1.2 * np.cov(theta.T, aweights=weight)
