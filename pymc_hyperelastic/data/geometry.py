@@ -80,6 +80,34 @@ def reference_tube(
     return {"inner_radius": inner, "outer_radius": outer, "opening_angle": angle}
 
 
+def errors_of_tube(
+    errors: dict[str, Array],
+    convention: Convention | None,
+    radii_of: RadiiOf | None,
+    places: list[str],
+) -> dict[str, Array]:
+    """Standard deviations of measures of the sector, of those that were given; with their units.
+
+    Examples
+    --------
+    >>> errors_of_tube({"opening_angle": np.array([0.1])}, "fung", "ring", ["S1"])
+    {'opening_angle_sd': array([0.2])}
+    """
+    if radii_of == "ring" and (radii := [n for n in errors if n.endswith("_radius")]):
+        raise ValueError(
+            f"geometry_sd holds {radii[0]!r}, but the radii are those of the ring, and models take "
+            "those of the sector to which it opened: give the error of its thickness or wall_area"
+        )
+    if "opening_angle" in errors:
+        if convention is None:
+            raise ValueError(f"geometry_sd holds an error of the opening angle: {_CONVENTIONS}")
+        errors |= {"opening_angle": errors["opening_angle"] * (2 if convention == "fung" else 1)}
+    for name, sd in errors.items():
+        bad = ~(np.isfinite(sd) & (sd >= 0))
+        _refuse(bad, places, f"the error of {name} is {{:.6g}}; expected a positive number", sd)
+    return {f"{name}_sd": sd for name, sd in errors.items()}
+
+
 def _whole_angle(
     angle: Array, convention: Convention | None, radii_of: RadiiOf | None, places: list[str]
 ) -> Array:

@@ -10,6 +10,7 @@ point, mostly while the pressure is held. Where there are extension tests ``axia
 """
 
 from collections.abc import Hashable, Iterable
+from functools import partial
 from math import pi
 
 import numpy as np
@@ -35,6 +36,19 @@ VARIABLES = {
 OPTIONAL = {
     "outer_diameter": ("obs", "mm", "outer diameter"),
     "axial_force": ("obs", "mN", "reduced axial force"),
+}
+# All measures that may state a tube, and the unit of each; they may have errors.
+MEASURES = {
+    "inner_radius": "mm",
+    "outer_radius": "mm",
+    "thickness": "mm",
+    "wall_area": "mm2",
+    "axial_stretch": "1",
+    "opening_angle": "rad",
+}
+OPTIONAL |= {
+    f"{name}_sd": ("test", unit, f"standard deviation of the {name.replace('_', ' ')}")
+    for name, unit in MEASURES.items()
 }
 COORDINATES = {
     "test": ("obs", "1", "inflation experiment that the point belongs to"),
@@ -212,6 +226,16 @@ _RULES = {
         lambda v: np.abs(v["opening_angle"]) >= 2 * pi,
         'expected an angle between -2 pi and 2 pi: for degrees, say angle_unit="deg"',
     ),
+}
+
+
+def _negative(name: str, values: dict[str, np.ndarray]) -> np.ndarray:
+    return values[name] < 0
+
+
+_RULES |= {
+    f"{name}_sd": (partial(_negative, f"{name}_sd"), "expected a standard deviation, not below 0")
+    for name in MEASURES
 }
 
 

@@ -1,5 +1,6 @@
 """Inflation data from a table of measured points."""
 
+from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -15,9 +16,16 @@ from pymc_hyperelastic.data.columns import (
 )
 from pymc_hyperelastic.data.doubt import Check, check_known, doubt
 from pymc_hyperelastic.data.extension import doubtful_stretches, stretches_of
-from pymc_hyperelastic.data.geometry import WALL, Convention, RadiiOf, reference_tube
+from pymc_hyperelastic.data.geometry import (
+    WALL,
+    Convention,
+    RadiiOf,
+    errors_of_tube,
+    reference_tube,
+)
 from pymc_hyperelastic.data.inflation import (
     COORDINATES,
+    MEASURES,
     OPTIONAL,
     OPTIONAL_COORDINATES,
     VARIABLES,
@@ -44,6 +52,7 @@ def inflation_data(
     wall_area: float | str | None = None,
     wall_volume: float | str | None = None,
     length: float | str | None = None,
+    geometry_sd: Mapping[str, float | str] | None = None,
     measured: Measured = "radius",
     radius_unit: str = "mm",
     pressure_unit: str = "kPa",
@@ -84,6 +93,12 @@ def inflation_data(
         With one of the two radii, and None for the other: the thickness of the unloaded wall, or
         the area of its cross-section, or its volume and length; in `radius_unit`, its square and
         its cube.
+    geometry_sd : dict of str to float or str, optional
+        Standard deviations of what was measured of the reference tube, of ``thickness``,
+        ``wall_area``, ``inner_radius``, ``outer_radius``, ``axial_stretch`` or ``opening_angle``,
+        each a number or the name of a column, in the units and of the angle that the measures
+        themselves have. They are kept as ``thickness_sd`` and so on, and enter models that are
+        asked to, with :class:`~pymc_hyperelastic.Measured`.
     measured : {"radius", "outer_diameter"}
         What was measured against pressure, and has a column of that name: the current internal
         radius, or the current outer diameter, to which the internal radius belongs by
@@ -182,6 +197,7 @@ def inflation_data(
     given = {"thickness": thickness, "wall_area": wall_area}
     given |= {"wall_volume": wall_volume, "length": length}
     angle = rows.of_tests("opening_angle", opening_angle)
+    places = [rows.place(i).rpartition(",")[0] for i in rows.first]
     tube = reference_tube(
         {
             "inner_radius": millimetres(rows.of_tests("inner_radius", inner_radius)),
@@ -195,13 +211,15 @@ def inflation_data(
         },
         opening_angle_convention,
         radii_of,
-        [rows.place(i).rpartition(",")[0] for i in rows.first],
+        places,
     )
+    errors = _errors(rows, geometry_sd, radius_unit, angle_unit)
     values = {
         measured: millimetres(rows.numbers(measured)[order]),
         "pressure": to_internal(rows.numbers("pressure")[order], pressure_unit, "pressure"),
         "axial_stretch": stretch[order] if varying.any() else stretch[rows.first],
         **tube,
+        **errors_of_tube(errors, opening_angle_convention, radii_of, places),
     }
     if "axial_force" in rows.frame:
         force = rows.numbers("axial_force", may_be_missing=True)[order]
@@ -237,6 +255,27 @@ def _dataset(
     kinds["axial_stretch"] = stretch_dimension, *kinds["axial_stretch"][1:]
     where = {n: k for n, k in (COORDINATES | OPTIONAL_COORDINATES).items() if n in coordinates}
     return xr.Dataset(_variables(kinds, values), _variables(where, coordinates))
+
+
+def _errors(
+    rows: Rows, given: Mapping[str, float | str] | None, radius_unit: str, angle_unit: str
+) -> dict[str, np.ndarray]:
+    """Standard deviations of measures of the tube by test, in the units of the package."""
+    if given is not None and not isinstance(given, Mapping):
+        raise TypeError(
+            'geometry_sd must be a dict such as {"thickness": 0.01}, not ' + type(given).__name__
+        )
+    errors = {}
+    for name, value in (given or {}).items():
+        if name not in MEASURES:
+            raise ValueError(f"geometry_sd holds {name!r}; expected some of {list(MEASURES)}")
+        values = rows.of_tests(f"geometry_sd[{name!r}]", value)
+        if MEASURES[name] == "rad":
+            values = to_internal(values, angle_unit, "angle")
+        elif MEASURES[name] != "1":
+            values = _to_millimetres(values, radius_unit, WALL.get(name, 1))
+        errors[name] = values
+    return errors
 
 
 def _to_millimetres(values: np.ndarray, unit: str, power: int) -> np.ndarray:

@@ -17,15 +17,6 @@ from typing import Any
 
 # What states the reference tube, in the order in which functions take it.
 GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
-# All measures that may state it.
-MEASURES = (
-    "inner_radius",
-    "outer_radius",
-    "thickness",
-    "wall_area",
-    "axial_stretch",
-    "opening_angle",
-)
 
 
 def opening_factor(opening_angle: Any) -> Any:

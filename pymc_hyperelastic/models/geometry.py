@@ -11,9 +11,9 @@ import pymc as pm
 import pytensor.tensor as pt
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import describe_test, extension_tests
+from pymc_hyperelastic.data.inflation import MEASURES, describe_test, extension_tests
 from pymc_hyperelastic.data.select import specimens_of
-from pymc_hyperelastic.mechanics.tube import GEOMETRY, MEASURES, measure_of
+from pymc_hyperelastic.mechanics.tube import GEOMETRY, measure_of
 from pymc_hyperelastic.models.priors import check_prior
 
 # What stands for the outer radius, by the inner one.
@@ -79,7 +79,9 @@ def check_geometry(geometry: Any, model: pm.Model | None = None) -> dict[str, An
     given = dict(geometry or {})
     for name, prior in given.items():
         if name not in MEASURES:
-            raise ValueError(f"a prior is given for {name!r}; of a tube one may infer {MEASURES}")
+            raise ValueError(
+                f"a prior is given for {name!r}; of a tube one may infer {[*MEASURES]}"
+            )
         if not isinstance(prior, Measured):
             check_prior(name, prior, model=model)
     outer = [name for name in _OUTER if name in given]
