@@ -2,18 +2,23 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import isfinite
+from math import e, isfinite
 from numbers import Real
 from typing import Any
 
 import numpy as np
 import pymc as pm
-import pytensor.tensor as pt
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import MEASURES, describe_test, extension_tests
+from pymc_hyperelastic.data.inflation import (
+    MEASURES,
+    at_points,
+    describe_test,
+    extension_tests,
+    points_of,
+)
 from pymc_hyperelastic.data.select import specimens_of
-from pymc_hyperelastic.mechanics.tube import GEOMETRY, measure_of
+from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, measure_of, reopened
 from pymc_hyperelastic.models.priors import check_prior
 
 # What stands for the outer radius, by the inner one.
@@ -29,9 +34,12 @@ class Measured:
     .. math:: v \, e^{z s/v}, \qquad z \sim N(0, 1),
 
     of a length, an area or a stretch, which stay positive, and ``v + z s`` of an angle. The value
-    is that of the data: where they hold the outer radius, a thickness is what lies between both
-    radii. Tests of one specimen share ``z``, its *deviation*; specimens have one each, and an error
-    that several share, as where one value of a batch stands for all, is not told from theirs.
+    is that of the data: a thickness is what lies between both radii. What is not named is as it was
+    measured: with a thickness the inner radius stays, and with an opening angle the closed ring,
+    its middle line and thickness, while the radii of the sector follow.
+
+    Tests of one specimen share ``z``, its *deviation*; specimens have one each. An error that
+    several share, as where one value of a batch stands for all, is taken as if each had its own.
 
     Parameters
     ----------
@@ -173,17 +181,39 @@ def register_measures(
     deviations: Mapping[str, Any],
     dims: str = "specimen",
 ) -> None:
-    """Measures of the specimens' tubes, each as in the first of its tests."""
+    """The specimens' tubes, each as in the first of its tests, as far as they deviate."""
+    tube = tube_of_specimens(data, {name: m.sd for name, m in measured_of(geometry).items()})
+    for name, values in deviated_tube(tube, deviations).items():
+        if values is not tube.get(name):
+            pm.Deterministic(name, values, dims=dims)
+
+
+def tube_of_specimens(data: xr.Dataset, errors: Mapping[str, float | None]) -> dict[str, Any]:
+    """What was measured of each specimen's tube, and the errors; None is that of the data."""
     first = np.unique(specimens_of(data)[1], return_index=True)[1]
-    tube = {k: data[k].values[first] for k in GEOMETRY if data[k].dims == ("test",)}
-    for name, measured in measured_of(geometry).items():
-        sd = data[f"{name}_sd"].values[first] if measured.sd is None else measured.sd
-        values = deviated(name, measure_of(name, tube), sd, deviations[name])
-        pm.Deterministic(name, values, dims=dims)
+    points = [points_of(data, int(test)).start for test in first]
+    tube: dict[str, Any] = {name: at_points(data, name)[points] for name in GEOMETRY}
+    for name, sd in errors.items():
+        tube[f"{name}_sd"] = data[f"{name}_sd"].values[first] if sd is None else np.float64(sd)
+    return tube
 
 
-def deviated(name: str, value: Any, sd: Any, deviation: Any) -> Any:
-    """A measure that is so many standard deviations from the measured value."""
-    if name == "opening_angle":
-        return value + deviation * sd
-    return value * pt.exp(deviation * sd / value)
+def deviated_tube(tube: Mapping[str, Any], deviations: Mapping[str, Any]) -> dict[str, Any]:
+    """A tube so many standard deviations from what was measured, see :class:`Measured`.
+
+    The `tube` holds what was measured, and the errors by names such as ``thickness_sd``. What does
+    not deviate is given back as it is.
+    """
+    measured = {name: tube[name] for name in GEOMETRY}
+    if not deviations:
+        return measured
+    known, ratios = measured, {}
+    for name, deviation in deviations.items():
+        change = deviation * tube[f"{name}_sd"]
+        if name == "opening_angle":
+            # The ring that was measured opens by another angle.
+            known = reopened(measured, measured[name] + change)
+        else:
+            ratios[name] = e ** (change / measure_of(name, measured))
+    changed = {name: measure_of(name, known) * ratio for name, ratio in ratios.items()}
+    return inferred_geometry(known | changed) | changed

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import distributions_of
+from pymc_hyperelastic.models.geometry import deviated_tube, tube_of_specimens
 from pymc_hyperelastic.models.natural_scale import NaturalScale
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities
 from pymc_hyperelastic.models.study import NamedLayer, inflation_data_of, wall_of
@@ -40,6 +41,7 @@ def member_of(tree: xr.DataTree, wall: list[NamedLayer], specimen: str | None) -
     data = inflation_data_of(tree) if "constant_data" in tree.children else None
     own = data if specimen is None else tests_of(data, str(specimen))
     if not specimens_differ(tree):
+        posterior = _with_one_tube(posterior, specimen)
         return Member(posterior, own, data, None if specimen is None else str(specimen))
     if len(wall) > 1 or "thickness" in wall[0].values:
         raise TypeError(
@@ -52,6 +54,20 @@ def member_of(tree: xr.DataTree, wall: list[NamedLayer], specimen: str | None) -
     scale = _scale(tree, material.energy)
     location = posterior["location"].transpose("coordinate", "chain", "draw")
     return Member(_parameters(scale, location), data, data, TYPICAL)
+
+
+def _with_one_tube(posterior: xr.Dataset, specimen: str | None) -> xr.Dataset:
+    """Posterior with the tube of one specimen; of several, none of which is asked for, with none.
+
+    A tube that was measured with an error is inferred of each specimen.
+    """
+    if "specimen" not in posterior.dims:
+        return posterior
+    if specimen is None and posterior.sizes["specimen"] > 1:
+        return posterior.drop_dims("specimen")
+    names = [str(name) for name in posterior["specimen"].values.tolist()]
+    place = 0 if specimen is None else names.index(str(specimen))
+    return posterior.isel(specimen=place, drop=True)
 
 
 def specimens_differ(tree: xr.DataTree) -> bool:
@@ -128,7 +144,23 @@ def _of_specimen(tree: xr.DataTree, energy: StrainEnergy, specimen: str) -> xr.D
         ]
     )
     coordinates = posterior["location"].transpose("coordinate", "chain", "draw")
-    return _parameters(scale, coordinates.copy(data=draws.centre[:, chosen]))
+    found = _parameters(scale, coordinates.copy(data=draws.centre[:, chosen]))
+    return found.assign(_tube_of_draws(tree, specimen, draws.deviations[:, chosen]))
+
+
+def _tube_of_draws(
+    tree: xr.DataTree, specimen: str, deviations: Array
+) -> dict[str, tuple[tuple[str, str], Array]]:
+    """The tube of a specimen by (chain, draw), as far as it was measured with an error."""
+    errors = json.loads(tree.attrs["variability_settings"]).get("geometry_sd", {})
+    # A stretch is asked for, and not that of a test.
+    by_name = {k: z for k, z in zip(errors, deviations, strict=True) if k != "axial_stretch"}
+    if not by_name:
+        return {}
+    measured = tube_of_specimens(tests_of(inflation_data_of(tree), specimen), errors)
+    tube = deviated_tube({name: values.item() for name, values in measured.items()}, by_name)
+    tube.pop("axial_stretch")
+    return {name: (("chain", "draw"), v) for name, v in tube.items() if np.ndim(v)}
 
 
 def _stored_draws(specimens: xr.Dataset, specimen: str) -> SpecimenDraws:

@@ -17,13 +17,7 @@ from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
 from pymc_hyperelastic.mechanics.layers import Tube, tubes_of
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import (
-    GEOMETRY,
-    inferred_geometry,
-    measure_of,
-    opening_factor,
-    reopened,
-)
+from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opening_factor
 from pymc_hyperelastic.models.forward.blocks import (
     block_arrays,
     block_product,
@@ -31,7 +25,7 @@ from pymc_hyperelastic.models.forward.blocks import (
     table_arrays,
     table_of,
 )
-from pymc_hyperelastic.models.geometry import deviated
+from pymc_hyperelastic.models.geometry import deviated_tube
 
 Array = NDArray[np.float64]
 Arrays = dict[str, NDArray]
@@ -109,7 +103,7 @@ class CurrentTube(NamedTuple):
 def current_tube(inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
     """Tube of the given `inputs`, see :func:`tube_inputs`, but for what the wall says of it."""
     energy = wall.energy
-    known = _deviated(inputs, wall.deviations) | dict(wall.geometry)
+    known = deviated_tube(inputs, wall.deviations) | dict(wall.geometry)
     closed = pt.abs(known["opening_angle"]) < 2 * np.pi
     if "wall_area" in known:
         # An impossible one may have no root; one of zero is as impossible.
@@ -133,21 +127,6 @@ def current_tube(inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
     excess = pt.where(square > 0, excess, 0.0)
     radius = pt.sqrt(inputs["current_outer_radius"] ** 2 - excess)
     return CurrentTube(wall, tube, radius, possible, excess)
-
-
-def _deviated(inputs: Mapping[str, Any], deviations: Mapping[str, Any]) -> dict[str, Any]:
-    """The tube as it was measured, but for its deviations, see :class:`Measured`."""
-    measured = {name: inputs[name] for name in GEOMETRY}
-    changed = {
-        name: deviated(name, measure_of(name, measured), inputs[f"{name}_sd"], deviation)
-        for name, deviation in deviations.items()
-    }
-    if "opening_angle" not in changed:
-        return measured | changed
-    # The measured ring opens by another angle; what else was measured belongs to its sector.
-    tube = reopened(measured, changed.pop("opening_angle"))
-    ratios = {name: value / measure_of(name, measured) for name, value in changed.items()}
-    return tube | {name: measure_of(name, tube) * ratio for name, ratio in ratios.items()}
 
 
 @dataclass(frozen=True)
