@@ -231,7 +231,7 @@ def test_predictions_are_of_the_tube_of_each_draw():
     with model:
         tree = ph.sample_smc(draws=200, chains=1, random_seed=1, progressbar=False)
     found = ph.tube_properties(
-        tree, [15.0], pressure_unit="kPa", axial_stretch=1.35, check="ignore"
+        tree, [11.0], pressure_unit="kPa", axial_stretch=1.35, check="ignore"
     )
     inner = float(data["inner_radius"][0])
     outer = inner + tree["posterior"]["thickness"].isel(specimen=0)
