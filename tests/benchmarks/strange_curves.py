@@ -9,6 +9,10 @@ has are doubted before, when the table is read; that is counted apart, and such 
 classified all the same. It prints a table by law, noise and experiment effect, and one by kind;
 what stands in the file already is not run again.
 
+Beside it stands what can be seen at best without priors: the parameters of least squares of a new
+specimen are held against those of the eight by Hotelling's test, which is exact for normal ones,
+and the misfit against the noise, by who knows it.
+
 All is SIMULATED, of the law that is fitted, with errors that are independent and normal: what is
 missed here is not missed for a law that does not fit.
 """
@@ -26,6 +30,8 @@ import pandas as pd
 import pymc as pm
 import pytensor
 import pytensor.tensor as pt
+from scipy import stats
+from scipy.optimize import least_squares
 
 import pymc_hyperelastic as ph
 
@@ -45,6 +51,8 @@ NOISE = 3 * ph.mmHg  # standard deviation of a pressure, kPa
 # where the tube is wide.
 POINTS, FIRST, LOWEST = 15, (1.006, 1.02), 1.0
 HIGHEST, WIDEST = (165 * ph.mmHg, 8 * ph.mmHg), 12.0
+# Logarithms of parameters between which least squares look.
+REACH = ([-8.0, -4.0], [9.0, 5.0])
 GRID = np.linspace(5.0, WIDEST, 2000)
 
 NONE_BELOW = 0.05
@@ -153,13 +161,18 @@ def specimen(study, name, kind, stiffness=1.0):
     return pd.concat(tables, ignore_index=True)
 
 
-def fit(study, noise, seed):
+def training_of(study):
+    """Tables of the specimens of both classes."""
+    return {
+        name: [specimen(study, f"{name}{i}", Kind(), x) for i in range(SPECIMENS)]
+        for name, x in (("first", 1.0), ("second", STIFFER))
+    }
+
+
+def fit(study, training, noise, seed):
     """Both classes."""
     training = {
-        name: ph.inflation_data(
-            pd.concat([specimen(study, f"{name}{i}", Kind(), x) for i in range(SPECIMENS)]), **TUBE
-        )
-        for name, x in (("first", 1.0), ("second", STIFFER))
+        name: ph.inflation_data(pd.concat(tables), **TUBE) for name, tables in training.items()
     }
     noise_sd = NOISE if noise == "known" else pm.LogNormal.dist(np.log(NOISE), 1.0)
     return ph.fit_classes(
@@ -199,22 +212,73 @@ def ask(table, classes, seed):
     return said | {name: answer[name].values.ravel().tolist() for name in names}
 
 
+def best_fit(study, tables):
+    """Logarithms of the parameters of least squares, and the chance of a worse misfit."""
+    _, medians = LAWS[study.law]
+    start = np.log([*medians.values()])
+
+    def misfit(x):
+        curves = [study.pressure(table["radius"].values, *np.exp(x), 1.0) for table in tables]
+        return (np.concatenate(curves) - pd.concat(tables)["pressure"].values) / NOISE
+
+    # From several places: soft and stiff, and nearly straight.
+    starts = (start + np.array(step) for step in ([0, 0], [2, 0], [-2, 0], [0, -1]))
+    fits = [least_squares(misfit, x, bounds=REACH) for x in starts]
+    best = min(fits, key=lambda fit: fit.cost)
+    return best.x, stats.chi2.sf(2 * best.cost, best.fun.size - best.x.size)
+
+
+def coordinates(study, table):
+    """The same of a specimen: of all its curves, or the mean of its tests where these differ."""
+    tests = [part for _, part in table.groupby("experiment")]
+    fits = [best_fit(study, [test]) for test in tests] if study.effect else [best_fit(study, tests)]
+    points, p_values = zip(*fits, strict=True)
+    return np.mean(points, axis=0), either(*p_values)
+
+
+def hotelling(point, others):
+    """P-value of Hotelling's test that a point is of the normal distribution of some others."""
+    count, size = others.shape
+    away = point - others.mean(axis=0)
+    distance = away @ np.linalg.solve(np.cov(others.T), away)
+    scaled = distance * (count - size) / (size * (count - 1) * (1 + 1 / count))
+    return stats.f.sf(scaled, size, count - size)
+
+
+def without_bayes(study, members, table):
+    """P-value under each class by least squares, for who knows the noise."""
+    point, p_fit = coordinates(study, table)
+    return [float(either(hotelling(point, others), p_fit)) for others in members]
+
+
+def either(*p_values):
+    return 1 - (1 - min(p_values)) ** len(p_values)
+
+
 def run(law, noise, effect, each, seed):
     """All that is said of strange specimens, `each` of a kind, and of ordinary ones."""
     study = study_of(law, effect, np.random.default_rng(seed))
-    classes = fit(study, noise, seed)
+    training = training_of(study)
+    classes = fit(study, training, noise, seed)
+    members = [np.array([coordinates(study, t)[0] for t in own]) for own in training.values()]
     wanted = [(kind, i) for kind in KINDS for i in range(each)]
     wanted += [("ordinary", i) for i in range(ORDINARY)]
     asked = []
     for number, (kind, i) in enumerate(wanted):
         table = specimen(study, f"{kind} {i}", KINDS.get(kind, Kind()))
-        asked.append({"kind": kind} | ask(table, classes, [seed, number]))
+        said = {"kind": kind, "without_bayes": without_bayes(study, members, table)}
+        asked.append(said | ask(table, classes, [seed, number]))
     return {"law": law, "noise": noise, "effect": effect, "seed": seed, "asked": asked}
 
 
 def found(said):
     """Whether the decision is no class."""
     return said["decision"] not in ("first", "second")
+
+
+def found_without_bayes(said):
+    """Whether least squares tell a stranger from both classes."""
+    return max(said["without_bayes"]) < NONE_BELOW
 
 
 def share(some, is_so):
@@ -248,19 +312,25 @@ def table_of_settings(runs):
     for name, asked in by_setting(runs).items():
         own = of_kind(asked, "ordinary")
         strange = [said for said in asked if said["kind"] != "ordinary"]
-        seen = share(strange, found), share(strange, lambda said: found(said) or said["doubted"])
-        lines.append([name, *seen, len(strange), share(own, found), len(own)])
-    head = ["law, noise, experiment effect", "strangers found", "found or doubted when read"]
-    return markdown([*head, "of", "the class's own turned away", "of"], *lines)
+        line = [name]
+        for some in (strange, own):
+            line += [share(some, found), share(some, found_without_bayes), len(some)]
+        lines.append([*line, share(strange, lambda said: found(said) or said["doubted"])])
+    head = ["law, noise, experiment effect", "strangers found", "without Bayes", "of"]
+    head += ["the class's own turned away", "without Bayes", "of", "found or doubted when read"]
+    return markdown(head, *lines)
 
 
 def table_of_kinds(runs):
-    """Of how many of each kind the decision was no class, by setting."""
+    """How many of each kind were found, and how many without Bayes, by setting."""
     settings = by_setting(runs)
     lines = []
     for kind in KINDS:
         some = [of_kind(asked, kind) for asked in settings.values()]
-        cells = [f"{sum(map(found, of_setting))} of {len(of_setting)}" for of_setting in some]
+        cells = [
+            f"{sum(map(found, asked))}, {sum(map(found_without_bayes, asked))} of {len(asked)}"
+            for asked in some
+        ]
         lines.append([kind, *cells, share(chain(*some), lambda said: said["doubted"])])
     return markdown(["kind", *settings, "doubted when read"], *lines)
 
