@@ -19,7 +19,6 @@ from pymc_hyperelastic.classes.interface import (
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.study import wall_of
 
 Array = NDArray[np.float64]
@@ -113,8 +112,8 @@ def laws_of(
     labels = list(labels or labels_of(kinds))
     check_comparable(
         [
-            Fit(label, tree.children, kind.noise_in_words(next(iter(tree.children.values()))))
-            for label, tree, kind in zip(labels, trees, kinds, strict=True)
+            Fit(label, tree.children, noise_of(next(iter(tree.children.values()))))
+            for label, tree in zip(labels, trees, strict=True)
         ],
         argument,
     )
@@ -172,13 +171,9 @@ def labels_of_results(trees: Sequence[xr.DataTree]) -> list[str]:
                 "to results"
             )
         energies = [layer.energy for layer in wall_of(tree)]
-        name, settings = (" in ".join(map(say, energies)) for say in (_name, repr))
-        known.append((name, settings, ""))
+        name = " in ".join(energy.name for energy in energies)
+        known.append((name, " in ".join(map(repr, energies)), ""))
     return _told_apart(known)
-
-
-def _name(energy: StrainEnergy) -> str:
-    return energy.name
 
 
 def _told_apart(known: Sequence[tuple[str, str, str]]) -> list[str]:

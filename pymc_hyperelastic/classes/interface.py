@@ -133,10 +133,6 @@ class ClassKind(ABC):
         """
 
     @abstractmethod
-    def noise_in_words(self, fitted: xr.DataTree) -> str:
-        """How measurements differ from curves: evidences compare where that is the same."""
-
-    @abstractmethod
     def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
         """Material parameters of new specimens of a class, draws along the first axis."""
 

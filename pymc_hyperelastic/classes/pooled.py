@@ -197,10 +197,6 @@ class Pooled(ClassKind):
 
         return fold
 
-    def noise_in_words(self, fitted: xr.DataTree) -> str:
-        """How measurements differ from curves."""
-        return f"the noise {fitted.attrs['noise']} of all specimens"
-
     def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
         """Parameters of new specimens, which are those of the class: draws of its posterior."""
         posterior = fitted["posterior"].to_dataset().stack(sample=("chain", "draw"))

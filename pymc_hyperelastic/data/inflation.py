@@ -108,6 +108,22 @@ def _at_points(data: xr.Dataset, variable: xr.DataArray) -> NDArray:
     return variable.values if variable.dims == ("obs",) else variable.values[data["test"].values]
 
 
+def evenly_along(
+    x: NDArray[np.float64], values: NDArray[np.float64], count: int
+) -> NDArray[np.float64]:
+    """Values at `count` places that are spread evenly between the ends of `x`.
+
+    Between points, which may stand in any order, values are linear.
+
+    Examples
+    --------
+    >>> evenly_along(np.array([1.4, 1.0, 1.1]), np.array([8.0, 2.0, 4.0]), 3).round(6)
+    array([2.      , 5.333333, 8.      ])
+    """
+    order = np.argsort(x, kind="stable")
+    return np.interp(np.linspace(x.min(), x.max(), count), x[order], values[order])
+
+
 def varies(stretch: NDArray[np.float64], test: NDArray[np.integer]) -> NDArray[np.bool_]:
     """In which tests, numbered from 0, an axial stretch given by points is not one number.
 

@@ -131,6 +131,15 @@ def sampling_tree(
     return tree
 
 
+def thinned_draws(tree: xr.DataTree, most: int) -> xr.DataTree:
+    """A result with so many draws of its posterior at most."""
+    posterior = tree["posterior"].to_dataset()
+    step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // most)
+    thinned = tree.copy()
+    thinned["posterior"] = xr.DataTree(posterior.isel(draw=slice(None, None, step)))
+    return thinned
+
+
 @cache
 def _versions() -> str:
     return json.dumps({name: version(name) for name in _PACKAGES})

@@ -16,16 +16,12 @@ from pymc_hyperelastic.data.inflation import (
 )
 from pymc_hyperelastic.data.select import tests_at
 from pymc_hyperelastic.evidence.checks import check_prob
+from pymc_hyperelastic.evidence.results import thinned_draws
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.study import inflation_data_of
-from pymc_hyperelastic.plots.extension import (
-    Along,
-    extension_curves,
-    is_over_stretch,
-    thinned_draws,
-)
+from pymc_hyperelastic.plots.extension import Along, extension_curves, is_over_stretch
 from pymc_hyperelastic.plots.style import (
     MARKERS,
     MOST_DRAWS,

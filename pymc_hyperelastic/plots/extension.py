@@ -9,7 +9,13 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.inflation import at_points, extension_tests, points_of
+from pymc_hyperelastic.data.inflation import (
+    at_points,
+    evenly_along,
+    extension_tests,
+    points_of,
+)
+from pymc_hyperelastic.evidence.results import thinned_draws
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.plots.style import median_and_band
 from pymc_hyperelastic.predictions.draws import Draws, GivenTube, draws_of
@@ -53,15 +59,6 @@ def is_over_stretch(name: str) -> bool:
     return name.startswith("extension_")
 
 
-def thinned_draws(tree: xr.DataTree, most: int) -> xr.DataTree:
-    """A result with so many draws at most."""
-    posterior = tree["posterior"].to_dataset()
-    step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // most)
-    thinned = tree.copy()
-    thinned["posterior"] = xr.DataTree(posterior.isel(draw=slice(None, None, step)))
-    return thinned
-
-
 def points_over(data: xr.Dataset, x: Array, y: Array, *, extension: bool) -> Array:
     """Points (axis, point) of tests of one kind; NaN is in place of those of the other."""
     of_extension = extension_tests(data)[data["test"].values]
@@ -72,9 +69,7 @@ def _path(data: xr.Dataset, test: int) -> tuple[Array, Array]:
     """Axial stretches spread evenly over a test, and the pressures there."""
     points = points_of(data, test)
     stretch, pressure = at_points(data, "axial_stretch")[points], data["pressure"].values[points]
-    order = np.argsort(stretch, kind="stable")
-    grid = np.linspace(stretch.min(), stretch.max(), _STRETCHES)
-    return grid, np.interp(grid, stretch[order], pressure[order])
+    return evenly_along(stretch, stretch, _STRETCHES), evenly_along(stretch, pressure, _STRETCHES)
 
 
 def _quantiles(curve: Array, prob: float) -> Array:

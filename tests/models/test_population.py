@@ -434,7 +434,7 @@ def test_material_and_data_have_to_be_what_they_are_called(data):
 
 @pytest.mark.deep
 def test_nuts_and_smc_agree():
-    """Five specimens with two experiments each, unknown noise, default settings of NUTS.
+    """Five specimens with two experiments each, unknown noise; short steps of NUTS.
 
     Means agree to a fifth of a standard deviation and these to a fifth, several times what chains
     of a thousand effective draws differ by.
@@ -449,9 +449,8 @@ def test_nuts_and_smc_agree():
     model = ph.population_model(
         ph.Ogden(), inflation(tests, 0.15), sigma=pm.LogNormal.dist(np.log(0.2), 1.0)
     )
-    nuts = pm.sample(model=model, cores=1, random_seed=SEED, progressbar=False)
-    # One in a thousand is nothing, and which draws meet one depends on rounding.
-    assert nuts["sample_stats"]["diverging"].mean() < 0.002
+    nuts = pm.sample(model=model, cores=1, target_accept=0.95, random_seed=SEED, progressbar=False)
+    assert not nuts["sample_stats"]["diverging"].any()
     names = [rv.name for rv in model.free_RVs]
     posterior = nuts["posterior"].to_dataset()[names]
     assert az.rhat(posterior).to_array().max() < 1.01

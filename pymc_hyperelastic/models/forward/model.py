@@ -14,7 +14,12 @@ from pytensor.compile.sharedvalue import SharedVariable
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import at_points, extension_tests, points_of
+from pymc_hyperelastic.data.inflation import (
+    at_points,
+    evenly_along,
+    extension_tests,
+    points_of,
+)
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.forward.direct import Direct, WallVariables
@@ -246,19 +251,10 @@ def _between(data: xr.Dataset) -> xr.Dataset:
     between: dict[str, list[NDArray]] = {name: [] for name in measured}
     for test in range(data.sizes["test"]):
         own = {name: values[points_of(data, test)] for name, values in measured.items()}
-        along = "axial_stretch" if extended[test] else None
         for name, values in own.items():
-            between[name].append(_along(own[along], values) if along else _evenly(values))
+            along = own["axial_stretch"] if extended[test] else values
+            between[name].append(evenly_along(along, values, _RADII_BETWEEN))
     points = {name: ("obs", np.concatenate(values)) for name, values in between.items()}
     of_points = np.repeat(np.arange(data.sizes["test"]), _RADII_BETWEEN)
     of_tests = {k: v for k, v in data.data_vars.items() if v.dims == ("test",) and k not in points}
     return xr.Dataset(points, {"test": ("obs", of_points)}).assign(of_tests)
-
-
-def _evenly(values: NDArray) -> NDArray:
-    return values.min() + np.linspace(0, 1, _RADII_BETWEEN) * np.ptp(values)
-
-
-def _along(stretch: NDArray, values: NDArray) -> NDArray:
-    order = np.argsort(stretch, kind="stable")
-    return np.interp(_evenly(stretch), stretch[order], values[order])
