@@ -6,10 +6,9 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 import pymc as pm
-import pytensor.tensor as pt
 import pytest
 from scipy import stats
-from scipy.special import expit, logit
+from scipy.special import logit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.select import specimens_of
@@ -61,81 +60,6 @@ def data():
     )
 
 
-# --- coordinates ----------------------------------------------------------------------------------
-
-NAMES = {
-    ph.NeoHookean(): ["log_reference_strain"],
-    ph.Ogden(): ["log_reference_strain", "log_alpha"],
-    ph.PowerLawNeoHookean(): ["log_reference_strain", "log_n"],
-    ph.CriscioneType(): ["log_reference_strain", "log_b"],
-    ph.OgdenSeries(2): [
-        "log_reference_strain",
-        "log_mu[1]_ratio",
-        "log_alpha[0]",
-        "log_alpha[1]",
-    ],
-    ph.HolzapfelGasserOgden(): ["log_reference_strain", "log_k1_ratio", "log_k2", "logit_beta"],
-    ph.GasserOgdenHolzapfel(): [
-        "log_reference_strain",
-        "log_k1_ratio",
-        "log_k2",
-        "logit_kappa",
-        "logit_beta",
-    ],
-}
-
-
-@pytest.mark.parametrize("energy", NAMES, ids=lambda e: e.name)
-def test_names_of_coordinates(energy):
-    """One coordinate a parameter; the first modulus gives way to the reference strain."""
-    assert NaturalScale(energy).names == NAMES[energy]
-
-
-@pytest.mark.parametrize("energy", NAMES, ids=lambda e: e.name)
-def test_parameters_have_the_reference_stress_at_the_reference_strain(energy):
-    """Stress at the reference strain, and ratios, logarithms and logits of the parameters."""
-    scale = NaturalScale(energy, 35.0)
-    rng = np.random.default_rng(SEED)
-    x = rng.normal(0, 0.4, (len(scale.names), 6))
-    x[0] = np.log(rng.uniform(0.05, 0.4, 6))
-    parameters = scale.parameters([pt.as_tensor(row) for row in x])
-    assert set(parameters) == set(energy.parameter_names)
-    strain = pt.as_tensor(np.exp(x[0]))
-    stress = energy.stress_difference(strain, pt.zeros_like(strain), **parameters)
-    np.testing.assert_allclose(stress.eval(mode=MODE), 35.0, rtol=ROUNDING)
-    values = [np.asarray(entry.eval(mode=MODE)) for entry in energy.split(parameters)]
-    ranges = [p.prior_range for p in energy.parameters for _ in range(p.size or 1)]
-    for name, row, value, (low, high) in zip(scale.names, x, values, ranges, strict=True):
-        if name == "log_reference_strain":
-            assert np.all(value > 0)
-        elif name.endswith("_ratio"):
-            np.testing.assert_allclose(np.log(value / values[0]), row, rtol=ROUNDING)
-        elif name.startswith("logit_"):
-            np.testing.assert_allclose(logit((value - low) / (high - low)), row, rtol=1e-8)
-        else:
-            np.testing.assert_allclose(np.log(value), row, rtol=ROUNDING)
-
-
-class Shifted(ph.StrainEnergy):
-    """A law with a parameter of either sign, and no modulus."""
-
-    parameters = (ph.Parameter("shift", "s", "", (-3.0, 5.0), "of either sign"),)
-
-    def energy(self, radial, hoop, axial, *, shift):
-        return pt.exp(shift) * (radial**2 + hoop**2 + axial**2 - 3)
-
-
-def test_a_law_without_modulus_keeps_its_parameters():
-    """A parameter of either sign is its own coordinate, its prior as wide as its range."""
-    scale = NaturalScale(Shifted())
-    assert scale.names == ["real_shift"]
-    x = np.array([-1.0, 2.0])
-    np.testing.assert_array_equal(scale.parameters([pt.as_tensor(x)])["shift"].eval(mode=MODE), x)
-    mean, sd = scale.location_prior
-    assert (mean.tolist(), sd.tolist()) == ([1.0], [2.0])
-    np.testing.assert_allclose(scale.spread_prior[0], np.log(8 / 20))
-
-
 class EitherSign(ph.StrainEnergy):
     """A law with a modulus that may be negative beside one that may not."""
 
@@ -153,16 +77,6 @@ def test_moduli_have_to_be_positive(data):
     """Else stress at the reference strain would be another than the reference stress."""
     with pytest.raises(ValueError, match=r"'c2' of EitherSign .*'real'.*prior_range above zero"):
         ph.population_model(EitherSign(), data, sigma=SIGMA)
-
-
-def test_priors_are_those_of_the_documentation():
-    """Medians of the location: 0.2, a sixth of the largest value, the middle of a range."""
-    mean, sd = NaturalScale(ph.HolzapfelGasserOgden()).location_prior
-    np.testing.assert_allclose(np.exp(mean[0]), 0.2)
-    np.testing.assert_allclose(np.exp(mean[1]), 500 / 100)
-    np.testing.assert_allclose(np.exp(mean[2]), 50 / 6)
-    np.testing.assert_allclose(expit(mean[3]), 0.5)
-    assert sd[0] == 0.7 and sd[2] == 1.2
 
 
 # --- the correlation of a class -------------------------------------------------------------------
