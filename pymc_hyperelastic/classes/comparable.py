@@ -25,7 +25,7 @@ def noise_of(tree: xr.DataTree) -> str | None:
     attrs = tree.attrs
     if "variability" in attrs:
         # Noise is a part of such a model, and may differ; what was measured may not.
-        settings = json.loads(attrs["variability_settings"])
+        settings = json.loads(attrs.get("variability_settings", "{}"))
         forces = " and forces" if {"force_sigma", "force_noise_sd"} & set(settings) else ""
         return f"variability={attrs['variability']!r}, of pressures{forces}"
     if "noise" not in attrs:

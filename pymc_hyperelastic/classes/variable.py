@@ -11,7 +11,6 @@ import xarray as xr
 from numpy.typing import NDArray
 from pymc.progress_bar import create_simple_progress
 
-from pymc_hyperelastic.classes.comparable import noise_of
 from pymc_hyperelastic.classes.distribution import ClassModel, draws_of_class, fit_distribution
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
@@ -215,10 +214,6 @@ class Variability(Population, ClassKind):
             return Fold(training_evidence(fitted), worst_verdict(fitted.values()), predictions)
 
         return fold
-
-    def noise_in_words(self, fitted: xr.DataTree) -> str:
-        """What was measured; noise is a part of the model, as the specimens are."""
-        return str(noise_of(fitted))
 
     def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
         """Parameters of fresh draws from the class's distribution."""

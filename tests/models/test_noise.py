@@ -231,7 +231,7 @@ BAD_INPUT = [
         "forces of classes whose specimens differ",
         lambda: variable(noise_sd=1.0, force_noise_sd=1.0),
         ValueError,
-        ["force_noise_sd", "pressures alone"],
+        ["force_noise_sd", "hold no axial forces"],
     ),
 ]
 
