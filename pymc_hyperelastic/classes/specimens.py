@@ -96,7 +96,8 @@ class SpecimenSampler:
         squares = model.misfit(target.particles(found.particles))[0]
         misfit, freedom = self._misfit(data, squares)
         draws = replace(self._draws(found.particles), misfit=misfit, freedom=freedom)
-        return _weighted(draws, self._log_reference(found.particles), found)
+        value, error = found.log_value
+        return _weighted(draws, self._log_reference(found.particles) - value, error, found)
 
     def near(
         self,
@@ -144,15 +145,8 @@ class SpecimenSampler:
             np.log1p(-_KEPT) + log_prior(points) - found.log_value.value,
         )
         errors = _KEPT * draws.standard_error, (1 - _KEPT) * found.log_value.standard_error
-        return replace(
-            self._draws(points),
-            log_weight=-np.log(count) - log_density,
-            standard_error=float(np.hypot(*errors)),
-            misfit=draws.misfit,
-            freedom=draws.freedom,
-            method=found.method,
-            pareto_k=found.pareto_k,
-        )
+        again = replace(self._draws(points), misfit=draws.misfit, freedom=draws.freedom)
+        return _weighted(again, log_density, float(np.hypot(*errors)), found)
 
     def _target(self, whole: Target, log_prior: Callable[[Array], Array]) -> SpecimenTarget:
         """The specimen, under a prior of what its classes are held against, and of its tube."""
@@ -231,12 +225,14 @@ class SpecimenSampler:
         return _SpecimenModel(forward, Target(model))
 
 
-def _weighted(draws: SpecimenDraws, log_density: Array, found: Integral) -> SpecimenDraws:
-    """Draws of the posterior under a prior of this log density, with the weights that they need."""
+def _weighted(
+    draws: SpecimenDraws, log_density: Array, standard_error: float, found: Integral
+) -> SpecimenDraws:
+    """Draws with the weights of draws from this density, by which the likelihood is divided."""
     return replace(
         draws,
-        log_weight=found.log_value.value - np.log(len(log_density)) - log_density,
-        standard_error=found.log_value.standard_error,
+        log_weight=-np.log(len(log_density)) - log_density,
+        standard_error=standard_error,
         method=found.method,
         pareto_k=found.pareto_k,
     )
