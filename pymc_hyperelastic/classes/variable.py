@@ -43,6 +43,7 @@ from pymc_hyperelastic.data.select import specimens_apart, specimens_of
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
+from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.geometry import Measured, check_geometry
@@ -87,6 +88,8 @@ class Variability(Population, ClassKind):
         **noise: Any,
     ) -> "Variability":
         """The kind, of settings of :func:`~pymc_hyperelastic.population_model`."""
+        # Of layers a class could not be stored.
+        check_energy(energy)
         noise |= {"slope_weight": slope_weight or 0.0, "likelihood": "generative"}
         settings = experiment_effect, reference_stress, priors, check_geometry(geometry)
         return cls(energy, Observation(**noise), *settings)
@@ -135,7 +138,7 @@ class Variability(Population, ClassKind):
         settings = json.loads(fitted.attrs["variability_settings"])
         noise = {name: settings[name] for name in NOISE_UNITS if name in settings}
         errors = settings.get("geometry_sd", {})
-        return cls(
+        kind = cls(
             strain_energy_of(fitted),
             Observation(**noise_from_records(noise), likelihood="generative"),
             settings["experiment_effect"],
@@ -143,6 +146,13 @@ class Variability(Population, ClassKind):
             {name: prior_from_record(record) for name, record in settings["priors"].items()},
             {name: Measured(sd) for name, sd in errors.items()},
         )
+        stored = fitted["posterior"]["coordinate"].values.tolist()
+        if stored != kind.scale.names:
+            raise ValueError(
+                f"the specimens of this class have the coordinates {stored}, and those of "
+                f"{kind.energy.name} are now {kind.scale.names}: fit the class again"
+            )
+        return kind
 
     def fit(
         self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False

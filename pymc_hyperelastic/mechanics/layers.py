@@ -10,7 +10,7 @@ from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius
 
 _NO_LAYERS = (
-    ": walls of layers are for curves and ph.inflation_model, and for predictions from its result"
+    ": walls of layers are for curves, ph.inflation_model, ph.population_model and predictions"
 )
 
 

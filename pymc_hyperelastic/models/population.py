@@ -1,7 +1,7 @@
 """Specimens of a class differ: each has its own parameters, drawn from the class's distribution."""
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.results import attach_study
-from pymc_hyperelastic.mechanics.layers import check_energy
+from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import (
     SPREAD_OF_NOISE,
@@ -35,7 +35,7 @@ from pymc_hyperelastic.models.geometry import (
 from pymc_hyperelastic.models.natural_scale import NaturalScale, check_moduli
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.noise import SIGMA_OF, sd_of_sigma
-from pymc_hyperelastic.models.priors import check_prior, is_inferred
+from pymc_hyperelastic.models.priors import check_prior, complete_wall, is_inferred
 from pymc_hyperelastic.models.study import Study
 
 # Standard deviations of the coordinates over which curves must be right.
@@ -48,7 +48,8 @@ _SIGMA_DRAWS = 2000
 class Population:
     """Settings of specimens that differ, see :func:`population_model`."""
 
-    energy: StrainEnergy
+    energy: Any
+    """A strain energy, or layers."""
     observation: Observation
     experiment_effect: bool = False
     reference_stress: float = 20.0
@@ -72,7 +73,7 @@ class Population:
 
     def check(self, data: xr.Dataset) -> None:
         """Raise unless these data can be modelled so."""
-        check_energy(self.energy)
+        wall, parameters = complete_wall(self.energy)
         check_moduli(self.energy)
         observation = self.observation
         for name, value in observation.noise.items():
@@ -87,8 +88,7 @@ class Population:
         if not isinstance(stress, Real) or not np.isfinite(stress) or stress <= 0:
             raise ValueError(f"reference_stress is {stress!r}; expected a positive number of kPa")
         check_measured_only(self.geometry)
-        parameters = {p.name: np.zeros(p.size) if p.size else 0.0 for p in self.energy.parameters}
-        observation.check(self.energy, data, parameters, self.geometry)
+        observation.check(wall, data, parameters, self.geometry)
         self._check_priors()
 
     def _check_priors(self) -> None:
@@ -120,13 +120,12 @@ class Population:
         reach = _REACH * sd
         coordinates = [pm.Uniform.dist(m - r, m + r) for m, r in zip(mean, reach, strict=True)]
         parameters = self.scale.parameters(coordinates)
-        return self.observation.forward_model(
-            self.energy, data, parameters, self.geometry, by_test=True
-        )
+        wall = self.scale.wall_of(parameters)
+        return self.observation.forward_model(wall, data, parameters, self.geometry, by_test=True)
 
 
 def population_model(
-    energy: StrainEnergy,
+    energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
     *,
     noise_sd: Any = None,
@@ -160,8 +159,10 @@ def population_model(
 
     Parameters
     ----------
-    energy : StrainEnergy
-        The material, such as ``ph.Ogden()``.
+    energy : StrainEnergy or list of Layer
+        The material, such as ``ph.Ogden()``, or the layers of the wall from the inside out. What is
+        missing in a layer differs from specimen to specimen, and so does a thickness that is a
+        distribution; numbers are those of all.
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`: the specimens of one class.
     noise_sd : float or distribution

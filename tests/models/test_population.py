@@ -394,3 +394,33 @@ def test_arviz_takes_results():
     # The curve of a specimen is drawn for each of its own points.
     predicted = tree["posterior_predictive"]["measured_pressure"].mean(("chain", "draw"))
     assert abs(predicted - data["pressure"].values).max() < 4 * SIGMA
+
+
+def test_specimens_of_layers_have_layers_of_their_own():
+    """Pressures of each specimen are those of its own layers, one of which has a known modulus."""
+    layers = [
+        ph.Layer(ph.NeoHookean(), pm.LogNormal.dist(np.log(0.1), 0.2), mu=30.0),
+        ph.Layer(ph.Ogden(), 0.1),
+    ]
+    radius = np.linspace(1.1, 1.4, 4)
+    frame = pd.DataFrame(
+        {"specimen": np.repeat(["S1", "S2"], 4), "experiment": 1, "radius": np.tile(radius, 2)}
+        | {"pressure": np.tile(np.linspace(2.0, 8.0, 4), 2)}
+    )
+    data = ph.inflation_data(frame, inner_radius=1.0, outer_radius=None)
+    model = ph.population_model(layers, data, noise_sd=0.5)
+    point = model.initial_point()
+    assert {"log_thickness_1", "log_alpha_2"} <= set(point)
+    point |= {"log_thickness_1": np.log([0.08, 0.13]), "log_alpha_2": np.log([4.0, 7.0])}
+    names = ["pressure", "thickness_1", "mu_2", "alpha_2"]
+    outputs = model.replace_rvs_by_values([model[name] for name in names])
+    function = model.compile_fn(outputs, inputs=model.value_vars, on_unused_input="ignore")
+    pressure, thickness, mu, alpha = function(point)
+    np.testing.assert_allclose(thickness, [0.08, 0.13])
+    for i in range(2):
+        own = [
+            ph.Layer(ph.NeoHookean(), thickness[i], mu=30.0),
+            ph.Layer(ph.Ogden(), 0.1, mu=mu[i], alpha=alpha[i]),
+        ]
+        expected = ph.inflation_pressure(own, radius, inner_radius=1.0).eval()
+        np.testing.assert_allclose(pressure[4 * i : 4 * i + 4], expected, rtol=1e-10)

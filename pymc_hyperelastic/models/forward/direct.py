@@ -14,7 +14,7 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.data.inflation import at_points, measured_radius
 from pymc_hyperelastic.mechanics.axial_force import wall_force, wall_force_slope
 from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
-from pymc_hyperelastic.mechanics.layers import Tube, tubes_of
+from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opening_factor
@@ -26,6 +26,7 @@ from pymc_hyperelastic.models.forward.blocks import (
     table_of,
 )
 from pymc_hyperelastic.models.geometry import deviated_tube
+from pymc_hyperelastic.models.priors import is_inferred
 
 Array = NDArray[np.float64]
 Arrays = dict[str, NDArray]
@@ -127,6 +128,28 @@ def current_tube(inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
     excess = pt.where(square > 0, excess, 0.0)
     radius = pt.sqrt(inputs["current_outer_radius"] ** 2 - excess)
     return CurrentTube(wall, tube, radius, possible, excess)
+
+
+def _at_points(wall: WallVariables, test: Any) -> WallVariables:
+    """A wall of parameters by test as one of parameters by point."""
+    if isinstance(wall.energy, StrainEnergy):
+        entries = wall.energy.split(wall.parameters)
+        return wall._replace(parameters=wall.energy.join([x[test] for x in entries]))
+
+    def at_points(value: Any) -> Any:
+        if isinstance(value, tuple):
+            return tuple(map(at_points, value))
+        return value[test] if is_inferred(value) else value
+
+    layers = [
+        Layer(
+            layer.energy,
+            at_points(layer.thickness),
+            **{name: at_points(value) for name, value in layer.parameters.items()},
+        )
+        for layer in wall.energy
+    ]
+    return wall._replace(energy=layers)
 
 
 @dataclass(frozen=True)
@@ -237,9 +260,7 @@ class Direct:
 
     def _tube(self, inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
         if self.by_test:
-            entries = wall.energy.split(wall.parameters)
-            of_points = wall.energy.join([x[inputs["test"]] for x in entries])
-            wall = wall._replace(parameters=of_points)
+            wall = _at_points(wall, inputs["test"])
         of_points = {name: z[inputs["test"]] for name, z in wall.deviations.items()}
         return current_tube(inputs, wall._replace(deviations=of_points))
 
