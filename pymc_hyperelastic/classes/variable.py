@@ -90,7 +90,8 @@ class Variability(Population, ClassKind):
         """The kind, of settings of :func:`~pymc_hyperelastic.population_model`."""
         # Of layers a class could not be stored.
         check_energy(energy)
-        noise |= {"slope_weight": slope_weight or 0.0, "likelihood": "generative"}
+        weight = 0.0 if slope_weight is None else slope_weight
+        noise |= {"slope_weight": weight, "likelihood": "generative"}
         settings = experiment_effect, reference_stress, priors, check_geometry(geometry)
         return cls(energy, Observation(**noise), *settings)
 
@@ -116,9 +117,7 @@ class Variability(Population, ClassKind):
 
     def attrs(self) -> dict[str, str]:
         """The settings as text; ValueError if a prior, or one of the law's, cannot be written."""
-        noise = self.observation.noise
-        if not noise["slope_weight"]:
-            del noise["slope_weight"]
+        noise = {k: v for k, v in self.observation.noise.items() if k != "slope_weight" or v}
         settings = noise_records(noise) | {
             "experiment_effect": bool(self.experiment_effect),
             "reference_stress": float(self.reference_stress),

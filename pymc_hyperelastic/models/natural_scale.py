@@ -207,7 +207,8 @@ class _Entry(NamedTuple):
         scale, (low, high) = self.parameter.natural_scale, self.parameter.prior_range
         name = f"{scale}_{self.name}"
         if scale == "log":
-            return _Coordinate(name, np.log(high * _SHAPE[0]), _SHAPE[1])
+            median, sd = self.parameter.typical or (high * _SHAPE[0], _SHAPE[1])
+            return _Coordinate(name, np.log(median), sd)
         if scale == "logit":
             return _Coordinate(name, 0.0, _LOGIT_SD)
         return _Coordinate(

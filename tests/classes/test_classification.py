@@ -261,8 +261,8 @@ def test_classes_of_different_models_are_refused(classes, other):
 def test_laws_of_other_noise_are_refused(classes, other):
     """Evidences of laws under two likelihoods do not compare, and the message names both."""
     if other == "variability":
-        trees = classes.copy(), "average_over holds NeoHookean with variability='specimen', but "
-        stranger, message = trees
+        message = "average_over holds NeoHookean with variability='specimen', of pressures, but "
+        stranger = classes.copy()
         for name in NAMES:
             del stranger[name].attrs["noise"], stranger[name].attrs["priors"]
             stranger[name].attrs |= Variability.of_settings(ph.NeoHookean(), sigma=1.0).attrs()

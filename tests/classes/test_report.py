@@ -118,7 +118,7 @@ def test_report_without_variability():
             "specimen 'A1' stands in the classes 'soft' and 'third'",
         ),
         ({"classes": SMALL["soft"]}, TypeError, "classes must be a dict .* not Dataset"),
-        ({"slope_weight": 1.0}, ValueError, "expected slope_weight=0"),
+        ({"slope_weight": -1.0}, ValueError, "class 'soft': slope_weight is -1.0"),
         ({"sigma": -1.0}, ValueError, "class 'soft': sigma is -1.0"),
     ],
 )

@@ -3,6 +3,7 @@
 from contextlib import nullcontext
 
 import numpy as np
+import pymc as pm
 import pytest
 import xarray as xr
 from scipy import stats
@@ -373,8 +374,12 @@ def test_limits_are_probabilities(classes, new_data, limit, value):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"slope_weight": 3.0}, "expected slope_weight=0 and no force_sigma; got 3.0"),
-        ({"force_sigma": 3.0}, "expected slope_weight=0 and no force_sigma"),
+        ({"slope_weight": pm.HalfNormal.dist()}, "slope_weight must be a number of mm²"),
+        ({"force_sigma": 3.0}, "force_sigma is given, but the data hold no axial forces"),
+        (
+            {"force_sigma": 3.0, "force_offset_sd": pm.HalfNormal.dist()},
+            "force_offset_sd is a distribution",
+        ),
         ({"variability": "specimens"}, "variability must be 'none' or 'specimen'"),
         ({"reference_stress": -1.0}, "class 'soft': reference_stress is -1.0"),
         ({"draws": 10}, "draws"),

@@ -38,6 +38,10 @@ class Parameter:
         ends of `prior_range`, or in the parameter itself. When missing, "log" if `prior_range`
         holds no negative numbers, else "real". A parameter whose sign makes no difference is
         positive on "log".
+    typical : tuple of float, optional
+        Of a pure number on "log": its median over tissues, and the standard deviation of its
+        logarithm. From it classes whose specimens differ have the prior of their location. When
+        missing, a sixth of the upper end of `prior_range`, and 1.2.
     """
 
     name: str
@@ -47,6 +51,7 @@ class Parameter:
     description: str
     size: int | None = None
     scale: Literal["log", "logit", "real"] | None = None
+    typical: tuple[float, float] | None = None
 
     @property
     def natural_scale(self) -> str:

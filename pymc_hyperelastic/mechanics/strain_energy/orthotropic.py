@@ -28,7 +28,15 @@ _MATRIX = Parameter(
     "c", "c", "kPa", (0.0, 100.0), "shear modulus of the matrix; 3 to 50 in arteries"
 )
 _FIBRES = Parameter("k1", "k_1", "kPa", (0.0, 500.0), "modulus of the fibres; 0.5 to 1000")
-_STIFFENING = Parameter("k2", "k_2", "", (0.0, 50.0), "stiffening of the fibres; 0.1 to 100")
+
+
+def _stiffening(name: str, symbol: str, of_what: str) -> Parameter:
+    """A stiffening number; of fitted arteries they are from a hundredth to some tens."""
+    words = f"stiffening of {of_what}; 0.01 to 100"
+    return Parameter(name, symbol, "", (0.0, 50.0), words, typical=(1.0, 2.0))
+
+
+_STIFFENING = _stiffening("k2", "k_2", "the fibres")
 _ANGLE = Parameter(
     "beta",
     r"\beta",
@@ -293,11 +301,11 @@ class FourFiber(_FibreReinforced):
     parameters = (
         _MATRIX,
         Parameter("k1_axial", "k_1^z", "kPa", (0.0, 500.0), "modulus of the axial fibres"),
-        Parameter("k2_axial", "k_2^z", "", (0.0, 50.0), "stiffening of the axial fibres"),
+        _stiffening("k2_axial", "k_2^z", "the axial fibres"),
         Parameter("k1_hoop", r"k_1^\theta", "kPa", (0.0, 500.0), "modulus of the hoop fibres"),
-        Parameter("k2_hoop", r"k_2^\theta", "", (0.0, 50.0), "stiffening of the hoop fibres"),
+        _stiffening("k2_hoop", r"k_2^\theta", "the hoop fibres"),
         Parameter("k1_diagonal", "k_1^d", "kPa", (0.0, 500.0), "modulus of the diagonal fibres"),
-        Parameter("k2_diagonal", "k_2^d", "", (0.0, 50.0), "stiffening of the diagonal fibres"),
+        _stiffening("k2_diagonal", "k_2^d", "the diagonal fibres"),
         _ANGLE,
     )
 
