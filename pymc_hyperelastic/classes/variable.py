@@ -145,11 +145,12 @@ class Variability(Population, ClassKind):
             {name: prior_from_record(record) for name, record in settings["priors"].items()},
             {name: Measured(sd) for name, sd in errors.items()},
         )
-        stored = fitted["posterior"]["coordinate"].values.tolist()
-        if stored != kind.scale.names:
+        posterior, names = fitted["posterior"].to_dataset(), kind.scale.names
+        stored = posterior["coordinate"].values.tolist() if "coordinate" in posterior else names
+        if stored != names:
             raise ValueError(
                 f"the specimens of this class have the coordinates {stored}, and those of "
-                f"{kind.energy.name} are now {kind.scale.names}: fit the class again"
+                f"{kind.energy.name} are now {names}: fit the class again"
             )
         return kind
 
