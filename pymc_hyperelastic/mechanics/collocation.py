@@ -26,14 +26,14 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.axial_force import force_response
 from pymc_hyperelastic.mechanics.chebyshev import Array, chebyshev_nodes, value_to_coefficient
+from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import stretches
 from pymc_hyperelastic.mechanics.wall import TubeOp, wall_rule
 
 # Chebyshev coefficients of the response below this fraction of the largest are left out. The
 # pressure is then right to about 1e-12 of the largest in the data, and rounding is not mistaken
 # for signal.
-_COEFFICIENT_TOLERANCE = 1e-14
+COEFFICIENT_TOLERANCE = 1e-14
 _MOST_NODES = 64
 # Of axial stretches in a grid, and of all its nodes.
 _MOST_AXIAL, _MOST_IN_GRID = 32, 1024
@@ -42,28 +42,6 @@ _MOST_AXIAL, _MOST_IN_GRID = 32, 1024
 _LINES = np.cos(np.pi * np.arange(9) / 8)
 # Points whose walls are handled at once: bounds memory, whatever the size of the data.
 _CHUNK = 2048
-
-
-class KnownTubes(NamedTuple):
-    """Tubes whose radii and geometry are known, one entry a point."""
-
-    radius: Array
-    """Internal radius, mm."""
-    inner_radius: Array
-    outer_radius: Array
-    axial_stretch: Array
-    opening_angle: Array
-    growth: Array
-    """How the internal radius grows with the one that was measured."""
-
-    def at(self, points: NDArray[np.intp]) -> "KnownTubes":
-        """Some of the points."""
-        return KnownTubes(*(values[points] for values in self))
-
-    @property
-    def walls(self) -> list[Array]:
-        """Internal radius and geometry, each (point, 1)."""
-        return [values[:, None] for values in self[:-1]]
 
 
 class Nodes(NamedTuple):
@@ -165,13 +143,14 @@ def nodes_needed(
     values: Sequence[Array],
     *,
     with_force: bool = False,
+    tolerance: float = COEFFICIENT_TOLERANCE,
 ) -> Nodes | None:
     """How many stretches the response must be known at, or None.
 
     The response is expanded for all the `values` of the parameters' entries; as many are needed as
-    there are coefficients before they have fallen below rounding for all of them. None means that
-    these were more than 64, or in a grid more than 32 axial stretches, or 1024 nodes: then the
-    direct rule is to be used.
+    there are coefficients before they have fallen below the `tolerance`, relative to the largest,
+    for all of them. None means that these were more than 64, or in a grid more than 32 axial
+    stretches, or 1024 nodes: then the direct rule is to be used.
     """
     function, needed = _response_function(energy, with_force), Nodes(2)
 
@@ -192,12 +171,12 @@ def nodes_needed(
         coefficients = along(hoop + hoop_half * chebyshev_nodes(2 * _MOST_NODES), lines)
         # Force is a difference of stresses, and known to their rounding.
         largest = np.maximum.accumulate(coefficients.max(axis=(2, 3), keepdims=True))
-        needed = needed._replace(hoop=max(needed.hoop, _significant(coefficients, largest)))
+        needed = needed._replace(hoop=max(needed.hoop, _significant(coefficients, tolerance * largest)))
         if axial_half:
             lines = (hoop + hoop_half * _LINES)[:, None]
             across = along(lines, axial + axial_half * chebyshev_nodes(2 * _MOST_AXIAL))
             largest = np.maximum.accumulate(across.max(axis=(2, 3), keepdims=True))
-            needed = needed._replace(axial=max(needed.axial, _significant(across, largest)))
+            needed = needed._replace(axial=max(needed.axial, _significant(across, tolerance * largest)))
         if (
             needed.hoop > _MOST_NODES
             or needed.axial > _MOST_AXIAL
@@ -207,9 +186,9 @@ def nodes_needed(
     return needed
 
 
-def _significant(coefficients: Array, largest: Array) -> int:
-    """How many coefficients there are before all are below rounding."""
-    significant = (coefficients > _COEFFICIENT_TOLERANCE * largest).any(axis=(0, 1, 2))
+def _significant(coefficients: Array, smallest: Array) -> int:
+    """How many coefficients there are before all are below the smallest that matters."""
+    significant = (coefficients > smallest).any(axis=(0, 1, 2))
     return int(np.flatnonzero(significant).max(initial=0)) + 1
 
 
@@ -305,12 +284,14 @@ def _matrices(tubes: KnownTubes, group: Group, nodes: Nodes) -> dict[str, Array]
 
     of_pressure, weighted = moments(wall.pressure_weight), moments(wall.stiffness_weight)
     stiffness = weighted[:, :-1] @ derivative / 2 - weighted @ coefficient
+    share = np.reshape(tubes.share, (-1, 1))
+    stiffness *= share
     matrices = {
         "pressure": of_pressure @ coefficient,
         "stiffness": stiffness,
         "slope": stiffness * tubes.growth[:, None],
         "force": moments(wall.force_weight) @ coefficient,
-        "force_slope": np.pi * tubes.radius[:, None] * (of_pressure[:, :-1] @ derivative),
+        "force_slope": np.pi * share * tubes.radius[:, None] * (of_pressure[:, :-1] @ derivative),
     }
     if nodes.axial == 1:
         return matrices
@@ -331,20 +312,17 @@ def groups_by(
     groups = []
     for value in np.unique(key[some]):
         own = some[key[some] == value]
-        # Along a wall the stretch is monotonic: its two faces bound it.
-        radius, inner, outer, axial, angle = tubes.at(own).walls
-        tube = {"inner_radius": inner, "axial_stretch": axial, "opening_angle": angle}
-        faces = [np.log(stretches(face, radius, **tube)[1]) for face in (inner, outer)]
-        log_axial = np.log(axial)
-        span = _span(log_axial) if varied else (float(log_axial[0, 0]), 0.0)
-        groups.append(Group(own, _span(faces), span))
+        log_axial = np.log(tubes.axial_stretch[own])
+        span = _span(log_axial) if varied else (float(log_axial[0]), 0.0)
+        groups.append(Group(own, _span(tubes.at(own).log_hoop), span))
     return groups
 
 
 def _span(values: Any) -> tuple[float, float]:
-    """Centre and half width of the range of some numbers."""
+    """Centre and half width of the range of some numbers; a narrow one is widened at its end."""
     low, high = float(np.min(values)), float(np.max(values))
-    return (low + high) / 2, max((high - low) / 2, 1e-3)
+    half = max((high - low) / 2, 1e-3)
+    return low + half, half
 
 
 @cache
