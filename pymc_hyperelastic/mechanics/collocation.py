@@ -12,6 +12,7 @@ known on a grid of hoop and axial stretches: a product of Chebyshev points in ``
 
 from collections.abc import Sequence
 from functools import cache
+from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ import pytensor
 import pytensor.tensor as pt
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
+from pytensor.gradient import DisconnectedType, disconnected_type, grad
 from pytensor.graph.basic import Apply, Variable
 from pytensor.graph.replace import _vectorize_node
 from pytensor.tensor.blockwise import vectorize_node_fallback
@@ -28,7 +30,7 @@ from pymc_hyperelastic.mechanics.axial_force import force_response
 from pymc_hyperelastic.mechanics.chebyshev import Array, chebyshev_nodes, value_to_coefficient
 from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.wall import TubeOp, wall_rule
+from pymc_hyperelastic.mechanics.wall import TubeOp, finite_or_zero, wall_rule
 
 # Chebyshev coefficients of the response below this fraction of the largest are left out. The
 # pressure is then right to about 1e-12 of the largest in the data, and rounding is not mistaken
@@ -76,7 +78,7 @@ class CollocatedIntegral(TubeOp):
     or with `per_group` one value a group. For each matrix there is an output (group, row).
     """
 
-    __props__ = ("strain_energy", "per_group")
+    __props__: tuple[str, ...] = ("strain_energy", "per_group")
 
     def __init__(
         self, input_types: Any = None, *, per_group: bool = False, **settings: Any
@@ -102,6 +104,18 @@ class CollocatedIntegral(TubeOp):
     # Number of inputs before the parameters.
     constants: int
 
+    def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
+        """Gradient by the parameters; the others are constants."""
+        known = tuple(not isinstance(c.type, DisconnectedType) for c in cotangents)
+        op = CollocatedGradient(**self._props_dict(), integral=type(self), known=known)
+        of_entries = op(*inputs, *compress(cotangents, known), return_list=True)
+        return [disconnected_type() for _ in range(self.constants)] + of_entries
+
+    def connection_pattern(self, node: Apply) -> list[list[bool]]:
+        """What depends on what: nothing is differentiated by constants."""
+        pattern = super().connection_pattern(node)
+        return [[False] * len(node.outputs)] * self.constants + pattern[self.constants :]
+
 
 class CollocatedPressureIntegral(CollocatedIntegral):
     r"""Pressures and stiffnesses of known tubes as constant matrices times the wall's response.
@@ -125,15 +139,61 @@ class CollocatedAxialForce(CollocatedIntegral):
         return force_response(self.strain_energy, log_hoop, log_axial, entries)
 
 
+class CollocatedGradient(CollocatedIntegral):
+    """Gradient of such an integral by the parameters, of a batch of them as one operation.
+
+    After the inputs of the `integral` come the gradients by those of its outputs that are `known`.
+    """
+
+    __props__ = ("strain_energy", "per_group", "integral", "known")
+
+    def __init__(
+        self,
+        input_types: Any = None,
+        *,
+        integral: type[CollocatedIntegral],
+        known: tuple[bool, ...],
+        **settings: Any,
+    ) -> None:
+        self.constants = integral.constants
+        super().__init__(input_types, integral=integral, known=known, **settings)
+
+    pullback = TubeOp.pullback
+    connection_pattern = TubeOp.connection_pattern
+
+    def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
+        """Differentiate the integral: the response at the nodes is that of its value."""
+        count = self.constants + len(self.strain_energy.entry_names)
+        integral = self.integral(strain_energy=self.strain_energy, per_group=self.per_group)
+        outputs = compress(integral.build_inner_graph(*inputs[:count]), self.known)
+        cotangents = inputs[count:]
+        gradients = grad(
+            None,
+            inputs[self.constants : count],
+            known_grads=dict(zip(outputs, cotangents, strict=True)),
+            disconnected_inputs="ignore",
+        )
+        return finite_or_zero(gradients)
+
+
 @_vectorize_node.register(CollocatedIntegral)
 def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: Tensor) -> Apply:
     """Take a batch of parameters in one call; anything else is looped over."""
-    constants, entries = inputs[: op.constants], inputs[op.constants :]
-    deepest = max(x.type.ndim for x in entries)
-    if constants != tuple(node.inputs[: op.constants]) or deepest > 1 + op.per_group:
+    constants, variables = inputs[: op.constants], inputs[op.constants :]
+    # Parameters, behind which gradients by outputs (group, row) may follow.
+    count = len(op.strain_energy.entry_names)
+    cores = [int(op.per_group)] * count + [2] * (len(variables) - count)
+    depths = [x.type.ndim - core for x, core in zip(variables, cores, strict=True)]
+    if constants != tuple(node.inputs[: op.constants]) or max(depths) > 1:
         return vectorize_node_fallback(op, node, *inputs)
-    entries = pt.broadcast_arrays(*(pt.atleast_Nd(x, n=deepest) for x in entries))
-    outputs = type(op)(**op._props_dict())(*constants, *entries, return_list=True)
+    if any(depths):
+        batched = (x for x, deep in zip(variables, depths, strict=True) if deep)
+        size = next((x.shape[0] for x in batched if not x.type.broadcastable[0]), 1)
+        variables = tuple(
+            pt.broadcast_to(x, (size, *(x.shape[1:] if deep else x.shape)))
+            for x, deep in zip(variables, depths, strict=True)
+        )
+    outputs = type(op)(**op._props_dict())(*constants, *variables, return_list=True)
     return outputs[0].owner
 
 
@@ -170,13 +230,13 @@ def nodes_needed(
         lines = (axial + axial_half * (_LINES if axial_half else np.zeros(1)))[:, None]
         coefficients = along(hoop + hoop_half * chebyshev_nodes(2 * _MOST_NODES), lines)
         # Force is a difference of stresses, and known to their rounding.
-        largest = np.maximum.accumulate(coefficients.max(axis=(2, 3), keepdims=True))
-        needed = needed._replace(hoop=max(needed.hoop, _significant(coefficients, tolerance * largest)))
+        smallest = tolerance * np.maximum.accumulate(coefficients.max(axis=(2, 3), keepdims=True))
+        needed = needed._replace(hoop=max(needed.hoop, _significant(coefficients, smallest)))
         if axial_half:
             lines = (hoop + hoop_half * _LINES)[:, None]
             across = along(lines, axial + axial_half * chebyshev_nodes(2 * _MOST_AXIAL))
-            largest = np.maximum.accumulate(across.max(axis=(2, 3), keepdims=True))
-            needed = needed._replace(axial=max(needed.axial, _significant(across, tolerance * largest)))
+            smallest = tolerance * np.maximum.accumulate(across.max(axis=(2, 3), keepdims=True))
+            needed = needed._replace(axial=max(needed.axial, _significant(across, smallest)))
         if (
             needed.hoop > _MOST_NODES
             or needed.axial > _MOST_AXIAL

@@ -1,4 +1,4 @@
-"""Tubes whose radii and geometry are known, and the parts of their walls in which fibres slacken."""
+"""Tubes whose radii and geometry are known, and parts of their walls."""
 
 from typing import NamedTuple
 
@@ -26,8 +26,7 @@ class KnownTubes(NamedTuple):
 
     def at(self, points: NDArray) -> "KnownTubes":
         """Some of the points."""
-        share = np.broadcast_to(self.share, self.radius.shape)
-        return KnownTubes(*(values[points] for values in self[:6]), share[points])
+        return KnownTubes(*(np.broadcast_to(v, self.radius.shape)[points] for v in self))
 
     @property
     def walls(self) -> list[Array]:
@@ -65,9 +64,7 @@ class KnownTubes(NamedTuple):
         place = np.clip(np.sqrt(np.where(crossed, square, 0.0)), self.inner_radius, None)
         place = np.where(crossed, np.minimum(place, self.outer_radius), self.outer_radius)
         within = self._replace(outer_radius=place, share=np.ones_like(place))
-        around = self._replace(
-            radius=place / k, inner_radius=place, share=self.radius * k / place
-        )
+        around = self._replace(radius=place / k, inner_radius=place, share=self.radius * k / place)
         taut, slack = (
             KnownTubes(*(np.where(first, a, b) for a, b in zip(within, around, strict=True)))
             for first in (inner >= 0, inner < 0)

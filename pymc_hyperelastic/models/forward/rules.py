@@ -36,7 +36,7 @@ Mode = Literal["auto", "collocation", "quadrature"]
 
 # Orders of Gauss-Legendre quadrature that are tried against the last one, and what they may err,
 # relative to the largest value of a curve. With the mode "quadrature" it is the order between.
-_ORDERS, _USUAL_ORDER = (8, 12, 16, 24, 32, 64), 32
+_ORDERS, _USUAL_ORDER = (4, 6, 8, 12, 16, 24, 32, 64), 32
 _ORDER_TOLERANCE = 1e-11
 # What quadrature mostly takes, with which constant matrices of extension tests compete.
 _CHEAP_ORDER = 12
@@ -104,7 +104,7 @@ def _divided(
     kinks = _kinks_in(tubes, wall.energy, values)
     if np.any(kinks > _ROUNDING):
         return None
-    whole = Collocated(0, **settings, taut=kinks.size > 0)
+    whole = Collocated(0, **settings, grid=None, taut=kinks.size > 0)
     nodes = _nodes_for_possible(wall.energy, data, values, whole)
     if nodes is None:
         return None
