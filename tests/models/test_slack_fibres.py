@@ -10,7 +10,7 @@ import pytensor
 import pytensor.tensor as pt
 import pytest
 from tables import SECTOR
-from tiers import deep
+from tiers import tiers
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.batched import BatchedFunction
@@ -25,7 +25,8 @@ CURVE_TOLERANCE = 1e-9
 SEED = 20261123  # any would do
 # Parameters are left out where pressures are so many times those that were measured.
 FAR_BEYOND = 1000
-OBSERVATION = Observation(noise_sd=0.3, force_noise_sd=1.0, slope_weight=0.0)
+OBSERVATION = Observation(noise_sd=0.3, slope_weight=0.0)
+WITH_FORCE = Observation(noise_sd=0.3, force_noise_sd=1.0, slope_weight=0.0)
 # Prior ranges of a soft tube, in which fibres are as stiff as in arteries.
 RANGES = {"k1": (0.0, 50.0), "k2": (0.0, 10.0)}
 
@@ -55,37 +56,44 @@ def priors_of(energy):
     return complete_priors(energy, {n: pm.Uniform.dist(*r) for n, r in ranges.items() if r})
 
 
-def forward_of(energy, tests, mode="auto"):
-    return OBSERVATION.forward_model(energy, tests, priors_of(energy), mode=mode)
+def forward_of(energy, tests, mode="auto", observation=OBSERVATION):
+    return observation.forward_model(energy, tests, priors_of(energy), mode=mode)
 
 
 LAWS = {e.name: e for e in (ph.HolzapfelGasserOgden(), ph.FourFiber())}
 
-CASES = [("HolzapfelGasserOgden", False), *deep(product(LAWS, (True, False)))]
+# Forces take as long again.
+CASES = tiers(
+    [
+        ("HolzapfelGasserOgden", False, OBSERVATION),
+        *((*case, WITH_FORCE) for case in product(LAWS, (False, True))),
+    ],
+    lambda case: case[2] is OBSERVATION,
+)
 
 
 @cache
-def both_ways(name, taut):
+def both_ways(name, taut, observation):
     """Way that is chosen; curves, slopes and likelihood of draws by it, and by quadrature."""
     energy, tests = LAWS[name], data(taut=taut)
-    forward = forward_of(energy, tests, "collocation")
+    forward = forward_of(energy, tests, "collocation", observation)
     with pm.Model() as model:
         parameters = {
             n: pm.Uniform(n, *(x.eval() for x in v.owner.op.dist_params(v.owner)))
             for n, v in priors_of(energy).items()
         }
         outputs = []
-        for way in (forward.way, Direct(64, with_force=True)):
+        for way in (forward.way, Direct(32, with_force=observation.with_force)):
             same = forward.with_data(tests)
             same.way = way
             tube = same.tube(parameters)
             slopes = {f"slope of {n}": curve for n, curve in tube.slopes().items()}
             outputs.append(tube.curves() | slopes)
-            outputs[-1]["likelihood"] = OBSERVATION.log_likelihood(tube)
+            outputs[-1]["likelihood"] = observation.log_likelihood(tube)
     expressions = [x for of_way in outputs for x in of_way.values()]
     values = model.replace_rvs_by_values(expressions)
     function = BatchedFunction.of_model(model, values, {"mode": "FAST_COMPILE"})
-    points = np.random.default_rng(SEED).logistic(size=(300, function.dimension))
+    points = np.random.default_rng(SEED).logistic(size=(200, function.dimension))
     found = function(points)
     names = list(outputs[0])
     found, exact = (
@@ -95,27 +103,27 @@ def both_ways(name, taut):
     return forward.way, found, exact, np.abs(exact["pressure"]).max(axis=1) < limit
 
 
-@pytest.mark.parametrize(("name", "taut"), CASES)
-def test_curves_are_those_of_quadrature(name, taut):
+@pytest.mark.parametrize(("name", "taut", "observation"), CASES)
+def test_curves_are_those_of_quadrature(name, taut, observation):
     """Pressure, stiffness, force and slopes, wherever in the walls fibres slacken."""
-    way, found, exact, possible = both_ways(name, taut)
+    way, found, exact, possible = both_ways(name, taut, observation)
     assert isinstance(way, Collocated if taut else Divided)
     assert possible.sum() > 30
-    force = np.abs(exact["axial_force"]).max(axis=1)
     for curve, expected in exact.items():
         if curve == "likelihood":
             continue
         scale = np.abs(expected).max(axis=1)
         # Of stiff axial fibres the force hardly depends on the radius: it is known to its rounding.
-        scale = np.maximum(scale, force) if curve == "slope of axial_force" else scale
+        if curve == "slope of axial_force":
+            scale = np.maximum(scale, np.abs(exact["axial_force"]).max(axis=1))
         error = np.abs(found[curve] - expected).max(axis=1)
         assert np.all(error[possible] <= CURVE_TOLERANCE * scale[possible]), curve
 
 
-@pytest.mark.parametrize(("name", "taut"), CASES)
-def test_parameters_that_were_left_out_stay_impossible(name, taut):
+@pytest.mark.parametrize(("name", "taut", "observation"), CASES)
+def test_parameters_that_were_left_out_stay_impossible(name, taut, observation):
     """Where pressures are far beyond the measured ones, so is the likelihood, by either way."""
-    _, found, exact, possible = both_ways(name, taut)
+    _, found, exact, possible = both_ways(name, taut, observation)
     best = exact["likelihood"].max()
     for likelihood in (found["likelihood"][~possible], exact["likelihood"][~possible]):
         assert not np.isnan(likelihood).any()
@@ -133,7 +141,8 @@ def test_draws_beyond_all_bounds_have_no_likelihood():
     for stiffening in (10.0, 50.0, 1e4):
         with np.errstate(all="ignore"):
             pressure, likelihood = function(stiffening)
-        assert not np.nanmax(np.abs(pressure)) < FAR_BEYOND * tests["pressure"].values.max()
+        # What overflows is not below anything either.
+        assert not np.any(np.abs(pressure[-1]) < FAR_BEYOND * tests["pressure"].values.max())
         assert likelihood < -1e8
     assert likelihood == -np.inf
 
