@@ -72,14 +72,15 @@ class _NumpyCall(Op):
         return Apply(self, inputs, [self.type()])
 
     def perform(self, node: Apply, inputs: Sequence[Any], outputs: Any) -> None:
-        outputs[0][0] = self.function(*inputs)
+        # Of numbers NumPy makes numbers, not arrays.
+        outputs[0][0] = np.asarray(self.function(*inputs))
 
 
 @node_rewriter([Elemwise])
 def _elementwise_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
     """Call NumPy directly where it gives the type that is due."""
     result = node.outputs[0].type
-    if node.op.nfunc_spec is None or result.ndim == 0:
+    if node.op.nfunc_spec is None:
         return None
     name, count, _ = node.op.nfunc_spec
     function = import_func_from_string(name)
@@ -90,7 +91,15 @@ def _elementwise_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] 
 
 
 def _fold(function: Callable[..., Any], *values: Any) -> Any:
-    return reduce(function, values)
+    """Small arrays come first, and results take no new memory, which costs more than a product."""
+
+    def fold(total: Any, value: Any) -> Any:
+        fits = isinstance(total, np.ndarray) and total.dtype == value.dtype
+        fits = fits and total.shape == np.broadcast_shapes(total.shape, value.shape)
+        return function(total, value, out=total if fits else None)
+
+    first, second, *others = sorted(values, key=np.size)
+    return reduce(fold, others, function(first, second))
 
 
 @node_rewriter([Blockwise])

@@ -36,6 +36,8 @@ Ascent = Callable[[Array], Slope]
 _FEW = 4
 # Logarithm of the smallest number there is.
 _LOG_SMALLEST = np.log(np.nextafter(0.0, 1.0))
+# Units of effort in the points that are scored at once.
+_UNITS = 4
 # Slopes take so many times as long as a score.
 _COST_OF_SLOPES = 3
 # Step of a difference, as a fraction of a variable's width.
@@ -114,12 +116,12 @@ class Target:
 
     @property
     def at_once(self) -> int:
-        """How many points are scored at once: few if each takes long."""
-        return self._score.at_once
+        """How many points are one unit of effort: few if each takes long."""
+        return max(1, self._score.at_once // _UNITS)
 
     @property
     def exhausted(self) -> bool:
-        """Whether more was done than allowed: as often so many points were scored at once."""
+        """Whether more was done than allowed, in units of so many points."""
         return self.effort > self.most_effort
 
     @cached_property

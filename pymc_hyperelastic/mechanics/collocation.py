@@ -12,6 +12,7 @@ known on a grid of hoop and axial stretches: a product of Chebyshev points in ``
 
 from collections.abc import Sequence
 from functools import cache
+from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,7 @@ import pytensor
 import pytensor.tensor as pt
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
+from pytensor.gradient import DisconnectedType, disconnected_type, grad
 from pytensor.graph.basic import Apply, Variable
 from pytensor.graph.replace import _vectorize_node
 from pytensor.tensor.blockwise import vectorize_node_fallback
@@ -26,14 +28,14 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.axial_force import force_response
 from pymc_hyperelastic.mechanics.chebyshev import Array, chebyshev_nodes, value_to_coefficient
+from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import stretches
-from pymc_hyperelastic.mechanics.wall import TubeOp, wall_rule
+from pymc_hyperelastic.mechanics.wall import TubeOp, finite_or_zero, wall_rule
 
 # Chebyshev coefficients of the response below this fraction of the largest are left out. The
 # pressure is then right to about 1e-12 of the largest in the data, and rounding is not mistaken
 # for signal.
-_COEFFICIENT_TOLERANCE = 1e-14
+COEFFICIENT_TOLERANCE = 1e-14
 _MOST_NODES = 64
 # Of axial stretches in a grid, and of all its nodes.
 _MOST_AXIAL, _MOST_IN_GRID = 32, 1024
@@ -42,28 +44,6 @@ _MOST_AXIAL, _MOST_IN_GRID = 32, 1024
 _LINES = np.cos(np.pi * np.arange(9) / 8)
 # Points whose walls are handled at once: bounds memory, whatever the size of the data.
 _CHUNK = 2048
-
-
-class KnownTubes(NamedTuple):
-    """Tubes whose radii and geometry are known, one entry a point."""
-
-    radius: Array
-    """Internal radius, mm."""
-    inner_radius: Array
-    outer_radius: Array
-    axial_stretch: Array
-    opening_angle: Array
-    growth: Array
-    """How the internal radius grows with the one that was measured."""
-
-    def at(self, points: NDArray[np.intp]) -> "KnownTubes":
-        """Some of the points."""
-        return KnownTubes(*(values[points] for values in self))
-
-    @property
-    def walls(self) -> list[Array]:
-        """Internal radius and geometry, each (point, 1)."""
-        return [values[:, None] for values in self[:-1]]
 
 
 class Nodes(NamedTuple):
@@ -98,7 +78,7 @@ class CollocatedIntegral(TubeOp):
     or with `per_group` one value a group. For each matrix there is an output (group, row).
     """
 
-    __props__ = ("strain_energy", "per_group")
+    __props__: tuple[str, ...] = ("strain_energy", "per_group")
 
     def __init__(
         self, input_types: Any = None, *, per_group: bool = False, **settings: Any
@@ -124,6 +104,18 @@ class CollocatedIntegral(TubeOp):
     # Number of inputs before the parameters.
     constants: int
 
+    def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
+        """Gradient by the parameters; the others are constants."""
+        known = tuple(not isinstance(c.type, DisconnectedType) for c in cotangents)
+        op = CollocatedGradient(**self._props_dict(), integral=type(self), known=known)
+        of_entries = op(*inputs, *compress(cotangents, known), return_list=True)
+        return [disconnected_type() for _ in range(self.constants)] + of_entries
+
+    def connection_pattern(self, node: Apply) -> list[list[bool]]:
+        """What depends on what: nothing is differentiated by constants."""
+        pattern = super().connection_pattern(node)
+        return [[False] * len(node.outputs)] * self.constants + pattern[self.constants :]
+
 
 class CollocatedPressureIntegral(CollocatedIntegral):
     r"""Pressures and stiffnesses of known tubes as constant matrices times the wall's response.
@@ -147,15 +139,61 @@ class CollocatedAxialForce(CollocatedIntegral):
         return force_response(self.strain_energy, log_hoop, log_axial, entries)
 
 
+class CollocatedGradient(CollocatedIntegral):
+    """Gradient of such an integral by the parameters, of a batch of them as one operation.
+
+    After the inputs of the `integral` come the gradients by those of its outputs that are `known`.
+    """
+
+    __props__ = ("strain_energy", "per_group", "integral", "known")
+
+    def __init__(
+        self,
+        input_types: Any = None,
+        *,
+        integral: type[CollocatedIntegral],
+        known: tuple[bool, ...],
+        **settings: Any,
+    ) -> None:
+        self.constants = integral.constants
+        super().__init__(input_types, integral=integral, known=known, **settings)
+
+    pullback = TubeOp.pullback
+    connection_pattern = TubeOp.connection_pattern
+
+    def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
+        """Differentiate the integral: the response at the nodes is that of its value."""
+        count = self.constants + len(self.strain_energy.entry_names)
+        integral = self.integral(strain_energy=self.strain_energy, per_group=self.per_group)
+        outputs = compress(integral.build_inner_graph(*inputs[:count]), self.known)
+        cotangents = inputs[count:]
+        gradients = grad(
+            None,
+            inputs[self.constants : count],
+            known_grads=dict(zip(outputs, cotangents, strict=True)),
+            disconnected_inputs="ignore",
+        )
+        return finite_or_zero(gradients)
+
+
 @_vectorize_node.register(CollocatedIntegral)
 def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: Tensor) -> Apply:
     """Take a batch of parameters in one call; anything else is looped over."""
-    constants, entries = inputs[: op.constants], inputs[op.constants :]
-    deepest = max(x.type.ndim for x in entries)
-    if constants != tuple(node.inputs[: op.constants]) or deepest > 1 + op.per_group:
+    constants, variables = inputs[: op.constants], inputs[op.constants :]
+    # Parameters, behind which gradients by outputs (group, row) may follow.
+    count = len(op.strain_energy.entry_names)
+    cores = [int(op.per_group)] * count + [2] * (len(variables) - count)
+    depths = [x.type.ndim - core for x, core in zip(variables, cores, strict=True)]
+    if constants != tuple(node.inputs[: op.constants]) or max(depths) > 1:
         return vectorize_node_fallback(op, node, *inputs)
-    entries = pt.broadcast_arrays(*(pt.atleast_Nd(x, n=deepest) for x in entries))
-    outputs = type(op)(**op._props_dict())(*constants, *entries, return_list=True)
+    if any(depths):
+        batched = (x for x, deep in zip(variables, depths, strict=True) if deep)
+        size = next((x.shape[0] for x in batched if not x.type.broadcastable[0]), 1)
+        variables = tuple(
+            pt.broadcast_to(x, (size, *(x.shape[1:] if deep else x.shape)))
+            for x, deep in zip(variables, depths, strict=True)
+        )
+    outputs = type(op)(**op._props_dict())(*constants, *variables, return_list=True)
     return outputs[0].owner
 
 
@@ -165,13 +203,14 @@ def nodes_needed(
     values: Sequence[Array],
     *,
     with_force: bool = False,
+    tolerance: float = COEFFICIENT_TOLERANCE,
 ) -> Nodes | None:
     """How many stretches the response must be known at, or None.
 
     The response is expanded for all the `values` of the parameters' entries; as many are needed as
-    there are coefficients before they have fallen below rounding for all of them. None means that
-    these were more than 64, or in a grid more than 32 axial stretches, or 1024 nodes: then the
-    direct rule is to be used.
+    there are coefficients before they have fallen below the `tolerance`, relative to the largest,
+    for all of them. None means that these were more than 64, or in a grid more than 32 axial
+    stretches, or 1024 nodes: then the direct rule is to be used.
     """
     function, needed = _response_function(energy, with_force), Nodes(2)
 
@@ -191,13 +230,13 @@ def nodes_needed(
         lines = (axial + axial_half * (_LINES if axial_half else np.zeros(1)))[:, None]
         coefficients = along(hoop + hoop_half * chebyshev_nodes(2 * _MOST_NODES), lines)
         # Force is a difference of stresses, and known to their rounding.
-        largest = np.maximum.accumulate(coefficients.max(axis=(2, 3), keepdims=True))
-        needed = needed._replace(hoop=max(needed.hoop, _significant(coefficients, largest)))
+        smallest = tolerance * np.maximum.accumulate(coefficients.max(axis=(2, 3), keepdims=True))
+        needed = needed._replace(hoop=max(needed.hoop, _significant(coefficients, smallest)))
         if axial_half:
             lines = (hoop + hoop_half * _LINES)[:, None]
             across = along(lines, axial + axial_half * chebyshev_nodes(2 * _MOST_AXIAL))
-            largest = np.maximum.accumulate(across.max(axis=(2, 3), keepdims=True))
-            needed = needed._replace(axial=max(needed.axial, _significant(across, largest)))
+            smallest = tolerance * np.maximum.accumulate(across.max(axis=(2, 3), keepdims=True))
+            needed = needed._replace(axial=max(needed.axial, _significant(across, smallest)))
         if (
             needed.hoop > _MOST_NODES
             or needed.axial > _MOST_AXIAL
@@ -207,9 +246,9 @@ def nodes_needed(
     return needed
 
 
-def _significant(coefficients: Array, largest: Array) -> int:
-    """How many coefficients there are before all are below rounding."""
-    significant = (coefficients > _COEFFICIENT_TOLERANCE * largest).any(axis=(0, 1, 2))
+def _significant(coefficients: Array, smallest: Array) -> int:
+    """How many coefficients there are before all are below the smallest that matters."""
+    significant = (coefficients > smallest).any(axis=(0, 1, 2))
     return int(np.flatnonzero(significant).max(initial=0)) + 1
 
 
@@ -305,12 +344,14 @@ def _matrices(tubes: KnownTubes, group: Group, nodes: Nodes) -> dict[str, Array]
 
     of_pressure, weighted = moments(wall.pressure_weight), moments(wall.stiffness_weight)
     stiffness = weighted[:, :-1] @ derivative / 2 - weighted @ coefficient
+    share = np.reshape(tubes.share, (-1, 1))
+    stiffness *= share
     matrices = {
         "pressure": of_pressure @ coefficient,
         "stiffness": stiffness,
         "slope": stiffness * tubes.growth[:, None],
         "force": moments(wall.force_weight) @ coefficient,
-        "force_slope": np.pi * tubes.radius[:, None] * (of_pressure[:, :-1] @ derivative),
+        "force_slope": np.pi * share * tubes.radius[:, None] * (of_pressure[:, :-1] @ derivative),
     }
     if nodes.axial == 1:
         return matrices
@@ -331,20 +372,17 @@ def groups_by(
     groups = []
     for value in np.unique(key[some]):
         own = some[key[some] == value]
-        # Along a wall the stretch is monotonic: its two faces bound it.
-        radius, inner, outer, axial, angle = tubes.at(own).walls
-        tube = {"inner_radius": inner, "axial_stretch": axial, "opening_angle": angle}
-        faces = [np.log(stretches(face, radius, **tube)[1]) for face in (inner, outer)]
-        log_axial = np.log(axial)
-        span = _span(log_axial) if varied else (float(log_axial[0, 0]), 0.0)
-        groups.append(Group(own, _span(faces), span))
+        log_axial = np.log(tubes.axial_stretch[own])
+        span = _span(log_axial) if varied else (float(log_axial[0]), 0.0)
+        groups.append(Group(own, _span(tubes.at(own).log_hoop), span))
     return groups
 
 
 def _span(values: Any) -> tuple[float, float]:
-    """Centre and half width of the range of some numbers."""
+    """Centre and half width of the range of some numbers; a narrow one is widened at its end."""
     low, high = float(np.min(values)), float(np.max(values))
-    return (low + high) / 2, max((high - low) / 2, 1e-3)
+    half = max((high - low) / 2, 1e-3)
+    return low + half, half
 
 
 @cache

@@ -20,14 +20,9 @@ def identity_of_tests(data: xr.Dataset) -> Array:
 
 def block_arrays(data: xr.Dataset, rows: Array) -> dict[str, Array]:
     """Rows (obs, column) as ``blocks`` (test, row, column), with the places of points in them."""
-    position, size = positions(data["test"].values)
-    tests = data.sizes["test"]
-    place = data["test"].values * size + position
-    points = np.zeros(tests * size, int)
-    points[place] = np.arange(len(place))
-    padded = np.zeros((points.size, size))
-    padded[place] = rows
-    return {"blocks": padded.reshape(tests, size, size), "points": points, "place": place}
+    table = table_arrays(data["test"].values, data.sizes["test"])
+    blocks = np.where(table["there"][..., None], rows[table["points"]], 0.0)
+    return {"blocks": blocks, "points": table["points"].ravel(), "place": table["place"]}
 
 
 def block_product(

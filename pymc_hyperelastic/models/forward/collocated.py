@@ -1,6 +1,6 @@
 """Curves as constant matrices times the material's response, for known radii and geometry."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +15,12 @@ from pymc_hyperelastic.mechanics.collocation import (
     CollocatedAxialForce,
     CollocatedPressureIntegral,
     Group,
-    KnownTubes,
     Nodes,
     collocate,
     curve_matrices,
     groups_by,
 )
+from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward.blocks import positions, table_arrays, table_of
 from pymc_hyperelastic.models.forward.direct import WallVariables
@@ -59,7 +59,8 @@ class Collocated:
     """Constant matrices of so many Chebyshev stretches.
 
     Those of inflation tests are `nodes`, those of extension tests `grid`: 0, or None, if there are
-    none, and then none may take the place of the data. The methods are those of
+    none, and then none may take the place of the data. If only `taut` parts of walls count, these
+    are where ``λθ ≥ 1``. The methods are those of
     :class:`~pymc_hyperelastic.models.forward.direct.Direct`; geometry is known, and plays no part
     in them.
     """
@@ -68,10 +69,16 @@ class Collocated:
     with_force: bool = False
     by_test: bool = False
     grid: Nodes | None = None
+    taut: bool = False
+
+    def tubes(self, data: xr.Dataset) -> KnownTubes:
+        """The walls at all points, or their taut parts."""
+        tubes = known_tubes(data)
+        return tubes.divided()[0] if self.taut else tubes
 
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
         """Arrays by which the data enter :meth:`curves`."""
-        tubes = known_tubes(data)
+        tubes = self.tubes(data)
         arrays = self._which(data) | {"growth": tubes.growth}
         for prefix, (groups, nodes) in self._parts(data, tubes).items():
             matrices, place = curve_matrices(tubes, groups, nodes)
@@ -83,29 +90,30 @@ class Collocated:
 
     def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """What the model says at the points."""
-        of_parts = []
-        for part, entries in self._inputs(inputs, wall):
-            pressure, stiffness = self._pressure(
-                part, part["pressure_matrix"], part["stiffness_matrix"], wall, entries
-            )
+
+        def of_groups(part: Mapping[str, Any], entries: Sequence[Any]) -> dict[str, Any]:
+            matrices = part["pressure_matrix"], part["stiffness_matrix"]
+            pressure, stiffness = self._pressure(part, *matrices, wall, entries)
             curves = {"pressure": pressure, "stiffness": stiffness}
             if self.with_force:
                 curves["axial_force"] = self._force(part, part["force_matrix"], wall, entries)
-            of_parts.append({n: curve.flatten()[part["place"]] for n, curve in curves.items()})
-        return {name: _joined(inputs, [part[name] for part in of_parts]) for name in of_parts[0]}
+            return curves
+
+        return self._at_points(inputs, wall, of_groups)
 
     def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """How the curves rise with the radius that was measured, at the stretch of each point."""
-        of_parts = []
-        for part, entries in self._inputs(inputs, wall):
+
+        def of_groups(part: Mapping[str, Any], entries: Sequence[Any]) -> dict[str, Any]:
             matrices = part["pressure_matrix"], part["stiffness_matrix"]
             slopes = {"pressure": self._pressure(part, *matrices, wall, entries)[1]}
             if self.with_force:
                 matrix = part["force_slope_matrix"]
                 slopes["axial_force"] = self._force(part, matrix, wall, entries)
-            of_parts.append({n: slope.flatten()[part["place"]] for n, slope in slopes.items()})
-        joined = {name: _joined(inputs, [part[name] for part in of_parts]) for name in of_parts[0]}
-        return {name: slope * inputs["growth"] for name, slope in joined.items()}
+            return slopes
+
+        by_radius = self._at_points(inputs, wall, of_groups)
+        return {name: slope * inputs["growth"] for name, slope in by_radius.items()}
 
     def conditions(self, *_: Any) -> list[TensorVariable]:
         """None: known tubes are possible."""
@@ -116,7 +124,7 @@ class Collocated:
 
         As many numbers as there are stretches stand for all points, see :func:`collocate`.
         """
-        tubes, arrays = known_tubes(data), self._which(data)
+        tubes, arrays = self.tubes(data), self._which(data)
         arrays.pop("extended", None)
         compressed = {name: target for name, target in targets.items() if name != "force_sum"}
         residuals = {f"{name}_residual": np.zeros(()) for name in compressed}
@@ -160,7 +168,7 @@ class Collocated:
 
     def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
         """Arrays by which the data, and a linear map of each test, enter :meth:`mapped`."""
-        tubes = known_tubes(data)
+        tubes = self.tubes(data)
         arrays, growth = self._which(data), tubes.growth[:, None]
         for prefix, (groups, nodes) in self._parts(data, tubes).items():
             matrices, place = curve_matrices(tubes, groups, nodes)
@@ -183,13 +191,25 @@ class Collocated:
 
     def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
         """A linear map of pressures and slopes: one constant matrix times the response."""
-        of_parts = []
-        for part, entries in self._inputs(inputs, wall):
-            mapped, _ = self._pressure(
-                part, part["mapped_matrix"], part["no_slopes"], wall, entries
-            )
-            of_parts.append(mapped.flatten()[part["place"]])
-        return _joined(inputs, of_parts)
+
+        def of_groups(part: Mapping[str, Any], entries: Sequence[Any]) -> dict[str, Any]:
+            matrices = part["mapped_matrix"], part["no_slopes"]
+            return {"mapped": self._pressure(part, *matrices, wall, entries)[0]}
+
+        return self._at_points(inputs, wall, of_groups)["mapped"]
+
+    def _at_points(
+        self,
+        inputs: Mapping[str, Any],
+        wall: WallVariables,
+        of_groups: Callable[[Mapping[str, Any], Sequence[Any]], dict[str, Any]],
+    ) -> dict[str, TensorVariable]:
+        """Curves over the points, of those that each of the parts has by groups."""
+        of_parts = [
+            {name: rows.flatten()[part["place"]] for name, rows in of_groups(part, own).items()}
+            for part, own in self._inputs(inputs, wall)
+        ]
+        return {name: _joined(inputs, [part[name] for part in of_parts]) for name in of_parts[0]}
 
     def _parts(
         self, data: xr.Dataset, tubes: KnownTubes

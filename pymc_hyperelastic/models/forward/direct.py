@@ -1,5 +1,6 @@
 """Curves by quadrature of the wall at every point: any radius, geometry and layers."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -152,8 +153,81 @@ def _at_points(wall: WallVariables, test: Any) -> WallVariables:
     return wall._replace(energy=layers)
 
 
+class ByPoints(ABC):
+    """A way to integrate that says what the curves are at every point, and compresses nothing."""
+
+    @abstractmethod
+    def curve_arrays(self, data: xr.Dataset) -> Arrays:
+        """Arrays by which the data enter :meth:`curves`."""
+
+    @abstractmethod
+    def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
+        """What the model says at the points."""
+
+    @abstractmethod
+    def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
+        """How the curves rise with the radius that was measured."""
+
+    @abstractmethod
+    def conditions(self, inputs: Mapping[str, Any], wall: WallVariables) -> list[TensorVariable]:
+        """Conditions of there being such a tube, where it depends on what is unknown."""
+
+    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
+        """Arrays by which data and targets, NaN where there are none, enter :meth:`differences`."""
+        arrays = self.curve_arrays(data)
+        for name, target in targets.items():
+            rows = np.flatnonzero(np.isfinite(target))
+            if name == "force_sum":
+                arrays |= table_arrays(data["test"].values[rows], data.sizes["test"])
+            else:
+                arrays |= {f"{name}_rows": rows, f"{name}_target": target[rows]}
+        return arrays
+
+    def differences(
+        self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
+    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+        """Differences between curves and targets, and conditions of there being any."""
+        curves = self.curves(inputs, wall)
+        response = {"pressure": [curves["pressure"] - inputs["pressure_target"]]}
+        if "slope_rows" in inputs:
+            slope = self.slopes(inputs, wall)["pressure"][inputs["slope_rows"]]
+            response["slope"] = [slope - inputs["slope_target"]]
+        if "force_rows" in inputs:
+            response |= force_differences(inputs, curves["axial_force"])
+        return response, self.conditions(inputs, wall)
+
+    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
+        """Arrays by which the data, and a linear map of each test, enter :meth:`mapped`."""
+        identity = identity_of_tests(data)
+        zero = np.zeros_like(identity)
+        of_pressure = block_arrays(data, linear(identity, zero))
+        of_slope = block_arrays(data, linear(zero, identity))
+        return self.curve_arrays(data) | {
+            "of_pressure": of_pressure.pop("blocks"),
+            "of_slope": of_slope.pop("blocks"),
+            **of_slope,
+        }
+
+    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
+        """A linear map of the pressures and of the slopes by what was measured."""
+        pressure = self.curves(inputs, wall)["pressure"]
+        slope = self.slopes(inputs, wall)["pressure"]
+        return block_product(inputs["of_pressure"], inputs, pressure) + block_product(
+            inputs["of_slope"], inputs, slope
+        )
+
+
+def force_differences(
+    inputs: Mapping[str, Any], force: TensorVariable
+) -> dict[str, list[TensorVariable]]:
+    """Differences between forces and targets, and where these are asked for, their sums."""
+    error = force[inputs["force_rows"]] - inputs["force_target"]
+    sums = {"force_sum": [table_of(error, inputs).sum(axis=-1)]} if "points" in inputs else {}
+    return {"force": [error]} | sums
+
+
 @dataclass(frozen=True)
-class Direct:
+class Direct(ByPoints):
     """Quadrature of so many nodes at every point.
 
     With `by_test` each test has parameters of its own. The `errors` are standard deviations of
@@ -197,17 +271,6 @@ class Direct:
             return []
         return [self._tube(inputs, wall).possible]
 
-    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
-        """Arrays by which data and targets, NaN where there are none, enter :meth:`differences`."""
-        arrays = self.curve_arrays(data)
-        for name, target in targets.items():
-            rows = np.flatnonzero(np.isfinite(target))
-            if name == "force_sum":
-                arrays |= table_arrays(data["test"].values[rows], data.sizes["test"])
-            else:
-                arrays |= {f"{name}_rows": rows, f"{name}_target": target[rows]}
-        return arrays
-
     def differences(
         self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
     ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
@@ -216,47 +279,15 @@ class Direct:
         With the error in the radius pressure is what was controlled: radius and force are those of
         the tube at the measured pressure.
         """
+        if error_in != "radius":
+            return super().differences(inputs, wall, error_in)
         current = self._tube(inputs, wall)
-        conditions = self.conditions(inputs, wall)
-        if error_in == "radius":
-            found, there = self._at_pressure(current, inputs["pressure_target"])
-            conditions.append(found)
-            error = there.measured(there.radius) - current.measured(current.radius)
-            response, current = {"radius": [error]}, there
-        else:
-            pressure, stiffness = wall_pressure(current.tubes, self.order)
-            response = {"pressure": [pressure - inputs["pressure_target"]]}
-            if "slope_rows" in inputs:
-                slope = _bounded(stiffness) * current.growth
-                response["slope"] = [slope[inputs["slope_rows"]] - inputs["slope_target"]]
+        found, there = self._at_pressure(current, inputs["pressure_target"])
+        error = there.measured(there.radius) - current.measured(current.radius)
+        response = {"radius": [error]}
         if "force_rows" in inputs:
-            force = wall_force(current.tubes, self.order)[inputs["force_rows"]]
-            error = force - inputs["force_target"]
-            response["force"] = [error]
-            if "points" in inputs:
-                response["force_sum"] = [table_of(error, inputs).sum(axis=-1)]
-        return response, conditions
-
-    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
-        """Arrays by which the data, and a linear map of each test, enter :meth:`mapped`."""
-        identity = identity_of_tests(data)
-        zero = np.zeros_like(identity)
-        of_pressure = block_arrays(data, linear(identity, zero))
-        of_slope = block_arrays(data, linear(zero, identity))
-        return self.curve_arrays(data) | {
-            "of_pressure": of_pressure.pop("blocks"),
-            "of_slope": of_slope.pop("blocks"),
-            **of_slope,
-        }
-
-    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
-        """A linear map of the pressures and of the slopes by what was measured."""
-        current = self._tube(inputs, wall)
-        pressure, stiffness = wall_pressure(current.tubes, self.order)
-        slope = _bounded(stiffness) * current.growth
-        return block_product(inputs["of_pressure"], inputs, pressure) + block_product(
-            inputs["of_slope"], inputs, slope
-        )
+            response |= force_differences(inputs, wall_force(there.tubes, self.order))
+        return response, [*self.conditions(inputs, wall), found]
 
     def _tube(self, inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
         if self.by_test:
