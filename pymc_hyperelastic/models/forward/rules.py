@@ -138,7 +138,7 @@ def _divided(
     points = np.flatnonzero(slack.outer_radius > slack.inner_radius)
     inputs = {n: getattr(slack, n)[points] for n in ("radius", *GEOMETRY)}
     order = _order_needed(wall, data, inputs, settings["with_force"])
-    return Divided(collocated, Direct(order, **settings))
+    return Divided(collocated, Direct(order, settings["with_force"], settings["by_test"]))
 
 
 def _kinks_in(tubes: KnownTubes, energy: StrainEnergy, values: list[Array]) -> Array:
