@@ -94,7 +94,7 @@ class SpecimenSampler:
         target = self._target(model.whole, self._log_reference)
         found = integrate(target, PARTICLES, rng)
         squares = model.misfit(target.particles(found.particles))[0]
-        misfit, freedom = self._misfit(data, squares)
+        misfit, freedom = self._misfit(data, squares, target.dimension)
         draws = replace(self._draws(found.particles), misfit=misfit, freedom=freedom)
         value, error = found.log_value
         return _weighted(draws, self._log_reference(found.particles) - value, error, found)
@@ -191,7 +191,7 @@ class SpecimenSampler:
         known = centre, scatter, log_sigma.T, unweighted, tests, 0.0, points, deviations.T
         return SpecimenDraws(*known)
 
-    def _misfit(self, data: xr.Dataset, squares: Array) -> tuple[float, float]:
+    def _misfit(self, data: xr.Dataset, squares: Array, unknown: int) -> tuple[float, float]:
         """Squared misfit of the best of the posterior's curves, by that of all; its freedom.
 
         The mean over draws exceeds that of the best by the number of parameters of which the curves
@@ -203,7 +203,9 @@ class SpecimenSampler:
         if self.population.observation.with_force:
             count += int(data["axial_force"].notnull().sum())
         with np.errstate(over="ignore", invalid="ignore"):
-            told = min(np.var(squares) / 2, count - 1) if np.isfinite(squares).all() else 0.0
+            told = np.var(squares) / 2 if np.isfinite(squares).all() else 0.0
+            # Where prior and curves contradict each other squares vary by more than that.
+            told = min(told, unknown, count - 1)
             return float(squares.mean() - told), float(count - told)
 
     def _model_for(self, data: xr.Dataset) -> _SpecimenModel:

@@ -113,7 +113,9 @@ class Variability(Population, ClassKind):
 
     def sampler(self, data: xr.Dataset) -> SpecimenSampler:
         """Sampler of the specimens of these data, each by itself."""
-        return SpecimenSampler(self, self.forward_model(data), self.reference)
+        # Without an effect all tests of a specimen share its parameters, and matrices.
+        forward = self.forward_model(data, by_test=bool(self.experiment_effect))
+        return SpecimenSampler(self, forward, self.reference)
 
     def attrs(self) -> dict[str, str]:
         """The settings as text; ValueError if a prior, or one of the law's, cannot be written."""

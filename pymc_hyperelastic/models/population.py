@@ -114,14 +114,18 @@ class Population:
         """Variables of the class's distribution, in the model of the context."""
         return register_class(self.scale, self.observation, self.experiment_effect, self.priors)
 
-    def forward_model(self, data: xr.Dataset) -> ForwardModel:
-        """Curves of tests with parameters of their own, over the range of the coordinates."""
+    def forward_model(self, data: xr.Dataset, *, by_test: bool = True) -> ForwardModel:
+        """Curves of tests, over the range of the coordinates.
+
+        They have parameters of their own unless, `by_test` being false, all are of one specimen.
+        """
         mean, sd = self.scale.location_prior
         reach = _REACH * sd
         coordinates = [pm.Uniform.dist(m - r, m + r) for m, r in zip(mean, reach, strict=True)]
         parameters = self.scale.parameters(coordinates)
         wall = self.scale.wall_of(parameters)
-        return self.observation.forward_model(wall, data, parameters, self.geometry, by_test=True)
+        settings: dict[str, Any] = {"geometry": self.geometry, "by_test": by_test}
+        return self.observation.forward_model(wall, data, parameters, **settings)
 
 
 def population_model(
@@ -352,7 +356,10 @@ def register_curves(
     """Curves of the tests, and what was measured about them."""
     of_test = specimens.of_test
     deviations = {name: z[of_test] for name, z in specimens.deviations.items()}
-    parameters = population.scale.parameters(specimens.coordinates)
+    coordinates = specimens.coordinates
+    if not forward.by_test:
+        coordinates = [x[0] for x in coordinates]
+    parameters = population.scale.parameters(coordinates)
     tube = forward.tube(parameters, deviations=deviations)
     curves = {
         name: pm.Deterministic(name, values, dims=dims) for name, values in tube.curves().items()

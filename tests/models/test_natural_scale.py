@@ -179,13 +179,16 @@ def test_a_law_without_modulus_keeps_its_parameters():
 
 
 def test_priors_are_those_of_the_documentation():
-    """Medians of the location: 0.2, equal stresses, a sixth of the largest value, the middle."""
+    """Medians of the location: 0.2, equal stresses, what the law calls typical, the middle."""
     scale = NaturalScale(ph.HolzapfelGasserOgden())
     mean, sd = scale.location_prior
-    np.testing.assert_allclose(mean[:3], np.log([0.2, 1.0, 50 / 6]))
+    np.testing.assert_allclose(mean[:3], np.log([0.2, 1.0, 1.0]))
     np.testing.assert_allclose(expit(mean[3]), 0.5)
-    assert sd.tolist() == [0.7, 2.0, 1.2, 1.5]
+    assert sd.tolist() == [0.7, 2.0, 2.0, 1.5]
     np.testing.assert_allclose(np.exp(scale.spread_prior[0]), [0.4, 0.8, 0.4, 0.4])
+    # Without that it is a sixth of the largest value.
+    mean, sd = NaturalScale(ph.Ogden()).location_prior
+    np.testing.assert_allclose([mean[1], sd[1]], [np.log(40 / 6), 1.2])
     np.testing.assert_allclose(NaturalScale(Welded()).location_prior[0][2], 0.0)
 
 

@@ -83,6 +83,7 @@ class ForwardModel:
         replaceable: bool = True,
     ) -> None:
         self.data, self.error_in, self._replaceable = data, error_in, replaceable
+        self.by_test = by_test
         self._wall, self._distributions = wall, dict(parameters)
         measured = measured_of(geometry or {})
         deviations = {name: pm.Normal.dist() for name in measured}
