@@ -26,7 +26,7 @@ SEED = 20261123  # any would do
 # Parameters are left out where pressures are so many times those that were measured.
 FAR_BEYOND = 1000
 OBSERVATION = Observation(noise_sd=0.3, slope_weight=0.0)
-WITH_FORCE = Observation(noise_sd=0.3, force_noise_sd=1.0, slope_weight=0.0)
+WITH_FORCE = Observation(noise_sd=0.3, slope_weight=0.01, force_noise_sd=1.0, force_offset_sd=20.0)
 # Prior ranges of a soft tube, in which fibres are as stiff as in arteries.
 RANGES = {"k1": (0.0, 50.0), "k2": (0.0, 10.0)}
 
@@ -47,6 +47,7 @@ def data(*, taut=False, stretches=(1.1, 1.25)):
     frame = pd.concat(named, ignore_index=True).assign(specimen="S")
     frame["pressure"] = 20 * (frame["radius"] / growth - 0.5)
     frame["axial_force"] = 60 * (frame["stretch"] - 0.5)
+    frame.loc[[0, 3, 6], "axial_force"] = np.nan
     tube = {"inner_radius": 1.0, "outer_radius": 1.3, "opening_angle": 2.3}
     return ph.inflation_data(frame, axial_stretch="stretch", check="ignore", **tube, **SECTOR)
 
@@ -62,7 +63,7 @@ def forward_of(energy, tests, mode="auto", observation=OBSERVATION):
 
 LAWS = {e.name: e for e in (ph.HolzapfelGasserOgden(), ph.FourFiber())}
 
-# Forces take as long again.
+# Forces and slopes take as long again.
 CASES = tiers(
     [
         ("HolzapfelGasserOgden", False, OBSERVATION),
@@ -87,13 +88,15 @@ def both_ways(name, taut, observation):
             same = forward.with_data(tests)
             same.way = way
             tube = same.tube(parameters)
-            slopes = {f"slope of {n}": curve for n, curve in tube.slopes().items()}
-            outputs.append(tube.curves() | slopes)
+            outputs.append(tube.curves())
+            if observation.with_force:
+                outputs[-1] |= {f"slope of {n}": curve for n, curve in tube.slopes().items()}
+                outputs[-1]["mapped"] = tube.mapped("sum", lambda _: lambda p, s: p + 0.1 * s)
             outputs[-1]["likelihood"] = observation.log_likelihood(tube)
     expressions = [x for of_way in outputs for x in of_way.values()]
     values = model.replace_rvs_by_values(expressions)
     function = BatchedFunction.of_model(model, values, {"mode": "FAST_COMPILE"})
-    points = np.random.default_rng(SEED).logistic(size=(200, function.dimension))
+    points = np.random.default_rng(SEED).logistic(size=(120, function.dimension))
     found = function(points)
     names = list(outputs[0])
     found, exact = (
@@ -111,6 +114,7 @@ def test_curves_are_those_of_quadrature(name, taut, observation):
     assert possible.sum() > 30
     for curve, expected in exact.items():
         if curve == "likelihood":
+            np.testing.assert_allclose(found[curve][possible], expected[possible], CURVE_TOLERANCE)
             continue
         scale = np.abs(expected).max(axis=1)
         # Of stiff axial fibres the force hardly depends on the radius: it is known to its rounding.

@@ -13,8 +13,8 @@ from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward.collocated import Arrays, Collocated, known_tubes
 from pymc_hyperelastic.models.forward.direct import ByPoints, Direct, WallVariables
 
-# What names the arrays of slack parts.
-_SLACK = "slack_"
+# What names the arrays of each part.
+_TAUT, _SLACK = "taut_", "slack_"
 
 
 @dataclass(frozen=True)
@@ -38,30 +38,31 @@ class Divided(ByPoints):
         of_parts = {name: getattr(parts, name) for name in ("radius", *GEOMETRY, "share")}
         of_parts |= {"test": data["test"].values[rows], "points": rows, "there": there}
         of_parts["place"] = np.maximum(np.cumsum(there) - 1, 0)
-        return self.taut.curve_arrays(data) | {_SLACK + k: v for k, v in of_parts.items()}
+        taut = {_TAUT + name: array for name, array in self.taut.curve_arrays(data).items()}
+        return taut | {_SLACK + name: array for name, array in of_parts.items()}
 
     def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """What the model says at the points."""
-        slack = _slack(inputs)
+        taut, slack = (_inputs_of(part, inputs) for part in (_TAUT, _SLACK))
         of_parts = self.slack.curves(slack, wall)
         of_parts["stiffness"] *= slack["share"]
-        return _sum(self.taut.curves(inputs, wall), of_parts, slack)
+        return _sum(self.taut.curves(taut, wall), of_parts, slack)
 
     def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """How the curves rise with the radius that was measured, at the stretch of each point."""
-        slack = _slack(inputs)
-        growth = slack["share"] * inputs["growth"][slack["points"]]
+        taut, slack = (_inputs_of(part, inputs) for part in (_TAUT, _SLACK))
+        growth = slack["share"] * taut["growth"][slack["points"]]
         of_parts = {n: s * growth for n, s in self.slack.slopes(slack, wall).items()}
-        return _sum(self.taut.slopes(inputs, wall), of_parts, slack)
+        return _sum(self.taut.slopes(taut, wall), of_parts, slack)
 
     def conditions(self, *_: Any) -> list[TensorVariable]:
         """None: known tubes are possible."""
         return []
 
 
-def _slack(inputs: Mapping[str, Any]) -> dict[str, Any]:
-    """What was known of the slack parts, as it is known of tubes."""
-    return {k.removeprefix(_SLACK): v for k, v in inputs.items() if k.startswith(_SLACK)}
+def _inputs_of(part: str, inputs: Mapping[str, Any]) -> dict[str, Any]:
+    """Inputs of one of the parts, by the names that they have where a wall is not divided."""
+    return {name.removeprefix(part): v for name, v in inputs.items() if name.startswith(part)}
 
 
 def _sum(
