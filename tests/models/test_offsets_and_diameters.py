@@ -566,7 +566,7 @@ BAD_INPUT = [
             OGDEN, {"C": curves()}, slope_weight=0.0, variability="specimen", **OFFSET
         ),
         ValueError,
-        ["pressures alone", "force_offset_sd"],
+        ["class 'C'", "hold no axial forces"],
     ),
     (
         "offsets of a result without any",

@@ -274,7 +274,7 @@ def less(**changes):
             r"fits holds B with the noise .*2\.0.*A has the noise",
         ),
         (fit(-50.0, likelihood="generative"), "B with the noise .* likelihood 'generative', but A"),
-        (fit(-50.0, variability="specimen"), "B with variability='specimen', but A has the noise"),
+        (fit(-50.0, variability="specimen"), "B with variability='specimen', of pressures, but A"),
         (classes({"C1": (-50.0, 0.1)}), r"some of the fits are classes.*take classes\['C1'\]"),
     ],
 )

@@ -338,9 +338,11 @@ NOT_OFFERED = {
         lambda r: fit(LAYERS, {"C": measured(outer_radius=None)}),
         ["walls of layers", "ph.inflation_model"],
     ),
-    "populations of layers": (
-        lambda r: ph.population_model(LAYERS, measured(outer_radius=None), sigma=1.0),
-        ["walls of layers", "ph.inflation_model"],
+    "classes of layers that differ": (
+        lambda r: ph.fit_classes(
+            LAYERS, {"C": measured(outer_radius=None)}, sigma=1.0, variability="specimen"
+        ),
+        ["walls of layers", "ph.population_model"],
     ),
     "classification by layers": (
         lambda r: classify(TRAINING["soft"], r["layers"]),
