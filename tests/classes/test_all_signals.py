@@ -174,14 +174,13 @@ def predictive_errors(law, count):
     return np.array(differences), np.array(stated)
 
 
-@pytest.mark.parametrize("name", LAWS)
 @pytest.mark.deep
-def test_class_predictives_are_those_of_brute_force(name):
-    """Forces with offsets, an extension test, uncertain thickness and angle."""
-    differences, stated = predictive_errors(LAWS[name], 4)
+def test_class_predictives_are_those_of_brute_force():
+    """Forces with offsets, an extension test, uncertain thickness and angle: three specimens."""
+    differences, stated = predictive_errors(LAWS["Ogden"], 3)
     assert np.abs(differences).max() < TOLERANCE
-    # Four standard normal numbers have such a mean square once in a hundred times.
-    assert np.mean((differences / stated) ** 2) < 3.3
+    # Three standard normal numbers have such a mean square once in a hundred times.
+    assert np.mean((differences / stated) ** 2) < 3.8
 
 
 def test_a_class_predictive_is_that_of_brute_force():
