@@ -45,7 +45,7 @@ _MOST_FITS, _PARTICLES, _DISTRIBUTIONS, _PRIOR_DRAWS = 4, 500, 200, 2000
 Specimens = Mapping[str, SpecimenDraws]
 
 
-def _nothing() -> None:
+def no_progress() -> None:
     """Tell nobody of progress."""
 
 
@@ -140,7 +140,7 @@ class _Fit:
         self,
         rngs: Sequence[np.random.Generator],
         entropy: Any = None,
-        advance: Callable[[], None] = _nothing,
+        advance: Callable[[], None] = no_progress,
     ) -> xr.DataTree:
         """Posterior and evidence; `advance` is called after each chain."""
         integrals = []
@@ -194,7 +194,7 @@ def fit_distribution(
     count: int,
     chains: int,
     random_seed: np.random.SeedSequence,
-    advance: Callable[[], None] = _nothing,
+    advance: Callable[[], None] = no_progress,
 ) -> xr.DataTree:
     """Posterior and evidence of a class's distribution, with the draws of its specimens.
 
@@ -208,7 +208,7 @@ def fit_distribution(
     for _ in range(_MOST_FITS):
         fit = _Fit(model, specimens, size, count, known)
         tree = fit.chains(rngs, random_seed.entropy, advance)
-        advance = _nothing
+        advance = no_progress
         variance, known = sum(fit.variances(tree).values()), fit.known
         if size == PARTICLES or variance < _ENOUGH**2:
             break

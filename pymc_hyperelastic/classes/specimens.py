@@ -93,9 +93,11 @@ class SpecimenSampler:
         model = self._model_for(data)
         target = self._target(model.whole, self._log_reference)
         found = integrate(target, PARTICLES, rng)
-        squares = model.misfit(target.particles(found.particles))[0]
-        misfit, freedom = self._misfit(data, squares, target.dimension)
-        draws = replace(self._draws(found.particles), misfit=misfit, freedom=freedom)
+        draws = self._draws(found.particles)
+        if self.population.known_noise:
+            squares = model.misfit(target.particles(found.particles))[0]
+            misfit, freedom = self._misfit(data, squares, target.dimension)
+            draws = replace(draws, misfit=misfit, freedom=freedom)
         value, error = found.log_value
         return _weighted(draws, self._log_reference(found.particles) - value, error, found)
 
@@ -197,8 +199,6 @@ class SpecimenSampler:
         The mean over draws exceeds that of the best by the number of parameters of which the curves
         tell, which is half of the variance over the draws.
         """
-        if not self.population.known_noise:
-            return np.nan, np.nan
         count = data.sizes["obs"]
         if self.population.observation.with_force:
             count += int(data["axial_force"].notnull().sum())

@@ -11,7 +11,12 @@ import xarray as xr
 from numpy.typing import NDArray
 from pymc.progress_bar import create_simple_progress
 
-from pymc_hyperelastic.classes.distribution import ClassModel, draws_of_class, fit_distribution
+from pymc_hyperelastic.classes.distribution import (
+    ClassModel,
+    draws_of_class,
+    fit_distribution,
+    no_progress,
+)
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
     Data,
@@ -238,7 +243,7 @@ def sample_specimens(
     sampler: SpecimenSampler,
     data: xr.Dataset,
     rng: np.random.Generator,
-    advance: Callable[[], None] = lambda: None,
+    advance: Callable[[], None] = no_progress,
 ) -> dict[str, SpecimenDraws]:
     """Draws of each specimen of the data; `advance` is called after each.
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pymc as pm
 import xarray as xr
+from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import (
     MEASURES,
@@ -131,22 +132,19 @@ def check_measured(data: xr.Dataset, measured: Mapping[str, Measured], layered: 
             "layers state the thickness of the wall: give a layer's thickness a prior, "
             "ph.Layer(..., thickness=pm.LogNormal.dist(...))"
         )
-    varying = np.flatnonzero(extension_tests(data))
-    if "axial_stretch" in measured and varying.size:
-        raise ValueError(
-            f"{describe_test(data, int(varying[0]))}: axial_stretch varies within this test, and "
-            "ph.Measured holds one error for all of it: leave it out"
-        )
+    if "axial_stretch" in measured:
+        check_held(data, ", and ph.Measured holds one error for all of it: leave it out")
     for name, value in measured.items():
         for needed in _measures_behind(name):
-            _check_known(data, needed, f"geometry={{{name!r}: ph.Measured(...)}} needs")
+            who = f"geometry={{{name!r}: ph.Measured(...)}}"
+            check_known(data, needed, f", and {who} needs it")
         if value.sd is None:
             if f"{name}_sd" not in data:
                 raise ValueError(
                     f"the data hold no {name}_sd: give ph.inflation_data(..., geometry_sd="
                     f"{{{name!r}: ...}}), or the number here, ph.Measured(sd=...)"
                 )
-            _check_known(data, f"{name}_sd", "ph.Measured() needs")
+            check_known(data, f"{name}_sd", ", and ph.Measured() needs it")
 
 
 def _measures_behind(name: str) -> tuple[str, ...]:
@@ -155,12 +153,20 @@ def _measures_behind(name: str) -> tuple[str, ...]:
     return {"thickness": radii, "wall_area": (*radii, "opening_angle")}.get(name, (name,))
 
 
-def _check_known(data: xr.Dataset, name: str, who: str) -> None:
-    unknown = np.flatnonzero(~np.isfinite(data[name].values))
-    if unknown.size:
-        raise ValueError(
-            f"{describe_test(data, int(unknown[0]))}: {name} is not known, and {who} it"
-        )
+def check_known(data: xr.Dataset, name: str, then: str) -> None:
+    """Raise, saying what then, unless a measure is known of every test."""
+    _refuse(data, data[name].isnull().values, f"{name} is not known{then}")
+
+
+def check_held(data: xr.Dataset, then: str) -> None:
+    """Raise, saying what then, unless the axial stretch is held in every test."""
+    _refuse(data, extension_tests(data), f"axial_stretch varies within this test{then}")
+
+
+def _refuse(data: xr.Dataset, bad: NDArray[np.bool_], message: str) -> None:
+    where = np.flatnonzero(bad)
+    if where.size:
+        raise ValueError(f"{describe_test(data, int(where[0]))}: {message}")
 
 
 def register_deviations(geometry: Mapping[str, Any], dims: str = "specimen") -> dict[str, Any]:

@@ -82,9 +82,6 @@ class Scattered(ClassKind):
 
         return fold
 
-    def noise_in_words(self, fitted):
-        return "scatter"
-
     def new_specimens(self, fitted, rng):
         return {}
 

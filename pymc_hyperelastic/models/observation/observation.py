@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
-import numpy as np
 import pymc as pm
 import xarray as xr
 from pytensor.graph.basic import Variable
@@ -12,14 +11,18 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import (
     check_inflation_data,
-    describe_test,
-    extension_tests,
 )
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
-from pymc_hyperelastic.models.geometry import check_measured, measured_of, priors_of
+from pymc_hyperelastic.models.geometry import (
+    check_held,
+    check_known,
+    check_measured,
+    measured_of,
+    priors_of,
+)
 from pymc_hyperelastic.models.observation.generative import register_measurements
 from pymc_hyperelastic.models.observation.noise import (
     NOISE_UNITS,
@@ -239,16 +242,10 @@ def _check_geometry(
                 "layers state the thickness of the wall, and the data its outer radius: leave that "
                 "away, ph.inflation_data(..., outer_radius=None)"
             )
-    varying = np.flatnonzero(extension_tests(data))
-    if "axial_stretch" in inferred and varying.size:
-        raise ValueError(
-            f"{describe_test(data, int(varying[0]))}: axial_stretch varies within this test, in "
-            "which it was measured, and geometry holds one value for all tests: leave it out"
+    if "axial_stretch" in inferred:
+        then = (
+            ", in which it was measured, and geometry holds one value for all tests: leave it out"
         )
+        check_held(data, then)
     for name in sorted(needed):
-        unknown = np.flatnonzero(data[name].isnull().values)
-        if unknown.size:
-            raise ValueError(
-                f"{describe_test(data, int(unknown[0]))}: {name} is not known: give it a prior, "
-                f"geometry={{{name!r}: ...}}"
-            )
+        check_known(data, name, f": give it a prior, geometry={{{name!r}: ...}}")
