@@ -37,7 +37,7 @@ without_traces = pytensor.config.change_flags(traceback__limit=0)
 
 # Bytes of intermediate results that particles may need together, and particles by which it is
 # found out how many one needs.
-_CACHED_BYTES, _MEASURED = 2**23, 16
+_CACHED_BYTES, _MEASURED = 2**22, 16
 
 # Compiled functions by their expressions.
 _compiled: dict[tuple, Any] = {}

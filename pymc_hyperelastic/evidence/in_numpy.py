@@ -94,8 +94,8 @@ def _fold(function: Callable[..., Any], *values: Any) -> Any:
     """Small arrays come first, and results take no new memory, which costs more than a product."""
 
     def fold(total: Any, value: Any) -> Any:
-        fits = isinstance(total, np.ndarray) and total.dtype == value.dtype
-        fits = fits and total.shape == np.broadcast_shapes(total.shape, value.shape)
+        fits = isinstance(total, np.ndarray) and total.shape == np.shape(value)
+        fits = fits and total.dtype == value.dtype
         return function(total, value, out=total if fits else None)
 
     first, second, *others = sorted(values, key=np.size)
