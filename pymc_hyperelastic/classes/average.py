@@ -19,6 +19,8 @@ from pymc_hyperelastic.classes.interface import (
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.study import wall_of
 
 Array = NDArray[np.float64]
@@ -158,7 +160,12 @@ def _are_classes(tree: xr.DataTree) -> bool:
 
 def labels_of(kinds: Sequence[ClassKind]) -> list[str]:
     """Names of strain energies; where these are alike, with what else tells the kinds apart."""
-    return _told_apart([(kind.energy.name, repr(kind.energy), kind.in_words) for kind in kinds])
+    known = []
+    for kind in kinds:
+        wall = [kind.energy] if isinstance(kind.energy, StrainEnergy) else kind.energy
+        laws = [layer.energy if isinstance(layer, Layer) else layer for layer in wall]
+        known.append((*_names(laws), kind.in_words))
+    return _told_apart(known)
 
 
 def labels_of_results(trees: Sequence[xr.DataTree]) -> list[str]:
@@ -170,10 +177,13 @@ def labels_of_results(trees: Sequence[xr.DataTree]) -> list[str]:
                 f"fit number {i} does not name its strain energy: give the fits as a dict of names "
                 "to results"
             )
-        energies = [layer.energy for layer in wall_of(tree)]
-        name = " in ".join(energy.name for energy in energies)
-        known.append((name, " in ".join(map(repr, energies)), ""))
+        known.append((*_names([layer.energy for layer in wall_of(tree)]), ""))
     return _told_apart(known)
+
+
+def _names(energies: Sequence[StrainEnergy]) -> tuple[str, str]:
+    """What the laws of a wall, from the inside out, are called, and that with their settings."""
+    return " in ".join(law.name for law in energies), " in ".join(map(repr, energies))
 
 
 def _told_apart(known: Sequence[tuple[str, str, str]]) -> list[str]:

@@ -2,7 +2,7 @@
 
 import json
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import xarray as xr
@@ -10,12 +10,13 @@ import xarray as xr
 from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
 from pymc_hyperelastic.evidence.smc import seed_sequence
+from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.geometry import Measured
 
 
 def fit_classes(
-    energy: StrainEnergy,
+    energy: StrainEnergy | Sequence[Layer],
     classes: Mapping[str, xr.Dataset],
     *,
     noise_sd: Any = None,
@@ -47,8 +48,9 @@ def fit_classes(
 
     Parameters
     ----------
-    energy : StrainEnergy
-        The material, such as ``ph.Ogden()``.
+    energy : StrainEnergy or list of Layer
+        The material, such as ``ph.Ogden()``; with variability also the layers of the wall from the
+        inside out, see :func:`~pymc_hyperelastic.population_model`.
     classes : dict of str to xarray.Dataset
         Training data of each class by its name.
     noise_sd, sigma, slope_weight, force_noise_sd, force_sigma, priors

@@ -21,7 +21,7 @@ from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.diagnosis import worst_of
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.smc import seed_sequence
-from pymc_hyperelastic.mechanics.layers import check_energy
+from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.geometry import Measured
 
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 def calibration_report(
-    energy: StrainEnergy | Sequence[StrainEnergy],
+    energy: StrainEnergy | Sequence[StrainEnergy | Layer | Sequence[Layer]],
     classes: Mapping[str, xr.Dataset],
     *,
     noise_sd: Any = None,
@@ -56,10 +56,11 @@ def calibration_report(
     Parameters
     ----------
     energy : StrainEnergy or sequence of StrainEnergy
-        The material; with several, each by itself and the average of all, in which each counts by
-        the evidence of the specimens that are not left out. The p-value of the average is the mean
-        of the laws' p-values by their probabilities. Laws of one class of energies, such as
-        ``OgdenSeries(1)`` and ``OgdenSeries(2)``, are labelled with their settings.
+        The material, or a list of layers as in :func:`fit_classes`; with several of these, each by
+        itself and the average of all, in which each counts by the evidence of the specimens that
+        are not left out. The p-value of the average is the mean of the laws' p-values by their
+        probabilities. Laws of one class of energies, such as ``OgdenSeries(1)`` and
+        ``OgdenSeries(2)``, are labelled with their settings.
     classes : dict of str to xarray.Dataset
         Data of each class by its name, as for :func:`fit_classes`.
     noise_sd, sigma, slope_weight, variability, experiment_effect, reference_stress
@@ -113,11 +114,7 @@ def calibration_report(
     >>> report["log_score"].sizes["specimen"]
     5
     """
-    energies: list[Any] = list(energy) if isinstance(energy, list | tuple) else [energy]
-    if not energies:
-        raise ValueError("energy holds no strain energy")
-    for law in energies:
-        check_energy(law)
+    energies = _walls(energy)
     check_count("draws", draws, 100)
     check_count("chains", chains, 1)
     check_classes(classes)
@@ -158,6 +155,17 @@ def calibration_report(
         report = report.drop_vars("p_value")
     report.attrs = {"variability": variability, "random_seed": json.dumps(seed.entropy)}
     return _with_scores(report)
+
+
+def _walls(energy: Any) -> list[Any]:
+    """The materials, or walls of layers, of which each is tried; layers alone are one wall."""
+    several = isinstance(energy, list | tuple)
+    walls = list(energy) if several and not any(isinstance(e, Layer) for e in energy) else [energy]
+    if not walls:
+        raise ValueError("energy holds no strain energy")
+    for wall in walls:
+        (check_layers if isinstance(wall, list | tuple) else check_energy)(wall)
+    return walls
 
 
 def _true_classes(classes: Mapping[str, xr.Dataset]) -> dict[str, str]:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 
 Array = NDArray[np.float64]
 
@@ -74,7 +73,8 @@ class ClassKind(ABC):
     #: Attributes of a fitted class that must be alike in all classes of a comparison.
     common_attrs: ClassVar[tuple[str, ...]]
 
-    energy: StrainEnergy
+    energy: Any
+    """A strain energy, or layers."""
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -88,7 +88,7 @@ class ClassKind(ABC):
 
     @classmethod
     @abstractmethod
-    def of_settings(cls, energy: StrainEnergy, **settings: Any) -> Self:
+    def of_settings(cls, energy: Any, **settings: Any) -> Self:
         """The kind with what :func:`~pymc_hyperelastic.fit_classes` was given, if it uses that."""
 
     @classmethod

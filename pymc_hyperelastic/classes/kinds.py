@@ -1,5 +1,6 @@
 """The kinds of classes that there are, and which of them is meant."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import xarray as xr
@@ -8,14 +9,20 @@ from pymc_hyperelastic.classes.interface import ClassKind
 from pymc_hyperelastic.classes.pooled import Pooled
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS
 
+# Attributes that say of what material a class is.
+_MATERIAL = ("strain_energy", "strain_energy_settings", "layers", "thickness_priors")
 _KINDS: dict[str, type[ClassKind]] = {kind.variability: kind for kind in (Pooled, Variability)}
 
 
 def kind_of_settings(
-    variability: Any, energy: StrainEnergy, noise: dict[str, Any], **settings: Any
+    variability: Any,
+    energy: StrainEnergy | Sequence[Layer],
+    noise: dict[str, Any],
+    **settings: Any,
 ) -> ClassKind:
     """The kind of class that :func:`~pymc_hyperelastic.fit_classes` is asked for."""
     strangers = [name for name in noise if name not in NOISE_UNITS]
@@ -52,7 +59,7 @@ def kind_of_classes(classes: xr.DataTree) -> ClassKind:
                 f"class {name!r} has the likelihood {fitted.attrs['likelihood']!r}: classes come "
                 "from ph.fit_classes"
             )
-        for key in ("strain_energy", "strain_energy_settings", *kind.common_attrs):
+        for key in (*_MATERIAL, *kind.common_attrs):
             mine, theirs = fitted.attrs.get(key), first.attrs.get(key)
             if mine != theirs:
                 raise ValueError(

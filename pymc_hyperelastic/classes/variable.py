@@ -1,7 +1,7 @@
 """Classes whose specimens differ: each has parameters of its own, drawn from a distribution."""
 
 import json
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, ClassVar
@@ -48,7 +48,7 @@ from pymc_hyperelastic.data.select import specimens_apart, specimens_of
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
-from pymc_hyperelastic.mechanics.layers import check_energy
+from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.geometry import Measured, check_geometry
@@ -61,8 +61,8 @@ from pymc_hyperelastic.models.study import (
     Study,
     noise_from_records,
     noise_records,
-    strain_energy_attrs,
-    strain_energy_of,
+    stated_wall_of,
+    wall_attrs,
 )
 
 Array = NDArray[np.float64]
@@ -83,7 +83,7 @@ class Variability(Population, ClassKind):
     @classmethod
     def of_settings(
         cls,
-        energy: StrainEnergy,
+        energy: StrainEnergy | Sequence[Layer],
         *,
         slope_weight: Any = None,
         priors: Mapping[str, Any] | None = None,
@@ -93,8 +93,6 @@ class Variability(Population, ClassKind):
         **noise: Any,
     ) -> "Variability":
         """The kind, of settings of :func:`~pymc_hyperelastic.population_model`."""
-        # Of layers a class could not be stored.
-        check_energy(energy)
         weight = 0.0 if slope_weight is None else slope_weight
         noise |= {"slope_weight": weight, "likelihood": "generative"}
         settings = experiment_effect, reference_stress, priors, check_geometry(geometry)
@@ -132,7 +130,7 @@ class Variability(Population, ClassKind):
         }
         if self.geometry:
             settings["geometry_sd"] = {name: v.sd for name, v in self.geometry.items()}
-        return strain_energy_attrs(self.energy) | {
+        return wall_attrs(self.energy) | {
             "variability": self.variability,
             "variability_settings": json.dumps(settings),
             "noise_in_words": noise_in_words(noise),
@@ -145,7 +143,7 @@ class Variability(Population, ClassKind):
         noise = {name: settings[name] for name in NOISE_UNITS if name in settings}
         errors = settings.get("geometry_sd", {})
         kind = cls(
-            strain_energy_of(fitted),
+            stated_wall_of(fitted),
             Observation(**noise_from_records(noise), likelihood="generative"),
             settings["experiment_effect"],
             settings["reference_stress"],
@@ -156,8 +154,8 @@ class Variability(Population, ClassKind):
         stored = posterior["coordinate"].values.tolist() if "coordinate" in posterior else names
         if stored != names:
             raise ValueError(
-                f"the specimens of this class have the coordinates {stored}, and those of "
-                f"{kind.energy.name} are now {names}: fit the class again"
+                f"the specimens of this class have the coordinates {stored}, and those of its "
+                f"material are now {names}: fit the class again"
             )
         return kind
 

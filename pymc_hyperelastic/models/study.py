@@ -99,8 +99,9 @@ class Study:
         """All that is needed to build the model again, as text."""
         if not isinstance(self.energy, StrainEnergy) or self.geometry:
             raise ValueError(
-                "layers, or a geometry that is inferred, do not make a class: sample them by "
-                "themselves, ph.sample_smc(ph.inflation_model(...)), and predict from the result"
+                "layers, or a geometry that is inferred, do not make a class whose specimens are "
+                "alike: take variability='specimen', or sample them by themselves, "
+                "ph.sample_smc(ph.inflation_model(...)), and predict from the result"
             )
         observed, stress = self.observation, self.reference_stress
         if self.rising or (observed and observed.error_in != "pressure"):
@@ -185,6 +186,32 @@ def strain_energy_attrs(energy: StrainEnergy) -> dict[str, str]:
     except TypeError as error:
         raise ValueError(f"{energy!r} cannot be stored with results: {error}") from None
     return {"strain_energy": energy.name, "strain_energy_settings": settings}
+
+
+def wall_attrs(wall: StrainEnergy | Sequence[Layer]) -> dict[str, str]:
+    """A material or layers as text, from which :func:`stated_wall_of` makes them again."""
+    if isinstance(wall, StrainEnergy):
+        return strain_energy_attrs(wall)
+    layers, (_, distributions) = named_layers(wall), complete_layers(wall)
+    names = {v for v in (layer.values["thickness"] for layer in layers) if isinstance(v, str)}
+    priors = {name: prior_to_record(name, distributions[name]) for name in sorted(names)}
+    return layers_attrs(layers) | {"thickness_priors": json.dumps(priors)}
+
+
+def stated_wall_of(tree: xr.DataTree) -> StrainEnergy | list[Layer]:
+    """The material of a class, or its layers as they were given: what is missing is inferred."""
+    if "thickness_priors" not in tree.attrs:
+        return strain_energy_of(tree)
+    records = json.loads(tree.attrs["thickness_priors"])
+    # One distribution in two layers is one thickness of both.
+    priors = {name: prior_from_record(record) for name, record in records.items()}
+
+    def stated(layer: NamedLayer) -> Layer:
+        thickness, numbers = layer.values["thickness"], layer.values.items()
+        known = {n: v for n, v in numbers if n != "thickness" and not isinstance(v, str)}
+        return Layer(layer.energy, priors.get(thickness, thickness), **known)
+
+    return [stated(layer) for layer in wall_of(tree)]
 
 
 def strain_energy_of(tree: xr.DataTree) -> StrainEnergy:

@@ -8,12 +8,18 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of
+from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.geometry import deviated_tube, tube_of_specimens
 from pymc_hyperelastic.models.natural_scale import NaturalScale
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities
-from pymc_hyperelastic.models.study import NamedLayer, inflation_data_of, wall_of
+from pymc_hyperelastic.models.study import (
+    NamedLayer,
+    inflation_data_of,
+    stated_wall_of,
+    wall_of,
+)
 
 Array = NDArray[np.float64]
 
@@ -43,15 +49,15 @@ def member_of(tree: xr.DataTree, wall: list[NamedLayer], specimen: str | None) -
     if not specimens_differ(tree):
         posterior = _with_one_tube(posterior, specimen)
         return Member(posterior, own, data, None if specimen is None else str(specimen))
-    if len(wall) > 1 or "thickness" in wall[0].values:
+    if "thickness" in wall[0].values and wall != wall_of(tree):
         raise TypeError(
-            "where specimens differ there is one strain energy, no layers: leave energy out"
+            "these are not the layers, or the one strain energy, of specimens that differ: leave "
+            "energy out"
         )
-    (material,) = wall
     if specimen is not None:
-        posterior = _of_specimen(tree, material.energy, str(specimen))
+        posterior = _of_specimen(tree, wall, str(specimen))
         return Member(posterior, own, own, str(specimen))
-    scale = _scale(tree, material.energy)
+    scale = _scale(tree, wall)
     location = posterior["location"].transpose("coordinate", "chain", "draw")
     return Member(_parameters(scale, location), data, data, TYPICAL)
 
@@ -100,7 +106,7 @@ def tests_of(data: xr.Dataset | None, specimen: str) -> xr.Dataset:
     return specimens_apart(data, [specimen])[specimen]
 
 
-def _scale(tree: xr.DataTree, energy: StrainEnergy) -> NaturalScale:
+def _scale(tree: xr.DataTree, wall: list[NamedLayer]) -> NaturalScale:
     """Coordinates of the specimens of a class or a population."""
     if "variability_settings" in tree.attrs:
         stress = json.loads(tree.attrs["variability_settings"])["reference_stress"]
@@ -111,17 +117,29 @@ def _scale(tree: xr.DataTree, energy: StrainEnergy) -> NaturalScale:
             "the result does not tell its reference_stress, and with it the typical specimen: "
             "name one that was measured, specimen='S1'"
         )
-    scale = NaturalScale(energy, stress)
+    scale = NaturalScale(_stated(tree, wall), stress)
     names = tree["posterior"]["coordinate"].values.tolist()
     if scale.names != names:
         raise ValueError(
-            f"the result's specimens have the coordinates {names}, those of {energy.name} would be "
-            f"{scale.names}: leave energy out, or give that of the model"
+            f"the result's specimens have the coordinates {names}, those of {wall[0].energy.name} "
+            f"would be {scale.names}: leave energy out, or give that of the model"
         )
     return scale
 
 
-def _of_specimen(tree: xr.DataTree, energy: StrainEnergy, specimen: str) -> xr.Dataset:
+def _stated(tree: xr.DataTree, wall: list[NamedLayer]) -> StrainEnergy | list[Layer]:
+    """The material, or the layers of a class, as they were given."""
+    if "thickness" not in wall[0].values:
+        return wall[0].energy
+    if "thickness_priors" not in tree.attrs:
+        raise ValueError(
+            "the result does not tell the typical specimen of these layers: name one that was "
+            "measured, specimen='S1'"
+        )
+    return stated_wall_of(tree)
+
+
+def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr.Dataset:
     """Parameters of a specimen that was measured, given its curves and its class."""
     posterior = tree["posterior"].to_dataset()
     if "specimen" in posterior.dims:
@@ -135,7 +153,7 @@ def _of_specimen(tree: xr.DataTree, energy: StrainEnergy, specimen: str) -> xr.D
             "own, and of a class predictions of the typical specimen alone are offered, without "
             "specimen=...; a result of ph.population_model has those of each specimen"
         )
-    scale, rng = _scale(tree, energy), np.random.default_rng(_SEED)
+    scale, rng = _scale(tree, wall), np.random.default_rng(_SEED)
     draws = _stored_draws(tree["specimens"].to_dataset(), specimen)
     chosen = np.stack(
         [
