@@ -100,7 +100,11 @@ class BatchedFunction:
     @property
     def at_once(self) -> int:
         """Number of particles whose intermediate results are kept in cache together."""
-        return max(1, _CACHED_BYTES // self._bytes_per_particle)
+        return self.filling(_CACHED_BYTES)
+
+    def filling(self, size: int) -> int:
+        """Number of particles whose intermediate results take so many bytes, at least one."""
+        return max(1, size // self._bytes_per_particle)
 
     @cached_property
     def _bytes_per_particle(self) -> int:

@@ -36,8 +36,8 @@ Ascent = Callable[[Array], Slope]
 _FEW = 4
 # Logarithm of the smallest number there is.
 _LOG_SMALLEST = np.log(np.nextafter(0.0, 1.0))
-# Units of effort in the points that are scored at once.
-_UNITS = 4
+# Bytes of intermediate results that are one unit of effort.
+_UNIT = 2**21
 # Slopes take so many times as long as a score.
 _COST_OF_SLOPES = 3
 # Step of a difference, as a fraction of a variable's width.
@@ -117,7 +117,7 @@ class Target:
     @property
     def at_once(self) -> int:
         """How many points are one unit of effort: few if each takes long."""
-        return max(1, self._score.at_once // _UNITS)
+        return self._score.filling(_UNIT)
 
     @property
     def exhausted(self) -> bool:
