@@ -256,9 +256,10 @@ def test_prior_predictive_sampling_runs(model, data):
 
 @pytest.fixture(scope="module")
 def tree(model):
-    return ph.sample_smc(model, 300, 1, random_seed=SEED, progressbar=False)
+    return ph.sample_smc(model, 100, 1, random_seed=SEED, progressbar=False)
 
 
+@pytest.mark.deep
 def test_model_can_be_sampled(tree):
     """Sequential Monte Carlo gives specimens by name, each near the parameters of its curve."""
     posterior = tree["posterior"].to_dataset()
@@ -271,6 +272,7 @@ def test_model_can_be_sampled(tree):
     assert np.isfinite(ph.log_evidence(tree).value)
 
 
+@pytest.mark.deep
 def test_whose_curve_is_predicted(tree):
     """It is that of the typical specimen, or of the one asked for; draws alone tell no scale."""
     assert ph.predict_pressure(tree, [7.5], axial_stretch=1.0).attrs["specimen"] == "typical"
