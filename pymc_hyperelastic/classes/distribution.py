@@ -41,6 +41,8 @@ _ALIKE, _ANOTHER, _ENOUGH = 0.03, 0.3, 0.1
 # Fits by which it is found how many draws are needed; particles and distributions of a first one,
 # and draws of the prior that lead to it.
 _MOST_FITS, _PARTICLES, _DISTRIBUTIONS, _PRIOR_DRAWS = 4, 500, 200, 2000
+# Draws of a class's distribution of which one becomes a particle.
+_DRAWS_OF_EACH = 4
 
 Specimens = Mapping[str, SpecimenDraws]
 
@@ -170,7 +172,9 @@ class _Fit:
         where neither particles nor the prior tell of them.
         """
         target, count = self.kernel.target, self.kernel.draws
-        found = by_importance(target.score, self._like(rng), count, rng, target.draw_prior)
+        found = by_importance(
+            target.score, self._like(rng), count, rng, target.draw_prior, _DRAWS_OF_EACH * count
+        )
         if not found.trusted:
             found = integrate(target, count, rng)
             self.known = None

@@ -20,6 +20,7 @@ from pytensor.tensor.basic import Split
 from pytensor.tensor.blockwise import Blockwise
 from pytensor.tensor.elemwise import Elemwise
 from pytensor.tensor.linalg.decomposition.cholesky import Cholesky
+from pytensor.tensor.linalg.decomposition.eigen import Eigh
 from pytensor.tensor.linalg.solvers.triangular import SolveTriangular
 from pytensor.tensor.type import TensorType
 from pytensor.tensor.utils import import_func_from_string
@@ -103,6 +104,23 @@ def _fold(function: Callable[..., Any], *values: Any) -> Any:
 
 
 @node_rewriter([Blockwise])
+def _eigenvalues_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
+    """Eigenvalues and eigenvectors of symmetric matrices are a Python loop otherwise."""
+    if not isinstance(node.op.core_op, Eigh) or not node.op.core_op.lower:
+        return None
+    result = node.outputs[1].type
+    both = _NumpyCall(_eigh, result.clone(shape=(None,) * result.ndim))(*node.inputs)
+    return [both[..., 0, :], both[..., 1:, :]]
+
+
+def _eigh(matrices: Array) -> Array:
+    """Eigenvalues in the first row, eigenvectors in columns below; NaN of what is infinite."""
+    finite = np.isfinite(matrices).all(axis=(-2, -1))[..., None, None]
+    values, vectors = np.linalg.eigh(np.where(finite, matrices, 0.0))
+    return np.where(finite, np.concatenate([values[..., None, :], vectors], axis=-2), np.nan)
+
+
+@node_rewriter([Blockwise])
 def _triangles_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
     """Factors of covariances, and what is solved by them, are a Python loop otherwise."""
     core, result = node.op.core_op, node.outputs[0].type
@@ -151,7 +169,7 @@ def _solve_upper(ndim: int, factors: Array, known: Array) -> Array:
 
 # What runs a hundred times on thousands of points is best left to NumPy: it compiles in a second,
 # numba or C in a minute. Fused operations, and powers made of them, would run point by point.
-_FUSED = ["fusion", "inplace", "local_pow_to_nested_squaring"]
+_FUSED = ["fusion", "inplace", "local_pow_to_nested_squaring", "local_div_exp_to_mul_exp"]
 # Graphs inside of operations are opened where PyTensor opens those that are no batches: when no
 # rewrite comes any more that is not right for infinite numbers, which they may hold.
 _STABILISED = 1.9
@@ -159,7 +177,7 @@ IN_NUMPY = (
     Mode("py", RewriteDatabaseQuery(include=["fast_run"], exclude=_FUSED))
     .register((dfs_rewriter(_batch_of_graphs), _STABILISED))
     .register((dfs_rewriter(_batch_of_splits), 97))
-    .register((dfs_rewriter(_triangles_by_numpy), 98))
+    .register((dfs_rewriter(_triangles_by_numpy, _eigenvalues_by_numpy), 98))
     .register((dfs_rewriter(_softplus_in_numpy), 99))
     .register((dfs_rewriter(_elementwise_by_numpy), 100))
 )
