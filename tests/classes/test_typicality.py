@@ -147,16 +147,16 @@ def test_strangers_are_found_where_experiments_differ(differing, name):
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:.* cannot be judged")
 def test_p_values_are_uniform_where_experiments_differ(differing):
-    """Of three hundred specimens that the fitted class brings forth, each tested twice."""
+    """Of a hundred and fifty specimens that the fitted class brings forth, each tested twice."""
     rng = np.random.default_rng(SEED)
     posterior = differing["soft"]["posterior"].to_dataset().stack(sample=("chain", "draw"))
-    posterior = posterior.isel(sample=rng.choice(posterior.sizes["sample"], size=300))
+    posterior = posterior.isel(sample=rng.choice(posterior.sizes["sample"], size=150))
     location, spread, within = (
         posterior[name].values.ravel() for name in ("location", "spread", "experiment_spread")
     )
-    within = within * np.exp(posterior["effect_spread"].values * rng.standard_normal(300))
-    own = location + spread * rng.standard_normal(300)
-    strain = np.exp(own + within * rng.standard_normal((2, 300)))
+    within = within * np.exp(posterior["effect_spread"].values * rng.standard_normal(150))
+    own = location + spread * rng.standard_normal(150)
+    strain = np.exp(own + within * rng.standard_normal((2, 150)))
     moduli = 20.0 / (np.exp(2 * strain) - np.exp(-2 * strain))
     data = curves({f"N{i}": [*mu] for i, mu in enumerate(moduli.T)}, 5)
     result = classify(data, differing).sel(class_label="soft")

@@ -9,7 +9,7 @@ from shared_errors import dataset, table
 import pymc_hyperelastic as ph
 
 SEED = 1
-SIMULATIONS = 300
+SIMULATIONS = 150
 # Of all parameters of a right model together, one seed in a hundred rejects one.
 CHANCE = 0.01
 # What is wrong by half is found out more clearly than a right model is by chance.
@@ -59,7 +59,7 @@ def test_pooled_model_is_calibrated(energy, slope_weight):
 def test_wrong_noise_is_found_out():
     """Data of half as much noise again as the model believes in."""
     right, wrong = (pooled(ph.Ogden(), sd * ph.mmHg, 0.0) for sd in (5, 7.5))
-    assert calibrate(right, simulator=wrong)["p_value"].min() < FAILS
+    assert calibrate(right, simulator=wrong, simulations=100)["p_value"].min() < FAILS
 
 
 @pytest.mark.deep
@@ -78,8 +78,8 @@ def test_population_model_is_calibrated():
         "spread": pm.LogNormal.dist(np.log(0.2), 0.4, shape=2),
     }
     model = ph.population_model(ph.Ogden(), data, sigma=0.3, priors=priors)
-    # Each takes two seconds, and eleven parameters are ranked at once.
-    result = calibrate(model, simulations=40)
+    # Each takes many seconds, and eleven parameters are ranked at once.
+    result = calibrate(model, simulations=25)
     assert result.sizes["parameter"] == 2 + 2 + 1 + 2 * 3
     assert_calibrated(result)
 
