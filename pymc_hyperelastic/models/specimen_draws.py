@@ -115,7 +115,7 @@ def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDis
     if distribution.experiment_spread is None:
         total = _of_draws(_coefficients(xp, distribution), products)
     else:
-        total = _log_density_of_tests(xp, draws | {"products": products}, distribution)
+        total = _log_density_of_tests(xp, {**draws, "products": products}, distribution)
     if distribution.log_sigma is not None:
         total = total + log_density_of_noise(xp, draws["log_sigma"], distribution)
     return total

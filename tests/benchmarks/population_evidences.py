@@ -58,7 +58,9 @@ def measure(specimens, seed):
 
     start = time.perf_counter()
     with model:
-        tree = pm.sample(2000, chains=4, cores=2, random_seed=seed, progressbar=False)
+        tree = pm.sample(
+            2000, target_accept=0.99, chains=4, cores=2, random_seed=seed, progressbar=False
+        )
     report("bridge", ph.log_evidence_by_bridge(model, tree, random_seed=seed), start)
 
     try:
