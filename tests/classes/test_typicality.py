@@ -147,20 +147,23 @@ def test_strangers_are_found_where_experiments_differ(differing, name):
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:.* cannot be judged")
 def test_p_values_are_uniform_where_experiments_differ(differing):
-    """Of a hundred and fifty specimens that the fitted class brings forth, each tested twice."""
+    """Of a hundred specimens that the fitted class brings forth, each tested twice."""
     rng = np.random.default_rng(SEED)
     posterior = differing["soft"]["posterior"].to_dataset().stack(sample=("chain", "draw"))
-    posterior = posterior.isel(sample=rng.choice(posterior.sizes["sample"], size=150))
+    posterior = posterior.isel(sample=rng.choice(posterior.sizes["sample"], size=100))
     location, spread, within = (
         posterior[name].values.ravel() for name in ("location", "spread", "experiment_spread")
     )
-    within = within * np.exp(posterior["effect_spread"].values * rng.standard_normal(150))
-    own = location + spread * rng.standard_normal(150)
-    strain = np.exp(own + within * rng.standard_normal((2, 150)))
+    within = within * np.exp(posterior["effect_spread"].values * rng.standard_normal(100))
+    own = location + spread * rng.standard_normal(100)
+    strain = np.exp(own + within * rng.standard_normal((2, 100)))
     moduli = 20.0 / (np.exp(2 * strain) - np.exp(-2 * strain))
     data = curves({f"N{i}": [*mu] for i, mu in enumerate(moduli.T)}, 5)
     result = classify(data, differing).sel(class_label="soft")
-    assert stats.kstest(result["typical_p_value"].values, "uniform").pvalue > CHANCE
+    # One in hundreds has experiments that are apart by orders of magnitude: it cannot be judged.
+    judged = result.isel(specimen=np.isfinite(result["typical_p_value"].values))
+    assert judged.sizes["specimen"] >= 98
+    assert stats.kstest(judged["typical_p_value"].values, "uniform").pvalue > CHANCE
     assert np.mean(result["p_value"].values < NONE_BELOW) < 2 * NONE_BELOW
 
 
