@@ -63,7 +63,7 @@ class ClassDistribution:
         """Some of the draws, in the order in which they are named; a number is that of all."""
 
         def some(values: Any) -> Any:
-            return values if np.ndim(values) < 2 else values[..., draws, :]
+            return values if np.ndim(values) < 2 else np.asarray(values)[..., draws, :]
 
         factor = [[some(entry) for entry in row] for row in self.factor]
         others = {name: some(getattr(self, name)) for name in vars(self) if name != "factor"}

@@ -14,7 +14,7 @@ from pymc_hyperelastic.models.class_distribution import ClassDistribution
 Array = NDArray[np.float64]
 
 # Log densities that are found at once: their arrays stay in the processor's cache.
-_BLOCK = 25_000
+_BLOCK = 16_000
 # Gauss-Hermite quadrature over how much experiments on a specimen differ. Five nodes, placed where
 # the integrand is, have an error of 0.002 nats in nine cases of ten; of a single test, which has no
 # scatter to place them by, up to 0.1 nats in the tails.
@@ -129,21 +129,11 @@ def log_density_of_noise(xp: ModuleType, log_sigma: Any, distribution: ClassDist
 
 def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Array:
     """Log density of every draw of a specimen under each of many class distributions."""
-    of_draws = ("centre", "scatter", "log_sigma")
-    count, size = len(draws.log_weight), _BLOCK // len(distributions.location[0])
+    arrays = {name: getattr(draws, name) for name in ("centre", "scatter", "log_sigma", "tests")}
+    arrays["products"] = _products(draws.centre)
+    count, size = len(distributions.location[0]), max(1, _BLOCK // len(draws.log_weight))
     blocks = np.split(np.arange(count), range(size, count, size))
-    return np.concatenate(
-        [
-            log_density(
-                np,
-                {name: getattr(draws, name)[..., block] for name in of_draws}
-                | {"tests": draws.tests},
-                distributions,
-            )
-            for block in blocks
-        ],
-        axis=1,
-    )
+    return np.concatenate([log_density(np, arrays, distributions.at(block)) for block in blocks])
 
 
 def mean_density(draws: SpecimenDraws, distributions: ClassDistribution) -> Array:
