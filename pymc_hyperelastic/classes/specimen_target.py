@@ -1,6 +1,6 @@
 """A specimen as a target: on what its curves depend, everything else integrated out."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.search import width_of
-from pymc_hyperelastic.evidence.target import Slope, Target, by_differences
+from pymc_hyperelastic.evidence.target import Rise, Slope, Target, by_differences, differences
 
 Array = NDArray[np.float64]
 
@@ -30,12 +30,19 @@ class SpecimenTarget(Target):
         Columns of those on which the curves depend.
     log_prior : callable
         Log density of points of these alone.
+    misfits : callable
+        Log likelihood of points of all variables, and the size of each of their standard errors.
     """
 
     def __init__(
-        self, whole: Target, places: NDArray[np.intp], log_prior: Callable[[Array], Array]
+        self,
+        whole: Target,
+        places: NDArray[np.intp],
+        log_prior: Callable[[Array], Array],
+        misfits: Callable[[Array], Sequence[Array]],
     ) -> None:
         self.whole, self.places, self.log_prior = whole, places, log_prior
+        self.misfits = misfits
         self.dimension, self.nan_scores = len(places), 0
         self.effort, self.most_effort = 0.0, np.inf
         self._score = whole._score
@@ -55,10 +62,37 @@ class SpecimenTarget(Target):
         _, likelihood = super().score(self.particles(points))
         return self._possible(self.log_prior(points), likelihood)
 
+    def ascent(self, width: Array) -> Slope:
+        """Log density of the posterior and its slope, for variables of such a width.
+
+        Of a sum of squares of standard errors the curvature is known from the slopes of these, as
+        Gauss and Newton have it.
+        """
+
+        def slope(points: Array) -> Rise:
+            around, change = differences(points, width)
+            flat = around.reshape(-1, self.dimension)
+            self.effort += len(flat) / self.at_once
+            likelihood, *errors = self.misfits(self.particles(flat))
+            heights = np.add(*self._possible(self.log_prior(flat), likelihood))
+            of_errors = np.nan_to_num(
+                change(errors[0].reshape(*around.shape[:2], -1)), posinf=0, neginf=0
+            )
+            curvature = of_errors @ of_errors.transpose(0, 2, 1) + np.diag(self._prior_width**-2.0)
+            heights = heights.reshape(len(points), -1)
+            slopes = np.nan_to_num(change(heights), posinf=0, neginf=0)
+            return Rise(heights[:, 0], slopes, curvature)
+
+        return slope
+
+    @cached_property
+    def _prior_width(self) -> Array:
+        return width_of(self.draw_prior(_DRAWS, np.random.default_rng(1)))
+
     def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
         """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""
         _, likelihood, _, of_likelihood = super().slopes(self.particles(points))
-        prior, of_prior = self._prior_slope(points)
+        prior, of_prior, _ = self._prior_slope(points)
         return *self._possible(prior, likelihood), of_prior, of_likelihood[:, self.places]
 
     @cached_property
@@ -70,5 +104,4 @@ class SpecimenTarget(Target):
         def score(points: Array) -> tuple[Array, Array]:
             return self.log_prior(points), np.zeros(len(points))
 
-        prior = self.draw_prior(_DRAWS, np.random.default_rng(1))
-        return by_differences(score, width_of(prior))
+        return by_differences(score, self._prior_width)

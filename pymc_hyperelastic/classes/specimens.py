@@ -64,14 +64,16 @@ class _SpecimenModel:
     whole: Target
 
     @cached_property
-    def misfit(self) -> BatchedFunction:
-        """Squares of all standard errors: what the log density lacks of its largest value."""
+    def misfits(self) -> BatchedFunction:
+        """Log likelihood, and the size of every standard error, by what its density lacks."""
         model = self.whole.model
-        lacking = [
-            2 * pt.sum(pm.logp(rv, support_point(rv)) - pm.logp(rv, model.rvs_to_values[rv]))
-            for rv in model.observed_RVs
-        ]
-        return BatchedFunction.of_model(model, model.replace_rvs_by_values([sum(lacking)]))
+        terms, lacking = [], []
+        for rv in model.observed_RVs:
+            term = pm.logp(rv, model.rvs_to_values[rv])
+            terms.append(pt.sum(term))
+            lacking.append(pt.flatten(pm.logp(rv, support_point(rv)) - term))
+        errors = pt.sqrt(2 * pt.clip(pt.concatenate(lacking), 0.0, np.inf))
+        return BatchedFunction.of_model(model, model.replace_rvs_by_values([sum(terms), errors]))
 
 
 class SpecimenSampler:
@@ -91,11 +93,12 @@ class SpecimenSampler:
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data."""
         model = self._model_for(data)
-        target = self._target(model.whole, self._log_reference)
+        target = self._target(model, self._log_reference)
         found = integrate(target, PARTICLES, rng)
         draws = self._draws(found.particles)
         if self.population.known_noise:
-            squares = model.misfit(target.particles(found.particles))[0]
+            errors = model.misfits(target.particles(found.particles))[1]
+            squares = np.square(errors).sum(axis=1)
             misfit, freedom = self._misfit(data, squares, target.dimension)
             draws = replace(draws, misfit=misfit, freedom=freedom)
         value, error = found.log_value
@@ -130,7 +133,7 @@ class SpecimenSampler:
             fresh = fresh_specimens(self.population, chosen, data.sizes["test"], rng)
             return np.concatenate([fresh[name] for name in self._names], axis=1)
 
-        target = self._target(self._model_for(data).whole, log_prior)
+        target = self._target(self._model_for(data), log_prior)
         mixture = GaussianMixture.fit(
             draws.points, components_for(len(draws.points), target.dimension), rng
         )
@@ -150,14 +153,14 @@ class SpecimenSampler:
         again = replace(self._draws(points), misfit=draws.misfit, freedom=draws.freedom)
         return _weighted(again, log_density, float(np.hypot(*errors)), found)
 
-    def _target(self, whole: Target, log_prior: Callable[[Array], Array]) -> SpecimenTarget:
+    def _target(self, model: _SpecimenModel, log_prior: Callable[[Array], Array]) -> SpecimenTarget:
         """The specimen, under a prior of what its classes are held against, and of its tube."""
 
         def with_tube(points: Array) -> Array:
             deviations = points[:, points.shape[1] - len(self.population.geometry) :]
             return log_prior(points) + stats.norm.logpdf(deviations).sum(axis=1)
 
-        return SpecimenTarget(whole, self._places(whole), with_tube)
+        return SpecimenTarget(model.whole, self._places(model.whole), with_tube, model.misfits)
 
     def _log_reference(self, points: Array) -> Array:
         return log_density(np, vars(self._draws(points)), self.reference)

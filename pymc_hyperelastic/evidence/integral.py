@@ -26,7 +26,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     """
     prior = target.draw_prior(_PRIOR_DRAWS, rng)
     starts = places_to_climb_from(prior, np.add(*target.score(prior)))
-    modes = modes_from(target.ascent, starts, width_of(prior))
+    modes = modes_from(target.ascent, [starts], width_of(prior))
     # A posterior that is hardly narrower than the prior is not like its mode.
     like = GaussianMixture.fit(prior, 1, rng)
     if modes is not None:

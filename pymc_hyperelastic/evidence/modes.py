@@ -1,11 +1,12 @@
 """Modes of a posterior, climbed to from many places, and the mixture that they make."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import OptimizeResult, minimize
 from scipy.special import logsumexp
 
+from pymc_hyperelastic.evidence.climbs import climb_together
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
 from pymc_hyperelastic.evidence.target import Ascent
 
@@ -13,18 +14,13 @@ from pymc_hyperelastic.evidence.target import Ascent
 _NEGLIGIBLE = 20.0
 # Step of the differences of slopes that make a curvature, as a fraction of the mode's width.
 _STEP = 0.03
-# A mode is no wider than so many widths of the prior, and no narrower than this many.
-_WIDEST, _NARROWEST = 5.0, 1e-8
+# A mode is no wider than so many widths of the prior.
+_WIDEST = 5.0
 # Nats by which a climb may still be below its summit: else it has not found one. The density of a
 # hierarchy may grow without bound where a spread goes to zero.
 _BELOW = 1.0
-# A climb ends where the slope is this, in nats for the width of a variable: a twentieth of an sd
-# from the summit at most. From within so many sds it is not begun: it would lead there.
-_FLAT, _BASIN = 0.05, 1.5
-# A climb that takes more steps, and so many for each unknown, leads nowhere.
-_FEWEST_STEPS, _STEPS = 50, 5
-# Finite, and never accepted.
-_IMPOSSIBLE = 1e12
+# From within so many sds of a mode no climb is begun: it would lead there.
+_BASIN = 1.5
 
 
 class Modes(NamedTuple):
@@ -36,8 +32,8 @@ class Modes(NamedTuple):
     """Logarithm of the integral of each, by Laplace's approximation."""
 
 
-def modes_from(ascent: Ascent, starts: Array, width: Array) -> Modes | None:
-    """Modes of a density, from climbs from each of the starts, shape (n, d); None if it has none.
+def modes_from(ascent: Ascent, groups: Sequence[Array], width: Array) -> Modes | None:
+    """Modes of a density, from climbs from starts in groups, (n, d) each; None if it has none.
 
     Where the noise is unknown, a tempered likelihood prefers large noise up to a certain power, and
     then all of a sudden the small noise of the true curve: a population that follows it misses
@@ -46,22 +42,20 @@ def modes_from(ascent: Ascent, starts: Array, width: Array) -> Modes | None:
     means: list[Array] = []
     factors: list[Array] = []
     masses: list[float] = []
-    for start in starts:
-        if _is_among(start, means, factors, _BASIN):
+    for group in groups:
+        starts = [x for x in group if not _is_among(x, means, factors, _BASIN)]
+        if not starts:
             continue
-        climb = _climb(ascent, start, width)
-        if climb.fun >= _IMPOSSIBLE or _is_among(climb.x * width, means, factors):
-            continue
-        # Again on the scale of the mode, on which differences are right.
-        local = width * np.sqrt(np.diagonal(climb.hess_inv).clip(_NARROWEST**2, 1.0))
-        result = _climb(ascent, climb.x * width, local)
-        factor = _factor_at(ascent, result.x, local, width)
-        if factor is None or np.sum((factor.T @ (result.jac / local)) ** 2) > 2 * _BELOW:
-            continue
-        if not _is_among(result.x * local, means, factors):
-            means.append(result.x * local)
+        points, heights, slopes, widths = climb_together(ascent, np.array(starts), width)
+        for i in np.argsort(-heights):
+            if not np.isfinite(heights[i]) or _is_among(points[i], means, factors):
+                continue
+            factor = _factor_at(ascent, points[i], widths[i], width)
+            if factor is None or np.sum((factor.T @ slopes[i]) ** 2) > 2 * _BELOW:
+                continue
+            means.append(points[i])
             factors.append(factor)
-            masses.append(np.log(np.diagonal(factor)).sum() - result.fun)
+            masses.append(np.log(np.diagonal(factor)).sum() + heights[i])
     if not masses:
         return None
     log_masses = np.array(masses) + np.log(2 * np.pi) * width.size / 2
@@ -70,19 +64,6 @@ def modes_from(ascent: Ascent, starts: Array, width: Array) -> Modes | None:
     log_weights = log_masses - logsumexp(log_masses)
     mixture = GaussianMixture(log_weights, np.array(means)[keep], np.array(factors)[keep])
     return Modes(mixture, log_masses)
-
-
-def _climb(ascent: Ascent, start: Array, width: Array) -> OptimizeResult:
-    slope = ascent(width)
-
-    def energy(point: Array) -> tuple[float, Array]:
-        value, slopes = slope((point * width)[None])
-        if not np.isfinite(value[0]):
-            return _IMPOSSIBLE, np.zeros(point.size)
-        return -value[0], -slopes[0] * width
-
-    options = {"gtol": _FLAT, "maxiter": _FEWEST_STEPS + _STEPS * start.size}
-    return minimize(energy, start / width, jac=True, method="BFGS", options=options)
 
 
 def _is_among(
@@ -98,7 +79,7 @@ def _is_among(
 def _factor_at(ascent: Ascent, point: Array, local: Array, width: Array) -> Array | None:
     """Cholesky factor of the inverse curvature at a mode; None if there is no curvature."""
     step = np.diag(_STEP * local)
-    around = point * local + np.concatenate([step, -step])
+    around = point + np.concatenate([step, -step])
     up, down = np.split(-ascent(local)(around)[1], 2)
     curvature = (up - down) / (2 * _STEP * local[:, None])
     # On the scale of the prior, which no mode is much wider than.

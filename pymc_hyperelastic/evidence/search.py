@@ -89,7 +89,7 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
         forward.particles[rng.integers(few, size=CLIMBS)],
         *(_outstanding(target, mixture, rng) for mixture in forward.mixtures),
     ]
-    modes = modes_from(target.ascent, np.concatenate(starts), width_of(prior))
+    modes = modes_from(target.ascent, starts, width_of(prior))
 
     mixture, at_modes, at_modes_k = _fitted(forward, rng), Estimate(-np.inf, np.inf), np.inf
     if modes is not None:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from math import prod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pymc as pm
@@ -27,9 +27,21 @@ Array = NDArray[np.float64]
 Score = Callable[[Array], tuple[Array, Array]]
 # So many draws of the prior, shape (n, d).
 DrawPrior = Callable[[int, np.random.Generator], Array]
-# Log density of points and its slope, shape (n, d).
-Slope = Callable[[Array], tuple[Array, Array]]
-# The same for variables of a given width, on whose scale differences are taken.
+
+
+class Rise(NamedTuple):
+    """How a density rises at points."""
+
+    height: Array
+    """Its logarithm, (n)."""
+    slope: Array
+    """Of that, (n, d)."""
+    curvature: Array | None = None
+    """About what it would be at a summit, if that is known, (n, d, d): positive definite."""
+
+
+Slope = Callable[[Array], Rise]
+# The same for variables of a given width, (d) or (n, d), on whose scale differences are taken.
 Ascent = Callable[[Array], Slope]
 
 # So few unknowns are climbed by differences, in less time than slopes take to compile.
@@ -143,9 +155,9 @@ class Target:
         if not self.has_slopes:
             return by_differences(self.score, width)
 
-        def slope(points: Array) -> tuple[Array, Array]:
+        def slope(points: Array) -> Rise:
             prior, likelihood, of_prior, of_likelihood = self.slopes(points)
-            return prior + likelihood, of_prior + of_likelihood
+            return Rise(prior + likelihood, of_prior + of_likelihood)
 
         return slope
 
@@ -181,18 +193,32 @@ class Target:
 
 def by_differences(score: Score, width: Array) -> Slope:
     """Log density and its slope from a score alone, by central differences of so wide variables."""
-    step = _STEP * width
 
-    def slope(points: Array) -> tuple[Array, Array]:
-        count, size = points.shape
-        steps = np.diag(step)
-        around = points[:, None] + np.concatenate([np.zeros((1, size)), steps, -steps])
-        values = np.reshape(sum(score(around.reshape(-1, size))), (count, -1))
-        with np.errstate(invalid="ignore"):
-            slopes = (values[:, 1 : size + 1] - values[:, size + 1 :]) / (2 * step)
-        return values[:, 0], np.nan_to_num(slopes, posinf=0, neginf=0)
+    def slope(points: Array) -> Rise:
+        around, change = differences(points, width)
+        values = np.add(*score(around.reshape(-1, points.shape[1])))
+        values = values.reshape(len(points), -1)
+        return Rise(values[:, 0], np.nan_to_num(change(values), posinf=0, neginf=0))
 
     return slope
+
+
+def differences(points: Array, width: Array) -> tuple[Array, Callable[[Array], Array]]:
+    """Points and others around each of them, (n, 2d + 1, d); slopes of what is known at these.
+
+    Slopes are along the second axis, of values whose first two are those of the points.
+    """
+    size = points.shape[1]
+    step = np.broadcast_to(_STEP * width, points.shape)
+    steps = step[:, None] * np.eye(size)
+    around = points[:, None] + np.concatenate([0 * steps[:, :1], steps, -steps], axis=1)
+
+    def change(values: Array) -> Array:
+        with np.errstate(invalid="ignore"):
+            twice = values[:, 1 : size + 1] - values[:, size + 1 :]
+            return twice / (2 * step).reshape(*step.shape, *(1,) * (values.ndim - 2))
+
+    return around, change
 
 
 @without_traces

@@ -64,8 +64,8 @@ def test_slopes_of_a_model():
     target = Target(model())
     points = np.random.default_rng(SEED).normal(0, 0.5, (4, 7))
     assert target.has_slopes
-    value, slope = target.ascent(np.ones(7))(points)
-    expected_value, expected = by_differences(target.score, np.ones(7))(points)
+    value, slope, _ = target.ascent(np.ones(7))(points)
+    expected_value, expected, _ = by_differences(target.score, np.ones(7))(points)
     np.testing.assert_allclose(value, expected_value)
     np.testing.assert_allclose(slope, expected, rtol=1e-5, atol=1e-5)
 
@@ -94,7 +94,7 @@ def test_few_unknowns_are_climbed_by_differences():
     target = Target(narrow)
     assert not target.has_slopes
     starts = np.random.default_rng(SEED).standard_normal((3, 2))
-    modes = modes_from(target.ascent, starts, np.ones(2))
+    modes = modes_from(target.ascent, [starts], np.ones(2))
     np.testing.assert_allclose(modes.mixture.means, [[0.3, -0.2]], atol=1e-7)
     exact = stats.norm(0, np.hypot(1, 1e-6)).logpdf([0.3, -0.2]).sum()
     assert modes.log_masses[0] == pytest.approx(exact, abs=0.05)
