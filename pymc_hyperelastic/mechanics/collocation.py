@@ -11,14 +11,11 @@ known on a grid of hoop and axial stretches: a product of Chebyshev points in ``
 """
 
 from collections.abc import Sequence
-from functools import cache
 from itertools import compress
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import pytensor
 import pytensor.tensor as pt
-from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 from pytensor.gradient import DisconnectedType, disconnected_type, grad
 from pytensor.graph.basic import Apply, Variable
@@ -27,47 +24,14 @@ from pytensor.tensor.blockwise import vectorize_node_fallback
 from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.axial_force import force_response
-from pymc_hyperelastic.mechanics.chebyshev import Array, chebyshev_nodes, value_to_coefficient
+from pymc_hyperelastic.mechanics.interpolation import Basis, Group, Interpolation
 from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
-from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.wall import TubeOp, finite_or_zero, wall_rule
 
-# Chebyshev coefficients of the response below this fraction of the largest are left out. The
-# pressure is then right to about 1e-12 of the largest in the data, and rounding is not mistaken
-# for signal.
-COEFFICIENT_TOLERANCE = 1e-14
-_MOST_NODES = 64
-# Of axial stretches in a grid, and of all its nodes.
-_MOST_AXIAL, _MOST_IN_GRID = 32, 1024
-# Lines through a grid along which it is known how many nodes the response takes: both edges, on
-# which every kink that crosses the grid begins and ends, and as many between.
-_LINES = np.cos(np.pi * np.arange(9) / 8)
+Array = NDArray[np.float64]
+
 # Points whose walls are handled at once: bounds memory, whatever the size of the data.
 _CHUNK = 2048
-
-
-class Nodes(NamedTuple):
-    """How many nodes: of the hoop stretch, and of the axial one where that varies."""
-
-    hoop: int
-    axial: int = 1
-
-
-class Group(NamedTuple):
-    """Points whose walls share their nodes: centre and half width of the logarithms there."""
-
-    points: NDArray[np.intp]
-    hoop: tuple[float, float]
-    """Of ``ln λθ``."""
-    axial: tuple[float, float]
-    """Of ``ln λz``; the half width is 0 where all have one axial stretch."""
-
-    def grid(self, nodes: Nodes) -> tuple[Array, Array]:
-        """``ln λθ`` and ``ln λz`` at all nodes, those of one axial stretch together."""
-        (hoop, hoop_half), (axial, axial_half) = self.hoop, self.axial
-        log_hoop = hoop + hoop_half * chebyshev_nodes(nodes.hoop)
-        log_axial = axial + axial_half * chebyshev_nodes(nodes.axial)
-        return np.tile(log_hoop, nodes.axial), np.repeat(log_axial, nodes.hoop)
 
 
 class CollocatedIntegral(TubeOp):
@@ -197,63 +161,8 @@ def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: Tensor) 
     return outputs[0].owner
 
 
-def nodes_needed(
-    energy: StrainEnergy,
-    groups: Sequence[Group],
-    values: Sequence[Array],
-    *,
-    with_force: bool = False,
-    tolerance: float = COEFFICIENT_TOLERANCE,
-) -> Nodes | None:
-    """How many stretches the response must be known at, or None.
-
-    The response is expanded for all the `values` of the parameters' entries; as many are needed as
-    there are coefficients before they have fallen below the `tolerance`, relative to the largest,
-    for all of them. None means that these were more than 64, or in a grid more than 32 axial
-    stretches, or 1024 nodes: then the direct rule is to be used.
-    """
-    function, needed = _response_function(energy, with_force), Nodes(2)
-
-    def along(log_hoop: Array, log_axial: Array) -> Array:
-        """Coefficients of responses (draw, line, node) along a last axis, and their largest."""
-        hoop, axial = np.broadcast_arrays(log_hoop, log_axial)
-        with np.errstate(all="ignore"):
-            responses = function(
-                hoop.reshape(1, -1), axial.reshape(1, -1), *(v.reshape(-1, 1) for v in values)
-            )
-        response = np.stack([r.reshape(-1, *hoop.shape) for r in responses])
-        possible = np.isfinite(response).all(axis=(0, 2, 3))
-        return np.abs(response[:, possible] @ value_to_coefficient(hoop.shape[-1]).T)
-
-    for group in groups:
-        (hoop, hoop_half), (axial, axial_half) = group.hoop, group.axial
-        lines = (axial + axial_half * (_LINES if axial_half else np.zeros(1)))[:, None]
-        coefficients = along(hoop + hoop_half * chebyshev_nodes(2 * _MOST_NODES), lines)
-        # Force is a difference of stresses, and known to their rounding.
-        smallest = tolerance * np.maximum.accumulate(coefficients.max(axis=(2, 3), keepdims=True))
-        needed = needed._replace(hoop=max(needed.hoop, _significant(coefficients, smallest)))
-        if axial_half:
-            lines = (hoop + hoop_half * _LINES)[:, None]
-            across = along(lines, axial + axial_half * chebyshev_nodes(2 * _MOST_AXIAL))
-            smallest = tolerance * np.maximum.accumulate(across.max(axis=(2, 3), keepdims=True))
-            needed = needed._replace(axial=max(needed.axial, _significant(across, smallest)))
-        if (
-            needed.hoop > _MOST_NODES
-            or needed.axial > _MOST_AXIAL
-            or (axial_half and needed.hoop * needed.axial > _MOST_IN_GRID)
-        ):
-            return None
-    return needed
-
-
-def _significant(coefficients: Array, smallest: Array) -> int:
-    """How many coefficients there are before all are below the smallest that matters."""
-    significant = (coefficients > smallest).any(axis=(0, 1, 2))
-    return int(np.flatnonzero(significant).max(initial=0)) + 1
-
-
 def collocate(
-    tubes: KnownTubes, groups: Sequence[Group], nodes: Nodes, targets: dict[str, Array]
+    tubes: KnownTubes, groups: Sequence[Group], basis: Basis, targets: dict[str, Array]
 ) -> dict[str, Any]:
     """Matrices of :class:`CollocatedIntegral`, compressed against the measured values.
 
@@ -267,14 +176,16 @@ def collocate(
     (group, row, node), ``_target`` (group, row) and ``_residual`` (the sum of all ``ρ²``). There
     are as many rows as nodes, or points where these are fewer.
     """
+    interpolations = [basis.interpolation(tubes, group) for group in groups]
+    collocated: dict[str, Any] = _places(interpolations)
     factors: dict[str, list[Array]] = {name: [] for name in targets}
     residual = dict.fromkeys(targets, 0.0)
-    count = nodes.hoop * nodes.axial
-    for group in groups:
+    count = collocated["log_hoop"].shape[1]
+    for group, interpolation in zip(groups, interpolations, strict=True):
         augmented = {name: np.zeros((0, count + 1)) for name in factors}
         for start in range(0, len(group.points), _CHUNK):
             chunk = group.points[start : start + _CHUNK]
-            matrices = _matrices(tubes.at(chunk), group, nodes)
+            matrices = _matrices(tubes.at(chunk), interpolation, count)
             for name, target in targets.items():
                 rows = np.column_stack([matrices[name], target[chunk]])
                 rows = rows[~np.isnan(rows[:, -1])]
@@ -284,7 +195,6 @@ def collocate(
         for name, rows in augmented.items():
             factors[name].append(rows[:count])
             residual[name] += float(np.sum(rows[count:, -1] ** 2))
-    collocated: dict[str, Any] = _grids(groups, nodes)
     for name, of_groups in factors.items():
         most = max((len(rows) for rows in of_groups), default=0)
         stacked = np.zeros((len(groups), most, count + 1))
@@ -297,7 +207,7 @@ def collocate(
 
 
 def curve_matrices(
-    tubes: KnownTubes, groups: Sequence[Group], nodes: Nodes
+    tubes: KnownTubes, groups: Sequence[Group], basis: Basis
 ) -> tuple[dict[str, Array], NDArray[np.intp]]:
     """Matrices of :class:`CollocatedIntegral` for the points themselves, uncompressed.
 
@@ -305,94 +215,52 @@ def curve_matrices(
     among all rows, group by group; 0 for points that are in none. Slopes of pressure and force are
     by the internal radius.
     """
+    interpolations = [basis.interpolation(tubes, group) for group in groups]
+    places = _places(interpolations)
     most = max(1, *(len(group.points) for group in groups))
-    shape = len(groups), most, nodes.hoop * nodes.axial
+    shape = len(groups), most, places["log_hoop"].shape[1]
     names = ("pressure", "stiffness", "force", "force_slope")
     matrices = {name: np.zeros(shape) for name in names}
     place = np.zeros(len(tubes.radius), int)
-    for number, group in enumerate(groups):
+    for number, (group, interpolation) in enumerate(zip(groups, interpolations, strict=True)):
         place[group.points] = number * most + np.arange(len(group.points))
         for start in range(0, len(group.points), _CHUNK):
             chunk = group.points[start : start + _CHUNK]
             rows = slice(start, start + len(chunk))
-            blocks = _matrices(tubes.at(chunk), group, nodes)
+            blocks = _matrices(tubes.at(chunk), interpolation, shape[2])
             for name, matrix in matrices.items():
                 matrix[number, rows] = blocks[name]
-    of_curves = {f"{name}_matrix": matrix for name, matrix in matrices.items()}
-    return _grids(groups, nodes) | of_curves, place
+    return places | {f"{name}_matrix": matrix for name, matrix in matrices.items()}, place
 
 
-def _grids(groups: Sequence[Group], nodes: Nodes) -> dict[str, Array]:
-    """Where the response is to be known: (group, node)."""
-    log_hoop, log_axial = zip(*(group.grid(nodes) for group in groups), strict=True)
-    return {"log_hoop": np.array(log_hoop), "log_axial": np.array(log_axial)}
+def _places(interpolations: Sequence[Interpolation]) -> dict[str, Array]:
+    """Where the response is to be known: (group, node), the first node in place of none."""
+    places = [interpolation.places for interpolation in interpolations]
+    count = max(len(log_hoop) for log_hoop, _ in places)
+
+    def padded(values: Array) -> Array:
+        return np.concatenate([values, np.full(count - len(values), values[0])])
+
+    log_hoop, log_axial = (np.array([padded(v) for v in of]) for of in zip(*places, strict=True))
+    return {"log_hoop": log_hoop, "log_axial": log_axial}
 
 
-def _matrices(tubes: KnownTubes, group: Group, nodes: Nodes) -> dict[str, Array]:
-    """From responses at the nodes to what is measured at the points: (point, node) each.
+def _matrices(tubes: KnownTubes, interpolation: Interpolation, count: int) -> dict[str, Array]:
+    """From responses at so many nodes to what is measured at the points: (point, node) each.
 
     ``"slope"`` is the stiffness by the radius that was measured.
     """
-    centre, half = group.hoop
     wall = wall_rule(np, *tubes.walls)
-    vandermonde = chebyshev.chebvander((wall.log_hoop - centre) / half, nodes.hoop - 1)
-    coefficient = value_to_coefficient(nodes.hoop)
-    derivative = chebyshev.chebder(coefficient, axis=0) / half
-
-    def moments(weight: Array) -> Array:
-        return np.einsum("nq,nqk->nk", weight, vandermonde)
-
-    of_pressure, weighted = moments(wall.pressure_weight), moments(wall.stiffness_weight)
-    stiffness = weighted[:, :-1] @ derivative / 2 - weighted @ coefficient
+    of_response, of_slope = interpolation.moments(tubes, wall)
     share = np.reshape(tubes.share, (-1, 1))
+    stiffness = of_slope(wall.stiffness_weight) / 2 - of_response(wall.stiffness_weight)
     stiffness *= share
+    force_slope = np.pi * share * tubes.radius[:, None] * of_slope(wall.pressure_weight)
     matrices = {
-        "pressure": of_pressure @ coefficient,
+        "pressure": of_response(wall.pressure_weight),
         "stiffness": stiffness,
         "slope": stiffness * tubes.growth[:, None],
-        "force": moments(wall.force_weight) @ coefficient,
-        "force_slope": np.pi * share * tubes.radius[:, None] * (of_pressure[:, :-1] @ derivative),
+        "force": of_response(wall.force_weight),
+        "force_slope": force_slope,
     }
-    if nodes.axial == 1:
-        return matrices
-    # At the axial stretch of its point, a wall's response is interpolated between those of nodes.
-    centre, half = group.axial
-    place = (np.log(tubes.axial_stretch) - centre) / half
-    between = chebyshev.chebvander(place, nodes.axial - 1) @ value_to_coefficient(nodes.axial)
-    return {
-        name: (between[:, :, None] * matrix[:, None, :]).reshape(len(place), -1)
-        for name, matrix in matrices.items()
-    }
-
-
-def groups_by(
-    tubes: KnownTubes, key: NDArray, some: NDArray[np.intp], *, varied: bool
-) -> list[Group]:
-    """Groups of some of the points that have the same `key`; their axial stretch may be varied."""
-    groups = []
-    for value in np.unique(key[some]):
-        own = some[key[some] == value]
-        log_axial = np.log(tubes.axial_stretch[own])
-        span = _span(log_axial) if varied else (float(log_axial[0]), 0.0)
-        groups.append(Group(own, _span(tubes.at(own).log_hoop), span))
-    return groups
-
-
-def _span(values: Any) -> tuple[float, float]:
-    """Centre and half width of the range of some numbers; a narrow one is widened at its end."""
-    low, high = float(np.min(values)), float(np.max(values))
-    half = max((high - low) / 2, 1e-3)
-    return low + half, half
-
-
-@cache
-def _response_function(energy: StrainEnergy, with_force: bool) -> Any:
-    """Responses at ``ln λθ`` and ``ln λz`` (1, node), for parameters (draw, 1)."""
-    log_hoop = pt.tensor("log_hoop", dtype="float64", shape=(1, None))
-    log_axial = pt.tensor("log_axial", dtype="float64", shape=(1, None))
-    entries = [pt.tensor(n, dtype="float64", shape=(None, 1)) for n in energy.entry_names]
-    hoop, axial, *full = pt.broadcast_arrays(log_hoop, log_axial, *entries)
-    responses = [energy.stress_difference(hoop, axial, **energy.join(full))]
-    if with_force:
-        responses.append(force_response(energy, hoop, axial, full))
-    return pytensor.function([log_hoop, log_axial, *entries], responses, mode="FAST_COMPILE")
+    return {n: np.pad(m, [(0, 0), (0, count - m.shape[1])]) for n, m in matrices.items()}

@@ -14,12 +14,11 @@ from pymc_hyperelastic.data.inflation import at_points, extension_tests, measure
 from pymc_hyperelastic.mechanics.collocation import (
     CollocatedAxialForce,
     CollocatedPressureIntegral,
-    Group,
-    Nodes,
     collocate,
     curve_matrices,
-    groups_by,
 )
+from pymc_hyperelastic.mechanics.empirical import EmpiricalNodes
+from pymc_hyperelastic.mechanics.interpolation import Basis, Group, Nodes, groups_by
 from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward.blocks import positions, table_arrays, table_of
@@ -54,12 +53,21 @@ def groups_of(
     return held, varied
 
 
+def groups_of_specimens(data: xr.Dataset, tubes: KnownTubes, *, by_test: bool) -> list[Group]:
+    """Groups of all tests on a specimen, or each test as a group."""
+    test = data["test"].values
+    specimen = np.unique(data["specimen"].values, return_inverse=True)[1]
+    key = test if by_test else specimen[test]
+    return groups_by(tubes, key, np.arange(len(test)), varied=True)
+
+
 @dataclass(frozen=True)
 class Collocated:
-    """Constant matrices of so many Chebyshev stretches.
+    """Constant matrices of so many Chebyshev stretches, or of nodes that the law asks for.
 
     Those of inflation tests are `nodes`, those of extension tests `grid`: 0, or None, if there are
-    none, and then none may take the place of the data. If only `taut` parts of walls count, these
+    none, and then none may take the place of the data. With `empirical` nodes neither is needed,
+    and tests of both kinds are a group. If only `taut` parts of walls count, these
     are where ``λθ ≥ 1``. The methods are those of
     :class:`~pymc_hyperelastic.models.forward.direct.Direct`; geometry is known, and plays no part
     in them.
@@ -70,6 +78,7 @@ class Collocated:
     by_test: bool = False
     grid: Nodes | None = None
     taut: bool = False
+    empirical: EmpiricalNodes | None = None
 
     def tubes(self, data: xr.Dataset) -> KnownTubes:
         """The walls at all points, or their taut parts."""
@@ -213,11 +222,13 @@ class Collocated:
 
     def _parts(
         self, data: xr.Dataset, tubes: KnownTubes
-    ) -> dict[str, tuple[Sequence[Group], Nodes]]:
+    ) -> dict[str, tuple[Sequence[Group], Basis]]:
         """Groups and nodes of inflation tests and of extension tests, by what names their arrays.
 
         Where there are no tests of one kind a group without points stands for them.
         """
+        if self.empirical:
+            return {"": (groups_of_specimens(data, tubes, by_test=self.by_test), self.empirical)}
         held, varied = groups_of(data, tubes, by_test=self.by_test)
         for there, stretches, kind in (
             (held, self.nodes, "inflation tests, in which axial_stretch is held"),
@@ -299,7 +310,7 @@ def _force_sum_arrays(
     data: xr.Dataset,
     tubes: KnownTubes,
     groups: Sequence[Group],
-    nodes: Nodes,
+    basis: Basis,
     measured: NDArray[np.bool_],
 ) -> Arrays:
     """Matrices of the sum of each test's forces: a row for each group that it has points in.
@@ -307,8 +318,8 @@ def _force_sum_arrays(
     With them the table of these rows, test by test. A test without a force in these groups has
     none.
     """
-    matrices, place = curve_matrices(tubes, groups, nodes)
-    forces = matrices["force_matrix"].reshape(-1, nodes.hoop * nodes.axial)
+    matrices, place = curve_matrices(tubes, groups, basis)
+    forces = matrices["force_matrix"].reshape(-1, matrices["log_hoop"].shape[1])
     of_groups = [group.points[measured[group.points]] for group in groups]
     rows, tests = np.concatenate(of_groups), data.sizes["test"]
     group = np.repeat(np.arange(len(groups)), [len(points) for points in of_groups])

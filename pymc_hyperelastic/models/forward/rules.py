@@ -3,6 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import count
 from types import MappingProxyType
 from typing import Literal, get_args
 
@@ -12,9 +13,13 @@ import pytensor
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
+from pymc.distributions.distribution import SymbolicRandomVariable
+from pymc.distributions.shape_utils import change_dist_size
 from pytensor.graph.basic import Constant, Variable
 from pytensor.graph.replace import vectorize_graph
+from pytensor.graph.traversal import ancestors
 from pytensor.graph.utils import MissingInputError
+from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import (
@@ -24,12 +29,18 @@ from pymc_hyperelastic.data.inflation import (
     points_of,
 )
 from pymc_hyperelastic.mechanics.axial_force import wall_force
-from pymc_hyperelastic.mechanics.collocation import Nodes, nodes_needed
+from pymc_hyperelastic.mechanics.empirical import empirical_nodes
+from pymc_hyperelastic.mechanics.interpolation import Nodes, nodes_needed
 from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
 from pymc_hyperelastic.mechanics.pressure import PressureIntegral, wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
-from pymc_hyperelastic.models.forward.collocated import Collocated, groups_of, known_tubes
+from pymc_hyperelastic.models.forward.collocated import (
+    Collocated,
+    groups_of,
+    groups_of_specimens,
+    known_tubes,
+)
 from pymc_hyperelastic.models.forward.direct import (
     Direct,
     WallVariables,
@@ -38,6 +49,7 @@ from pymc_hyperelastic.models.forward.direct import (
     tube_inputs,
 )
 from pymc_hyperelastic.models.forward.divided import Divided
+from pymc_hyperelastic.models.moduli import has_additive_stress
 
 Array = NDArray[np.float64]
 Mode = Literal["auto", "collocation", "quadrature"]
@@ -62,6 +74,8 @@ _ROUNDING = 1e-12
 _MOST_POINTS, _MOST_VALUES = 16, 200
 # Draws of the parameters, and corners of the box that holds these.
 _DRAWS, _MOST_CORNERS = 256, 1024
+# Draws among which materials are found whose responses the others are combined of.
+_MATERIALS, _MOST_MATERIALS = 3000, 800
 
 
 def way_to_integrate(
@@ -71,7 +85,8 @@ def way_to_integrate(
     mode: Mode,
     known_radii: bool,
     errors: Mapping[str, float | None] = MappingProxyType({}),
-    **settings: bool,
+    with_force: bool = False,
+    by_test: bool = False,
 ) -> Collocated | Divided | Direct:
     """The cheapest way that is exact, but for rounding, over the range of the parameters.
 
@@ -81,7 +96,7 @@ def way_to_integrate(
         raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
 
     def direct(order: int) -> Direct:
-        return Direct(order, **settings, errors=tuple(errors.items()))
+        return Direct(order, with_force, by_test, errors=tuple(errors.items()))
 
     if mode == "quadrature":
         return direct(_USUAL_ORDER)
@@ -89,8 +104,10 @@ def way_to_integrate(
     if wall.known_tube and known_radii:
         values = representative_values(wall.energy.split(wall.parameters))
         if values is not None:
-            collocated = _collocated(wall.energy, data, values, **settings)
-            way = collocated or _divided(wall, data, values, **settings)
+            whole = Collocated(0, with_force, by_test)
+            way: Collocated | Divided | None = _collocated(wall.energy, data, values, whole)
+            if way is None or not _is_cheap(way, data):
+                way = _divided(wall, data, values, whole) or way
             if way is not None and (mode == "collocation" or _is_cheap(way, data)):
                 return way
         reason = f"the response of {wall.energy.name} over the range of these parameters"
@@ -99,23 +116,25 @@ def way_to_integrate(
     ends = np.concatenate(_ends(data))
     inputs = tube_inputs(data) | error_inputs(data, errors)
     inputs = {name: v[ends] for name, v in inputs.items()}
-    return direct(_order_needed(wall, data, inputs, settings["with_force"]))
+    return direct(_order_needed(wall, data, inputs, with_force))
 
 
 def _collocated(
-    energy: StrainEnergy, data: xr.Dataset, values: list[Array], **settings: bool
+    energy: StrainEnergy, data: xr.Dataset, values: list[Array], whole: Collocated
 ) -> Collocated | None:
     """Constant matrices of as many stretches as are exact; None if none of them are."""
-    with_force = settings["with_force"]
     held, varied = groups_of(data, known_tubes(data))
-    nodes, grid = (nodes_needed(energy, g, values, with_force=with_force) for g in (held, varied))
+    nodes, grid = (
+        nodes_needed(energy, groups, values, with_force=whole.with_force)
+        for groups in (held, varied)
+    )
     if nodes is None or grid is None:
         return None
-    return Collocated(nodes.hoop if held else 0, **settings, grid=grid if varied else None)
+    return replace(whole, nodes=nodes.hoop if held else 0, grid=grid if varied else None)
 
 
 def _divided(
-    wall: WallVariables, data: xr.Dataset, values: list[Array], **settings: bool
+    wall: WallVariables, data: xr.Dataset, values: list[Array], whole: Collocated
 ) -> Collocated | Divided | None:
     """The same for parameters whose likelihood is not nil, and for walls in which fibres slacken.
 
@@ -126,19 +145,45 @@ def _divided(
     kinks = _kinks_in(tubes, wall.energy, values)
     if np.any(kinks > _ROUNDING):
         return None
-    whole = Collocated(0, **settings, grid=None, taut=kinks.size > 0)
+    whole = replace(whole, taut=kinks.size > 0)
     nodes = _nodes_for_possible(wall.energy, data, values, whole)
-    if nodes is None:
-        return None
-    held, varied = nodes
-    collocated = replace(whole, nodes=held.hoop, grid=varied)
+    collocated = whole
+    if nodes is not None:
+        collocated = replace(whole, nodes=nodes[0].hoop, grid=nodes[1])
+    if nodes is None or not _is_cheap(collocated, data):
+        empirical = _empirical(wall, data, whole)
+        if empirical is None and nodes is None:
+            return None
+        collocated = empirical or collocated
     if not kinks.size:
         return collocated
     slack = tubes.divided()[1]
     points = np.flatnonzero(slack.outer_radius > slack.inner_radius)
     inputs = {n: getattr(slack, n)[points] for n in ("radius", *GEOMETRY)}
-    order = _order_needed(wall, data, inputs, settings["with_force"])
-    return Divided(collocated, Direct(order, settings["with_force"], settings["by_test"]))
+    order = _order_needed(wall, data, inputs, whole.with_force)
+    return Divided(collocated, Direct(order, whole.with_force, whole.by_test))
+
+
+def _empirical(wall: WallVariables, data: xr.Dataset, way: Collocated) -> Collocated | None:
+    """The same with nodes that a law of fibres asks for.
+
+    None for other laws, and if stress is no sum over the moduli.
+    """
+    energy, tubes = wall.energy, way.tubes(data)
+    if not energy.kinks(pt.zeros(()), **wall.parameters) or not has_additive_stress(energy):
+        return None
+    entries, seeds = energy.split(wall.parameters), count(2)
+
+    def draw() -> list[Array]:
+        draws = _drawn(entries, _MATERIALS, next(seeds))
+        possible = _possible(energy, data, draws, _BEYOND).all(axis=0)
+        return [v[possible][:_MOST_MATERIALS] for v in draws]
+
+    if len(draw()[0]) < _FEWEST:
+        return None
+    groups = groups_of_specimens(data, tubes, by_test=way.by_test)
+    nodes = empirical_nodes(energy, tubes, groups, draw, with_force=way.with_force)
+    return replace(way, empirical=nodes) if nodes else None
 
 
 def _kinks_in(tubes: KnownTubes, energy: StrainEnergy, values: list[Array]) -> Array:
@@ -166,7 +211,7 @@ def _nodes_for_possible(
 
     Any of the tests may come to stand alone: what is impossible in another one still counts in it.
     """
-    possible = _possible(energy, data, values)
+    possible = _possible(energy, data, values, _FAR_BEYOND)
     tubes, with_force = way.tubes(data), way.with_force
     needed: list[list[Nodes]] = [[], []]
     for by_test in (False, True):
@@ -189,14 +234,16 @@ def _nodes_for_possible(
     return Nodes(*held) if held else Nodes(0), Nodes(*varied) if varied else None
 
 
-def _possible(energy: StrainEnergy, data: xr.Dataset, values: list[Array]) -> NDArray[np.bool_]:
+def _possible(
+    energy: StrainEnergy, data: xr.Dataset, values: list[Array], beyond: float
+) -> NDArray[np.bool_]:
     """Which parameters (test, value) have pressures that are not far beyond all measured ones."""
     inputs = [pt.row(dtype="float64") for _ in range(5)]
     inputs += [pt.col(name, dtype="float64") for name in energy.entry_names]
     pressure = PressureIntegral(strain_energy=energy, order=_CHEAP_ORDER)(*inputs)[0]
     function = pytensor.function(inputs, pressure, mode="FAST_COMPILE")
     tubes, ends = known_tubes(data), _ends(data)
-    limit = _FAR_BEYOND * np.abs(data["pressure"].values).max()
+    limit = beyond * np.abs(data["pressure"].values).max()
     entries = [v[:, None] for v in values]
     with np.errstate(all="ignore"):
         return np.array(
@@ -219,7 +266,7 @@ def _ends(data: xr.Dataset) -> list[NDArray[np.intp]]:
 def _is_cheap(way: Collocated | Divided, data: xr.Dataset) -> bool:
     """Whether a grid of stretches is smaller than the walls of the points that it stands for."""
     way = way.taut if isinstance(way, Divided) else way
-    if way.grid is None:
+    if way.grid is None or way.empirical:
         return True
     extended = extension_tests(data)
     grids = extended.sum() if way.by_test else 1
@@ -284,7 +331,7 @@ def representative_values(parameters: list[TensorVariable]) -> list[Array] | Non
     from, so that nothing is known of their range.
     """
     try:
-        draws = pm.draw(parameters, draws=_DRAWS, random_seed=1, mode="FAST_COMPILE")
+        draws = _drawn(parameters, _DRAWS, 1)
     except (MissingInputError, NotImplementedError):
         return None
     ends = np.array([[d.min(), d.max()] for d in draws])
@@ -294,3 +341,24 @@ def representative_values(parameters: list[TensorVariable]) -> list[Array] | Non
     bits = (corner >> np.arange(count)[:, None]) & 1
     corners = np.take_along_axis(ends, bits, axis=1)
     return [np.concatenate([d, c]) for d, c in zip(draws, corners, strict=True)]
+
+
+def _drawn(parameters: list[TensorVariable], count: int, seed: int) -> list[Array]:
+    """Draws of the parameters: all at once, unless a distribution depends on what is drawn."""
+    randoms = [v for v in ancestors(parameters) if _is_random(v)]
+    if any(_is_random(v) for rv in randoms for v in ancestors(rv.owner.inputs)):
+        return pm.draw(parameters, draws=count, random_seed=seed, mode="FAST_COMPILE")
+    batches = {rv: change_dist_size(rv, (count,), expand=True) for rv in randoms}
+    outputs = vectorize_graph(parameters, batches)
+    draws = pm.draw(outputs, random_seed=seed, mode="FAST_COMPILE")
+    # What no distribution enters is one number for all.
+    return [
+        np.broadcast_to(d, (count, *np.shape(d)[np.ndim(d) - p.type.ndim :]))
+        for d, p in zip(draws, parameters, strict=True)
+    ]
+
+
+def _is_random(variable: Variable) -> bool:
+    return variable.owner is not None and isinstance(
+        variable.owner.op, RandomVariable | SymbolicRandomVariable
+    )

@@ -1,0 +1,272 @@
+"""Nodes that a law itself asks for: empirical interpolation of its responses.
+
+Laws of fibres stiffen by orders of magnitude, and polynomials take thousands of stretches to follow
+them where both stretches vary. All responses of such a law are nevertheless combinations of one or
+two hundred: those of some of its materials, the snapshots, which need be known at as many places
+of the walls alone.
+
+References
+----------
+M. Barrault, Y. Maday, N. C. Nguyen and A. T. Patera, An 'empirical interpolation' method, Comptes
+Rendus Mathematique 339 (2004) 667. Nodes by a factorisation with pivots: Z. Drmač and S. Gugercin,
+A new selection operator for the discrete empirical interpolation method, SIAM Journal on Scientific
+Computing 38 (2016) A631.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytensor
+import pytensor.tensor as pt
+from numpy.typing import NDArray
+from scipy.linalg import qr, solve_triangular
+
+from pymc_hyperelastic.mechanics.axial_force import force_response
+from pymc_hyperelastic.mechanics.interpolation import Group, Moments
+from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
+from pymc_hyperelastic.mechanics.wall import WallRule, wall_rule
+
+Array = NDArray[np.float64]
+# Materials, their entries in the order of the law, (material) each.
+Materials = Sequence[Array]
+
+# What is left of a snapshot that the others do not explain, relative to the largest: less is
+# rounding.
+_INDEPENDENT = 3e-12
+# Places in the walls among which nodes are chosen, at most, and among which snapshots are.
+_MOST_PLACES, _SOME_PLACES, _MOST_GROUPS = 4000, 1200, 3
+# What curves may err, relative to their largest value, and how often snapshots are added until
+# they do not.
+TOLERANCE = 1e-9
+_MOST_ROUNDS = 4
+_EVENLY = 3
+_LARGEST = 1e100
+# Points whose curves are compared, and the order of the quadrature that they are compared with.
+_TRIED, _FINER = 100, 48
+
+
+@dataclass(frozen=True, eq=False)
+class EmpiricalNodes:
+    """As many nodes as responses of a law are independent, where they differ most.
+
+    Attributes
+    ----------
+    energy : StrainEnergy
+        The law.
+    of_stress, of_force : sequence of array, shape (snapshot)
+        Entries of the materials whose responses ``T``, and those of the axial force, the others
+        are combined of.
+    """
+
+    energy: StrainEnergy
+    of_stress: Materials
+    of_force: Materials
+
+    def interpolation(self, tubes: KnownTubes, group: Group) -> "EmpiricalInterpolation":
+        """Nodes in the walls of the group."""
+        places = _places(tubes, group, _MOST_PLACES)
+        snapshots = self.responses(*places)[0]
+        scale = np.abs(snapshots).max(axis=1, keepdims=True)
+        known = (scale[:, 0] < _LARGEST) & (scale[:, 0] > 0)
+        snapshots, scale = snapshots[known], scale[known]
+        basis, triangle, chosen = qr(snapshots / scale, mode="economic", pivoting=True)
+        size = np.abs(np.diag(triangle))
+        count = int(np.sum(size > _INDEPENDENT * size[0]))
+        nodes = chosen[:count]
+        return EmpiricalInterpolation(
+            self,
+            known,
+            (places[0][nodes], places[1][nodes]),
+            scale,
+            basis[:, :count],
+            triangle[:count, :count],
+        )
+
+    def responses(self, log_hoop: Array, log_axial: Array) -> tuple[Array, Array]:
+        """All snapshots (snapshot, place), and their slopes by ``ln λθ``."""
+        parts = [
+            _responses(self.energy, force)(log_hoop[None], log_axial[None], *_columns(materials))
+            for force, materials in ((False, self.of_stress), (True, self.of_force))
+            if len(materials[0])
+        ]
+        values, slopes = (np.concatenate(of_parts) for of_parts in zip(*parts, strict=True))
+        return values, slopes
+
+
+class EmpiricalInterpolation(NamedTuple):
+    r"""Responses in the walls of a group by those at its nodes.
+
+    With the snapshots ``U`` at all places, ``V`` at the nodes and :math:`V = Q R`, a response
+    ``g`` is :math:`g(x) = \sum_k D_k(x) g_k` with :math:`D = R^{-1} Q^T U`.
+    """
+
+    nodes: EmpiricalNodes
+    known: NDArray[np.bool_]
+    places: tuple[Array, Array]
+    scale: Array
+    basis: Array
+    triangle: Array
+
+    def moments(self, tubes: KnownTubes, wall: WallRule) -> tuple[Moments, Moments]:
+        """Integrals of the response, and of its slope by ``ln λθ``, by responses at the nodes."""
+        log_axial = np.broadcast_to(np.log(tubes.axial_stretch)[:, None], wall.log_hoop.shape)
+        # Parts without thickness are anywhere.
+        log_hoop = np.where(wall.pressure_weight > 0, wall.log_hoop, self.places[0][0])
+        responses = self.nodes.responses(log_hoop.ravel(), log_axial.ravel())
+
+        def by_nodes(responses: Array) -> Moments:
+            weights = solve_triangular(
+                self.triangle, self.basis.T @ (responses[self.known] / self.scale)
+            )
+            weights = weights.reshape(-1, *wall.log_hoop.shape)
+            return lambda weight: np.einsum("nq,knq->nk", weight, weights)
+
+        values, slopes = map(by_nodes, responses)
+        return values, slopes
+
+
+def empirical_nodes(
+    energy: StrainEnergy,
+    tubes: KnownTubes,
+    groups: Sequence[Group],
+    draw: Callable[[], Materials],
+    *,
+    with_force: bool,
+) -> EmpiricalNodes | None:
+    """Nodes by which curves of all materials that are drawn are right; None if that fails.
+
+    The stress of the law must be a sum over its moduli: snapshots are responses to one of them
+    alone. Those are added by which curves of others, drawn afresh, are not right yet.
+    """
+    some = [groups[i] for i in _some(len(groups), _MOST_GROUPS)]
+    parts = [_places(tubes, group, _SOME_PLACES // len(some)) for group in some]
+    log_hoop, log_axial = map(np.concatenate, zip(*parts, strict=True))
+
+    def independent(materials: Materials, force: bool) -> Materials:
+        """Those of whose responses the others are combinations."""
+        respond = _responses(energy, force)
+        responses = respond(log_hoop[None], log_axial[None], *_columns(materials))[0]
+        size = np.abs(responses).max(axis=1)
+        known = np.flatnonzero((size < _LARGEST) & (size > 0))
+        if not known.size:
+            return _none(energy)
+        triangle, pivots = qr((responses[known] / size[known, None]).T, mode="r", pivoting=True)
+        left = np.abs(np.diag(triangle))
+        own = known[pivots[: np.sum(left > _INDEPENDENT * left[0])]]
+        return [v[own] for v in materials]
+
+    kinds = (False, True) if with_force else (False,)
+    snapshots = {force: _none(energy) for force in (False, True)}
+    learn_from = _spread(draw())
+    for _ in range(_MOST_ROUNDS):
+        for force in kinds:
+            found = [independent(m, force) for m in _one_by_one(energy, learn_from)]
+            snapshots[force] = _joined([snapshots[force], *found])
+        nodes = EmpiricalNodes(energy, snapshots[False], snapshots[True])
+        others = draw()
+        errors = [_errors(nodes, tubes, group, others, with_force) for group in some]
+        wrong = np.max(errors, axis=0) > TOLERANCE
+        if not wrong.any():
+            return nodes
+        learn_from = [v[wrong] for v in others]
+    return None
+
+
+def _spread(materials: Materials) -> Materials:
+    """The materials, and as many evenly over the box that holds them: few are near its corners."""
+    rng, spread = np.random.default_rng(1), []
+    for values in materials:
+        # What is always positive may be of any order of magnitude.
+        low, high = np.log([values.min(), values.max()]) if values.min() > 0 else (0, 0)
+        even = np.exp(rng.uniform(low, high, _EVENLY * len(values)))
+        if values.min() <= 0:
+            even = rng.uniform(values.min(), values.max(), len(even))
+        spread.append(np.concatenate([values, even]))
+    return spread
+
+
+def _one_by_one(energy: StrainEnergy, materials: Materials) -> list[Materials]:
+    """The materials with one of their moduli alone, of 1 kPa."""
+    is_modulus = [p.unit == "kPa" for p in energy.parameters for _ in range(p.size or 1)]
+    count = len(materials[0])
+    return [
+        [
+            np.full(count, float(place == own)) if modulus else values
+            for place, (values, modulus) in enumerate(zip(materials, is_modulus, strict=True))
+        ]
+        for own in np.flatnonzero(is_modulus)
+    ]
+
+
+def _errors(
+    nodes: EmpiricalNodes, tubes: KnownTubes, group: Group, materials: Materials, with_force: bool
+) -> Array:
+    """Errors of curves of the materials, relative to the largest value of each."""
+    interpolation = nodes.interpolation(tubes, group)
+    own = tubes.at(group.points[_some(len(group.points), _TRIED)])
+    # What is integrated need not be smooth.
+    wall, finer = wall_rule(np, *own.walls), wall_rule(np, *own.walls, order=_FINER)
+    moments = interpolation.moments(own, wall)[0]
+    log_axial = np.broadcast_to(np.log(own.axial_stretch)[:, None], finer.log_hoop.shape)
+    errors = np.zeros(len(materials[0]))
+    kinds = [
+        (False, wall.pressure_weight, finer.pressure_weight),
+        (True, wall.force_weight, finer.force_weight),
+    ]
+    for force, weight, exact_weight in kinds[: 1 + with_force]:
+        respond = _responses(nodes.energy, force)
+        exact, there = (
+            respond(x[None], z[None], *_columns(materials))[0]
+            for x, z in ((finer.log_hoop.ravel(), log_axial.ravel()), interpolation.places)
+        )
+        exact = np.einsum("nq,mnq->mn", exact_weight, exact.reshape(-1, *exact_weight.shape))
+        error = np.abs(there @ moments(weight).T - exact).max(axis=1)
+        errors = np.maximum(errors, error / np.abs(exact).max(axis=1))
+    return errors
+
+
+def _places(tubes: KnownTubes, group: Group, most: int) -> tuple[Array, Array]:
+    """``ln λθ`` and ``ln λz`` of so many places in the walls of a group, both faces included."""
+    own = tubes.at(group.points)
+    own = own.at(np.flatnonzero(own.outer_radius > own.inner_radius))
+    own = own.at(_some(len(own.radius), most // 4))
+    log_hoop = wall_rule(np, *own.walls).log_hoop
+    log_hoop = log_hoop[:, _some(log_hoop.shape[1], most // len(log_hoop))]
+    log_axial = np.broadcast_to(np.log(own.axial_stretch)[:, None], log_hoop.shape)
+    return log_hoop.ravel(), log_axial.ravel()
+
+
+def _some(count: int, most: int) -> NDArray[np.intp]:
+    """At most so many of the numbers below `count`, evenly spread, the first and last included."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int))
+
+
+def _columns(materials: Materials) -> list[Array]:
+    return [np.reshape(v, (-1, 1)) for v in materials]
+
+
+def _joined(parts: Sequence[Materials]) -> Materials:
+    return [np.concatenate(values) for values in zip(*parts, strict=True)]
+
+
+def _none(energy: StrainEnergy) -> Materials:
+    return [np.empty(0) for _ in energy.entry_names]
+
+
+@cache
+def _responses(energy: StrainEnergy, force: bool) -> Any:
+    """Responses and their slopes at ``ln λθ`` and ``ln λz`` (1, place), entries (material, 1)."""
+    log_hoop = pt.tensor("log_hoop", dtype="float64", shape=(1, None))
+    log_axial = pt.tensor("log_axial", dtype="float64", shape=(1, None))
+    entries = [pt.tensor(n, dtype="float64", shape=(None, 1)) for n in energy.entry_names]
+    hoop, axial, *full = pt.broadcast_arrays(log_hoop, log_axial, *entries)
+    if force:
+        response = force_response(energy, hoop, axial, full)
+    else:
+        response = energy.stress_difference(hoop, axial, **energy.join(full))
+    outputs = [response, elementwise_derivative(response, hoop)]
+    return pytensor.function([log_hoop, log_axial, *entries], outputs, mode="FAST_COMPILE")
