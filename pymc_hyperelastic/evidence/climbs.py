@@ -20,6 +20,8 @@ _FEWEST_STEPS, _STEPS, _TRIES = 100, 5, 2
 # twice that, and so on, until it is no step. After one that keeps its promise it is damped less, by
 # this factor at most.
 _GAIN, _MORE, _NO_STEP, _LESS = 1e-4, 2.0, 1e-12, 1 / 3
+# Of the sum of curvatures: rounding leaves no less in a direction that is flat beside the others.
+_ROUNDING = 1e-14
 
 
 class Summits(NamedTuple):
@@ -67,7 +69,7 @@ def climb_together(ascent: Ascent, starts: Array, width: Array) -> Summits:
         own = np.flatnonzero(climbing & (length > _NO_STEP) & (steps < most))
         if not own.size:
             break
-        damped = curvature[own] + damping[own, None, None] * np.eye(size)
+        damped = _more_by(curvature[own], damping[own])
         moved = np.linalg.solve(damped, slope[own, :, None])[..., 0]
         length[own] = np.linalg.norm(moved / local[own], axis=1)
         promised = (_dot(moved, slope[own]) + damping[own] * _dot(moved, moved)) / 2
@@ -87,9 +89,15 @@ def climb_together(ascent: Ascent, starts: Array, width: Array) -> Summits:
         height[gone], slope[gone] = new_height[enough], new_slope[enough]
         damping[gone] *= np.clip(1 - (2 * kept[enough] - 1) ** 3, _LESS, 1.0)
         more[gone], steps[gone] = _MORE, steps[gone] + 1
-        inverse = np.linalg.inv(curvature[gone] + np.eye(size))
+        inverse = np.linalg.inv(_more_by(curvature[gone], 1.0))
         local[gone] = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2)).clip(_NARROWEST)
     return Summits(x * width, height, slope / width, local * width)
+
+
+def _more_by(curvature: Array, each: Array | float) -> Array:
+    """Curvatures with so much more in each direction, and enough to be regular when rounded."""
+    more = each + _ROUNDING * np.trace(curvature, axis1=1, axis2=2)
+    return curvature + more[:, None, None] * np.eye(curvature.shape[1])
 
 
 def _updated(curvature: Array, moved: Array, fall: Array) -> Array:
