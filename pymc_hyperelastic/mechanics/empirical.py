@@ -94,7 +94,8 @@ class EmpiricalNodes:
             if len(materials[0])
         ]
         values, slopes = (np.concatenate(of_parts) for of_parts in zip(*parts, strict=True))
-        return values, slopes
+        # Fibres without a modulus bear nothing, also where their exponential overflows.
+        return np.nan_to_num(values, posinf=np.inf), np.nan_to_num(slopes, posinf=np.inf)
 
 
 class EmpiricalInterpolation(NamedTuple):
@@ -113,9 +114,13 @@ class EmpiricalInterpolation(NamedTuple):
 
     def moments(self, tubes: KnownTubes, wall: WallRule) -> tuple[Moments, Moments]:
         """Integrals of the response, and of its slope by ``ln λθ``, by responses at the nodes."""
+        there = wall.pressure_weight > 0
         log_axial = np.broadcast_to(np.log(tubes.axial_stretch)[:, None], wall.log_hoop.shape)
-        # Parts without thickness are anywhere.
-        log_hoop = np.where(wall.pressure_weight > 0, wall.log_hoop, self.places[0][0])
+        # Parts without thickness are anywhere where responses are known.
+        log_hoop, log_axial = (
+            np.where(there, x, known[0])
+            for x, known in zip((wall.log_hoop, log_axial), self.places, strict=True)
+        )
         responses = self.nodes.responses(log_hoop.ravel(), log_axial.ravel())
 
         def by_nodes(responses: Array) -> Moments:
