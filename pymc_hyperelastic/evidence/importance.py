@@ -26,9 +26,9 @@ ENOUGH = 400
 DRAWS, _MOST_DRAWS = 8000, 64000
 # Share of the prior in them.
 _PRIOR_SHARE = 0.1
-# Draws of a step of adaptation, for each unknown and at least; it goes so far that this fraction of
-# them is effective.
-_STEP_DRAWS, _FEWEST_DRAWS, _STEP_EFFECTIVE, _MOST_STEPS = 250, 1000, 0.1, 60
+# Draws of a step of adaptation, for each number that a component has and at least; it goes so far
+# that this fraction of them is effective.
+_STEP_DRAWS, _FEWEST_DRAWS, _STEP_EFFECTIVE, _MOST_STEPS = 80, 1000, 0.1, 60
 # Effective fraction at which a mixture is like the posterior, and steps after which it is as like
 # as it becomes.
 _ALIKE, _LAST_STEPS = 0.4, 6
@@ -127,7 +127,8 @@ def adapted_mixture(
     O. Cappé, R. Douc, A. Guillin, J.-M. Marin and C. P. Robert, Adaptive importance sampling in
     general mixture classes, Statistics and Computing 18 (2008) 447.
     """
-    draws = max(_FEWEST_DRAWS, _STEP_DRAWS * like.means.shape[1])
+    dimension = like.means.shape[1]
+    draws = max(_FEWEST_DRAWS, _STEP_DRAWS * (dimension + 1) * (dimension + 2) // 2)
     beta, last, mixture = 0.0, 0, like
     start = like.heavy_tailed()
     for _ in range(_MOST_STEPS):

@@ -13,7 +13,7 @@ A new selection operator for the discrete empirical interpolation method, SIAM J
 Computing 38 (2016) A631.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, NamedTuple
@@ -37,16 +37,18 @@ Materials = Sequence[Array]
 # What is left of a snapshot that the others do not explain, relative to the largest: less is
 # rounding.
 _INDEPENDENT = 3e-12
-# Places in the walls among which nodes are chosen, at most, and among which snapshots are.
-_MOST_PLACES, _SOME_PLACES, _MOST_GROUPS = 4000, 1200, 3
+# Places in the walls of a group among which nodes are chosen, at most, and among which snapshots
+# are; random combinations of these by which snapshots are told apart; groups that are looked at.
+_MOST_PLACES, _SOME_PLACES, _COMBINATIONS, _MOST_GROUPS = 4000, 800, 400, 3
 # What curves may err, relative to their largest value, and how often snapshots are added until
-# they do not.
-TOLERANCE = 1e-9
+# they do not. A few materials among those that are tried may err more, but not visibly: fibres that
+# stiffen by orders of magnitude within a hundredth of a wall, which hardly any test shows.
+TOLERANCE, _VISIBLE, _FEW = 1e-9, 1e-3, 1 / 200
 _MOST_ROUNDS = 4
-_EVENLY = 3
+_EVENLY = 2
 _LARGEST = 1e100
 # Points whose curves are compared, and the order of the quadrature that they are compared with.
-_TRIED, _FINER = 100, 48
+_TRIED, _FINER = 60, 48
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,37 +150,45 @@ def empirical_nodes(
     alone. Those are added by which curves of others, drawn afresh, are not right yet.
     """
     some = [groups[i] for i in _some(len(groups), _MOST_GROUPS)]
-    parts = [_places(tubes, group, _SOME_PLACES // len(some)) for group in some]
-    log_hoop, log_axial = map(np.concatenate, zip(*parts, strict=True))
-
-    def independent(materials: Materials, force: bool) -> Materials:
-        """Those of whose responses the others are combinations."""
-        respond = _responses(energy, force)
-        responses = respond(log_hoop[None], log_axial[None], *_columns(materials))[0]
-        size = np.abs(responses).max(axis=1)
-        known = np.flatnonzero((size < _LARGEST) & (size > 0))
-        if not known.size:
-            return _none(energy)
-        triangle, pivots = qr((responses[known] / size[known, None]).T, mode="r", pivoting=True)
-        left = np.abs(np.diag(triangle))
-        own = known[pivots[: np.sum(left > _INDEPENDENT * left[0])]]
-        return [v[own] for v in materials]
-
+    # Of each group those that matter there: beside the stiffest walls all others look alike.
+    places = [[x[None] for x in _places(tubes, group, _SOME_PLACES)] for group in some]
     kinds = (False, True) if with_force else (False,)
     snapshots = {force: _none(energy) for force in (False, True)}
     learn_from = _spread(draw())
     for _ in range(_MOST_ROUNDS):
+        of_one = _one_by_one(energy, learn_from)
+        candidates = {force: _joined([snapshots[force], *of_one]) for force in kinds}
+        chosen = [_independent(energy, of_group, candidates) for of_group in places]
         for force in kinds:
-            found = [independent(m, force) for m in _one_by_one(energy, learn_from)]
-            snapshots[force] = _joined([snapshots[force], *found])
+            both = np.array(_joined([of_group[force] for of_group in chosen]))
+            snapshots[force] = [*np.unique(both, axis=1)]
         nodes = EmpiricalNodes(energy, snapshots[False], snapshots[True])
         others = draw()
-        errors = [_errors(nodes, tubes, group, others, with_force) for group in some]
-        wrong = np.max(errors, axis=0) > TOLERANCE
-        if not wrong.any():
+        errors = np.max([_errors(nodes, tubes, group, others, with_force) for group in some], 0)
+        wrong = errors > TOLERANCE
+        if wrong.mean() <= _FEW and errors.max() < _VISIBLE:
             return nodes
         learn_from = [v[wrong] for v in others]
     return None
+
+
+def _independent(
+    energy: StrainEnergy, places: Sequence[Array], candidates: Mapping[bool, Materials]
+) -> dict[bool, Materials]:
+    """Materials of whose stresses and axial forces those of all candidates are combinations."""
+    mix = np.random.default_rng(1).standard_normal((_COMBINATIONS, places[0].size))
+    of_kinds, columns = [], []
+    for force, materials in candidates.items():
+        responses = _responses(energy, force, slope=False)(*places, *_columns(materials))[0]
+        size = np.abs(responses).max(axis=1)
+        known = np.flatnonzero((size < _LARGEST) & (size > 0))
+        columns.append(mix @ (responses[known] / size[known, None]).T)
+        of_kinds += [(force, row) for row in known]
+    triangle, pivots = qr(np.concatenate(columns, axis=1), mode="r", pivoting=True)
+    left = np.abs(np.diag(triangle))
+    chosen = [of_kinds[pivot] for pivot in pivots[: np.sum(left > _INDEPENDENT * left[0])]]
+    rows = {kind: [row for of, row in chosen if of == kind] for kind in candidates}
+    return {kind: [v[rows[kind]] for v in candidates[kind]] for kind in candidates}
 
 
 def _spread(materials: Materials) -> Materials:
@@ -223,7 +233,7 @@ def _errors(
         (True, wall.force_weight, finer.force_weight),
     ]
     for force, weight, exact_weight in kinds[: 1 + with_force]:
-        respond = _responses(nodes.energy, force)
+        respond = _responses(nodes.energy, force, slope=False)
         exact, there = (
             respond(x[None], z[None], *_columns(materials))[0]
             for x, z in ((finer.log_hoop.ravel(), log_axial.ravel()), interpolation.places)
@@ -263,8 +273,8 @@ def _none(energy: StrainEnergy) -> Materials:
 
 
 @cache
-def _responses(energy: StrainEnergy, force: bool) -> Any:
-    """Responses and their slopes at ``ln λθ`` and ``ln λz`` (1, place), entries (material, 1)."""
+def _responses(energy: StrainEnergy, force: bool, slope: bool = True) -> Any:
+    """Responses, and their slopes, at ``ln λθ`` and ``ln λz`` (1, place), entries (material, 1)."""
     log_hoop = pt.tensor("log_hoop", dtype="float64", shape=(1, None))
     log_axial = pt.tensor("log_axial", dtype="float64", shape=(1, None))
     entries = [pt.tensor(n, dtype="float64", shape=(None, 1)) for n in energy.entry_names]
@@ -273,5 +283,5 @@ def _responses(energy: StrainEnergy, force: bool) -> Any:
         response = force_response(energy, hoop, axial, full)
     else:
         response = energy.stress_difference(hoop, axial, **energy.join(full))
-    outputs = [response, elementwise_derivative(response, hoop)]
+    outputs = [response, *([elementwise_derivative(response, hoop)] if slope else [])]
     return pytensor.function([log_hoop, log_axial, *entries], outputs, mode="FAST_COMPILE")

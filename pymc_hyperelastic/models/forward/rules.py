@@ -1,8 +1,9 @@
 """Which way a wall is integrated: constant matrices of how many stretches, or how many nodes."""
 
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from itertools import count
 from types import MappingProxyType
 from typing import Literal, get_args
@@ -32,9 +33,9 @@ from pymc_hyperelastic.mechanics.axial_force import wall_force
 from pymc_hyperelastic.mechanics.empirical import empirical_nodes
 from pymc_hyperelastic.mechanics.interpolation import Nodes, nodes_needed
 from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
-from pymc_hyperelastic.mechanics.pressure import PressureIntegral, wall_pressure
+from pymc_hyperelastic.mechanics.layers import tubes_of
+from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward.collocated import (
     Collocated,
     groups_of,
@@ -75,7 +76,7 @@ _MOST_POINTS, _MOST_VALUES = 16, 200
 # Draws of the parameters, and corners of the box that holds these.
 _DRAWS, _MOST_CORNERS = 256, 1024
 # Draws among which materials are found whose responses the others are combined of.
-_MATERIALS, _MOST_MATERIALS = 3000, 800
+_MATERIALS, _MOST_MATERIALS, _MOST_DRAWS = 3000, 400, 18000
 
 
 def way_to_integrate(
@@ -158,24 +159,26 @@ def _divided(
     if not kinks.size:
         return collocated
     slack = tubes.divided()[1]
-    points = np.flatnonzero(slack.outer_radius > slack.inner_radius)
-    inputs = {n: getattr(slack, n)[points] for n in ("radius", *GEOMETRY)}
-    order = _order_needed(wall, data, inputs, whole.with_force)
+    slack = slack.at(_some(np.flatnonzero(slack.outer_radius > slack.inner_radius), _MOST_POINTS))
+    materials = [_some(v, _MOST_VALUES) for v in values]
+
+    def curves(order: int) -> list[Array]:
+        return _curves_of(wall.energy, order, whole.with_force)(slack, materials)
+
+    order = _least_order(curves, data)
     return Divided(collocated, Direct(order, whole.with_force, whole.by_test))
 
 
 def _empirical(wall: WallVariables, data: xr.Dataset, way: Collocated) -> Collocated | None:
-    """The same with nodes that a law of fibres asks for.
-
-    None for other laws, and if stress is no sum over the moduli.
-    """
+    """The same with nodes that the law asks for; None if stress is no sum over its moduli."""
     energy, tubes = wall.energy, way.tubes(data)
-    if not energy.kinks(pt.zeros(()), **wall.parameters) or not has_additive_stress(energy):
+    if not has_additive_stress(energy):
         return None
-    entries, seeds = energy.split(wall.parameters), count(2)
+    all_draws, numbers = _drawn(energy.split(wall.parameters), _MOST_DRAWS, 2), count()
 
     def draw() -> list[Array]:
-        draws = _drawn(entries, _MATERIALS, next(seeds))
+        start = next(numbers) * _MATERIALS
+        draws = [v[start : start + _MATERIALS] for v in all_draws]
         possible = _possible(energy, data, draws, _BEYOND).all(axis=0)
         return [v[possible][:_MOST_MATERIALS] for v in draws]
 
@@ -238,20 +241,32 @@ def _possible(
     energy: StrainEnergy, data: xr.Dataset, values: list[Array], beyond: float
 ) -> NDArray[np.bool_]:
     """Which parameters (test, value) have pressures that are not far beyond all measured ones."""
-    inputs = [pt.row(dtype="float64") for _ in range(5)]
-    inputs += [pt.col(name, dtype="float64") for name in energy.entry_names]
-    pressure = PressureIntegral(strain_energy=energy, order=_CHEAP_ORDER)(*inputs)[0]
-    function = pytensor.function(inputs, pressure, mode="FAST_COMPILE")
+    curves = _curves_of(energy, _CHEAP_ORDER)
     tubes, ends = known_tubes(data), _ends(data)
     limit = beyond * np.abs(data["pressure"].values).max()
-    entries = [v[:, None] for v in values]
-    with np.errstate(all="ignore"):
-        return np.array(
-            [
-                np.all(np.abs(function(*(x.T for x in tubes.at(rows).walls), *entries)) < limit, 1)
-                for rows in ends
-            ]
-        )
+    return np.array(
+        [np.all(np.abs(curves(tubes.at(rows), values)[0]) < limit, axis=1) for rows in ends]
+    )
+
+
+@cache
+def _curves_of(
+    energy: StrainEnergy, order: int, with_force: bool = False
+) -> Callable[[KnownTubes, Sequence[Array]], list[Array]]:
+    """Pressures, stiffnesses and axial forces (material, point) of known tubes."""
+    tube = [pt.row(dtype="float64") for _ in range(5)]
+    entries = [pt.col(name, dtype="float64") for name in energy.entry_names]
+    tubes = tubes_of(energy, tube[0], tube[1:], energy.join(entries))
+    outputs = list(wall_pressure(tubes, order))
+    if with_force:
+        outputs.append(wall_force(tubes, order))
+    function = pytensor.function([*tube, *entries], outputs, mode="FAST_COMPILE")
+
+    def curves(tubes: KnownTubes, materials: Sequence[Array]) -> list[Array]:
+        with np.errstate(all="ignore"):
+            return function(*(x.T for x in tubes.walls), *(v[:, None] for v in materials))
+
+    return curves
 
 
 def _ends(data: xr.Dataset) -> list[NDArray[np.intp]]:
@@ -304,6 +319,14 @@ def _order_needed(
         with np.errstate(all="ignore"):
             return function(*(_some(v, _MOST_VALUES) for v in values))
 
+    return _least_order(curves, data)
+
+
+def _least_order(curves: Callable[[int], list[Array]], data: xr.Dataset) -> int:
+    """The order after the least at which curves, pressures first, agree with those of the highest.
+
+    Curves of materials whose pressures are far beyond the measured ones do not count.
+    """
     *orders, highest = _ORDERS
     exact = curves(highest)
     possible = np.abs(exact[0]).max(axis=1) < _BEYOND * np.abs(data["pressure"].values).max()
