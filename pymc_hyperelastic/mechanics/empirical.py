@@ -217,6 +217,7 @@ def _one_by_one(energy: StrainEnergy, materials: Materials) -> list[Materials]:
     ]
 
 
+@np.errstate(all="ignore")  # some of the materials may be impossible
 def _errors(
     nodes: EmpiricalNodes, tubes: KnownTubes, group: Group, materials: Materials, with_force: bool
 ) -> Array:
@@ -240,7 +241,8 @@ def _errors(
         )
         exact = np.einsum("nq,mnq->mn", exact_weight, exact.reshape(-1, *exact_weight.shape))
         error = np.abs(there @ moments(weight).T - exact).max(axis=1)
-        errors = np.maximum(errors, error / np.abs(exact).max(axis=1))
+        scale = np.abs(exact).max(axis=1)
+        errors = np.maximum(errors, error / np.where(scale > 0, scale, 1.0))
     return errors
 
 

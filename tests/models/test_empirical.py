@@ -1,4 +1,4 @@
-"""Laws of fibres where both stretches vary, by nodes that the law asks for, against quadrature."""
+"""Laws where both stretches vary, by nodes that the law asks for, against quadrature."""
 
 from functools import cache
 
@@ -9,6 +9,7 @@ import pytest
 from tiers import tiers
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.models.forward.collocated import Collocated
 from pymc_hyperelastic.models.forward.direct import Direct
@@ -24,7 +25,13 @@ SEED = 20261124
 # Nodes are for materials whose pressures are below so many times those that were measured.
 BEYOND = 10
 WITH_FORCE = Observation(noise_sd=0.1, force_noise_sd=0.2)
-RANGES = {"c": (1.0, 40.0), "k1": (0.0, 50.0), "k2": (0.0, 2.0)}
+RANGES = {
+    "c": (1.0, 40.0),
+    "k1": (0.0, 50.0),
+    "k2": (0.0, 2.0),
+    "mu": (0.1, 20.0),
+    "alpha": (1.0, 6.0),
+}
 
 
 def protocols(growth=1.0, *, points=6, specimens=1):
@@ -82,9 +89,9 @@ def curves_both_ways(law, tests, by_test=False, draws=50):
     return [x[possible] for x in found[:count]], [x[possible] for x in found[count:]]
 
 
-LAWS = {e.name: e for e in (ph.HolzapfelGasserOgden(), ph.FourFiber())}
-SPECIMENS = {"HolzapfelGasserOgden": 1, "FourFiber": 2}
-CASES = tiers([*LAWS], lambda law: law == "HolzapfelGasserOgden")
+LAWS = {e.name: e for e in (ph.HolzapfelGasserOgden(), ph.FourFiber(), ph.Ogden())}
+SPECIMENS = {"HolzapfelGasserOgden": 1, "FourFiber": 2, "Ogden": 3}
+CASES = tiers([*LAWS], lambda law: law != "FourFiber")
 
 
 def assert_alike(found, exact, tolerance=CURVE_TOLERANCE):
@@ -121,6 +128,16 @@ def test_other_tests_in_place_of_those(law):
 def test_each_test_with_parameters_of_its_own(law):
     """As where the experiments on a specimen differ."""
     assert_alike(*curves_both_ways(law, protocols(points=5), by_test=True, draws=150))
+
+
+@pytest.mark.parametrize("law", CASES)
+def test_the_prior_of_a_class_has_nodes(law):
+    """Its fibres may stiffen by hundreds of orders of magnitude, its walls be of any thickness."""
+    tests = protocols(specimens=max(3, SPECIMENS[law]))
+    kind = Variability.of_settings(LAWS[law], **WITH_FORCE.noise)
+    way = kind.forward_model(tests).way
+    taut = way.taut if isinstance(way, Divided) else way
+    assert isinstance(taut, Collocated) and taut.empirical
 
 
 def test_larger_tubes_in_place_of_those():

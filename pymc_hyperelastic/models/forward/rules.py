@@ -75,6 +75,9 @@ _ROUNDING = 1e-12
 _MOST_POINTS, _MOST_VALUES = 16, 200
 # Draws of the parameters, and corners of the box that holds these.
 _DRAWS, _MOST_CORNERS = 256, 1024
+# Points of extension tests from which on nodes that a smooth law asks for are worth looking for:
+# quadrature of fewer is soon done.
+_MANY_POINTS = 50
 # Draws among which materials are found whose responses the others are combined of.
 _MATERIALS, _MOST_MATERIALS, _MOST_DRAWS = 3000, 400, 18000
 
@@ -170,9 +173,14 @@ def _divided(
 
 
 def _empirical(wall: WallVariables, data: xr.Dataset, way: Collocated) -> Collocated | None:
-    """The same with nodes that the law asks for; None if stress is no sum over its moduli."""
+    """The same with nodes that the law asks for.
+
+    None if stress is no sum over its moduli, and for smooth laws if there are few extension tests.
+    """
     energy, tubes = wall.energy, way.tubes(data)
-    if not has_additive_stress(energy):
+    smooth = not energy.kinks(pt.zeros(()), **wall.parameters)
+    few = extension_tests(data)[data["test"].values].sum() < _MANY_POINTS
+    if (smooth and few) or not has_additive_stress(energy):
         return None
     all_draws, numbers = _drawn(energy.split(wall.parameters), _MOST_DRAWS, 2), count()
 
