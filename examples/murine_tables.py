@@ -15,12 +15,13 @@ import pymc_hyperelastic as ph
 
 FOLDER = "MURINE_ELASTASE"
 FORMAT = f"""
-The folder, or the environment variable {FOLDER}, holds two tables:
+The folder, or the environment variable {FOLDER}, holds these tables:
 
 murine_elastase_geometry.csv, one row a specimen: specimen, group, animal,
   outer_diameter_unloaded_mm, thickness_unloaded_mm, opening_angle_deg
 murine_elastase_pd.csv, one row a point: specimen, test (test1, test2, test3 by rising axial
-  stretch), axial_stretch, pressure_mmHg, outer_diameter_um
+  stretch), axial_stretch, pressure_mmHg, outer_diameter_um, transducer_force_mN
+murine_elastase_fl.csv, the same of the extension tests (force_length1 to 4 by rising pressure)
 """
 # Below this pressure the wall, which lies folded at rest, is unfolding: there is no tube yet.
 LOWEST = 3.5  # mmHg
@@ -38,22 +39,28 @@ def options(description: str) -> argparse.ArgumentParser:
         type=Path,
         nargs="?",
         default=os.environ.get(FOLDER) or None,
-        help="where the two tables are",
+        help="where the tables are",
     )
     return parser
 
 
-def read(folder: Path) -> tuple[xr.Dataset, pd.DataFrame]:
+def read(folder: Path, *, extended: bool = False) -> tuple[xr.Dataset, pd.DataFrame]:
     """Inflation data of all specimens, and the table of these.
 
     A ring of the unloaded tube that is cut springs open. The radii are those of the ring, and the
     angle is Fung's, from the middle of the inner side to the two ends: half of what the sector
     lacks of a full circle.
+
+    With the tests that were `extended` there are axial forces, up to an offset of each test.
     """
     geometry = pd.read_csv(folder / "murine_elastase_geometry.csv")
     points = pd.read_csv(folder / "murine_elastase_pd.csv")
-    points = points.drop(columns=["group", "animal"], errors="ignore")
-    points = points[points["pressure_mmHg"] > LOWEST].merge(geometry, on="specimen")
+    points = points[points["pressure_mmHg"] > LOWEST]
+    if extended:
+        points = pd.concat([points, pd.read_csv(folder / "murine_elastase_fl.csv")])
+        points = points.rename(columns={"transducer_force_mN": "axial_force"})
+    points = points.drop(columns=["source", "group", "animal"], errors="ignore")
+    points = points.merge(geometry, on="specimen")
     data = ph.inflation_data(
         points.assign(
             experiment=points["test"],
