@@ -199,7 +199,9 @@ def test_csv_without_a_column(run_alike, tmp_path):
     assert "none.csv" in done.stderr and "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("script", ["leave_one_animal_out.py", "three_axial_stretches.py"])
+@pytest.mark.parametrize(
+    "script", ["leave_one_animal_out.py", "seven_protocols.py", "three_axial_stretches.py"]
+)
 def test_study_of_missing_data_says_how_to_call(run_alike, script, tmp_path, monkeypatch):
     """A study whose data are not part of the package ends well without them."""
     monkeypatch.delenv("MURINE_ELASTASE", raising=False)
