@@ -195,7 +195,7 @@ labels = list(dict.fromkeys(new["specimen"].values))
 # integral is taken by importance sampling about the place of greatest posterior density, by a
 # Student distribution. Nothing of the package is used here but the curves themselves.
 SHARED = 1 - FORCE_ERROR / np.sqrt(FORCE_ERROR**2 + POINTS * OFFSET**2)
-DRAWS, FREEDOM = 500, 5
+DRAWS, FREEDOM, IMPOSSIBLE = 500, 5, 1e9
 
 
 def errors(specimen: xr.Dataset, materials: np.ndarray) -> np.ndarray:
@@ -209,7 +209,9 @@ def errors(specimen: xr.Dataset, materials: np.ndarray) -> np.ndarray:
     force = (force - specimen["axial_force"].values).reshape(len(materials), -1, POINTS)
     force -= SHARED * force.mean(axis=2, keepdims=True)
     pressure = pressure - specimen["pressure"].values
-    return np.concatenate([pressure / ERROR, force.reshape(len(materials), -1) / FORCE_ERROR], 1)
+    both = [pressure / ERROR, force.reshape(len(materials), -1) / FORCE_ERROR]
+    # What overflows is impossible.
+    return np.nan_to_num(np.concatenate(both, axis=1), nan=IMPOSSIBLE).clip(-IMPOSSIBLE, IMPOSSIBLE)
 
 
 def log_evidence(specimen: xr.Dataset, group: stats.multivariate_normal) -> float:
