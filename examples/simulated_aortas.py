@@ -183,7 +183,7 @@ def cohort(groups: list[str], prefix: str) -> tuple[xr.Dataset, np.ndarray]:
 
 
 training = {group: cohort([group] * args.train, f"{group}-")[0] for group in GROUPS}
-truth = ["control", "treated"] * (args.new // 2)
+truth = [list(GROUPS)[i % 2] for i in range(args.new)]
 new, places = cohort(truth, "new-")
 labels = list(dict.fromkeys(new["specimen"].values))
 
@@ -287,7 +287,8 @@ print(table.round(3).to_string())
 PRIORS = {n: pm.LogNormal.dist(m, 2 * s) for n, m, s in zip(NAMES[:-1], MEAN, SPREAD, strict=False)}
 PRIORS |= {"beta": pm.Uniform.dist(20.0, 60.0)}
 PRIORS |= {"k1_hoop": pm.LogNormal.dist(-4.0, 2.0), "k2_hoop": pm.LogNormal.dist(0.0, 1.0)}
-REPORTED = {"circumferential_material_stiffness", "axial_material_stiffness"}
+REPORTED = [f"{direction}_material_stiffness" for direction in ("axial", "circumferential")]
+REPORTED += ["in_vivo_axial_stretch"]
 AT = 100.0  # mmHg
 
 
@@ -296,8 +297,7 @@ def reported(tree: xr.DataTree, specimen: xr.Dataset) -> dict[str, np.ndarray]:
     stretch = np.median(np.unique(specimen["axial_stretch"].values))
     there = {"pressure_unit": "mmHg", "axial_stretch": stretch, "check": "ignore"}
     found = ph.tube_properties(tree, [AT], pressure_range=(DIASTOLE, SYSTOLE), **there)
-    names = [*sorted(REPORTED), "in_vivo_axial_stretch"]
-    return {name: found[name].values.ravel() for name in names}
+    return {name: found[name].values.ravel() for name in REPORTED}
 
 
 def exact(place: np.ndarray, like: xr.DataTree) -> xr.DataTree:
@@ -342,7 +342,7 @@ for group, colour in zip(GROUPS, ("C0", "C1"), strict=True):
     own = np.array(truth) == group
     chances = [x["class_probability"].sel(class_label="treated") for x in (known, result)]
     axes.plot(*(c.values[own] for c in chances), "o", color=colour, alpha=0.5, label=group)
-axes.set(xlabel="true probability of “treated”", ylabel="learned from eight of each group")
+axes.set(xlabel="true probability of “treated”", ylabel=f"learned from {args.train} of each group")
 axes.legend(title="SIMULATED aortas")
 figure.savefig(args.out / "class_probability.png", dpi=150)
 print(f"\nTables, the figure and netCDF files are in {args.out}/")

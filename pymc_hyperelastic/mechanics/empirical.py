@@ -97,7 +97,7 @@ class EmpiricalNodes:
         ]
         values, slopes = (np.concatenate(of_parts) for of_parts in zip(*parts, strict=True))
         # Fibres without a modulus bear nothing, also where their exponential overflows.
-        return np.nan_to_num(values, posinf=np.inf), np.nan_to_num(slopes, posinf=np.inf)
+        return np.where(np.isnan(values), 0.0, values), np.where(np.isnan(slopes), 0.0, slopes)
 
 
 class EmpiricalInterpolation(NamedTuple):
