@@ -12,7 +12,7 @@ from pymc_hyperelastic.evidence.tempering import Tempering
 
 # Tempering scores so many times as many points as fit into cache at most: about a minute.
 _MOST_EFFORT = 20_000
-# Draws of the prior of which the best are climbed from.
+# Draws of the prior, some of which are climbed from.
 _PRIOR_DRAWS = 2000
 
 
@@ -25,8 +25,8 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     the others. It is given up where it takes too long: the error is then infinite.
     """
     prior = target.draw_prior(_PRIOR_DRAWS, rng)
-    starts = places_to_climb_from(prior, np.add(*target.score(prior)))
-    modes = modes_from(target.ascent, [starts], width_of(prior))
+    starts, *more = places_to_climb_from(prior, np.add(*target.score(prior)))
+    modes = modes_from(target.ascent, [starts], width_of(prior), more)
     # A posterior that is hardly narrower than the prior is not like its mode.
     like = GaussianMixture.fit(prior, 1, rng)
     if modes is not None:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.climbs import climb_together
@@ -32,48 +33,92 @@ class Modes(NamedTuple):
     """Logarithm of the integral of each, by Laplace's approximation."""
 
 
-def modes_from(ascent: Ascent, groups: Sequence[Array], width: Array) -> Modes | None:
+def modes_from(
+    ascent: Ascent, groups: Sequence[Array], width: Array, more: Sequence[Array] = ()
+) -> Modes | None:
     """Modes of a density, from climbs from starts in groups, (n, d) each; None if it has none.
 
     Where the noise is unknown, a tempered likelihood prefers large noise up to a certain power, and
     then all of a sudden the small noise of the true curve: a population that follows it misses
     that. Climbing from draws of the prior, of the given `width`, does not.
+
+    What share of all climbs would lead to modes that are not known yet, the share of those tells
+    that led where no other did. `More` groups are therefore climbed from as long as a mode that
+    counts was reached by one climb alone.
+
+    References
+    ----------
+    I. J. Good, The population frequencies of species and the estimation of population parameters,
+    Biometrika 40 (1953) 237.
     """
-    means: list[Array] = []
-    factors: list[Array] = []
-    masses: list[float] = []
+    found = _Found(ascent, width)
     for group in groups:
-        starts = [x for x in group if not _is_among(x, means, factors, _BASIN)]
+        found.climb_from(group)
+    for group in more:
+        if found.settled:
+            break
+        found.climb_from(group)
+    return found.modes
+
+
+class _Found:
+    """Modes so far, and how many climbs have led to each."""
+
+    def __init__(self, ascent: Ascent, width: Array) -> None:
+        self._ascent, self._width = ascent, width
+        self._means: list[Array] = []
+        self._factors: list[Array] = []
+        self._masses: list[float] = []
+        self._reached: list[int] = []
+
+    def climb_from(self, group: Array) -> None:
+        """Climb from all of a group that are not at a mode yet."""
+        starts = [x for x in group if self._at(x, _BASIN) is None]
         if not starts:
-            continue
-        points, heights, slopes, widths = climb_together(ascent, np.array(starts), width)
-        for i in np.argsort(-heights):
-            if not np.isfinite(heights[i]) or _is_among(points[i], means, factors):
+            return
+        climbed = climb_together(self._ascent, np.array(starts), self._width)
+        for i in np.argsort(-climbed.heights):
+            if not np.isfinite(climbed.heights[i]):
                 continue
-            factor = _factor_at(ascent, points[i], widths[i], width)
-            if factor is None or np.sum((factor.T @ slopes[i]) ** 2) > 2 * _BELOW:
+            known = self._at(climbed.points[i])
+            if known is not None:
+                self._reached[known] += 1
                 continue
-            means.append(points[i])
-            factors.append(factor)
-            masses.append(np.log(np.diagonal(factor)).sum() + heights[i])
-    if not masses:
+            factor = _factor_at(self._ascent, climbed.points[i], climbed.widths[i], self._width)
+            if factor is None or np.sum((factor.T @ climbed.slopes[i]) ** 2) > 2 * _BELOW:
+                continue
+            self._means.append(climbed.points[i])
+            self._factors.append(factor)
+            self._masses.append(np.log(np.diagonal(factor)).sum() + climbed.heights[i])
+            self._reached.append(1)
+
+    @property
+    def settled(self) -> bool:
+        """Whether each mode that counts was reached by two climbs at least."""
+        return bool(self._masses) and np.array(self._reached)[self._counts].min() > 1
+
+    @property
+    def modes(self) -> Modes | None:
+        if not self._masses:
+            return None
+        keep = self._counts
+        log_masses = np.array(self._masses)[keep] + np.log(2 * np.pi) * self._width.size / 2
+        log_weights = log_masses - logsumexp(log_masses)
+        mixture = GaussianMixture(
+            log_weights, np.array(self._means)[keep], np.array(self._factors)[keep]
+        )
+        return Modes(mixture, log_masses)
+
+    @property
+    def _counts(self) -> NDArray[np.bool_]:
+        return np.array(self._masses) > max(self._masses) - _NEGLIGIBLE
+
+    def _at(self, point: Array, distance: float = 1.0) -> int | None:
+        """The mode found before from which a point is so many sds, in each direction, away."""
+        for i, (mean, factor) in enumerate(zip(self._means, self._factors, strict=True)):
+            if np.sum(np.linalg.solve(factor, point - mean) ** 2) < distance**2 * point.size:
+                return i
         return None
-    log_masses = np.array(masses) + np.log(2 * np.pi) * width.size / 2
-    keep = log_masses > log_masses.max() - _NEGLIGIBLE
-    log_masses = log_masses[keep]
-    log_weights = log_masses - logsumexp(log_masses)
-    mixture = GaussianMixture(log_weights, np.array(means)[keep], np.array(factors)[keep])
-    return Modes(mixture, log_masses)
-
-
-def _is_among(
-    point: Array, means: list[Array], factors: list[Array], distance: float = 1.0
-) -> bool:
-    """Whether a point is within so many sds, in each direction, of a mode found before."""
-    return any(
-        np.sum(np.linalg.solve(factor, point - mean) ** 2) < distance**2 * point.size
-        for mean, factor in zip(means, factors, strict=True)
-    )
 
 
 def _factor_at(ascent: Ascent, point: Array, local: Array, width: Array) -> Array | None:

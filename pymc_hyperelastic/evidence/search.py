@@ -16,8 +16,8 @@ from pymc_hyperelastic.evidence.tempering import Tempering
 # Particles of the search, and of the first look from the prior: so many for each unknown, and the
 # least and the largest number.
 _DRAWS, _FORWARD_DRAWS = (200, 1000, 4000), (20, 500, 2000)
-# Climbs from draws of the prior, and from particles that were tempered.
-CLIMBS = 8
+# Climbs from draws of the prior, group by group, and from particles that were tempered.
+SPREAD_CLIMBS, _TEMPERED_CLIMBS = (16, 16, 32), 8
 # So many times the draws are made, at most, until enough of them are possible.
 _MOST_TRIED = 50
 # Points drawn at each stage of the first look, for each pair of unknowns; at most, if there are few
@@ -84,12 +84,13 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
     told = not forward.capped and len(prior) >= few
     forward_error = float(np.hypot(np.sqrt(forward.variance), share.standard_error))
 
+    spread, *more = places_to_climb_from(prior, score)
     starts = [
-        places_to_climb_from(prior, score),
-        forward.particles[rng.integers(few, size=CLIMBS)],
+        spread,
+        forward.particles[rng.integers(few, size=_TEMPERED_CLIMBS)],
         *(_outstanding(target, mixture, rng) for mixture in forward.mixtures),
     ]
-    modes = modes_from(target.ascent, starts, width_of(prior))
+    modes = modes_from(target.ascent, starts, width_of(prior), more)
 
     mixture, at_modes, at_modes_k = _fitted(forward, rng), Estimate(-np.inf, np.inf), np.inf
     if modes is not None:
@@ -155,10 +156,20 @@ def _outstanding(target: Target, mixture: GaussianMixture, rng: np.random.Genera
     return points[np.argpartition(-log_weights, _PROBED - 1)[:_PROBED]]
 
 
-def places_to_climb_from(points: Array, score: Array) -> Array:
-    """The best of the points, and others down to the middle."""
-    ranks = np.geomspace(1, len(points) / 2, CLIMBS).round().astype(int) - 1
-    return points[np.argsort(-score)[ranks]]
+def places_to_climb_from(points: Array, score: Array) -> list[Array]:
+    """Groups of points of the better half: the best, and each as far as can be from all before.
+
+    What is best is mostly alike, and leads to one mode. One of more mass may lie beyond the tail of
+    the prior, where only what starts in that tail arrives.
+    """
+    better = points[np.argsort(-score)[: (len(points) + 1) // 2]]
+    places = better / width_of(points)
+    chosen, distance = [0], np.full(len(better), np.inf)
+    for _ in range(min(sum(SPREAD_CLIMBS), len(better)) - 1):
+        distance = np.minimum(distance, np.sum((places - places[chosen[-1]]) ** 2, axis=1))
+        chosen.append(int(distance.argmax()))
+    groups = np.split(better[chosen], np.cumsum(SPREAD_CLIMBS)[:-1])
+    return [group for group in groups if len(group)]
 
 
 def width_of(points: Array) -> Array:

@@ -24,7 +24,7 @@ EVIDENCE_TOLERANCE = 0.1
 
 def mixture_at_modes(score, prior):
     """Mixture at the modes that are climbed to from draws of the prior."""
-    starts = places_to_climb_from(prior, sum(score(prior)))
+    starts, *_ = places_to_climb_from(prior, sum(score(prior)))
     modes = modes_from(lambda width: by_differences(score, width), [starts], width_of(prior))
     return modes.mixture
 
