@@ -7,9 +7,9 @@ nothing at the stress of reference and stiffen all the more.
 
 import numpy as np
 import pandas as pd
-import pytest
 import pytensor
 import pytensor.tensor as pt
+import pytest
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.variable import Variability
