@@ -6,6 +6,7 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral, by_importance
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.modes import modes_from
+from pymc_hyperelastic.evidence.ridges import along_ridges
 from pymc_hyperelastic.evidence.search import find_reference, places_to_climb_from, width_of
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.tempering import Tempering
@@ -30,7 +31,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     # A posterior that is hardly narrower than the prior is not like its mode.
     like = GaussianMixture.fit(prior, 1, rng)
     if modes is not None:
-        like = like.joined(modes.mixture)
+        like = like.joined(along_ridges(target.ascent, modes, width_of(prior)))
     quick = by_importance(target.score, like, size, rng, target.draw_prior)
     if quick.trusted:
         return quick

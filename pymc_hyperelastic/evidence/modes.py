@@ -84,7 +84,7 @@ class _Found:
             if known is not None:
                 self._reached[known] += 1
                 continue
-            factor = _factor_at(self._ascent, climbed.points[i], climbed.widths[i], self._width)
+            factor = factor_at(self._ascent, climbed.points[i], climbed.widths[i], self._width)
             if factor is None or np.sum((factor.T @ climbed.slopes[i]) ** 2) > 2 * _BELOW:
                 continue
             self._means.append(climbed.points[i])
@@ -121,14 +121,15 @@ class _Found:
         return None
 
 
-def _factor_at(ascent: Ascent, point: Array, local: Array, width: Array) -> Array | None:
-    """Cholesky factor of the inverse curvature at a mode; None if there is no curvature."""
-    step = np.diag(_STEP * local)
-    around = point + np.concatenate([step, -step])
-    up, down = np.split(-ascent(local)(around)[1], 2)
-    curvature = (up - down) / (2 * _STEP * local[:, None])
+def factor_at(ascent: Ascent, point: Array, local: Array, width: Array) -> Array | None:
+    """Cholesky factor of the inverse curvature at a mode; None if there is no curvature.
+
+    Where the ascent knows it, that is taken; else differences of slopes, on a `local` scale.
+    """
+    curvature = ascent(local)(point[None]).curvature
+    curvature = _curvature_at(ascent, point, local) if curvature is None else curvature[0]
     # On the scale of the prior, which no mode is much wider than.
-    curvature *= np.outer(width, width)
+    curvature = curvature * np.outer(width, width)
     if not np.isfinite(curvature).all():
         return None
     eigenvalues, vectors = np.linalg.eigh((curvature + curvature.T) / 2)
@@ -137,3 +138,10 @@ def _factor_at(ascent: Ascent, point: Array, local: Array, width: Array) -> Arra
         return width[:, None] * np.linalg.cholesky((inverse + inverse.T) / 2)
     except np.linalg.LinAlgError:
         return None
+
+
+def _curvature_at(ascent: Ascent, point: Array, local: Array) -> Array:
+    step = np.diag(_STEP * local)
+    around = point + np.concatenate([step, -step])
+    up, down = np.split(-ascent(local)(around).slope, 2)
+    return (up - down) / (2 * _STEP * local[:, None])
