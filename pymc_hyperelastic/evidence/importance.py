@@ -19,6 +19,9 @@ from pymc_hyperelastic.evidence.weights import (
 # Below this Pareto shape of the largest weights, weights have a variance, and their mean an error
 # that is known.
 LARGEST_PARETO_K = 0.5
+# Below this one the mean is still known, by many draws: what the next one may add to it is part of
+# its error.
+LARGEST_KNOWN_K = 0.7
 # Effective draws without which nothing is known of a mean: its error is then a twentieth at most.
 ENOUGH = 400
 # Draws from the final mixture. Where they are not like the posterior another one is made of them,
@@ -179,11 +182,16 @@ def draw_heavy_tailed(
 def mean_weight(log_weights: Array) -> tuple[Estimate, float]:
     """Mean of independent weights, as its logarithm with a standard error; their Pareto shape.
 
-    With fewer effective weights than are enough nothing is known of it.
+    With fewer effective weights than are enough nothing is known of it. As many more may well have
+    one that is larger than all of these: in a tail of shape ``k`` it is ``1 / (1 - k)`` times as
+    large as the largest, on average, which counts as an error, too.
     """
     effective = effective_sample_size(log_weights)
     if effective < ENOUGH:
         return Estimate(-np.inf, np.inf), np.inf
-    value = float(logsumexp(log_weights) - np.log(log_weights.size))
+    total, pareto_k = float(logsumexp(log_weights)), pareto_shape(log_weights)
     variance = max(1 / effective - 1 / log_weights.size, 0.0)
-    return Estimate(value, float(np.sqrt(variance))), pareto_shape(log_weights)
+    largest = np.exp(log_weights.max() - total)
+    unseen = largest / (1 - max(pareto_k, 0.0)) if pareto_k < 1 else np.inf
+    value = total - float(np.log(log_weights.size))
+    return Estimate(value, float(np.hypot(np.sqrt(variance), unseen))), pareto_k

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import Integral, by_importance
+from pymc_hyperelastic.evidence.importance import LARGEST_KNOWN_K, Integral, by_importance
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.modes import modes_from
 from pymc_hyperelastic.evidence.ridges import along_ridges
@@ -33,7 +33,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     if modes is not None:
         like = like.joined(along_ridges(target.ascent, modes, width_of(prior)))
     quick = by_importance(target.score, like, size, rng, target.draw_prior)
-    if quick.trusted:
+    if quick.pareto_k < LARGEST_KNOWN_K:
         return quick
     target.most_effort = target.effort + _MOST_EFFORT
     reference = find_reference(target, rng).reference

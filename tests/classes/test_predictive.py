@@ -11,7 +11,7 @@ import pytest
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.pooled import ClassPredictive
 
-SEED = 906
+SEED = 1125
 # An honest standard error is exceeded threefold once in 370 runs; seeds are fixed.
 STANDARD_ERRORS = 3
 # Nats. Odds of classes are then right to a sixth, where they decide anything; importance sampling
