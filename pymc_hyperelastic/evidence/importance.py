@@ -7,6 +7,7 @@ from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
+from pymc_hyperelastic.evidence.proposal import normal_of_halves
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.target import DrawPrior, Score
 from pymc_hyperelastic.evidence.weights import (
@@ -24,14 +25,18 @@ LARGEST_PARETO_K = 0.5
 LARGEST_KNOWN_K = 0.7
 # Effective draws without which nothing is known of a mean: its error is then a twentieth at most.
 ENOUGH = 400
+# With more unknowns no mixture is learned from draws of itself: it loses more of them by what it
+# does not know of correlations than it gains. A class of five coordinates has 20.
+_MOST_UNKNOWNS = 24
 # Draws from the final mixture. Where they are not like the posterior another one is made of them,
 # from which twice as many are drawn, and so on, so many at most.
 DRAWS, _MOST_DRAWS = 8000, 64000
 # Share of the prior in them.
 _PRIOR_SHARE = 0.1
-# Draws of a step of adaptation, for each number that a component has and at least; it goes so far
-# that this fraction of them is effective.
-_STEP_DRAWS, _FEWEST_DRAWS, _STEP_EFFECTIVE, _MOST_STEPS = 80, 1000, 0.1, 60
+# Draws of a step of adaptation, for each number that a component has, at least and at most; it goes
+# so far that this fraction of them is effective.
+_STEP_DRAWS, _FEWEST_DRAWS, _LARGEST_STEP = 80, 1000, 12_000
+_STEP_EFFECTIVE, _MOST_STEPS = 0.1, 60
 # Effective fraction at which a mixture is like the posterior, and steps after which it is as like
 # as it becomes.
 _ALIKE, _LAST_STEPS = 0.4, 6
@@ -74,6 +79,9 @@ def by_importance(
     J.-M. Marin, A. Mira and C. P. Robert, Adaptive multiple importance sampling, Scandinavian
     Journal of Statistics 39 (2012) 798.
     """
+    if like.means.shape[1] > _MOST_UNKNOWNS:
+        unknown = Estimate(-np.inf, np.inf)
+        return Integral(unknown, np.inf, "importance", like.draw(size, rng))
     mixture = adapted_mixture(score, like, rng)
     drawn = _Drawn(score, draw_prior)
     for draws in (first_draws << i for i in range((_MOST_DRAWS // first_draws).bit_length())):
@@ -83,9 +91,8 @@ def by_importance(
         if pareto_k < LARGEST_PARETO_K or not effective:
             break
         # So many draws tell more of the posterior's shape than those of a step.
-        weights = np.exp(log_weights - log_weights.max())
-        learn_from = points[systematic(weights, DRAWS, rng)]
-        mixture = GaussianMixture.fit(learn_from, components_for(effective, points.shape[1]), rng)
+        if effective > 2 * points.shape[1]:
+            mixture = _fitted(points, log_weights, DRAWS, rng)
     particles = points
     if np.isfinite(log_value.value):
         weights = np.exp(log_weights - log_weights.max())
@@ -131,7 +138,8 @@ def adapted_mixture(
     general mixture classes, Statistics and Computing 18 (2008) 447.
     """
     dimension = like.means.shape[1]
-    draws = max(_FEWEST_DRAWS, _STEP_DRAWS * (dimension + 1) * (dimension + 2) // 2)
+    numbers = (dimension + 1) * (dimension + 2) // 2
+    draws = min(max(_FEWEST_DRAWS, _STEP_DRAWS * numbers), _LARGEST_STEP)
     beta, last, mixture = 0.0, 0, like
     start = like.heavy_tailed()
     for _ in range(_MOST_STEPS):
@@ -148,17 +156,40 @@ def adapted_mixture(
         log_weights += step * (posterior - before)
         effective = effective_sample_size(log_weights)
         last += beta == 1
-        if last and effective > _ALIKE * draws:
+        # From hardly more draws than there are unknowns no shape is learned.
+        if (last and effective > _ALIKE * draws) or effective < 2 * dimension:
             break
-        weights = np.exp(log_weights - log_weights.max())
-        learn_from = points[systematic(weights, draws, rng)]
-        # A ridge needs more components than it has modes, which many draws can tell apart.
-        components = components_for(effective, points.shape[1])
-        known = mixture if len(mixture.means) >= components else None
-        mixture = GaussianMixture.fit(learn_from, components, rng, start=known, iterations=6)
+        mixture = _fitted(points, log_weights, draws, rng, start=mixture)
         if last == _LAST_STEPS:
             break
     return mixture
+
+
+def _fitted(
+    points: Array,
+    log_weights: Array,
+    size: int,
+    rng: np.random.Generator,
+    start: GaussianMixture | None = None,
+) -> GaussianMixture:
+    """Mixture fitted to so many of the weighted points.
+
+    Where there are too few for several components, correlations may be those of chance: in many
+    dimensions a normal distribution that keeps them is thinner than the posterior somewhere.
+    """
+    weights = np.exp(log_weights - log_weights.max())
+    # A ridge needs more components than it has modes, which many draws can tell apart.
+    components = components_for(effective_sample_size(log_weights), points.shape[1])
+    if components == 1:
+        parts = [slice(half, None, 2) for half in range(2)]
+        if all(np.ptp(weights[part]) < weights[part].sum() for part in parts):
+            early, late = (points[p][systematic(weights[p], size // 2, rng)] for p in parts)
+            return normal_of_halves(early, late)
+    learn_from = points[systematic(weights, size, rng)]
+    if start is None:
+        return GaussianMixture.fit(learn_from, components, rng)
+    known = start if len(start.means) >= components else None
+    return GaussianMixture.fit(learn_from, components, rng, start=known, iterations=6)
 
 
 def weighted_draws(

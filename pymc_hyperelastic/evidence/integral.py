@@ -11,8 +11,9 @@ from pymc_hyperelastic.evidence.search import find_reference, places_to_climb_fr
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.tempering import Tempering
 
-# Tempering scores so many times as many points as fit into cache at most: about a minute.
-_MOST_EFFORT = 20_000
+# Tempering scores so many times as many points as fit into cache at most: about a minute, and with
+# many unknowns more, in proportion to their square.
+_MOST_EFFORT, _FEW = 20_000, 8
 # Draws of the prior, some of which are climbed from.
 _PRIOR_DRAWS = 2000
 
@@ -35,7 +36,8 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     quick = by_importance(target.score, like, size, rng, target.draw_prior)
     if quick.pareto_k < LARGEST_KNOWN_K:
         return quick
-    target.most_effort = target.effort + _MOST_EFFORT
+    allowed = _MOST_EFFORT * max(1.0, target.dimension / _FEW) ** 2
+    target.most_effort = target.effort + allowed
     reference = find_reference(target, rng).reference
     particles = reference.draw(target.draw_prior, size, rng)
     sampled = Tempering(target, particles, rng, reference=reference).run()

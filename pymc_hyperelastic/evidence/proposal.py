@@ -51,6 +51,11 @@ def fitted_proposal(
     return mixture.heavy_tailed() if heavy_tailed else mixture
 
 
+def normal_of_halves(early: Array, late: Array) -> GaussianMixture:
+    """Normal distribution of both halves, correlations shrunk as one foretells the other best."""
+    return _normal(np.concatenate([early, late]), _best_shrinkage(early, late))
+
+
 def _normal(points: Array, shrinkage: float) -> GaussianMixture:
     """One normal distribution, its correlations multiplied by ``1 − shrinkage``."""
     sd = points.std(axis=0)
