@@ -121,3 +121,31 @@ def test_an_offset_that_is_left_away_is_found_out():
     """Forces of a transducer with an offset, taken for forces of one without."""
     right, wrong = forced(), forced(force_offset_sd=60.0)
     assert calibrate(right, simulator=wrong, simulations=100)["p_value"].min() < FAILS
+
+
+def every_signal(energy, priors):
+    """Two inflation tests and an extension test, offsets, and a thickness that is not known."""
+    radius = np.concatenate([np.linspace(1.05, 1.45, 5), np.linspace(1.3, 1.2, 5)])
+    stretch = np.concatenate([np.full(5, 1.3), np.linspace(1.2, 1.5, 5)])
+    points = {"radius": radius, "stretch": stretch, "pressure": 1.0, "axial_force": 1.0}
+    frame = pd.DataFrame(points).assign(specimen="a", experiment=np.repeat(["p", "f"], 5))
+    tube = {"inner_radius": 1.0, "outer_radius": 1.4, "axial_stretch": "stretch"}
+    data = ph.inflation_data(frame, **tube, check="ignore")
+    return ph.inflation_model(
+        energy,
+        data,
+        noise_sd=pm.LogNormal.dist(0.0, 0.5),
+        force_noise_sd=pm.LogNormal.dist(2.5, 0.5),
+        force_offset_sd=30.0,
+        geometry={"thickness": ph.Measured(sd=0.04)},
+        priors=priors,
+        slope_weight=0.0,
+        likelihood="generative",
+    )
+
+
+@pytest.mark.deep
+def test_a_model_of_every_signal_is_calibrated():
+    """Material, both noises and the wall's thickness, with offsets integrated out."""
+    priors = {"mu": pm.LogNormal.dist(2.0, 0.3), "alpha": pm.LogNormal.dist(1.4, 0.2)}
+    assert_calibrated(calibrate(every_signal(ph.Ogden(), priors), simulations=40))
