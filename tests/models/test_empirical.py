@@ -71,6 +71,9 @@ def class_of(law):
     return Variability.of_settings(LAWS[law], **WITH_FORCE.noise)
 
 
+LOWER = -1.5, 0.7
+
+
 def curves_both_ways(law, tests, by_test=False, draws=50):
     """Curves and slopes of draws by what was chosen for other tests, and by quadrature."""
     energy = LAWS[law]
@@ -88,10 +91,12 @@ def curves_both_ways(law, tests, by_test=False, draws=50):
             outputs += [*tube.curves().values(), *tube.slopes().values()]
     values = model.replace_rvs_by_values(outputs)
     function = BatchedFunction.of_model(model, values, {"mode": "FAST_COMPILE"})
-    found = function(np.random.default_rng(SEED).logistic(size=(draws, function.dimension)))
+    # Of the lower part of each range: in the upper one most pressures are none that vessels bear.
+    rng = np.random.default_rng(SEED)
+    found = function(rng.logistic(*LOWER, size=(draws, function.dimension)))
     count, largest = len(found) // 2, np.abs(found[len(found) // 2]).max(axis=1)
     possible = largest < BEYOND * np.abs(tests["pressure"].values).max()
-    assert possible.sum() > 5
+    assert possible.sum() > 15
     return [x[possible] for x in found[:count]], [x[possible] for x in found[count:]]
 
 
