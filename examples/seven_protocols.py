@@ -34,6 +34,12 @@ import pymc_hyperelastic as ph
 
 options = murine_tables.options("Predict each of seven protocols from the six others.")
 options.add_argument("--draws", type=int, default=500, help="draws of a group (%(default)s)")
+options.add_argument(
+    "--laws",
+    nargs="+",
+    default=["Ogden", "HolzapfelGasserOgden", "FourFiber"],
+    help="strain energies (%(default)s); a class of the last takes ten minutes",
+)
 options.add_argument("--specimens", nargs="*", help="some of the specimens (all)")
 options.add_argument("--quiet", action="store_true", help="show no progress bars")
 options.add_argument("--out", type=Path, default="results/seven_protocols", help="where results go")
@@ -64,7 +70,7 @@ specimens = [name for name in geometry["specimen"] if name in set(data["specimen
 INFLATION = ["test1", "test2", "test3"]
 EXTENSION = ["force_length1", "force_length2", "force_length3", "force_length4"]
 PROTOCOLS = INFLATION + EXTENSION
-LAWS = [ph.Ogden(), ph.HolzapfelGasserOgden(), ph.FourFiber()]
+LAWS = [getattr(ph, name)() for name in args.laws]
 FACTOR_TEN = np.log(10) / 2
 NOISE = {
     "noise_sd": pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
