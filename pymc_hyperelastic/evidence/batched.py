@@ -38,6 +38,8 @@ without_traces = pytensor.config.change_flags(traceback__limit=0)
 # Bytes of intermediate results that particles may need together, and particles by which it is
 # found out how many one needs.
 _CACHED_BYTES, _MEASURED = 2**22, 16
+# Fewer together than this take longer to call than to score: then they may need so many bytes.
+_FEWEST_TOGETHER, _LARGEST_BYTES = 128, 2**26
 
 # Compiled functions by their expressions.
 _compiled: dict[tuple, Any] = {}
@@ -99,8 +101,9 @@ class BatchedFunction:
 
     @property
     def at_once(self) -> int:
-        """Number of particles whose intermediate results are kept in cache together."""
-        return self.filling(_CACHED_BYTES)
+        """Number of particles that are scored together: kept in cache, unless that is too few."""
+        cached = self.filling(_CACHED_BYTES)
+        return max(cached, min(_FEWEST_TOGETHER, self.filling(_LARGEST_BYTES)))
 
     def filling(self, size: int) -> int:
         """Number of particles whose intermediate results take so many bytes, at least one."""

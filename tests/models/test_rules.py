@@ -163,6 +163,7 @@ def test_parts_are_the_whole(monkeypatch):
     monkeypatch.setattr(batched, "_CACHED_BYTES", 1000 * needed)
     whole = counting(particles)
     assert calls == [101]
+    monkeypatch.setattr(batched, "_FEWEST_TOGETHER", 1)
     for at_once, expected in ((25, [25, 25, 25, 25, 1]), (0, [1] * 101)):
         calls.clear()
         monkeypatch.setattr(batched, "_CACHED_BYTES", at_once * needed)
