@@ -39,6 +39,7 @@ _NUISANCE = (
 ).split()
 _LOG_FROM = 10.0  # ratio of the ends of an axis of positive numbers, from which it is logarithmic
 _LEAST_SHOWN = 0.5  # probability of what axes hold, where the regions that are asked for hold less
+_STRAY = 0.01  # share of the draws that is no mode
 _COMPONENTS = 6  # of the mixture that stands for a posterior: they follow two bent ridges
 
 
@@ -339,12 +340,17 @@ def _without_extremes(points: Array) -> Array:
 
 
 def _breaks(values: Sequence[Array]) -> list[float]:
-    """Where an axis is broken: in a gap inside a class, wider than what lies on either side."""
+    """Where an axis is broken: in a gap inside a class, wider than what lies on either side.
+
+    Neither side is a few stray draws.
+    """
     pooled = np.sort(np.concatenate(values))
     widest = int(np.diff(pooled).argmax())
     low, high = pooled[widest], pooled[widest + 1]
     within = any(v.min() <= low and v.max() >= high for v in values)
+    fewer = min(widest + 1, len(pooled) - widest - 1)
     broken = within and high - low > max(low - pooled[0], pooled[-1] - high)
+    broken = broken and fewer > _STRAY * len(pooled)
     return [float(low + high) / 2] if broken else []
 
 
