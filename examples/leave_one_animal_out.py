@@ -22,9 +22,6 @@ leave_one_animal_out.py FOLDER``. They are read by :download:`murine_tables.py`,
 beside this script.
 """
 
-import sys
-from pathlib import Path
-
 import matplotlib.pyplot as plt
 import murine_tables
 import numpy as np
@@ -34,17 +31,12 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-options = murine_tables.options("Classify each animal's specimens by those of the others.")
-options.add_argument("--draws", type=int, default=1000, help="draws of a class (%(default)s)")
-options.add_argument("--quiet", action="store_true", help="show no progress bars")
-options.add_argument(
-    "--out", type=Path, default="results/leave_one_animal_out", help="where results go"
+options = murine_tables.options(
+    "Classify each animal's specimens by those of the others.",
+    draws=1000,
+    out="results/leave_one_animal_out",
 )
-args = options.parse_args()
-if not args.folder:
-    options.print_help()
-    sys.exit()
-args.out.mkdir(parents=True, exist_ok=True)
+args = murine_tables.parsed(options)
 
 # %%
 # The specimens, and the animals that they are of

@@ -28,9 +28,6 @@ leave_one_animal_out_all_signals.py FOLDER``. They are read by :download:`murine
 has to lie beside this script.
 """
 
-import sys
-from pathlib import Path
-
 import matplotlib.pyplot as plt
 import murine_tables
 import numpy as np
@@ -40,7 +37,11 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-options = murine_tables.options("Classify each animal's specimens, by all signals.")
+options = murine_tables.options(
+    "Classify each animal's specimens, by all signals.",
+    draws=1000,
+    out="results/all_signals",
+)
 options.add_argument(
     "--laws",
     nargs="+",
@@ -48,14 +49,7 @@ options.add_argument(
     help="strain energies (%(default)s)",
 )
 options.add_argument("--known-thickness", action="store_true", help="take thicknesses as known")
-options.add_argument("--draws", type=int, default=1000, help="draws of a class (%(default)s)")
-options.add_argument("--quiet", action="store_true", help="show no progress bars")
-options.add_argument("--out", type=Path, default="results/all_signals", help="where results go")
-args = options.parse_args()
-if not args.folder:
-    options.print_help()
-    sys.exit()
-args.out.mkdir(parents=True, exist_ok=True)
+args = murine_tables.parsed(options)
 
 # %%
 # The specimens

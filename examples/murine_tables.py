@@ -6,6 +6,7 @@ The measurements are those of A. R. Akintunde et al., Journal of Biomechanical E
 
 import argparse
 import os
+import sys
 from pathlib import Path
 
 import pandas as pd
@@ -27,8 +28,8 @@ murine_elastase_fl.csv, the same of the extension tests (force_length1 to 4 by r
 LOWEST = 3.5  # mmHg
 
 
-def options(description: str) -> argparse.ArgumentParser:
-    """Options of a study of these tables: where they are."""
+def options(description: str, *, draws: int, out: str) -> argparse.ArgumentParser:
+    """Options of a study of these tables: where they are, how many draws, where results go."""
     parser = argparse.ArgumentParser(
         description=description,
         epilog=FORMAT,
@@ -41,7 +42,22 @@ def options(description: str) -> argparse.ArgumentParser:
         default=os.environ.get(FOLDER) or None,
         help="where the tables are",
     )
+    parser.add_argument(
+        "--draws", type=int, default=draws, help="draws of each posterior (%(default)s)"
+    )
+    parser.add_argument("--quiet", action="store_true", help="show no progress bars")
+    parser.add_argument("--out", type=Path, default=out, help="where results go")
     return parser
+
+
+def parsed(parser: argparse.ArgumentParser) -> argparse.Namespace:
+    """What was given; without a folder of tables the script ends with its help."""
+    args = parser.parse_args()
+    if not args.folder:
+        parser.print_help()
+        sys.exit()
+    args.out.mkdir(parents=True, exist_ok=True)
+    return args
 
 
 def read(folder: Path, *, extended: bool = False) -> tuple[xr.Dataset, pd.DataFrame]:

@@ -25,9 +25,7 @@ seven_protocols.py FOLDER``. They are read by :download:`murine_tables.py`, whic
 this script.
 """
 
-import sys
 import warnings
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import murine_tables
@@ -38,8 +36,11 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-options = murine_tables.options("Predict each of seven protocols from the six others.")
-options.add_argument("--draws", type=int, default=500, help="draws of a group (%(default)s)")
+options = murine_tables.options(
+    "Predict each of seven protocols from the six others.",
+    draws=500,
+    out="results/seven_protocols",
+)
 options.add_argument(
     "--laws",
     nargs="+",
@@ -47,13 +48,7 @@ options.add_argument(
     help="strain energies (%(default)s); a class of the last takes ten minutes",
 )
 options.add_argument("--specimens", nargs="*", help="some of the specimens (all)")
-options.add_argument("--quiet", action="store_true", help="show no progress bars")
-options.add_argument("--out", type=Path, default="results/seven_protocols", help="where results go")
-args = options.parse_args()
-if not args.folder:
-    options.print_help()
-    sys.exit()
-args.out.mkdir(parents=True, exist_ok=True)
+args = murine_tables.parsed(options)
 
 # %%
 # What was chosen before anything was predicted

@@ -22,9 +22,6 @@ three_axial_stretches.py FOLDER``. They are read by :download:`murine_tables.py`
 predicted by :download:`outer_diameter.py`, which have to lie beside this script.
 """
 
-import sys
-from pathlib import Path
-
 import matplotlib.pyplot as plt
 import murine_tables
 import numpy as np
@@ -35,18 +32,13 @@ from outer_diameter import predicted_diameter
 
 import pymc_hyperelastic as ph
 
-options = murine_tables.options("Predict one axial stretch of a tube from two others.")
-options.add_argument("--draws", type=int, default=300, help="particles of a chain (%(default)s)")
-options.add_argument("--chains", type=int, default=2, help="independent runs (%(default)s)")
-options.add_argument("--quiet", action="store_true", help="show no progress bars")
-options.add_argument(
-    "--out", type=Path, default="results/three_axial_stretches", help="where results go"
+options = murine_tables.options(
+    "Predict one axial stretch of a tube from two others.",
+    draws=300,
+    out="results/three_axial_stretches",
 )
-args = options.parse_args()
-if not args.folder:
-    options.print_help()
-    sys.exit()
-args.out.mkdir(parents=True, exist_ok=True)
+options.add_argument("--chains", type=int, default=2, help="independent runs (%(default)s)")
+args = murine_tables.parsed(options)
 rng = np.random.default_rng(3)
 
 # %%
