@@ -27,7 +27,7 @@ LARGEST_KNOWN_K = 0.7
 ENOUGH = 400
 # With more unknowns no mixture is learned from draws of itself: it loses more of them by what it
 # does not know of correlations than it gains. A class of five coordinates has 20.
-_MOST_UNKNOWNS = 24
+MOST_UNKNOWNS = 24
 # Draws from the final mixture. Where they are not like the posterior another one is made of them,
 # from which twice as many are drawn, and so on, so many at most.
 DRAWS, _MOST_DRAWS = 8000, 64000
@@ -79,7 +79,7 @@ def by_importance(
     J.-M. Marin, A. Mira and C. P. Robert, Adaptive multiple importance sampling, Scandinavian
     Journal of Statistics 39 (2012) 798.
     """
-    if like.means.shape[1] > _MOST_UNKNOWNS:
+    if like.means.shape[1] > MOST_UNKNOWNS:
         unknown = Estimate(-np.inf, np.inf)
         return Integral(unknown, np.inf, "importance", like.draw(size, rng))
     mixture = adapted_mixture(score, like, rng)
@@ -92,7 +92,7 @@ def by_importance(
             break
         # So many draws tell more of the posterior's shape than those of a step.
         if effective > 2 * points.shape[1]:
-            mixture = _fitted(points, log_weights, DRAWS, rng)
+            mixture = _fitted(points, log_weights, effective, DRAWS, rng)
     particles = points
     if np.isfinite(log_value.value):
         weights = np.exp(log_weights - log_weights.max())
@@ -159,7 +159,7 @@ def adapted_mixture(
         # From hardly more draws than there are unknowns no shape is learned.
         if (last and effective > _ALIKE * draws) or effective < 2 * dimension:
             break
-        mixture = _fitted(points, log_weights, draws, rng, start=mixture)
+        mixture = _fitted(points, log_weights, effective, draws, rng, start=mixture)
         if last == _LAST_STEPS:
             break
     return mixture
@@ -168,19 +168,21 @@ def adapted_mixture(
 def _fitted(
     points: Array,
     log_weights: Array,
+    effective: float,
     size: int,
     rng: np.random.Generator,
     start: GaussianMixture | None = None,
 ) -> GaussianMixture:
-    """Mixture fitted to so many of the weighted points.
+    """Mixture fitted to so many of the weighted points, of which some are effective.
 
     Where there are too few for several components, correlations may be those of chance: in many
     dimensions a normal distribution that keeps them is thinner than the posterior somewhere.
     """
     weights = np.exp(log_weights - log_weights.max())
     # A ridge needs more components than it has modes, which many draws can tell apart.
-    components = components_for(effective_sample_size(log_weights), points.shape[1])
+    components = components_for(effective, points.shape[1])
     if components == 1:
+        # A half in which one point has all the weight has no spread.
         parts = [slice(half, None, 2) for half in range(2)]
         if all(np.ptp(weights[part]) < weights[part].sum() for part in parts):
             early, late = (points[p][systematic(weights[p], size // 2, rng)] for p in parts)

@@ -3,7 +3,12 @@
 import numpy as np
 
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import LARGEST_KNOWN_K, Integral, by_importance
+from pymc_hyperelastic.evidence.importance import (
+    LARGEST_KNOWN_K,
+    MOST_UNKNOWNS,
+    Integral,
+    by_importance,
+)
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.modes import modes_from
 from pymc_hyperelastic.evidence.ridges import along_ridges
@@ -27,12 +32,14 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     the others. It is given up where it takes too long: the error is then infinite.
     """
     prior = target.draw_prior(_PRIOR_DRAWS, rng)
-    starts, *more = places_to_climb_from(prior, np.add(*target.score(prior)))
-    modes = modes_from(target.ascent, [starts], width_of(prior), more)
     # A posterior that is hardly narrower than the prior is not like its mode.
     like = GaussianMixture.fit(prior, 1, rng)
-    if modes is not None:
-        like = like.joined(along_ridges(target.ascent, modes, width_of(prior)))
+    if target.dimension <= MOST_UNKNOWNS:
+        width = width_of(prior)
+        starts, *more = places_to_climb_from(prior, np.add(*target.score(prior)))
+        modes = modes_from(target.ascent, [starts], width, more)
+        if modes is not None:
+            like = like.joined(along_ridges(target.ascent, modes, width))
     quick = by_importance(target.score, like, size, rng, target.draw_prior)
     if quick.pareto_k < LARGEST_KNOWN_K:
         return quick

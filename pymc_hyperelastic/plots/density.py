@@ -348,9 +348,8 @@ def _breaks(values: Sequence[Array]) -> list[float]:
     widest = int(np.diff(pooled).argmax())
     low, high = pooled[widest], pooled[widest + 1]
     within = any(v.min() <= low and v.max() >= high for v in values)
-    fewer = min(widest + 1, len(pooled) - widest - 1)
-    broken = within and high - low > max(low - pooled[0], pooled[-1] - high)
-    broken = broken and fewer > _STRAY * len(pooled)
+    many = min(widest + 1, len(pooled) - widest - 1) > _STRAY * len(pooled)
+    broken = within and many and high - low > max(low - pooled[0], pooled[-1] - high)
     return [float(low + high) / 2] if broken else []
 
 
