@@ -19,9 +19,10 @@ from pymc_hyperelastic.classes.specimens import (
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.evidence.checks import PACKAGE
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
-from pymc_hyperelastic.evidence.importance import Integral, by_importance
+from pymc_hyperelastic.evidence.importance import MOST_UNKNOWNS, Integral, by_importance
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
+from pymc_hyperelastic.evidence.many import by_bridge
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.models.class_distribution import distributions_of
@@ -172,6 +173,10 @@ class _Fit:
         where neither particles nor the prior tell of them.
         """
         target, count = self.kernel.target, self.kernel.draws
+        if target.dimension > MOST_UNKNOWNS:
+            found = by_bridge(target, count, rng, self.known)
+            self.known = found.particles
+            return found
         found = by_importance(
             target.score, self._like(rng), count, rng, target.draw_prior, _DRAWS_OF_EACH * count
         )

@@ -77,8 +77,9 @@ def fit_classes(
         One child a class, each with posterior, evidence, training data and settings; the attribute
         ``noise_in_words`` says what the noise is as ``σ`` and in standard deviations. With
         variability each has draws of its ``specimens`` too; ``specimens`` and ``evidence`` then say
-        by which ``method`` each was integrated, "importance" or "tempering", with the Pareto shape
-        ``pareto_k`` of the weights (NaN by tempering). It can be saved with
+        by which ``method`` each was integrated, "importance", "tempering" or, a distribution of
+        more than 24 unknowns, "bridge", with the Pareto shape ``pareto_k`` of the weights (NaN
+        where there are none). It can be saved with
         ``classes.to_netcdf(path)`` and read with ``xarray.open_datatree(path)``.
 
     Raises

@@ -156,9 +156,29 @@ def log_evidence_by_bridge(
     doubts = [*disagreement(names, draws, log_density), *divergence(tree)]
 
     rng = np.random.default_rng(seed_sequence(random_seed))
+    size = proposal_draws or log_density.size
+    estimate, misfit = bridged(density, draws, log_density, rng, proposal, size)
+    doubts += misfit
+    if doubts:
+        warnings.warn(f"the evidence cannot be trusted: {'; '.join(doubts)}", stacklevel=2)
+        return Estimate(estimate.value, np.inf)
+    return estimate
+
+
+def bridged(
+    density: Callable[[Array], Array],
+    draws: Array,
+    log_density: Array,
+    rng: np.random.Generator,
+    proposal: Proposal,
+    size: int,
+) -> tuple[Estimate, list[str]]:
+    """Evidence from draws of at least two chains, (chain, draw, unknown), and what is against it.
+
+    Each part of the chains is compared with so many draws, in all, of what is fitted to the others.
+    """
     parts = np.arange(len(draws)) % _MOST_PARTS
     count = int(parts.max()) + 1
-    size = -(-(proposal_draws or log_density.size) // count)
     bridges = []
     for part in range(count):
         this, others = parts == part, parts != part
@@ -166,16 +186,14 @@ def log_evidence_by_bridge(
         kind = "normal" if proposal == "warped" else proposal
         mixture = fitted_proposal(draws[others], effective, kind, rng)
         warped = proposal in ("auto", "warped") and len(mixture.means) == 1
-        ratios = _log_ratios(density, mixture, warped, draws[this], log_density[this], size, rng)
+        ratios = _log_ratios(
+            density, mixture, warped, draws[this], log_density[this], -(-size // count), rng
+        )
         bridges.append(_bridge(*ratios))
     estimate = combine_chains(
         np.array([b.log_evidence for b in bridges]), np.sqrt([b.variance for b in bridges])
     )
-    doubts += _misfit(bridges)
-    if doubts:
-        warnings.warn(f"the evidence cannot be trusted: {'; '.join(doubts)}", stacklevel=2)
-        return Estimate(estimate.value, np.inf)
-    return estimate
+    return estimate, _misfit(bridges)
 
 
 def _check_enough(draws: Array, names: list[str]) -> None:

@@ -47,9 +47,9 @@ class Integral(NamedTuple):
 
     log_value: Estimate
     pareto_k: float
-    """Shape of the largest weights; NaN by tempering."""
+    """Shape of the largest weights; NaN where there are none."""
     method: str
-    """``"importance"`` or ``"tempering"``."""
+    """``"importance"``, ``"tempering"`` or ``"bridge"``."""
     particles: Array
     """Draws from the density, in random order."""
 

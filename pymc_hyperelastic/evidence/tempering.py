@@ -39,7 +39,8 @@ Visited = list[tuple[Array, Array, Array]]
 class Tempering:
     """Particles on the path ``a^(1-β) p^β`` from a density ``a`` to that of the posterior ``p``.
 
-    ``a`` is the prior, or a reference if there is one, from which the particles must be drawn.
+    ``a`` is the prior, or a reference if there is one, from which the particles must be drawn;
+    unless they have `arrived` at the posterior, or near it.
 
     Attributes
     ----------
@@ -58,6 +59,7 @@ class Tempering:
         rng: np.random.Generator,
         *,
         reference: Reference | None = None,
+        arrived: bool = False,
         threshold: float = THRESHOLD,
         forget: float = 0.1,
         max_moves: int = 50,
@@ -66,13 +68,16 @@ class Tempering:
         self.threshold, self.forget, self.max_moves = threshold, forget, max_moves
         self.particles = particles
         self.draws, self.dimension = particles.shape
-        self.beta, self.moves, self.capped = 0.0, 0, 0
+        self.beta, self.moves, self.capped = float(arrived), 0, 0
         self.log_evidence, self.variance = 0.0, 0.0
         self.effective_sample_size, self.acceptance = float(self.draws), 0.0
         self._start, self._rise = self._score(particles)
         self.pareto_k = pareto_shape(self._rise) if reference else np.nan
         self.eve = np.arange(self.draws)
         self._influence = np.zeros(self.draws)
+        # Of what is impossible there is no share.
+        self._logp = self._start + self._rise if arrived else self._start
+        self._last_beta, self._step_ahead = self.beta, 0.0
         self._visited: Visited = [(particles, self._start, self._rise)]
         self._before: tuple[Visited, float] | None = None
         self.mixtures: list[GaussianMixture] = [reference.mixture] if reference else []
@@ -88,6 +93,12 @@ class Tempering:
             self.move()
         return self
 
+    def stay(self) -> None:
+        """Move the particles once more where they are."""
+        self._last_beta, self._step_ahead = self.beta, 0.0
+        self.learn()
+        self.move()
+
     @property
     def mixture(self) -> GaussianMixture:
         """From which moves are drawn."""
@@ -102,6 +113,14 @@ class Tempering:
     def visited(self) -> Array:
         """All places visited at this stage."""
         return np.concatenate([places for places, *_ in self._visited])
+
+    @property
+    def paths(self) -> tuple[Array, Array]:
+        """Where each particle has moved at this stage, and the log density there on the path."""
+        places, start, rise = (
+            np.stack(values, axis=1) for values in zip(*self._visited[1:], strict=True)
+        )
+        return places, start + self.beta * rise
 
     @property
     def possible(self) -> NDArray[np.bool_]:

@@ -1,0 +1,55 @@
+"""An integral over many unknowns: particles that are led to the posterior, and a bridge to it."""
+
+import numpy as np
+
+from pymc_hyperelastic.evidence.bridge import bridged
+from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.evidence.importance import Integral
+from pymc_hyperelastic.evidence.mixture import Array
+from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.evidence.tempering import Tempering
+
+# Particles, and moves of a stage: on the way from the prior they need not quite follow it.
+_PARTICLES, _MOVES_ON_THE_WAY, _MOVES = 512, 5, 20
+# Stages at the posterior, at most, until an evidence is like that of the stage before: not further
+# away than so many of their standard errors.
+_MOST_STAGES, _ALIKE = 10, 2.0
+
+
+@np.errstate(all="ignore")  # a leap may be so wild that it overflows
+def by_bridge(
+    target: Target, size: int, rng: np.random.Generator, known: Array | None = None
+) -> Integral:
+    """Integral of a smooth target, with so many particles.
+
+    Of many unknowns no distribution is known so well that its draws would have even weights, and
+    tempering has a long way, of which each stage is to be exact. A bridge needs but draws of the
+    posterior, and forgives what a distribution fitted to them is not. Particles that are led from
+    the prior in haste, or are `known` from a posterior like this one, lag behind; they move on
+    until the evidence from where they are is twice the same.
+    """
+    if known is None:
+        start = target.draw_prior(_PARTICLES, rng)
+        led = Tempering(target, start, rng, max_moves=_MOVES_ON_THE_WAY).run()
+        known = led.visited
+    if len(known) > _PARTICLES:
+        known = rng.permutation(known)[:_PARTICLES]
+    tempering = Tempering(target, known, rng, arrived=True, max_moves=_MOVES)
+
+    def density(points: Array) -> Array:
+        flat = np.add(*target.score(points.reshape(-1, target.dimension)))
+        return flat.reshape(points.shape[:-1])
+
+    estimate = Estimate(-np.inf, np.inf)
+    for _ in range(_MOST_STAGES):
+        tempering.stay()
+        draws, log_density = tempering.paths
+        before = estimate
+        estimate, doubts = bridged(density, draws, log_density, rng, "normal", log_density.size)
+        error = np.hypot(estimate.standard_error, before.standard_error)
+        if not doubts and abs(estimate.value - before.value) < _ALIKE * error < np.inf:
+            break
+    else:
+        estimate = Estimate(estimate.value, np.inf)
+    particles = rng.permutation(draws.reshape(-1, target.dimension))[:size]
+    return Integral(estimate, np.nan, "bridge", particles)

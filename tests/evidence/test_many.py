@@ -1,0 +1,58 @@
+"""Evidences of models of many unknowns, by a bridge from particles that were led to the posterior."""
+
+import numpy as np
+import pymc as pm
+import pytest
+from scipy import stats
+from scipy.integrate import quad
+
+from pymc_hyperelastic.evidence.many import by_bridge
+from pymc_hyperelastic.evidence.target import Target
+
+rng = np.random.default_rng(3)
+
+
+def hierarchy():
+    """Thirty normal means of a common, unknown spread, and their evidence by quadrature."""
+    y = np.random.default_rng(7).normal(0.0, 1.5, 30)
+    with pm.Model() as model:
+        spread = pm.LogNormal("spread", 0.0, 1.0)
+        mean = pm.Normal("mean", 0.0, spread, shape=30)
+        pm.Normal("y", mean, 1.0, observed=y)
+
+    def density(log_spread):
+        sd = np.sqrt(1 + np.exp(2 * log_spread))
+        return np.exp(stats.norm(0, sd).logpdf(y).sum() + 60) * stats.norm.pdf(log_spread)
+
+    return model, np.log(quad(density, -8, 4, epsabs=0, epsrel=1e-10)[0]) - 60
+
+
+def correlated():
+    """A normal posterior of strongly correlated unknowns; closed form."""
+    size = 40
+    design = np.random.default_rng(8).normal(size=(25, size))
+    y = np.random.default_rng(9).normal(size=25)
+    with pm.Model() as model:
+        slopes = pm.Normal("slopes", 0.0, 2.0, shape=size)
+        pm.Normal("y", design @ slopes, 0.3, observed=y)
+    covariance = 4 * design @ design.T + 0.09 * np.eye(25)
+    return model, stats.multivariate_normal(np.zeros(25), covariance).logpdf(y)
+
+
+def skewed():
+    """Rates of counts, whose posteriors are skewed: a gamma and Poisson distribution each."""
+    counts = np.random.default_rng(10).poisson(1.0, 26)
+    with pm.Model() as model:
+        rate = pm.Gamma("rate", 1.5, 1.0, shape=26)
+        pm.Poisson("counts", rate, observed=counts)
+    return model, stats.nbinom(1.5, 0.5).logpmf(counts).sum()
+
+
+@pytest.mark.parametrize("case", [hierarchy, correlated, skewed])
+def test_evidence(case):
+    model, exact = case()
+    found = by_bridge(Target(model), 1000, np.random.default_rng(1))
+    value, error = found.log_value
+    assert found.particles.shape == (1000, sum(v.size for v in model.initial_point().values()))
+    assert error < 0.1
+    assert value == pytest.approx(exact, abs=3 * error + 0.05)
