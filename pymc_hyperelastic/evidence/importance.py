@@ -36,10 +36,12 @@ _PRIOR_SHARE = 0.1
 # Draws of a step of adaptation, for each number that a component has, at least and at most; it goes
 # so far that this fraction of them is effective.
 _STEP_DRAWS, _FEWEST_DRAWS, _LARGEST_STEP = 80, 1000, 12_000
-_STEP_EFFECTIVE, _MOST_STEPS = 0.1, 60
+# So many times as many are made where these are too few for the components that there are.
+_MORE_DRAWS = 4
+_STEP_EFFECTIVE, _MOST_STEPS = 0.13, 60
 # Effective fraction at which a mixture is like the posterior, and steps after which it is as like
 # as it becomes.
-_ALIKE, _LAST_STEPS = 0.4, 6
+_ALIKE, _LAST_STEPS = 0.3, 6
 
 
 class Integral(NamedTuple):
@@ -92,7 +94,7 @@ def by_importance(
             break
         # So many draws tell more of the posterior's shape than those of a step.
         if effective > 2 * points.shape[1]:
-            mixture = _fitted(points, log_weights, effective, DRAWS, rng)
+            mixture = _fitted(points, log_weights, effective, DRAWS, rng, start=mixture)
     particles = points
     if np.isfinite(log_value.value):
         weights = np.exp(log_weights - log_weights.max())
@@ -140,6 +142,7 @@ def adapted_mixture(
     dimension = like.means.shape[1]
     numbers = (dimension + 1) * (dimension + 2) // 2
     draws = min(max(_FEWEST_DRAWS, _STEP_DRAWS * numbers), _LARGEST_STEP)
+    most = min(_MORE_DRAWS * draws, _LARGEST_STEP)
     beta, last, mixture = 0.0, 0, like
     start = like.heavy_tailed()
     for _ in range(_MOST_STEPS):
@@ -159,6 +162,10 @@ def adapted_mixture(
         # From hardly more draws than there are unknowns no shape is learned.
         if (last and effective > _ALIKE * draws) or effective < 2 * dimension:
             break
+        # Of too few a ridge would be fitted by one normal distribution, and lost.
+        if len(mixture.means) > 1 == components_for(effective, dimension) and draws < most:
+            draws, last = min(2 * draws, most), 0
+            continue
         mixture = _fitted(points, log_weights, effective, draws, rng, start=mixture)
         if last == _LAST_STEPS:
             break
@@ -181,7 +188,7 @@ def _fitted(
     weights = np.exp(log_weights - log_weights.max())
     # A ridge needs more components than it has modes, which many draws can tell apart.
     components = components_for(effective, points.shape[1])
-    if components == 1:
+    if components == 1 and (start is None or len(start.means) == 1):
         # A half in which one point has all the weight has no spread.
         parts = [slice(half, None, 2) for half in range(2)]
         if all(np.ptp(weights[part]) < weights[part].sum() for part in parts):
@@ -191,7 +198,9 @@ def _fitted(
     if start is None:
         return GaussianMixture.fit(learn_from, components, rng)
     known = start if len(start.means) >= components else None
-    return GaussianMixture.fit(learn_from, components, rng, start=known, iterations=6)
+    return GaussianMixture.fit(
+        learn_from, components, rng, start=known, iterations=6, worth=effective / size
+    )
 
 
 def weighted_draws(

@@ -15,6 +15,7 @@ from pytensor.graph.op import Op
 from pytensor.graph.replace import vectorize_graph
 from pytensor.graph.rewriting.basic import dfs_rewriter, node_rewriter
 from pytensor.graph.rewriting.db import RewriteDatabaseQuery
+from pytensor.scalar.basic import Clip
 from pytensor.scalar.math import Softplus
 from pytensor.tensor.basic import Split
 from pytensor.tensor.blockwise import Blockwise
@@ -35,6 +36,15 @@ def _softplus_in_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | N
         return None
     x = node.inputs[0]
     return [pt.maximum(x, 0.0) + pt.log1p(pt.exp(-pt.abs(x)))]
+
+
+@node_rewriter([Elemwise])
+def _clip_in_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
+    """It is a Python loop too, since NumPy's takes bounds otherwise that are in the wrong order."""
+    if not isinstance(node.op.scalar_op, Clip):
+        return None
+    x, low, high = node.inputs
+    return [pt.switch(x < low, low, pt.minimum(x, high)).astype(node.outputs[0].dtype)]
 
 
 @node_rewriter([Blockwise])
@@ -178,6 +188,6 @@ IN_NUMPY = (
     .register((dfs_rewriter(_batch_of_graphs), _STABILISED))
     .register((dfs_rewriter(_batch_of_splits), 97))
     .register((dfs_rewriter(_triangles_by_numpy, _eigenvalues_by_numpy), 98))
-    .register((dfs_rewriter(_softplus_in_numpy), 99))
+    .register((dfs_rewriter(_softplus_in_numpy, _clip_in_numpy), 99))
     .register((dfs_rewriter(_elementwise_by_numpy), 100))
 )

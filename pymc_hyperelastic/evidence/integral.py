@@ -39,7 +39,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
         starts, *more = places_to_climb_from(prior, np.add(*target.score(prior)))
         modes = modes_from(target.ascent, [starts], width, more)
         if modes is not None:
-            like = like.joined(along_ridges(target.ascent, modes, width))
+            like = like.joined(along_ridges(target.ascent, modes, width), 0.8)
     quick = by_importance(target.score, like, size, rng, target.draw_prior)
     if quick.pareto_k < LARGEST_KNOWN_K:
         return quick

@@ -9,6 +9,8 @@ from scipy.special import gammaln
 
 Array = NDArray[np.float64]
 
+# So many points for each dimension, and one, count as much as the covariance known before.
+_KNOWN = 2.0
 # Added to each variance, as a fraction of the population's: it keeps a component of coinciding
 # particles a proper distribution, and is too small to blur a mode a millionth as wide as the prior.
 _VARIANCE_FLOOR = 1e-13
@@ -36,8 +38,12 @@ class GaussianMixture:
         *,
         start: "GaussianMixture | None" = None,
         iterations: int = 10,
+        worth: float = np.inf,
     ) -> "GaussianMixture":
         """Fit by expectation maximisation, from `start` or from distinct points drawn far apart.
+
+        Where each point is worth but so much of an independent one, a component of few of them
+        keeps a part of the covariance from which it starts: its own may be thin by chance.
 
         Examples
         --------
@@ -50,27 +56,42 @@ class GaussianMixture:
             responsibilities = _nearest_of_far_apart(points, components, rng)
         else:
             responsibilities = start.responsibilities(points)
-        mixture = cls._from_responsibilities(points, responsibilities)
+        known = None if start is None or np.isinf(worth) else (start.covariances, worth)
+        mixture, known = cls._from_responsibilities(points, responsibilities, known)
         for _ in range(iterations - 1 if components > 1 else 0):
-            mixture = cls._from_responsibilities(points, mixture.responsibilities(points))
+            responsibilities = mixture.responsibilities(points)
+            mixture, known = cls._from_responsibilities(points, responsibilities, known)
         return mixture
 
     @classmethod
-    def _from_responsibilities(cls, points: Array, responsibilities: Array) -> "GaussianMixture":
+    def _from_responsibilities(
+        cls, points: Array, responsibilities: Array, known: tuple[Array, float] | None
+    ) -> tuple["GaussianMixture", tuple[Array, float] | None]:
         counts = responsibilities.sum(axis=0)
         # A component with fewer points than dimensions has no covariance of its own.
         keep = counts > points.shape[1] + 1
         if not keep.any():
             counts, responsibilities = np.array([float(len(points))]), np.ones((len(points), 1))
-            keep = np.array([True])
+            keep, known = np.array([True]), None
         counts, responsibilities = counts[keep], responsibilities[:, keep]
         means = responsibilities.T @ points / counts[:, None]
         centred = points.T - means[..., None]
         weighted = responsibilities.T[:, None] * centred
         covariances = weighted @ centred.mT / counts[:, None, None]
+        if known is not None:
+            before, worth = known[0][keep], known[1]
+            known = before, worth
+            own = counts * worth
+            share = (own / (own + _KNOWN * (points.shape[1] + 1)))[:, None, None]
+            covariances = share * covariances + (1 - share) * before
         floor = _VARIANCE_FLOOR * points.var(axis=0) + np.finfo(float).tiny
         factors = np.linalg.cholesky(covariances + np.diag(floor))
-        return cls(np.log(counts / counts.sum()), means, factors)
+        return cls(np.log(counts / counts.sum()), means, factors), known
+
+    @property
+    def covariances(self) -> Array:
+        """Covariances, or Student's scale matrices, shape (K, d, d)."""
+        return self.factors @ self.factors.mT
 
     @cached_property
     def _inverse_factors(self) -> Array:
