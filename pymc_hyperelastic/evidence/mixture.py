@@ -52,41 +52,37 @@ class GaussianMixture:
         >>> sorted(GaussianMixture.fit(points, 2, rng).means.round().ravel().tolist())
         [-5.0, 5.0]
         """
-        if start is None:
-            responsibilities = _nearest_of_far_apart(points, components, rng)
-        else:
-            responsibilities = start.responsibilities(points)
-        known = None if start is None or np.isinf(worth) else (start.covariances, worth)
-        mixture, known = cls._from_responsibilities(points, responsibilities, known)
-        for _ in range(iterations - 1 if components > 1 else 0):
-            responsibilities = mixture.responsibilities(points)
-            mixture, known = cls._from_responsibilities(points, responsibilities, known)
+        mixture = start
+        before = None if start is None or np.isinf(worth) else start.covariances
+        for _ in range(iterations if components > 1 else 1):
+            if mixture is None:
+                responsibilities = _nearest_of_far_apart(points, components, rng)
+            else:
+                responsibilities = mixture.responsibilities(points)
+            # A component with fewer points than dimensions has no covariance of its own.
+            keep = responsibilities.sum(axis=0) > points.shape[1] + 1
+            if not keep.any():
+                responsibilities, keep, before = np.ones((len(points), 1)), np.array([True]), None
+            before = None if before is None else before[keep]
+            mixture = cls._from_responsibilities(points, responsibilities[:, keep], before, worth)
+        assert mixture is not None
         return mixture
 
     @classmethod
     def _from_responsibilities(
-        cls, points: Array, responsibilities: Array, known: tuple[Array, float] | None
-    ) -> tuple["GaussianMixture", tuple[Array, float] | None]:
+        cls, points: Array, responsibilities: Array, before: Array | None, worth: float
+    ) -> "GaussianMixture":
         counts = responsibilities.sum(axis=0)
-        # A component with fewer points than dimensions has no covariance of its own.
-        keep = counts > points.shape[1] + 1
-        if not keep.any():
-            counts, responsibilities = np.array([float(len(points))]), np.ones((len(points), 1))
-            keep, known = np.array([True]), None
-        counts, responsibilities = counts[keep], responsibilities[:, keep]
         means = responsibilities.T @ points / counts[:, None]
         centred = points.T - means[..., None]
         weighted = responsibilities.T[:, None] * centred
         covariances = weighted @ centred.mT / counts[:, None, None]
-        if known is not None:
-            before, worth = known[0][keep], known[1]
-            known = before, worth
-            own = counts * worth
-            share = (own / (own + _KNOWN * (points.shape[1] + 1)))[:, None, None]
-            covariances = share * covariances + (1 - share) * before
+        if before is not None:
+            share = worth * counts / (worth * counts + _KNOWN * (points.shape[1] + 1))
+            covariances = before + share[:, None, None] * (covariances - before)
         floor = _VARIANCE_FLOOR * points.var(axis=0) + np.finfo(float).tiny
         factors = np.linalg.cholesky(covariances + np.diag(floor))
-        return cls(np.log(counts / counts.sum()), means, factors), known
+        return cls(np.log(counts / counts.sum()), means, factors)
 
     @property
     def covariances(self) -> Array:

@@ -5,6 +5,7 @@ import pymc as pm
 import pytensor.tensor as pt
 import pytest
 from pytensor.tensor.blockwise import Blockwise
+from pytensor.tensor.elemwise import Elemwise
 from pytensor.tensor.special import xlogy
 from scipy import linalg, special, stats
 
@@ -36,6 +37,11 @@ def factor_or_none(x):
         return np.full((4, 4), np.nan)
 
 
+def clipped(x, low, high):
+    """Bounds as PyTensor has them: if they are in the wrong order the lower one counts first."""
+    return np.where(x < low, low, np.where(x > high, high, x))
+
+
 CASES = {
     "logsumexp": (pt.logsumexp, special.logsumexp),
     "logsumexp of rows": (
@@ -55,6 +61,9 @@ CASES = {
         lambda x: xlogy(pt.maximum(x, 0.0), pt.maximum(x, 0.0)),
         lambda x: special.xlogy(np.maximum(x, 0.0), np.maximum(x, 0.0)),
     ),
+    "bounds": (lambda x: pt.clip(x, -0.5, x[0]), lambda x: clipped(x, -0.5, x[0])),
+    "an open bound": (lambda x: pt.clip(x, 0.0, np.inf), lambda x: clipped(x, 0.0, np.inf)),
+    "softplus": (pt.softplus, lambda x: np.logaddexp(0.0, x)),
     "einsum": (lambda x: pt.einsum("i,j->ij", x, x), lambda x: np.outer(x, x)),
     "diagonal": (pt.diag, np.diag),
     "factor": (factor, factor_by_scipy),
@@ -77,7 +86,11 @@ CASES = {
 def loops(batched):
     """Nodes of a compiled function that call others for each point in Python."""
     nodes = batched.function.maker.fgraph.apply_nodes
-    return [node for node in nodes if isinstance(node.op, Blockwise)]
+
+    def is_loop(op):
+        return isinstance(op, Blockwise) or (isinstance(op, Elemwise) and op.nfunc_spec is None)
+
+    return [node for node in nodes if is_loop(node.op)]
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -1,4 +1,4 @@
-"""Evidences of models of many unknowns, by a bridge from particles that were led to the posterior."""
+"""Evidences of models of many unknowns: a bridge from particles that were led to the posterior."""
 
 import numpy as np
 import pymc as pm
@@ -8,8 +8,6 @@ from scipy.integrate import quad
 
 from pymc_hyperelastic.evidence.many import by_bridge
 from pymc_hyperelastic.evidence.target import Target
-
-rng = np.random.default_rng(3)
 
 
 def hierarchy():

@@ -73,3 +73,18 @@ def test_log_sum_exp_is_that_of_scipy():
     """Of terms far below and above where their exponentials would be lost."""
     terms = np.random.default_rng(SEED).normal(0, 50, (4, 3, 5)) + np.array([-1e4, 0, 1e4])[:, None]
     np.testing.assert_allclose(log_sum_exp(terms), logsumexp(terms, axis=-1), rtol=ROUNDING)
+
+
+def test_few_points_leave_a_component_what_is_known_of_it():
+    """A component of hardly more points than unknowns keeps its width; one of many learns it."""
+    rng = np.random.default_rng(SEED)
+    means, factors = np.array([[0.0] * 4, [50.0] * 4]), 3 * np.array([np.eye(4)] * 2)
+    known = GaussianMixture(np.log([0.5, 0.5]), means, factors)
+    few, many = 0.1 * rng.normal(size=(8, 4)), 50 + 0.1 * rng.normal(size=(4000, 4))
+    points = np.concatenate([few, many])
+    fitted = GaussianMixture.fit(points, 2, rng, start=known, worth=1.0)
+    widths = np.sqrt(np.diagonal(fitted.covariances, axis1=1, axis2=2)).mean(axis=1)
+    alone = GaussianMixture.fit(points, 2, rng, start=known)
+    assert widths[0] == pytest.approx(3 * np.sqrt(10 / 18), rel=0.01)
+    assert widths[1] == pytest.approx(0.18, rel=0.05)
+    assert np.sqrt(np.linalg.eigvalsh(alone.covariances[0])).max() < 0.3
