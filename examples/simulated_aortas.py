@@ -282,7 +282,7 @@ print(table.round(3).to_string())
 # %%
 # Intervals of what laboratories report
 # -------------------------------------
-# Of new specimens, those of a group together, as a laboratory that knows their group has them. The
+# Of new specimens, 25 of a group together, as a laboratory that knows their group has them. The
 # truth is what a tube of the true material has.
 REPORTED = [f"{direction}_material_stiffness" for direction in ("axial", "circumferential")]
 REPORTED += ["in_vivo_axial_stretch"]
@@ -312,12 +312,17 @@ def exact(place: np.ndarray, specimen: xr.Dataset, about: float) -> dict[str, np
 
 
 covered = []
-chosen = labels[: args.posteriors]
-for group in GROUPS if chosen else []:
-    own = [name for name, of in zip(chosen, truth, strict=False) if of == group]
+TOGETHER = 25
+chosen = pd.Series(truth, labels)[: args.posteriors]
+studies = [
+    (group, own.index[first : first + TOGETHER])
+    for group, own in chosen.groupby(chosen, sort=False)
+    for first in range(0, len(own), TOGETHER)
+]
+for group, own in studies:
     fitted = ph.fit_classes(
         LAW,
-        {group: ph.select(new, specimen=own)},
+        {group: ph.select(new, specimen=list(own))},
         variability="specimen",
         draws=args.draws,
         chains=1,
