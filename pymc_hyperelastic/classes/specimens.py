@@ -5,6 +5,7 @@ specimen is sampled once, under a wide reference distribution; under any class d
 likelihood is then a weighted mean over these draws, and a class has few unknowns left.
 """
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,7 +23,11 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from pymc_hyperelastic.classes.specimen_target import SpecimenTarget
+from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
+from pymc_hyperelastic.evidence.checks import PACKAGE
+from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR
+from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral, by_importance
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
@@ -50,6 +55,8 @@ Array = NDArray[np.float64]
 PARTICLES = 2000
 # Share of the first draws of a specimen that is kept where it is sampled again.
 _KEPT = 0.25
+# Particles whose curves are looked at, and how often these are made right.
+_MATERIALS, _MOST_TRIES = 16, 4
 # Spreads of the reference distribution, in medians of a class's.
 _WIDER = 2.0
 _EFFECT = 1.0
@@ -92,9 +99,12 @@ class SpecimenSampler:
 
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data."""
-        model = self._model_for(data)
-        target = self._target(model, self._log_reference)
-        found = integrate(target, PARTICLES, rng)
+
+        def take() -> Integral:
+            return integrate(self._target(data, self._log_reference), PARTICLES, rng)
+
+        found = self._by_right_curves(data, take)
+        model, target = self._model_for(data), self._target(data, self._log_reference)
         draws = self._draws(found.particles)
         if self.population.known_noise:
             errors = model.misfits(target.particles(found.particles))[1]
@@ -133,11 +143,15 @@ class SpecimenSampler:
             fresh = fresh_specimens(self.population, chosen, data.sizes["test"], rng)
             return np.concatenate([fresh[name] for name in self._names], axis=1)
 
-        target = self._target(self._model_for(data), log_prior)
-        mixture = GaussianMixture.fit(
-            draws.points, components_for(len(draws.points), target.dimension), rng
-        )
-        found = by_importance(target.score, mixture, PARTICLES, rng, draw_prior)
+        dimension = self._target(data, log_prior).dimension
+        components = components_for(len(draws.points), dimension)
+        mixture = GaussianMixture.fit(draws.points, components, rng)
+
+        def take() -> Integral:
+            target = self._target(data, log_prior)
+            return by_importance(target.score, mixture, PARTICLES, rng, draw_prior)
+
+        found = self._by_right_curves(data, take)
         if not found.trusted:
             return draws
         count = len(draws.points)
@@ -153,8 +167,42 @@ class SpecimenSampler:
         again = replace(self._draws(points), misfit=draws.misfit, freedom=draws.freedom)
         return _weighted(again, log_density, float(np.hypot(*errors)), found)
 
-    def _target(self, model: _SpecimenModel, log_prior: Callable[[Array], Array]) -> SpecimenTarget:
+    def _by_right_curves(self, data: xr.Dataset, take: Callable[[], Integral]) -> Integral:
+        """An integral over materials whose curves are right.
+
+        They are over the range of the class's default priors. If the data want others, curves are
+        made right for these, and the integral is taken again.
+        """
+        for _ in range(_MOST_TRIES):
+            found = take()
+            parameters = self._parameters(found.particles[:_MATERIALS])
+            if self.forward.errors(data, parameters).max() <= CURVES_ERR:
+                return found
+            self.forward = self.forward.right_for(parameters)
+            self._models.clear()
+        warnings.warn(
+            f"curves of specimen {specimens_of(data)[0][0]!r} are wrong by more than "
+            f"{CURVES_ERR:.0e} of their largest value, and its evidence has no error: its "
+            "material is far from what priors expect",
+            skip_file_prefixes=(PACKAGE,),
+        )
+        return found._replace(log_value=Estimate(found.log_value.value, np.inf))
+
+    def _parameters(self, points: Array) -> dict[str, Array]:
+        """Material parameters of particles, of all their tests."""
+        return self.scale.numbers([np.ravel(x) for x in self._parts(points)[0]])
+
+    def _parts(self, points: Array) -> tuple[Array, Array, Array]:
+        """Coordinates (coordinate, draw, test), noises and deviations of particles."""
+        sizes = len(self.population.noises), len(self.population.geometry)
+        ends = points.shape[1] - np.cumsum([0, *sizes[::-1]])[::-1]
+        of_tests, log_sigma, deviations = np.split(points, ends[:-1], axis=1)
+        of_tests = of_tests.reshape(len(points), len(self.scale.names), -1)
+        return np.moveaxis(of_tests, 1, 0), log_sigma, deviations
+
+    def _target(self, data: xr.Dataset, log_prior: Callable[[Array], Array]) -> SpecimenTarget:
         """The specimen, under a prior of what its classes are held against, and of its tube."""
+        model = self._model_for(data)
 
         def with_tube(points: Array) -> Array:
             deviations = points[:, points.shape[1] - len(self.population.geometry) :]
@@ -184,11 +232,7 @@ class SpecimenSampler:
     def _draws(self, points: Array) -> SpecimenDraws:
         """Draws of a specimen that are not weighted yet."""
         own = self.reference.experiment_spread is not None
-        sizes = len(self.population.noises), len(self.population.geometry)
-        ends = points.shape[1] - np.cumsum([0, *sizes[::-1]])[::-1]
-        of_tests, log_sigma, deviations = np.split(points, ends[:-1], axis=1)
-        of_tests = of_tests.reshape(len(points), len(self.scale.names), -1)
-        of_tests = np.moveaxis(of_tests, 1, 0)
+        of_tests, log_sigma, deviations = self._parts(points)
         centre = of_tests.mean(axis=2)
         scatter = ((of_tests - centre[..., None]) ** 2).sum(axis=2)
         tests = of_tests.shape[2] if own else 1

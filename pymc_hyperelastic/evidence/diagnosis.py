@@ -27,6 +27,9 @@ _FEW_ANCESTORS, _TOO_FEW_ANCESTORS, _MANY_ANCESTORS = 0.03, 0.01, 0.15
 _MOST_CAPPED = 0.5
 # Pareto shape of the weights up to which their mean converges at a rate that is worth its draws.
 _LARGEST_SHAPE = 0.7
+# What curves may err, relative to the largest value of each: with errors of a hundredth of that a
+# log density of a hundred points is then right to a thousandth.
+CURVES_ERR = 1e-6
 # Verdicts from good to bad.
 VERDICTS = ("good", "doubtful", "not to be trusted")
 _GOOD, _DOUBTFUL, _BAD = range(3)
@@ -106,6 +109,9 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         are too low by far are common, since mass may be missed; too high by far they never are.
     ``"modes"``
         By how many nats that from the modes, which were climbed to, is larger.
+    ``"curves"``
+        By how much curves of the posterior err, relative to the largest value of each: they are
+        made exact over the range of the priors.
     ``"weights"``
         The Pareto shape of the weights, where the evidence is a mean of them.
 
@@ -161,6 +167,15 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
             limit = max(_NATS, _ERRORS * error)
             words = f"the evidence from the {name} is larger by {gap:.2f} nats: mass is missing"
             checks.append(_Check(name, gap, limit, _BAD if gap > limit else _GOOD, words))
+    if "curve_error" in evidence:
+        error = float(evidence["curve_error"])
+        words = (
+            f"curves err by {error:.0e} of their largest value: the posterior is where priors "
+            "hardly expect the material, and curves were not made exact there; give wider priors, "
+            "or mode='quadrature'"
+        )
+        verdict = _BAD if error > CURVES_ERR else _GOOD
+        checks.append(_Check("curves", error, CURVES_ERR, verdict, words))
     if "pareto_k" in evidence and not np.isnan(evidence["pareto_k"]).all():
         shape = float(np.nanmax(evidence["pareto_k"]))
         words = f"a few weights decide: their Pareto shape is {shape:.2f}"

@@ -12,8 +12,9 @@ has the groups
     trusted: the fraction of stages at which ``moves`` were not enough and of ``ancestors`` that are
     left; the Pareto shape of weights (``pareto_k``); the evidence by tempering from the prior alone
     (``forward``) and from the modes (``at_modes``, with the shape ``at_modes_k`` of its weights),
-    and the ``log_masses`` of these. Where chains were integrated, in classes with variability,
-    the ``method`` of each.
+    and the ``log_masses`` of these; ``curve_error``, the largest error of the posterior's curves,
+    relative to the largest value of each. Where chains were integrated, in classes with
+    variability, the ``method`` of each.
 ``diagnosis`` : (check)
     What :func:`diagnose_evidence` says.
 ``observed_data``, ``constant_data``
@@ -22,6 +23,7 @@ has the groups
 """
 
 import json
+from collections.abc import Mapping
 from functools import cache
 from importlib.metadata import version
 from typing import Any, Protocol
@@ -49,6 +51,9 @@ class Study(Protocol):
 
     def result_attrs(self, model: pm.Model) -> dict[str, str]:
         """Attributes of its result."""
+
+    def curve_error(self, posterior: Mapping[str, Array]) -> float:
+        """Largest relative error of curves of the posterior; NaN where it is not known."""
 
 
 def attach_study(model: pm.Model, study: Study) -> None:
@@ -112,6 +117,8 @@ def sampling_tree(
     if "pareto_k" in stats[0]:
         evidence["pareto_k"] = np.array([chain["pareto_k"][-1] for chain in stats])
     study = study_of(model)
+    if study and np.isfinite(error := study.curve_error(posterior)):
+        found = (xr.Dataset() if found is None else found).assign(curve_error=error)
     tree = xr.DataTree.from_dict(
         (study.result_groups(model) if study else data_groups(model))
         | {

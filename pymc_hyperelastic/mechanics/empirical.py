@@ -15,19 +15,21 @@ Computing 38 (2016) A631.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import pytensor
-import pytensor.tensor as pt
 from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
-from pymc_hyperelastic.mechanics.axial_force import force_response
-from pymc_hyperelastic.mechanics.interpolation import Group, Moments
+from pymc_hyperelastic.mechanics.interpolation import (
+    Group,
+    Moments,
+    curve_errors,
+    evenly,
+    response_function,
+)
 from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
-from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.wall import WallRule, wall_rule
 
 Array = NDArray[np.float64]
@@ -47,8 +49,6 @@ TOLERANCE, _VISIBLE, _FEW = 1e-9, 1e-3, 1 / 200
 _MOST_ROUNDS = 4
 _EVENLY = 2
 _LARGEST = 1e100
-# Points whose curves are compared, and the order of the quadrature that they are compared with.
-_TRIED, _FINER = 60, 48
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,9 @@ class EmpiricalNodes:
     def responses(self, log_hoop: Array, log_axial: Array) -> tuple[Array, Array]:
         """All snapshots (snapshot, place), and their slopes by ``ln λθ``."""
         parts = [
-            _responses(self.energy, force)(log_hoop[None], log_axial[None], *_columns(materials))
+            response_function(self.energy, force, slope=True)(
+                log_hoop[None], log_axial[None], *_columns(materials)
+            )
             for force, materials in ((False, self.of_stress), (True, self.of_force))
             if len(materials[0])
         ]
@@ -123,16 +125,16 @@ class EmpiricalInterpolation(NamedTuple):
             np.where(there, x, known[0])
             for x, known in zip((wall.log_hoop, log_axial), self.places, strict=True)
         )
-        responses = self.nodes.responses(log_hoop.ravel(), log_axial.ravel())
+        both = self.nodes.responses(log_hoop.ravel(), log_axial.ravel())
 
-        def by_nodes(responses: Array) -> Moments:
+        def by_nodes(snapshots: Array) -> Moments:
             weights = solve_triangular(
-                self.triangle, self.basis.T @ (responses[self.known] / self.scale)
+                self.triangle, self.basis.T @ (snapshots[self.known] / self.scale)
             )
             weights = weights.reshape(-1, *wall.log_hoop.shape)
             return lambda weight: np.einsum("nq,knq->nk", weight, weights)
 
-        values, slopes = map(by_nodes, responses)
+        values, slopes = map(by_nodes, both)
         return values, slopes
 
 
@@ -143,18 +145,21 @@ def empirical_nodes(
     draw: Callable[[], Materials],
     *,
     with_force: bool,
+    known: Materials = (),
 ) -> EmpiricalNodes | None:
     """Nodes by which curves of all materials that are drawn are right; None if that fails.
 
     The stress of the law must be a sum over its moduli: snapshots are responses to one of them
-    alone. Those are added by which curves of others, drawn afresh, are not right yet.
+    alone. Those are added by which curves of others, drawn afresh, are not right yet. Curves of
+    materials that are `known` to matter are right in any case.
     """
-    some = [groups[i] for i in _some(len(groups), _MOST_GROUPS)]
+    some = [groups[i] for i in evenly(len(groups), _MOST_GROUPS)]
     # Of each group those that matter there: beside the stiffest walls all others look alike.
     places = [[x[None] for x in _places(tubes, group, _SOME_PLACES)] for group in some]
     kinds = (False, True) if with_force else (False,)
     snapshots = {force: _none(energy) for force in (False, True)}
-    learn_from = _spread(draw())
+    known = known or _none(energy)
+    learn_from = _joined([_spread(draw()), known])
     for _ in range(_MOST_ROUNDS):
         of_one = _one_by_one(energy, learn_from)
         candidates = {force: _joined([snapshots[force], *of_one]) for force in kinds}
@@ -163,10 +168,11 @@ def empirical_nodes(
             both = np.array(_joined([of_group[force] for of_group in chosen]))
             snapshots[force] = [*np.unique(both, axis=1)]
         nodes = EmpiricalNodes(energy, snapshots[False], snapshots[True])
-        others = draw()
-        errors = np.max([_errors(nodes, tubes, group, others, with_force) for group in some], 0)
-        wrong = errors > TOLERANCE
-        if wrong.mean() <= _FEW and errors.max() < _VISIBLE:
+        others = _joined([draw(), known])
+        errors = curve_errors(energy, nodes, tubes, some, others, with_force=with_force)
+        wrong, drawn = errors > TOLERANCE, len(errors) - len(known[0])
+        few = wrong[:drawn].mean() <= _FEW and errors.max() < _VISIBLE
+        if few and not wrong[drawn:].any():
             return nodes
         learn_from = [v[wrong] for v in others]
     return None
@@ -179,10 +185,10 @@ def _independent(
     mix = np.random.default_rng(1).standard_normal((_COMBINATIONS, places[0].size))
     of_kinds, columns = [], []
     for force, materials in candidates.items():
-        responses = _responses(energy, force, slope=False)(*places, *_columns(materials))[0]
-        size = np.abs(responses).max(axis=1)
+        of_all = response_function(energy, force)(*places, *_columns(materials))[0]
+        size = np.abs(of_all).max(axis=1)
         known = np.flatnonzero((size < _LARGEST) & (size > 0))
-        columns.append(mix @ (responses[known] / size[known, None]).T)
+        columns.append(mix @ (of_all[known] / size[known, None]).T)
         of_kinds += [(force, row) for row in known]
     triangle, pivots = qr(np.concatenate(columns, axis=1), mode="r", pivoting=True)
     left = np.abs(np.diag(triangle))
@@ -217,49 +223,15 @@ def _one_by_one(energy: StrainEnergy, materials: Materials) -> list[Materials]:
     ]
 
 
-@np.errstate(all="ignore")  # some of the materials may be impossible
-def _errors(
-    nodes: EmpiricalNodes, tubes: KnownTubes, group: Group, materials: Materials, with_force: bool
-) -> Array:
-    """Errors of curves of the materials, relative to the largest value of each."""
-    interpolation = nodes.interpolation(tubes, group)
-    own = tubes.at(group.points[_some(len(group.points), _TRIED)])
-    # What is integrated need not be smooth.
-    wall, finer = wall_rule(np, *own.walls), wall_rule(np, *own.walls, order=_FINER)
-    moments = interpolation.moments(own, wall)[0]
-    log_axial = np.broadcast_to(np.log(own.axial_stretch)[:, None], finer.log_hoop.shape)
-    errors = np.zeros(len(materials[0]))
-    kinds = [
-        (False, wall.pressure_weight, finer.pressure_weight),
-        (True, wall.force_weight, finer.force_weight),
-    ]
-    for force, weight, exact_weight in kinds[: 1 + with_force]:
-        respond = _responses(nodes.energy, force, slope=False)
-        exact, there = (
-            respond(x[None], z[None], *_columns(materials))[0]
-            for x, z in ((finer.log_hoop.ravel(), log_axial.ravel()), interpolation.places)
-        )
-        exact = np.einsum("nq,mnq->mn", exact_weight, exact.reshape(-1, *exact_weight.shape))
-        error = np.abs(there @ moments(weight).T - exact).max(axis=1)
-        scale = np.abs(exact).max(axis=1)
-        errors = np.maximum(errors, error / np.where(scale > 0, scale, 1.0))
-    return errors
-
-
 def _places(tubes: KnownTubes, group: Group, most: int) -> tuple[Array, Array]:
     """``ln λθ`` and ``ln λz`` of so many places in the walls of a group, both faces included."""
     own = tubes.at(group.points)
     own = own.at(np.flatnonzero(own.outer_radius > own.inner_radius))
-    own = own.at(_some(len(own.radius), most // 4))
+    own = own.at(evenly(len(own.radius), most // 4))
     log_hoop = wall_rule(np, *own.walls).log_hoop
-    log_hoop = log_hoop[:, _some(log_hoop.shape[1], most // len(log_hoop))]
+    log_hoop = log_hoop[:, evenly(log_hoop.shape[1], most // len(log_hoop))]
     log_axial = np.broadcast_to(np.log(own.axial_stretch)[:, None], log_hoop.shape)
     return log_hoop.ravel(), log_axial.ravel()
-
-
-def _some(count: int, most: int) -> NDArray[np.intp]:
-    """At most so many of the numbers below `count`, evenly spread, the first and last included."""
-    return np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
 
 def _columns(materials: Materials) -> list[Array]:
@@ -272,18 +244,3 @@ def _joined(parts: Sequence[Materials]) -> Materials:
 
 def _none(energy: StrainEnergy) -> Materials:
     return [np.empty(0) for _ in energy.entry_names]
-
-
-@cache
-def _responses(energy: StrainEnergy, force: bool, slope: bool = True) -> Any:
-    """Responses, and their slopes, at ``ln λθ`` and ``ln λz`` (1, place), entries (material, 1)."""
-    log_hoop = pt.tensor("log_hoop", dtype="float64", shape=(1, None))
-    log_axial = pt.tensor("log_axial", dtype="float64", shape=(1, None))
-    entries = [pt.tensor(n, dtype="float64", shape=(None, 1)) for n in energy.entry_names]
-    hoop, axial, *full = pt.broadcast_arrays(log_hoop, log_axial, *entries)
-    if force:
-        response = force_response(energy, hoop, axial, full)
-    else:
-        response = energy.stress_difference(hoop, axial, **energy.join(full))
-    outputs = [response, *([elementwise_derivative(response, hoop)] if slope else [])]
-    return pytensor.function([log_hoop, log_axial, *entries], outputs, mode="FAST_COMPILE")

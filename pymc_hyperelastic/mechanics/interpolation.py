@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.mechanics.axial_force import force_response
 from pymc_hyperelastic.mechanics.chebyshev import Array, chebyshev_nodes, value_to_coefficient
 from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
-from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.wall import WallRule
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
+from pymc_hyperelastic.mechanics.wall import WallRule, wall_rule
 
 # Chebyshev coefficients of the response below this fraction of the largest are left out. The
 # pressure is then right to about 1e-12 of the largest in the data, and rounding is not mistaken
@@ -26,6 +26,8 @@ _MOST_AXIAL, _MOST_IN_GRID = 32, 1024
 # Lines through a grid along which it is known how many nodes the response takes: both edges, on
 # which every kink that crosses the grid begins and ends, and as many between.
 _LINES = np.cos(np.pi * np.arange(9) / 8)
+# Points whose curves are compared with quadrature, and the order of that.
+_TRIED, _FINER = 60, 48
 
 
 class Group(NamedTuple):
@@ -127,16 +129,17 @@ def nodes_needed(
     for all of them. None means that these were more than 64, or in a grid more than 32 axial
     stretches, or 1024 nodes: then the direct rule is to be used.
     """
-    function, needed = _response_function(energy, with_force), Nodes(2)
+    kinds = (False, True) if with_force else (False,)
+    functions = [response_function(energy, force) for force in kinds]
+    needed = Nodes(2)
 
     def along(log_hoop: Array, log_axial: Array) -> Array:
         """Coefficients of responses (draw, line, node) along a last axis, and their largest."""
         hoop, axial = np.broadcast_arrays(log_hoop, log_axial)
+        places = hoop.reshape(1, -1), axial.reshape(1, -1)
         with np.errstate(all="ignore"):
-            responses = function(
-                hoop.reshape(1, -1), axial.reshape(1, -1), *(v.reshape(-1, 1) for v in values)
-            )
-        response = np.stack([r.reshape(-1, *hoop.shape) for r in responses])
+            found = [f(*places, *(v.reshape(-1, 1) for v in values))[0] for f in functions]
+        response = np.stack([r.reshape(-1, *hoop.shape) for r in found])
         possible = np.isfinite(response).all(axis=(0, 2, 3))
         return np.abs(response[:, possible] @ value_to_coefficient(hoop.shape[-1]).T)
 
@@ -187,14 +190,66 @@ def _span(values: Any) -> tuple[float, float]:
     return low + half, half
 
 
+@np.errstate(all="ignore")  # some of the materials may be impossible
+def curve_errors(
+    energy: StrainEnergy,
+    basis: Basis,
+    tubes: KnownTubes,
+    groups: Sequence[Group],
+    materials: Sequence[Array],
+    *,
+    with_force: bool,
+) -> Array:
+    """Errors of the curves of materials, relative to the largest value of each in its group.
+
+    The largest of them by material, of pressures and forces. They are compared with quadrature.
+    Forces are compared with that of the pressure on the lumen, too: they may be nil.
+    """
+    errors = np.zeros(len(materials[0]))
+    entries = [np.reshape(v, (-1, 1)) for v in materials]
+    for group in groups:
+        interpolation = basis.interpolation(tubes, group)
+        own = tubes.at(group.points[evenly(len(group.points), _TRIED)])
+        # What is integrated need not be smooth.
+        wall, finer = wall_rule(np, *own.walls), wall_rule(np, *own.walls, order=_FINER)
+        moments = interpolation.moments(own, wall)[0]
+        log_axial = np.broadcast_to(np.log(own.axial_stretch)[:, None], finer.log_hoop.shape)
+        kinds = [
+            (False, wall.pressure_weight, finer.pressure_weight),
+            (True, wall.force_weight, finer.force_weight),
+        ]
+        least = np.zeros(1)
+        for force, weight, exact_weight in kinds[: 1 + with_force]:
+            exact, there = (
+                response_function(energy, force)(x[None], z[None], *entries)[0]
+                for x, z in ((finer.log_hoop.ravel(), log_axial.ravel()), interpolation.places)
+            )
+            exact = np.einsum("nq,mnq->mn", exact_weight, exact.reshape(-1, *exact_weight.shape))
+            error = np.abs(there @ moments(weight).T - exact).max(axis=1)
+            scale = np.maximum(np.abs(exact).max(axis=1), least)
+            least = np.pi * own.radius.max() ** 2 * scale
+            errors = np.maximum(errors, error / np.where(scale > 0, scale, 1.0))
+    return errors
+
+
+def evenly(count: int, most: int) -> NDArray[np.intp]:
+    """At most so many of the numbers below `count`, evenly spread, the first and last included."""
+    return np.unique(np.linspace(0, count - 1, most).round().astype(int))
+
+
 @cache
-def _response_function(energy: StrainEnergy, with_force: bool) -> Any:
-    """Responses at ``ln λθ`` and ``ln λz`` (1, node), for parameters (draw, 1)."""
+def response_function(energy: StrainEnergy, force: bool, slope: bool = False) -> Any:
+    """Function of ``ln λθ`` and ``ln λz`` (1, place), and the entries of materials (material, 1).
+
+    It gives the responses of pressure, or of the axial force, and their slopes by ``ln λθ``.
+    """
     log_hoop = pt.tensor("log_hoop", dtype="float64", shape=(1, None))
     log_axial = pt.tensor("log_axial", dtype="float64", shape=(1, None))
     entries = [pt.tensor(n, dtype="float64", shape=(None, 1)) for n in energy.entry_names]
     hoop, axial, *full = pt.broadcast_arrays(log_hoop, log_axial, *entries)
-    responses = [energy.stress_difference(hoop, axial, **energy.join(full))]
-    if with_force:
-        responses.append(force_response(energy, hoop, axial, full))
-    return pytensor.function([log_hoop, log_axial, *entries], responses, mode="FAST_COMPILE")
+    if force:
+        response = force_response(energy, hoop, axial, full)
+    else:
+        response = energy.stress_difference(hoop, axial, **energy.join(full))
+    outputs = [response, *([elementwise_derivative(response, hoop)] if slope else [])]
+    return pytensor.function([log_hoop, log_axial, *entries], outputs, mode="FAST_COMPILE")

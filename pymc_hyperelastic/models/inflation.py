@@ -283,7 +283,8 @@ def tube_model(
             share = _prior_probability(rises, model.free_RVs)
             pm.Potential("rising", pt.where(rises, -np.log(share), -np.inf))
     if parent is None:
-        attach_study(model, Study(energy, data, distributions, observation, unknown, rising))
+        study = Study(energy, data, distributions, observation, unknown, rising, forward=forward)
+        attach_study(model, study)
     return model
 
 

@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 _REFERENCE_STRAIN = (0.2, 0.7)
 # Of a shape parameter: its median as a fraction of the upper end of its range.
 _SHAPE = (1 / 6, 1.2)
+# Of a modulus that keeps its own logarithm, in the same way.
+_MODULUS = (1 / 20, 2.0)
 # Of the stress of one modulus, as a multiple of that of the first.
 _STRESS_RATIO = (1.0, 2.0)
 _RATIO_SD, _LOGIT_SD = 1.5, 1.5
@@ -67,6 +69,8 @@ class NaturalScale:
     Where stress is no such sum the others give way to the logarithms of their ratios to the first,
     at the hoop strain of a law of one modulus.
 
+    Without a stress of reference every modulus keeps its own logarithm.
+
     Of a wall of layers each has the coordinates of its law. Numbers stay what they are; beside a
     modulus that is a number any other has its logarithm. A thickness that is inferred has its
     logarithm, too.
@@ -76,7 +80,7 @@ class NaturalScale:
     wall : StrainEnergy or sequence of Layer
         The material, or the layers: what is missing in them is inferred, and so is a thickness that
         is a distribution.
-    reference_stress : float
+    reference_stress : float, optional
         ``T₀ = σθθ − σrr``, or its mean with ``σzz − σrr``, kPa.
 
     Raises
@@ -88,7 +92,7 @@ class NaturalScale:
     """
 
     wall: StrainEnergy | Sequence[Layer]
-    reference_stress: float = 20.0
+    reference_stress: float | None = 20.0
 
     @cached_property
     def _materials(self) -> list["_Material"]:
@@ -174,13 +178,21 @@ class NaturalScale:
 
     def numbers(self, coordinates: Sequence[Array]) -> dict[str, Array]:
         """Material parameters of coordinates in numbers; entries of vectors along a last axis."""
-        parameters = self.parameters([pt.constant(x) for x in coordinates])
+        names, function = self._numbers
+        shape = np.shape(coordinates[0])
+        values = function(*(np.ravel(x) for x in coordinates))
+        return {n: v.reshape(shape + v.shape[1:]) for n, v in zip(names, values, strict=True)}
+
+    @cached_property
+    def _numbers(self) -> tuple[list[str], Any]:
+        """Names of the parameters, and their function of coordinates in numbers."""
+        coordinates = [pt.vector(name, dtype="float64") for name in self.names]
+        parameters = self.parameters(coordinates)
         symbols = [
             pt.stack(value, axis=-1) if isinstance(value, tuple) else value
             for value in parameters.values()
         ]
-        values = pytensor.function([], symbols, mode="FAST_COMPILE")()
-        return dict(zip(parameters, values, strict=True))
+        return [*parameters], pytensor.function(coordinates, symbols, mode="FAST_COMPILE")
 
 
 class _Coordinate(NamedTuple):
@@ -207,7 +219,8 @@ class _Entry(NamedTuple):
         scale, (low, high) = self.parameter.natural_scale, self.parameter.prior_range
         name = f"{scale}_{self.name}"
         if scale == "log":
-            median, sd = self.parameter.typical or (high * _SHAPE[0], _SHAPE[1])
+            share, sd = _MODULUS if self.parameter.unit == "kPa" else _SHAPE
+            median, sd = self.parameter.typical or (high * share, sd)
             return _Coordinate(name, np.log(median), sd)
         if scale == "logit":
             return _Coordinate(name, 0.0, _LOGIT_SD)
@@ -228,14 +241,14 @@ class _Entry(NamedTuple):
 class _Material:
     """Coordinates of the law of a layer, or of a wall."""
 
-    def __init__(self, layer: NamedLayer, suffix: str, reference_stress: float) -> None:
+    def __init__(self, layer: NamedLayer, suffix: str, reference_stress: float | None) -> None:
         self.layer, self.energy = layer, layer.energy
         self._suffix, self._stress = suffix, reference_stress
         self._entries = [e for p in self.energy.parameters for e in self._entries_of(p)]
         moduli = [e.parameter.unit == "kPa" for e in self._entries]
         numbers = [e.number is not None for e in self._entries]
         # A modulus that is a number leaves no stress to be chosen.
-        free = not np.any(np.logical_and(moduli, numbers))
+        free = reference_stress is not None and not np.any(np.logical_and(moduli, numbers))
         self._moduli = [
             i
             for i, e in enumerate(self._entries)
@@ -276,7 +289,7 @@ class _Material:
         rest = iter(coordinates)
         given = [next(rest) if e.number is None else None for e in self._entries]
         entries = [e.value(x) for e, x in zip(self._entries, given, strict=True)]
-        if self._moduli:
+        if self._moduli and self._stress is not None:
             first, *others = self._moduli
             moduli_of = moduli_by_stress if self._additive else moduli_by_ratio
             ratios = [given[place] for place in others]

@@ -52,7 +52,7 @@ class Population:
     """A strain energy, or layers."""
     observation: Observation
     experiment_effect: bool = False
-    reference_stress: float = 20.0
+    reference_stress: float | None = 20.0
     priors: Mapping[str, Any] | None = None
     geometry: Mapping[str, Measured] = field(default_factory=dict)
 
@@ -85,8 +85,11 @@ class Population:
                 "mN: each test has an offset of its own, and the number is their prior"
             )
         stress = self.reference_stress
-        if not isinstance(stress, Real) or not np.isfinite(stress) or stress <= 0:
-            raise ValueError(f"reference_stress is {stress!r}; expected a positive number of kPa")
+        if stress is not None and not (isinstance(stress, Real) and 0 < stress < np.inf):
+            raise ValueError(
+                f"reference_stress is {stress!r}; expected a positive number of kPa, or None, "
+                "where each modulus keeps its own logarithm"
+            )
         check_measured_only(self.geometry)
         observation.check(wall, data, parameters, self.geometry)
         self._check_priors()
@@ -141,7 +144,7 @@ def population_model(
     diameter_noise_sd: Any = None,
     geometry: Mapping[str, Measured] | None = None,
     experiment_effect: bool = False,
-    reference_stress: float = 20.0,
+    reference_stress: float | None = 20.0,
     priors: Mapping[str, Any] | None = None,
 ) -> pm.Model:
     r"""PyMC model of a class whose specimens differ: each has its own parameters.
@@ -191,8 +194,10 @@ def population_model(
     experiment_effect : bool, default False
         Whether experiments on one specimen differ by more than noise, as at several axial stretches
         of a material whose law does not couple the directions rightly. Otherwise ``ω = 0``.
-    reference_stress : float, default 20
-        Stress ``T₀`` (kPa) of the reference strain, which stands in place of the first modulus.
+    reference_stress : float or None, default 20
+        Stress ``T₀`` (kPa) of the reference strain, which stands in place of the first modulus;
+        with None each modulus has its own logarithm. In which coordinates specimens are spread
+        normally is a question to their evidence: fit both.
     priors : dict of str to distribution, optional
         Other priors of the class: of ``location``, ``spread`` and ``experiment_spread``, with one
         entry a coordinate, and of ``effect_spread``, ``noise_spread``, ``force_noise_spread`` and
@@ -273,9 +278,11 @@ def population_model(
         distribution = population.register_class()
         of_specimens = register_specimens(population, distribution, of_test)
         _register_noises(population, of_specimens)
-        register_curves(population, population.forward_model(data), of_specimens, dims="obs")
+        forward = population.forward_model(data)
+        register_curves(population, forward, of_specimens, dims="obs")
         register_measures(data, population.geometry, of_specimens.deviations)
-    attach_study(model, Study(energy, data, {}, reference_stress=float(reference_stress)))
+    study = Study(energy, data, {}, reference_stress=reference_stress, forward=forward)
+    attach_study(model, study)
     return model
 
 

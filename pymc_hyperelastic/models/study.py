@@ -19,10 +19,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pymc as pm
 import xarray as xr
+from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.results import data_groups
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import Measured, deviation_name
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, noise_in_words, to_store
@@ -32,6 +34,11 @@ from pymc_hyperelastic.models.priors import (
     prior_from_record,
     prior_to_record,
 )
+
+Array = NDArray[np.float64]
+
+# Draws whose curves are looked at.
+_LOOKED_AT = 64
 
 
 @dataclass(frozen=True)
@@ -47,6 +54,8 @@ class Study:
     rising: bool = False
     reference_stress: float | None = None
     """Of a population, see :class:`NaturalScale`."""
+    forward: ForwardModel | None = None
+    """Curves of the model."""
 
     @property
     def likelihood(self) -> str:
@@ -72,6 +81,23 @@ class Study:
             fixed = [name for name in held.data_vars if name in self._fixed(model)]
             groups[group] = groups[group].merge(held[fixed])
         return groups
+
+    def curve_error(self, posterior: Mapping[str, Array]) -> float:
+        """Largest error of curves of the posterior, relative to the largest value of each.
+
+        Of a few of the draws, by (chain, draw); NaN where it is not known, as of layers.
+        """
+        if self.forward is None or not isinstance(self.energy, StrainEnergy):
+            return np.nan
+        draws = {}
+        for p in self.energy.parameters:
+            if p.name not in posterior:
+                return np.nan
+            # Those of a population are by specimen as well.
+            entries = () if p.size is None else (p.size,)
+            values = posterior[p.name].reshape(-1, *entries)
+            draws[p.name] = values[:: -(-len(values) // _LOOKED_AT)]
+        return float(self.forward.errors(self.data, draws).max())
 
     def _fixed(self, model: pm.Model) -> set[str]:
         """Unknowns of the study that are no free variables of a model that was made of its own."""
@@ -117,7 +143,7 @@ class Study:
             "noise": json.dumps(records),
             "noise_in_words": noise_in_words(noise),
             **({} if self.likelihood == "paper" else {"likelihood": self.likelihood}),
-            **({"reference_stress": json.dumps(stress)} if stress else {}),
+            **({} if observed else {"reference_stress": json.dumps(stress)}),
         }
 
     def result_attrs(self, model: pm.Model) -> dict[str, str]:

@@ -18,8 +18,15 @@ from pymc_hyperelastic.mechanics.collocation import (
     curve_matrices,
 )
 from pymc_hyperelastic.mechanics.empirical import EmpiricalNodes
-from pymc_hyperelastic.mechanics.interpolation import Basis, Group, Nodes, groups_by
+from pymc_hyperelastic.mechanics.interpolation import (
+    Basis,
+    Group,
+    Nodes,
+    curve_errors,
+    groups_by,
+)
 from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward.blocks import positions, table_arrays, table_of
 from pymc_hyperelastic.models.forward.direct import WallVariables
@@ -84,6 +91,16 @@ class Collocated:
         """The walls at all points, or their taut parts."""
         tubes = known_tubes(data)
         return tubes.divided()[0] if self.taut else tubes
+
+    def errors(self, energy: StrainEnergy, data: xr.Dataset, materials: Sequence[Array]) -> Array:
+        """Errors of curves of materials, see :func:`curve_errors`."""
+        tubes = self.tubes(data)
+        of_parts = [
+            curve_errors(energy, basis, tubes, own, materials, with_force=self.with_force)
+            for groups, basis in self._parts(data, tubes).values()
+            if (own := [group for group in groups if group.points.size])
+        ]
+        return np.max(of_parts, axis=0)
 
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
         """Arrays by which the data enter :meth:`curves`."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from copy import copy
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,10 +24,11 @@ from pymc_hyperelastic.data.inflation import (
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.forward.direct import Direct, WallVariables
-from pymc_hyperelastic.models.forward.rules import Mode, way_to_integrate
+from pymc_hyperelastic.models.forward.rules import HIGHEST_ORDER, Mode, errors_of, way_to_integrate
 from pymc_hyperelastic.models.geometry import measured_of, priors_of
 from pymc_hyperelastic.models.priors import with_variables
 
+Array = NDArray[np.float64]
 Arrays = dict[str, NDArray]
 
 # kPa², or (kPa/mm)²: far beyond any tube; what is made of smaller numbers does not overflow.
@@ -88,17 +90,43 @@ class ForwardModel:
         measured = measured_of(geometry or {})
         deviations = {name: pm.Normal.dist() for name in measured}
         unknown = priors_of(geometry or {})
-        stated = WallVariables(wall, self._parameters(parameters), unknown, deviations)
+        self._stated = WallVariables(wall, self._parameters(parameters), unknown, deviations)
         settings: dict[str, Any] = {"with_force": with_force, "by_test": by_test}
         settings["known_radii"] = error_in == "pressure"
         settings["errors"] = {name: value.sd for name, value in measured.items()}
-        self.way: Any = way_to_integrate(stated, data, mode=mode, **settings)
+        self._mode, self._settings = mode, settings
+        self.way: Any = way_to_integrate(self._stated, data, mode=mode, **settings)
+        self._known: Sequence[Array] = ()
         self._shared: dict[Hashable, tuple[Callable, dict[str, SharedVariable]]] = {}
 
     def with_data(self, data: xr.Dataset) -> "ForwardModel":
         """The same for other data of the same kind, at other radii say."""
         other = copy(self)
         other.data, other._shared = data, {}
+        return other
+
+    def errors(self, data: xr.Dataset, parameters: Mapping[str, Any]) -> Array:
+        """Errors of curves of so many materials, relative to the largest value of each.
+
+        Curves are right over the range of the distributions, of which materials may lie outside.
+        Of layers nothing is said.
+        """
+        if not isinstance(self._wall, StrainEnergy):
+            return np.zeros(1)
+        return errors_of(self.way, self._wall, data, self._wall.split(parameters))
+
+    def right_for(self, parameters: Mapping[str, Any]) -> "ForwardModel":
+        """The same with curves that are right for these materials too."""
+        if not isinstance(self._wall, StrainEnergy):
+            raise TypeError("layers have no materials that curves are made right for")
+        other, known = copy(self), self._wall.split(parameters)
+        if self._known:
+            known = [np.concatenate(both) for both in zip(self._known, known, strict=True)]
+        settings = self._settings | {"known": known}
+        other.way = way_to_integrate(self._stated, self.data, mode=self._mode, **settings)
+        if isinstance(other.way, Direct):
+            other.way = replace(other.way, order=HIGHEST_ORDER)
+        other._known, other._shared = known, {}
         return other
 
     def between(self) -> "ForwardModel":

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import cache
 from itertools import count
 from types import MappingProxyType
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 import pymc as pm
@@ -58,6 +58,7 @@ Mode = Literal["auto", "collocation", "quadrature"]
 # Orders of Gauss-Legendre quadrature that are tried against the last one, and what they may err,
 # relative to the largest value of a curve. With the mode "quadrature" it is the order between.
 _ORDERS, _USUAL_ORDER = (4, 6, 8, 12, 16, 24, 32, 64), 32
+HIGHEST_ORDER = _ORDERS[-1]
 _ORDER_TOLERANCE = 1e-11
 # What quadrature mostly takes, with which constant matrices of extension tests compete.
 _CHEAP_ORDER = 12
@@ -91,10 +92,12 @@ def way_to_integrate(
     errors: Mapping[str, float | None] = MappingProxyType({}),
     with_force: bool = False,
     by_test: bool = False,
+    known: Sequence[Array] = (),
 ) -> Collocated | Divided | Direct:
     """The cheapest way that is exact, but for rounding, over the range of the parameters.
 
-    The `errors` are standard deviations of what was measured of the tube.
+    The `errors` are standard deviations of what was measured of the tube. Of materials that are
+    `known` to matter, entry by entry, curves are right as well.
     """
     if mode not in get_args(Mode):
         raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
@@ -109,9 +112,11 @@ def way_to_integrate(
         values = representative_values(wall.energy.split(wall.parameters))
         if values is not None:
             whole = Collocated(0, with_force, by_test)
+            if known:
+                values = [np.concatenate(both) for both in zip(values, known, strict=True)]
             way: Collocated | Divided | None = _collocated(wall.energy, data, values, whole)
             if way is None or not _is_cheap(way, data):
-                way = _divided(wall, data, values, whole) or way
+                way = _divided(wall, data, values, whole, known) or way
             if way is not None and (mode == "collocation" or _is_cheap(way, data)):
                 return way
         reason = f"the response of {wall.energy.name} over the range of these parameters"
@@ -121,6 +126,37 @@ def way_to_integrate(
     inputs = tube_inputs(data) | error_inputs(data, errors)
     inputs = {name: v[ends] for name, v in inputs.items()}
     return direct(_order_needed(wall, data, inputs, with_force))
+
+
+def errors_of(
+    way: Collocated | Divided | Direct,
+    energy: StrainEnergy,
+    data: xr.Dataset,
+    materials: Sequence[Array],
+) -> Array:
+    """Errors of curves of materials, entry by entry, relative to the largest value of each.
+
+    Of a tube that is not quite known they are those of the measured one.
+    """
+    if isinstance(way, Collocated):
+        return way.errors(energy, data, materials)
+    errors, tubes = np.zeros(len(materials[0])), known_tubes(data)
+    direct = way.slack if isinstance(way, Divided) else way
+    if isinstance(way, Divided):
+        errors = way.taut.errors(energy, data, materials)
+    exact = _curves_of(energy, HIGHEST_ORDER, direct.with_force)(tubes, materials)
+    scales = [np.abs(x).max(axis=1, keepdims=True) for x in exact]
+    if direct.with_force:
+        # Forces may be nil: that of the pressure on the lumen is their measure, too.
+        scales[-1] = np.maximum(scales[-1], np.pi * tubes.radius.max() ** 2 * scales[0])
+    if isinstance(way, Divided):
+        slack = tubes.divided()[1]
+        tubes = slack.at(np.flatnonzero(slack.outer_radius > slack.inner_radius))
+        exact = _curves_of(energy, HIGHEST_ORDER, direct.with_force)(tubes, materials)
+    found = _curves_of(energy, direct.order, direct.with_force)(tubes, materials)
+    with np.errstate(all="ignore"):
+        relative = [np.abs(a - b) / s for a, b, s in zip(found, exact, scales, strict=True)]
+    return np.max([errors, *(r.max(axis=1, initial=0.0) for r in relative)], axis=0)
 
 
 def _collocated(
@@ -138,7 +174,11 @@ def _collocated(
 
 
 def _divided(
-    wall: WallVariables, data: xr.Dataset, values: list[Array], whole: Collocated
+    wall: WallVariables,
+    data: xr.Dataset,
+    values: list[Array],
+    whole: Collocated,
+    known: Sequence[Array],
 ) -> Collocated | Divided | None:
     """The same for parameters whose likelihood is not nil, and for walls in which fibres slacken.
 
@@ -155,7 +195,7 @@ def _divided(
     if nodes is not None:
         collocated = replace(whole, nodes=nodes[0].hoop, grid=nodes[1])
     if nodes is None or not _is_cheap(collocated, data):
-        empirical = _empirical(wall, data, whole)
+        empirical = _empirical(wall, data, whole, known)
         if empirical is None and nodes is None:
             return None
         collocated = empirical or collocated
@@ -172,7 +212,9 @@ def _divided(
     return Divided(collocated, Direct(order, whole.with_force, whole.by_test))
 
 
-def _empirical(wall: WallVariables, data: xr.Dataset, way: Collocated) -> Collocated | None:
+def _empirical(
+    wall: WallVariables, data: xr.Dataset, way: Collocated, known: Sequence[Array]
+) -> Collocated | None:
     """The same with nodes that the law asks for.
 
     None if stress is no sum over its moduli, and for smooth laws if there are few extension tests.
@@ -193,7 +235,8 @@ def _empirical(wall: WallVariables, data: xr.Dataset, way: Collocated) -> Colloc
     if len(draw()[0]) < _FEWEST:
         return None
     groups = groups_of_specimens(data, tubes, by_test=way.by_test)
-    nodes = empirical_nodes(energy, tubes, groups, draw, with_force=way.with_force)
+    settings: dict[str, Any] = {"with_force": way.with_force, "known": known}
+    nodes = empirical_nodes(energy, tubes, groups, draw, **settings)
     return replace(way, empirical=nodes) if nodes else None
 
 
