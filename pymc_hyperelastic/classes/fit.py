@@ -28,7 +28,7 @@ def fit_classes(
     geometry: Mapping[str, Measured] | None = None,
     variability: Literal["none", "specimen"] = "none",
     experiment_effect: bool = False,
-    reference_stress: float = 20.0,
+    reference_stress: float | None = 20.0,
     draws: int = 2000,
     chains: int = 4,
     random_seed: Any = None,

@@ -37,7 +37,7 @@ def calibration_report(
     slope_weight: float = 0.0,
     variability: Literal["none", "specimen"] = "specimen",
     experiment_effect: bool = False,
-    reference_stress: float = 20.0,
+    reference_stress: float | None = 20.0,
     priors: dict[str, Any] | None = None,
     geometry: Mapping[str, Measured] | None = None,
     leave_out: Mapping[str, Hashable] | None = None,

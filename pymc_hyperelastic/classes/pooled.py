@@ -73,7 +73,7 @@ class Pooled(ClassKind):
         priors: dict[str, Any] | None = None,
         geometry: Mapping[str, Any] | None = None,
         experiment_effect: bool = False,
-        reference_stress: float = 20.0,
+        reference_stress: float | None = 20.0,
         **noise: Any,
     ) -> "Pooled":
         """The kind, of settings that say nothing of how specimens differ."""

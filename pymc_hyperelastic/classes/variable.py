@@ -89,7 +89,7 @@ class Variability(Population, ClassKind):
         priors: Mapping[str, Any] | None = None,
         geometry: Mapping[str, Any] | None = None,
         experiment_effect: bool = False,
-        reference_stress: float = 20.0,
+        reference_stress: float | None = 20.0,
         **noise: Any,
     ) -> "Variability":
         """The kind, of settings of :func:`~pymc_hyperelastic.population_model`."""
@@ -125,7 +125,7 @@ class Variability(Population, ClassKind):
         noise = {k: v for k, v in self.observation.noise.items() if k != "slope_weight" or v}
         settings = noise_records(noise) | {
             "experiment_effect": bool(self.experiment_effect),
-            "reference_stress": float(self.reference_stress),
+            "reference_stress": self.reference_stress,
             "priors": {k: prior_to_record(k, v) for k, v in (self.priors or {}).items()},
         }
         if self.geometry:

@@ -271,7 +271,7 @@ def test_beside_a_known_modulus_there_are_logarithms():
     """A modulus that is a number leaves no stress to be chosen."""
     scale = NaturalScale([ph.Layer(ph.HolzapfelGasserOgden(), 0.3, c=12.0)])
     assert scale.names == ["log_k1_1", "log_k2_1", "logit_beta_1"]
-    np.testing.assert_allclose(np.exp(scale.location_prior[0][0]), 500 / 6)
+    np.testing.assert_allclose(np.exp(scale.location_prior[0][0]), 500 / 20)
 
 
 def test_a_wall_of_layers_has_the_pressure_of_its_numbers():
