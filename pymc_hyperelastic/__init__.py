@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pymc_hyperelastic.classes.classify import classify
 from pymc_hyperelastic.classes.compare import kl_divergence
 from pymc_hyperelastic.classes.fit import fit_classes
+from pymc_hyperelastic.classes.groups import compare_classes
 from pymc_hyperelastic.classes.held_out import calibration_report
 from pymc_hyperelastic.classes.scores import score_probabilities
 from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
@@ -99,6 +100,7 @@ __all__ = [
     "admissible",
     "fit_classes",
     "classify",
+    "compare_classes",
     "kl_divergence",
     "calibration_report",
     "simulation_based_calibration",

@@ -24,7 +24,7 @@ CONTRACT = """
     inflation_model power_law_neo_hookean_model ogden_model criscione_model
     inflation_likelihood balanced_slope_weight
     sample_smc log_evidence predict_pressure
-    fit_classes classify kl_divergence
+    fit_classes classify compare_classes kl_divergence
     plot_inflation plot_parameter_density plot_pressure_fit plot_class_probability
 """.split()
 

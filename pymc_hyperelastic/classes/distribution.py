@@ -81,6 +81,11 @@ class ClassModel:
         kernel.draws = count
         return kernel
 
+    def variances(self, tree: xr.DataTree, draws: Specimens, size: int) -> dict[str, float]:
+        """What so many draws of each specimen leave open of the evidence of a fitted class."""
+        distributions = distributions_of(tree, _DISTRIBUTIONS)
+        return {n: variance_of_specimen(d, distributions, size) for n, d in draws.items()}
+
 
 def draws_of_class(
     model: ClassModel,
@@ -122,22 +127,16 @@ class _Fit:
     """A class, of so many of the draws that stand for its specimens."""
 
     def __init__(
-        self,
-        model: ClassModel,
-        draws: Specimens,
-        size: int,
-        count: int,
-        known: Array | None = None,
+        self, model: Any, draws: Mapping[str, Any], size: int, count: int, known: Array | None
     ) -> None:
-        self.draws, self.size, self.known = draws, size, known
+        self.model, self.draws, self.size, self.known = model, draws, size, known
         self._mixture: GaussianMixture | None = None
         few = {name: specimen.first(size) for name, specimen in draws.items()}
         self.kernel = model.kernel(few, count)
 
     def variances(self, tree: xr.DataTree) -> dict[str, float]:
         """What the draws of each specimen leave open of the evidence."""
-        distributions = distributions_of(tree, _DISTRIBUTIONS)
-        return {n: variance_of_specimen(d, distributions, self.size) for n, d in self.draws.items()}
+        return self.model.variances(tree, self.draws, self.size)
 
     def chains(
         self,
@@ -212,18 +211,8 @@ def fit_distribution(
     Both say by which ``method`` an integral was found, with the ``pareto_k`` of its weights:
     ``evidence`` by chain, and ``specimens`` by specimen.
     """
-    rngs = [np.random.default_rng(seed) for seed in random_seed.spawn(chains)]
-    specimens, size, known = draws
-    for _ in range(_MOST_FITS):
-        fit = _Fit(model, specimens, size, count, known)
-        tree = fit.chains(rngs, random_seed.entropy, advance)
-        advance = no_progress
-        variance, known = sum(fit.variances(tree).values()), fit.known
-        if size == PARTICLES or variance < _ENOUGH**2:
-            break
-        size = _larger(size, variance)
-    error = float(np.sqrt(variance))
-    tree["evidence"] = tree["evidence"].to_dataset().assign(specimens_se=error)
+    specimens = draws.specimens
+    tree = fit_enough(model, draws, count, chains, random_seed, advance)
     dims = {
         "centre": ("specimen", "coordinate", "particle"),
         "scatter": ("specimen", "coordinate", "particle"),
@@ -247,6 +236,30 @@ def fit_distribution(
         },
     )
     return with_diagnosis(tree)
+
+
+def fit_enough(
+    model: Any,
+    draws: Any,
+    count: int,
+    chains: int,
+    random_seed: np.random.SeedSequence,
+    advance: Callable[[], None] = no_progress,
+) -> xr.DataTree:
+    """Posterior and evidence by as many of the draws as leave little of it open."""
+    rngs = [np.random.default_rng(seed) for seed in random_seed.spawn(chains)]
+    specimens, size, known = draws
+    for _ in range(_MOST_FITS):
+        fit = _Fit(model, specimens, size, count, known)
+        tree = fit.chains(rngs, random_seed.entropy, advance)
+        advance = no_progress
+        variance, known = sum(fit.variances(tree).values()), fit.known
+        if size == PARTICLES or variance < _ENOUGH**2:
+            break
+        size = _larger(size, variance)
+    error = float(np.sqrt(variance))
+    tree["evidence"] = tree["evidence"].to_dataset().assign(specimens_se=error)
+    return tree
 
 
 def _larger(size: int, variance: float) -> int:

@@ -45,9 +45,14 @@ def variance_of_specimen(
     they look good, which is where the ones that matter most are missing.
     """
     log_shares = draws.log_weight + log_densities(draws, distributions)
-    log_shares -= logsumexp(log_shares, axis=1, keepdims=True)
+    return variance_of_shares(log_shares, draws.standard_error, count)
+
+
+def variance_of_shares(log_shares: Array, standard_error: float, count: int) -> float:
+    """The same by the logarithms of the terms of the sum, (distribution, draw)."""
+    log_shares = log_shares - logsumexp(log_shares, axis=1, keepdims=True)
     shares = np.exp(log_shares).mean(axis=0)
-    known, common = len(shares), draws.standard_error**2
+    known, common = len(shares), standard_error**2
     # Draws were themselves chosen among weighted ones: what these do not know adds to both terms.
     return float(common + (known * np.sum(shares**2) - 1) * (1 / count + common))
 

@@ -1,7 +1,7 @@
 """The distribution of a class's specimens, its priors and its draws."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -49,6 +49,8 @@ class ClassDistribution:
         Standard deviation of the logarithm of that, between specimens.
     log_sigma, noise_spread : tensor_like, shape (noise), optional
         Mean and standard deviation of ``ln σ`` of the specimens, for each noise that is inferred.
+    effects : sequence of tensor_like, shape (coordinate)
+        By how much one of each covariate moves the location.
     """
 
     location: Any
@@ -58,6 +60,7 @@ class ClassDistribution:
     effect_spread: Any = None
     log_sigma: Any = None
     noise_spread: Any = None
+    effects: Sequence[Any] = ()
 
     def at(self, draws: NDArray[np.intp]) -> "ClassDistribution":
         """Some of the draws, in the order in which they are named; a number is that of all."""
@@ -66,8 +69,35 @@ class ClassDistribution:
             return values if np.ndim(values) < 2 else np.asarray(values)[..., draws, :]
 
         factor = [[some(entry) for entry in row] for row in self.factor]
-        others = {name: some(getattr(self, name)) for name in vars(self) if name != "factor"}
-        return ClassDistribution(factor=factor, **others)
+        effects = [some(effect) for effect in self.effects]
+        rest = {n: some(v) for n, v in vars(self).items() if n not in ("factor", "effects")}
+        return ClassDistribution(factor=factor, effects=effects, **rest)
+
+    def without_effects(self) -> "ClassDistribution":
+        """That of specimens whose covariates are all 0."""
+        return replace(self, effects=())
+
+    def covariance(self) -> Array:
+        """Covariance matrices (draw, coordinate, coordinate), of numbers."""
+        return self._root() @ self._root().transpose(0, 2, 1)
+
+    def _root(self) -> Array:
+        """Lower Cholesky factors of them."""
+        size = len(self.factor)
+        spread = np.asarray(self.spread)[..., 0]
+        root = np.zeros((spread.shape[1], size, size))
+        for i, row in enumerate(self.factor):
+            for j, entry in enumerate(row):
+                root[:, i, j] = spread[i] * np.broadcast_to(np.ravel(entry), spread.shape[1])
+        return root
+
+    def with_covariance(self, covariance: Array, location: Array) -> "ClassDistribution":
+        """The same with other covariance matrices, and other locations."""
+        root = np.linalg.cholesky(covariance)
+        spread = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        factor = root / spread[:, :, None]
+        rows = [[factor[:, i, j, None] for j in range(i + 1)] for i in range(factor.shape[1])]
+        return replace(self, location=location, spread=spread.T[..., None], factor=rows)
 
 
 def register_class(
@@ -90,7 +120,7 @@ def register_class(
     location = variable("location", pm.Normal.dist(mean, sd, shape=size))
     logs, sd_of_logs = scale.spread_prior
     spread = variable("spread", pm.LogNormal.dist(logs, sd_of_logs, shape=size))
-    factor = _correlation_factor(size)
+    factor = correlation_factor(size)
     optional: dict[str, Any] = {}
     if experiment_effect:
         # Experiments differ less than specimens, on any scale in the same proportion.
@@ -116,14 +146,14 @@ def noises_of(observation: Observation) -> list[str]:
     return [name for name in SPREAD_OF_NOISE if is_inferred(sigmas.get(name))]
 
 
-def _correlation_factor(size: int) -> list[list[Any]]:
+def correlation_factor(size: int, prefix: str = "") -> list[list[Any]]:
     """Cholesky factor of a random correlation matrix, entry by entry."""
     rows: list[list[Any]] = [[np.float64(1.0)]]
     if size == 1:
         return rows
     column = np.array([j for i in range(1, size) for j in range(i)])
     shape = _CONCENTRATION + (size - 2 - column) / 2
-    partial = 2 * pm.Beta("correlation_unit", shape, shape, shape=len(column)) - 1
+    partial = 2 * pm.Beta(f"{prefix}correlation_unit", shape, shape, shape=len(column)) - 1
     place = 0
     for i in range(1, size):
         left: Any = np.float64(1.0)
@@ -139,25 +169,19 @@ def _correlation_factor(size: int) -> list[list[Any]]:
             correlation[i, j] = sum(a * b for a, b in zip(rows[i], rows[j], strict=False))
             correlation[j, i] = correlation[i, j]
     matrix = pt.stack([*correlation.flat]).reshape((size, size))
-    pm.Deterministic("correlation", matrix, dims=("coordinate", "coordinate_2"))
+    pm.Deterministic(f"{prefix}correlation", matrix, dims=("coordinate", "coordinate_2"))
     return rows
 
 
 def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDistribution:
     """Draws of a class's distribution, so many at most, along the first of two axes."""
-    posterior = tree["posterior"].to_dataset().stack(sample=("chain", "draw"))
-    chosen = np.linspace(0, posterior.sizes["sample"] - 1, count).round().astype(int)
-    posterior = posterior.isel(sample=np.unique(chosen))
+    posterior = some_of_posterior(tree, count)
 
     def vector(name: str) -> Array | None:
         if name not in posterior:
             return None
         return posterior[name].transpose("coordinate", "sample").values[..., None]
 
-    size = posterior.sizes["coordinate"]
-    factors = np.ones((posterior.sizes["sample"], 1, 1))
-    if size > 1:
-        factors = np.linalg.cholesky(posterior["correlation"].transpose("sample", ...).values)
     optional = {}
     if "effect_spread" in posterior:
         optional["effect_spread"] = posterior["effect_spread"].values[:, None]
@@ -171,7 +195,23 @@ def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDis
     return ClassDistribution(
         vector("location"),
         vector("spread"),
-        [[factors[:, i, j, None] for j in range(i + 1)] for i in range(size)],
+        factor_of(posterior, "correlation"),
         vector("experiment_spread"),
         **optional,
     )
+
+
+def some_of_posterior(tree: xr.DataTree, count: int) -> xr.Dataset:
+    """So many draws at most, evenly spread over the chains, by sample."""
+    posterior = tree["posterior"].to_dataset().stack(sample=("chain", "draw"))
+    chosen = np.linspace(0, posterior.sizes["sample"] - 1, count).round().astype(int)
+    return posterior.isel(sample=np.unique(chosen))
+
+
+def factor_of(posterior: xr.Dataset, name: str) -> list[list[Array]]:
+    """Cholesky factor of a correlation matrix by sample, row by row, each entry a column."""
+    size = posterior.sizes["coordinate"]
+    factors = np.ones((posterior.sizes["sample"], 1, 1))
+    if size > 1:
+        factors = np.linalg.cholesky(posterior[name].transpose("sample", ...).values)
+    return [[factors[:, i, j, None] for j in range(i + 1)] for i in range(size)]

@@ -1,7 +1,7 @@
 """Draws of a specimen, and their density under any distribution of a class."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from types import ModuleType
 from typing import Any
@@ -47,6 +47,8 @@ class SpecimenDraws:
     deviations : array, shape (measure, draw)
         By how much measures of the tube differ from what was measured, in standard deviations.
         Their prior is that of all classes, and is no part of the weights.
+    covariates : array, shape (covariate)
+        What else is known of the specimen, and moves the class's location.
     misfit, freedom : float
         Sum of the squared misfits of the best curve, in standard deviations of the noise if that is
         known, and the number of degrees of freedom that it would have.
@@ -64,6 +66,7 @@ class SpecimenDraws:
     deviations: Array
     method: str = ""
     pareto_k: float = np.nan
+    covariates: Array = field(default_factory=lambda: np.empty(0))
     misfit: float = np.nan
     freedom: float = np.nan
 
@@ -92,7 +95,8 @@ def stacked(specimens: Sequence[SpecimenDraws]) -> dict[str, Array]:
         for name in ("centre", "scatter", "log_sigma")
     }
     arrays["log_weight"] = np.stack([draws.log_weight for draws in specimens])
-    arrays["products"] = _products(arrays["centre"])
+    covariates = np.stack([draws.covariates for draws in specimens], axis=-1)[..., None]
+    arrays["products"] = _products(arrays["centre"], covariates)
     return arrays | {"tests": np.array([[float(draws.tests)] for draws in specimens])}
 
 
@@ -130,7 +134,7 @@ def log_density_of_noise(xp: ModuleType, log_sigma: Any, distribution: ClassDist
 def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Array:
     """Log density of every draw of a specimen under each of many class distributions."""
     arrays = {name: getattr(draws, name) for name in ("centre", "scatter", "log_sigma", "tests")}
-    arrays["products"] = _products(draws.centre)
+    arrays["products"] = _products(draws.centre, draws.covariates[:, None])
     count, size = len(distributions.location[0]), max(1, _BLOCK // len(draws.log_weight))
     blocks = np.split(np.arange(count), range(size, count, size))
     return np.concatenate([log_density(np, arrays, distributions.at(block)) for block in blocks])
@@ -143,8 +147,22 @@ def mean_density(draws: SpecimenDraws, distributions: ClassDistribution) -> Arra
     return largest + np.log(np.exp(densities - largest).mean(axis=0))
 
 
-def _products(x: Array) -> Array:
-    """What a normal log density is a sum over: all ``x_j x_k``, the ``x_j``, and 1."""
+def density_of_each(x: Array, distributions: ClassDistribution) -> Array:
+    """Log density of coordinates (coordinate, draw, specimen), each under the draw's distribution.
+
+    Noise is left out, and so are differences between experiments.
+    """
+    return np.einsum("df,fds->ds", _coefficients(np, distributions), _products(x))
+
+
+def _products(x: Array, covariates: Array | None = None) -> Array:
+    """What a normal log density is a sum over, of coordinates ``x`` and covariates ``z``.
+
+    All products of two of ``(x, z)``, these themselves, and 1.
+    """
+    if covariates is not None:
+        covariates = np.broadcast_to(covariates, (len(covariates), *x.shape[1:]))
+        x = np.concatenate([x, covariates])
     squares = (x[:, None] * x).reshape(-1, *x.shape[1:])
     return np.concatenate([squares, x, np.ones_like(x[:1])])
 
@@ -152,9 +170,10 @@ def _products(x: Array) -> Array:
 def _coefficients(xp: ModuleType, distribution: ClassDistribution) -> Any:
     r"""Numbers by which the products enter a normal log density, along the last axis.
 
-    With the lower triangular ``A`` for which :math:`A Σ A^T = 1` it is
+    With the lower triangular ``A`` for which :math:`A Σ A^T = 1`, and effects ``B`` of covariates,
+    it is
 
-    .. math:: \ln \det A - \tfrac{d}{2} \ln 2π - \tfrac12 |A (x - m)|^2.
+    .. math:: \ln \det A - \tfrac{d}{2} \ln 2π - \tfrac12 |A (x - B z - m)|^2.
 
     For many draws under many distributions one matrix product is by far the fastest way.
     """
@@ -167,12 +186,24 @@ def _coefficients(xp: ModuleType, distribution: ClassDistribution) -> Any:
         known = sum(entry * other for entry, other in zip(row[:-1], rows, strict=True))
         rows.append((unit - known) / row[-1])
     whitening = xp.stack([row / spread for row in rows], axis=-2)
-    precision = whitening.mT @ whitening
-    slope = (precision * location[..., None, :]).sum(axis=-1)
+    middle = (whitening * location[..., None, :]).sum(axis=-1)
+    whitening = _with_effects(xp, whitening, distribution)
+    slope = (whitening * middle[..., None]).sum(axis=-2)
     log_volume = sum(xp.log(rows[i][..., i] / spread[..., i]) for i in range(size))
-    constant = log_volume - (slope * location).sum(axis=-1) / 2 - size / 2 * np.log(2 * np.pi)
-    squares = -precision.reshape((*location.shape[:-1], size * size)) / 2
+    constant = log_volume - xp.square(middle).sum(axis=-1) / 2 - size / 2 * np.log(2 * np.pi)
+    squares = -(whitening.mT @ whitening) / 2
+    squares = squares.reshape((*location.shape[:-1], -1))
     return xp.concatenate([squares, slope, constant[..., None]], axis=-1)
+
+
+def _with_effects(xp: ModuleType, matrix: Any, distribution: ClassDistribution) -> Any:
+    """A matrix of coordinates, continued by what it makes of covariates."""
+    size = len(distribution.factor)
+    columns = [
+        -(matrix * _side_by_side(xp, effect, size)[..., None, :]).sum(axis=-1)[..., None]
+        for effect in distribution.effects
+    ]
+    return xp.concatenate([matrix, *columns], axis=-1) if columns else matrix
 
 
 def _log_density_of_tests(
@@ -191,7 +222,8 @@ def _log_density_of_tests(
     """
     size, tests, effect = len(distribution.factor), draws["tests"], distribution.effect_spread
     axes = draws["centre"].ndim - 1
-    spread, variances, of_centre = _apart(xp, draws["products"][-size - 1 :], distribution)
+    known = size + len(distribution.effects) + 1
+    spread, variances, of_centre = _apart(xp, draws["products"][-known:], distribution)
     squares = _of_draws(1 / xp.square(spread), draws["scatter"])
     count, squared_effect = (tests - 1) * size, effect**2
     # A single test has no scatter.
@@ -264,6 +296,7 @@ def _apart(
     variances, vectors = xp.linalg.eigh(factor @ factor.mT)
     whitening = vectors.mT / within[..., None, :]
     moved = (whitening * location[..., None, :]).sum(axis=-1)
+    whitening = _with_effects(xp, whitening, distribution)
     coefficients = xp.concatenate([whitening, -moved[..., None]], axis=-1)
     squares = [xp.square(_of_draws(coefficients[..., i, :], centre)) for i in range(size)]
     return within, variances, squares

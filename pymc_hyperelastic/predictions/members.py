@@ -154,7 +154,7 @@ def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr
             "specimen=...; a result of ph.population_model has those of each specimen"
         )
     scale, rng = _scale(tree, wall), np.random.default_rng(_SEED)
-    draws = _stored_draws(tree["specimens"].to_dataset(), specimen)
+    draws = stored_draws(tree["specimens"].to_dataset(), specimen)
     chosen = np.stack(
         [
             _one_draw_each(draws, posterior.isel(chain=[chain]), rng)
@@ -181,7 +181,7 @@ def _tube_of_draws(
     return {name: (("chain", "draw"), v) for name, v in tube.items() if np.ndim(v)}
 
 
-def _stored_draws(specimens: xr.Dataset, specimen: str) -> SpecimenDraws:
+def stored_draws(specimens: xr.Dataset, specimen: str) -> SpecimenDraws:
     """Draws of a specimen as its class stored them."""
     names = [str(name) for name in specimens["specimen"].values.tolist()]
     of_one = specimens.isel(specimen=names.index(specimen))

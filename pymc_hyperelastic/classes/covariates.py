@@ -1,0 +1,153 @@
+"""What else is known of specimens: which animal they are of, and covariates."""
+
+from collections.abc import Hashable, Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from pymc_hyperelastic.data.inflation import listed
+from pymc_hyperelastic.data.select import specimens_apart
+from pymc_hyperelastic.models.study import inflation_data_of
+from pymc_hyperelastic.predictions.measured import warn_user
+
+Array = NDArray[np.float64]
+# By group, then by specimen.
+OfSpecimens = dict[str, dict[str, Any]]
+
+
+def pairs_of(tree: xr.DataTree, pair: Any) -> list[tuple[Hashable, str, str]]:
+    """Animals, and the specimen of each in the first and in the second group.
+
+    Raises
+    ------
+    ValueError
+        If there are more than two groups, or an animal is not once in each.
+    """
+    groups = list(tree.children)
+    if len(groups) != 2:
+        raise ValueError(f"pairs are those of two groups; here are {groups}")
+    animals = [
+        [(animal, name) for name, animal in own.items()]
+        for own in _by_specimen(tree, "pair", pair).values()
+    ]
+    for group, known in zip(groups, animals, strict=True):
+        names = [animal for animal, _ in known]
+        twice = [animal for animal in names if names.count(animal) > 1]
+        if twice:
+            raise ValueError(
+                f"animal {twice[0]!r} has several specimens in class {group!r}: "
+                f"{listed(name for animal, name in known if animal == twice[0])}"
+            )
+    first, second = dict(animals[0]), dict(animals[1])
+    for own, other, group in ((first, second, groups[1]), (second, first, groups[0])):
+        alone = [animal for animal in own if animal not in other]
+        if alone:
+            raise ValueError(
+                f"animal {alone[0]!r}, specimen {own[alone[0]]!r}, has no other half in class "
+                f"{group!r}: leave it out of both classes"
+            )
+    return [(animal, name, second[animal]) for animal, name in first.items()]
+
+
+class Covariates:
+    """Numbers of each specimen, standardised, whose effects are linear.
+
+    Attributes
+    ----------
+    names : list of str
+        A category has a name for every one of its values but the first.
+    scale : array, shape (covariate)
+        Standard deviations, by which numbers were divided.
+    """
+
+    def __init__(self, tree: xr.DataTree, given: Any) -> None:
+        columns: dict[str, OfSpecimens] = {}
+        for name in given if given is not None else []:
+            values = given[name] if not isinstance(given, (list, tuple)) else name
+            columns |= _as_numbers(name, _by_specimen(tree, name, values))
+        self.names = list(columns)
+        places = [(g, s) for g, own in _specimens(tree).items() for s in own]
+        table = np.array([[columns[n][g][s] for n in columns] for g, s in places], float)
+        table = table.reshape(len(places), len(columns))
+        self.middle, self.scale = table.mean(axis=0), table.std(axis=0)
+        for name, sd in zip(self.names, self.scale, strict=True):
+            if not sd > 0:
+                raise ValueError(f"covariate {name!r} is the same for all specimens")
+        standard = (table - self.middle) / self.scale
+        self._rows = dict(zip(places, standard, strict=True))
+        self._warn_of_groups(standard, [list(tree.children).index(g) for g, _ in places])
+
+    def of(self, group: str, specimen: str) -> Array:
+        """Standardised numbers of a specimen."""
+        return self._rows[group, specimen]
+
+    def _warn_of_groups(self, table: Array, group: Sequence[int]) -> None:
+        """Say so if covariates and groups cannot be told apart."""
+        indicators = np.eye(max(group) + 1)[group]
+        both = np.concatenate([indicators, table], axis=1)
+        if np.linalg.matrix_rank(both) < both.shape[1]:
+            warn_user(
+                f"the groups, and the covariates {self.names}, cannot be told apart: what is said "
+                "of either rests on their priors"
+            )
+
+
+def _specimens(tree: xr.DataTree) -> dict[str, list[str]]:
+    return {
+        group: [str(name) for name in fitted["specimens"]["specimen"].values]
+        for group, fitted in tree.children.items()
+    }
+
+
+def _by_specimen(tree: xr.DataTree, what: str, given: Any) -> OfSpecimens:
+    """Value of every specimen, from a variable of the data or from a table by specimen."""
+    found: OfSpecimens = {}
+    for group, specimens in _specimens(tree).items():
+        if isinstance(given, str):
+            data = inflation_data_of(tree[group])
+            if given not in data.variables or data[given].dims != ("test",):
+                raise ValueError(
+                    f"{what}: the data of class {group!r} have no variable {given!r} by test; name "
+                    "one, or give a dict from specimens to values"
+                )
+            parts = specimens_apart(data)
+            values = {n: np.unique(parts[n][given].values).tolist() for n in specimens}
+            for name, several in values.items():
+                if len(several) > 1:
+                    raise ValueError(
+                        f"{what}: specimen {name!r} of class {group!r} has several values of "
+                        f"{given!r}: {listed(several)}"
+                    )
+            found[group] = {name: value[0] for name, value in values.items()}
+            continue
+        table = {str(k): v for k, v in dict(given).items()}
+        for name in specimens:
+            if name not in table:
+                raise ValueError(f"{what}: specimen {name!r} of class {group!r} has no value")
+        found[group] = {name: table[name] for name in specimens}
+    return found
+
+
+def _as_numbers(name: str, values: OfSpecimens) -> dict[str, OfSpecimens]:
+    """A covariate as numbers; a category as one for every value but the first."""
+    flat = [(g, s, value) for g, own in values.items() for s, value in own.items()]
+    numeric = [isinstance(v, (Real, np.bool_)) for _, _, v in flat]
+    if all(numeric):
+        for group, specimen, value in flat:
+            if not np.isfinite(float(value)):
+                raise ValueError(
+                    f"covariate {name!r} of specimen {specimen!r} of class {group!r} is {value!r}"
+                )
+        return {name: values}
+    if any(numeric):
+        raise ValueError(f"covariate {name!r} is a number for some specimens, and none for others")
+    levels = sorted({str(v) for _, _, v in flat})
+    return {
+        f"{name}={level}": {
+            g: {s: float(str(v) == level) for s, v in own.items()} for g, own in values.items()
+        }
+        for level in levels[1:]
+    } or {name: {g: dict.fromkeys(own, 0.0) for g, own in values.items()}}
