@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import linalg, stats
 
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.data.select import specimens_apart
@@ -19,7 +19,7 @@ from pymc_hyperelastic.predictions.properties import tube_properties
 
 Array = NDArray[np.float64]
 
-# Scrambled Sobol points by which specimens of a class are drawn: the same for all of its draws.
+# Of the points of a Latin hypercube that stand for specimens: the same for all draws of classes.
 _SEED = 1
 # Materials whose properties are found at once.
 _AT_ONCE = 20_000
@@ -59,10 +59,16 @@ class Place:
 def standard_specimens(size: int, count: int) -> Array:
     """Standard normal numbers of the typical specimen, 0, and of so many others: (specimen, size).
 
-    The others are evenly spread in probability: of one number they are what quantiles are of many.
+    The others are evenly spread in probability, as quantiles of one number are, with the mean 0 and
+    the covariance 1 as nearly as so many can have it.
     """
-    points = stats.qmc.Sobol(size, seed=_SEED).random(count)
-    return np.concatenate([np.zeros((1, size)), stats.norm.ppf(points)])
+    cube = stats.qmc.LatinHypercube(size, scramble=False, optimization="random-cd", rng=_SEED)
+    points = stats.norm.ppf(cube.random(count))
+    points -= points.mean(axis=0)
+    if count > size + 1:
+        factor = np.linalg.cholesky(np.cov(points.T, ddof=0).reshape(size, size))
+        points = linalg.solve_triangular(factor, points.T, lower=True).T
+    return np.concatenate([np.zeros((1, size)), points])
 
 
 def coordinates_of(distributions: ClassDistribution, standard: Array) -> Array:
