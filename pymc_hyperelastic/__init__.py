@@ -43,6 +43,7 @@ from pymc_hyperelastic.models.observation import inflation_likelihood
 from pymc_hyperelastic.models.observation.slopes import balanced_slope_weight
 from pymc_hyperelastic.models.population import population_model
 from pymc_hyperelastic.plots.calibration import plot_calibration_ranks, plot_reliability
+from pymc_hyperelastic.plots.comparison import plot_comparison
 from pymc_hyperelastic.plots.density import plot_parameter_density
 from pymc_hyperelastic.plots.fit import plot_pressure_fit
 from pymc_hyperelastic.plots.force import plot_axial_force
@@ -113,6 +114,7 @@ __all__ = [
     "plot_wall_stress",
     "plot_class_probability",
     "plot_law_probability",
+    "plot_comparison",
     "plot_calibration_ranks",
     "plot_reliability",
 ]

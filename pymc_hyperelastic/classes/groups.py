@@ -288,7 +288,7 @@ class _Study:
         pair: Any,
         covariates: Any,
     ) -> None:
-        self.kind, self.groups, self._tree = kind, list(groups), tree
+        self.kind, self.groups, self.tree = kind, list(groups), tree
         self.covariates = Covariates(tree, covariates)
         self.pairs = pairs_of(tree, pair) if pair is not None else []
         if self.pairs and kind.experiment_effect:
@@ -320,7 +320,7 @@ class _Study:
             effects = np.array(next(iter(distributions.values())).effects)[..., 0]
             distributions = {g: d.without_effects() for g, d in distributions.items()}
         else:
-            distributions = {g: distributions_of(self._tree[g], count) for g in self.groups}
+            distributions = {g: distributions_of(self.tree[g], count) for g in self.groups}
             effects = None
             powers = np.sum([self._powers(group, count) for group in self.groups], axis=0)
         coordinates = {g: coordinates_of(d, standard) for g, d in distributions.items()}
@@ -328,7 +328,7 @@ class _Study:
 
     def _powers(self, group: str, count: int) -> Array:
         """Log prior and log likelihood of draws of one group's distribution."""
-        fitted = self._tree[group]
+        fitted = self.tree[group]
         few = {n: self._draws(group, n).first(_SOME) for n in _specimens(fitted)}
         return log_prior_and_likelihood(ClassModel(self.kind).kernel(few, 1), fitted, count)
 
@@ -365,7 +365,7 @@ class _Study:
         return {
             group: {
                 name: unit_of_specimen(self._draws(group, name), self.covariates.of(group, name))
-                for name in _specimens(self._tree[group])
+                for name in _specimens(self.tree[group])
             }
             for group in groups
         }
@@ -380,7 +380,7 @@ class _Study:
         return units
 
     def _draws(self, group: str, name: str) -> Any:
-        return stored_draws(self._tree[group]["specimens"].to_dataset(), name)
+        return stored_draws(self.tree[group]["specimens"].to_dataset(), name)
 
 
 def _of_pairs(
@@ -680,15 +680,19 @@ def _described(
     result = result.drop_vars("has_ratio").assign_coords(unit=("quantity", units))
     if result.sizes["pressure"] == 1:
         result = result.squeeze("pressure")
+    of_data = [fitted["constant_data"].attrs for fitted in studies[0].tree.children.values()]
+    titles = dict.fromkeys(str(a["title"]) for a in of_data if a.get("title"))
     return result.assign_attrs(
+        title=", ".join(titles),
+        simulated=int(any(a.get("simulated") for a in of_data)),
         strain_energy=", ".join(laws),
         tube=json.dumps(place.tube),
         pressure_unit=place.pressure_unit,
         interval=prob,
         compared=count,
         words=(
-            f"{count} differences were looked at, each by itself: that some of them are beyond "
-            f"their {prob:.0%} intervals is expected of {count * (1 - prob):.2g} where there are "
-            "none"
+            f"{count} differences were looked at, each by itself, and nothing is corrected for "
+            f"that: if there are none, {count * (1 - prob):.2g} of them are expected beyond their "
+            f"{100 * prob:.3g} % intervals"
         ),
     )

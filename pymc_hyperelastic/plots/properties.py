@@ -37,7 +37,7 @@ _OF_THE_CURVE = {
     "incremental_modulus": "incremental modulus (kPa)",
     "pulse_wave_velocity": "pulse wave velocity (m/s)",
 }
-_PROPERTIES = _OF_THE_CURVE | {
+PROPERTY_LABELS = _OF_THE_CURVE | {
     "circumferential_stress": "mean circumferential\nCauchy stress (kPa)",
     "axial_stress": "mean axial\nCauchy stress (kPa)",
     "circumferential_material_stiffness": "circumferential material\nstiffness (kPa)",
@@ -112,14 +112,14 @@ def plot_elastic_properties(
     ['compliance', 'distensibility']
     """
     names = list(var_names)
-    unknown = [name for name in names if name not in _PROPERTIES]
+    unknown = [name for name in names if name not in PROPERTY_LABELS]
     if unknown or not names or isinstance(var_names, str):
-        raise ValueError(f"var_names must be a list of {list(_PROPERTIES)}; got {var_names!r}")
+        raise ValueError(f"var_names must be a list of {list(PROPERTY_LABELS)}; got {var_names!r}")
     fitted = fitted_classes(classes)
     told = _told(tube, pressure_unit, pc_kwargs)
     tables = {n: tube_properties(tree, pressure, **told)[names] for n, tree in fitted.items()}
     factor = per_kilopascal(pressure_unit)
-    bands = _bands(tables, {n: t["pressure"] * factor for n, t in tables.items()}, prob)
+    bands = bands_over(tables, {n: t["pressure"] * factor for n, t in tables.items()}, prob)
     columns = min(len(names), 3)
     canvas = Canvas(
         "wrap",
@@ -132,12 +132,12 @@ def plot_elastic_properties(
         cols=["__variable__"],
         col_wrap=columns,
         aes={"color": ["class_label"], "linestyle": ["class_label"]},
-        **_looks(),
+        **lines_told_apart(),
     )
-    dashed = _draw(canvas, bands, "pressure")
+    dashed = draw_bands(canvas, bands, "pressure")
     for name in names:
         canvas.label("xlabel", f"pressure ({pressure_unit})", data=bands[[name]])
-        canvas.label("ylabel", _PROPERTIES[name], data=bands[[name]])
+        canvas.label("ylabel", PROPERTY_LABELS[name], data=bands[[name]])
     entries = canvas.entries("class_label", "", "color", "linestyle")
     if len(fitted) == 1:
         entries = {"posterior median": {"color": PALETTE[0]}}
@@ -202,7 +202,7 @@ def plot_wall_stress(
     told = _told(tube, pressure_unit, pc_kwargs)
     tables = {n: wall_stress(tree, pressure, **told)[[*_STRESSES]] for n, tree in fitted.items()}
     factor = per_kilopascal(pressure_unit)
-    bands = _bands(tables, {n: t["position"] for n, t in tables.items()}, prob)
+    bands = bands_over(tables, {n: t["position"] for n, t in tables.items()}, prob)
     levels = [f"{p * factor:.4g} {pressure_unit}" for p in bands["pressure"].values]
     bands = bands.assign_coords(pressure=levels)
     canvas = Canvas(
@@ -216,9 +216,9 @@ def plot_wall_stress(
         rows=["class_label"],
         cols=["__variable__"],
         aes={"color": ["pressure"], "linestyle": ["pressure"]},
-        **_looks(),
+        **lines_told_apart(),
     )
-    dashed = _draw(canvas, bands, "position")
+    dashed = draw_bands(canvas, bands, "position")
     first, *_, last = [*fitted, *fitted]
     for name, direction in _STRESSES.items():
         of_one = bands[[name]]
@@ -245,13 +245,13 @@ def _told(tube: Mapping[str, Any] | None, unit: str, given: Mapping[str, Any]) -
     return {"pressure_unit": unit, **(tube or {})}
 
 
-def _looks() -> dict[str, list[str]]:
+def lines_told_apart() -> dict[str, list[str]]:
     """Colours and line styles; there are no points to mark."""
     looks = told_apart()
     return {name: looks[name] for name in ("color", "linestyle")}
 
 
-def _bands(
+def bands_over(
     tables: Mapping[str, xr.Dataset], axes: Mapping[str, xr.DataArray], prob: float
 ) -> xr.Dataset:
     """Medians and bands of the draws of each class over its axis."""
@@ -276,7 +276,7 @@ def _band(table: xr.Dataset, x: xr.DataArray, prob: float) -> xr.Dataset:
     return xr.concat([*along, y], dim="plot_axis")
 
 
-def _draw(canvas: Canvas, bands: xr.Dataset, along: str) -> dict[str, dict[str, Any]]:
+def draw_bands(canvas: Canvas, bands: xr.Dataset, along: str) -> dict[str, dict[str, Any]]:
     """Draw bands and medians; return what the legend says of dashes, if there are any."""
     from arviz_plots.visuals import fill_between_y, line_xy
 

@@ -1,0 +1,130 @@
+"""Many simulated studies of two groups: whether intervals cover, and Bayes factors are calibrated.
+
+python group_studies.py --studies 300 --out results/group_studies.csv
+
+Specimens of Ogden's law, six of each group, are inflated once. Groups differ by 0, 0.5 or 1 spread,
+in a direction of the two coordinates that is drawn anew for each study; half of the studies have no
+difference. Each study is fitted, and compared by the logarithm of the compliance. What has been
+simulated is kept: a run that was interrupted goes on.
+"""
+
+import argparse
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from scipy import stats
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.models.natural_scale import NaturalScale
+
+options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+options.add_argument("--studies", type=int, default=300, help="of them (%(default)s)")
+options.add_argument("--first", type=int, default=0, help="number of the first (%(default)s)")
+options.add_argument("--specimens", type=int, default=6, help="of a group (%(default)s)")
+options.add_argument("--out", type=Path, default=Path("results/group_studies.csv"))
+args = options.parse_args()
+
+LAW = ph.Ogden()
+TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
+LOCATION, SPREAD, CORRELATION = np.array([-1.8, 1.7]), np.array([0.3, 0.25]), -0.4
+ROOT = np.diag(SPREAD) @ np.linalg.cholesky([[1.0, CORRELATION], [CORRELATION, 1.0]])
+PRESSURE, NOISE = np.linspace(1.0, 16.0, 20), 0.3  # kPa
+AT = 13.0
+DISTANCES = [0.0, 0.5, 0.0, 1.0]
+SCALE = NaturalScale(LAW)
+
+
+def tree_of(x: np.ndarray) -> xr.DataTree:
+    """Materials (coordinate, draw) in place of a posterior."""
+    values = {n: (("chain", "draw"), v[None]) for n, v in SCALE.numbers([*x]).items()}
+    return xr.DataTree.from_dict({"posterior": xr.Dataset(values)})
+
+
+def log_compliance(x: np.ndarray) -> np.ndarray:
+    found = ph.tube_properties(tree_of(x), AT, energy=LAW, **TUBE)
+    return np.log(found["compliance"].values.ravel())
+
+
+def specimens(rng: np.random.Generator, location: np.ndarray, name: str) -> xr.Dataset:
+    """A group, measured with errors."""
+    x = location[:, None] + ROOT @ rng.standard_normal((2, args.specimens))
+    radius = ph.radius_at_pressure(tree_of(x), PRESSURE, energy=LAW, **TUBE)["radius"].values[0]
+    frame = pd.DataFrame(
+        {
+            "specimen": np.repeat([f"{name}{i}" for i in range(args.specimens)], len(PRESSURE)),
+            "experiment": 1,
+            "radius": radius.ravel(),
+            "pressure": np.tile(PRESSURE, args.specimens)
+            + NOISE * rng.standard_normal(radius.size),
+        }
+    )
+    return ph.inflation_data(frame, **TUBE, check="ignore")
+
+
+def study(number: int) -> dict[str, float]:
+    rng = np.random.default_rng([number, args.specimens])
+    distance = DISTANCES[number % len(DISTANCES)]
+    way = rng.standard_normal(2)
+    step = distance * ROOT @ (way / np.linalg.norm(way))
+    ends = [LOCATION - step / 2, LOCATION + step / 2]
+    groups = {n: specimens(rng, end, n) for n, end in zip("ab", ends, strict=True)}
+    settings = {"random_seed": number, "draws": 2000}
+    classes = ph.fit_classes(
+        LAW, groups, noise_sd=NOISE, variability="specimen", chains=1, progressbar=False, **settings
+    )
+    result = ph.compare_classes(
+        classes, "log compliance", pressure=AT, specimens=4, **settings
+    ).squeeze()
+    typical = result.sel(statistic="typical")
+    low, high = typical["difference_interval"].values
+    first, second = log_compliance(np.stack(ends, axis=1))
+    return {
+        "study": number,
+        "distance": distance,
+        "truth": second - first,
+        "difference": float(typical["difference"]),
+        "low": low,
+        "high": high,
+        "log_bayes_factor": float(result["log_bayes_factor"]),
+        "log_bayes_factor_se": float(result["log_bayes_factor_se"]),
+    }
+
+
+def report(table: pd.DataFrame) -> None:
+    inside = table["truth"].between(table["low"], table["high"])
+    print("\nShare of 95 % intervals that hold the truth, by distance in spreads")
+    print(inside.groupby(table["distance"]).agg(["size", "mean"]).round(3).to_string())
+    low, high = stats.binomtest(int(inside.sum()), len(inside)).proportion_ci()
+    print(f"all: {inside.mean():.3f} ({low:.3f} to {high:.3f} from {len(inside)} studies)")
+    chance = 1 / (1 + np.exp(-table["log_bayes_factor"]))
+    bins = pd.cut(chance, [0, 0.1, 0.3, 0.5, 0.7, 0.9, 1])
+    differ = table["distance"] > 0
+    print("\nProbability of a difference, and the share of studies that have one")
+    found = pd.DataFrame({"stated": chance, "true": differ}).groupby(bins, observed=True)
+    print(
+        found.agg(size=("true", "size"), stated=("stated", "mean"), true=("true", "mean")).round(3)
+    )
+
+
+def main() -> None:
+    args.out.parent.mkdir(parents=True, exist_ok=True)
+    known = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame({"study": []})
+    for number in range(args.first, args.first + args.studies):
+        if number in set(known["study"]):
+            continue
+        start = time.perf_counter()
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*(lack|no log compliance|reach)")
+            row = study(number)
+        known = pd.concat([known, pd.DataFrame([row])], ignore_index=True)
+        known.to_csv(args.out, index=False)
+        print(f"{number}: {time.perf_counter() - start:.1f} s", flush=True)
+    report(known)
+
+
+if __name__ == "__main__":
+    main()
