@@ -11,6 +11,7 @@ from pymc_hyperelastic.classes.compare import kl_divergence
 from pymc_hyperelastic.classes.fit import fit_classes
 from pymc_hyperelastic.classes.groups import compare_classes
 from pymc_hyperelastic.classes.held_out import calibration_report
+from pymc_hyperelastic.classes.information import expected_information
 from pymc_hyperelastic.classes.scores import score_probabilities
 from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
 from pymc_hyperelastic.data.select import select
@@ -48,6 +49,7 @@ from pymc_hyperelastic.plots.density import plot_parameter_density
 from pymc_hyperelastic.plots.fit import plot_pressure_fit
 from pymc_hyperelastic.plots.force import plot_axial_force
 from pymc_hyperelastic.plots.inflation import plot_inflation
+from pymc_hyperelastic.plots.information import plot_information
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.plots.properties import plot_elastic_properties, plot_wall_stress
@@ -102,6 +104,7 @@ __all__ = [
     "fit_classes",
     "classify",
     "compare_classes",
+    "expected_information",
     "kl_divergence",
     "calibration_report",
     "simulation_based_calibration",
@@ -115,6 +118,7 @@ __all__ = [
     "plot_class_probability",
     "plot_law_probability",
     "plot_comparison",
+    "plot_information",
     "plot_calibration_ranks",
     "plot_reliability",
 ]

@@ -34,6 +34,7 @@ from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.specimen_draws import density_of_each
+from pymc_hyperelastic.models.study import origin_of
 from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.predictions.members import stored_draws
 
@@ -680,11 +681,8 @@ def _described(
     result = result.drop_vars("has_ratio").assign_coords(unit=("quantity", units))
     if result.sizes["pressure"] == 1:
         result = result.squeeze("pressure")
-    of_data = [fitted["constant_data"].attrs for fitted in studies[0].tree.children.values()]
-    titles = dict.fromkeys(str(a["title"]) for a in of_data if a.get("title"))
     return result.assign_attrs(
-        title=", ".join(titles),
-        simulated=int(any(a.get("simulated") for a in of_data)),
+        **origin_of(studies[0].tree),
         strain_energy=", ".join(laws),
         tube=json.dumps(place.tube),
         pressure_unit=place.pressure_unit,

@@ -78,7 +78,7 @@ class SpecimenTarget(Target):
             of_errors = np.nan_to_num(
                 change(errors[0].reshape(*around.shape[:2], -1)), posinf=0, neginf=0
             )
-            curvature = of_errors @ of_errors.transpose(0, 2, 1) + np.diag(self._prior_width**-2.0)
+            curvature = of_errors @ of_errors.transpose(0, 2, 1) + np.diag(self.prior_width**-2.0)
             heights = heights.reshape(len(points), -1)
             slopes = np.nan_to_num(change(heights), posinf=0, neginf=0)
             return Rise(heights[:, 0], slopes, curvature)
@@ -86,7 +86,8 @@ class SpecimenTarget(Target):
         return slope
 
     @cached_property
-    def _prior_width(self) -> Array:
+    def prior_width(self) -> Array:
+        """How wide the prior of the model is, by variable."""
         return width_of(self.draw_prior(_DRAWS, np.random.default_rng(1)))
 
     def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
@@ -104,4 +105,4 @@ class SpecimenTarget(Target):
         def score(points: Array) -> tuple[Array, Array]:
             return self.log_prior(points), np.zeros(len(points))
 
-        return by_differences(score, self._prior_width)
+        return by_differences(score, self.prior_width)

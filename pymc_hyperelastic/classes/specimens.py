@@ -101,10 +101,10 @@ class SpecimenSampler:
         """Sample the specimen of these data."""
 
         def take() -> Integral:
-            return integrate(self._target(data, self._log_reference), PARTICLES, rng)
+            return integrate(self.target(data), PARTICLES, rng)
 
         found = self._by_right_curves(data, take)
-        model, target = self._model_for(data), self._target(data, self._log_reference)
+        model, target = self._model_for(data), self.target(data)
         draws = self._draws(found.particles)
         if self.population.known_noise:
             errors = model.misfits(target.particles(found.particles))[1]
@@ -112,7 +112,7 @@ class SpecimenSampler:
             misfit, freedom = self._misfit(data, squares, target.dimension)
             draws = replace(draws, misfit=misfit, freedom=freedom)
         value, error = found.log_value
-        return _weighted(draws, self._log_reference(found.particles) - value, error, found)
+        return _weighted(draws, self.log_reference(found.particles) - value, error, found)
 
     def near(
         self,
@@ -141,14 +141,14 @@ class SpecimenSampler:
         def draw_prior(count: int, rng: np.random.Generator) -> Array:
             chosen = distributions.at(rng.integers(len(distributions.location[0]), size=count))
             fresh = fresh_specimens(self.population, chosen, data.sizes["test"], rng)
-            return np.concatenate([fresh[name] for name in self._names], axis=1)
+            return self.points_of(fresh)
 
-        dimension = self._target(data, log_prior).dimension
+        dimension = self.target(data, log_prior).dimension
         components = components_for(len(draws.points), dimension)
         mixture = GaussianMixture.fit(draws.points, components, rng)
 
         def take() -> Integral:
-            target = self._target(data, log_prior)
+            target = self.target(data, log_prior)
             return by_importance(target.score, mixture, PARTICLES, rng, draw_prior)
 
         found = self._by_right_curves(data, take)
@@ -158,9 +158,9 @@ class SpecimenSampler:
         old = round(_KEPT * count)
         points = np.concatenate([draws.points[:old], found.particles[: count - old]])
         points = rng.permutation(points)
-        known = logsumexp(draws.log_weight + self._log_reference(draws.points))
+        known = logsumexp(draws.log_weight + self.log_reference(draws.points))
         log_density = np.logaddexp(
-            np.log(_KEPT) + self._log_reference(points) - known,
+            np.log(_KEPT) + self.log_reference(points) - known,
             np.log1p(-_KEPT) + log_prior(points) - found.log_value.value,
         )
         errors = _KEPT * draws.standard_error, (1 - _KEPT) * found.log_value.standard_error
@@ -200,9 +200,14 @@ class SpecimenSampler:
         of_tests = of_tests.reshape(len(points), len(self.scale.names), -1)
         return np.moveaxis(of_tests, 1, 0), log_sigma, deviations
 
-    def _target(self, data: xr.Dataset, log_prior: Callable[[Array], Array]) -> SpecimenTarget:
-        """The specimen, under a prior of what its classes are held against, and of its tube."""
-        model = self._model_for(data)
+    def target(
+        self, data: xr.Dataset, log_prior: Callable[[Array], Array] | None = None
+    ) -> SpecimenTarget:
+        """The specimen, under a prior of what its classes are held against, and of its tube.
+
+        Without one it is the reference.
+        """
+        model, log_prior = self._model_for(data), log_prior or self.log_reference
 
         def with_tube(points: Array) -> Array:
             deviations = points[:, points.shape[1] - len(self.population.geometry) :]
@@ -210,7 +215,42 @@ class SpecimenSampler:
 
         return SpecimenTarget(model.whole, self._places(model.whole), with_tube, model.misfits)
 
-    def _log_reference(self, points: Array) -> Array:
+    def simulator(
+        self, data: xr.Dataset, seed: int
+    ) -> Callable[[xr.Dataset, Mapping[str, Array]], Any]:
+        """Function of data like these, and of a specimen: what would be measured of it."""
+        model = self._model_for(data)
+        pm_model = model.whole.model
+        observed = pm_model.observed_RVs
+        draw = pm.compile(
+            pm_model.free_RVs,
+            observed,
+            mode="FAST_COMPILE",
+            on_unused_input="ignore",
+            random_seed=seed,
+        )
+
+        def simulate(data: xr.Dataset, specimen: Mapping[str, Array]) -> dict[str, Array]:
+            model.forward.set_data(data)
+            values = draw(*(specimen[rv.name] for rv in pm_model.free_RVs))
+            return dict(zip((rv.name for rv in observed), values, strict=True))
+
+        return simulate
+
+    def points_of(self, specimens: Mapping[str, Array]) -> Array:
+        """Specimens by the variables of their model, as points of the target."""
+        return np.concatenate([specimens[name] for name in self._names], axis=1)
+
+    def variables_of(self, points: Array) -> dict[str, Array]:
+        """The other way round, where tests of a specimen share its parameters."""
+        return {name: points[:, [i]] for i, name in enumerate(self._names)}
+
+    def draws_at(self, points: Array) -> SpecimenDraws:
+        """Points of the target as draws of a specimen, for densities; they are not weighted."""
+        return self._draws(points)
+
+    def log_reference(self, points: Array) -> Array:
+        """Log density of the reference at points of the target."""
         return log_density(np, vars(self._draws(points)), self.reference)
 
     @property

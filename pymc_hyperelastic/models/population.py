@@ -24,7 +24,7 @@ from pymc_hyperelastic.models.class_distribution import (
     noises_of,
     register_class,
 )
-from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.forward import ForwardModel, Mode
 from pymc_hyperelastic.models.geometry import (
     Measured,
     check_geometry,
@@ -117,7 +117,9 @@ class Population:
         """Variables of the class's distribution, in the model of the context."""
         return register_class(self.scale, self.observation, self.experiment_effect, self.priors)
 
-    def forward_model(self, data: xr.Dataset, *, by_test: bool = True) -> ForwardModel:
+    def forward_model(
+        self, data: xr.Dataset, *, by_test: bool = True, mode: Mode = "auto"
+    ) -> ForwardModel:
         """Curves of tests, over the range of the coordinates.
 
         They have parameters of their own unless, `by_test` being false, all are of one specimen.
@@ -127,7 +129,7 @@ class Population:
         coordinates = [pm.Uniform.dist(m - r, m + r) for m, r in zip(mean, reach, strict=True)]
         parameters = self.scale.parameters(coordinates)
         wall = self.scale.wall_of(parameters)
-        settings: dict[str, Any] = {"geometry": self.geometry, "by_test": by_test}
+        settings: dict[str, Any] = {"geometry": self.geometry, "by_test": by_test, "mode": mode}
         return self.observation.forward_model(wall, data, parameters, **settings)
 
 

@@ -175,6 +175,14 @@ def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:
     return xr.merge([tree["observed_data"].to_dataset(), data])
 
 
+def origin_of(classes: xr.DataTree) -> dict[str, Any]:
+    """Attributes of what follows from classes: what their data are called, and if simulated."""
+    attrs = [fitted["constant_data"].attrs for fitted in classes.children.values()]
+    titles = dict.fromkeys(str(a["title"]) for a in attrs if a.get("title"))
+    simulated = int(any(a.get("simulated") for a in attrs))
+    return {"title": ", ".join(titles), "simulated": simulated}
+
+
 def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
     """Settings of :func:`pymc_hyperelastic.inflation_model`, but for the data."""
     if "priors" not in tree.attrs:

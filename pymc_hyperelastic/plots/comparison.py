@@ -19,7 +19,9 @@ from pymc_hyperelastic.plots.style import (
     Canvas,
     Visuals,
     check_table,
+    rows_of,
     stacked,
+    tick_rows,
 )
 
 if TYPE_CHECKING:
@@ -112,7 +114,7 @@ def _rows(
     value = xr.concat([result[name].reset_coords(drop=True) for name in _LABELS], panel)
     interval = xr.concat([e.reset_coords(drop=True) for e in ends.values()], panel)
     count, several = result.sizes["quantity"], result.sizes["comparison"]
-    row = xr.DataArray(-np.arange(float(count)), dims="quantity")
+    row = rows_of("quantity", count)
     beside = xr.DataArray(
         np.linspace(0.3, -0.3, several) if several > 1 else [0.0], dims="comparison"
     )
@@ -146,7 +148,7 @@ def _rows(
     canvas.draw("points", scatter_xy, data=stacked("difference", x=value, y=y), size=26)
     canvas.adjust(set_xlim, limits=(0.48, 1.02), coords={"panel": "best_accuracy"})
     canvas.adjust(set_ylim, limits=(0.6 - count, 0.6))
-    canvas.adjust(_row_ticks, labels=names, coords={"panel": "effect_size"})
+    canvas.adjust(tick_rows, labels=names, coords={"panel": "effect_size"})
     for name, text in _LABELS.items():
         canvas.label("xlabel", text, coords={"panel": name})
     marks: dict[str, Any] = {"linestyle": "none", "markersize": 5}
@@ -156,12 +158,6 @@ def _rows(
     one = result["comparison"].values.tolist()[0] if several == 1 else None
     canvas.title([result.attrs], result.attrs["strain_energy"], one, held)
     return canvas.collection
-
-
-def _row_ticks(da: xr.DataArray, target: Any, *, labels: list[str]) -> None:
-    from arviz_plots.plot_collection import backend_from_object
-
-    backend_from_object(target).yticks([-i for i in range(len(labels))], labels, target)
 
 
 def _curves(

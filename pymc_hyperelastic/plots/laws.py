@@ -18,7 +18,9 @@ from pymc_hyperelastic.plots.style import (
     Visuals,
     check_table,
     rounded_probability,
+    rows_of,
     stacked,
+    tick_rows,
     training_attrs,
 )
 
@@ -138,7 +140,7 @@ def plot_law_probability(
     ticks = {"values": [0, 0.5, 1], "labels": ["0", "0.5", "1"]}
     canvas.adjust(set_xticks, **ticks, coords={"panel": "probability"})
     canvas.adjust(set_ylim, limits=(0.5 - len(labels), 0.5))
-    canvas.adjust(_law_ticks, labels=labels, coords={"panel": "probability"})
+    canvas.adjust(tick_rows, labels=labels, coords={"panel": "probability"})
     for panel, text in _LABELS.items():
         canvas.label("xlabel", text, coords={"panel": panel})
     canvas.legend(entries, loc="outside lower center")
@@ -203,7 +205,7 @@ def _draw_laws(
     from arviz_plots.visuals import line_xy, scatter_xy
 
     several = "class_probability" in table
-    row = xr.DataArray(-np.arange(float(table.sizes["strain_energy"])), dims="strain_energy")
+    row = rows_of("strain_energy", table.sizes["strain_energy"])
     # Bars stand above what classes say by themselves.
     lines = np.linspace(0.26, -0.28, 1 + table.sizes["class_label"]) if several else np.zeros(1)
     y = row + xr.DataArray([lines[0], 0.0], {"panel": list(_LABELS)}, "panel")
@@ -260,9 +262,3 @@ def _write(da: xr.DataArray, target: Any, *, text: Any, known: Any, **settings: 
 
     settings = {"color": "0.1" if known.item() else DOUBT, "vertical_align": "center"} | settings
     return annotate_xy(da, target, text=text.item(), horizontal_align="left", **settings)
-
-
-def _law_ticks(da: xr.DataArray, target: Any, *, labels: list[str]) -> None:
-    from arviz_plots.plot_collection import backend_from_object
-
-    backend_from_object(target).yticks([-i for i in range(len(labels))], labels, target)

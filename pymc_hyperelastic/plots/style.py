@@ -218,6 +218,18 @@ def stacked(name: str, **arrays: xr.DataArray) -> xr.Dataset:
     return coordinates.to_dataset(name=name)
 
 
+def rows_of(dim: str, count: int) -> xr.DataArray:
+    """Heights of so many rows, the first on top."""
+    return xr.DataArray(-np.arange(float(count)), dims=dim)
+
+
+def tick_rows(da: xr.DataArray, target: Any, *, labels: list[str]) -> None:
+    """Name the rows of a panel."""
+    from arviz_plots.plot_collection import backend_from_object
+
+    backend_from_object(target).yticks([-i for i in range(len(labels))], labels, target)
+
+
 def per_kilopascal(pressure_unit: str) -> float:
     """How many of the unit make 1 kPa."""
     return 1 / float(to_internal(1.0, pressure_unit, "pressure"))

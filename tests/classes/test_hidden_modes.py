@@ -82,9 +82,7 @@ def assert_agree(sampler, found, largest_error):
     """The evidences of some samples of one specimen agree, with errors that are small."""
     # A draw weighs the evidence over the reference's density, and over the number of draws.
     evidences = [
-        draws.log_weight[0]
-        + np.log(len(draws.log_weight))
-        + sampler._log_reference(draws.points)[0]
+        draws.log_weight[0] + np.log(len(draws.log_weight)) + sampler.log_reference(draws.points)[0]
         for draws in found
     ]
     errors = [draws.standard_error for draws in found]

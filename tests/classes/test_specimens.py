@@ -248,7 +248,7 @@ def test_slopes_of_a_specimen_are_those_of_its_score():
     data = curves({"A": [38.0, 52.0, 45.0, 41.0]}, SEED)
     population = Population(ph.Ogden(), KNOWN_NOISE, True, 20.0)
     sampler = SpecimenSampler(population, population.forward_model(data), reference_of(population))
-    target = sampler._target(sampler._model_for(data), sampler._log_reference)
+    target = sampler.target(data)
     assert target.has_slopes and target.dimension == 8
     points = target.draw_prior(3, np.random.default_rng(SEED))
     prior, likelihood, of_prior, of_likelihood = target.slopes(points)
@@ -264,7 +264,7 @@ def test_scores_of_a_specimen_that_are_no_number_are_counted():
     data = curves({"A": [38.0, 52.0]}, SEED)
     population = Population(ph.NeoHookean(), KNOWN_NOISE, True, 20.0)
     sampler = SpecimenSampler(population, population.forward_model(data), reference_of(population))
-    target = sampler._target(sampler._model_for(data), lambda points: np.zeros(len(points)))
+    target = sampler.target(data, lambda points: np.zeros(len(points)))
     _, likelihood = target.score(np.full((5, 2), np.nan))
     with pytest.raises(ValueError, match=r"\(5 are NaN\)"):
         target.check_possible(np.isfinite(likelihood), "5 points")

@@ -1,0 +1,126 @@
+"""What planned tests are expected to tell."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+from pymc_hyperelastic.plots.style import (
+    Backend,
+    Canvas,
+    Visuals,
+    check_table,
+    rows_of,
+    stacked,
+    tick_rows,
+)
+
+if TYPE_CHECKING:
+    from arviz_plots import PlotCollection
+
+_LABELS = {
+    "information": "expected information (nats)",
+    "difference": "less than the first (nats)",
+}
+_ORIGIN = "ph.expected_information"
+_ROW = 0.32  # inches of a design
+
+
+def plot_information(
+    result: xr.Dataset,
+    *,
+    backend: Backend = "matplotlib",
+    visuals: Visuals | None = None,
+    **pc_kwargs: Any,
+) -> PlotCollection:
+    """Plot what planned tests are expected to tell, the one that tells most on top.
+
+    On the left stands the expected information of each design; where it is about the class, a line
+    tells all that there is to be told. On the right stands what a design lacks of the first, known
+    better than by the errors of both, since the same specimens were tested in all. Lines are two
+    standard errors to each side.
+
+    Parameters
+    ----------
+    result : xarray.Dataset
+        Result of :func:`pymc_hyperelastic.expected_information`.
+    backend : {"matplotlib", "none"}
+        Plotting backend; ``"none"`` only collects what would be drawn.
+    visuals : dict of str to dict or bool, optional
+        Settings of ``points``, ``error``, ``all`` (the line of all that there is) and ``xlabel``;
+        False leaves one out.
+    **pc_kwargs
+        Passed to :meth:`arviz_plots.PlotCollection.wrap`.
+
+    Returns
+    -------
+    arviz_plots.PlotCollection
+        With the dimensions ``panel`` ("information" and "difference") and ``design``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `result` is none of :func:`~pymc_hyperelastic.expected_information`, or the backend or a
+        visual is unknown.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> train = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
+    >>> settings = {"noise_sd": 5 * ph.mmHg, "variability": "specimen", "draws": 500, "chains": 1}
+    >>> classes = ph.fit_classes(ph.Ogden(), train, random_seed=1, progressbar=False, **settings)
+    >>> designs = {"low": {"pressure": (10, 40)}, "high": {"pressure": (100, 140)}}
+    >>> found = ph.expected_information(
+    ...     classes, designs, pressure_unit="mmHg", specimens=20, draws=64, random_seed=1
+    ... )
+    >>> figure = ph.plot_information(found, backend="none")
+    >>> figure.viz["points"]["information"].sizes["design"]
+    2
+    """
+    from arviz_plots.visuals import line_xy, scatter_xy, set_ylim, vline
+
+    check_table(result, _ORIGIN, *_LABELS, *(f"{name}_se" for name in _LABELS))
+    panel = xr.DataArray(list(_LABELS), dims="panel", name="panel")
+    value, error = (
+        xr.concat([result[name + end].reset_coords(drop=True) for name in _LABELS], panel)
+        for end in ("", "_se")
+    )
+    names = result["design"].values.tolist()
+    canvas = Canvas(
+        "wrap",
+        value.to_dataset(name="information"),
+        "points error all xlabel",
+        backend,
+        visuals,
+        pc_kwargs,
+        {
+            "figsize": (6.2 + 0.075 * max(map(len, names)), _ROW * len(names) + 1.3),
+            "sharey": True,
+        },
+        cols=["panel"],
+        col_wrap=2,
+        aes={"overlay": ["design"]},
+    )
+    most = xr.DataArray([float("nan"), 0.0], {"panel": list(_LABELS)}, "panel")
+    if result.attrs["about"] == "class":
+        most = most.fillna(result.attrs["entropy"])
+    told = most.dropna("panel").to_dataset(name="information")
+    for name in told["panel"].values.tolist():
+        where = {"data": told, "coords": {"panel": name}, "ignore_aes": "all"}
+        canvas.draw("all", vline, **where, color="0.6", width=0.8)
+    y = rows_of("design", len(names))
+    ends = xr.concat([value - 2 * error, value + 2 * error], dim="end")
+    lines = stacked("information", x=ends, y=y)
+    canvas.draw("error", line_xy, data=lines, width=1.4, color="0.1")
+    points = stacked("information", x=value, y=y)
+    canvas.draw("points", scatter_xy, data=points, size=26, color="0.1")
+    canvas.adjust(set_ylim, limits=(0.6 - len(names), 0.6))
+    canvas.adjust(tick_rows, labels=names, coords={"panel": "information"})
+    for name, text in _LABELS.items():
+        canvas.label("xlabel", text, coords={"panel": name})
+    about = result.attrs["about"]
+    told_of = "the class of a specimen" if about == "class" else f"its {about.replace('_', ' ')}"
+    canvas.title([result.attrs], result.attrs["strain_energy"], f"told of {told_of}")
+    return canvas.collection
