@@ -18,30 +18,28 @@ from pymc_hyperelastic.classes.designs import (
     radii_of,
     words_of,
 )
+from pymc_hyperelastic.classes.few_draws import FewDraws
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.classes.quantities import Place, known_quantities, place_of, values_of
-from pymc_hyperelastic.classes.specimen_evidence import near_class
-from pymc_hyperelastic.classes.specimens import SpecimenSampler, fresh_specimens
+from pymc_hyperelastic.classes.specimens import SpecimenSampler, fresh_specimens, reference_of
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.climbs import climb_together
 from pymc_hyperelastic.models.class_distribution import distributions_of
-from pymc_hyperelastic.models.specimen_draws import mean_density
 from pymc_hyperelastic.models.study import inflation_data_of, origin_of
 from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
 
-# Draws of a class's distribution over which a density of specimens is averaged, and degrees of
-# freedom of the distributions from which specimens are drawn around the best ones, and their width.
-_DISTRIBUTIONS, _FREEDOM, _WIDER = 200, 5, 1.2
-# Share of the inner draws that are from the classes themselves.
-_OF_CLASSES = 0.25
+# Draws of a class's distribution from which specimens are, and over which their density is averaged:
+# by others a specimen from the tail of one would be thought impossible.
+_DISTRIBUTIONS = 400
 # Share of what a quantity was beforehand in what draws say that it is: they are few.
 _AS_BEFORE = 0.02
 # Share of specimens that may not bear a design before it is refused, and before that is told.
 _MOST_LACKING, _TOLD = 0.2, 0.005
+# Effective draws by which a class is known of a specimen; share of them without that is told.
+_ENOUGH, _MOST_UNSURE = 20, 0.05
 # Change by half of the inner draws that is told, in nats and in its standard errors.
 _BIASED, _ERRORS = 0.02, 3.0
 # Specimens by which the density of a quantity is known, without and with a test.
@@ -63,6 +61,8 @@ class _Trial(NamedTuple):
     gain: Array
     of_half: Array
     """The same by half of the inner draws."""
+    effective: Array
+    """Effective draws of the class of which there are fewest."""
     materials: list[Array]
     """Coordinates (coordinate, draw) of what a specimen may be after the test, one or none each."""
 
@@ -135,7 +135,7 @@ def expected_information(
     Returns
     -------
     xarray.Dataset
-        By ``design``, the one that tells most first. All but ``lacking`` are in nats.
+        By ``design``, the one that tells most first. All but shares are in nats.
 
         ``information``, ``information_se`` : what is expected, and its standard error.
 
@@ -148,7 +148,8 @@ def expected_information(
 
         ``gain`` (design, specimen) : of each simulated specimen; NaN where it cannot be tested so.
 
-        ``lacking`` : share of these.
+        ``lacking`` : share of these. ``unsure`` : share of the specimens of which less than 20
+        inner draws of some class that matters are effective.
 
         ``tests`` : what is done in each design, in words.
 
@@ -233,7 +234,8 @@ def expected_information(
         gains = np.stack(
             [study.quantity_gains(about, tried, before, t) for t in trials.values()], axis=1
         )
-    result = _result(planned, gains, tried, names, about, stop_below)
+    effective = np.stack([t.effective for t in trials.values()])
+    result = _result(planned, gains, effective, tried, names, about, stop_below)
     return result.assign_attrs(strain_energy=labels_of([kind])[0], **origin_of(classes))
 
 
@@ -271,8 +273,7 @@ class _Study:
     ) -> None:
         self._kind, self._place, self._given, self._draws = kind, place, given, draws
         self._log_prior = log_prior
-        self._all = [distributions_of(fitted) for fitted in classes.children.values()]
-        self._some = [distributions_of(f, _DISTRIBUTIONS) for f in classes.children.values()]
+        self._classes = [distributions_of(f, _DISTRIBUTIONS) for f in classes.children.values()]
         self._tube: dict[str, float] = dict(place.tube)
         self._sds = {n: _sd_of(n, measured.sd, classes) for n, measured in kind.geometry.items()}
         if given is None:
@@ -297,7 +298,7 @@ class _Study:
             return self._like_given(count, rng)
         truth = _in_proportion(np.exp(self._log_prior), count)
         fresh: dict[str, Array] = {}
-        for k, distributions in enumerate(self._all):
+        for k, distributions in enumerate(self._classes):
             chosen = rng.integers(len(distributions.location[0]), size=count)
             found = fresh_specimens(self._kind, distributions.at(chosen), tests, rng)
             for name, values in found.items():
@@ -307,15 +308,16 @@ class _Study:
 
     def _like_given(self, count: int, rng: np.random.Generator) -> _Specimens:
         """Specimens that had the tests which are given, as far as these tell."""
-        samplers = self._samplers(self._given)
-        points, terms = self._terms(samplers, self._given, None, rng, 10 * self._draws)
+        sampler = self._sampler(self._given)
+        drawn = self._drawn(sampler, self._given, None, rng, 10 * self._draws)
+        terms = drawn.log_terms
         log_before = log_softmax(self._log_prior + logsumexp(terms, axis=1))
         truth = _in_proportion(np.exp(log_before), count)
         chosen = np.empty(count, int)
         for k in range(len(terms)):
             weights = np.exp(terms[k] - logsumexp(terms[k]))
             chosen[truth == k] = rng.choice(len(weights), size=np.sum(truth == k), p=weights)
-        return _Specimens(samplers[0].variables_of(points[chosen]), truth, log_before)
+        return _Specimens(sampler.variables_of(drawn.points[chosen]), truth, log_before)
 
     def tried(
         self, name: str, design: Design, tried: _Specimens, rng: np.random.Generator
@@ -329,10 +331,11 @@ class _Study:
         planned = empty_data(kind, design, self._tube, self._sds)
         force = np.concatenate([np.full(len(t.held), t.force) for t in design])
         blank = _measured(planned, radii[there][0], np.ones(len(force)), np.ones(len(force)), force)
-        samplers = self._samplers(beside(self._given, blank))
+        sampler = self._sampler(beside(self._given, blank))
         seed = int(rng.integers(2**32))
-        simulate = samplers[0].simulator(beside(self._given, blank), seed)
+        simulate = sampler.simulator(beside(self._given, blank), seed)
         gains, materials = np.full((2, count), np.nan), [np.empty((0, 0))] * count
+        effective = np.full(count, np.nan)
         for i in np.flatnonzero(there):
             specimen = {n: v[i] for n, v in own.items()}
             blank = blank.assign(radius=("obs", radii[i]))
@@ -343,17 +346,15 @@ class _Study:
             if force.any():
                 of_forces[force] = found["measured_axial_force"][-int(force.sum()) :]
             data = _measured(blank, radii[i], new["measured_pressure"], of_forces, force)
-            start = samplers[0].points_of({n: v[i : i + 1] for n, v in own.items()})
-            points, terms = self._terms(
-                samplers, beside(self._given, data), start, rng, self._draws
-            )
-            half = np.arange(len(points)) % 2 == 0
-            for j, some in enumerate((slice(None), half)):
-                gains[j, i] = self._gain(terms[:, some], tried, int(i))
-            log_weight = logsumexp(terms + self._log_prior[:, None], axis=0)
+            start = sampler.points_of({n: v[i : i + 1] for n, v in own.items()})
+            drawn = self._drawn(sampler, beside(self._given, data), start, rng, self._draws)
+            effective[i] = drawn.effective.min()
+            for j, step in enumerate((1, 2)):
+                gains[j, i] = self._gain(drawn.log_terms[:, ::step], tried, int(i))
+            log_weight = logsumexp(drawn.log_terms + self._log_prior[:, None], axis=0)
             chosen = rng.permutation(_in_proportion(softmax(log_weight), _AFTER))
-            materials[i] = samplers[0].draws_at(points[chosen]).centre
-        return _Trial(gains[0], gains[1], materials)
+            materials[i] = sampler.draws_at(drawn.points[chosen]).centre
+        return _Trial(gains[0], gains[1], effective, materials)
 
     def _gain(self, terms: Array, tried: _Specimens, i: int) -> float:
         """Log probability of the true class after the test, less that before."""
@@ -361,53 +362,20 @@ class _Study:
         after = log_softmax(self._log_prior + log_evidence)
         return float((after - tried.log_before)[tried.truth[i]])
 
-    def _samplers(self, data: xr.Dataset) -> list[SpecimenSampler]:
-        """Of each class one, whose prior is somewhat wider than it."""
+    def _sampler(self, data: xr.Dataset) -> SpecimenSampler:
         own = bool(self._kind.experiment_effect)
         forward = self._kind.forward_model(data, by_test=own, mode="quadrature")
-        return [SpecimenSampler(self._kind, forward, near_class(d)) for d in self._some]
+        return SpecimenSampler(self._kind, forward, reference_of(self._kind))
 
-    def _terms(
+    def _drawn(
         self,
-        samplers: Sequence[SpecimenSampler],
+        sampler: SpecimenSampler,
         data: xr.Dataset,
         start: Array | None,
         rng: np.random.Generator,
         count: int,
-    ) -> tuple[Array, Array]:
-        """Draws near what the data want under each class, and log weights (class, draw).
-
-        Their means are the evidences of the classes. All draws together are from the mixture of
-        distributions around the best specimen of each class and, where data tell little, of the
-        classes themselves.
-        """
-        near, points = [], []
-        wide = round(_OF_CLASSES * count)
-        for sampler, distributions in zip(samplers, self._some, strict=True):
-            target = sampler.target(data)
-            width = target.prior_width
-            starts = target.draw_prior(1, rng) if start is None else start
-            if start is None:
-                many = target.draw_prior(20 * count, rng)
-                starts = many[[np.argmax(np.add(*target.score(many)))]]
-            top = climb_together(target.ascent, starts, width)
-            curvature = np.asarray(target.ascent(top.widths)(top.points).curvature)
-            covariance = _WIDER * np.linalg.inv(curvature[0])
-            near.append(stats.multivariate_t(top.points[0], covariance, df=_FREEDOM))
-            drawn = np.reshape(near[-1].rvs(count - wide, random_state=rng), (count - wide, -1))
-            chosen = distributions.at(rng.integers(len(distributions.location[0]), size=wide))
-            fresh = fresh_specimens(self._kind, chosen, data.sizes["test"], rng)
-            points += [drawn, sampler.points_of(fresh)]
-        x = rng.permutation(np.concatenate(points))
-        draws = samplers[0].draws_at(x)
-        of_tube = x[:, x.shape[1] - len(self._kind.geometry) :]
-        log_tube = stats.norm.logpdf(of_tube).sum(axis=1)
-        of_classes = np.stack([mean_density(draws, d) for d in self._some]) + log_tube
-        around = np.stack([n.logpdf(x) for n in near])
-        log_density = logsumexp(
-            [around + np.log1p(-_OF_CLASSES), of_classes + np.log(_OF_CLASSES)], axis=(0, 1)
-        ) - np.log(len(near))
-        return x, samplers[0].target(data).score(x)[1] + of_classes - log_density
+    ) -> FewDraws:
+        return FewDraws(sampler, self._classes, self._log_prior, data, start, count, rng)
 
     def quantity_gains(
         self, name: str, tried: _Specimens, before: _Specimens, trial: _Trial
@@ -487,6 +455,7 @@ def _log_density(draws: Array, at: float) -> float:
 def _result(
     planned: Mapping[str, Design],
     gains: Array,
+    effective: Array,
     tried: _Specimens,
     names: Sequence[str],
     about: str,
@@ -499,6 +468,7 @@ def _result(
     best = int(np.nanargmax(information))
     difference, difference_se = _mean_and_error(gain - gain[best])
     change, change_se = _mean_and_error(gain - of_half)
+    unsure = np.sum(effective < _ENOUGH, axis=1) / counted.sum(axis=1)
     dims = "design"
     result = xr.Dataset(
         {
@@ -508,6 +478,7 @@ def _result(
             "difference_se": (dims, difference_se),
             "change_by_half": (dims, change),
             "change_by_half_se": (dims, change_se),
+            "unsure": (dims, unsure),
             "lacking": (dims, 1 - counted.mean(axis=1)),
             "gain": ((dims, "specimen"), gain),
         },
@@ -517,6 +488,12 @@ def _result(
             "true_class": ("specimen", [names[k] for k in tried.truth]),
         },
     )
+    for name, share in zip(planned, unsure, strict=True):
+        if share > _MOST_UNSURE:
+            warn_user(
+                f"design {name!r}: of {share:.0%} of the specimens less than {_ENOUGH} draws are "
+                "effective, and what it tells of these is not known: give more draws"
+            )
     for name, moved, its_error in zip(planned, change, change_se, strict=True):
         if abs(moved) > max(_BIASED, _ERRORS * its_error):
             warn_user(
