@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy import linalg, stats
+from scipy import stats
 from scipy.special import log_softmax, logsumexp
 
 from pymc_hyperelastic.classes.specimen_evidence import near_class
@@ -158,20 +158,24 @@ def _moments(distributions: ClassDistribution, tests: int) -> tuple[Array, Array
         effect = np.exp(np.ravel(distributions.effect_spread) ** 2)
         within = np.asarray(distributions.experiment_spread)[..., 0] * effect
         alike, own = np.ones((tests, tests)), np.eye(tests)
-        covariance = np.stack(
-            [
-                np.kron(between, alike) + np.kron(np.diag(spread**2), own)
-                for between, spread in zip(covariance, within.T, strict=True)
-            ]
-        )
+        of_tests = within.T[:, :, None] ** 2 * np.eye(len(within))
+        covariance = np.kron(covariance, alike) + np.kron(of_tests, own)
     if distributions.log_sigma is None:
         return location, covariance
     noise, spread = (
         np.stack([np.ravel(x) for x in values], axis=1)
         for values in (distributions.log_sigma, distributions.noise_spread)
     )
-    blocks = [linalg.block_diag(c, np.diag(s**2)) for c, s in zip(covariance, spread, strict=True)]
-    return np.concatenate([location, noise], axis=1), np.stack(blocks)
+    return np.concatenate([location, noise], axis=1), _and_independent(covariance, spread**2)
+
+
+def _and_independent(matrices: Array, more: Array) -> Array:
+    """Matrices (draw, entry, entry), continued by so much (draw, entry) on their diagonals."""
+    size = matrices.shape[1]
+    continued = np.pad(matrices, [(0, 0), (0, more.shape[1]), (0, more.shape[1])])
+    places = np.arange(size, size + more.shape[1])
+    continued[:, places, places] = more
+    return continued
 
 
 def _around(
@@ -191,7 +195,7 @@ def _around(
     # The deviations of the tube come last, and are standard normal.
     tube = len(x) - means.shape[1]
     means = np.pad(means, [(0, 0), (0, tube)])
-    precisions = np.stack([linalg.block_diag(np.linalg.inv(c), np.eye(tube)) for c in covariances])
+    precisions = _and_independent(np.linalg.inv(covariances), np.ones((len(means), tube)))
     after = np.linalg.inv(precisions + curvature)
     pulled = (precisions @ means[..., None])[..., 0]
     middle = (after @ (pulled + pull)[..., None])[..., 0]
