@@ -31,8 +31,8 @@ from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
 
-# Draws of a class's distribution from which specimens are, and over which their density is averaged:
-# by others a specimen from the tail of one would be thought impossible.
+# Draws of a class's distribution from which specimens are, and over which their density is
+# averaged: by others a specimen from the tail of one would be thought impossible.
 _DISTRIBUTIONS = 400
 # Share of what a quantity was beforehand in what draws say that it is: they are few.
 _AS_BEFORE = 0.02

@@ -68,7 +68,7 @@ class Plane:
             f(sign * 7 * s + m for m, s in places.values())
             for f, sign in ((lambda v: min(map(np.min, v)), -1), (lambda v: max(map(np.max, v)), 1))
         )
-        self.x = np.linspace(max(low, -6), min(high, 3), 1500)
+        self.x = np.linspace(max(low, -6), min(high, 3), 600)
         self.mu = scale.numbers([self.x])["mu"]
         log_p = [
             logsumexp(stats.norm.logpdf(self.x[:, None], m, s), axis=1) for m, s in places.values()
@@ -251,12 +251,12 @@ def test_a_thickness_that_is_not_known():
 
     nodes, weights = np.polynomial.hermite_e.hermegauss(15)
     curve = np.array([units(z) for z in nodes])
-    x = np.linspace(-4, 1, 600)
+    x = np.linspace(-4, 1, 300)
     mu = scale.numbers([x])["mu"]
     model = mu[:, None, None] * curve
     log_p = np.array([stats.norm.logpdf(x, m, s) for m, s in NEAR.values()])
     gains = []
-    for k, place in enumerate(list(NEAR.values()) * 150):
+    for k, place in enumerate(list(NEAR.values()) * 80):
         own = scale.numbers([rng.normal(*place, 1)])["mu"] * units(rng.standard_normal())
         y = own + NOISE * rng.standard_normal(len(radius))
         log_likelihood = -0.5 * np.sum((model - y) ** 2, axis=-1) / NOISE**2
