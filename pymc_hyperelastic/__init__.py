@@ -12,6 +12,7 @@ from pymc_hyperelastic.classes.fit import fit_classes
 from pymc_hyperelastic.classes.groups import compare_classes
 from pymc_hyperelastic.classes.held_out import calibration_report
 from pymc_hyperelastic.classes.information import expected_information
+from pymc_hyperelastic.classes.planning import plan_study
 from pymc_hyperelastic.classes.scores import score_probabilities
 from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
 from pymc_hyperelastic.data.select import select
@@ -105,6 +106,7 @@ __all__ = [
     "classify",
     "compare_classes",
     "expected_information",
+    "plan_study",
     "kl_divergence",
     "calibration_report",
     "simulation_based_calibration",

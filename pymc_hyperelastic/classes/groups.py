@@ -231,10 +231,10 @@ def compare_classes(
     ['C2 − C1']
     """
     trees = _fits(classes)
-    kinds = [_kind(tree) for tree in trees]
-    groups = _groups(trees)
+    kinds = [kind_of_groups(tree) for tree in trees]
+    groups = groups_of(trees)
     names = [quantity] if isinstance(quantity, str) else list(quantity)
-    _check_quantities(names, kinds)
+    check_quantities(names, kinds)
     check_count("draws", draws, 100)
     check_count("specimens", specimens, 2)
     check_prob(prob)
@@ -330,7 +330,7 @@ class _Study:
     def _powers(self, group: str, count: int) -> Array:
         """Log prior and log likelihood of draws of one group's distribution."""
         fitted = self.tree[group]
-        few = {n: self._draws(group, n).first(_SOME) for n in _specimens(fitted)}
+        few = {n: self._draws(group, n).first(_SOME) for n in specimens_in(fitted)}
         return log_prior_and_likelihood(ClassModel(self.kind).kernel(few, 1), fitted, count)
 
     def bayes_factors(
@@ -366,7 +366,7 @@ class _Study:
         return {
             group: {
                 name: unit_of_specimen(self._draws(group, name), self.covariates.of(group, name))
-                for name in _specimens(self.tree[group])
+                for name in specimens_in(self.tree[group])
             }
             for group in groups
         }
@@ -426,7 +426,8 @@ def _fits(classes: Classes) -> list[xr.DataTree]:
     return trees
 
 
-def _kind(tree: xr.DataTree) -> Variability:
+def kind_of_groups(tree: xr.DataTree) -> Variability:
+    """The kind of classes, whose specimens have to differ."""
     kind = kind_of_classes(tree)
     if not isinstance(kind, Variability):
         raise ValueError(
@@ -436,14 +437,14 @@ def _kind(tree: xr.DataTree) -> Variability:
     return kind
 
 
-def _groups(trees: Sequence[xr.DataTree]) -> list[str]:
+def groups_of(trees: Sequence[xr.DataTree]) -> list[str]:
     """Names of the groups: two or more, of two specimens or more."""
     groups = list(trees[0].children)
     if len(groups) < 2:
         raise ValueError(f"two classes or more can be compared; here is {groups}")
     for tree in trees:
         for name in groups:
-            specimens = _specimens(tree[name])
+            specimens = specimens_in(tree[name])
             if len(specimens) < 2:
                 raise ValueError(
                     f"class {name!r} has one specimen, {specimens[0]!r}: how far its specimens "
@@ -452,11 +453,13 @@ def _groups(trees: Sequence[xr.DataTree]) -> list[str]:
     return groups
 
 
-def _specimens(fitted: xr.DataTree) -> list[str]:
+def specimens_in(fitted: xr.DataTree) -> list[str]:
+    """Names of the specimens of a class."""
     return [str(name) for name in fitted["specimens"]["specimen"].values]
 
 
-def _check_quantities(names: Sequence[str], kinds: Sequence[Variability]) -> None:
+def check_quantities(names: Sequence[str], kinds: Sequence[Variability]) -> None:
+    """Raise unless these are quantities of all of the kinds."""
     if not names or len(set(names)) < len(names):
         raise ValueError(f"quantity must be one or several different names; got {list(names)}")
     for kind in kinds:

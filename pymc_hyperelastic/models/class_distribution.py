@@ -30,7 +30,7 @@ SPREAD_OF_NOISE = {
 # Priors of a class, each as the median and the standard deviation of a logarithm.
 _EXPERIMENT_SPREAD, _EFFECT_SPREAD, _NOISE_SPREAD = (0.15, 0.8), (0.5, 0.5), (0.3, 0.5)
 # Exponent of the prior of a correlation matrix, its determinant to the power of η − 1.
-_CONCENTRATION = 2.0
+CONCENTRATION = 2.0
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def correlation_factor(size: int, prefix: str = "") -> list[list[Any]]:
     if size == 1:
         return rows
     column = np.array([j for i in range(1, size) for j in range(i)])
-    shape = _CONCENTRATION + (size - 2 - column) / 2
+    shape = CONCENTRATION + (size - 2 - column) / 2
     partial = 2 * pm.Beta(f"{prefix}correlation_unit", shape, shape, shape=len(column)) - 1
     place = 0
     for i in range(1, size):
