@@ -1,5 +1,6 @@
-"""Distributions of very many small groups, of specimens known with normal errors of one size."""
+"""Distributions of very many small groups, of specimens that are known with normal errors."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,17 @@ _WARM_UP, _SWEEPS = 200, 3
 _TAKEN, _STEP = 0.44, 0.5
 
 
+class Found(NamedTuple):
+    """What was found of the specimens of a group."""
+
+    x: Array
+    """(specimen, coordinate)."""
+    kind: NDArray[np.intp]
+    """Which of the errors of the group a specimen has."""
+    errors: Array
+    """Covariances of errors, (kind, coordinate, coordinate)."""
+
+
 class NormalGroups(NamedTuple):
     """Draws of the distributions of groups."""
 
@@ -25,86 +37,125 @@ class NormalGroups(NamedTuple):
     """Lower Cholesky factors of covariances, (group, draw, coordinate, coordinate)."""
 
 
-class _Sums(NamedTuple):
-    """All that a group's specimens say, if their errors are alike."""
-
-    specimens: Array
-    mean: Array
-    scatter: Array
-
-
 def draw_groups(
     scale: NaturalScale,
-    groups: list[Array],
-    error: Array,
+    groups: Sequence[Found],
     start: tuple[Array, Array],
     draws: int,
     rng: np.random.Generator,
 ) -> NormalGroups:
     r"""Draw from the posteriors of the distributions of groups, all at once.
 
-    Of ``n`` specimens, found at ``x_i`` with errors of the covariance ``V``, with the prior
-    ``N(m₀, T)`` of the location,
+    A group has the location ``m`` and the covariance ``Σ``; a specimen ``z ~ N(m, Σ)`` is found at
+    ``x ~ N(z, V)``. In turn are drawn
 
-    .. math:: x_i \sim N(m, C), \qquad C = Σ + V, \qquad
-        p(x \mid Σ) ∝ |C|^{-(n-1)/2} e^{-\frac12 \mathrm{tr}(C^{-1} S)} \,
-        N(\bar x; m_0, T + C/n).
+    - ``m`` given ``Σ``, and ``z`` given both, which are normal;
+    - spreads and partial correlations given these, one after the other, as Metropolis has it.
 
-    Spreads and partial correlations are changed one after the other, as Metropolis has it; the
-    location given these is normal. Priors are those of a class.
+    Priors are those of a class.
 
     Parameters
     ----------
     scale : NaturalScale
         Coordinates of the specimens, and priors of their location and spreads.
-    groups : list of array, shape (specimen, coordinate)
-        What was found of the specimens of each group.
-    error : array, shape (coordinate, coordinate)
-        Covariance of the errors.
+    groups : sequence of Found
+        Specimens of each group, all with errors of as many kinds.
     start : pair of array, shapes (group, coordinate) and (group, pair of coordinates)
         Logarithms of spreads and partial correlations from which to start, near the posteriors.
     """
-    size = len(scale.names)
-    sums = _Sums(
-        np.array([float(len(x)) for x in groups]),
-        np.stack([x.mean(axis=0) for x in groups]),
-        np.stack([(x - x.mean(axis=0)).T @ (x - x.mean(axis=0)) for x in groups]),
-    )
-    logs, partial = start
-    state = np.concatenate([logs, np.arctanh(partial)], axis=1)
+    sampler = _Sampler(scale, groups, rng)
+    state = np.concatenate([start[0], np.arctanh(start[1])], axis=1)
     steps = np.full(state.shape, _STEP)
-    height = _log_posterior(scale, state, sums, error)
     kept = []
     for sweep in range(_WARM_UP + draws * _SWEEPS):
-        for i in range(state.shape[1]):
-            moved = state.copy()
-            moved[:, i] += steps[:, i] * rng.standard_normal(len(state))
-            other = _log_posterior(scale, moved, sums, error)
-            taken = np.log(rng.random(len(state))) < other - height
-            state[taken, i], height[taken] = moved[taken, i], other[taken]
-            if sweep < _WARM_UP:
-                steps[:, i] *= np.exp((taken - _TAKEN) / (1 + sweep) ** 0.6)
-        if sweep >= _WARM_UP and (sweep - _WARM_UP) % _SWEEPS == 0:
-            kept.append(state.copy())
-    roots = np.stack([_root(x, size) for x in kept], axis=1)
-    covariance = roots @ roots.mT + error
-    mean, sd = scale.location_prior
-    # The location of each, given its covariance.
-    precision = sums.specimens[:, None, None, None] * np.linalg.inv(covariance)
-    variance = np.linalg.inv(precision + np.diag(sd**-2.0))
-    pull = precision @ sums.mean[:, None, :, None] + (mean / sd**2)[:, None]
-    middle = (variance @ pull)[..., 0]
-    noise = rng.standard_normal((*middle.shape, 1))
-    return NormalGroups(middle + (np.linalg.cholesky(variance) @ noise)[..., 0], roots)
+        location, scatter = sampler.specimens(state)
+        taken = sampler.move(state, steps, scatter)
+        if sweep < _WARM_UP:
+            steps *= np.exp((taken - _TAKEN) / (1 + sweep) ** 0.6)
+        elif (sweep - _WARM_UP) % _SWEEPS == 0:
+            # Of the covariance that the location was drawn with.
+            kept.append((location, sampler.root))
+    locations, roots = zip(*kept, strict=True)
+    return NormalGroups(np.stack(locations, axis=1), np.stack(roots, axis=1))
 
 
 def partial_correlations(root: Array) -> Array:
     """Partial correlations (group, pair) of covariances with these Cholesky factors."""
     factor = root / np.linalg.norm(root, axis=-1, keepdims=True)
     left = np.sqrt(np.cumsum(factor[:, :, ::-1] ** 2, axis=2)[:, :, ::-1])
-    pairs = [(i, j) for i in range(1, factor.shape[1]) for j in range(i)]
-    rows, columns = np.array(pairs, dtype=int).reshape(-1, 2).T
+    rows, columns = np.tril_indices(factor.shape[1], -1)
     return factor[:, rows, columns] / left[:, rows, columns]
+
+
+class _Sampler:
+    """All groups, side by side; what a group lacks of the largest one is not looked at."""
+
+    def __init__(
+        self, scale: NaturalScale, groups: Sequence[Found], rng: np.random.Generator
+    ) -> None:
+        self._size, self._rng = len(scale.names), rng
+        mean, sd = scale.location_prior
+        self._precision, self._pull = np.diag(sd**-2.0), mean / sd**2
+        self._logs, self._sd_of_logs = scale.spread_prior
+        _, column = np.tril_indices(self._size, -1)
+        self._shape = CONCENTRATION + (self._size - 2 - column) / 2
+        self._number = np.array([float(len(g.x)) for g in groups])
+        most = int(self._number.max())
+        self._there = np.arange(most) < self._number[:, None]
+        self._x = np.stack([np.pad(g.x, [(0, most - len(g.x)), (0, 0)]) for g in groups])
+        self._kind = np.stack([np.pad(g.kind, (0, most - len(g.x))) for g in groups])
+        self._errors = np.stack([g.errors for g in groups])
+        self._roots = np.linalg.cholesky(self._errors)
+        kinds = np.arange(self._errors.shape[1])
+        of_kind = (self._kind[:, None] == kinds[:, None]) & self._there[:, None]
+        self._of_kind = of_kind.sum(axis=2).astype(float)
+        self._sum_of_kind = of_kind.astype(float) @ self._x
+
+    def specimens(self, state: Array) -> tuple[Array, Array]:
+        """Locations, and scatter of the specimens around them, given their covariances."""
+        self.root = _root(state, self._size)
+        covariance = self.root @ self.root.mT
+        inverse = np.linalg.inv(covariance[:, None] + self._errors)
+        precision = self._precision + np.einsum("gk,gkij->gij", self._of_kind, inverse)
+        pull = self._pull + np.einsum("gkij,gkj->gi", inverse, self._sum_of_kind)
+        factor = np.linalg.cholesky(precision)
+        noise = self._rng.standard_normal((*pull.shape, 1))
+        whitened = np.linalg.solve(factor, pull[..., None]) + noise
+        location = np.linalg.solve(factor.mT, whitened)[..., 0]
+        # A specimen and its error as they are beforehand, moved by what they lack of what was found
+        # (Matheron's rule).
+        noise = self._rng.standard_normal((2, *self._x.shape))
+        z = noise[0] @ self.root.mT
+        of_each = np.arange(len(state))[:, None], self._kind
+        error = (self._roots[of_each] @ noise[1][..., None])[..., 0]
+        lacking = (self._x - location[:, None] - z - error)[..., None]
+        z += (covariance[:, None] @ (inverse[of_each] @ lacking))[..., 0]
+        z *= self._there[..., None]
+        return location, z.mT @ z
+
+    def move(self, state: Array, steps: Array, scatter: Array) -> Array:
+        """Move spreads and partial correlations in place; which of the steps were taken."""
+        taken = np.empty(state.shape)
+        height = self._log_density(state, scatter)
+        for i in range(state.shape[1]):
+            moved = state.copy()
+            moved[:, i] += steps[:, i] * self._rng.standard_normal(len(state))
+            other = self._log_density(moved, scatter)
+            better = np.log(self._rng.random(len(state))) < other - height
+            state[better, i], height[better] = moved[better, i], other[better]
+            taken[:, i] = better
+        return taken
+
+    def _log_density(self, state: Array, scatter: Array) -> Array:
+        """Log density of logarithms of spreads and arctangents of partial correlations."""
+        logs = state[:, : self._size]
+        height = -0.5 * np.sum(((logs - self._logs) / self._sd_of_logs) ** 2, axis=1)
+        height -= 2 * np.log(np.cosh(state[:, self._size :])) @ self._shape
+        root = _root(state, self._size)
+        inverse = np.linalg.inv(root)
+        log_volume = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+        squares = np.sum((inverse @ scatter) * inverse, axis=(1, 2))
+        return height - self._number * log_volume - squares / 2
 
 
 def _root(state: Array, size: int) -> Array:
@@ -120,23 +171,3 @@ def _root(state: Array, size: int) -> Array:
             place += 1
         root[:, i, i] = left
     return root * spread[:, :, None]
-
-
-def _log_posterior(scale: NaturalScale, state: Array, sums: _Sums, error: Array) -> Array:
-    """Log density of logarithms of spreads and arctangents of partial correlations."""
-    size = len(scale.names)
-    logs, sd_of_logs = scale.spread_prior
-    column = np.array([j for i in range(1, size) for j in range(i)])
-    shape = CONCENTRATION + (size - 2 - column) / 2
-    prior = -0.5 * np.sum(((state[:, :size] - logs) / sd_of_logs) ** 2, axis=1)
-    prior -= 2 * np.log(np.cosh(state[:, size:])) @ shape
-    root = _root(state, size)
-    covariance = root @ root.mT + error
-    mean, sd = scale.location_prior
-    of_mean = np.diag(sd**2) + covariance / sums.specimens[:, None, None]
-    log_volume = np.linalg.slogdet(covariance)[1]
-    log_volume_of_mean = np.linalg.slogdet(of_mean)[1]
-    squares = np.trace(np.linalg.solve(covariance, sums.scatter), axis1=1, axis2=2)
-    away = (sums.mean - mean)[..., None]
-    squares += (away.mT @ np.linalg.solve(of_mean, away))[:, 0, 0]
-    return prior - ((sums.specimens - 1) * log_volume + log_volume_of_mean + squares) / 2

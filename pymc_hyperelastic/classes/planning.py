@@ -16,7 +16,12 @@ from pymc_hyperelastic.classes.groups import (
     kind_of_groups,
     specimens_in,
 )
-from pymc_hyperelastic.classes.normal_groups import NormalGroups, draw_groups, partial_correlations
+from pymc_hyperelastic.classes.normal_groups import (
+    Found,
+    NormalGroups,
+    draw_groups,
+    partial_correlations,
+)
 from pymc_hyperelastic.classes.quantities import place_of, unit_of, values_of
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.checks import check_count, check_prob
@@ -43,8 +48,10 @@ class _Pilot(NamedTuple):
     """(group, draw, coordinate)."""
     root: Array
     """Lower Cholesky factors (group, draw, coordinate, coordinate) of specimens' covariances."""
-    error: Array
-    """Covariance (coordinate, coordinate) of what is found of a specimen."""
+    errors: list[Array]
+    """Of each group the covariances (specimen, coordinate, coordinate) of what is found of one."""
+    roots_of_errors: list[Array]
+    """Lower Cholesky factors of them."""
 
 
 def plan_study(
@@ -130,11 +137,11 @@ def plan_study(
 
     Notes
     -----
-    What the curves of one specimen say is taken as a normal distribution of its coordinates, whose
-    covariance is the mean over the specimens of the pilot, and is added to that between specimens.
-    A study's groups then have posteriors that are drawn from by Metropolis' algorithm, thousands
-    at once, under the priors of :func:`fit_classes`. Errors that the pilot infers of each specimen
-    are as large as they were there; what tests of one specimen differ by is part of them.
+    What the curves of one specimen say is taken as a normal distribution of its coordinates; each
+    simulated specimen is known as well as one of the pilot of its group. A study's groups then have
+    posteriors that are drawn from, thousands at once, under the priors of :func:`fit_classes`: by
+    Gibbs' and Metropolis' algorithms. Errors that the pilot infers of each specimen are as large as
+    they were there; what tests of one specimen differ by is part of them.
 
     References
     ----------
@@ -231,8 +238,9 @@ def _pilot(kind: Variability, classes: xr.DataTree, studies: int, rng: Any) -> _
         location.append(np.asarray(chosen.location)[..., 0].T)
         root.append(np.linalg.cholesky(chosen.covariance()))
         stored = fitted["specimens"].to_dataset()
-        errors += [_error(stored_draws(stored, n), distributions) for n in specimens_in(fitted)]
-    return _Pilot(np.stack(location), np.stack(root), np.mean(errors, axis=0))
+        of_each = [_error(stored_draws(stored, n), distributions) for n in specimens_in(fitted)]
+        errors.append(np.stack(of_each))
+    return _Pilot(np.stack(location), np.stack(root), errors, [*map(np.linalg.cholesky, errors)])
 
 
 def _error(draws: Any, distributions: ClassDistribution) -> Array:
@@ -269,10 +277,18 @@ def _studied(
 ) -> NormalGroups:
     """Posteriors (group, size, study, draw, ...) of all groups."""
     groups, studies, dimension = pilot.location.shape
-    shape = groups, studies, sizes[-1], dimension
-    x = pilot.location[:, :, None] + rng.standard_normal(shape) @ pilot.root.mT
-    x += rng.multivariate_normal(np.zeros(dimension), pilot.error, shape[:-1], method="eigh")
-    of_sizes = [x[g, s, :n] for g in range(groups) for n in sizes for s in range(studies)]
+    found = []
+    most = max(map(len, pilot.errors))
+    for location, root, errors, roots in zip(*pilot, strict=True):
+        z = location[:, None] + rng.standard_normal((studies, sizes[-1], dimension)) @ root.mT
+        kind_of_error = rng.integers(len(errors), size=z.shape[:2])
+        noise = rng.standard_normal((*z.shape, 1))
+        x = z + (roots[kind_of_error] @ noise)[..., 0]
+        # Groups of all pilots have errors of as many kinds, of which some may not occur.
+        kinds = errors[np.arange(most) % len(errors)]
+        found += [
+            Found(x[s, :n], kind_of_error[s, :n], kinds) for n in sizes for s in range(studies)
+        ]
 
     def repeated(values: Array) -> Array:
         """One of each group and study, for all sizes."""
@@ -283,9 +299,9 @@ def _studied(
     spreads = np.log(np.linalg.norm(pilot.root, axis=-1))
     partial = partial_correlations(flat).reshape(groups, studies, -1)
     start = repeated(spreads), repeated(partial)
-    found = draw_groups(kind.scale, of_sizes, pilot.error, start, draws, rng)
+    posterior = draw_groups(kind.scale, found, start, draws, rng)
     apart = groups, len(sizes), studies
-    return NormalGroups(*(x.reshape(*apart, *x.shape[1:]) for x in found))
+    return NormalGroups(*(values.reshape(*apart, *values.shape[1:]) for values in posterior))
 
 
 def _result(truth: Array, found: Array, relevant: float, prob: float) -> xr.Dataset:
@@ -324,15 +340,18 @@ def _result(truth: Array, found: Array, relevant: float, prob: float) -> xr.Data
 def _scores(pilot: _Pilot, posterior: NormalGroups, count: int, rng: Any) -> xr.Dataset:
     """Log scores of new specimens, by groups as they are known and as they are."""
     groups, studies, dimension = pilot.location.shape
+    # All new specimens of a study are known as well as one of the pilot, of either group.
+    errors, roots = np.concatenate(pilot.errors), np.concatenate(pilot.roots_of_errors)
+    kind = rng.integers(len(errors), size=studies)
     shape = groups, studies, count, dimension
     new = pilot.location[:, :, None] + rng.standard_normal(shape) @ pilot.root.mT
-    new += rng.multivariate_normal(np.zeros(dimension), pilot.error, shape[:-1], method="eigh")
+    new += rng.standard_normal(shape) @ roots[kind].mT
     x = np.concatenate([*new], axis=1)  # (study, specimen, coordinate)
     truth = np.repeat(np.arange(groups), count)
 
     def score(location: Array, root: Array) -> Array:
         """Mean log score of each study, by draws (group, study, draw, ...)."""
-        whitening = np.linalg.inv(np.linalg.cholesky(root @ root.mT + pilot.error))
+        whitening = np.linalg.inv(np.linalg.cholesky(root @ root.mT + errors[kind, None]))
         centred = x[None, :, None] - location[:, :, :, None]
         squares = ((centred @ whitening.mT) ** 2).sum(axis=-1)
         log_volume = np.log(np.diagonal(whitening, axis1=-2, axis2=-1)).sum(axis=-1)
