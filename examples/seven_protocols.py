@@ -135,9 +135,16 @@ def table_of(specimen: str) -> pd.DataFrame:
 # %%
 # Leave each protocol out, and none
 # ---------------------------------
+# What has been found is kept: a run that was interrupted goes on.
 NOBODY, FITTED = "(between)", ", fitted"
 points = {specimen: table_of(specimen) for specimen in specimens}
-rows = []
+known = args.out / "errors.csv"
+rows = [pd.read_csv(known)] if known.exists() else []
+
+
+def lacks(law: str, protocol: str) -> bool:
+    """Whether a protocol is still to be predicted by a law."""
+    return not any(((of["law"] == law) & (of["protocol"] == protocol)).any() for of in rows)
 
 
 def add_errors(law: str, protocol: str, specimen: str, values: pd.DataFrame) -> None:
@@ -170,20 +177,24 @@ def add_predicted(law: str, classes: xr.DataTree, protocol: str) -> None:
         add_errors(law, protocol, specimen, predicted(classes[groups[specimen]], specimen, there))
 
 
-for protocol in PROTOCOLS:
+for protocol in PROTOCOLS if lacks(NOBODY, PROTOCOLS[0]) else []:
     for specimen in specimens:
         add_errors(NOBODY, protocol, specimen, between(points[specimen], protocol))
 for energy in LAWS:
     # Fitted to all seven, a law says how well it can follow them at all.
-    print(f"{energy.name}: all seven", flush=True)
-    classes = fitted_to(energy, PROTOCOLS)
-    for protocol in PROTOCOLS:
-        add_predicted(f"{energy.name}{FITTED}", classes, protocol)
+    if lacks(f"{energy.name}{FITTED}", PROTOCOLS[0]):
+        print(f"{energy.name}: all seven", flush=True)
+        classes = fitted_to(energy, PROTOCOLS)
+        for protocol in PROTOCOLS:
+            add_predicted(f"{energy.name}{FITTED}", classes, protocol)
+        pd.concat(rows).to_csv(known, index=False)
     for protocol in PROTOCOLS if not args.fitted_alone else []:
+        if not lacks(energy.name, protocol):
+            continue
         print(f"{energy.name}: all but {protocol}", flush=True)
         classes = fitted_to(energy, [p for p in PROTOCOLS if p != protocol])
         add_predicted(energy.name, classes, protocol)
-        pd.concat(rows).to_csv(args.out / "errors.csv", index=False)
+        pd.concat(rows).to_csv(known, index=False)
 errors = pd.concat(rows)
 
 # %%

@@ -293,7 +293,7 @@ def _studied(
     def repeated(values: Array) -> Array:
         """One of each group and study, for all sizes."""
         by_size = np.repeat(values[:, None], len(sizes), axis=1)
-        return by_size.reshape(-1, *values.shape[2:])
+        return by_size.reshape(groups * len(sizes) * studies, *values.shape[2:])
 
     flat = pilot.root.reshape(-1, dimension, dimension)
     spreads = np.log(np.linalg.norm(pilot.root, axis=-1))
