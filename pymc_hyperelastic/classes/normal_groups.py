@@ -123,7 +123,7 @@ class _Sampler:
         whitened = np.linalg.solve(factor, pull[..., None]) + noise
         location = np.linalg.solve(factor.mT, whitened)[..., 0]
         # A specimen and its error as they are beforehand, moved by what they lack of what was found
-        # (Matheron's rule).
+        # (Matheron's way).
         noise = self._rng.standard_normal((2, *self._x.shape))
         z = noise[0] @ self.root.mT
         of_each = np.arange(len(state))[:, None], self._kind
