@@ -7,6 +7,7 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
+import pymc as pm
 import xarray as xr
 from numpy.typing import NDArray
 from scipy import stats
@@ -50,6 +51,8 @@ _LOG_SPREAD = 0.5
 # Points of a grid on which distributions of a quantity over specimens are compared, and how far it
 # reaches beyond them, in their widths; the least width, as a share of a quantity.
 _GRID, _BEYOND, _SMALLEST = 128, 4.0, 1e-9
+# Draws of a prior.
+_PRIOR = 4000
 # Shares of specimens without a quantity from which on that is told.
 _TOLD = 0.005
 # Draws of a specimen by which the likelihood of its class is known well enough to be raised to
@@ -173,6 +176,11 @@ def compare_classes(
         or likelihood are raised to a power near 1 [1]_. Where the first is above 0.05 the prior has
         a say, and where the second is below that, the data have little.
 
+        ``coordinate_spread``, ``prior_coordinate_spread`` : how far specimens of a group differ in
+        each ``coordinate``, a standard deviation, with its interval; and the same beforehand. Where
+        both are alike few specimens have told little of it. Of several strain energies that of the
+        most probable one.
+
         ``lacking`` : share of the specimens of a group that have no such quantity, as they do not
         reach the pressure; they are left out of it.
 
@@ -273,6 +281,7 @@ def compare_classes(
         ]
         result = result.assign(_averaged(factors, laws))
     _warn_of_lacking(result)
+    result = result.assign(_spreads(studies[likely].kind, found[likely].distributions, prob))
     if studies[0].covariates.names:
         result = result.assign(_effects(studies[likely], found[likely].effects, prob))
     return _described(result, studies, place, labels_of(kinds), prob)
@@ -659,6 +668,29 @@ def _warn_of_lacking(result: xr.Dataset) -> None:
                     f"class {str(group)!r}: {share:.1%} of its specimens have no {name} there, and "
                     "what is said is that of the others"
                 )
+
+
+def _spreads(
+    kind: Variability, distributions: Mapping[str, ClassDistribution], prob: float
+) -> xr.Dataset:
+    """How far specimens differ in each coordinate, and what was expected of that beforehand."""
+    spread = np.stack([np.asarray(d.spread)[..., 0] for d in distributions.values()])
+    values = xr.DataArray(spread, dims=("group", "coordinate", "draw"))
+    prior = kind.priors.get("spread") if kind.priors else None
+    if prior is None:
+        logs, sd = kind.scale.spread_prior
+        drawn = np.exp(logs[:, None] + sd * stats.norm.ppf((np.arange(_PRIOR) + 0.5) / _PRIOR))
+    else:
+        drawn = pm.draw(prior, draws=_PRIOR, random_seed=1, mode="FAST_COMPILE")
+        drawn = np.broadcast_to(drawn.reshape(_PRIOR, -1), (_PRIOR, spread.shape[1])).T
+    beforehand = xr.DataArray(drawn, dims=("coordinate", "draw"))
+    found = {
+        "coordinate_spread": values.median("draw"),
+        "coordinate_spread_interval": _interval(values, prob),
+        "prior_coordinate_spread": beforehand.median("draw"),
+        "prior_coordinate_spread_interval": _interval(beforehand, prob),
+    }
+    return xr.Dataset(found, {"group": [*distributions], "coordinate": kind.scale.names})
 
 
 def _effects(study: _Study, effects: Array | None, prob: float) -> xr.Dataset:

@@ -68,6 +68,24 @@ def test_parameters_are_those_of_the_distributions(classes):
         assert float(result["lacking"].sel(group=group).max()) == 0
 
 
+def test_spreads_stand_beside_their_prior(classes):
+    result = compare(classes, X).isel(coordinate=0)
+    _, spread = class_draws(classes, "soft")
+    # The comparison takes 1000 of the draws, in order.
+    found = result["coordinate_spread"].sel(group="soft")
+    assert found == pytest.approx(np.median(spread), rel=0.05)
+    (logs,), sd = ph.classes.kinds.kind_of_classes(classes).scale.spread_prior
+    assert result["prior_coordinate_spread"] == pytest.approx(np.exp(logs), rel=0.01)
+    ends = np.exp(logs + sd * stats.norm.ppf([0.025, 0.975]))
+    np.testing.assert_allclose(result["prior_coordinate_spread_interval"], ends, rtol=0.01)
+
+
+def test_a_prior_of_spreads_that_is_given():
+    classes = fit(priors={"spread": pm.HalfNormal.dist(0.2, shape=1)}, draws=200)
+    found = compare(classes, X, draws=200)["prior_coordinate_spread"]
+    assert found.item() == pytest.approx(stats.halfnorm.median(scale=0.2), rel=0.05)
+
+
 def test_differences_follow_from_draws(classes):
     """Medians, intervals, probabilities and effect sizes, from draws of both groups."""
     result = compare(classes, [X, "mu"], draws=1000).sel(comparison="stiff − soft")
