@@ -1,7 +1,5 @@
 """How far priors, and data, decide what is said."""
 
-from typing import Any
-
 import numpy as np
 import pytensor.tensor as pt
 import xarray as xr
@@ -11,6 +9,10 @@ from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 
 Array = NDArray[np.float64]
+
+_POWERS = "prior", "likelihood"
+# Draws without which no sensitivity is known.
+_FEWEST = 100
 
 
 def log_prior_and_likelihood(kernel: BatchedSMC, tree: xr.DataTree, count: int) -> Array:
@@ -30,20 +32,32 @@ def log_prior_and_likelihood(kernel: BatchedSMC, tree: xr.DataTree, count: int) 
 
 
 def power_scaling(draws: xr.DataArray, log_prior: Array, log_likelihood: Array) -> xr.Dataset:
-    """Sensitivity of draws, along ``draw``, to the powers of the prior and of the likelihood."""
+    """Sensitivity of draws, along ``draw``, to the powers of the prior and of the likelihood.
+
+    Each is that of the draws which have the quantity at all.
+    """
     from arviz_stats import psense
 
     rest = [d for d in draws.dims if d != "draw"]
-    posterior = draws.drop_vars(set(draws.coords) - set(rest)).rename("value")
-    posterior = posterior.transpose("draw", *rest).expand_dims("chain")
-    known: dict[str, Any] = {"log_prior": log_prior, "log_likelihood": log_likelihood}
-    tree = xr.DataTree.from_dict(
-        {"posterior": posterior.to_dataset()}
-        | {k: xr.Dataset({"all": (("chain", "draw"), v[None])}) for k, v in known.items()}
-    )
+    values = draws.transpose("draw", *rest)
+    flat = values.values.reshape(len(log_prior), -1)
+    there, which = np.unique(np.isfinite(flat), axis=1, return_inverse=True)
+    found = np.full((2, flat.shape[1]), np.nan)
+    for number, some in enumerate(there.T):
+        if some.sum() < _FEWEST:
+            continue
+        known = {"log_prior": log_prior[some], "log_likelihood": log_likelihood[some]}
+        own = np.ravel(which) == number
+        posterior = xr.Dataset({"value": (("chain", "draw", "place"), flat[some][None][..., own])})
+        tree = xr.DataTree.from_dict(
+            {"posterior": posterior}
+            | {k: xr.Dataset({"all": (("chain", "draw"), v[None])}) for k, v in known.items()}
+        )
+        found[:, own] = [psense(tree, group=group)["value"] for group in _POWERS]
+    shape = values.isel(draw=0, drop=True)
     return xr.Dataset(
         {
-            f"{name}_sensitivity": psense(tree, group=group)["value"]
-            for name, group in (("prior", "prior"), ("likelihood", "likelihood"))
+            f"{group}_sensitivity": shape.copy(data=of_group.reshape(shape.shape))
+            for group, of_group in zip(_POWERS, found, strict=True)
         }
     )

@@ -101,21 +101,21 @@ def plot_information(
         },
         cols=["panel"],
         col_wrap=2,
-        aes={"overlay": ["design"]},
+        aes={"color": ["design"], "overlay": ["design"]},
     )
-    most = xr.DataArray([float("nan"), 0.0], {"panel": list(_LABELS)}, "panel")
-    if result.attrs["about"] == "class":
-        most = most.fillna(result.attrs["entropy"])
-    told = most.dropna("panel").to_dataset(name="information")
-    for name in told["panel"].values.tolist():
-        where = {"data": told, "coords": {"panel": name}, "ignore_aes": "all"}
-        canvas.draw("all", vline, **where, color="0.6", width=0.8)
+    # All that there is to be told of a quantity has no end.
+    most = result.attrs["entropy"] if result.attrs["about"] == "class" else float("nan")
+    lines = xr.DataArray([most, 0.0], {"panel": list(_LABELS)}, "panel").to_dataset(
+        name="information"
+    )
+    canvas.draw("all", vline, data=lines, ignore_aes="all", color="0.6", width=0.8)
     y = rows_of("design", len(names))
     ends = xr.concat([value - 2 * error, value + 2 * error], dim="end")
     lines = stacked("information", x=ends, y=y)
-    canvas.draw("error", line_xy, data=lines, width=1.4, color="0.1")
+    plain = {"ignore_aes": {"color"}, "color": "0.1"}
+    canvas.draw("error", line_xy, data=lines, width=1.4, **plain)
     points = stacked("information", x=value, y=y)
-    canvas.draw("points", scatter_xy, data=points, size=26, color="0.1")
+    canvas.draw("points", scatter_xy, data=points, size=26, **plain)
     canvas.adjust(set_ylim, limits=(0.6 - len(names), 0.6))
     canvas.adjust(tick_rows, labels=names, coords={"panel": "information"})
     for name, text in _LABELS.items():
