@@ -1,0 +1,130 @@
+"""
+Before and after: what elastase does to a wall, animal by animal
+================================================================
+
+Sixteen **measured** vaginal walls of eight mice, each before and after elastase, by all seven
+protocols: in what do they differ, by how much, and how sure is that? The same animal before and
+after is its own control. Beside the comparison of pairs stands that of the two groups as if the
+animals were others.
+
+Laws, noise, thickness and their priors are those of
+:doc:`leave_one_animal_out_all_signals`, chosen there before any result was known; so were the
+quantities, those which laboratories report, at 7 mmHg and an axial stretch of 1.2.
+
+**What this can and cannot show.** Each quantity is judged by itself, and nothing is corrected for
+their number. Eight animals tell how large a common effect is; what a single new specimen tells is
+known far less. A comparison is one of materials, in one tube: if elastase changes the unloaded
+thickness, that is not part of it. A specimen that was mounted again after the treatment was
+measured twice in every respect, so that differences of set-up are part of the change.
+
+The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
+(2019) 021011. They are not part of this package: give the folder of the tables, ``python
+before_and_after.py FOLDER``. They are read by :download:`murine_tables.py`, which has to lie beside
+this script.
+"""
+
+import murine_tables
+import numpy as np
+import pandas as pd
+import pymc as pm
+import xarray as xr
+
+import pymc_hyperelastic as ph
+
+options = murine_tables.options(
+    "What elastase does to each animal's wall.", draws=1000, out="results/before_and_after"
+)
+options.add_argument(
+    "--laws",
+    nargs="+",
+    default=["Ogden", "HolzapfelGasserOgden"],
+    help="strain energies (%(default)s)",
+)
+args = murine_tables.parsed(options)
+
+# %%
+# The specimens, and the classes
+# ------------------------------
+data, geometry = murine_tables.read(args.folder, extended=True)
+thickness = geometry.set_index("specimen")["thickness_unloaded_mm"]
+shared = thickness.duplicated(keep=False)
+sd = [thickness[~shared].std() if shared[n] else 0.02 for n in data["specimen"].values]
+data = data.assign(thickness_sd=("test", sd))
+animals = dict(zip(geometry["specimen"], geometry["animal"], strict=True))
+FACTOR_TEN = np.log(10) / 2
+SETTINGS = {
+    "noise_sd": pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
+    "force_noise_sd": pm.LogNormal.dist(np.log(1.0), FACTOR_TEN),
+    "force_offset_sd": 20.0,
+    "geometry": {"thickness": ph.Measured()},
+    "variability": "specimen",
+}
+groups = {name: ph.select(data, group=name) for name in ("control", "elastase")}
+classes = {}
+for name in args.laws:
+    stored = args.out / f"{name}.nc"
+    if not stored.exists():
+        fitted = ph.fit_classes(
+            getattr(ph, name)(),
+            groups,
+            draws=args.draws,
+            chains=2,
+            random_seed=1,
+            progressbar=not args.quiet,
+            **SETTINGS,
+        )
+        fitted.to_netcdf(stored)
+    classes[name] = xr.load_datatree(stored)
+print("Log evidence of both groups together")
+for name, fitted in classes.items():
+    print(f"  {name}: {sum(ph.log_evidence(tree).value for tree in fitted.children.values()):.1f}")
+
+# %%
+# The comparison
+# --------------
+QUANTITIES = [
+    "log compliance",
+    "log circumferential_material_stiffness",
+    "log axial_material_stiffness",
+    "log circumferential_stress",
+    "log axial_stress",
+    "log stored_energy",
+    "radius",
+]
+WHERE = {"pressure": 7.0, "pressure_unit": "mmHg", "tube": {"axial_stretch": 1.2}}
+
+
+def table_of(compared: xr.Dataset) -> pd.DataFrame:
+    """Of the typical specimens, or of the typical change."""
+    typical = compared.sel(statistic="typical").squeeze("comparison")
+    columns = {
+        "difference": typical["difference"],
+        "low": typical["difference_interval"].sel(bound="low"),
+        "high": typical["difference_interval"].sel(bound="high"),
+        "P(rises)": typical["probability_of_rise"],
+        "effect size": typical["effect_size"],
+        "one tells": typical["best_accuracy"],
+        "prior": typical["prior_sensitivity"],
+        "likelihood": typical["likelihood_sensitivity"],
+        "lacking": typical["lacking"].max("group"),
+    }
+    if "share_rising" in typical:
+        columns["rises in"] = typical["share_rising"]
+    return pd.DataFrame(columns, index=typical["quantity"].values)
+
+
+pd.options.display.width = 200
+pd.options.display.max_columns = 20
+ways = {"the same animals": {"pair": animals}, "as if others": {}}
+for words, how in ways.items():
+    compared = ph.compare_classes(classes, QUANTITIES, random_seed=1, **WHERE, **how)
+    name = words.replace(" ", "_")
+    compared.to_netcdf(args.out / f"{name}.nc")
+    table = table_of(compared)
+    table.to_csv(args.out / f"{name}.csv")
+    factor, error = compared["log_bayes_factor"].item(), compared["log_bayes_factor_se"].item()
+    print(f"\nElastase less control, {words}: log Bayes factor {factor:.1f} ± {error:.1f}")
+    print(table.round(2).to_string())
+    print(compared.attrs["words"])
+    ph.plot_comparison(compared).savefig(args.out / f"{name}.png", dpi=150)
+print(f"\nTables, figures and netCDF files are in {args.out}/")
