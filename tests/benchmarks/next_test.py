@@ -46,7 +46,7 @@ def specimens(count: int, name: str, design: dict) -> tuple[dict[str, xr.Dataset
     return tested(x, name, design), x
 
 
-def tested(x: np.ndarray, name: str, design: dict) -> xr.Dataset:
+def tested(x: np.ndarray, prefix: str, design: dict) -> xr.Dataset:
     """Materials (coordinate, specimen), measured with errors in a design."""
     values = {n: (("chain", "draw"), v[None]) for n, v in SCALE.numbers([*x]).items()}
     tree = xr.DataTree.from_dict({"posterior": xr.Dataset(values)})
@@ -55,7 +55,7 @@ def tested(x: np.ndarray, name: str, design: dict) -> xr.Dataset:
     radius = ph.radius_at_pressure(tree, pressure, energy=LAW, **TUBE)["radius"].values[0]
     frame = pd.DataFrame(
         {
-            "specimen": np.repeat([f"{name}{i}" for i in range(x.shape[1])], len(pressure)),
+            "specimen": np.repeat([f"{prefix}{i}" for i in range(x.shape[1])], len(pressure)),
             "experiment": 1,
             "radius": radius.ravel(),
             "pressure": np.tile(pressure, x.shape[1]) + NOISE * rng.standard_normal(radius.size),
@@ -79,7 +79,7 @@ def main() -> None:
     for design, test in DESIGNS.items():
         of_design = []
         for name, x in new.items():
-            result = ph.classify(tested(x, name, test), classes, by="specimen", **settings)
+            result = ph.classify(tested(x, f"new {name}", test), classes, by="specimen", **settings)
             evidence = result["log_evidence"].sel(class_label=name)
             both = np.logaddexp.reduce(result["log_evidence"].values, axis=1)
             of_design.append(evidence.values - both + np.log(2))
