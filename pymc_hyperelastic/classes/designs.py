@@ -148,7 +148,8 @@ def radii_of(
         tree = xr.DataTree.from_dict(
             {"posterior": posterior.assign_coords(chain=[0], draw=np.arange(len(coordinates[0])))}
         )
-        given = {"energy": kind.energy} | {name: known[name] for name in GEOMETRY if name in known}
+        there = [n for n in GEOMETRY if n in known and np.isfinite(known[n]).all()]
+        given = {"energy": kind.energy} | {name: known[name] for name in there}
         drawn = draws_of(tree, **cast(GivenTube, given))
         if test.control == "pressure":
             found.append(drawn.tube.radius_at(test.held)[0])

@@ -202,12 +202,18 @@ def expected_information(
     >>> train = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
     >>> settings = {"noise_sd": 5 * ph.mmHg, "variability": "specimen", "draws": 500, "chains": 1}
     >>> classes = ph.fit_classes(ph.Ogden(), train, random_seed=1, progressbar=False, **settings)
-    >>> designs = {"low": {"pressure": (10, 40)}, "high": {"pressure": (100, 140)}}
+    >>> designs = {"one point": {"pressure": 20, "points": 1}, "curve": {"pressure": (10, 140)}}
     >>> found = ph.expected_information(
-    ...     classes, designs, pressure_unit="mmHg", specimens=20, draws=64, random_seed=1
+    ...     classes,
+    ...     designs,
+    ...     about="alpha",
+    ...     pressure_unit="mmHg",
+    ...     specimens=20,
+    ...     draws=64,
+    ...     random_seed=1,
     ... )
     >>> found["design"].values.tolist()
-    ['high', 'low']
+    ['curve', 'one point']
     """
     kind = _kind(classes)
     names = list(classes.children)
@@ -239,7 +245,11 @@ def expected_information(
     return result.assign_attrs(strain_energy=labels_of([kind])[0], **origin_of(classes))
 
 
-def _kind(classes: xr.DataTree) -> Variability:
+def _kind(classes: Any) -> Variability:
+    if not isinstance(classes, xr.DataTree):
+        raise TypeError(
+            f"classes must be a result of ph.fit_classes, of one law, not {type(classes).__name__}"
+        )
     kind = kind_of_classes(classes)
     if not isinstance(kind, Variability):
         raise ValueError(
@@ -274,7 +284,8 @@ class _Study:
         self._kind, self._place, self._given, self._draws = kind, place, given, draws
         self._log_prior = log_prior
         self._classes = [distributions_of(f, _DISTRIBUTIONS) for f in classes.children.values()]
-        self._tube: dict[str, float] = dict(place.tube)
+        # That of a wall of layers follows from their thicknesses.
+        self._tube: dict[str, float] = {"outer_radius": np.nan, **place.tube}
         self._sds = {n: _sd_of(n, measured.sd, classes) for n, measured in kind.geometry.items()}
         if given is None:
             return
@@ -288,8 +299,7 @@ class _Study:
         if len(names) > 1:
             raise ValueError(f"given must hold tests of one specimen; it has {names}")
         for name in ("inner_radius", "outer_radius", "opening_angle"):
-            if name in self._tube:
-                self._tube[name] = float(given[name].values[0])
+            self._tube[name] = float(given[name].values[0])
 
     def specimens(self, count: int, tests: int, seed: np.random.SeedSequence) -> _Specimens:
         """Specimens of every class, in proportion to its probability."""
