@@ -365,7 +365,8 @@ def test_nuts_and_smc_agree():
     model = ph.population_model(
         ph.Ogden(), inflation(tests, 0.15), sigma=pm.LogNormal.dist(np.log(0.2), 1.0)
     )
-    nuts = pm.sample(model=model, cores=1, target_accept=0.95, random_seed=SEED, progressbar=False)
+    settings = {"cores": 1, "target_accept": 0.95, "random_seed": SEED, "progressbar": False}
+    nuts = pm.sample(1500, model=model, **settings)
     assert not nuts["sample_stats"]["diverging"].any()
     names = [rv.name for rv in model.free_RVs]
     posterior = nuts["posterior"].to_dataset()[names]

@@ -1,6 +1,6 @@
 """Whether the test that is expected to tell most classifies new specimens best.
 
-python next_test.py --new 200 --out results/next_test.csv
+python ranked_designs.py --new 200 --out results/ranked_designs.csv
 
 Two groups of Ogden's law, eight specimens each, are learned from one inflation. Designs are ranked
 by ``expected_information``. New specimens are then tested in every design, and classified; by how
@@ -22,7 +22,7 @@ options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 options.add_argument("--new", type=int, default=200, help="new specimens (%(default)s)")
 options.add_argument("--train", type=int, default=8, help="of each group (%(default)s)")
 options.add_argument("--seed", type=int, default=1)
-options.add_argument("--out", type=Path, default=Path("results/next_test.csv"))
+options.add_argument("--out", type=Path, default=Path("results/ranked_designs.csv"))
 args = options.parse_args()
 
 LAW = ph.Ogden()
