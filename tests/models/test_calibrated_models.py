@@ -148,4 +148,4 @@ def every_signal(energy, priors):
 def test_a_model_of_every_signal_is_calibrated():
     """Material, both noises and the wall's thickness, with offsets integrated out."""
     priors = {"mu": pm.LogNormal.dist(2.0, 0.3), "alpha": pm.LogNormal.dist(1.4, 0.2)}
-    assert_calibrated(calibrate(every_signal(ph.Ogden(), priors), simulations=40))
+    assert_calibrated(calibrate(every_signal(ph.Ogden(), priors), simulations=25))

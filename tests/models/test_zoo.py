@@ -82,14 +82,14 @@ SLOW = ("OgdenSeries(terms=3)", "FourFiber")
 
 @pytest.mark.parametrize("name", tiers([n for n in LAWS if n not in SLOW], first=is_small))
 def test_evidence_is_that_of_another_way(name):
-    """SMC agrees with quadrature, or with a run of four times as many particles and other steps."""
+    """SMC agrees with quadrature, or with a run of twice as many particles and other steps."""
     model, _ = study(name)
     settings = {"chains": 2, "progressbar": False, "var_names": []}
     value, error = ph.log_evidence(ph.sample_smc(model, 500, random_seed=1, **settings))
     if is_small(name):
         exact, exact_error = ph.log_evidence_by_quadrature(model)
     else:
-        longer = ph.sample_smc(model, 2000, random_seed=2, threshold=0.9, **settings)
+        longer = ph.sample_smc(model, 1000, random_seed=2, threshold=0.9, **settings)
         exact, exact_error = ph.log_evidence(longer)
     assert abs(value - exact) < STANDARD_ERRORS * np.hypot(error, exact_error)
 
