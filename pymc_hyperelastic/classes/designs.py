@@ -14,6 +14,7 @@ from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.geometry import deviated_tube, deviation_name
 from pymc_hyperelastic.predictions.draws import GivenTube, draws_of
+from pymc_hyperelastic.predictions.members import posterior_of
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,6 @@ class PlannedTest(NamedTuple):
     axial_stretch: Array
     """Held, or rising."""
     force: bool
-
     words: str
     """What is varied, and what is held, as a user stated it."""
 
@@ -99,18 +99,13 @@ def _as_test(name: str, given: Any, kind: Variability, pressure_unit: str) -> Pl
 
 
 def _range(who: str, name: str, given: Any, points: int) -> Array:
-    ends = np.atleast_1d(np.asarray(given, float)) if _is_numeric(given) else np.empty(0)
+    try:
+        ends = np.atleast_1d(np.asarray(given, float))
+    except (TypeError, ValueError):
+        ends = np.empty(0)
     if ends.size not in (1, 2) or not np.isfinite(ends).all() or np.any(np.diff(ends) < 0):
         raise ValueError(f"{who}: {name} is {given!r}; expected a number, or a pair that rises")
     return np.linspace(ends[0], ends[-1], points)
-
-
-def _is_numeric(given: Any) -> bool:
-    try:
-        np.asarray(given, float)
-    except (TypeError, ValueError):
-        return False
-    return True
 
 
 def radii_of(
@@ -142,12 +137,8 @@ def radii_of(
             n for n in GEOMETRY if np.ndim(known.get(n, 0)) and (held or n != "axial_stretch")
         ]
         values |= {name: np.asarray(known.pop(name)) for name in by_specimen}
-        posterior = xr.Dataset(
-            {n: (("chain", "draw", f"{n}_entry")[: v.ndim + 1], v[None]) for n, v in values.items()}
-        )
-        tree = xr.DataTree.from_dict(
-            {"posterior": posterior.assign_coords(chain=[0], draw=np.arange(len(coordinates[0])))}
-        )
+        posterior = posterior_of({name: v[None] for name, v in values.items()})
+        tree = xr.DataTree.from_dict({"posterior": posterior})
         there = [n for n in GEOMETRY if n in known and np.isfinite(known[n]).all()]
         given = {"energy": kind.energy} | {name: known[name] for name in there}
         drawn = draws_of(tree, **cast(GivenTube, given))
@@ -179,14 +170,18 @@ def empty_data(
     variables |= {"radius": ("obs", blank), "pressure": ("obs", blank)}
     if kind.observation.with_force:
         variables["axial_force"] = "obs", blank
-    labels = {
+    return xr.Dataset(variables, _labels(of_points, len(tests)))
+
+
+def _labels(of_points: NDArray[np.intp], tests: int) -> dict[str, Any]:
+    """Of the tests of one specimen, to which the points belong."""
+    return {
         "test": ("obs", of_points),
         "row": ("obs", np.arange(len(of_points))),
-        "specimen": ("test", ["new"] * len(tests)),
-        "experiment": ("test", np.arange(1, len(tests) + 1)),
-        "group": ("test", ["all"] * len(tests)),
+        "specimen": ("test", ["new"] * tests),
+        "experiment": ("test", np.arange(1, tests + 1)),
+        "group": ("test", ["all"] * tests),
     }
-    return xr.Dataset(variables, labels)
 
 
 def beside(given: xr.Dataset | None, planned: xr.Dataset) -> xr.Dataset:
@@ -194,24 +189,14 @@ def beside(given: xr.Dataset | None, planned: xr.Dataset) -> xr.Dataset:
     if given is None:
         return planned
     varies = any("obs" in data["axial_stretch"].dims for data in (given, planned))
-    parts = []
-    for data, first in ((given, 0), (planned, given.sizes["test"])):
-        known = {n: v for n, v in data.data_vars.items() if n in planned}
-        if varies:
-            known["axial_stretch"] = "obs", at_points(data, "axial_stretch")
-        of_points = data["test"].values + first
-        labels = {n: data[n] for n in ("specimen", "experiment", "group") if n in data.coords}
-        parts.append(xr.Dataset(known).assign_coords(labels).assign_coords(test=("obs", of_points)))
-    both = {}
-    for name in parts[1].data_vars:
-        dim = parts[1][name].dims[0]
-        both[name] = dim, np.concatenate([part[name].values for part in parts])
-    count = sum(data.sizes["test"] for data in (given, planned))
-    labels = {
-        "test": ("obs", np.concatenate([part["test"].values for part in parts])),
-        "row": ("obs", np.arange(sum(part.sizes["obs"] for part in parts))),
-        "specimen": ("test", ["new"] * count),
-        "experiment": ("test", np.arange(1, count + 1)),
-        "group": ("test", ["all"] * count),
-    }
-    return xr.Dataset(both, labels)
+    both: dict[str, Any] = {}
+    for name, values in planned.data_vars.items():
+        if varies and name == "axial_stretch":
+            parts = [at_points(data, "axial_stretch") for data in (given, planned)]
+        else:
+            parts = [data[name].values for data in (given, planned)]
+        dim = "obs" if varies and name == "axial_stretch" else values.dims[0]
+        both[str(name)] = dim, np.concatenate(parts)
+    had = given.sizes["test"]
+    of_points = np.concatenate([given["test"].values, planned["test"].values + had])
+    return xr.Dataset(both, _labels(of_points, had + planned.sizes["test"]))

@@ -1,6 +1,8 @@
 """What tests of one specimen say of its classes, by few draws: for very many specimens."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -15,7 +17,7 @@ from pymc_hyperelastic.evidence.climbs import Summits, climb_together
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.specimen_draws import log_density, mean_density
+from pymc_hyperelastic.models.specimen_draws import mean_density
 
 Array = NDArray[np.float64]
 
@@ -29,6 +31,28 @@ _EFFECTIVE, _IMPROBABLE, _MOST_ROUNDS = 0.25, 1e-3, 8
 _FOR_SHAPE, _LEARNED_FROM = 4, 1000
 # Steps of differences, in widths of the posterior.
 _STEP = 1e-2
+
+
+class KnownClass(NamedTuple):
+    """A class, and its specimens with so many tests as a mixture of normal distributions."""
+
+    distributions: ClassDistribution
+    near: ClassDistribution
+    """One distribution like it, and wider."""
+    means: Array
+    """Of points of the target, (draw, entry)."""
+    precisions: Array
+    """Inverses of the covariances."""
+
+
+def known_class(distributions: ClassDistribution, tests: int, measures: int) -> KnownClass:
+    """A class of specimens with so many tests, and measures of the tube that are not known."""
+    means, covariances = _moments(distributions, tests)
+    # The deviations of the tube come last, and are standard normal.
+    tube = np.ones((len(means), measures))
+    precisions = _and_independent(np.linalg.inv(covariances), tube)
+    means = np.pad(means, [(0, 0), (0, measures)])
+    return KnownClass(distributions, near_class(distributions), means, precisions)
 
 
 class FewDraws:
@@ -60,41 +84,34 @@ class FewDraws:
     def __init__(
         self,
         sampler: SpecimenSampler,
-        classes: Sequence[ClassDistribution],
+        classes: Sequence[KnownClass],
         log_prior: Array,
         data: xr.Dataset,
         start: Array | None,
         count: int,
         rng: np.random.Generator,
     ) -> None:
-        self._sampler, self._classes, self._data = sampler, classes, data
+        self._sampler, self._data = sampler, data
+        self._classes = [known.distributions for known in classes]
         self._target = sampler.target(data)
         self._mixtures: list[tuple[GaussianMixture, int]] = []
         self._log_likelihood, self._of_classes = np.empty(0), np.empty((len(classes), 0))
         self.points = np.empty((0, self._target.dimension))
         self._wide = round(_OF_CLASSES * count)
-        for distributions in classes:
-            target = sampler.target(data, self._near(near_class(distributions)))
+        for known in classes:
+            target = sampler.target(data, partial(sampler.log_density, distribution=known.near))
             starts = _best_of_prior(target, 20 * count, rng) if start is None else start
             top = climb_together(target.ascent, starts, target.prior_width)
-            around = _around(target, top, *_moments(distributions, data.sizes["test"]))
-            self._add(around, count - self._wide, distributions, rng)
+            around = _around(target, top, known)
+            self._add(around, count - self._wide, known.distributions, rng)
+        self._weigh(log_prior)
         for _ in range(_MOST_ROUNDS):
-            self._weigh(log_prior)
             lacking = np.flatnonzero(self.effective < _EFFECTIVE * count)
-            for learned in [self._learned(self.log_terms[k], rng) for k in lacking]:
-                self._add(learned, count, None, rng)
             if not lacking.size:
                 break
-        self._weigh(log_prior)
-
-    def _near(self, distribution: ClassDistribution) -> Callable[[Array], Array]:
-        """Log density of points under one distribution."""
-
-        def log_prior(points: Array) -> Array:
-            return log_density(np, vars(self._sampler.draws_at(points)), distribution)
-
-        return log_prior
+            for learned in [self._learned(self.log_terms[k], rng) for k in lacking]:
+                self._add(learned, count, None, rng)
+            self._weigh(log_prior)
 
     def _add(
         self,
@@ -155,10 +172,9 @@ def _moments(distributions: ClassDistribution, tests: int) -> tuple[Array, Array
     covariance = distributions.covariance()
     if distributions.experiment_spread is not None:
         location = np.repeat(location, tests, axis=1)
-        effect = np.exp(np.ravel(distributions.effect_spread) ** 2)
-        within = np.asarray(distributions.experiment_spread)[..., 0] * effect
+        within = distributions.variance_of_tests()
         alike, own = np.ones((tests, tests)), np.eye(tests)
-        of_tests = within.T[:, :, None] ** 2 * np.eye(len(within))
+        of_tests = within[:, :, None] * np.eye(within.shape[1])
         covariance = np.kron(covariance, alike) + np.kron(of_tests, own)
     if distributions.log_sigma is None:
         return location, covariance
@@ -178,9 +194,7 @@ def _and_independent(matrices: Array, more: Array) -> Array:
     return continued
 
 
-def _around(
-    target: SpecimenTarget, top: Summits, means: Array, covariances: Array
-) -> GaussianMixture:
+def _around(target: SpecimenTarget, top: Summits, known: KnownClass) -> GaussianMixture:
     """A specimen of normal distributions, whose standard errors are linear around a point.
 
     Of a distribution ``N(m, P⁻¹)`` and a log likelihood with the slope ``g`` and the curvature
@@ -192,10 +206,7 @@ def _around(
     steps = np.diag(_STEP * width)
     of_prior = (target.log_prior(x + steps) - target.log_prior(x - steps)) / (2 * _STEP * width)
     pull = curvature @ x + rise.slope[0] - of_prior
-    # The deviations of the tube come last, and are standard normal.
-    tube = len(x) - means.shape[1]
-    means = np.pad(means, [(0, 0), (0, tube)])
-    precisions = _and_independent(np.linalg.inv(covariances), np.ones((len(means), tube)))
+    means, precisions = known.means, known.precisions
     after = np.linalg.inv(precisions + curvature)
     pulled = (precisions @ means[..., None])[..., 0]
     middle = (after @ (pulled + pull)[..., None])[..., 0]

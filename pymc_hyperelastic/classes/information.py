@@ -1,6 +1,7 @@
 """What planned tests are expected to tell: of the class of a specimen, or of what it is like."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from pymc_hyperelastic.classes.designs import (
     radii_of,
     words_of,
 )
-from pymc_hyperelastic.classes.few_draws import FewDraws
+from pymc_hyperelastic.classes.few_draws import FewDraws, known_class
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.classes.quantities import Place, known_quantities, place_of, values_of
 from pymc_hyperelastic.classes.specimens import SpecimenSampler, fresh_specimens, reference_of
@@ -318,8 +319,8 @@ class _Study:
 
     def _like_given(self, count: int, rng: np.random.Generator) -> _Specimens:
         """Specimens that had the tests which are given, as far as these tell."""
-        sampler = self._sampler(self._given)
-        drawn = self._drawn(sampler, self._given, None, rng, 10 * self._draws)
+        sampler, draw = self._inner(self._given)
+        drawn = draw(self._given, None, 10 * self._draws, rng)
         terms = drawn.log_terms
         log_before = log_softmax(self._log_prior + logsumexp(terms, axis=1))
         truth = _in_proportion(np.exp(log_before), count)
@@ -341,7 +342,7 @@ class _Study:
         planned = empty_data(kind, design, self._tube, self._sds)
         force = np.concatenate([np.full(len(t.held), t.force) for t in design])
         blank = _measured(planned, radii[there][0], np.ones(len(force)), np.ones(len(force)), force)
-        sampler = self._sampler(beside(self._given, blank))
+        sampler, draw = self._inner(beside(self._given, blank))
         seed = int(rng.integers(2**32))
         simulate = sampler.simulator(beside(self._given, blank), seed)
         gains, materials = np.full((2, count), np.nan), [np.empty((0, 0))] * count
@@ -357,7 +358,7 @@ class _Study:
                 of_forces[force] = found["measured_axial_force"][-int(force.sum()) :]
             data = _measured(blank, radii[i], new["measured_pressure"], of_forces, force)
             start = sampler.points_of({n: v[i : i + 1] for n, v in own.items()})
-            drawn = self._drawn(sampler, beside(self._given, data), start, rng, self._draws)
+            drawn = draw(beside(self._given, data), start, self._draws, rng)
             effective[i] = drawn.effective.min()
             for j, step in enumerate((1, 2)):
                 gains[j, i] = self._gain(drawn.log_terms[:, ::step], tried, int(i))
@@ -372,20 +373,14 @@ class _Study:
         after = log_softmax(self._log_prior + log_evidence)
         return float((after - tried.log_before)[tried.truth[i]])
 
-    def _sampler(self, data: xr.Dataset) -> SpecimenSampler:
+    def _inner(self, data: xr.Dataset) -> tuple[SpecimenSampler, Callable[..., FewDraws]]:
+        """What understands specimens with as many tests, and what draws of them."""
         own = bool(self._kind.experiment_effect)
         forward = self._kind.forward_model(data, by_test=own, mode="quadrature")
-        return SpecimenSampler(self._kind, forward, reference_of(self._kind))
-
-    def _drawn(
-        self,
-        sampler: SpecimenSampler,
-        data: xr.Dataset,
-        start: Array | None,
-        rng: np.random.Generator,
-        count: int,
-    ) -> FewDraws:
-        return FewDraws(sampler, self._classes, self._log_prior, data, start, count, rng)
+        sampler = SpecimenSampler(self._kind, forward, reference_of(self._kind))
+        size = data.sizes["test"], len(self._kind.geometry)
+        classes = [known_class(distributions, *size) for distributions in self._classes]
+        return sampler, partial(FewDraws, sampler, classes, self._log_prior)
 
     def quantity_gains(
         self, name: str, tried: _Specimens, before: _Specimens, trial: _Trial

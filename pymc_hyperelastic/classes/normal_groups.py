@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.models.class_distribution import CONCENTRATION
+from pymc_hyperelastic.models.class_distribution import shape_of_partial_correlations
 from pymc_hyperelastic.models.natural_scale import NaturalScale
 
 Array = NDArray[np.float64]
@@ -97,8 +97,7 @@ class _Sampler:
         mean, sd = scale.location_prior
         self._precision, self._pull = np.diag(sd**-2.0), mean / sd**2
         self._logs, self._sd_of_logs = scale.spread_prior
-        _, column = np.tril_indices(self._size, -1)
-        self._shape = CONCENTRATION + (self._size - 2 - column) / 2
+        self._shape = shape_of_partial_correlations(self._size)
         self._number = np.array([float(len(g.x)) for g in groups])
         most = int(self._number.max())
         self._there = np.arange(most) < self._number[:, None]

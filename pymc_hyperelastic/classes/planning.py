@@ -254,14 +254,9 @@ def _error(draws: Any, distributions: ClassDistribution) -> Array:
     wide = _WIDER**2 * (covariance + np.cov(location).reshape(covariance.shape))
     within = np.zeros_like(covariance)
     if distributions.experiment_spread is not None:
-        spread = np.asarray(distributions.experiment_spread)[..., 0]
-        effect = np.exp(2 * np.ravel(distributions.effect_spread) ** 2)
-        within = np.diag((spread**2 * effect).mean(axis=1)) / draws.tests
-    # Normal, and as wide as that in each direction.
-    mean, sd = location.mean(axis=1), np.sqrt(np.diag(wide))
-    factor = np.linalg.cholesky(wide / np.outer(sd, sd))
-    rows = [[np.full((1, 1), factor[i, j]) for j in range(i + 1)] for i in range(len(sd))]
-    around = ClassDistribution(mean[:, None, None], sd[:, None, None], rows)
+        within = np.diag(distributions.variance_of_tests().mean(axis=0)) / draws.tests
+    middle = location.mean(axis=1)[:, None, None]
+    around = ClassDistribution(middle, (), ()).with_covariance(wide[None], middle)
     weights = special.softmax(draws.log_weight + log_densities(draws, around)[0])
     known = np.cov(draws.centre, aweights=weights, ddof=0).reshape(covariance.shape)
     root = np.linalg.cholesky(wide)

@@ -15,6 +15,7 @@ from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.study import inflation_data_of
+from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
 
 Array = NDArray[np.float64]
@@ -149,13 +150,7 @@ def _properties(
     parts = []
     for start in range(0, draws, step):
         some = {n: v[start : start + step] for n, v in parameters.items()}
-        posterior = xr.Dataset(
-            {n: (("chain", "draw", f"{n}_entry")[: v.ndim], v) for n, v in some.items()}
-        )
-        posterior = posterior.assign_coords(
-            {n: np.arange(posterior.sizes[n]) for n in posterior.dims}
-        )
-        tree = xr.DataTree.from_dict({"posterior": posterior})
+        tree = xr.DataTree.from_dict({"posterior": posterior_of(some)})
         with warnings.catch_warnings():
             # What they do not reach is told of all of them together.
             warnings.simplefilter("ignore")

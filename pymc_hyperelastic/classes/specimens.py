@@ -105,7 +105,7 @@ class SpecimenSampler:
 
         found = self._by_right_curves(data, take)
         model, target = self._model_for(data), self.target(data)
-        draws = self._draws(found.particles)
+        draws = self.draws_at(found.particles)
         if self.population.known_noise:
             errors = model.misfits(target.particles(found.particles))[1]
             squares = np.square(errors).sum(axis=1)
@@ -136,7 +136,7 @@ class SpecimenSampler:
         """
 
         def log_prior(points: Array) -> Array:
-            return mean_density(self._draws(points), distributions)
+            return mean_density(self.draws_at(points), distributions)
 
         def draw_prior(count: int, rng: np.random.Generator) -> Array:
             chosen = distributions.at(rng.integers(len(distributions.location[0]), size=count))
@@ -164,7 +164,7 @@ class SpecimenSampler:
             np.log1p(-_KEPT) + log_prior(points) - found.log_value.value,
         )
         errors = _KEPT * draws.standard_error, (1 - _KEPT) * found.log_value.standard_error
-        again = replace(self._draws(points), misfit=draws.misfit, freedom=draws.freedom)
+        again = replace(self.draws_at(points), misfit=draws.misfit, freedom=draws.freedom)
         return _weighted(again, log_density, float(np.hypot(*errors)), found)
 
     def _by_right_curves(self, data: xr.Dataset, take: Callable[[], Integral]) -> Integral:
@@ -245,13 +245,13 @@ class SpecimenSampler:
         """The other way round, where tests of a specimen share its parameters."""
         return {name: points[:, [i]] for i, name in enumerate(self._names)}
 
-    def draws_at(self, points: Array) -> SpecimenDraws:
-        """Points of the target as draws of a specimen, for densities; they are not weighted."""
-        return self._draws(points)
-
     def log_reference(self, points: Array) -> Array:
         """Log density of the reference at points of the target."""
-        return log_density(np, vars(self._draws(points)), self.reference)
+        return self.log_density(points, self.reference)
+
+    def log_density(self, points: Array, distribution: ClassDistribution) -> Array:
+        """Log density of a distribution of specimens at points of the target."""
+        return log_density(np, vars(self.draws_at(points)), distribution)
 
     @property
     def _names(self) -> list[str]:
@@ -269,8 +269,8 @@ class SpecimenSampler:
         columns = dict(zip(whole.var_info, np.split(np.arange(ends[-1]), ends[:-1]), strict=True))
         return np.concatenate([columns[name] for name in self._names])
 
-    def _draws(self, points: Array) -> SpecimenDraws:
-        """Draws of a specimen that are not weighted yet."""
+    def draws_at(self, points: Array) -> SpecimenDraws:
+        """Points of the target as draws of a specimen; they are not weighted yet."""
         own = self.reference.experiment_spread is not None
         of_tests, log_sigma, deviations = self._parts(points)
         centre = of_tests.mean(axis=2)

@@ -30,7 +30,7 @@ SPREAD_OF_NOISE = {
 # Priors of a class, each as the median and the standard deviation of a logarithm.
 _EXPERIMENT_SPREAD, _EFFECT_SPREAD, _NOISE_SPREAD = (0.15, 0.8), (0.5, 0.5), (0.3, 0.5)
 # Exponent of the prior of a correlation matrix, its determinant to the power of η − 1.
-CONCENTRATION = 2.0
+_CONCENTRATION = 2.0
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,13 @@ class ClassDistribution:
 
     def covariance(self) -> Array:
         """Covariance matrices (draw, coordinate, coordinate), of numbers."""
-        return self._root() @ self._root().transpose(0, 2, 1)
+        root = self._root()
+        return root @ root.transpose(0, 2, 1)
+
+    def variance_of_tests(self) -> Array:
+        """Variance (draw, coordinate) of experiments around their specimen, over all specimens."""
+        spread, effect = np.asarray(self.experiment_spread), np.ravel(self.effect_spread)
+        return (spread[..., 0] ** 2 * np.exp(2 * effect**2)).T
 
     def _root(self) -> Array:
         """Lower Cholesky factors of them."""
@@ -151,9 +157,8 @@ def correlation_factor(size: int, prefix: str = "") -> list[list[Any]]:
     rows: list[list[Any]] = [[np.float64(1.0)]]
     if size == 1:
         return rows
-    column = np.array([j for i in range(1, size) for j in range(i)])
-    shape = CONCENTRATION + (size - 2 - column) / 2
-    partial = 2 * pm.Beta(f"{prefix}correlation_unit", shape, shape, shape=len(column)) - 1
+    shape = shape_of_partial_correlations(size)
+    partial = 2 * pm.Beta(f"{prefix}correlation_unit", shape, shape, shape=len(shape)) - 1
     place = 0
     for i in range(1, size):
         left: Any = np.float64(1.0)
@@ -171,6 +176,12 @@ def correlation_factor(size: int, prefix: str = "") -> list[list[Any]]:
     matrix = pt.stack([*correlation.flat]).reshape((size, size))
     pm.Deterministic(f"{prefix}correlation", matrix, dims=("coordinate", "coordinate_2"))
     return rows
+
+
+def shape_of_partial_correlations(size: int) -> Array:
+    """Both parameters of the beta prior of (1 + r)/2, for partial correlations r row by row."""
+    _, column = np.tril_indices(size, -1)
+    return _CONCENTRATION + (size - 2 - column) / 2
 
 
 def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDistribution:

@@ -1,6 +1,7 @@
 """Of whom a prediction is: the typical specimen of a class, or one that was measured."""
 
 import json
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -223,11 +224,16 @@ def _one_draw_each(
 
 def _parameters(scale: NaturalScale, coordinates: xr.DataArray) -> xr.Dataset:
     """Material parameters of coordinates by (coordinate, chain, draw)."""
-    values = scale.numbers(list(coordinates.values))
-    return xr.Dataset(
+    found = posterior_of(scale.numbers(list(coordinates.values)))
+    return found.assign_coords({name: coordinates[name] for name in ("chain", "draw")})
+
+
+def posterior_of(values: Mapping[str, Array]) -> xr.Dataset:
+    """Parameters (chain, draw), and vectors of them (chain, draw, entry), as a posterior."""
+    found = xr.Dataset(
         {
             name: (("chain", "draw", f"{name}_entry")[: value.ndim], value)
             for name, value in values.items()
-        },
-        {name: coordinates[name] for name in ("chain", "draw")},
+        }
     )
+    return found.assign_coords({n: np.arange(found.sizes[n]) for n in ("chain", "draw")})
