@@ -15,6 +15,7 @@ from pymc_hyperelastic.classes.information import expected_information
 from pymc_hyperelastic.classes.planning import plan_study
 from pymc_hyperelastic.classes.scores import score_probabilities
 from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
+from pymc_hyperelastic.data.files import read_tests
 from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.data.units import mmHg
@@ -71,6 +72,7 @@ __all__ = [
     "load_dataset",
     "list_datasets",
     "inflation_data",
+    "read_tests",
     "select",
     "mmHg",
     *strain_energy.__all__,

@@ -1,0 +1,161 @@
+"""Cells of a column: their unit, their numbers, and what is wrong with them."""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pymc_hyperelastic.data.files.headers import KINDS, unit_in
+from pymc_hyperelastic.data.files.numerals import (
+    Decimal,
+    is_missing,
+    number,
+    split_unit,
+    why_no_number,
+)
+from pymc_hyperelastic.data.files.settings import OF_KIND, Settings
+from pymc_hyperelastic.data.files.spellings import Unit, known_unit, units_of
+from pymc_hyperelastic.data.files.text import Sheet, quoted
+
+# What may be missing in some rows.
+_MAY_BE_MISSING = ("axial_force",)
+
+
+class Column(NamedTuple):
+    """A column of a sheet: where it is, what it is, and what its numbers are times.
+
+    Numbers have a `kind`, what they measure, and perhaps a `unit` in a line below the names.
+    """
+
+    position: int
+    header: str
+    name: str
+    scale: float = 1.0
+    unit_below: str | None = None
+
+    @property
+    def kind(self) -> str:
+        """What its numbers measure, or "label"."""
+        return KINDS.get(self.name, "label")
+
+
+def units_of_cells(column: Column, cells: Iterable[str]) -> list[tuple[str, str | None]]:
+    """Numbers and units of cells, both as written.
+
+    Examples
+    --------
+    >>> units_of_cells(Column(0, "p", "pressure"), ["12 mmHg", "13", "S 1"])
+    [('12', 'mmHg'), ('13', None), ('S 1', None)]
+    """
+    is_unit: Callable[[str], object] = lambda text: known_unit(text, column.kind)  # noqa: E731
+    return [split_unit(cell, is_unit) for cell in cells]
+
+
+def unit_of(sheet: Sheet, column: Column, settings: Settings) -> tuple[Unit | None, list[str]]:
+    r"""The one unit of a column, or what is wrong.
+
+    Its name states it, the line below the names, the settings or the cells; and if none of these
+    the settings for all columns of its kind.
+
+    Examples
+    --------
+    >>> from pymc_hyperelastic.data.files.text import sheet_of
+    >>> sheet = sheet_of("p [mmHg]\n12\n2 kPa", "a.csv", "UTF-8")
+    >>> unit, problems = unit_of(sheet, Column(0, "p [mmHg]", "pressure"), Settings())
+    >>> problems[0].partition(", mmHg in its name, kPa in line 3: ")[0]
+    "a.csv, line 1: 'p [mmHg]' has several units"
+    """
+    said = {"its name": unit_in(column.header, column.kind), "the line below": column.unit_below}
+    if column.name in settings.units:
+        said["the settings"] = settings.units[column.name].spelling
+    lines = defaultdict(list)
+    cells = sheet.column(column.position)
+    for line, (text, unit) in zip(sheet.lines, units_of_cells(column, cells), strict=True):
+        if not is_missing(text):
+            lines[unit].append(line)
+    bare = lines.pop(None, [])
+    found = [(known_unit(text, column.kind), place) for place, text in said.items() if text]
+    bare = [] if found else bare
+    found += [(known_unit(text, column.kind), lines_in_words(of)) for text, of in lines.items()]
+    units = [(unit, place) for unit, place in found if unit]
+    where = f"{sheet.file}, line {sheet.name_line}: {quoted(column.header)}"
+    if len({unit.factor for unit, _ in units}) > 1:
+        words = ", ".join(f"{unit.spelling} in {place}" for unit, place in units)
+        fix = "convert its numbers to one, and write it into the name"
+        return None, [f"{where} has several units, {words}: {fix}"]
+    if units and bare:
+        return None, [
+            f"{where} is in {units[0][0].spelling} in {units[0][1]}, and has no unit in "
+            f"{lines_in_words(bare)}: write the unit into the name, and numbers into the cells"
+        ]
+    if units:
+        return units[0][0], []
+    unit = settings.unit_of(column.name) or known_unit("", column.kind)
+    if unit:
+        return unit, []
+    keyword = next((k for k, kind in OF_KIND.items() if kind == column.kind), None)
+    example = f"{column.header} [{units_of(column.kind).split(', ')[0]}]"
+    return None, [
+        f"{where} has no unit: write it into the name, such as {example!r}, or say "
+        f"{keyword or f'units.{column.name}'} in the settings"
+    ]
+
+
+def numbers_of(
+    sheet: Sheet, column: Column, decimal: Decimal
+) -> tuple[NDArray[np.float64], list[str]]:
+    r"""Numbers of a column in its own unit, NaN where they are missing or none; and what is wrong.
+
+    Examples
+    --------
+    >>> from pymc_hyperelastic.data.files.text import sheet_of
+    >>> sheet = sheet_of("p\n12\n-\nhigh", "a.csv", "UTF-8")
+    >>> numbers, problems = numbers_of(sheet, Column(0, "p", "pressure"), ".")
+    >>> print(numbers, *problems, sep="\n")
+    [12. nan nan]
+    a.csv, line 3: 'p' is missing ('-'): fill it in, or delete the line
+    a.csv, line 4: 'p' is 'high', not a number: correct it, or delete the line
+    """
+    values = np.full(len(sheet.rows), np.nan)
+    wrong = []
+    cells = units_of_cells(column, sheet.column(column.position))
+    for i, (text, _) in enumerate(cells):
+        if not is_missing(text):
+            value = number(text, decimal)
+            values[i] = np.nan if value is None else value
+            if value is None:
+                wrong.append((i, f"is {quoted(text)}, {why_no_number(text, decimal)}"))
+        elif column.name not in _MAY_BE_MISSING:
+            shown = f" ({quoted(text)})" if text else ""
+            wrong.append((i, f"is missing{shown}: fill it in, or delete the line"))
+    return values, told(sheet, column, wrong)
+
+
+def told(sheet: Sheet, column: Column, wrong: Iterable[tuple[int, str]]) -> list[str]:
+    """What is wrong in rows of a column, once for all of which it is the same."""
+    lines = defaultdict(list)
+    for i, what in wrong:
+        lines[what].append(sheet.lines[i])
+    return [
+        f"{sheet.file}, {lines_in_words(of_same)}: {quoted(column.header)} {what}"
+        for what, of_same in lines.items()
+    ]
+
+
+def lines_in_words(lines: Sequence[int]) -> str:
+    """Lines of a file, as messages name them.
+
+    Examples
+    --------
+    >>> lines_in_words([2, 3, 4, 7]), lines_in_words([5])
+    ('lines 2 to 4, 7', 'line 5')
+    """
+    runs: list[list[int]] = []
+    for line in lines:
+        if not runs or line != runs[-1][-1] + 1:
+            runs.append([])
+        runs[-1].append(line)
+    words = [f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs]
+    return f"line{'s' * (len(lines) > 1)} {', '.join(words)}"

@@ -1,0 +1,203 @@
+"""The tables of a study as one frame of points: what they need, and what may not be there twice."""
+
+import pandas as pd
+
+from pymc_hyperelastic.data.columns import LABELS as OF_TEST
+from pymc_hyperelastic.data.doubt import refuse
+from pymc_hyperelastic.data.files.headers import KINDS, names_of
+from pymc_hyperelastic.data.files.join import joined, named
+from pymc_hyperelastic.data.files.settings import Settings
+from pymc_hyperelastic.data.files.sheets import Table
+from pymc_hyperelastic.data.geometry import WALL
+from pymc_hyperelastic.data.inflation import listed
+
+MEASURED = ("radius", "outer_diameter")
+# Points of a test that another has too; fewer may agree by chance.
+_FEWEST_ALIKE = 3
+# Digits of a number that remain when it is written in another unit.
+_DIGITS = 9
+# What is taken where a study does not say it.
+_OTHERWISE = {
+    "axial_stretch": "1 is taken",
+    "opening_angle": "0 is taken",
+    "inner_radius": "it follows from the wall, or is not known",
+    "outer_radius": "it follows from the wall, or is not known",
+}
+
+
+def study_of(tables: list[Table], settings: Settings) -> tuple[pd.DataFrame, list[str]]:
+    r"""One frame of all points, and in words what is in it.
+
+    Raises ValueError where something is missing, does not fit together, or is there twice.
+
+    Examples
+    --------
+    >>> from pymc_hyperelastic.data.files.sheets import table_of
+    >>> from pymc_hyperelastic.data.files.text import sheet_of
+    >>> text = "id,test,radius_mm,p_kPa\nS1,1,7.2,2\n"
+    >>> tables = [table_of(sheet_of(text, "a.csv", "UTF-8"), Settings())]
+    >>> study_of(tables, Settings())[1][0]
+    'together: 1 specimen, 1 experiment, 1 point'
+    """
+    points = [table for table in tables if not {*MEASURED, "pressure"}.isdisjoint(table.frame)]
+    others = [table for table in tables if table not in points]
+    problems = [problem for table in tables for problem in table.problems]
+    constants, unclear = _constants(tables, settings)
+    problems += unclear + _not_found(tables, settings) + _missing(points, others, constants)
+    refuse(problems)
+    frame = pd.concat([table.frame for table in points]).assign(**constants)
+    frame, idle = joined(frame, [table.frame for table in others])
+    frame, unused = _chosen(frame, settings)
+    for name in ("experiment", "cycle"):
+        if name in frame:
+            frame[name] = _counted(frame[name])
+    tests = frame.groupby([name for name in OF_TEST if name in frame], sort=False)
+    refuse(_scattered(tests))
+    refuse(_alike(tests))
+    return frame, [*_contents(frame), *idle, *unused]
+
+
+def _constants(tables: list[Table], settings: Settings) -> tuple[dict[str, float | str], list[str]]:
+    """What is the same in all rows, in the package's units, and what is wrong with it."""
+    constants: dict[str, float | str] = {}
+    problems = []
+    for name, value in settings.constants.items():
+        constants[name] = value
+        if holder := next((t for t in tables if name in t.frame), None):
+            problems.append(
+                f"constants.{name} of the settings is {value!r}, and {holder.sheet.file} has a "
+                f"column of it, {holder.header(name)!r}: remove one, or name the column in the "
+                "list ignore"
+            )
+        if isinstance(value, float) and KINDS[name] != "ratio":
+            unit = settings.unit_of(name)
+            if unit is None:
+                problems.append(
+                    f"constants.{name} of the settings is {value:g}, without a unit: say "
+                    f"units.{name} there"
+                )
+            else:
+                constants[name] = value * unit.factor
+    return constants, problems
+
+
+def _has(table: Table) -> str:
+    return f"{table.sheet.file} has the columns {listed(table.sheet.names)}"
+
+
+def _not_found(tables: list[Table], settings: Settings) -> list[str]:
+    """Columns that the settings name, and no table has."""
+    return [
+        f"columns.{name} of the settings is {' or '.join(map(repr, headers))}, and no file has "
+        f"such a column: {'; '.join(map(_has, tables))}"
+        for name, headers in settings.columns.items()
+        if not any(column.name == name for table in tables for column in table.columns)
+    ]
+
+
+def _missing(points: list[Table], others: list[Table], constants: dict) -> list[str]:
+    """Columns that the tables need and do not have."""
+    needed = {"specimen": ("specimen",), "experiment": ("experiment",), "pressure": ("pressure",)}
+    needed["the measured radius or outer diameter"] = MEASURED
+    problems = []
+    for table in points or others:
+        known = {*table.frame, *constants}
+        lacking = {what: names for what, names in needed.items() if known.isdisjoint(names)}
+        if lacking:
+            called = [
+                f"{name} ({', '.join(names_of(name)[1:])})" if names_of(name)[1:] else name
+                for names in lacking.values()
+                for name in names
+            ]
+            first = next(iter(lacking.values()))[0]
+            problems.append(
+                f"{_has(table)}, and none of {', none of '.join(lacking)}: rename what holds it to "
+                f"{' or '.join(called)}, or say what it is called, columns.{first} in the settings"
+            )
+    problems += [
+        f"{_has(table)}: neither points, with pressures, nor specimens, with a column specimen; "
+        "leave the file out, or say in the settings what its columns are"
+        for table in others
+        if points and "specimen" not in table.frame
+    ]
+    return problems
+
+
+def _chosen(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
+    """The frame without what is not needed, and in words what that is."""
+    unused = {}
+    if all(name in frame for name in MEASURED):
+        taken = settings.conventions.get("measured")
+        if taken not in MEASURED:
+            raise ValueError(
+                "there are columns of radius and of outer_diameter: say which was measured, "
+                'measured = "radius" or measured = "outer_diameter" in the settings'
+            )
+        unused[next(name for name in MEASURED if name != taken)] = f"{taken} was measured"
+    if "length" in frame and "wall_volume" not in frame:
+        unused["length"] = "of the tube it says nothing without wall_volume"
+    frame = frame.drop(columns=list(unused))
+    stated = [name for name in ("inner_radius", "outer_radius", *WALL) if name in frame]
+    if not frame.columns.intersection(WALL).empty and len(stated) > 2 + ("length" in stated):
+        raise ValueError(
+            f"the tube without load is stated by {', '.join(stated)}, which is more than it takes: "
+            "keep one radius and one measure of the wall, and name the columns of the others in "
+            "the list ignore of the settings"
+        )
+    return frame, [f"not used: {name}, since {why}" for name, why in unused.items()]
+
+
+def _counted(labels: pd.Series) -> pd.Series:
+    """Labels as integers if all are written as such; 1.0 is how spreadsheets may write a cycle."""
+    written = labels.str.removesuffix(".0") if labels.name == "cycle" else labels
+    return written.astype("int64") if written.str.fullmatch("0|[1-9][0-9]{0,17}").all() else labels
+
+
+def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
+    """What is wrong where the rows of one test stand in several files."""
+    problems = []
+    for labels, rows in tests:
+        first = rows.index.map(lambda place: place.rpartition(", line ")[0]).duplicated()
+        if (~first).sum() > 1:
+            problems.append(
+                f"{' and '.join(rows.index[~first])}: {named(tests.keys, labels)} stands in "
+                "several files: if these are several experiments, give them labels of their own; if it is "
+                "one, put its rows into one file"
+            )
+    return problems
+
+
+def _alike(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
+    """What is wrong where two tests have the same points, as if one had been copied."""
+    seen: dict[tuple, str] = {}
+    problems = []
+    for labels, rows in tests:
+        values = rows[rows.columns.intersection([*MEASURED, "pressure", "axial_force"])].to_numpy()
+        points = tuple(sorted(tuple(f"{x:.{_DIGITS}g}" for x in row) for row in values))
+        place = f"{named(tests.keys, labels)} ({rows.index[0]})"
+        if len(points) >= _FEWEST_ALIKE and points in seen:
+            problems.append(
+                f"{seen[points]} and {place} have the same {len(points)} points, as if one had "
+                "been copied: remove one, or correct it"
+            )
+        seen.setdefault(points, place)
+    return problems
+
+
+def _contents(frame: pd.DataFrame) -> list[str]:
+    """What there is in a study, and what is not."""
+
+    def count(n: int, what: str) -> str:
+        return f"{n} {what}{'s' * (n != 1)}"
+
+    specimens = frame["specimen"].nunique()
+    experiments = frame.groupby(["specimen", "experiment"]).ngroups
+    words = [
+        f"together: {count(specimens, 'specimen')}, {count(experiments, 'experiment')}, "
+        f"{count(len(frame), 'point')}"
+    ]
+    if "group" in frame:
+        groups = frame.groupby("group", sort=False)["specimen"].nunique()
+        words += [f"group {group!r}: {count(n, 'specimen')}" for group, n in groups.items()]
+    words += [f"no {name}: {what}" for name, what in _OTHERWISE.items() if name not in frame]
+    return words
