@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.files.headers import KINDS, unit_in
+from pymc_hyperelastic.data.files.headers import KINDS, heading, unit_in
 from pymc_hyperelastic.data.files.numerals import (
     Decimal,
     is_missing,
@@ -67,39 +67,47 @@ def unit_of(sheet: Sheet, column: Column, settings: Settings) -> tuple[Unit | No
     >>> problems[0].partition(", mmHg in its name, kPa in line 3: ")[0]
     "a.csv, line 1: 'p [mmHg]' has several units"
     """
-    said = {"its name": unit_in(column.header, column.kind), "the line below": column.unit_below}
-    if column.name in settings.units:
-        said["the settings"] = settings.units[column.name].spelling
+    kind, settings_of_name = column.kind, settings.units.get(column.name)
+    said = {"its name": unit_in(column.header, kind), "the line below": column.unit_below}
+    said["the settings"] = settings_of_name.spelling if settings_of_name else None
     lines = defaultdict(list)
-    cells = sheet.column(column.position)
-    for line, (text, unit) in zip(sheet.lines, units_of_cells(column, cells), strict=True):
+    cells = units_of_cells(column, sheet.column(column.position))
+    for line, (text, spelling) in zip(sheet.lines, cells, strict=True):
         if not is_missing(text):
-            lines[unit].append(line)
+            lines[spelling].append(line)
     bare = lines.pop(None, [])
-    found = [(known_unit(text, column.kind), place) for place, text in said.items() if text]
-    bare = [] if found else bare
-    found += [(known_unit(text, column.kind), lines_in_words(of)) for text, of in lines.items()]
+    in_name = any(said.values())
+    places = [(text, place) for place, text in said.items()]
+    places += [(text, lines_in_words(of_text)) for text, of_text in lines.items()]
+    found = [(known_unit(text, kind), place) for text, place in places if text]
     units = [(unit, place) for unit, place in found if unit]
     where = f"{sheet.file}, line {sheet.name_line}: {quoted(column.header)}"
     if len({unit.factor for unit, _ in units}) > 1:
         words = ", ".join(f"{unit.spelling} in {place}" for unit, place in units)
         fix = "convert its numbers to one, and write it into the name"
         return None, [f"{where} has several units, {words}: {fix}"]
-    if units and bare:
+    if units and bare and not in_name:
         return None, [
             f"{where} is in {units[0][0].spelling} in {units[0][1]}, and has no unit in "
             f"{lines_in_words(bare)}: write the unit into the name, and numbers into the cells"
         ]
     if units:
         return units[0][0], []
-    unit = settings.unit_of(column.name) or known_unit("", column.kind)
+    stated = heading(column.header)
+    if stated and stated.unit and stated.name == column.name:
+        return None, [
+            f"{where} is {column.name}, and {quoted(stated.unit)} is no unit of {kind} that is "
+            f"known ({units_of(kind)}): correct it, or name the column in the list ignore of the "
+            "settings"
+        ]
+    unit = settings.unit_of(column.name) or known_unit("", kind)
     if unit:
         return unit, []
-    keyword = next((k for k, kind in OF_KIND.items() if kind == column.kind), None)
-    example = f"{column.header} [{units_of(column.kind).split(', ')[0]}]"
+    keyword = next((k for k, of in OF_KIND.items() if of == kind), f"units.{column.name}")
+    example = f"{column.header} [{units_of(kind).split(', ')[0]}]"
     return None, [
-        f"{where} has no unit: write it into the name, such as {example!r}, or say "
-        f"{keyword or f'units.{column.name}'} in the settings"
+        f"{where} has no unit: write it into the name, such as {example!r}, or say {keyword} in "
+        "the settings"
     ]
 
 

@@ -110,6 +110,17 @@ def comparable(text: str) -> str:
     return re.sub(r"[\W_]+", "_", unicodedata.normalize("NFKC", text).casefold()).strip("_")
 
 
+def called(text: str) -> set[str]:
+    """What a column is called, with its unit and without, as it is compared.
+
+    Examples
+    --------
+    >>> sorted(called("Druck [mmHg]"))
+    ['druck', 'druck_mmhg']
+    """
+    return {comparable(text), *(comparable(name) for name, _ in _readings(text))}
+
+
 def unit_in(text: str, kind: str) -> str | None:
     """Unit in a name that is not one of the package's own, or None.
 

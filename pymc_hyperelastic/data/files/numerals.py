@@ -38,7 +38,7 @@ _WITH_UNIT = re.compile(
     r"([+-]?[0-9.,](?:[0-9.,'’ ]*[0-9.,])?(?:[eE][+-]?[0-9]+)?)\s*([^0-9\s.,].*)"
 )
 # Beyond are no measurements, in whichever unit; squares and cubes of what is within are finite.
-_LARGEST = 1e15
+LARGEST = 1e15
 # Letters of a cell that may be a number with a unit.
 _LONGEST = 60
 
@@ -85,7 +85,7 @@ def number(cell: str, decimal: Decimal) -> float | None:
             return None
         cell = cell.replace(found[1], "")
     value = float(cell.replace(decimal, "."))
-    return value if abs(value) < _LARGEST else None
+    return value if abs(value) < LARGEST else None
 
 
 def why_no_number(cell: str, decimal: Decimal) -> str:

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import xarray as xr
 
+from pymc_hyperelastic.data.columns import rows_of
 from pymc_hyperelastic.data.doubt import Check, check_known, refuse
 from pymc_hyperelastic.data.files.settings import OF_KIND, Settings, read_settings, settings_of
 from pymc_hyperelastic.data.files.sheets import Table, table_of
@@ -22,6 +22,11 @@ from pymc_hyperelastic.data.table import inflation_data
 
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
+# What to do about rows of a frame, and what about lines of a file.
+_IN_FILES = {
+    r"drop it, frame\.drop_duplicates\(\)": "delete the line",
+    r"sort them, frame\.sort_values\(.*?\)": "sort them",
+}
 # Labels that stay with the tests, besides those that inflation_data knows.
 _KEPT = ("animal", "split")
 
@@ -182,39 +187,42 @@ def _data(
         try:
             with warnings.catch_warnings(record=True) as caught:
                 warnings.simplefilter("always")
-                data = inflation_data(rows, **arguments)
+                data = _with_labels(inflation_data(rows, **arguments), rows)
         except ValueError as error:
             raise ValueError(_of_files(str(error), rows, tables)) from error
-        return data, [_of_files(str(w.message), rows, tables) for w in caught]
+        return data, [_of_files(str(warning.message), rows, tables) for warning in caught]
 
     try:
-        data, told = build(frame)
+        return build(frame)
     except ValueError as error:
+        # Each experiment by itself, to tell what is wrong with all of them.
         problems = []
         for _, rows in frame.groupby(["specimen", "experiment"], sort=False):
             try:
                 build(rows)
-            except ValueError as of_test:
-                problems.append(str(of_test))
+            except ValueError as problem:
+                problems.append(str(problem))
         refuse(problems or [str(error)])
-    for name in _KEPT:
-        if name in frame:
-            first = np.unique(data["test"].values, return_index=True)[1]
-            of_test = frame.loc[data["row"].values[first], name].to_numpy(dtype=str)
-            data = data.assign_coords({name: ("test", of_test)})
-    return data, told
+        raise
+
+
+def _with_labels(data: xr.Dataset, frame: pd.DataFrame) -> xr.Dataset:
+    """Data with labels of the tests that :func:`inflation_data` does not know."""
+    rows = rows_of(frame.loc[data["row"].values])
+    labels = {name: rows.frame[name].to_numpy(dtype=str) for name in _KEPT if name in frame}
+    return data.assign_coords({n: ("test", rows.constant(n, of)) for n, of in labels.items()})
 
 
 def _of_files(message: str, rows: pd.DataFrame, tables: list[Table]) -> str:
     """Message of :func:`inflation_data`, with the files and columns that it is of."""
-    files = [
-        table
-        for table in tables
-        if any(i.startswith(f"{table.sheet.file}, line") for i in rows.index)
-    ]
-    message = re.sub(r"\brow (?=.*?, line \d)", "", message)
-    if not any(table.sheet.file in message for table in files):
+    places = rows.index.str.rpartition(", line ").get_level_values(0).unique()
+    files = [table for table in tables if table.sheet.file in places]
+    names = "|".join(re.escape(table.sheet.file) for table in files)
+    message = re.sub(rf"\brow (?=(?:{names}), line [0-9])", "", message)
+    for of_frames, of_files in _IN_FILES.items():
+        message = re.sub(of_frames, of_files, message)
+    if not re.search(names, message):
         message = f"{', '.join(table.sheet.file for table in files)}: {message}"
-    kinds = [kind for keyword, kind in OF_KIND.items() if keyword in message]
+    kinds = [kind for keyword, kind in OF_KIND.items() if f"{keyword}=" in message]
     taken = [words for kind in kinds for table in files for words in table.taken(kind)]
     return f"{message} ({'; '.join(taken)})" if taken else message

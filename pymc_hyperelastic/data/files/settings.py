@@ -1,13 +1,13 @@
 """What a settings file says of a laboratory's tables: columns, units, constants, conventions."""
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pymc_hyperelastic.data.files.headers import KINDS, LABELS
-from pymc_hyperelastic.data.files.numerals import DECIMALS
+from pymc_hyperelastic.data.files.headers import KINDS, LABELS, Heading, heading
+from pymc_hyperelastic.data.files.numerals import DECIMALS, LARGEST
 from pymc_hyperelastic.data.files.spellings import Unit, known_unit, units_of
 from pymc_hyperelastic.data.files.text import SEPARATORS
 from pymc_hyperelastic.data.inflation import listed
@@ -33,12 +33,12 @@ class Settings:
     Examples
     --------
     >>> settings = settings_of({"pressure_unit": "mmHg", "columns": {"pressure": "Druck"}}, "")
-    >>> settings.columns, settings.unit_of("pressure").factor
-    ({'pressure': ['Druck']}, 0.13332238741500002)
+    >>> settings.columns["Druck"].name, settings.unit_of("pressure").spelling
+    ('pressure', 'mmHg')
     """
 
     conventions: dict[str, str] = field(default_factory=dict)
-    columns: dict[str, list[str]] = field(default_factory=dict)
+    columns: dict[str, Heading] = field(default_factory=dict)
     constants: dict[str, float | str] = field(default_factory=dict)
     units: dict[str, Unit] = field(default_factory=dict)
     units_of_kinds: dict[str, Unit] = field(default_factory=dict)
@@ -76,10 +76,9 @@ def settings_of(said: Mapping[str, Any], place: str) -> Settings:
     for key, marks in (("decimal", DECIMALS), ("separator", SEPARATORS)):
         if key in said and said[key] not in marks:
             raise ValueError(f"{where}{key} is {said[key]!r}; expected one of {listed(marks)}")
-    columns = said.get("columns", {})
     return Settings(
         {key: said[key] for key in CONVENTIONS if key in said},
-        {name: [v] if isinstance(v, str) else list(v) for name, v in columns.items()},
+        _columns(said.get("columns", {})),
         _constants(where, said.get("constants", {})),
         {
             name: _unit(where, f"units.{name}", unit, KINDS[name])
@@ -96,7 +95,8 @@ def _check_section(where: str, key: str, section: object) -> None:
     if not isinstance(section, Mapping):
         raise ValueError(f"{where}{key} is {section!r}; expected a table, [{key}]")
     for name, value in section.items():
-        if name not in _SECTIONS[key]:
+        # Columns may be diameters, of which half is taken.
+        if name not in _SECTIONS[key] and not (key == "columns" and heading(name)):
             raise ValueError(
                 f"{where}{key} has {name!r}, which is not known; expected some of "
                 f"{listed(_SECTIONS[key])}"
@@ -112,6 +112,16 @@ def _is_texts(value: object) -> bool:
     return isinstance(value, list | tuple) and all(isinstance(v, str) for v in value)
 
 
+def _columns(said: Mapping[str, str | Sequence[str]]) -> dict[str, Heading]:
+    """What the columns are that are named."""
+    return {
+        text: known
+        for key, texts in said.items()
+        for text in ([texts] if isinstance(texts, str) else texts)
+        if (known := heading(key))
+    }
+
+
 def _constants(where: str, said: Mapping[str, Any]) -> dict[str, float | str]:
     constants: dict[str, float | str] = {}
     for name, value in said.items():
@@ -119,7 +129,7 @@ def _constants(where: str, said: Mapping[str, Any]) -> dict[str, float | str]:
             raise ValueError(f"{where}constants.{name} is {value!r}; expected a number or text")
         if name in LABELS:
             constants[name] = str(value).strip()
-        elif isinstance(value, str) or not abs(value) < 1e15:
+        elif isinstance(value, str) or not abs(value) < LARGEST:
             raise ValueError(
                 f"{where}constants.{name} is {value!r}; expected a number, and its unit in "
                 f"units.{name}"

@@ -17,10 +17,10 @@ from pymc_hyperelastic.data.files.cells import (
     unit_of,
     units_of_cells,
 )
-from pymc_hyperelastic.data.files.headers import LABELS, comparable, heading
+from pymc_hyperelastic.data.files.headers import LABELS, called, comparable, heading
 from pymc_hyperelastic.data.files.numerals import DECIMALS, Decimal, decimal_of, is_missing
 from pymc_hyperelastic.data.files.settings import Settings
-from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_unit, units_of
+from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_unit
 from pymc_hyperelastic.data.files.text import SEPARATORS, Sheet, no_rows, quoted
 
 
@@ -73,7 +73,7 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
     decimal, doubts = _decimal(sheet, columns, settings)
     problems += doubts
     values: dict[str, list[str] | NDArray[np.float64]] = {}
-    units = {}
+    units: dict[str, Unit] = {}
     words = []
     for column in columns:
         cells = sheet.column(column.position)
@@ -84,7 +84,9 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
             values[column.name] = cells
             words.append(_label_in_words(column, cells))
             missing = [
-                (i, "is missing: give every line its label") for i, c in enumerate(cells) if not c
+                (i, "is missing: give every line its label, fill the column down")
+                for i, c in enumerate(cells)
+                if not c
             ]
             problems += told(sheet, column, missing)
         else:
@@ -109,23 +111,19 @@ def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str],
     columns: dict[str, Column] = {}
     unused, problems = [], []
     ignored = {comparable(name) for name in settings.ignore}
-    said = {comparable(text): name for name, texts in settings.columns.items() for text in texts}
+    said = {comparable(text): known for text, known in settings.columns.items()}
+    named = {known.name for known in said.values()}
     where = f"{sheet.file}, line {sheet.name_line}"
     for position, header in enumerate(sheet.names):
-        known = None if comparable(header) in ignored else heading(header)
-        if comparable(header) in said:
-            column = Column(position, header, said[comparable(header)])
-        elif known and known.name not in settings.columns:
-            column = Column(position, header, known.name, known.scale)
-            if known.unit and not known_unit(known.unit, column.kind):
-                problems.append(
-                    f"{where}: {quoted(header)} is {known.name}, and {quoted(known.unit)} is no "
-                    f"unit of {column.kind} that is known ({units_of(column.kind)}): correct it, "
-                    "or name the column in the list ignore of the settings"
-                )
-        else:
+        names = called(header)
+        known = heading(header)
+        if known and known.name in named:
+            known = None
+        known = next((said[name] for name in names if name in said), known)
+        if not known or not ignored.isdisjoint(names):
             unused.append(quoted(header) if header else "a column without a name")
             continue
+        column = Column(position, header, known.name, known.scale)
         if column.name in columns:
             problems.append(
                 f"{where}: {quoted(columns[column.name].header)} and {quoted(header)} are both "
@@ -182,7 +180,7 @@ def _label_in_words(column: Column, cells: list[str]) -> str:
 def _number_in_words(column: Column, unit: Unit | None, numbers: NDArray[np.float64]) -> str:
     half = "half of " if column.scale != 1 else ""
     words = f"{half}{quoted(column.header)} is {column.name}"
-    if unit and unit.spelling:
+    if unit and (unit.kind, unit.factor) != ("ratio", 1):
         words += f" in {unit.spelling}"
         if unit.factor != 1:
             internal = internal_unit(unit.kind)

@@ -8,8 +8,8 @@ from pymc_hyperelastic.data.files.headers import KINDS, names_of
 from pymc_hyperelastic.data.files.join import joined, named
 from pymc_hyperelastic.data.files.settings import Settings
 from pymc_hyperelastic.data.files.sheets import Table
+from pymc_hyperelastic.data.files.text import quoted
 from pymc_hyperelastic.data.geometry import WALL
-from pymc_hyperelastic.data.inflation import listed
 
 MEASURED = ("radius", "outer_diameter")
 # Points of a test that another has too; fewer may agree by chance.
@@ -47,7 +47,8 @@ def study_of(tables: list[Table], settings: Settings) -> tuple[pd.DataFrame, lis
     refuse(problems)
     frame = pd.concat([table.frame for table in points]).assign(**constants)
     frame, idle = joined(frame, [table.frame for table in others])
-    frame, unused = _chosen(frame, settings)
+    files = ", ".join(table.sheet.file for table in tables)
+    frame, unused = _chosen(frame, settings, files)
     for name in ("experiment", "cycle"):
         if name in frame:
             frame[name] = _counted(frame[name])
@@ -82,55 +83,62 @@ def _constants(tables: list[Table], settings: Settings) -> tuple[dict[str, float
 
 
 def _has(table: Table) -> str:
-    return f"{table.sheet.file} has the columns {listed(table.sheet.names)}"
+    """What columns a file has."""
+    names = table.sheet.names
+    if len(names) == 1:
+        alone = "one column (separate columns by tabs, semicolons or commas)"
+        return f"{table.sheet.file} has {alone}, {quoted(names[0])}"
+    return f"{table.sheet.file} has {', '.join(map(quoted, names))}"
 
 
 def _not_found(tables: list[Table], settings: Settings) -> list[str]:
     """Columns that the settings name, and no table has."""
+    texts: dict[str, list[str]] = {}
+    for text, known in settings.columns.items():
+        texts.setdefault(known.name, []).append(repr(text))
     return [
-        f"columns.{name} of the settings is {' or '.join(map(repr, headers))}, and no file has "
-        f"such a column: {'; '.join(map(_has, tables))}"
-        for name, headers in settings.columns.items()
+        f"columns.{name} of the settings is {' or '.join(said)}, and no file has such a column: "
+        f"{'; '.join(map(_has, tables))}"
+        for name, said in texts.items()
         if not any(column.name == name for table in tables for column in table.columns)
     ]
 
 
 def _missing(points: list[Table], others: list[Table], constants: dict) -> list[str]:
     """Columns that the tables need and do not have."""
-    needed = {"specimen": ("specimen",), "experiment": ("experiment",), "pressure": ("pressure",)}
-    needed["the measured radius or outer diameter"] = MEASURED
+    needed = [("specimen",), ("experiment",), MEASURED, ("pressure",)]
     problems = []
     for table in points or others:
-        known = {*table.frame, *constants}
-        lacking = {what: names for what, names in needed.items() if known.isdisjoint(names)}
+        lacking = [names for names in needed if {*table.frame, *constants}.isdisjoint(names)]
         if lacking:
-            called = [
-                f"{name} ({', '.join(names_of(name)[1:])})" if names_of(name)[1:] else name
-                for names in lacking.values()
+            none = ", no column ".join(" or ".join(names) for names in lacking)
+            others_called = "; ".join(
+                f"{name} may be called {', '.join(names_of(name)[1:])}"
+                for names in lacking
                 for name in names
-            ]
-            first = next(iter(lacking.values()))[0]
+                if names_of(name)[1:]
+            )
             problems.append(
-                f"{_has(table)}, and none of {', none of '.join(lacking)}: rename what holds it to "
-                f"{' or '.join(called)}, or say what it is called, columns.{first} in the settings"
+                f"{_has(table)}, and no column {none}: rename the one that holds it, or say what "
+                f"it is called, columns.{lacking[0][0]} in the settings ({others_called})"
             )
     problems += [
-        f"{_has(table)}: neither points, with pressures, nor specimens, with a column specimen; "
-        "leave the file out, or say in the settings what its columns are"
+        f"{_has(table)}: these are no points, with pressures, and no specimens, with a column "
+        "specimen; leave the file out, or say in the settings what its columns are"
         for table in others
         if points and "specimen" not in table.frame
     ]
     return problems
 
 
-def _chosen(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
+def _chosen(frame: pd.DataFrame, settings: Settings, files: str) -> tuple[pd.DataFrame, list[str]]:
     """The frame without what is not needed, and in words what that is."""
     unused = {}
     if all(name in frame for name in MEASURED):
         taken = settings.conventions.get("measured")
         if taken not in MEASURED:
             raise ValueError(
-                "there are columns of radius and of outer_diameter: say which was measured, "
+                f"{files}: radius and outer_diameter have columns: say which was measured, "
                 'measured = "radius" or measured = "outer_diameter" in the settings'
             )
         unused[next(name for name in MEASURED if name != taken)] = f"{taken} was measured"
@@ -140,8 +148,8 @@ def _chosen(frame: pd.DataFrame, settings: Settings) -> tuple[pd.DataFrame, list
     stated = [name for name in ("inner_radius", "outer_radius", *WALL) if name in frame]
     if not frame.columns.intersection(WALL).empty and len(stated) > 2 + ("length" in stated):
         raise ValueError(
-            f"the tube without load is stated by {', '.join(stated)}, which is more than it takes: "
-            "keep one radius and one measure of the wall, and name the columns of the others in "
+            f"{files}: the tube without load is stated by {', '.join(stated)}, which is more than it "
+            "takes: keep one radius and one measure of the wall, and name the columns of the others in "
             "the list ignore of the settings"
         )
     return frame, [f"not used: {name}, since {why}" for name, why in unused.items()]
@@ -160,9 +168,9 @@ def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
         first = rows.index.map(lambda place: place.rpartition(", line ")[0]).duplicated()
         if (~first).sum() > 1:
             problems.append(
-                f"{' and '.join(rows.index[~first])}: {named(tests.keys, labels)} stands in "
-                "several files: if these are several experiments, give them labels of their own; if it is "
-                "one, put its rows into one file"
+                f"{' and '.join(rows.index[~first])}: {named(tests.keys, labels)} begins in "
+                "several files: give two experiments two labels, or put the rows of one into one "
+                "file"
             )
     return problems
 

@@ -99,8 +99,8 @@ def sheet_of(text: str, file: str, encoding: str, separator: str | None = None) 
 def no_rows(file: str, line: int) -> ValueError:
     """What is said of a file that ends with its names, in a `line`."""
     return ValueError(
-        f"{file} ends with the names of columns, in line {line}; expected one line a measured point "
-        "below them"
+        f"{file} ends with the names of columns, in line {line}; expected one line a measured "
+        "point below them"
     )
 
 
@@ -132,7 +132,8 @@ def _records(lines: list[str], separator: str, file: str) -> list[tuple[int, lis
     reader = csv.reader(
         io.StringIO("\n".join(lines), newline=""), delimiter=separator, skipinitialspace=True
     )
-    records, line = [], 1
+    records: list[tuple[int, list[str]]] = []
+    line = 1
     try:
         for cells in reader:
             start, line = line, reader.line_num + 1
