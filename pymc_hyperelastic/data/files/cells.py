@@ -84,7 +84,7 @@ def unit_of(sheet: Sheet, column: Column, settings: Settings) -> tuple[Unit | No
     where = f"{sheet.file}, line {sheet.name_line}: {quoted(column.header)}"
     if len({unit.factor for unit, _ in units}) > 1:
         words = ", ".join(f"{unit.spelling} in {place}" for unit, place in units)
-        fix = "convert its numbers to one, and write it into the name"
+        fix = "convert its numbers to one unit, and write that into the name"
         return None, [f"{where} has several units, {words}: {fix}"]
     if units and bare and not in_name:
         return None, [

@@ -23,6 +23,8 @@ from pymc_hyperelastic.data.files.settings import Settings
 from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_unit
 from pymc_hyperelastic.data.files.text import SEPARATORS, Sheet, no_rows, quoted
 
+_NO_LABEL = "is missing: give every line its label, fill the column down"
+
 
 @dataclass(frozen=True, eq=False)
 class Table:
@@ -83,11 +85,7 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
         elif is_label:
             values[column.name] = cells
             words.append(_label_in_words(column, cells))
-            missing = [
-                (i, "is missing: give every line its label, fill the column down")
-                for i, c in enumerate(cells)
-                if not c
-            ]
+            missing = [(i, _NO_LABEL) for i, cell in enumerate(cells) if not cell]
             problems += told(sheet, column, missing)
         else:
             unit, wrong = unit_of(sheet, column, settings)

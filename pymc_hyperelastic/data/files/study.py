@@ -148,8 +148,8 @@ def _chosen(frame: pd.DataFrame, settings: Settings, files: str) -> tuple[pd.Dat
     stated = [name for name in ("inner_radius", "outer_radius", *WALL) if name in frame]
     if not frame.columns.intersection(WALL).empty and len(stated) > 2 + ("length" in stated):
         raise ValueError(
-            f"{files}: the tube without load is stated by {', '.join(stated)}, which is more than it "
-            "takes: keep one radius and one measure of the wall, and name the columns of the others in "
+            f"{files}: the tube without load is stated by {', '.join(stated)}, which is too much: "
+            "keep one radius and one measure of the wall, and name the columns of the others in "
             "the list ignore of the settings"
         )
     return frame, [f"not used: {name}, since {why}" for name, why in unused.items()]
