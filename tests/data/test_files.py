@@ -3,7 +3,6 @@
 The files stand in ``messy/``. What they hold is written out here by hand.
 """
 
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -185,9 +184,7 @@ TURNS = (
     "'cycle', and choose with ph.select(data, phase=...); or, if the rows were only shuffled, sort "
     "them"
 )
-DATE = (
-    "a date, as spreadsheets make of numbers: format the column as numbers, and enter it again"
-)
+DATE = "a date, as spreadsheets make of numbers: format the column as numbers, and enter it again"
 NO_NUMBER = "not a number: correct it, or delete the line"
 NO_LABEL = "is missing: give every line its label, fill the column down"
 MISSING = "fill it in, or delete the line"
@@ -242,8 +239,8 @@ REFUSED = {
         "commas_either.txt",
         None,
         [
-            "commas_either.txt: '7,250', and whatever else has a comma, may have a decimal comma or "
-            'thousands that are set apart: say decimal = "," or decimal = "." in the settings'
+            "commas_either.txt: '7,250', and whatever else has a comma, may have a decimal comma "
+            'or thousands that are set apart: say decimal = "," or decimal = "." in the settings'
         ],
     ),
     "thousands that may be decimals": (
@@ -399,3 +396,313 @@ def test_doubted(row):
     assert warned[0].filename == __file__
     assert said(file, check="raise") == doubt + columns
     xr.testing.assert_identical(read(file, check="ignore"), data)
+
+
+HEAD = "specimen,experiment,radius_mm,pressure_kPa"
+ROWS = "S1,1,7.2,1.0\nS1,1,8.4,6.5\n"
+
+
+def test_what_was_understood_is_said():
+    """For each file and column, what is not used, what there is in all, and what is assumed."""
+    data = read("points.csv specimens.csv")
+    assert (
+        data.attrs["understood"]
+        == """\
+points.csv: UTF-8, separated by commas, decimal points, 4 rows
+  'id' is specimen: 2 labels
+  'group' is group: 2 labels
+  'test' is experiment: 1 label
+  'outer_diameter_um' is outer_diameter in um (1 um is 0.001 mm): 1020 to 1160
+  'pressure_mmHg' is pressure in mmHg (1 mmHg is 0.133322 kPa): 10 to 65
+specimens.csv: UTF-8, separated by semicolons, decimal commas, 3 rows
+  'id' is specimen: 3 labels
+  'animal' is animal: 3 labels
+  half of 'unloaded outer diameter [mm]' is outer_radius in mm: 0.88 to 0.91
+  'wall_volume (mm³)' is wall_volume in mm³: 0.45 to 0.5
+  'length [mm]' is length in mm: 2.9 to 3.1
+  'thickness_sd_um' is thickness_sd in um (1 um is 0.001 mm): 6 to 6.5
+together: 2 specimens, 2 experiments, 4 points
+group 'control': 1 specimen
+group 'treated': 1 specimen
+no axial_stretch: 1 is taken
+no opening_angle: 0 is taken
+no inner_radius: it follows from the wall, or is not known
+not used, without points: specimen 'M3'"""
+    )
+
+
+def test_an_error_notes_what_was_understood():
+    """Of the files that could be read."""
+    with pytest.raises(ValueError) as raised:
+        read("two_units.csv monday.csv")
+    (note,) = raised.value.__notes__
+    assert note.startswith("What was understood:\ntwo_units.csv: UTF-8, separated by commas")
+    assert "\n  'pressure' is pressure: 1.4 to 45\nmonday.csv: UTF-8" in note
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write tables, and read them."""
+
+    def write(*tables: str, settings=None, toml: str | None = None) -> xr.Dataset:
+        paths = [tmp_path / f"{'abc'[i]}.csv" for i in range(len(tables))]
+        for path, table in zip(paths, tables, strict=True):
+            path.write_text(table, encoding="utf-8")
+        if toml is not None:
+            (tmp_path / "study.toml").write_text(toml, encoding="utf-8")
+            settings = tmp_path / "study.toml"
+        return ph.read_tests(paths, settings)
+
+    return write
+
+
+def says(call, *arguments, **settings) -> str:
+    with pytest.raises(ValueError) as raised:
+        call(*arguments, **settings)
+    return str(raised.value)
+
+
+def test_units_are_asked(written):
+    """A number without a unit is not taken in any; settings may say it for all, or for one."""
+    bare = "specimen,experiment,radius,pressure\nS1,1,7.2,10\nS1,1,8.0,45\n"
+    assert says(written, bare) == (
+        "2 problems:\n"
+        "- a.csv, line 1: 'radius' has no unit: write it into the name, such as 'radius [mm]', or "
+        "say radius_unit in the settings\n"
+        "- a.csv, line 1: 'pressure' has no unit: write it into the name, such as 'pressure "
+        "[kPa]', or say pressure_unit in the settings"
+    )
+    for settings in ({"pressure_unit": "mmHg"}, {"units": {"pressure": "mmhg"}}):
+        data = written(bare, settings={"radius_unit": "mm"} | settings)
+        np.testing.assert_allclose(data["pressure"], [KPA_10, KPA_45], rtol=ROUNDING)
+    # What a name says is not overruled.
+    data = written(f"{HEAD}\n{ROWS}", settings={"pressure_unit": "mmHg"})
+    assert data["pressure"].values.tolist() == [1.0, 6.5]
+
+
+def test_units_that_are_not_known(written):
+    """They are named, with those that are."""
+    table = f"{HEAD.replace('pressure_kPa', 'pressure (raw)')}\n{ROWS}"
+    assert says(written, table) == (
+        "a.csv, line 1: 'pressure (raw)' is pressure, and 'raw' is no unit of pressure that is "
+        "known (kPa, Pa, hPa, MPa, mmHg, torr, cmH2O, mbar, bar, psi): correct it, or name the "
+        "column in the list ignore of the settings"
+    )
+    # Megapascals and millipascals differ by their first letter alone.
+    assert "'MPA' is no unit" in says(written, f"{HEAD.replace('kPa', '[MPA]')}\n{ROWS}")
+
+
+def test_unit_in_some_cells_only(written):
+    """Nobody knows what the others are in."""
+    table = "specimen,experiment,radius_mm,pressure\nS1,1,7.2,10 mmHg\nS1,1,8.0,45\n"
+    assert says(written, table) == (
+        "a.csv, line 1: 'pressure' is in mmHg in line 2, and has no unit in line 3: write the unit "
+        "into the name, and numbers into the cells"
+    )
+
+
+def test_constants(written):
+    """They have units, stand for columns that are not there, and do not overrule one."""
+    toml = """
+measured = "radius"
+[units]
+inner_radius = "um"
+outer_radius = "um"
+[constants]
+group = "C1"
+inner_radius = 7000
+outer_radius = 9000.0
+axial_stretch = 1.2
+"""
+    data = written(f"{HEAD}\n{ROWS}", toml=toml)
+    assert [data[n].item() for n in ("inner_radius", "outer_radius", "axial_stretch", "group")] == [
+        7.0,
+        9.0,
+        1.2,
+        "C1",
+    ]
+    assert says(written, f"{HEAD}\n{ROWS}", settings={"constants": {"inner_radius": 7}}) == (
+        "constants.inner_radius of the settings is 7, without a unit: say units.inner_radius there"
+    )
+    assert says(written, f"{HEAD}\n{ROWS}", settings={"constants": {"specimen": "S9"}}) == (
+        "constants.specimen of the settings is 'S9', and a.csv has a column of it, 'specimen': "
+        "remove one, or name the column in the list ignore"
+    )
+
+
+BAD_SETTINGS = {
+    "no TOML": ("a = ", "study.toml is not a TOML file in UTF-8: "),
+    "a key": ("presure_unit = 'kPa'", "study.toml: 'presure_unit' is not known; expected some of"),
+    "a unit": ("pressure_unit = 'mm'", "study.toml: pressure_unit is 'mm', which is not a known"),
+    "a number for a unit": ("units = {pressure = 1}", "study.toml: units.pressure is 1, which is"),
+    "a column": ("columns = {druck = 'P'}", "study.toml: columns has 'druck', which is not known"),
+    "a table": ("columns = 'P'", "study.toml: columns is 'P'; expected a table, [columns]"),
+    "a number for a name": ("columns = {pressure = 1}", "study.toml: columns.pressure is 1; exp"),
+    "a name that no file has": (
+        "columns = {pressure = 'P'}",
+        "2 problems:\n- columns.pressure of the settings is 'P', and no file has such a column: "
+        "a.csv has 'specimen', 'experiment', 'radius_mm', 'pressure_kPa'\n",
+    ),
+    "text for a number": (
+        "constants = {thickness = '1 mm'}",
+        "study.toml: constants.thickness is '1 mm'; expected a number, and its unit in "
+        "units.thickness",
+    ),
+    "a date": ("constants = {group = 2024-01-01}", "study.toml: constants.group is datetime.date"),
+    "infinity": ("constants = {thickness = inf}", "study.toml: constants.thickness is inf; expec"),
+    "not a list": ("ignore = 'P'", "study.toml: ignore is 'P'; expected a list of column names"),
+    "a mark": ("decimal = ';'", "study.toml: decimal is ';'; expected one of '.', ','"),
+    "a separator": ("separator = ' '", "study.toml: separator is ' '; expected one of '\\t', ';'"),
+    "not text": ("cycles = 3", "study.toml: cycles is 3; expected text in quotation marks"),
+    "a convention": ("cycles = 'first'", "a.csv: cycles is 'first'; expected one of ('last', 'a"),
+}
+
+
+@pytest.mark.parametrize("row", BAD_SETTINGS.values(), ids=BAD_SETTINGS)
+def test_settings_that_are_wrong(row, written):
+    """They are named with what was expected."""
+    toml, expected = row
+    assert says(written, f"{HEAD}\n{ROWS}", toml=toml).startswith(expected)
+
+
+def test_what_is_given(tmp_path):
+    """Files that are not there, are no paths, or are given twice."""
+    table, toml = tmp_path / "a.csv", tmp_path / "study.toml"
+    table.write_text(f"{HEAD}\n{ROWS}")
+    toml.write_text("")
+    assert dict(ph.read_tests(str(table)).sizes) == {"obs": 2, "test": 1}
+    assert dict(ph.read_tests((table, toml)).sizes) == {"obs": 2, "test": 1}
+    with pytest.raises(FileNotFoundError, match=r"nothing\.csv"):
+        ph.read_tests(tmp_path / "nothing.csv")
+    with pytest.raises(TypeError, match="files are 3; expected a path or a list of paths"):
+        ph.read_tests(3)
+    with pytest.raises(TypeError, match="settings are 3; expected a path, a dict or None"):
+        ph.read_tests(table, 3)
+    with pytest.raises(ValueError, match="no tables are given"):
+        ph.read_tests([toml])
+    with pytest.raises(ValueError, match=r"a\.csv is given twice: its points would count twice"):
+        ph.read_tests([table, tmp_path / "." / "a.csv"])
+    with pytest.raises(ValueError, match=r"settings are given twice, in .*study\.toml"):
+        ph.read_tests([table, toml], {"decimal": "."})
+    with pytest.raises(ValueError, match="check is 'no'"):
+        ph.read_tests(table, check="no")
+
+
+def test_files_of_one_name(tmp_path):
+    """They are told apart by their folders."""
+    for i in (1, 2):
+        (tmp_path / str(i)).mkdir()
+        (tmp_path / str(i) / "a.csv").write_text(f"{HEAD}\nS{i},1,7.2,{i}\n")
+    files = [tmp_path / str(i) / "a.csv" for i in (1, 2)]
+    assert ph.read_tests(files)["row"].values.tolist() == [f"{file}, line 2" for file in files]
+
+
+def test_one_experiment_in_two_files(written):
+    """It may be two of one name."""
+    message = says(written, f"{HEAD}\n{ROWS}", f"{HEAD}\nS1,1,9.0,11\n")
+    assert message == (
+        "a.csv, line 2 and b.csv, line 2: specimen 'S1', experiment 1 begins in several files: "
+        "give two experiments two labels, or put the rows of one into one file"
+    )
+
+
+def test_tables_of_specimens(written):
+    """Labels are the same letter by letter, stand once, and columns of both agree."""
+    points = "id,test,group,radius_mm,p_kPa\nS1,1,C1,7.2,1\nS1,1,C1,8.4,6.5\n"
+    assert says(written, points, "id,thickness_mm\ns1,2\n") == (
+        "a.csv, line 2: specimen 'S1' has no row in the table of specimens, which has 's1': write "
+        "labels in the same way, letter by letter"
+    )
+    assert says(written, points, "id,thickness_mm\nS1,2\n", "id,thickness_mm\nS1,2\n") == (
+        "c.csv, line 2: specimen 'S1' stands here and in b.csv, line 2: remove one"
+    )
+    assert says(written, points, "id,group\nS1,C2\n") == (
+        "2 problems:\n"
+        "- a.csv, line 2: group is 'C1', and 'C2' in b.csv, line 2: correct one, or name the "
+        "column of one in the list ignore of the settings\n"
+        "- a.csv, line 3: group is 'C1', and 'C2' in b.csv, line 2: correct one, or name the "
+        "column of one in the list ignore of the settings"
+    )
+    data = written(points, "id,test,stretch\nS1,1,1.2\n", "id,inner_radius_mm\nS1,7\n")
+    assert data["axial_stretch"].item() == 1.2 and data["inner_radius"].item() == 7.0
+    assert "these are no points, with pressures, and no specimens" in says(
+        written, points, "thickness_mm,note\n2,x\n"
+    )
+
+
+def test_a_tube_that_is_stated_twice(written):
+    """Which columns to take is asked."""
+    table = "id,test,radius_mm,p_kPa,inner_radius_mm,outer_radius_mm,thickness_mm,length_mm\n"
+    table += "S1,1,7.2,1,7,9,2,30\n"
+    assert says(written, table) == (
+        "a.csv: the tube without load is stated by inner_radius, outer_radius, thickness, which is "
+        "too much: keep one radius and one measure of the wall, and name the columns of the others "
+        "in the list ignore of the settings"
+    )
+    data = written(table, settings={"ignore": ["thickness"]})
+    assert data["outer_radius"].item() == 9.0
+    assert "not used: length, since of the tube it says nothing" in data.attrs["understood"]
+
+
+def test_radius_and_diameter(written):
+    """Which was measured is asked."""
+    table = "id,test,radius_mm,outer_diameter_mm,p_kPa\nS1,1,7.2,18.2,1\nS1,1,8.4,19,6.5\n"
+    assert says(written, table) == (
+        "a.csv: radius and outer_diameter have columns: say which was measured, measured = "
+        '"radius" or measured = "outer_diameter" in the settings'
+    )
+    data = written(table, settings={"measured": "outer_diameter"})
+    assert data["outer_diameter"].values.tolist() == [18.2, 19.0]
+    assert "outer_diameter" not in written(table, settings={"measured": "radius"})
+
+
+def test_labels_of_tests(written):
+    """Animal and split stay with the tests, and do not change within one; cycles are counted."""
+    head = "id,test,cycle,animal,split,radius_mm,p_kPa\n"
+    table = head + "".join(
+        f"S1,a,{cycle},m1,train,{7.2 + cycle / 100},{cycle}\n" for cycle in (2, 10, 9)
+    )
+    data = written(table)
+    assert data["cycle"].values.tolist() == [10] and data["animal"].values.tolist() == ["m1"]
+    assert data["split"].values.tolist() == ["train"] and data["row"].values == "a.csv, line 3"
+    assert says(written, head + "S1,a,1,m1,new,7,1\nS1,a,1,m2,new,8,2\n") == (
+        "specimen 'S1', experiment 'a', cycle 1, a.csv, line 3: animal is 'm2', but 'm1' in the "
+        "first row of this experiment; it must not change within one: correct it, or give the rows "
+        "another experiment label"
+    )
+
+
+def test_problems_are_counted_where_there_are_many(written):
+    """A message has twenty, and says how many more."""
+    rows = "".join(f"S1,1,{7 + i / 100},x{i}\n" for i in range(30))
+    lines = says(written, f"{HEAD}\n{rows}").splitlines()
+    assert lines[0] == "30 problems:" and lines[-1] == "- and 10 more" and len(lines) == 22
+
+
+ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "latin-1", "cp1252"]
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_forms_of_a_file(encoding, separator, end, tmp_path):
+    """Encoding, separator and line ends change nothing."""
+    lines = [
+        "# 37 °C",
+        "id,test,radius (µm),p [mmHg],Öffnung",
+        "Ü1,1,7200,10,x",
+        "",
+        "Ü1,1,8e3,45,",
+    ]
+    path = tmp_path / "a.txt"
+    path.write_bytes(end.join(lines).replace(",", separator).encode(encoding))
+    data = ph.read_tests(path)
+    assert data["specimen"].item() == "Ü1"
+    np.testing.assert_allclose(data["radius"], [7.2, 8.0], rtol=ROUNDING)
+    assert data["row"].values.tolist() == ["a.txt, line 3", "a.txt, line 5"]
+
+
+def test_separator_that_a_spreadsheet_states(written):
+    """The line sep= is no name of a column."""
+    data = written("sep=;\nid;test;radius, mm;p, kPa\nS1;1;7,2;1,5\n")
+    assert data["radius"].item() == 7.2 and data["row"].item() == "a.csv, line 3"

@@ -21,12 +21,12 @@ _PLAIN = {
 }
 _GROUPED = {
     mark: re.compile(
-        rf"[+-]?[0-9]{{1,3}}([{other}{_SPACES}])[0-9]{{3}}(?:\1[0-9]{{3}})*(?:[{mark}][0-9]*)?"
+        rf"[+-]?[1-9][0-9]{{,2}}([{other}{_SPACES}])[0-9]{{3}}(?:\1[0-9]{{3}})*(?:[{mark}][0-9]*)?"
     )
     for mark, other in ((".", ","), (",", "."))
 }
 # One group behind the other decimal mark: 1,234 is 1234 or 1.234.
-_EITHER = re.compile(r"[+-]?[0-9]{1,3}[.,][0-9]{3}")
+_EITHER = re.compile(r"[+-]?[1-9][0-9]{,2}[.,][0-9]{3}")
 _MONTH = r"(?:jan|feb|mar|mär|mrz|apr|may|mai|jun|jul|aug|sep|oct|okt|nov|dec|dez)[a-zä]*"
 _DATE = re.compile(
     r"[0-9]{1,4}([./-])[0-9]{1,2}\1[0-9]{1,4}(?:[ T].*)?"

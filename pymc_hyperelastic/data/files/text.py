@@ -72,13 +72,14 @@ def sheet_of(text: str, file: str, encoding: str, separator: str | None = None) 
         separator, lines[0] = separator or found[1], ""
     lines = ["" if line.lstrip().startswith("#") else line for line in lines]
     first = next((line for line in lines if line.strip(" ,;\t")), "")
-    if not first:
+    separator = separator or max(SEPARATORS, key=lambda mark: _count(first, mark))
+    found = _records(lines, separator, file)
+    if not found:
         raise ValueError(
             f"{file} is empty; expected a line with the names of columns, and one line a measured "
             "point"
         )
-    separator = separator or max(SEPARATORS, key=lambda mark: _count(first, mark))
-    (name_line, names), *records = _records(lines, separator, file)
+    (name_line, names), *records = found
     if not records:
         raise no_rows(file, name_line)
     while names and not names[-1]:
@@ -152,4 +153,5 @@ def _records(lines: list[str], separator: str, file: str) -> list[tuple[int, lis
 
 def _count(line: str, separator: str) -> int:
     """How many cells the beginning of a line has."""
-    return len(next(csv.reader([line[:_LONGEST_CELL]], delimiter=separator, skipinitialspace=True)))
+    beginning = [line[:_LONGEST_CELL]]
+    return len(next(csv.reader(beginning, delimiter=separator, skipinitialspace=True), []))
