@@ -222,7 +222,7 @@ REFUSED = {
         [
             "specimen 'S1', experiment 1 (copied_a.csv, line 2) and specimen 'T7', experiment 4 "
             "(copied_b.csv, line 2) have the same 3 points, as if one had been copied: remove one, "
-            "or correct it"
+            'or correct it; if it is right, say check="ignore"'
         ],
     ),
     "names that are not known": (
@@ -336,7 +336,7 @@ REFUSED = {
         "too_many_cells.csv",
         None,
         [
-            "too_many_cells.csv, line 2: has 6 cells, and there are 4 names of columns in line 1, "
+            "too_many_cells.csv, line 2: there are 6 cells, and 4 names of columns in line 1, "
             "separated by commas: is there a decimal comma between commas, or a separator inside a "
             "cell? Put the cell in quotation marks, or separate by semicolons"
         ],
@@ -522,12 +522,49 @@ axial_stretch = 1.2
         "C1",
     ]
     assert says(written, f"{HEAD}\n{ROWS}", settings={"constants": {"inner_radius": 7}}) == (
-        "constants.inner_radius of the settings is 7, without a unit: say units.inner_radius there"
+        "inner_radius is 7 in the settings, without a unit: say units.inner_radius there"
     )
     assert says(written, f"{HEAD}\n{ROWS}", settings={"constants": {"specimen": "S9"}}) == (
-        "constants.specimen of the settings is 'S9', and a.csv has a column of it, 'specimen': "
+        "specimen is 'S9' in the settings, and a.csv has a column of it, 'specimen': "
         "remove one, or name the column in the list ignore"
     )
+
+
+def test_files_without_labels(written):
+    """Settings say what is the same in all rows of each file, such as its specimen."""
+    table = "radius_mm,pressure_kPa\n7.2,1.0\n8.4,6.5\n"
+    toml = """
+[constants]
+experiment = 1
+[files."a.csv"]
+specimen = "01"
+[files."b.csv"]
+specimen = "02"
+"""
+    data = written(table, table.replace("8.4", "8.5"), toml=toml)
+    assert data["specimen"].values.tolist() == ["01", "02"]
+    assert data["experiment"].values.tolist() == [1, 1]
+    assert says(written, table, toml=toml).startswith(
+        "files.b.csv of the settings is not among the files, a.csv"
+    )
+
+
+def test_the_same_points_twice(written):
+    """One who knows that they are right says so; cycles of an experiment may be the same."""
+    head = "id,test,cycle,radius_mm,p_kPa\n"
+    one = "S1,1,{},7.2,1\nS1,1,{},7.8,3\nS1,1,{},8.4,6\n"
+    data = written(head + one.format(1, 1, 1) + one.format(2, 2, 2))
+    assert data["cycle"].values.tolist() == [2]
+    assert data.attrs["understood"].endswith("of these the last cycle of each, 3 points, is taken")
+    data = read("copied_a.csv copied_b.csv", check="ignore")
+    assert data["specimen"].values.tolist() == ["S1", "S2", "T7"]
+
+
+def test_remarks_without_a_name(written):
+    """A last column without a name is not used."""
+    data = written(f"{HEAD},\nS1,1,7.2,1.0,\nS1,1,8.4,6.5,leaks\n")
+    assert data.sizes["obs"] == 2
+    assert "  not used: a column without a name\n" in data.attrs["understood"]
 
 
 BAD_SETTINGS = {
@@ -537,6 +574,11 @@ BAD_SETTINGS = {
     "a number for a unit": ("units = {pressure = 1}", "study.toml: units.pressure is 1, which is"),
     "a column": ("columns = {druck = 'P'}", "study.toml: columns has 'druck', which is not known"),
     "a table": ("columns = 'P'", "study.toml: columns is 'P'; expected a table, [columns]"),
+    "constants of a file": (
+        "files = {'a.csv' = 1}",
+        "study.toml: files.a.csv: constants is 1; exp",
+    ),
+    "no files": ("files = 1", "study.toml: files is 1; expected tables, such as"),
     "a number for a name": ("columns = {pressure = 1}", "study.toml: columns.pressure is 1; exp"),
     "a name that no file has": (
         "columns = {pressure = 'P'}",
@@ -576,6 +618,7 @@ def test_what_is_given(tmp_path):
         ph.read_tests(tmp_path / "nothing.csv")
     with pytest.raises(TypeError, match="files are 3; expected a path or a list of paths"):
         ph.read_tests(3)
+    assert dict(ph.read_tests(tmp_path.glob("*.csv")).sizes) == {"obs": 2, "test": 1}
     with pytest.raises(TypeError, match="settings are 3; expected a path, a dict or None"):
         ph.read_tests(table, 3)
     with pytest.raises(ValueError, match="no tables are given"):

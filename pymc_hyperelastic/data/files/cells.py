@@ -1,7 +1,7 @@
 """Cells of a column: their unit, their numbers, and what is wrong with them."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +17,7 @@ from pymc_hyperelastic.data.files.numerals import (
 )
 from pymc_hyperelastic.data.files.settings import OF_KIND, Settings
 from pymc_hyperelastic.data.files.spellings import Unit, known_unit, units_of
-from pymc_hyperelastic.data.files.text import Sheet, quoted
+from pymc_hyperelastic.data.files.text import Sheet, lines_in_words, quoted
 
 # What may be missing in some rows.
 _MAY_BE_MISSING = ("axial_force",)
@@ -150,20 +150,3 @@ def told(sheet: Sheet, column: Column, wrong: Iterable[tuple[int, str]]) -> list
         f"{sheet.file}, {lines_in_words(of_same)}: {quoted(column.header)} {what}"
         for what, of_same in lines.items()
     ]
-
-
-def lines_in_words(lines: Sequence[int]) -> str:
-    """Lines of a file, as messages name them.
-
-    Examples
-    --------
-    >>> lines_in_words([2, 3, 4, 7]), lines_in_words([5])
-    ('lines 2 to 4, 7', 'line 5')
-    """
-    runs: list[list[int]] = []
-    for line in lines:
-        if not runs or line != runs[-1][-1] + 1:
-            runs.append([])
-        runs[-1].append(line)
-    words = [f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs]
-    return f"line{'s' * (len(lines) > 1)} {', '.join(words)}"

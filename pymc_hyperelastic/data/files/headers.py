@@ -110,15 +110,15 @@ def comparable(text: str) -> str:
     return re.sub(r"[\W_]+", "_", unicodedata.normalize("NFKC", text).casefold()).strip("_")
 
 
-def called(text: str) -> set[str]:
+def called(text: str) -> list[str]:
     """What a column is called, with its unit and without, as it is compared.
 
     Examples
     --------
-    >>> sorted(called("Druck [mmHg]"))
-    ['druck', 'druck_mmhg']
+    >>> called("Druck [mmHg]")
+    ['druck_mmhg', 'druck']
     """
-    return {comparable(text), *(comparable(name) for name, _ in _readings(text))}
+    return [comparable(text), *(comparable(name) for name, _ in _readings(text))]
 
 
 def unit_in(text: str, kind: str) -> str | None:

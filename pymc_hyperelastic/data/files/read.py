@@ -3,7 +3,7 @@
 import os
 import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ from pymc_hyperelastic.data.geometry import WALL
 from pymc_hyperelastic.data.inflation import MEASURES
 from pymc_hyperelastic.data.table import inflation_data
 
-Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
 # What to do about rows of a frame, and what about lines of a file.
 _IN_FILES = {
@@ -46,7 +46,7 @@ def read_tests(
 
     Parameters
     ----------
-    files : path or sequence of paths
+    files : path or iterable of paths
         CSV, TSV or text files of one study; one of them may be the TOML file of its settings.
         A table with a pressure or a measured radius is one of points, one a row. Others are of
         specimens, or of experiments where they have such a column, and are joined by it. The names
@@ -57,7 +57,8 @@ def read_tests(
         :func:`~pymc_hyperelastic.inflation_data` has them; ``pressure_unit``, ``radius_unit``,
         ``angle_unit``, ``force_unit`` for columns that state none; ``decimal``, ``separator``;
         ``ignore``, a list of columns; and the tables ``columns`` (what a column is called in the
-        files), ``units`` (of one column) and ``constants`` (the same in all rows).
+        files), ``units`` (of one column), ``constants`` (the same in all rows) and ``files`` (the
+        same in all rows of one file, by its name).
     check : {"warn", "raise", "ignore"}
         What to do about input that is possible, but probably not what was meant.
 
@@ -114,15 +115,16 @@ def read_tests(
     paths, said = _given(files, settings)
     understood: list[str] = []
     try:
-        tables = _tables(paths, said)
-        understood += [table.understood for table in tables]
-        frame, words = study_of(tables, said)
+        tables = _tables(paths, said, understood)
+        frame, words = study_of(tables, said, check)
         understood += words
         data, told = _data(frame, tables, said, check)
     except ValueError as error:
         if understood:
             error.add_note("What was understood:\n" + "\n".join(understood))
         raise
+    if data.sizes["obs"] < len(frame):
+        understood.append(f"of these the last cycle of each, {data.sizes['obs']} points, is taken")
     for message in told:
         warnings.warn(message, stacklevel=2)
     return data.assign_attrs(understood="\n".join(understood))
@@ -131,9 +133,8 @@ def read_tests(
 def _given(files: Paths, settings: object) -> tuple[dict[str, Path], Settings]:
     """Tables by the names that messages give them, and settings."""
     several = [files] if isinstance(files, str | os.PathLike) else files
-    if not isinstance(several, Sequence) or not all(
-        isinstance(file, str | os.PathLike) for file in several
-    ):
+    several = list(several) if isinstance(several, Iterable) else [several]
+    if not all(isinstance(file, str | os.PathLike) for file in several):
         raise TypeError(f"files are {files!r}; expected a path or a list of paths")
     paths = [Path(file) for file in several]
     toml = [path for path in paths if path.suffix.lower() == ".toml"]
@@ -146,26 +147,26 @@ def _given(files: Paths, settings: object) -> tuple[dict[str, Path], Settings]:
     paths = [path for path in paths if path not in toml]
     if not paths:
         raise ValueError("no tables are given: expected CSV, TSV or text files")
-    names = [path.name for path in paths]
-    twice = next(
-        (p for i, p in enumerate(paths) if p.resolve() in [q.resolve() for q in paths[:i]]), None
-    )
-    if twice:
-        raise ValueError(f"{twice} is given twice: its points would count twice")
+    names, places = [path.name for path in paths], [path.resolve() for path in paths]
+    for path, place in zip(paths, places, strict=True):
+        if places.count(place) > 1:
+            raise ValueError(f"{path} is given twice: its points would count twice")
     by_name = {p.name if names.count(p.name) == 1 else str(p): p for p in paths}
     if toml:
         return by_name, read_settings(toml[0])
     return by_name, settings_of(settings or {}, "")  # type: ignore[arg-type]
 
 
-def _tables(paths: dict[str, Path], settings: Settings) -> list[Table]:
+def _tables(paths: dict[str, Path], settings: Settings, understood: list[str]) -> list[Table]:
     """Read all files, or raise with what is wrong with those that cannot be read at all."""
-    tables, problems = [], []
+    tables: list[Table] = []
+    problems = []
     for name, path in paths.items():
         try:
             tables.append(table_of(read_sheet(path, name, settings.separator), settings))
         except ValueError as error:
             problems.append(str(error))
+    understood += [table.understood for table in tables]
     if problems:
         refuse(problems + [problem for table in tables for problem in table.problems])
     return tables

@@ -23,7 +23,10 @@ OF_KIND = {
 CONVENTIONS = ("measured", "opening_angle_convention", "radii_of", "cycles")
 _NAMES = (*LABELS, *KINDS)
 _SECTIONS = {"columns": _NAMES, "units": tuple(KINDS), "constants": _NAMES}
-_KEYS = (*CONVENTIONS, *OF_KIND, "decimal", "separator", "ignore", *_SECTIONS)
+_KEYS = (*CONVENTIONS, *OF_KIND, "decimal", "separator", "ignore", *_SECTIONS, "files")
+
+
+Constants = dict[str, float | str]
 
 
 @dataclass(frozen=True)
@@ -39,7 +42,8 @@ class Settings:
 
     conventions: dict[str, str] = field(default_factory=dict)
     columns: dict[str, Heading] = field(default_factory=dict)
-    constants: dict[str, float | str] = field(default_factory=dict)
+    constants: Constants = field(default_factory=dict)
+    files: dict[str, Constants] = field(default_factory=dict)
     units: dict[str, Unit] = field(default_factory=dict)
     units_of_kinds: dict[str, Unit] = field(default_factory=dict)
     ignore: tuple[str, ...] = ()
@@ -68,6 +72,8 @@ def settings_of(said: Mapping[str, Any], place: str) -> Settings:
             raise ValueError(f"{where}{key!r} is not known; expected some of {listed(_KEYS)}")
         if key in _SECTIONS:
             _check_section(where, key, value)
+        elif key == "files":
+            _check_files(where, value)
         elif key == "ignore":
             if not _is_texts(value):
                 raise ValueError(f"{where}ignore is {value!r}; expected a list of column names")
@@ -79,7 +85,11 @@ def settings_of(said: Mapping[str, Any], place: str) -> Settings:
     return Settings(
         {key: said[key] for key in CONVENTIONS if key in said},
         _columns(said.get("columns", {})),
-        _constants(where, said.get("constants", {})),
+        _constants(f"{where}constants", said.get("constants", {})),
+        {
+            file: _constants(f"{where}files.{file}", constants)
+            for file, constants in said.get("files", {}).items()
+        },
         {
             name: _unit(where, f"units.{name}", unit, KINDS[name])
             for name, unit in said.get("units", {}).items()
@@ -108,6 +118,13 @@ def _check_section(where: str, key: str, section: object) -> None:
             )
 
 
+def _check_files(where: str, files: object) -> None:
+    if not isinstance(files, Mapping):
+        raise ValueError(f'{where}files is {files!r}; expected tables, such as [files."a.csv"]')
+    for file, constants in files.items():
+        _check_section(f"{where}files.{file}: ", "constants", constants)
+
+
 def _is_texts(value: object) -> bool:
     return isinstance(value, list | tuple) and all(isinstance(v, str) for v in value)
 
@@ -122,17 +139,16 @@ def _columns(said: Mapping[str, str | Sequence[str]]) -> dict[str, Heading]:
     }
 
 
-def _constants(where: str, said: Mapping[str, Any]) -> dict[str, float | str]:
-    constants: dict[str, float | str] = {}
+def _constants(where: str, said: Mapping[str, Any]) -> Constants:
+    constants: Constants = {}
     for name, value in said.items():
         if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise ValueError(f"{where}constants.{name} is {value!r}; expected a number or text")
+            raise ValueError(f"{where}.{name} is {value!r}; expected a number or text")
         if name in LABELS:
             constants[name] = str(value).strip()
         elif isinstance(value, str) or not abs(value) < LARGEST:
             raise ValueError(
-                f"{where}constants.{name} is {value!r}; expected a number, and its unit in "
-                f"units.{name}"
+                f"{where}.{name} is {value!r}; expected a number, and its unit in units.{name}"
             )
         else:
             constants[name] = float(value)

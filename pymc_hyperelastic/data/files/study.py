@@ -3,7 +3,7 @@
 import pandas as pd
 
 from pymc_hyperelastic.data.columns import LABELS as OF_TEST
-from pymc_hyperelastic.data.doubt import refuse
+from pymc_hyperelastic.data.doubt import Check, refuse
 from pymc_hyperelastic.data.files.headers import KINDS, names_of
 from pymc_hyperelastic.data.files.join import joined, named
 from pymc_hyperelastic.data.files.settings import Settings
@@ -25,7 +25,9 @@ _OTHERWISE = {
 }
 
 
-def study_of(tables: list[Table], settings: Settings) -> tuple[pd.DataFrame, list[str]]:
+def study_of(
+    tables: list[Table], settings: Settings, check: Check = "warn"
+) -> tuple[pd.DataFrame, list[str]]:
     r"""One frame of all points, and in words what is in it.
 
     Raises ValueError where something is missing, does not fit together, or is there twice.
@@ -42,10 +44,11 @@ def study_of(tables: list[Table], settings: Settings) -> tuple[pd.DataFrame, lis
     points = [table for table in tables if not {*MEASURED, "pressure"}.isdisjoint(table.frame)]
     others = [table for table in tables if table not in points]
     problems = [problem for table in tables for problem in table.problems]
-    constants, unclear = _constants(tables, settings)
-    problems += unclear + _not_found(tables, settings) + _missing(points, others, constants)
+    completed = [_with_constants(table, settings) for table in points]
+    problems += [problem for _, unclear in completed for problem in unclear]
+    problems += _not_found(tables, settings) + _missing(points, others, settings)
     refuse(problems)
-    frame = pd.concat([table.frame for table in points]).assign(**constants)
+    frame = pd.concat([frame for frame, _ in completed])
     frame, idle = joined(frame, [table.frame for table in others])
     files = ", ".join(table.sheet.file for table in tables)
     frame, unused = _chosen(frame, settings, files)
@@ -54,32 +57,29 @@ def study_of(tables: list[Table], settings: Settings) -> tuple[pd.DataFrame, lis
             frame[name] = _counted(frame[name])
     tests = frame.groupby([name for name in OF_TEST if name in frame], sort=False)
     refuse(_scattered(tests))
-    refuse(_alike(tests))
+    refuse([] if check == "ignore" else _alike(tests))
     return frame, [*_contents(frame), *idle, *unused]
 
 
-def _constants(tables: list[Table], settings: Settings) -> tuple[dict[str, float | str], list[str]]:
-    """What is the same in all rows, in the package's units, and what is wrong with it."""
-    constants: dict[str, float | str] = {}
-    problems = []
-    for name, value in settings.constants.items():
-        constants[name] = value
-        if holder := next((t for t in tables if name in t.frame), None):
+def _with_constants(table: Table, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
+    """The table with what the settings say is the same in all rows, and what is wrong with it."""
+    frame, problems = table.frame, []
+    constants = settings.constants | settings.files.get(table.sheet.file, {})
+    for name, value in constants.items():
+        if name in frame:
             problems.append(
-                f"constants.{name} of the settings is {value!r}, and {holder.sheet.file} has a "
-                f"column of it, {holder.header(name)!r}: remove one, or name the column in the "
-                "list ignore"
+                f"{name} is {value!r} in the settings, and {table.sheet.file} has a column of it, "
+                f"{table.header(name)!r}: remove one, or name the column in the list ignore"
             )
+        unit = settings.unit_of(name) if name in KINDS else None
         if isinstance(value, float) and KINDS[name] != "ratio":
-            unit = settings.unit_of(name)
             if unit is None:
                 problems.append(
-                    f"constants.{name} of the settings is {value:g}, without a unit: say "
-                    f"units.{name} there"
+                    f"{name} is {value:g} in the settings, without a unit: say units.{name} there"
                 )
-            else:
-                constants[name] = value * unit.factor
-    return constants, problems
+            value *= unit.factor if unit else 1
+        frame = frame.assign(**{name: value})
+    return frame, problems
 
 
 def _has(table: Table) -> str:
@@ -92,11 +92,17 @@ def _has(table: Table) -> str:
 
 
 def _not_found(tables: list[Table], settings: Settings) -> list[str]:
-    """Columns that the settings name, and no table has."""
+    """Files and columns that the settings name, and that are not there."""
     texts: dict[str, list[str]] = {}
     for text, known in settings.columns.items():
         texts.setdefault(known.name, []).append(repr(text))
-    return [
+    files = [table.sheet.file for table in tables]
+    problems = [
+        f"files.{file} of the settings is not among the files, {', '.join(files)}"
+        for file in settings.files
+        if file not in files
+    ]
+    return problems + [
         f"columns.{name} of the settings is {' or '.join(said)}, and no file has such a column: "
         f"{'; '.join(map(_has, tables))}"
         for name, said in texts.items()
@@ -104,12 +110,13 @@ def _not_found(tables: list[Table], settings: Settings) -> list[str]:
     ]
 
 
-def _missing(points: list[Table], others: list[Table], constants: dict) -> list[str]:
+def _missing(points: list[Table], others: list[Table], settings: Settings) -> list[str]:
     """Columns that the tables need and do not have."""
     needed = [("specimen",), ("experiment",), MEASURED, ("pressure",)]
     problems = []
     for table in points or others:
-        lacking = [names for names in needed if {*table.frame, *constants}.isdisjoint(names)]
+        known = {*table.frame, *_with_constants(table, settings)[0]}
+        lacking = [names for names in needed if known.isdisjoint(names)]
         if lacking:
             none = ", no column ".join(" or ".join(names) for names in lacking)
             others_called = "; ".join(
@@ -176,19 +183,20 @@ def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
 
 
 def _alike(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
-    """What is wrong where two tests have the same points, as if one had been copied."""
-    seen: dict[tuple, str] = {}
+    """What is wrong where two experiments have the same points, as if one had been copied."""
+    seen: dict[tuple, tuple[tuple, str]] = {}
     problems = []
     for labels, rows in tests:
         values = rows[rows.columns.intersection([*MEASURED, "pressure", "axial_force"])].to_numpy()
         points = tuple(sorted(tuple(f"{x:.{_DIGITS}g}" for x in row) for row in values))
-        place = f"{named(tests.keys, labels)} ({rows.index[0]})"
-        if len(points) >= _FEWEST_ALIKE and points in seen:
+        # Its cycles may well be the same, as they are read.
+        experiment, place = labels[:2], f"{named(tests.keys, labels)} ({rows.index[0]})"
+        other, first = seen.setdefault(points, (experiment, place))
+        if len(points) >= _FEWEST_ALIKE and other != experiment:
             problems.append(
-                f"{seen[points]} and {place} have the same {len(points)} points, as if one had "
-                "been copied: remove one, or correct it"
+                f"{first} and {place} have the same {len(points)} points, as if one had been "
+                'copied: remove one, or correct it; if it is right, say check="ignore"'
             )
-        seen.setdefault(points, place)
     return problems
 
 

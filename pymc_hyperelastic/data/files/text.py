@@ -4,6 +4,7 @@ import csv
 import io
 import re
 import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,6 +59,23 @@ def quoted(cell: str) -> str:
     return repr(cell if len(cell) <= _LONGEST_SHOWN else cell[:_LONGEST_SHOWN] + "…")
 
 
+def lines_in_words(lines: Sequence[int]) -> str:
+    """Lines of a file, as messages name them.
+
+    Examples
+    --------
+    >>> lines_in_words([2, 3, 4, 7]), lines_in_words([5])
+    ('lines 2 to 4, 7', 'line 5')
+    """
+    runs: list[list[int]] = []
+    for line in lines:
+        if not runs or line != runs[-1][-1] + 1:
+            runs.append([])
+        runs[-1].append(line)
+    words = [f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs]
+    return f"line{'s' * (len(lines) > 1)} {', '.join(words)}"
+
+
 def read_sheet(path: Path, file: str, separator: str | None = None) -> Sheet:
     """Cells of a file, which messages call `file`; its separator is found unless it is given."""
     text, encoding = _decoded(path.read_bytes(), file)
@@ -68,8 +86,8 @@ def sheet_of(text: str, file: str, encoding: str, separator: str | None = None) 
     """Cells of a text. Raises ValueError without rows, or where rows do not fit the names."""
     lines = _LINE_BREAK.split(unicodedata.normalize("NFC", text))
     # A spreadsheet writes the separator into a first line of its own, sep=;
-    if found := re.fullmatch(r"sep=([;,\t])", lines[0]):
-        separator, lines[0] = separator or found[1], ""
+    if stated := re.fullmatch(r"sep=([;,\t])", lines[0]):
+        separator, lines[0] = separator or stated[1], ""
     lines = ["" if line.lstrip().startswith("#") else line for line in lines]
     first = next((line for line in lines if line.strip(" ,;\t")), "")
     separator = separator or max(SEPARATORS, key=lambda mark: _count(first, mark))
@@ -79,19 +97,17 @@ def sheet_of(text: str, file: str, encoding: str, separator: str | None = None) 
             f"{file} is empty; expected a line with the names of columns, and one line a measured "
             "point"
         )
-    (name_line, names), *records = found
+    (name_line, names), records = found[0], found[1:]
     if not records:
         raise no_rows(file, name_line)
-    while names and not names[-1]:
-        names.pop()
-    for line, cells in records:
-        if any(cells[len(names) :]):
-            raise ValueError(
-                f"{file}, line {line}: has {len(cells)} cells, and there are {len(names)} names of "
-                f"columns in line {name_line}, separated by {SEPARATORS[separator]}: is there a "
-                "decimal comma between commas, or a separator inside a cell? Put the cell in "
-                "quotation marks, or separate by semicolons"
-            )
+    too_long = {line: len(cells) for line, cells in records if any(cells[len(names) :])}
+    if too_long:
+        raise ValueError(
+            f"{file}, {lines_in_words(list(too_long))}: there are {max(too_long.values())} cells, "
+            f"and {len(names)} names of columns in line {name_line}, separated by "
+            f"{SEPARATORS[separator]}: is there a decimal comma between commas, or a separator "
+            "inside a cell? Put the cell in quotation marks, or separate by semicolons"
+        )
     width = len(names)
     rows = [(cells + [""] * width)[:width] for _, cells in records]
     return Sheet(file, encoding, separator, names, name_line, rows, [line for line, _ in records])
