@@ -10,8 +10,12 @@ import pytest
 import xarray as xr
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.data.files.headers import DIAMETERS, KINDS, LABELS, names_of
+from pymc_hyperelastic.data.files.settings import settings_of
+from pymc_hyperelastic.data.files.spellings import units_of
 from pymc_hyperelastic.data.inflation import check_inflation_data
 
+PAGE = Path(__file__).parents[2] / "docs" / "own_data.md"
 MESSY = Path(__file__).parent / "messy"
 # Conversions are products of a few numbers.
 ROUNDING = 1e-12
@@ -749,3 +753,19 @@ def test_separator_that_a_spreadsheet_states(written):
     """The line sep= is no name of a column."""
     data = written("sep=;\nid;test;radius, mm;p, kPa\nS1;1;7,2;1,5\n")
     assert data["radius"].item() == 7.2 and data["row"].item() == "a.csv, line 3"
+
+
+def test_page_states_names_and_units():
+    """The tables of the page are those of the code, and its settings are right."""
+    page = PAGE.read_text(encoding="utf-8")
+    for name in (*LABELS, *KINDS):
+        if name.endswith("_sd"):
+            continue
+        halves = [other.replace("_", " ") for other in DIAMETERS.get(name, "").split()]
+        others = [o for o in names_of(name)[1:] if o not in halves and o != "λ z"]
+        assert f"| `{name}` | {', '.join(others)} | {', '.join(halves)} |" in page
+    for kind in ("pressure", "length", "force", "angle", "ratio"):
+        assert f"| {kind} | {units_of(kind)} |" in page
+    (toml,) = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
+    settings = settings_of(tomllib.loads(toml), "study.toml")
+    assert settings.columns["ID"].scale == 0.5 and settings.constants["outer_radius"] == 450.0
