@@ -3,6 +3,8 @@
 The files stand in ``messy/``. What they hold is written out here by hand.
 """
 
+import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
