@@ -566,6 +566,22 @@ def test_the_same_points_twice(written):
     assert data["specimen"].values.tolist() == ["S1", "S2", "T7"]
 
 
+def test_what_is_the_same_in_all_experiments_is_told_once(written):
+    """The first is named, and the others are counted."""
+    head = f"{HEAD},inner_radius_mm,outer_radius_mm\n"
+    rows = [f"S{i},{j},7.{j},1.{i},9,7\n" for i in (1, 2) for j in (1, 2)]
+    assert says(written, head + "".join(rows)) == (
+        "a.csv: specimen 'S1', experiment 1: outer_radius is 7 mm; expected more than "
+        "inner_radius: were the two exchanged, or is one a diameter? (and so are 3 others)"
+    )
+
+
+def test_a_column_of_numbers_is_no_comment(written):
+    """The sign # before a separator is a name."""
+    data = written(f"#,{HEAD}\n# 37 degrees\n1,S1,1,7.2,1.0\n")
+    assert data["row"].item() == "a.csv, line 3" and "not used: '#'" in data.attrs["understood"]
+
+
 def test_remarks_without_a_name(written):
     """A last column without a name is not used."""
     data = written(f"{HEAD},\nS1,1,7.2,1.0,\nS1,1,8.4,6.5,leaks\n")

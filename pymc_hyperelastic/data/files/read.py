@@ -12,6 +12,7 @@ import xarray as xr
 
 from pymc_hyperelastic.data.columns import rows_of
 from pymc_hyperelastic.data.doubt import Check, check_known, refuse
+from pymc_hyperelastic.data.files.join import named
 from pymc_hyperelastic.data.files.settings import OF_KIND, Settings, read_settings, settings_of
 from pymc_hyperelastic.data.files.sheets import Table, table_of
 from pymc_hyperelastic.data.files.study import study_of
@@ -196,15 +197,23 @@ def _data(
     try:
         return build(frame)
     except ValueError as error:
-        # Each experiment by itself, to tell what is wrong with all of them.
-        problems = []
-        for _, rows in frame.groupby(["specimen", "experiment"], sort=False):
+        # Each experiment by itself, to tell what is wrong with all; what is the same is told once.
+        problems: dict[str, list[str]] = {}
+        for labels, rows in frame.groupby(["specimen", "experiment"], sort=False):
             try:
                 build(rows)
             except ValueError as problem:
-                problems.append(str(problem))
-        refuse(problems or [str(error)])
+                what = str(problem).replace(named(["specimen", "experiment"], labels), "")
+                problems.setdefault(what, []).append(str(problem))
+        refuse([_once(same) for same in problems.values()] or [str(error)])
         raise
+
+
+def _once(problems: list[str]) -> str:
+    """The first of some problems that differ by their experiment alone."""
+    others = len(problems) - 1
+    counted = f" (and so {'is 1 other' if others == 1 else f'are {others} others'})"
+    return problems[0] + counted * bool(others)
 
 
 def _with_labels(data: xr.Dataset, frame: pd.DataFrame) -> xr.Dataset:

@@ -181,8 +181,8 @@ def _number_in_words(column: Column, unit: Unit | None, numbers: NDArray[np.floa
     if unit and (unit.kind, unit.factor) != ("ratio", 1):
         words += f" in {unit.spelling}"
         if unit.factor != 1:
-            internal = internal_unit(unit.kind)
-            words += f" (1 {unit.spelling} is {unit.factor:.6g} {internal})"
+            one = f"{unit.factor:.6g} {internal_unit(unit.kind)}".strip()
+            words += f" (1 {unit.spelling} is {one})"
     known = numbers[np.isfinite(numbers)]
     if known.size:
         ends = dict.fromkeys(f"{end:.6g}" for end in (known.min(), known.max()))

@@ -5,6 +5,7 @@ They are looked up in the tables of this module, and in no other way.
 
 import re
 import unicodedata
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from pymc_hyperelastic.data.units import INTERNAL_UNITS, to_internal
@@ -34,7 +35,7 @@ class Unit(NamedTuple):
 
 
 def internal_unit(kind: str) -> str:
-    """Unit of the package: kPa, mm, mm2, mm3, mN, rad, or 1.
+    """Unit of the package: kPa, mm, mm2, mm3, mN, rad, or nothing.
 
     Examples
     --------
@@ -43,9 +44,10 @@ def internal_unit(kind: str) -> str:
     """
     if kind in ("area", "volume"):
         return f"mm{_POWERS[kind]}"
-    return INTERNAL_UNITS.get(kind, "1")
+    return INTERNAL_UNITS.get(kind, "")
 
 
+@lru_cache
 def known_unit(spelling: str, kind: str) -> Unit | None:
     """Look a unit up, or None if it is none that measures such a kind.
 

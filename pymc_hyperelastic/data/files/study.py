@@ -86,8 +86,10 @@ def _has(table: Table) -> str:
     """What columns a file has."""
     names = table.sheet.names
     if len(names) == 1:
-        alone = "one column (separate columns by tabs, semicolons or commas)"
-        return f"{table.sheet.file} has {alone}, {quoted(names[0])}"
+        return (
+            f"{table.sheet.file} has one column, {quoted(names[0])} (separate columns by tabs, "
+            "semicolons or commas, and begin remarks above their names with #)"
+        )
     return f"{table.sheet.file} has {', '.join(map(quoted, names))}"
 
 

@@ -15,6 +15,8 @@ _SPREADSHEETS = {b"PK\x03\x04": ".xlsx or .ods", b"\xd0\xcf\x11\xe0": ".xls"}
 _MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 _ENCODINGS = {"utf-8": "UTF-8", "utf-8-sig": "UTF-8", "utf-16": "UTF-16", "cp1252": "Latin-1"}
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
+# A sign alone before a separator is the name of a column of numbers.
+_COMMENT = re.compile(r"\s*#(?![,;\t])")
 _LONGEST_SHOWN = 40
 _LONGEST_CELL = csv.field_size_limit()
 _LINE_BREAK = re.compile(r"\r\n|\r|\n")
@@ -88,7 +90,7 @@ def sheet_of(text: str, file: str, encoding: str, separator: str | None = None) 
     # A spreadsheet writes the separator into a first line of its own, sep=;
     if stated := re.fullmatch(r"sep=([;,\t])", lines[0]):
         separator, lines[0] = separator or stated[1], ""
-    lines = ["" if line.lstrip().startswith("#") else line for line in lines]
+    lines = ["" if _COMMENT.match(line) else line for line in lines]
     first = next((line for line in lines if line.strip(" ,;\t")), "")
     separator = separator or max(SEPARATORS, key=lambda mark: _count(first, mark))
     found = _records(lines, separator, file)
