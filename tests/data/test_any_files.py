@@ -148,3 +148,28 @@ def test_tables_that_are_nearly_right(contents, said):
 def test_any_bytes(content):
     """They are refused, with the file's name."""
     assert not assert_sound_or_refused([content], None)
+
+
+# Pieces of settings, put together in any way.
+WORDS = [
+    *"[columns] [units] [constants] [files.'a.csv'] pressure radius specimen".split(),
+    *"= = = \" ' # 1 0.5 inf".split(),
+    *"pressure_unit decimal ignore true [ ] { } , . 2024-01-01 \n \n \n".split(" "),
+    "'mmHg'",
+    "'S1'",
+]
+
+
+@pytest.mark.deep
+@given(st.one_of(st.text(max_size=60), st.lists(st.sampled_from(WORDS), max_size=12).map(" ".join)))
+@FEW_SLOW_ONES
+def test_any_settings(text):
+    """They are understood, or refused by the name of their file or of a table."""
+    with tempfile.TemporaryDirectory() as folder:
+        table, toml = Path(folder, "a.csv"), Path(folder, "study.toml")
+        table.write_text("specimen,experiment,radius_mm,pressure_kPa\nS1,1,7.2,1.0\n")
+        toml.write_bytes(text.encode("utf-8", "replace"))
+        try:
+            check_inflation_data(ph.read_tests([table, toml]))
+        except ValueError as error:
+            assert any(name in str(error) for name in ("study.toml", "a.csv", "in the settings"))
