@@ -130,7 +130,7 @@ def check_frame(frame: pd.DataFrame, measured: str) -> None:
     if not isinstance(frame, pd.DataFrame):
         raise TypeError(
             f"expected a pandas DataFrame, not {type(frame).__name__}; "
-            "read a file with pandas.read_csv first"
+            "read a file with read_tests, or with pandas.read_csv first"
         )
     missing = [n for n in ("specimen", "experiment", measured, "pressure") if n not in frame]
     if missing:
