@@ -241,6 +241,16 @@ REFUSED = {
             f"columns.specimen in the settings ({SYNONYMS})"
         ],
     ),
+    "no names": (
+        "no_names.csv",
+        {"radius_unit": "mm"},
+        [
+            "no_names.csv has 'S1', '1', '7.2', '1.5', and no column specimen, no column "
+            "experiment, no column radius or outer_diameter, no column pressure: rename the one "
+            f"that holds it, or say what it is called, columns.specimen in the settings ({SYNONYMS}"
+            "; pressure may be called p, transmural pressure, luminal pressure, internal pressure)"
+        ],
+    ),
     "commas that may be either": (
         "commas_either.txt",
         None,
@@ -574,6 +584,25 @@ def test_what_is_the_same_in_all_experiments_is_told_once(written):
         "a.csv: specimen 'S1', experiment 1: outer_radius is 7 mm; expected more than "
         "inner_radius: were the two exchanged, or is one a diameter? (and so are 3 others)"
     )
+
+
+def test_labels_with_commas_in_messages(written):
+    """What is asked of a test names it alone, though the labels of its rows hold commas."""
+    head = f"{HEAD},inner_radius_mm,outer_radius_mm,opening_angle_deg\n"
+    message = says(written, head + "S1,1,7.2,1.0,7,9,60\n")
+    assert message.startswith("a.csv: specimen 'S1', experiment 1: opening_angle is 1.0472 rad, a")
+
+
+def test_a_file_of_a_control_mark(written):
+    """What looks like a blank line is one."""
+    assert says(written, "\x0b").startswith("a.csv is empty")
+
+
+def test_a_nought_before_a_comma_is_no_thousand(written):
+    """A number between tabs such as 0,750 is not asked."""
+    table = f"{HEAD}\nS1,1,0.750,1.000\n".replace(",", "\t").replace(".", ",")
+    data = written(table)
+    assert data["radius"].item() == 0.75 and data["pressure"].item() == 1.0
 
 
 def test_a_column_of_numbers_is_no_comment(written):
