@@ -49,6 +49,11 @@ def check_seal(result: xr.Dataset | xr.DataTree, what: str) -> None:
         )
 
 
+def unsealed(attrs: Mapping[Any, Any]) -> dict[Any, Any]:
+    """Attributes without the checksum, for what is made of a result."""
+    return {name: value for name, value in attrs.items() if name != _SEAL}
+
+
 def digest_of(result: xr.Dataset | xr.DataTree) -> str:
     """SHA-256 of all values, names and attributes of a result, but not of its seal."""
     every = {
