@@ -47,7 +47,9 @@ def number(x: float) -> str:
     >>> number(12.345678901234567), number(0.00012345678901234567)
     ('12.345678901234567', '1.234567890123457E-4')
     """
-    text = repr(float(x))
+    text = repr(float(x)).upper()
+    if "." not in text:
+        text = text.replace("E", ".0E")
     for digits in range(16, 0, -1):
         if len(text) <= _FIELD:
             break

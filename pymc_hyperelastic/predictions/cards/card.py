@@ -152,13 +152,13 @@ def material_card(
     Examples
     --------
     >>> import xarray as xr, pymc_hyperelastic as ph
-    >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 24.0, 30.0]])})
+    >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 25.0, 32.0]])})
     >>> tree = xr.DataTree.from_dict({"posterior": posterior})
     >>> card = ph.material_card(tree, "abaqus", energy=ph.NeoHookean())
     >>> print("\n".join(line for line in card.splitlines() if line[:2] != "**"))
     *MATERIAL, NAME=wall
     *HYPERELASTIC, NEO HOOKE
-    12.0, 8.333333333333E-5
+    12.5, 8.0E-05
     """
     made_for, units = _known("code", code, _CODES), _known("unit", unit, UNITS)
     if bulk_modulus is not None and not (
