@@ -59,6 +59,7 @@ from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.plots.properties import plot_elastic_properties, plot_wall_stress
 from pymc_hyperelastic.predictions.admissible import admissible
+from pymc_hyperelastic.predictions.cards import material_card
 from pymc_hyperelastic.predictions.curves import (
     predict_axial_force,
     predict_pressure,
@@ -106,6 +107,7 @@ __all__ = [
     "pulse_wave_velocity",
     "wall_stress",
     "admissible",
+    "material_card",
     "fit_classes",
     "classify",
     "compare_classes",
