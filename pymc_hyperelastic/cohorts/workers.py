@@ -158,7 +158,7 @@ class Cluster:
     def __init__(self, work: Work, token: str, client: Any) -> None:
         self._client, self._token = client, token
         self.count = max(1, sum(client.nthreads().values()))
-        # What is scattered is gone with the workers that have it; the result of a task is made again.
+        # What is scattered is gone with its workers; the result of a task is made again.
         self._work = client.submit(pickle.loads, cloudpickle.dumps(work), pure=False)
         self._futures: dict[Future, Any] = {}
         self._seen = time.monotonic()

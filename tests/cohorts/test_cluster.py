@@ -75,7 +75,7 @@ def test_without_workers_the_work_stops_with_a_message(data, tmp_path, monkeypat
     monkeypatch.setattr("pymc_hyperelastic.cohorts.workers._PATIENCE", 1.0)
     with distributed.LocalCluster(n_workers=0, dashboard_address=None) as nobody:
         with distributed.Client(nobody) as client:
-            with pytest.raises(ClusterLost, match="no worker for 1 s. What was computed is in"):
+            with pytest.raises(ClusterLost, match=r"no worker for 1 s\. What was computed is in"):
                 done(Chore(), data, tmp_path / "store", client=client)
 
 
