@@ -1,0 +1,208 @@
+"""What results were made with: law, priors, errors, sampler, as they are stored with them."""
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import xarray as xr
+
+from pymc_hyperelastic.classes.kinds import kind_of_classes
+from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, sd_of_sigma
+from pymc_hyperelastic.models.study import NamedLayer
+from pymc_hyperelastic.plots.style import fitted_classes
+from pymc_hyperelastic.report.blocks import in_words, plural, short
+from pymc_hyperelastic.report.laws import (
+    distribution_in_words,
+    equation_of,
+    units_of,
+    wall_in_words,
+)
+
+# What the errors of what was measured are called, and those that are σ, √2 standard deviations.
+_ERRORS = {
+    "sigma": ("pressures", True),
+    "noise_sd": ("pressures", False),
+    "force_sigma": ("axial forces", True),
+    "force_noise_sd": ("axial forces", False),
+    "force_offset_sd": ("the force transducer, one offset a test,", False),
+    "diameter_noise_sd": ("diameters", False),
+}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a result was made, as far as it says so."""
+
+    wall: list[NamedLayer]
+    variability: Variability | None
+    noise: dict[str, Any]
+    """Numbers, or distributions as they are stored."""
+    noise_in_words: str
+    priors: dict[str, str]
+    """By the name of what they are of."""
+    draws: int
+    chains: int
+    seed: str
+    versions: dict[str, str]
+
+    @property
+    def law(self) -> str:
+        """Name of the strain energy, or of those of the layers."""
+        names = [layer.energy.name for layer in self.wall]
+        return in_words(names) if names else "a strain energy that is not named"
+
+
+def settings_of(tree: xr.DataTree) -> Settings:
+    """Settings of a sampled model, or of fitted classes, which have all the same."""
+    first = next(iter(fitted_classes(tree).values()))
+    posterior = first["posterior"].to_dataset()
+    kind = None
+    if "variability_settings" in first.attrs:
+        kind = kind_of_classes(xr.DataTree.from_dict({"class": first}))
+        assert isinstance(kind, Variability)
+        stored = json.loads(first.attrs["variability_settings"])
+        noise = {name: stored[name] for name in NOISE_UNITS if name in stored}
+        priors = _priors_of_class(kind, stored["priors"])
+    else:
+        noise = json.loads(first.attrs.get("noise", "{}"))
+        units = units_of(first)
+        priors = {
+            name: distribution_in_words(record, units.get(name, ""))
+            for name, record in json.loads(first.attrs.get("priors", "{}")).items()
+        }
+    priors |= {
+        name: distribution_in_words(value, NOISE_UNITS[name].replace("mm2", "mm²"))
+        for name, value in noise.items()
+        if isinstance(value, list)
+    }
+    return Settings(
+        wall_in_words(first),
+        kind,
+        noise,
+        first.attrs.get("noise_in_words", ""),
+        priors,
+        posterior.sizes["draw"],
+        posterior.sizes["chain"],
+        tree.attrs.get("random_seed", ""),
+        json.loads(first.attrs.get("versions", "{}")),
+    )
+
+
+def _priors_of_class(kind: Variability, given: dict[str, list[Any]]) -> dict[str, str]:
+    """Priors of the location and the spreads of a class: its own, or the documented ones."""
+    priors = {name: distribution_in_words(record) for name, record in given.items()}
+    (means, sds), (logs, sd) = kind.scale.location_prior, kind.scale.spread_prior
+    for name, mean, sd_of_mean, log in zip(kind.scale.names, means, sds, logs, strict=True):
+        if "location" not in given:
+            record = ["Normal", [float(mean), float(sd_of_mean)]]
+            priors[f"location[{name}]"] = distribution_in_words(record)
+        if "spread" not in given:
+            priors[f"spread[{name}]"] = distribution_in_words(["LogNormal", [float(log), float(sd)]])
+    return priors
+
+
+def size_of_error(name: str, value: Any) -> str:
+    """How large an error is, in words.
+
+    >>> size_of_error("sigma", 2.0)
+    'a standard deviation of 1.414 kPa'
+    """
+    unit = NOISE_UNITS[name].replace("mm2", "mm²")
+    sigma = _ERRORS[name][1]
+    if isinstance(value, list):
+        scaled = " times √½" if sigma else ""
+        prior = distribution_in_words(value, unit)
+        return f"a standard deviation{scaled} that was inferred, with the prior {prior}"
+    return f"a standard deviation of {short(sd_of_sigma(value) if sigma else value)} {unit}"
+
+
+def noise_sentences(settings: Settings) -> list[str]:
+    """What is said of the errors, as sentences of an article."""
+    sentences = []
+    for name, value in settings.noise.items():
+        if name == "slope_weight":
+            continue
+        what = _ERRORS[name][0]
+        own = ", of each specimen its own," if isinstance(value, list) else ""
+        own = own if settings.variability else ""
+        sentences.append(
+            f"Errors of {what} were taken as normal, with {size_of_error(name, value)}{own}"
+        )
+    sentences = [sentence.rstrip(",") + "." for sentence in sentences]
+    weight = settings.noise.get("slope_weight", 0.0)
+    if isinstance(weight, list):
+        prior = distribution_in_words(weight, "mm²")
+        sentences.append(f"Slopes of the curves counted too, with a weight of prior {prior}.")
+    elif weight:
+        sentences.append(f"Slopes of the curves counted too, with a weight of {short(weight)} mm².")
+    if not settings.noise and settings.noise_in_words:
+        sentences.append(f"Errors were taken as normal, with {settings.noise_in_words}.")
+    return sentences
+
+
+def settings_rows(settings: Settings) -> list[list[Any]]:
+    """What the settings were, as rows of a table."""
+    rows: list[list[Any]] = []
+    for number, layer in enumerate(settings.wall, start=1):
+        of = f" of layer {number}, from inside" if len(settings.wall) > 1 else ""
+        own = ", ".join(f"{name} = {value}" for name, value in vars(layer.energy).items())
+        rows.append([f"strain energy{of}", f"{layer.energy.name}{f' ({own})' if own else ''}"])
+        rows.append([f"its equation{of}", equation_of(layer.energy)])
+        for p in layer.energy.parameters:
+            unit = f" ({p.unit})" if p.unit else ""
+            value = layer.values.get(p.name)
+            fixed = f"; given as {short(value)}" if isinstance(value, float) else ""
+            rows.append([f"{p.name}{unit}{of}", p.description + fixed])
+    if kind := settings.variability:
+        rows.append(["variability", "each specimen has parameters of its own"])
+        rows.append(["coordinates of specimens", ", ".join(kind.scale.names)])
+        stress = kind.reference_stress
+        rows.append(["reference stress (kPa)", "none" if stress is None else float(stress)])
+        differ = "differ by an effect" if kind.experiment_effect else "share its parameters"
+        rows.append(["experiments on a specimen", differ])
+        for name, error in kind.geometry.items():
+            rows.append([f"error of the measured {name.replace('_', ' ')}", str(error)])
+    rows += [[f"prior of {name}", prior] for name, prior in settings.priors.items()]
+    rows += [["errors", settings.noise_in_words]] if settings.noise_in_words else []
+    rows += [["draws of a chain", settings.draws], ["chains", settings.chains]]
+    rows += [["random seed", settings.seed]] if settings.seed else []
+    return rows
+
+
+def model_sentences(settings: Settings) -> list[str]:
+    """What was modelled, as sentences of an article."""
+    energies = [layer.energy for layer in settings.wall]
+    laws = [f"{e.name}, {equation_of(e).rstrip('.')}" for e in energies]
+    tube = "Each vessel was modelled as a thick-walled, incompressible, hyperelastic tube"
+    if len(laws) > 1:
+        sentences = [
+            f"{tube} of {plural(len(laws), 'layer')}, from the inside out of the strain energies "
+            f"{'; '.join(laws)}."
+        ]
+    elif laws:
+        sentences = [f"{tube} with the strain energy {laws[0]}."]
+    else:
+        sentences = [f"{tube}."]
+    if kind := settings.variability:
+        names = kind.scale.names
+        place = "the coordinate" if len(names) == 1 else "the coordinates"
+        sentences.append(
+            "Specimens of a class differed: the parameters of each were a draw from a normal "
+            f"distribution of its class, over {place} {in_words(names)}"
+            + (
+                f" (reference stress {short(kind.reference_stress)} kPa)."
+                if kind.reference_stress is not None
+                else "."
+            )
+        )
+        if kind.experiment_effect:
+            sentences.append("Experiments on a specimen differed by a random effect.")
+    else:
+        sentences.append("All specimens that were fitted together shared one set of parameters.")
+    sentences += noise_sentences(settings)
+    if settings.priors:
+        priors = [f"{prior} for {name}" for name, prior in settings.priors.items()]
+        word = "The prior was" if len(priors) == 1 else "Priors were"
+        sentences.append(f"{word} {in_words(priors)}.")
+    return sentences
