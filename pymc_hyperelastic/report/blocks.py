@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from pymc_hyperelastic.plots.style import rounded_probability
 from pymc_hyperelastic.report.svg import inline_svg
 
 # How notices are called, from the worst.
@@ -82,21 +83,27 @@ class Page:
             self.checked.append(what)
 
     @contextmanager
-    def listening(self, what: str) -> Iterator[None]:
-        """Turn warnings, and errors that the data are the cause of, into notices."""
+    def listening(self, what: str, aloud: bool = True) -> Iterator[None]:
+        """Turn errors that the data are the cause of, and warnings if `aloud`, into notices."""
         with warnings.catch_warnings(record=True) as heard:
             warnings.simplefilter("always")
             try:
                 yield
             except (ValueError, TypeError, ArithmeticError) as error:
                 self.notice(CAUTION, f"{what} cannot be shown: {error}")
-        for warning in heard:
+        for warning in heard if aloud else ():
             # Other fonts than matplotlib's have the letter.
             if issubclass(warning.category, UserWarning) and "Glyph" not in str(warning.message):
                 self.notice(CAUTION, f"{what}: {warning.message}")
 
     def figure(
-        self, draw: Callable[..., Any], *args: Any, label: str, caption: str, **settings: Any
+        self,
+        draw: Callable[..., Any],
+        *args: Any,
+        label: str,
+        caption: str,
+        aloud: bool = True,
+        **settings: Any,
     ) -> list[Block]:
         """Draw a figure; a list without it, and a notice, if that cannot be."""
         import matplotlib as mpl
@@ -104,8 +111,8 @@ class Page:
 
         drawn: list[Block] = []
         # Text stays text: it can be found, copied, and read in any alphabet.
-        style = {"svg.fonttype": "none", "svg.hashsalt": "report"}
-        with self.listening(f"The figure “{label}”"), mpl.rc_context(style), plt.ioff():
+        style: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "report"}
+        with self.listening(f"The figure “{label}”", aloud), mpl.rc_context(style), plt.ioff():
             before = set(plt.get_fignums())
             try:
                 figure = draw(*args, **settings).get_viz("figure")
@@ -129,14 +136,22 @@ def _thin(figure: Any) -> None:
             cloud.set_rasterized(True)
 
 
+class Probability(float):
+    """A number that a table never shows as exactly zero or one."""
+
+
 def short(value: float) -> str:
     """A number as a table shows it.
 
     >>> short(-1234.5678), short(0.00001234), short(float("inf")), short(float("nan"))
     ('−1235', '1.234 × 10⁻⁵', 'infinite', 'not known')
+    >>> short(Probability(1.0))
+    '>0.999'
     """
     if math.isnan(value):
         return "not known"
+    if isinstance(value, Probability):
+        return rounded_probability(value)
     if math.isinf(value):
         return "infinite" if value > 0 else "−infinite"
     text = f"{value:.4g}"

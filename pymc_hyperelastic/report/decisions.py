@@ -19,6 +19,7 @@ from pymc_hyperelastic.report.blocks import (
     Block,
     Found,
     Page,
+    Probability,
     Table,
     in_words,
     plural,
@@ -96,7 +97,8 @@ def check_classified(found: Found, page: Page) -> None:
     if "pareto_k" in table:
         page.check(f"Pareto shapes of the weights, below {LARGEST_PARETO_K}")
         heavy = (table["pareto_k"] >= LARGEST_PARETO_K).any(axis=1)
-        tell(CAUTION, heavy, f"a few weights decide an evidence (Pareto shape from {LARGEST_PARETO_K})")
+        words = f"a few weights decide an evidence (Pareto shape from {LARGEST_PARETO_K} on)"
+        tell(CAUTION, heavy, words)
     if "p_value" in table:
         page.check(f"p-values of each class, from {_STRANGE}")
         strange = (table["p_value"] < _STRANGE).all(axis=1)
@@ -143,7 +145,8 @@ def show_classified(found: Found, page: Page) -> list[Block]:
             result[f"strain_energy_{name}{end}"].values for name in names for end in ("", "_se")
         ]
         rows = [
-            [str(law), *(float(c[i]) for c in columns)] for i, law in enumerate(laws)
+            [str(law), Probability(columns[0][i]), *(float(c[i]) for c in columns[1:])]
+            for i, law in enumerate(laws)
         ]
         headings = ["probability", "its standard error", "log evidence", "its standard error"]
         caption = f"Strain energies over which was averaged: {found.title}"
@@ -170,8 +173,8 @@ def _decisions(found: Found) -> Table:
         decided = str(own["decision"].item()) or "not classified" if "decision" in own else ""
         for label in result["class_label"].values.tolist():
             of_class = own.sel(class_label=label)
-            row = [name, *(str(own[t].item()) for t in told), decided, str(label)]
-            row += [float(of_class[n]) for n in there]
+            row: list[Any] = [name, *(str(own[t].item()) for t in told), decided, str(label)]
+            row += [_number(n, of_class[n]) for n in there]
             rows.append(row + [str(of_class["method"].item())] * ("method" in result))
     columns = [
         "experiment" if "experiment" in result.coords else "specimen",
@@ -182,6 +185,10 @@ def _decisions(found: Found) -> Table:
         *["integrated by"] * ("method" in result),
     ]
     return Table(f"Decisions and probabilities: {found.title}", columns, rows)
+
+
+def _number(name: str, value: Any) -> float:
+    return Probability(value) if name in ("class_probability", "p_value") else float(value)
 
 
 def _parts(found: Found) -> Table:
@@ -209,10 +216,10 @@ def classified_sentences(found: Found) -> list[str]:
     count = result.sizes[unit]
     what = plural(count, "experiment" if unit == "test" else "specimen")
     labels = [str(label) for label in result["class_label"].values]
+    classes = "class" if len(labels) == 1 else "classes"
     sentences = [
-        f"{what} {'was' if count == 1 else 'were'} held against the "
-        f"{plural(len(labels), 'class', 'classes')} {in_words(labels)} by marginal likelihood, the "
-        "likelihood of the new curves averaged over the posterior of each class."
+        f"The curves of {what} were held against the {classes} {in_words(labels)} by marginal "
+        "likelihood: the likelihood of the new curves, averaged over the posterior of a class."
     ]
     prior = json.loads(result.attrs.get("class_prior", "{}"))
     if prior and len({round(p, 12) for p in prior.values()}) == 1:
@@ -276,7 +283,7 @@ def show_held_out(found: Found, page: Page) -> list[Block]:
         for i, specimen in enumerate(result["specimen"].values.tolist()):
             at = own.isel(specimen=i)
             row: list[Any] = [str(specimen), str(law), str(at["true_class"].item())]
-            row += [float(at["class_probability"].sel(class_label=name)) for name in labels]
+            row += [Probability(at["class_probability"].sel(class_label=name)) for name in labels]
             scores = [float(at[name]) for name in ("log_score", "brier_score")]
             rows.append([*row, *scores, str(at["verdict"].item()) or "not known"])
         known = own.isel(specimen=np.flatnonzero(own["log_score"].notnull().values))

@@ -14,10 +14,10 @@ from pymc_hyperelastic.report.blocks import (
     Block,
     Found,
     Page,
+    Probability,
     Table,
     Text,
     in_words,
-    plural,
     short,
 )
 from pymc_hyperelastic.report.measurements import warn_of_simulated
@@ -25,7 +25,7 @@ from pymc_hyperelastic.report.measurements import warn_of_simulated
 # Sensitivity to the prior from which on it has a say; share of specimens whose lack is told.
 _SENSITIVE, _LACKING = 0.05, 0.005
 # Pressures of curves that a table shows.
-_MOST_PRESSURES = 5
+_MOST_PRESSURES = 3
 
 
 def is_comparison(result: Any) -> bool:
@@ -42,16 +42,19 @@ def check_comparison(found: Found, page: Page) -> None:
     if "words" in result.attrs:
         page.notice(NOTE, f"{found.title}: {result.attrs['words']}.")
     page.check("how far differences between groups rest on priors")
+    if "prior_sensitivity" in result:
+        typical = result["prior_sensitivity"].sel(statistic="typical")
+        largest = typical.max([d for d in typical.dims if d != "quantity"])
+        told = [
+            f"{name} (sensitivity {short(float(largest.sel(quantity=name)))})"
+            for name in result["quantity"].values.tolist()
+            if float(largest.sel(quantity=name)) > _SENSITIVE
+        ]
+        if told:
+            words = f"the prior has a say in the difference of {in_words(told)}"
+            page.notice(CAUTION, f"{found.title}: {words}.")
     for name in result["quantity"].values.tolist():
         own = result.sel(quantity=name)
-        if "prior_sensitivity" in own:
-            typical = own["prior_sensitivity"].sel(statistic="typical")
-            if float(typical.max()) > _SENSITIVE:
-                page.notice(
-                    CAUTION,
-                    f"{found.title}: the prior has a say in the difference of {name} (sensitivity "
-                    f"up to {short(float(typical.max()))}).",
-                )
         if "lacking" in own and float(own["lacking"].max()) > _LACKING:
             page.notice(
                 CAUTION,
@@ -64,8 +67,8 @@ def check_comparison(found: Found, page: Page) -> None:
         page.check("errors of Bayes factors")
         infinite = ~np.isfinite(result["log_bayes_factor_se"].values)
         if infinite.any():
-            told = in_words(result["comparison"].values[infinite].tolist())
-            page.notice(BAD, f"{found.title}: the Bayes factor of {told} has an infinite error.")
+            of = in_words(result["comparison"].values[infinite].tolist())
+            page.notice(BAD, f"{found.title}: the Bayes factor of {of} has an infinite error.")
 
 
 def show_comparison(found: Found, page: Page) -> list[Block]:
@@ -86,9 +89,10 @@ def show_comparison(found: Found, page: Page) -> list[Block]:
     blocks += [_values(found), _differences(found)]
     if "log_bayes_factor" in result:
         columns = ["comparison", "log Bayes factor", "its standard error"]
-        names = ("log_bayes_factor", "log_bayes_factor_se", "probability_of_difference")
+        numbers = {"log_bayes_factor": float, "log_bayes_factor_se": float}
+        numbers["probability_of_difference"] = Probability
         rows = [
-            [str(c), *(float(result[n].sel(comparison=c)) for n in names)]
+            [str(c), *(kind(result[n].sel(comparison=c)) for n, kind in numbers.items())]
             for c in result["comparison"].values.tolist()
         ]
         columns.append("probability of a difference")
@@ -147,7 +151,7 @@ def _differences(found: Found) -> Table:
                 typical = own.sel(statistic="typical")
                 numbers = [float(typical["difference"]), *_ends(typical["difference_interval"])]
                 numbers += [
-                    float(typical["probability_of_rise"]),
+                    Probability(typical["probability_of_rise"]),
                     float(own["effect_size"]),
                     *_ends(own["effect_size_interval"]),
                     float(own["best_accuracy"]),
@@ -183,8 +187,7 @@ def comparison_sentences(found: Found) -> list[str]:
         f"The groups {in_words(groups)} were compared by the posterior of the difference of "
         f"their typical specimens in {in_words(names)}{at}, all in one tube; intervals hold "
         f"{100 * float(result.attrs['interval']):.3g} %.",
-        f"{plural(count, 'difference was', 'differences were')} looked at, and nothing was "
-        "corrected for their number."
+        f"In all {count} differences were looked at, and nothing was corrected for their number."
         if count > 1
         else "One difference was looked at.",
     ]

@@ -188,6 +188,12 @@ def summary(values: Array) -> list[float]:
     return [float(known.mean()), float(known.std(ddof=1)), float(low), float(high)]
 
 
+def _middle(values: Array) -> list[float]:
+    """Median, which a few draws of softening materials do not move, and the ends."""
+    known = values[np.isfinite(values)]
+    return [float(np.median(known)) if known.size else np.nan, *summary(values)[2:]]
+
+
 def ends() -> list[str]:
     """Headings of the ends of an interval."""
     return [f"{100 * q:.3g} %" for q in ((1 - PROB) / 2, (1 + PROB) / 2)]
@@ -208,13 +214,13 @@ def show_properties(found: Found, page: Page) -> list[Block]:
         return []
     data = [inflation_data_of(tree) for tree in trees.values()]
     span = _measured_pressures(data, page)
-    if page.pressure is None and span is None:
-        return [Text("There is no pressure that was measured in all experiments.")]
     if page.pressure is not None:
-        pressures = np.atleast_1d(np.asarray(page.pressure, float))
+        pressures = page.pressure
         curve = np.linspace(pressures.min(), pressures.max(), _IN_CURVE)
-    else:
+    elif span is not None:
         pressures, curve = (np.linspace(*span, n) for n in (_IN_TABLE, _IN_CURVE))
+    else:
+        return [Text("There is no pressure that all experiments reached.")]
     tube, said = _one_tube(data, "layers" in next(iter(trees.values())).attrs)
     blocks: list[Block] = []
     if len(set(curve.tolist())) > 1:
@@ -225,6 +231,7 @@ def show_properties(found: Found, page: Page) -> list[Block]:
             label=f"Elastic properties over the pressure: {found.title}",
             caption=f"Elastic properties over the pressure{said}. Lines and bands: median and "
             f"{100 * PROB:.3g} % of the posterior.",
+            aloud=False,  # the table of the same warns of the same
             prob=PROB,
             pressure_unit=page.pressure_unit,
             tube=tube,
@@ -232,15 +239,15 @@ def show_properties(found: Found, page: Page) -> list[Block]:
     rows = []
     with page.listening(f"The table of elastic properties: {found.title}"):
         for name, tree in trees.items():
-            told = {"pressure_unit": page.pressure_unit, **tube}
+            told: dict[str, Any] = {"pressure_unit": page.pressure_unit, **tube}
             properties = tube_properties(tree, pressures, **told)
             for i, pressure in enumerate(pressures.tolist()):
                 at = properties.isel(pressure=i)
                 rows += [
-                    [_words(key), name, pressure, unit, *summary(at[key].values)]
+                    [_words(key), name, pressure, unit, *_middle(at[key].values)]
                     for key, unit in _UNITS.items()
                 ]
-    columns = ["property", "class", f"pressure ({page.pressure_unit})", "unit", "mean", "sd"]
+    columns = ["property", "class", f"pressure ({page.pressure_unit})", "unit", "median"]
     if rows:
         caption = f"Elastic properties{said}: {found.title}"
         blocks.append(Table(caption, [*columns, *ends()], rows))

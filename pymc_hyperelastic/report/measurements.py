@@ -49,13 +49,15 @@ def warn_of_simulated(attrs: Any, page: Page) -> None:
 def show_measurements(found: Found, page: Page) -> list[Block]:
     """A table of the specimens, where the data come from, and their curves."""
     data: xr.Dataset = found.result
-    if any(data.identical(known) for known in page.shown):
+    if any(isinstance(known, xr.Dataset) and data.identical(known) for known in page.shown):
         return []
     page.shown.append(data)
     blocks: list[Block] = []
     said = [data.attrs.get(name) for name in ("title", "description", "source")]
-    if any(said):
-        blocks.append(Text(". ".join(str(s).rstrip(".") for s in said if s) + "."))
+    words = " ".join(f"{str(s).rstrip('.')}." for s in said if s)
+    if words and words not in page.shown:
+        page.shown.append(words)
+        blocks.append(Text(words))
     blocks.append(_specimens(found.title, data, page.pressure_unit))
     of = {"axial_stretch" if len(specimens_apart(data)) == 1 else "group"}
     blocks += page.figure(
@@ -80,7 +82,9 @@ def counted(data: xr.Dataset) -> str:
     extended = int(extension_tests(data).sum())
     tests = plural(data.sizes["test"], "experiment")
     if extended:
-        tests += f" ({extended} of them {'an extension test' if extended == 1 else 'extension tests'})"
+        tests += (
+            f" ({extended} of them {'an extension test' if extended == 1 else 'extension tests'})"
+        )
     return f"{plural(specimens, 'specimen')}, {tests}, {plural(data.sizes['obs'], 'point')}"
 
 
@@ -108,4 +112,4 @@ def _range(values: Any) -> float | str:
     if not known.size:
         return "not known"
     low, high = float(known.min()), float(known.max())
-    return low if short(low) == short(high) else f"{short(low)} to {short(high)}"
+    return low if short(low) == short(high) else f"{short(low)}\u00a0to\u00a0{short(high)}"

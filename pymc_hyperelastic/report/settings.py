@@ -6,7 +6,6 @@ from typing import Any
 
 import xarray as xr
 
-from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, sd_of_sigma
 from pymc_hyperelastic.models.study import NamedLayer
@@ -57,10 +56,9 @@ def settings_of(tree: xr.DataTree) -> Settings:
     """Settings of a sampled model, or of fitted classes, which have all the same."""
     first = next(iter(fitted_classes(tree).values()))
     posterior = first["posterior"].to_dataset()
-    kind = None
+    kind: Variability | None = None
     if "variability_settings" in first.attrs:
-        kind = kind_of_classes(xr.DataTree.from_dict({"class": first}))
-        assert isinstance(kind, Variability)
+        kind = Variability.of_tree(first)
         stored = json.loads(first.attrs["variability_settings"])
         noise = {name: stored[name] for name in NOISE_UNITS if name in stored}
         priors = _priors_of_class(kind, stored["priors"])
@@ -98,7 +96,9 @@ def _priors_of_class(kind: Variability, given: dict[str, list[Any]]) -> dict[str
             record = ["Normal", [float(mean), float(sd_of_mean)]]
             priors[f"location[{name}]"] = distribution_in_words(record)
         if "spread" not in given:
-            priors[f"spread[{name}]"] = distribution_in_words(["LogNormal", [float(log), float(sd)]])
+            priors[f"spread[{name}]"] = distribution_in_words(
+                ["LogNormal", [float(log), float(sd)]]
+            )
     return priors
 
 
