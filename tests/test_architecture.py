@@ -103,7 +103,9 @@ def test_imports_between_wings_point_upward():
     assert_upward(mapped_wings(), arrows(PACKAGE))
 
 
-@pytest.mark.parametrize("wing", ["mechanics", "data", "evidence", "models", "classes", "plots"])
+@pytest.mark.parametrize(
+    "wing", ["mechanics", "data", "evidence", "models", "classes", "plots", "report"]
+)
 def test_imports_within_a_wing_point_upward(wing):
     """Each room imports only from those above it in its wing."""
     assert_upward(mapped_rooms(wing), arrows(PACKAGE / wing, (wing,)))

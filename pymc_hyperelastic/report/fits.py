@@ -8,16 +8,12 @@ import xarray as xr
 from arviz_stats.base import array_stats
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.inflation import extension_tests, held_stretches, points_of
-from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.study import inflation_data_of
 from pymc_hyperelastic.plots.density import plot_parameter_density
 from pymc_hyperelastic.plots.fit import plot_pressure_fit
 from pymc_hyperelastic.plots.force import plot_axial_force
-from pymc_hyperelastic.plots.properties import PROPERTY_LABELS, plot_elastic_properties
-from pymc_hyperelastic.plots.style import fitted_classes, per_kilopascal
+from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ, with_parameters
-from pymc_hyperelastic.predictions.properties import tube_properties
 from pymc_hyperelastic.report.blocks import Block, Found, Page, Table, Text
 from pymc_hyperelastic.report.laws import units_of
 from pymc_hyperelastic.report.measurements import show_measurements
@@ -27,17 +23,8 @@ Array = NDArray[np.float64]
 # Of the intervals and bands of a report, and of its regions.
 PROB = 0.95
 _REGIONS = (0.5, PROB)
-# Pressures of a table unless they are given, and at least of a curve.
-_IN_TABLE, _IN_CURVE = 3, 25
 # Of both signs are draws of which more than this share have the rarer one.
 _BOTH_SIGNS = 0.01
-_UNITS = {
-    "compliance": "mm²/kPa",
-    "distensibility": "1/kPa",
-    "peterson_modulus": "kPa",
-    "incremental_modulus": "kPa",
-    "pulse_wave_velocity": "m/s",
-}
 
 
 def are_fits(result: Any) -> bool:
@@ -188,12 +175,6 @@ def summary(values: Array) -> list[float]:
     return [float(known.mean()), float(known.std(ddof=1)), float(low), float(high)]
 
 
-def _middle(values: Array) -> list[float]:
-    """Median, which a few draws of softening materials do not move, and the ends."""
-    known = values[np.isfinite(values)]
-    return [float(np.median(known)) if known.size else np.nan, *summary(values)[2:]]
-
-
 def ends() -> list[str]:
     """Headings of the ends of an interval."""
     return [f"{100 * q:.3g} %" for q in ((1 - PROB) / 2, (1 + PROB) / 2)]
@@ -205,79 +186,3 @@ def _convergence(draws: Array) -> tuple[float, float]:
         return np.nan, np.nan
     rhat = float(array_stats.rhat(draws)) if len(draws) > 1 else np.nan
     return rhat, float(array_stats.ess(draws))
-
-
-def show_properties(found: Found, page: Page) -> list[Block]:
-    """Elastic properties at pressures that were measured, or that are asked for."""
-    trees = by_name(found)
-    if not all(map(has_data, trees.values())):
-        return []
-    data = [inflation_data_of(tree) for tree in trees.values()]
-    span = _measured_pressures(data, page)
-    if page.pressure is not None:
-        pressures = page.pressure
-        curve = np.linspace(pressures.min(), pressures.max(), _IN_CURVE)
-    elif span is not None:
-        pressures, curve = (np.linspace(*span, n) for n in (_IN_TABLE, _IN_CURVE))
-    else:
-        return [Text("There is no pressure that all experiments reached.")]
-    tube, said = _one_tube(data, "layers" in next(iter(trees.values())).attrs)
-    blocks: list[Block] = []
-    if len(set(curve.tolist())) > 1:
-        blocks += page.figure(
-            plot_elastic_properties,
-            found.result,
-            curve,
-            label=f"Elastic properties over the pressure: {found.title}",
-            caption=f"Elastic properties over the pressure{said}. Lines and bands: median and "
-            f"{100 * PROB:.3g} % of the posterior.",
-            aloud=False,  # the table of the same warns of the same
-            prob=PROB,
-            pressure_unit=page.pressure_unit,
-            tube=tube,
-        )
-    rows = []
-    with page.listening(f"The table of elastic properties: {found.title}"):
-        for name, tree in trees.items():
-            told: dict[str, Any] = {"pressure_unit": page.pressure_unit, **tube}
-            properties = tube_properties(tree, pressures, **told)
-            for i, pressure in enumerate(pressures.tolist()):
-                at = properties.isel(pressure=i)
-                rows += [
-                    [_words(key), name, pressure, unit, *_middle(at[key].values)]
-                    for key, unit in _UNITS.items()
-                ]
-    columns = ["property", "class", f"pressure ({page.pressure_unit})", "unit", "median"]
-    if rows:
-        caption = f"Elastic properties{said}: {found.title}"
-        blocks.append(Table(caption, [*columns, *ends()], rows))
-    return blocks
-
-
-def _words(name: str) -> str:
-    return PROPERTY_LABELS[name].split(" d$")[0].split(" (")[0]
-
-
-def _measured_pressures(data: list[xr.Dataset], page: Page) -> tuple[float, float] | None:
-    """From which to which pressure all inflation tests reach."""
-    low, high = 0.0, np.inf
-    for of_class in data:
-        for test in np.flatnonzero(~extension_tests(of_class)).tolist():
-            own = of_class["pressure"].values[points_of(of_class, test)]
-            low, high = max(low, float(own.min())), min(high, float(own.max()))
-    unit = per_kilopascal(page.pressure_unit)
-    return (low * unit, high * unit) if low < high < np.inf else None
-
-
-def _one_tube(data: list[xr.Dataset], layered: bool) -> tuple[dict[str, float], str]:
-    """The tube in the middle of all that were measured, where these differ, and that it is."""
-    tube = {}
-    for name in GEOMETRY:
-        values = [held_stretches(d) if name == "axial_stretch" else d[name].values for d in data]
-        known = np.concatenate(values)
-        known = known[np.isfinite(known)]
-        if known.size and np.ptp(known) > 0 and not (layered and name == "outer_radius"):
-            tube[name] = float(np.median(known))
-    if not tube:
-        return {}, ""
-    return tube, " of the tube in the middle of those that were measured"

@@ -10,13 +10,9 @@ from typing import Any, NamedTuple
 from pymc_hyperelastic.report.blocks import Block, Found, Page, Table
 from pymc_hyperelastic.report.decisions import (
     check_classified,
-    check_held_out,
     classified_sentences,
-    held_out_sentences,
     is_classified,
-    is_held_out,
     show_classified,
-    show_held_out,
 )
 from pymc_hyperelastic.report.differences import (
     check_comparison,
@@ -24,12 +20,12 @@ from pymc_hyperelastic.report.differences import (
     is_comparison,
     show_comparison,
 )
-from pymc_hyperelastic.report.fits import (
-    are_fits,
-    show_fits,
-    show_posteriors,
-    show_properties,
-    show_training,
+from pymc_hyperelastic.report.fits import are_fits, show_fits, show_posteriors, show_training
+from pymc_hyperelastic.report.held_out import (
+    check_held_out,
+    held_out_sentences,
+    is_held_out,
+    show_held_out,
 )
 from pymc_hyperelastic.report.measurements import (
     are_measurements,
@@ -37,6 +33,7 @@ from pymc_hyperelastic.report.measurements import (
     show_measurements,
 )
 from pymc_hyperelastic.report.methods import fit_sentences
+from pymc_hyperelastic.report.properties import show_properties
 from pymc_hyperelastic.report.settings import settings_of, settings_rows
 from pymc_hyperelastic.report.trust import check_fits, show_trust
 

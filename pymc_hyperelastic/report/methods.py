@@ -1,5 +1,9 @@
 """The methods of a study in sentences, to be pasted into an article."""
 
+from collections.abc import Mapping
+
+import xarray as xr
+
 from pymc_hyperelastic.data.inflation import extension_tests
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.models.study import inflation_data_of
@@ -14,15 +18,16 @@ _INTEGRATED = {"importance": "importance sampling", "bridge": "bridge sampling"}
 def fit_sentences(found: Found) -> list[str]:
     """What was fitted, to which data and how, as sentences of an article."""
     settings = settings_of(found.result)
-    return [*_data_sentences(found), *model_sentences(settings), *_sampling(found, settings)]
-
-
-def _data_sentences(found: Found) -> list[str]:
     trees = {name: tree for name, tree in by_name(found).items() if has_data(tree)}
     data = {name: inflation_data_of(tree) for name, tree in trees.items()}
+    specimens = {name: len(specimens_of(d)[0]) for name, d in data.items()}
+    modelled = model_sentences(settings, several=max(specimens.values(), default=2) > 1)
+    return [*_data_sentences(data, specimens), *modelled, *_sampling(found, settings)]
+
+
+def _data_sentences(data: Mapping[str, xr.Dataset], specimens: Mapping[str, int]) -> list[str]:
     if not data:
         return []
-    specimens = {name: len(specimens_of(d)[0]) for name, d in data.items()}
     of = ""
     if len(data) > 1:
         told = in_words([f"{count} in {name}" for name, count in specimens.items()])

@@ -3,7 +3,6 @@
 import os
 import platform
 from collections.abc import Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,9 +13,7 @@ import xarray as xr
 from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.report.blocks import LEVELS, Block, Found, Page, short
 from pymc_hyperelastic.report.kinds import CHAPTERS, Kind, kind_of
-from pymc_hyperelastic.report.settings import settings_of
-
-_PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "arviz", "numpy", "xarray", "matplotlib")
+from pymc_hyperelastic.report.software import methods_of, versions_of
 
 
 class _Part(NamedTuple):
@@ -100,8 +97,10 @@ def report(
     found = [(each, kind_of(each.result)) for each in _titled(result, data)]
     page = Page(_checked_pressure(pressure), pressure_unit)
     for each, kind in found:
-        kind.check(each, page)
+        with page.listening(f"What speaks against {each.title}"):
+            kind.check(each, page)
     chapters = _chapters(found, page)
+    methods = methods_of(found, page)
     # A figure tells what its data lack only when it is drawn: warnings are sorted at the end.
     page.notices.sort(key=lambda notice: LEVELS.index(notice.level))
     html = template.render(
@@ -110,8 +109,8 @@ def report(
         notices=page.notices,
         checked=page.checked,
         chapters=chapters,
-        methods=" ".join(_methods(found)),
-        versions=_versions(found),
+        methods=" ".join(methods),
+        versions=versions_of(found),
         python=platform.python_version(),
         style=files(__package__).joinpath("style.css").read_text(encoding="utf-8"),
     )
@@ -193,7 +192,11 @@ def _chapters(found: Sequence[tuple[Found, Kind]], page: Page) -> list[_Chapter]
     for anchor, title in CHAPTERS.items():
         parts = []
         for each, kind in found:
-            if anchor in kind.chapters and (blocks := kind.chapters[anchor](each, page)):
+            blocks: list[Block] = []
+            if anchor in kind.chapters:
+                with page.listening(f"The chapter “{title}” of {each.title}"):
+                    blocks = kind.chapters[anchor](each, page)
+            if blocks:
                 parts.append(_Part(each.title, blocks))
         if parts:
             chapters.append(_Chapter(anchor, title, parts))
@@ -210,40 +213,6 @@ def _title_of(found: Sequence[tuple[Found, Kind]]) -> str:
             attrs += [t["constant_data"].attrs for t in trees if "constant_data" in t.children]
     titles = dict.fromkeys(str(a["title"]) for a in attrs if a.get("title"))
     return ", ".join(titles) or "Report of a study"
-
-
-def _methods(found: Sequence[tuple[Found, Kind]]) -> list[str]:
-    """Sentences on the methods, each once, and with what they were carried out."""
-    said = dict.fromkeys(s for each, kind in found for s in kind.methods(each))
-    software = {name: _version(name) for name in _PACKAGES}
-    for each, kind in found:
-        if isinstance(each.result, xr.DataTree):
-            software |= settings_of(each.result).versions
-    return [
-        *said,
-        f"All was computed with pymc_hyperelastic {software['pymc-hyperelastic']} on PyMC "
-        f"{software['pymc']}, PyTensor {software['pytensor']} and NumPy {software['numpy']}.",
-    ]
-
-
-def _versions(found: Sequence[tuple[Found, Kind]]) -> list[tuple[str, str, str]]:
-    """Packages with their versions when the results were made, if they say so, and now."""
-    then: dict[str, list[str]] = {name: [] for name in _PACKAGES}
-    for each, _ in found:
-        if isinstance(each.result, xr.DataTree):
-            for name, number in settings_of(each.result).versions.items():
-                if number not in then.setdefault(name, []):
-                    then[name].append(number)
-    return [
-        (name, ", ".join(numbers) or "not told", _version(name)) for name, numbers in then.items()
-    ]
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed"
 
 
 def _write(path: Path, text: str) -> None:

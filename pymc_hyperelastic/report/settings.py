@@ -7,7 +7,7 @@ from typing import Any
 import xarray as xr
 
 from pymc_hyperelastic.classes.variable import Variability
-from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, sd_of_sigma
+from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, SIGMA_OF, sd_of_sigma
 from pymc_hyperelastic.models.study import NamedLayer
 from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.report.blocks import in_words, plural, short
@@ -18,14 +18,13 @@ from pymc_hyperelastic.report.laws import (
     wall_in_words,
 )
 
-# What the errors of what was measured are called, and those that are σ, √2 standard deviations.
-_ERRORS = {
-    "sigma": ("pressures", True),
-    "noise_sd": ("pressures", False),
-    "force_sigma": ("axial forces", True),
-    "force_noise_sd": ("axial forces", False),
-    "force_offset_sd": ("the force transducer, one offset a test,", False),
-    "diameter_noise_sd": ("diameters", False),
+# Of what errors are.
+_MEASURED = {
+    "sigma": "pressures",
+    "noise_sd": "pressures",
+    "force_sigma": "axial forces",
+    "force_noise_sd": "axial forces",
+    "diameter_noise_sd": "diameters",
 }
 
 
@@ -43,7 +42,6 @@ class Settings:
     draws: int
     chains: int
     seed: str
-    versions: dict[str, str]
 
     @property
     def law(self) -> str:
@@ -83,7 +81,6 @@ def settings_of(tree: xr.DataTree) -> Settings:
         posterior.sizes["draw"],
         posterior.sizes["chain"],
         tree.attrs.get("random_seed", ""),
-        json.loads(first.attrs.get("versions", "{}")),
     )
 
 
@@ -103,39 +100,39 @@ def _priors_of_class(kind: Variability, given: dict[str, list[Any]]) -> dict[str
 
 
 def size_of_error(name: str, value: Any) -> str:
-    """How large an error is, in words.
+    """How large an error is, or how much slopes count, in words.
 
     >>> size_of_error("sigma", 2.0)
     'a standard deviation of 1.414 kPa'
     """
-    unit = NOISE_UNITS[name].replace("mm2", "mm²")
-    sigma = _ERRORS[name][1]
+    unit, is_sigma = NOISE_UNITS[name].replace("mm2", "mm²"), name in SIGMA_OF.values()
     if isinstance(value, list):
-        scaled = " times √½" if sigma else ""
         prior = distribution_in_words(value, unit)
-        return f"a standard deviation{scaled} that was inferred, with the prior {prior}"
-    return f"a standard deviation of {short(sd_of_sigma(value) if sigma else value)} {unit}"
+        if name == "slope_weight":
+            return f"prior {prior}"
+        times = " times √2" if is_sigma else ""
+        return f"a standard deviation{times} that was inferred, with the prior {prior}"
+    if name == "slope_weight":
+        return f"{short(value)} {unit}"
+    return f"a standard deviation of {short(sd_of_sigma(value) if is_sigma else value)} {unit}"
 
 
 def noise_sentences(settings: Settings) -> list[str]:
     """What is said of the errors, as sentences of an article."""
     sentences = []
     for name, value in settings.noise.items():
+        size = size_of_error(name, value)
         if name == "slope_weight":
-            continue
-        what = _ERRORS[name][0]
-        own = ", of each specimen its own," if isinstance(value, list) else ""
-        own = own if settings.variability else ""
-        sentences.append(
-            f"Errors of {what} were taken as normal, with {size_of_error(name, value)}{own}"
-        )
-    sentences = [sentence.rstrip(",") + "." for sentence in sentences]
-    weight = settings.noise.get("slope_weight", 0.0)
-    if isinstance(weight, list):
-        prior = distribution_in_words(weight, "mm²")
-        sentences.append(f"Slopes of the curves counted too, with a weight of prior {prior}.")
-    elif weight:
-        sentences.append(f"Slopes of the curves counted too, with a weight of {short(weight)} mm².")
+            if value:
+                words = f"Slopes of the curves counted too, with a weight of {size}."
+                sentences.append(words)
+        elif name == "force_offset_sd":
+            words = f"Each test had an offset of the force transducer, normal with {size}."
+            sentences.append(words)
+        else:
+            own = " in each specimen" if settings.variability and isinstance(value, list) else ""
+            words = f"Errors of {_MEASURED[name]} were taken as normal{own}, with {size}."
+            sentences.append(words)
     if not settings.noise and settings.noise_in_words:
         sentences.append(f"Errors were taken as normal, with {settings.noise_in_words}.")
     return sentences
@@ -170,8 +167,8 @@ def settings_rows(settings: Settings) -> list[list[Any]]:
     return rows
 
 
-def model_sentences(settings: Settings) -> list[str]:
-    """What was modelled, as sentences of an article."""
+def model_sentences(settings: Settings, several: bool) -> list[str]:
+    """What was modelled of one specimen or `several`, as sentences of an article."""
     energies = [layer.energy for layer in settings.wall]
     laws = [f"{e.name}, {equation_of(e).rstrip('.')}" for e in energies]
     tube = "Each vessel was modelled as a thick-walled, incompressible, hyperelastic tube"
@@ -198,7 +195,7 @@ def model_sentences(settings: Settings) -> list[str]:
         )
         if kind.experiment_effect:
             sentences.append("Experiments on a specimen differed by a random effect.")
-    else:
+    elif several:
         sentences.append("All specimens that were fitted together shared one set of parameters.")
     sentences += noise_sentences(settings)
     if settings.priors:

@@ -1,0 +1,111 @@
+"""Elastic properties of the tubes of a result."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from pymc_hyperelastic.data.inflation import extension_tests, held_stretches, points_of
+from pymc_hyperelastic.mechanics.tube import GEOMETRY
+from pymc_hyperelastic.models.study import inflation_data_of
+from pymc_hyperelastic.plots.properties import PROPERTY_LABELS, plot_elastic_properties
+from pymc_hyperelastic.plots.style import per_kilopascal
+from pymc_hyperelastic.predictions.properties import tube_properties
+from pymc_hyperelastic.report.blocks import Block, Found, Page, Table, Text
+from pymc_hyperelastic.report.fits import PROB, by_name, ends, has_data, summary
+
+Array = NDArray[np.float64]
+
+# Pressures of a table unless they are given, and of a curve.
+_IN_TABLE, _IN_CURVE = 3, 25
+_UNITS = {
+    "compliance": "mm²/kPa",
+    "distensibility": "1/kPa",
+    "peterson_modulus": "kPa",
+    "incremental_modulus": "kPa",
+    "pulse_wave_velocity": "m/s",
+}
+
+
+def show_properties(found: Found, page: Page) -> list[Block]:
+    """Elastic properties at pressures that were measured, or that are asked for."""
+    trees = by_name(found)
+    if not all(map(has_data, trees.values())):
+        return []
+    data = [inflation_data_of(tree) for tree in trees.values()]
+    span = _measured_pressures(data, page)
+    if page.pressure is not None:
+        pressures = page.pressure
+        curve = np.linspace(pressures.min(), pressures.max(), _IN_CURVE)
+    elif span is not None:
+        pressures, curve = (np.linspace(*span, n) for n in (_IN_TABLE, _IN_CURVE))
+    else:
+        return [Text("There is no pressure that all experiments reached.")]
+    tube, said = _one_tube(data, "layers" in next(iter(trees.values())).attrs)
+    blocks: list[Block] = []
+    if len(set(curve.tolist())) > 1:
+        blocks += page.figure(
+            plot_elastic_properties,
+            found.result,
+            curve,
+            label=f"Elastic properties over the pressure: {found.title}",
+            caption=f"Elastic properties over the pressure{said}. Lines and bands: median and "
+            f"{100 * PROB:.3g} % of the posterior.",
+            aloud=False,  # the table of the same warns of the same
+            prob=PROB,
+            pressure_unit=page.pressure_unit,
+            tube=tube,
+        )
+    rows = []
+    told: dict[str, Any] = {"pressure_unit": page.pressure_unit, **tube}
+    for name, tree in trees.items():
+        of = "" if name == found.title else f" of class {name}"
+        with page.listening(f"The elastic properties{of} in {found.title}"):
+            properties = tube_properties(tree, pressures, **told)
+            for i, pressure in enumerate(pressures.tolist()):
+                at = properties.isel(pressure=i)
+                rows += [
+                    [_words(key), name, pressure, unit, *_middle(at[key].values)]
+                    for key, unit in _UNITS.items()
+                ]
+    columns = ["property", "class", f"pressure ({page.pressure_unit})", "unit", "median"]
+    if rows:
+        caption = f"Elastic properties{said}: {found.title}"
+        blocks.append(Table(caption, [*columns, *ends()], rows))
+    return blocks
+
+
+def _words(name: str) -> str:
+    return PROPERTY_LABELS[name].split(" d$")[0].split(" (")[0]
+
+
+def _measured_pressures(data: list[xr.Dataset], page: Page) -> tuple[float, float] | None:
+    """From which to which pressure all inflation tests reach."""
+    low, high = 0.0, np.inf
+    for of_class in data:
+        for test in np.flatnonzero(~extension_tests(of_class)).tolist():
+            own = of_class["pressure"].values[points_of(of_class, test)]
+            low, high = max(low, float(own.min())), min(high, float(own.max()))
+    unit = per_kilopascal(page.pressure_unit)
+    return (low * unit, high * unit) if low < high < np.inf else None
+
+
+def _one_tube(data: list[xr.Dataset], layered: bool) -> tuple[dict[str, float], str]:
+    """The tube in the middle of all that were measured, where these differ, and that it is."""
+    tube = {}
+    for name in GEOMETRY:
+        values = [held_stretches(d) if name == "axial_stretch" else d[name].values for d in data]
+        known = np.concatenate(values)
+        known = known[np.isfinite(known)]
+        if known.size and np.ptp(known) > 0 and not (layered and name == "outer_radius"):
+            tube[name] = float(np.median(known))
+    if not tube:
+        return {}, ""
+    return tube, " of the tube in the middle of those that were measured"
+
+
+def _middle(values: Array) -> list[float]:
+    """Median, which a few draws of softening materials do not move, and the ends."""
+    known = values[np.isfinite(values)]
+    return [float(np.median(known)) if known.size else np.nan, *summary(values)[2:]]
