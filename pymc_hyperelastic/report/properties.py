@@ -95,11 +95,11 @@ def _one_tube(data: list[xr.Dataset], layered: bool) -> tuple[dict[str, float], 
     """The tube in the middle of all that were measured, where these differ, and that it is."""
     tube = {}
     for name in GEOMETRY:
-        values = [held_stretches(d) if name == "axial_stretch" else d[name].values for d in data]
-        known = np.concatenate(values)
-        known = known[np.isfinite(known)]
-        if known.size and np.ptp(known) > 0 and not (layered and name == "outer_radius"):
-            tube[name] = float(np.median(known))
+        values = _known([d[name].values for d in data])
+        if values.size and np.ptp(values) > 0 and not (layered and name == "outer_radius"):
+            # A stretch that was held, if there is one, says more than those on the way.
+            held = _known([held_stretches(d) for d in data]) if name == "axial_stretch" else values
+            tube[name] = float(np.median(held if held.size else values))
     if not tube:
         return {}, ""
     return tube, " of the tube in the middle of those that were measured"
@@ -109,3 +109,8 @@ def _middle(values: Array) -> list[float]:
     """Median, which a few draws of softening materials do not move, and the ends."""
     known = values[np.isfinite(values)]
     return [float(np.median(known)) if known.size else np.nan, *summary(values)[2:]]
+
+
+def _known(values: list[Array]) -> Array:
+    together = np.concatenate(values)
+    return together[np.isfinite(together)]
