@@ -161,7 +161,8 @@ def _differences(found: Found) -> Table:
                 rows.append([name, comparison, *at, *numbers])
     ends = _interval(result)
     columns = ["quantity", "comparison", *_at(result), "difference", *ends]
-    columns += ["probability of a rise", "effect size", *ends, "best accuracy"]
+    columns += ["probability of a rise", "effect size"]
+    columns += [*(f"effect size, {end}" for end in ends), "best accuracy"]
     if "prior_sensitivity" in result:
         columns.append("sensitivity to the prior")
     caption = (

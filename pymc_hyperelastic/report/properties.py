@@ -60,8 +60,7 @@ def show_properties(found: Found, page: Page) -> list[Block]:
     rows = []
     told: dict[str, Any] = {"pressure_unit": page.pressure_unit, **tube}
     for name, tree in trees.items():
-        of = "" if name == found.title else f" of class {name}"
-        with page.listening(f"The elastic properties{of} in {found.title}"):
+        with page.listening(f"The elastic properties in {found.title}"):
             properties = tube_properties(tree, pressures, **told)
             for i, pressure in enumerate(pressures.tolist()):
                 at = properties.isel(pressure=i)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import xarray as xr
+from scipy.stats import chi2
 
 from pymc_hyperelastic.evidence.convergence import LARGEST_RHAT, divergence
 from pymc_hyperelastic.evidence.diagnosis import VERDICTS, diagnose_evidence, log_evidence
@@ -12,6 +13,8 @@ from pymc_hyperelastic.report.blocks import BAD, CAUTION, NOTE, Block, Found, Pa
 from pymc_hyperelastic.report.fits import by_name, has_data, posterior_rows
 from pymc_hyperelastic.report.measurements import warn_of_simulated
 
+# Misfits that are larger by chance in fewer of all specimens than this are told of.
+_CHANCE = 1e-3
 _LEVELS = dict(zip(VERDICTS, (NOTE, CAUTION, BAD), strict=True))
 
 
@@ -75,6 +78,17 @@ def _check_specimens(of: str, specimens: xr.Dataset, page: Page) -> None:
                 CAUTION,
                 f"{of}: a few weights decide what is said of specimen {name}: their Pareto shape "
                 f"is {short(float(shape[i]))}.",
+            )
+    if specimens.sizes["noise"] == 0:
+        page.check("whether the best curve of each specimen follows its data to within the noise")
+        misfit, freedom = specimens["misfit"].values, specimens["freedom"].values
+        for i in np.flatnonzero(chi2.sf(misfit, freedom) < _CHANCE).tolist():
+            page.notice(
+                CAUTION,
+                f"{of}: the best curve of specimen {specimens['specimen'].values[i]} is further "
+                f"from its data than the noise explains: squared misfit {short(float(misfit[i]))} "
+                f"with {short(float(freedom[i]))} degrees of freedom. The law does not fit, or "
+                "the noise is larger.",
             )
 
 

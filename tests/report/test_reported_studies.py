@@ -253,6 +253,17 @@ def test_average_over_laws(write):
     assert page.text.count("Measured curves: class C1.") == 1
 
 
+def test_noise_that_is_too_small(write):
+    """A specimen whose best curve misses its data by more than the noise is named."""
+    with unheard():
+        classes = fit(training={"soft": TRAINING["soft"]}, draws=100, sigma=0.05)
+    specimens = classes["soft"]["specimens"]
+    page = write(classes)
+    for name, misfit in zip(specimens["specimen"].values, specimens["misfit"].values, strict=True):
+        assert f"the best curve of specimen {name} is further from its data" in page.warnings
+        assert f"squared misfit {misfit:.4g} with" in page.warnings
+
+
 def test_one_class(write):
     """Of one class there is nothing to choose from, and the page is whole."""
     classes = fit(training={"soft": TRAINING["soft"]}, draws=100)
