@@ -63,7 +63,7 @@ from pymc_hyperelastic.predictions.curves import (
 from pymc_hyperelastic.predictions.offsets import force_offsets
 from pymc_hyperelastic.predictions.properties import pulse_wave_velocity, tube_properties
 from pymc_hyperelastic.predictions.stress import wall_stress
-from pymc_hyperelastic.report.report import report
+from pymc_hyperelastic.reports.report import report
 
 __version__ = version("pymc-hyperelastic")
 

@@ -104,7 +104,7 @@ def test_imports_between_wings_point_upward():
 
 
 @pytest.mark.parametrize(
-    "wing", ["mechanics", "data", "evidence", "models", "classes", "plots", "report"]
+    "wing", ["mechanics", "data", "evidence", "models", "classes", "plots", "reports"]
 )
 def test_imports_within_a_wing_point_upward(wing):
     """Each room imports only from those above it in its wing."""

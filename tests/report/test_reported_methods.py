@@ -7,11 +7,11 @@ import pytest
 from stored import DATA, classified, fitted_class, fitted_classes
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.report.blocks import Found
-from pymc_hyperelastic.report.decisions import classified_sentences
-from pymc_hyperelastic.report.laws import equation_of, in_text
-from pymc_hyperelastic.report.methods import fit_sentences
-from pymc_hyperelastic.report.settings import settings_of, settings_rows
+from pymc_hyperelastic.reports.blocks import Found
+from pymc_hyperelastic.reports.decisions import classified_sentences
+from pymc_hyperelastic.reports.laws import equation_of, in_text
+from pymc_hyperelastic.reports.methods import fit_sentences
+from pymc_hyperelastic.reports.settings import settings_of, settings_rows
 
 ONE = ph.select(DATA, specimen="S1", experiment=1)
 

@@ -13,9 +13,9 @@ from stored import classified, fitted_classes
 from variable_classes import TRAINING, TUBE, classify, curves, fit
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.report.blocks import Found
-from pymc_hyperelastic.report.kinds import kind_of
-from pymc_hyperelastic.report.methods import fit_sentences
+from pymc_hyperelastic.reports.blocks import Found
+from pymc_hyperelastic.reports.kinds import kind_of
+from pymc_hyperelastic.reports.methods import fit_sentences
 
 QUICK = {"draws": 100, "chains": 2, "random_seed": 1, "progressbar": False}
 NEW = curves({"N1": [60.0], "N2": [300.0]}, 5)

@@ -7,35 +7,35 @@ and the sentences of an article that are due to it.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from pymc_hyperelastic.report.blocks import Block, Found, Page, Table
-from pymc_hyperelastic.report.decisions import (
+from pymc_hyperelastic.reports.blocks import Block, Found, Page, Table
+from pymc_hyperelastic.reports.decisions import (
     check_classified,
     classified_sentences,
     is_classified,
     show_classified,
 )
-from pymc_hyperelastic.report.differences import (
+from pymc_hyperelastic.reports.differences import (
     check_comparison,
     comparison_sentences,
     is_comparison,
     show_comparison,
 )
-from pymc_hyperelastic.report.fits import are_fits, show_fits, show_posteriors, show_training
-from pymc_hyperelastic.report.held_out import (
+from pymc_hyperelastic.reports.fits import are_fits, show_fits, show_posteriors, show_training
+from pymc_hyperelastic.reports.held_out import (
     check_held_out,
     held_out_sentences,
     is_held_out,
     show_held_out,
 )
-from pymc_hyperelastic.report.measurements import (
+from pymc_hyperelastic.reports.measurements import (
     are_measurements,
     check_measurements,
     show_measurements,
 )
-from pymc_hyperelastic.report.methods import fit_sentences
-from pymc_hyperelastic.report.properties import show_properties
-from pymc_hyperelastic.report.settings import settings_of, settings_rows
-from pymc_hyperelastic.report.trust import check_fits, show_trust
+from pymc_hyperelastic.reports.methods import fit_sentences
+from pymc_hyperelastic.reports.properties import show_properties
+from pymc_hyperelastic.reports.settings import settings_of, settings_rows
+from pymc_hyperelastic.reports.trust import check_fits, show_trust
 
 # In their order on the page, each by its anchor; warnings go before, citing and methods after.
 CHAPTERS = {

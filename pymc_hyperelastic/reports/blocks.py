@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from pymc_hyperelastic.plots.style import rounded_probability
-from pymc_hyperelastic.report.svg import inline_svg
+from pymc_hyperelastic.reports.svg import inline_svg
 
 # How notices are called, from the worst.
 LEVELS = ("not to be trusted", "caution", "note")

@@ -8,7 +8,7 @@ import xarray as xr
 from pymc_hyperelastic.classes.scores import score_probabilities
 from pymc_hyperelastic.evidence.diagnosis import VERDICTS
 from pymc_hyperelastic.plots.calibration import plot_reliability
-from pymc_hyperelastic.report.blocks import (
+from pymc_hyperelastic.reports.blocks import (
     BAD,
     CAUTION,
     NOTE,
@@ -21,7 +21,7 @@ from pymc_hyperelastic.report.blocks import (
     plural,
     short,
 )
-from pymc_hyperelastic.report.measurements import warn_of_simulated
+from pymc_hyperelastic.reports.measurements import warn_of_simulated
 
 # Of fewer specimens the reliability of probabilities is hardly known.
 _FEW = 20

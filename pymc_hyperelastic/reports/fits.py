@@ -14,9 +14,9 @@ from pymc_hyperelastic.plots.fit import plot_pressure_fit
 from pymc_hyperelastic.plots.force import plot_axial_force
 from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ, with_parameters
-from pymc_hyperelastic.report.blocks import Block, Found, Page, Table, Text
-from pymc_hyperelastic.report.laws import units_of
-from pymc_hyperelastic.report.measurements import show_measurements
+from pymc_hyperelastic.reports.blocks import Block, Found, Page, Table, Text
+from pymc_hyperelastic.reports.laws import units_of
+from pymc_hyperelastic.reports.measurements import show_measurements
 
 Array = NDArray[np.float64]
 

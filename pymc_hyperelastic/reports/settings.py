@@ -10,8 +10,8 @@ from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, SIGMA_OF, sd_of_sigma
 from pymc_hyperelastic.models.study import NamedLayer
 from pymc_hyperelastic.plots.style import fitted_classes
-from pymc_hyperelastic.report.blocks import in_words, plural, short
-from pymc_hyperelastic.report.laws import (
+from pymc_hyperelastic.reports.blocks import in_words, plural, short
+from pymc_hyperelastic.reports.laws import (
     distribution_in_words,
     equation_of,
     units_of,

@@ -12,8 +12,8 @@ from pymc_hyperelastic.models.study import inflation_data_of
 from pymc_hyperelastic.plots.properties import PROPERTY_LABELS, plot_elastic_properties
 from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.predictions.properties import tube_properties
-from pymc_hyperelastic.report.blocks import Block, Found, Page, Table, Text
-from pymc_hyperelastic.report.fits import PROB, by_name, ends, has_data, summary
+from pymc_hyperelastic.reports.blocks import Block, Found, Page, Table, Text
+from pymc_hyperelastic.reports.fits import PROB, by_name, ends, has_data, summary
 
 Array = NDArray[np.float64]
 

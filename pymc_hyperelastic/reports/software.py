@@ -7,8 +7,8 @@ from typing import Any
 
 import xarray as xr
 
-from pymc_hyperelastic.report.blocks import Found, Page
-from pymc_hyperelastic.report.kinds import Kind
+from pymc_hyperelastic.reports.blocks import Found, Page
+from pymc_hyperelastic.reports.kinds import Kind
 
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "arviz", "numpy", "xarray", "matplotlib")
 

@@ -10,7 +10,7 @@ from pymc_hyperelastic.evidence.diagnosis import VERDICTS
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
-from pymc_hyperelastic.report.blocks import (
+from pymc_hyperelastic.reports.blocks import (
     BAD,
     CAUTION,
     Block,
@@ -22,7 +22,7 @@ from pymc_hyperelastic.report.blocks import (
     plural,
     short,
 )
-from pymc_hyperelastic.report.measurements import warn_of_simulated
+from pymc_hyperelastic.reports.measurements import warn_of_simulated
 
 # A specimen looks like one of a class in one of twenty cases by a smaller p-value.
 _STRANGE = 0.05

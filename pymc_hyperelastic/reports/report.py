@@ -11,9 +11,9 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.plots.style import per_kilopascal
-from pymc_hyperelastic.report.blocks import LEVELS, Block, Found, Page, short
-from pymc_hyperelastic.report.kinds import CHAPTERS, Kind, kind_of
-from pymc_hyperelastic.report.software import methods_of, versions_of
+from pymc_hyperelastic.reports.blocks import LEVELS, Block, Found, Page, short
+from pymc_hyperelastic.reports.kinds import CHAPTERS, Kind, kind_of
+from pymc_hyperelastic.reports.software import methods_of, versions_of
 
 
 class _Part(NamedTuple):

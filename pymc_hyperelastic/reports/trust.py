@@ -9,9 +9,9 @@ from pymc_hyperelastic.evidence.diagnosis import VERDICTS, diagnose_evidence, lo
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.models.study import inflation_data_of
 from pymc_hyperelastic.predictions.members import specimens_differ
-from pymc_hyperelastic.report.blocks import BAD, CAUTION, NOTE, Block, Found, Page, Table, short
-from pymc_hyperelastic.report.fits import by_name, has_data, posterior_rows
-from pymc_hyperelastic.report.measurements import warn_of_simulated
+from pymc_hyperelastic.reports.blocks import BAD, CAUTION, NOTE, Block, Found, Page, Table, short
+from pymc_hyperelastic.reports.fits import by_name, has_data, posterior_rows
+from pymc_hyperelastic.reports.measurements import warn_of_simulated
 
 # Misfits that are larger by chance in fewer of all specimens than this are told of.
 _CHANCE = 1e-3

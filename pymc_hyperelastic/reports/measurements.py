@@ -13,7 +13,7 @@ from pymc_hyperelastic.data.inflation import (
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.plots.style import per_kilopascal
-from pymc_hyperelastic.report.blocks import NOTE, Block, Found, Page, Table, Text, plural, short
+from pymc_hyperelastic.reports.blocks import NOTE, Block, Found, Page, Table, Text, plural, short
 
 _RANGES = {
     "axial_stretch": ("axial stretch", 1.0),

@@ -10,7 +10,7 @@ import xarray as xr
 
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.study import NamedLayer, wall_of
-from pymc_hyperelastic.report.blocks import short
+from pymc_hyperelastic.reports.blocks import short
 
 _RAISED = str.maketrans("0123456789+-i", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁱ")
 _LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.plots.comparison import plot_comparison
-from pymc_hyperelastic.report.blocks import (
+from pymc_hyperelastic.reports.blocks import (
     BAD,
     CAUTION,
     NOTE,
@@ -20,7 +20,7 @@ from pymc_hyperelastic.report.blocks import (
     in_words,
     short,
 )
-from pymc_hyperelastic.report.measurements import warn_of_simulated
+from pymc_hyperelastic.reports.measurements import warn_of_simulated
 
 # Sensitivity to the prior from which on it has a say; share of specimens whose lack is told.
 _SENSITIVE, _LACKING = 0.05, 0.005
