@@ -1,6 +1,7 @@
 """Fitted classes and sampled models: their fits, posteriors and elastic properties."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -112,7 +113,7 @@ def show_posteriors(found: Found, page: Page) -> list[Block]:
     trees = by_name(found)
     shown = {name: posterior_rows(tree) for name, tree in trees.items()}
     blocks: list[Block] = []
-    if all(len(of_class) > 1 for of_class in shown.values()):
+    if all(sum("|" not in row.name for row in of_class) > 1 for of_class in shown.values()):
         regions = " and ".join(f"{100 * prob:.3g} %" for prob in _REGIONS)
         blocks += page.figure(
             plot_parameter_density,
@@ -144,7 +145,9 @@ class Row(NamedTuple):
 
 def posterior_rows(tree: xr.DataTree) -> list[Row]:
     """Each number of a posterior, and the absolute value of what has both signs."""
-    posterior = with_parameters(tree, None)["posterior"].to_dataset()
+    with suppress(ValueError):  # of what specimen is typical, if the result does not name its law
+        tree = with_parameters(tree, None)
+    posterior = tree["posterior"].to_dataset()
     rows = []
     for name, draws in _entries(posterior):
         rows.append(Row(name, draws, *_convergence(draws)))

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from inspect import getdoc
 from typing import Any
 
+import pymc as pm
 import xarray as xr
 
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -95,6 +96,7 @@ def distribution_in_words(record: list[Any], unit: str = "") -> str:
     name, parameters, *size = record
     told = ", ".join(_value(p) for p in parameters)
     times = f", {size[0]} of them" if size else ""
+    name = getattr(pm, name).__name__  # of two names the one of its class
     return f"{name}({told}){' ' + unit if unit else ''}{times}"
 
 

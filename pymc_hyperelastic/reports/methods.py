@@ -21,7 +21,7 @@ def fit_sentences(found: Found) -> list[str]:
     trees = {name: tree for name, tree in by_name(found).items() if has_data(tree)}
     data = {name: inflation_data_of(tree) for name, tree in trees.items()}
     specimens = {name: len(specimens_of(d)[0]) for name, d in data.items()}
-    modelled = model_sentences(settings, several=max(specimens.values(), default=2) > 1)
+    modelled = model_sentences(settings, several=max(specimens.values(), default=1) > 1)
     return [*_data_sentences(data, specimens), *modelled, *_sampling(found, settings)]
 
 

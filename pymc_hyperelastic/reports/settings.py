@@ -4,12 +4,16 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+import pymc as pm
 import xarray as xr
 
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, SIGMA_OF, sd_of_sigma
+from pymc_hyperelastic.models.priors import prior_to_record
 from pymc_hyperelastic.models.study import NamedLayer
 from pymc_hyperelastic.plots.style import fitted_classes
+from pymc_hyperelastic.predictions.members import specimens_differ
 from pymc_hyperelastic.reports.blocks import in_words, plural, short
 from pymc_hyperelastic.reports.laws import (
     distribution_in_words,
@@ -34,6 +38,8 @@ class Settings:
 
     wall: list[NamedLayer]
     variability: Variability | None
+    differ: bool
+    """Whether each specimen has parameters of its own."""
     noise: dict[str, Any]
     """Numbers, or distributions as they are stored."""
     noise_in_words: str
@@ -59,7 +65,7 @@ def settings_of(tree: xr.DataTree) -> Settings:
         kind = Variability.of_tree(first)
         stored = json.loads(first.attrs["variability_settings"])
         noise = {name: stored[name] for name in NOISE_UNITS if name in stored}
-        priors = _priors_of_class(kind, stored["priors"])
+        priors = priors_of_class(kind)
     else:
         noise = json.loads(first.attrs.get("noise", "{}"))
         units = units_of(first)
@@ -67,14 +73,15 @@ def settings_of(tree: xr.DataTree) -> Settings:
             name: distribution_in_words(record, units.get(name, ""))
             for name, record in json.loads(first.attrs.get("priors", "{}")).items()
         }
-    priors |= {
-        name: distribution_in_words(value, NOISE_UNITS[name].replace("mm2", "mm²"))
-        for name, value in noise.items()
-        if isinstance(value, list)
-    }
+        priors |= {
+            name: distribution_in_words(value, NOISE_UNITS[name].replace("mm2", "mm²"))
+            for name, value in noise.items()
+            if isinstance(value, list)
+        }
     return Settings(
         wall_in_words(first),
         kind,
+        specimens_differ(first),
         noise,
         first.attrs.get("noise_in_words", ""),
         priors,
@@ -84,18 +91,26 @@ def settings_of(tree: xr.DataTree) -> Settings:
     )
 
 
-def _priors_of_class(kind: Variability, given: dict[str, list[Any]]) -> dict[str, str]:
-    """Priors of the location and the spreads of a class: its own, or the documented ones."""
-    priors = {name: distribution_in_words(record) for name, record in given.items()}
-    (means, sds), (logs, sd) = kind.scale.location_prior, kind.scale.spread_prior
-    for name, mean, sd_of_mean, log in zip(kind.scale.names, means, sds, logs, strict=True):
-        if "location" not in given:
-            record = ["Normal", [float(mean), float(sd_of_mean)]]
-            priors[f"location[{name}]"] = distribution_in_words(record)
-        if "spread" not in given:
-            priors[f"spread[{name}]"] = distribution_in_words(
-                ["LogNormal", [float(log), float(sd)]]
-            )
+def priors_of_class(kind: Variability) -> dict[str, str]:
+    """Priors of all that is unknown of a class, as its model has them, coordinate by coordinate."""
+    names = kind.scale.names
+    with pm.Model(coords={"coordinate": names, "coordinate_2": names}, model=None) as model:
+        kind.register_class()
+    priors = {}
+    for variable in model.free_RVs:
+        if variable.name == "correlation_unit":
+            priors["the correlations"] = "the determinant of their matrix"
+            continue
+        distribution, parameters, *size = prior_to_record(variable.name, variable)
+        if not size:
+            record = [distribution, parameters]
+            unit = NOISE_UNITS.get(variable.name, "")
+            priors[variable.name] = distribution_in_words(record, unit)
+            continue
+        of_each = np.broadcast_arrays(*parameters, np.empty(size))[:-1]
+        for i, name in enumerate(names):
+            record = [distribution, [float(values[i]) for values in of_each]]
+            priors[f"{variable.name}[{name}]"] = distribution_in_words(record)
     return priors
 
 
@@ -134,7 +149,7 @@ def noise_sentences(settings: Settings) -> list[str]:
             words = f"Errors of {_MEASURED[name]} were taken as normal{own}, with {size}."
             sentences.append(words)
     if not settings.noise and settings.noise_in_words:
-        sentences.append(f"Errors were taken as normal, with {settings.noise_in_words}.")
+        sentences.append(f"Errors were taken as normal ({settings.noise_in_words}).")
     return sentences
 
 
@@ -180,7 +195,7 @@ def model_sentences(settings: Settings, several: bool) -> list[str]:
     elif laws:
         sentences = [f"{tube} with the strain energy {laws[0]}."]
     else:
-        sentences = [f"{tube}."]
+        return ["The result does not say which model it is of."]
     if kind := settings.variability:
         names = kind.scale.names
         place = "the coordinate" if len(names) == 1 else "the coordinates"
@@ -195,6 +210,8 @@ def model_sentences(settings: Settings, several: bool) -> list[str]:
         )
         if kind.experiment_effect:
             sentences.append("Experiments on a specimen differed by a random effect.")
+    elif settings.differ:
+        sentences.append("Each specimen had parameters of its own, drawn from one distribution.")
     elif several:
         sentences.append("All specimens that were fitted together shared one set of parameters.")
     sentences += noise_sentences(settings)

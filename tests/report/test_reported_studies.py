@@ -13,9 +13,11 @@ from stored import classified, fitted_classes
 from variable_classes import TRAINING, TUBE, classify, curves, fit
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.reports.blocks import Found
 from pymc_hyperelastic.reports.kinds import kind_of
 from pymc_hyperelastic.reports.methods import fit_sentences
+from pymc_hyperelastic.reports.settings import priors_of_class
 
 QUICK = {"draws": 100, "chains": 2, "random_seed": 1, "progressbar": False}
 NEW = curves({"N1": [60.0], "N2": [300.0]}, 5)
@@ -84,6 +86,7 @@ def test_settings_and_methods_of_classes_that_differ(variable):
     assert "Specimens of a class differed: the parameters of each were a draw from a normal" in said
     assert "over the coordinate log_reference_strain (reference stress 20 kPa)." in said
     assert "LogNormal(−0.9163, 0.7) for spread[log_reference_strain]" in said
+    assert "correlations" not in said  # of one coordinate there are none
     assert "parameters of each specimen were integrated by importance sampling" in said
     assert "7 experiments with 49 points" in said
 
@@ -251,6 +254,49 @@ def test_average_over_laws(write):
     titles = [text for tag, text in page.headings if tag == "h3"]
     assert titles.count("Fitted classes") == titles.count("Fitted classes 2") == 5
     assert page.text.count("Measured curves: class C1.") == 1
+
+
+def test_priors_of_classes_with_all_that_may_be_unknown():
+    """Spreads of experiments and of noise, and correlations, have their priors in the settings."""
+    names = ("location", "spread", "experiment_spread")
+    priors = {"effect_spread": pm.LogNormal.dist(-1.0, 0.25)}
+    kind = kind_of_settings(
+        "specimen",
+        ph.Ogden(),
+        {},
+        noise_sd=pm.LogNormal.dist(0.0, 1.0),
+        experiment_effect=True,
+        priors=priors,
+    )
+    said = priors_of_class(kind)
+    for coordinate in ("log_reference_strain", "log_alpha"):
+        assert {f"{name}[{coordinate}]" for name in names} <= set(said)
+    assert said["location[log_alpha]"] == "Normal(1.897, 1.2)"
+    assert said["effect_spread"] == "LogNormal(−1, 0.25)"
+    assert said["noise_sd"] == "LogNormal(0, 1) kPa"
+    assert said["noise_spread"] == "LogNormal(−1.204, 0.5)"
+    assert said["the correlations"] == "the determinant of their matrix"
+
+
+def test_population_and_models_that_do_not_say_what_they_are(write):
+    """Nothing is said of a model that is not known, and of specimens that differ that they do."""
+    model = ph.population_model(ph.NeoHookean(), TRAINING["soft"], noise_sd=0.4)
+    with unheard():
+        tree = ph.sample_smc(model, **QUICK)
+    page = write({"Population": tree})
+    assert_sound(page)
+    assert "Each specimen had parameters of its own" in page.methods
+    assert "shared one set" not in page.text
+    assert "log_reference_strain[A2]" in page.column("Posterior", "parameter")
+    with pm.Model() as model:
+        x = pm.Normal("x", 0, 1)
+        pm.Normal("y", x, 1, observed=[1.0, 2.0])
+    with unheard():
+        tree = ph.sample_smc(model, **QUICK)
+    page = write({"My own": tree})
+    assert_sound(page)
+    assert page.methods.startswith("The result does not say which model it is of. Posteriors were")
+    assert "cannot be shown" not in page.text
 
 
 def test_noise_that_is_too_small(write):
