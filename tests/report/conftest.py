@@ -5,6 +5,7 @@ import pytest
 from pages import Page
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.reports.blocks import Page as Making
 
 mpl.use("Agg")
 
@@ -17,3 +18,10 @@ def write(tmp_path):
         return Page(ph.report(result, tmp_path / "report.html", **settings))
 
     return written
+
+
+@pytest.fixture
+def write_words(write, monkeypatch):
+    """Write a report without its figures, which take most of the time, and read it."""
+    monkeypatch.setattr(Making, "figure", lambda *_, **__: [])
+    return write

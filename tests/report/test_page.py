@@ -165,21 +165,36 @@ def test_the_same_results_give_the_same_file(write):
 
 
 @pytest.mark.parametrize("name", NASTY)
-def test_names_are_only_names(write, name):
+def test_names_are_only_names(write_words, name):
     """Whatever a specimen, group, class or title is called, it is text, whole, and nothing else."""
     data = curves([name, "S2"], group=name)
     data.attrs = {"title": name, "description": name, "source": name}
     tree = fitted_classes({name.replace("/", "|"): data})
     result = classified([name, "S2"]).assign_coords(class_label=[name, "C2"])
     result["decision"] = "specimen", [name, "cannot be judged"]
-    page = write({name: tree, f"{name}2": result}, title=name, data={name: data})
-    assert_sound(page)
-    assert not [a for tag, a in page.elements if tag == "img" or "onerror" in a]
+    page = write_words({name: tree, f"{name}2": result}, title=name, data={name: data})
+    assert_names(page)
     assert page.headings[0][1] == name
     assert page.column("Decisions", "specimen")[0] == name
-    assert "<script>alert" not in page.source and 'x onerror=alert(1)>"' not in page.source
+    assert "".join(page.texts).count(name) > 10
+
+
+def test_names_in_figures_are_only_names(write):
+    """What a figure shows of names is text of the drawing, and harmless too."""
+    data = curves(NASTY, group=NASTY[0])
+    result = classified(NASTY[:2]).assign_coords(class_label=[NASTY[1], NASTY[2]])
+    page = write({NASTY[1]: result, NASTY[2]: data})
+    assert_names(page)
     drawn = "".join(page.texts)
-    assert drawn.count(name) > 10 or "$" in name  # mathematics in a figure is drawn as such
+    assert sum(tag == "svg" for tag, _ in page.elements) == 2
+    for name in NASTY[:5]:  # mathematics is drawn as such
+        assert f"specimen {name}" in drawn
+
+
+def assert_names(page):
+    assert_sound(page)
+    assert not [a for tag, a in page.elements if tag == "img" or "onerror" in a]
+    assert "<script>alert" not in page.source and 'x onerror=alert(1)>"' not in page.source
 
 
 def test_names_may_be_numbers(write):
@@ -193,18 +208,18 @@ def test_names_may_be_numbers(write):
     assert_sound(page)
 
 
-def test_titles(write):
+def test_titles(write_words):
     """A dict gives titles, a list the kinds, numbered where there are several; a title is free."""
-    page = write([THIRD, curves(["A"]), classified()], title="Mine")
+    page = write_words([THIRD, curves(["A"]), classified()], title="Mine")
     assert [text for tag, text in page.headings if tag == "h3"] == ["Data", "Data 2"]
     assert page.headings[0][1] == "Mine"
     assert "Data (data); Data 2 (data); Classified (classified)" in page.text
-    assert write(curves(["A"])).headings[0][1] == "Report of a study"
+    assert write_words(curves(["A"])).headings[0][1] == "Report of a study"
 
 
-def test_pressures_may_be_chosen(write):
+def test_pressures_may_be_chosen(write_words):
     """Elastic properties stand at the pressures that are asked for, in the unit that is given."""
-    page = write(fitted_classes()["C1"], pressure=[10.0, 12.0], pressure_unit="kPa")
+    page = write_words(fitted_classes()["C1"], pressure=[10.0, 12.0], pressure_unit="kPa")
     assert set(page.column("Elastic properties", "pressure (kPa)")) == {10.0, 12.0}
     assert "pressure (kPa)" in page.table("Specimens")[0]
 

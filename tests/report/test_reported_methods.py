@@ -146,9 +146,9 @@ def test_settings_are_those_of_the_result():
     assert rows["draws of a chain"] == 100 and rows["chains"] == 2 and rows["random seed"] == "7"
 
 
-def test_software_of_the_results_and_of_the_report(write):
+def test_software_of_the_results_and_of_the_report(write_words):
     """Versions with which results were made stand beside those with which the report was."""
-    page = write(fitted_classes())
+    page = write_words(fitted_classes())
     rows = {row[0]: row[1:] for row in page.table("Versions")[1]}
     assert rows["pymc-hyperelastic"] == ["0.0.9", ph.__version__]
     assert rows["numpy"] == ["not told", np.__version__]

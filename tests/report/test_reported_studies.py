@@ -278,12 +278,12 @@ def test_priors_of_classes_with_all_that_may_be_unknown():
     assert said["the correlations"] == "the determinant of their matrix"
 
 
-def test_population_and_models_that_do_not_say_what_they_are(write):
+def test_population_and_models_that_do_not_say_what_they_are(write_words):
     """Nothing is said of a model that is not known, and of specimens that differ that they do."""
     model = ph.population_model(ph.NeoHookean(), TRAINING["soft"], noise_sd=0.4)
     with unheard():
         tree = ph.sample_smc(model, **QUICK)
-    page = write({"Population": tree})
+    page = write_words({"Population": tree})
     assert_sound(page)
     assert "Each specimen had parameters of its own" in page.methods
     assert "shared one set" not in page.text
@@ -293,18 +293,18 @@ def test_population_and_models_that_do_not_say_what_they_are(write):
         pm.Normal("y", x, 1, observed=[1.0, 2.0])
     with unheard():
         tree = ph.sample_smc(model, **QUICK)
-    page = write({"My own": tree})
+    page = write_words({"My own": tree})
     assert_sound(page)
     assert page.methods.startswith("The result does not say which model it is of. Posteriors were")
     assert "cannot be shown" not in page.text
 
 
-def test_noise_that_is_too_small(write):
+def test_noise_that_is_too_small(write_words):
     """A specimen whose best curve misses its data by more than the noise is named."""
     with unheard():
         classes = fit(training={"soft": TRAINING["soft"]}, draws=100, sigma=0.05)
     specimens = classes["soft"]["specimens"]
-    page = write(classes)
+    page = write_words(classes)
     for name, misfit in zip(specimens["specimen"].values, specimens["misfit"].values, strict=True):
         assert f"the best curve of specimen {name} is further from its data" in page.warnings
         assert f"squared misfit {misfit:.4g} with" in page.warnings
