@@ -7,10 +7,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import extension_tests, held_stretches, points_of
+from pymc_hyperelastic.evidence.results import thinned_draws
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.study import inflation_data_of
 from pymc_hyperelastic.plots.properties import PROPERTY_LABELS, plot_elastic_properties
-from pymc_hyperelastic.plots.style import per_kilopascal
+from pymc_hyperelastic.plots.style import fitted_classes, per_kilopascal
 from pymc_hyperelastic.predictions.properties import tube_properties
 from pymc_hyperelastic.reports.blocks import Block, Found, Page, Table, Text
 from pymc_hyperelastic.reports.fits import PROB, by_name, ends, has_data, summary
@@ -19,6 +20,8 @@ Array = NDArray[np.float64]
 
 # Pressures of a table unless they are given, and of a curve.
 _IN_TABLE, _IN_CURVE = 3, 25
+# Draws of a class in a figure: more move no line visibly, and take their time at every pressure.
+_DRAWN = 1000
 _UNITS = {
     "compliance": "mm²/kPa",
     "distensibility": "1/kPa",
@@ -47,7 +50,7 @@ def show_properties(found: Found, page: Page) -> list[Block]:
     if len(set(curve.tolist())) > 1:
         blocks += page.figure(
             plot_elastic_properties,
-            found.result,
+            _thinned(found.result),
             curve,
             label=f"Elastic properties over the pressure: {found.title}",
             caption=f"Elastic properties over the pressure{said}. Lines and bands: median and "
@@ -73,6 +76,16 @@ def show_properties(found: Found, page: Page) -> list[Block]:
         caption = f"Elastic properties{said}: {found.title}"
         blocks.append(Table(caption, [*columns, *ends()], rows))
     return blocks
+
+
+def _thinned(result: xr.DataTree) -> xr.DataTree:
+    """The result with as many draws of each class as a figure needs."""
+    if "posterior" in result.children:
+        return thinned_draws(result, _DRAWN)
+    thinned = xr.DataTree.from_dict({})
+    for name, tree in fitted_classes(result).items():
+        thinned[name] = thinned_draws(tree, _DRAWN)
+    return thinned
 
 
 def _words(name: str) -> str:

@@ -11,6 +11,7 @@ from pages import Page, assert_sound
 from stored import DATA, classified, fitted_class, fitted_classes
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.reports import blocks
 
 NASTY = [
     "<script>alert(1)</script>",
@@ -283,3 +284,13 @@ def test_figures_are_closed_and_settings_kept(write):
     assert plt.get_fignums() == [mine.number]
     assert dict(plt.rcParams) == before
     plt.close(mine)
+
+
+def test_very_many_points_are_drawn_as_pixels(write, monkeypatch):
+    """Points that are too many to be shapes become one image in the page, which stays whole."""
+    monkeypatch.setattr(blocks, "_MOST_SHAPES", 50)
+    page = write(THIRD)
+    assert_sound(page)
+    images = [attrs["href"] for tag, attrs in page.elements if tag == "image"]
+    assert images and all(image.startswith("data:image/png;base64,") for image in images)
+    assert page.source.count("<use") < 50
