@@ -14,7 +14,11 @@ from pymc_hyperelastic.classes.held_out import calibration_report
 from pymc_hyperelastic.classes.information import expected_information
 from pymc_hyperelastic.classes.planning import plan_study
 from pymc_hyperelastic.classes.scores import score_probabilities
+from pymc_hyperelastic.cohorts.classify import classify_cohort
+from pymc_hyperelastic.cohorts.fit import fit_cohort
+from pymc_hyperelastic.cohorts.open import open_cohort
 from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
+from pymc_hyperelastic.data.files import read_tests
 from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.data.units import mmHg
@@ -25,6 +29,7 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.quadrature import log_evidence_by_quadrature
 from pymc_hyperelastic.evidence.smc import sample_smc
+from pymc_hyperelastic.files.results import open_result, save_result
 from pymc_hyperelastic.mechanics import strain_energy
 from pymc_hyperelastic.mechanics.axial_force import axial_force
 from pymc_hyperelastic.mechanics.layers import Layer
@@ -55,6 +60,7 @@ from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.plots.properties import plot_elastic_properties, plot_wall_stress
 from pymc_hyperelastic.predictions.admissible import admissible
+from pymc_hyperelastic.predictions.cards import material_card
 from pymc_hyperelastic.predictions.curves import (
     predict_axial_force,
     predict_pressure,
@@ -72,6 +78,7 @@ __all__ = [
     "load_dataset",
     "list_datasets",
     "inflation_data",
+    "read_tests",
     "select",
     "mmHg",
     *strain_energy.__all__,
@@ -103,6 +110,7 @@ __all__ = [
     "pulse_wave_velocity",
     "wall_stress",
     "admissible",
+    "material_card",
     "fit_classes",
     "classify",
     "compare_classes",
@@ -112,6 +120,11 @@ __all__ = [
     "calibration_report",
     "simulation_based_calibration",
     "score_probabilities",
+    "fit_cohort",
+    "classify_cohort",
+    "open_cohort",
+    "save_result",
+    "open_result",
     "plot_inflation",
     "plot_parameter_density",
     "plot_pressure_fit",

@@ -104,7 +104,8 @@ def test_imports_between_wings_point_upward():
 
 
 @pytest.mark.parametrize(
-    "wing", ["mechanics", "data", "evidence", "models", "classes", "plots", "reports"]
+    "wing",
+    ["files", "mechanics", "data", "evidence", "models", "classes", "cohorts", "plots", "reports"],
 )
 def test_imports_within_a_wing_point_upward(wing):
     """Each room imports only from those above it in its wing."""
@@ -157,8 +158,8 @@ print(log_evidence(tree).value)
 
 
 def test_evidence_is_a_library_of_its_own():
-    """It samples a model in a process in which no other wing can be imported."""
-    others = [wing for wing in inside(PACKAGE) if wing != "evidence"]
+    """It samples a model in a process in which no wing that knows of tubes can be imported."""
+    others = [wing for wing in inside(PACKAGE) if wing not in ("evidence", "files")]
     code = ALONE.format(others=others, folder=str(PACKAGE))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

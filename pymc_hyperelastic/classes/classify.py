@@ -1,32 +1,15 @@
 """Classify new experiments by their marginal likelihood."""
 
-import json
-import warnings
-from collections.abc import Callable, Mapping, Sequence
-from numbers import Real
+from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, Literal
 
-import numpy as np
 import xarray as xr
 from pymc.progress_bar import create_simple_progress
-from scipy.special import softmax
 
-from pymc_hyperelastic.classes.average import average, laws_of
-from pymc_hyperelastic.classes.interface import Prediction, Predictor
-from pymc_hyperelastic.classes.kinds import kind_of_classes
-from pymc_hyperelastic.classes.parts import parts_of, table_of_parts, with_parts
-from pymc_hyperelastic.classes.training import check_new
-from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
-from pymc_hyperelastic.data.select import tests_at
-from pymc_hyperelastic.evidence.diagnosis import VERDICTS, worst_verdict
-from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
-from pymc_hyperelastic.evidence.smc import seed_sequence
-
-_UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
-_FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
-# Nats: an evidence that is not to be trusted, and so much lower, would not change a decision.
-_FAR_BELOW = 10.0
+from pymc_hyperelastic.classes.classification import Classification, warn_of_doubt
+from pymc_hyperelastic.data.select import units_of
+from pymc_hyperelastic.files.seal import sealed
 
 
 def classify(
@@ -133,6 +116,8 @@ def classify(
         that rests on one with an error above half a nat is NaN. They take half as long again for
         two signals, and twice as long for three; of one signal there are none.
 
+        ``error`` says why what was given up could not be judged, and is empty otherwise.
+
     Warns
     -----
     UserWarning
@@ -161,198 +146,20 @@ def classify(
     >>> bool(parts.sum("part") > 0)  # of the log ratio to class C1
     True
     """
-    _check_limits(by, undecided_below, none_below)
-    if isinstance(average_over, xr.DataTree) or not isinstance(average_over, Sequence):
-        raise TypeError(
-            "average_over must be a list of results of ph.fit_classes, not "
-            f"{type(average_over).__name__}"
-        )
-    trees = [classes, *average_over]
-    kinds = [kind_of_classes(tree) for tree in trees]
-    names = list(classes.children)
-    prior = _class_prior(class_prior, names)
-    laws = laws_of(trees, kinds)
-    has_p_value = all(kind.has_p_value for kind in kinds)
-    if none_below and not has_p_value:
-        raise ValueError(
-            "none_below needs classes that say how specimens differ: "
-            "ph.fit_classes(..., variability='specimen')"
-        )
-    with np.errstate(divide="ignore"):
-        log_prior = np.log(prior)
-    check_inflation_data(new_data)
-    units = _units(new_data, by)
-    seed = seed_sequence(random_seed)
-    seeds = [seed] if len(trees) == 1 else seed.spawn(len(trees))
-    predictors = [
-        kind.predictor(tree.children, new_data, len(units), own)
-        for kind, tree, own in zip(kinds, trees, seeds, strict=True)
-    ]
-    check_new(new_data, classes.children, any(kind.fresh_specimens for kind in kinds))
-
-    def predict(data: xr.Dataset) -> list[Prediction]:
-        of_laws = [predictor(data) for predictor in predictors]
-        averaged = average(laws, of_laws, log_prior)
-        return with_parts(averaged, laws, of_laws, log_prior)
-
-    predictions = _predict_all(predict, new_data, units, len(names), progressbar)
-    result = _tabulate(predictions, prior, by, names)
-    result = result.assign(table_of_parts(predictions, by, names, parts_of(laws)))
-    if not has_p_value:
-        result = result.drop_vars(["p_value", "typical_p_value", "fit_p_value"])
-    result["class_verdict"] = (
-        "class_label",
-        [worst_verdict(tree[name] for tree in trees) for name in names],
+    classification = Classification(
+        classes,
+        new_data,
+        by=by,
+        class_prior=class_prior,
+        average_over=average_over,
+        undecided_below=undecided_below,
+        none_below=none_below,
+        random_seed=random_seed,
     )
-    result["decision"] = _decide(result, prior, undecided_below, none_below)
-    doubtful = (result["decision"] == "cannot be judged") & (result["method"] != _FAILED.method)
-    if unclear := int(doubtful.any("class_label").sum()):
-        warnings.warn(
-            f"{unclear} of {len(units)} cannot be judged: see class_verdict, log_evidence_se, "
-            "pareto_k and p_value",
-            stacklevel=2,
-        )
-    if average_over:
-        result = result.assign(laws.as_variables())
-    return _labelled(result, new_data, units, by).assign_attrs(
-        {
-            "strain_energy": ", ".join(laws.labels),
-            "class_prior": json.dumps(dict(zip(names, prior.tolist(), strict=True))),
-            "undecided_below": float(undecided_below),
-            "none_below": float(none_below),
-        }
-    )
-
-
-def _check_limits(by: str, undecided_below: float, none_below: float) -> None:
-    if by not in ("test", "specimen"):
-        raise ValueError(f"by must be 'test' or 'specimen', not {by!r}")
-    for limit, bound in (("undecided_below", undecided_below), ("none_below", none_below)):
-        if not isinstance(bound, Real) or not 0 <= bound < 1:
-            raise ValueError(f"{limit} is {bound!r}; expected a number from 0 to 1")
-
-
-def _units(data: xr.Dataset, by: str) -> list[list[int]]:
-    """Tests that are classified together."""
-    if by == "test":
-        return [[test] for test in range(data.sizes["test"])]
-    specimen = data["specimen"].values
-    return [np.flatnonzero(specimen == s).tolist() for s in dict.fromkeys(specimen.tolist())]
-
-
-def _predict_all(
-    predict: Predictor,
-    data: xr.Dataset,
-    units: Sequence[Sequence[int]],
-    classes: int,
-    progressbar: bool,
-) -> list[list[Prediction]]:
-    """Predictions of all units; after an interrupt what is not yet known is NaN."""
-    predictions = [[_UNKNOWN] * classes for _ in units]
-    progress = create_simple_progress(progressbar)
-    with progress:
+    classification.check_new(new_data)
+    units = units_of(new_data, by)
+    with (progress := create_simple_progress(progressbar)):
         bar = progress.add_task("Classifying", completed=0, total=len(units))
-        try:
-            for i, unit in enumerate(units):
-                part = tests_at(data, unit)
-                try:
-                    predictions[i] = predict(part)
-                except (ValueError, ArithmeticError) as error:
-                    # One specimen must not end a batch.
-                    predictions[i] = [_FAILED] * classes
-                    said = f"{describe_test(part, 0)} cannot be judged: {error}"
-                    warnings.warn(said, stacklevel=3)
-                progress.advance(bar)
-        except KeyboardInterrupt:
-            warnings.warn("interrupted: experiments not yet classified are NaN", stacklevel=3)
-    return predictions
-
-
-def _tabulate(
-    predictions: Sequence[Sequence[Prediction]], prior: np.ndarray, by: str, names: Sequence[str]
-) -> xr.Dataset:
-    """Predictions as tables, with the probabilities of the classes."""
-
-    def table(value: Callable[[Prediction], Any]) -> np.ndarray:
-        return np.array([[value(prediction) for prediction in row] for row in predictions])
-
-    log_evidence = table(lambda p: p.log_evidence.value)
-    with np.errstate(divide="ignore"):
-        probability = softmax(log_evidence + np.log(prior), axis=1)
-    # Delta method: dp_c = p_c Σ_j (δ_cj − p_j) d ln Z_j.
-    weight = np.eye(len(names)) - probability[:, None, :]
-    own = table(lambda p: p.own_error)
-    of_evidences = probability * np.sqrt(np.einsum("icj,ij->ic", weight**2, own**2))
-    tables = {
-        "class_probability": probability,
-        "class_probability_se": np.hypot(of_evidences, table(lambda p: p.probability_error)),
-        "log_evidence": log_evidence,
-        "log_evidence_se": table(lambda p: p.log_evidence.standard_error),
-        "method": table(lambda p: p.method).astype(str),
-        "pareto_k": table(lambda p: p.pareto_k),
-        "p_value": table(lambda p: p.p_value),
-        "typical_p_value": table(lambda p: p.p_typical),
-        "fit_p_value": table(lambda p: p.p_fit),
-    }
-    dims = (by, "class_label")
-    return xr.Dataset(
-        {name: (dims, values) for name, values in tables.items()}, {"class_label": list(names)}
-    )
-
-
-def _labelled(
-    result: xr.Dataset, data: xr.Dataset, units: Sequence[Sequence[int]], by: str
-) -> xr.Dataset:
-    """The result with names of what was classified, and what the data are said to be."""
-    first = [unit[0] for unit in units]
-    labels = ("specimen", "experiment", "group") if by == "test" else ("specimen", "group")
-    # Above all whether they were simulated.
-    kept = {key: data.attrs[key] for key in ("title", "simulated") if key in data.attrs}
-    named = {label: (by, data[label].values[first]) for label in labels}
-    return result.assign_coords(named).assign_attrs(kept)
-
-
-def _decide(
-    result: xr.Dataset, prior: np.ndarray, undecided_below: float, none_below: float
-) -> xr.DataArray:
-    """The most probable class, unless a limit says otherwise; empty where nothing is known."""
-    probability = result["class_probability"]
-    names = result["class_label"].values.tolist()
-    decision = np.array([names[j] for j in probability.values.argmax(axis=1)], dtype=object)
-    decision[~(probability.values.max(axis=1) >= undecided_below)] = "undecided"
-    decision[_in_doubt(result, prior)] = "cannot be judged"
-    if "p_value" in result and none_below:
-        p_value = result["p_value"].values
-        decision[np.isnan(p_value).any(axis=1)] = "cannot be judged"
-        decision[(p_value < none_below).all(axis=1)] = "none of these"
-    decision[np.isnan(result["log_evidence"].values).any(axis=1)] = "cannot be judged"
-    # What failed has an infinite error, and what was not tried has none.
-    decision[np.isnan(result["log_evidence_se"].values).any(axis=1)] = ""
-    return xr.DataArray(decision.astype(str), dims=probability.dims[:1])
-
-
-def _in_doubt(result: xr.Dataset, prior: np.ndarray) -> np.ndarray:
-    """Where the evidence of the most probable class, or of one near it, is not to be trusted."""
-    with np.errstate(divide="ignore"):
-        log_posterior = result["log_evidence"].values + np.log(prior)
-    doubtful = result["pareto_k"].values >= LARGEST_PARETO_K
-    doubtful = doubtful | ~np.isfinite(result["log_evidence_se"].values)
-    doubtful = doubtful | (result["class_verdict"].values == VERDICTS[-1])
-    near = log_posterior > log_posterior.max(axis=1, keepdims=True) - _FAR_BELOW
-    return (doubtful & near).any(axis=1)
-
-
-def _class_prior(class_prior: Mapping[str, float] | None, names: list[str]) -> np.ndarray:
-    if class_prior is None:
-        return np.full(len(names), 1 / len(names))
-    if not isinstance(class_prior, Mapping):
-        raise TypeError(f"class_prior must be a dict of names to numbers, not {class_prior!r}")
-    if set(class_prior) != set(names):
-        raise ValueError(f"class_prior names {sorted(class_prior)}, but the classes are {names}")
-    try:
-        prior = np.array([class_prior[name] for name in names], float)
-    except (TypeError, ValueError):
-        prior = np.array([np.nan])
-    if not np.all(prior >= 0) or not np.isclose(prior.sum(), 1):
-        raise ValueError(f"class_prior must hold probabilities that add up to 1; got {class_prior}")
-    return prior
+        result = classification.of(new_data, partial(progress.advance, bar), interruptible=True)
+    warn_of_doubt(result)
+    return sealed(result)

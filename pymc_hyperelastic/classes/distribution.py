@@ -17,7 +17,7 @@ from pymc_hyperelastic.classes.specimens import (
     shared_draws,
 )
 from pymc_hyperelastic.data.select import specimens_apart
-from pymc_hyperelastic.evidence.checks import PACKAGE
+from pymc_hyperelastic.evidence.checks import PACKAGE, no_progress
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.evidence.importance import MOST_UNKNOWNS, Integral, by_importance
 from pymc_hyperelastic.evidence.integral import integrate
@@ -46,10 +46,6 @@ _MOST_FITS, _PARTICLES, _DISTRIBUTIONS, _PRIOR_DRAWS = 4, 500, 200, 2000
 _DRAWS_OF_EACH = 4
 
 Specimens = Mapping[str, SpecimenDraws]
-
-
-def no_progress() -> None:
-    """Tell nobody of progress."""
 
 
 class ClassDraws(NamedTuple):

@@ -10,6 +10,7 @@ import xarray as xr
 from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
 from pymc_hyperelastic.evidence.smc import seed_sequence
+from pymc_hyperelastic.files.seal import sealed
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.geometry import Measured
@@ -128,7 +129,7 @@ def fit_classes(
                 failed[name] = fitted
                 continue
             warn_of_evidence(fitted, f"class {name!r}: ")
-            tree[name] = fitted
+            tree[name] = sealed(fitted)
     except KeyboardInterrupt:
         if not tree.children:
             raise

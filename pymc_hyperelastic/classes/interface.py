@@ -53,7 +53,7 @@ class Fold(NamedTuple):
 Data = Mapping[str, xr.Dataset]  # by class
 Fitted = Mapping[str, xr.DataTree]
 Seed = np.random.SeedSequence
-Predictor = Callable[[xr.Dataset], list[Prediction]]
+Predictor = Callable[[xr.Dataset, Seed], list[Prediction]]
 
 
 class ClassKind(ABC):
@@ -122,8 +122,12 @@ class ClassKind(ABC):
         """
 
     @abstractmethod
-    def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:
-        """What classes say of `count` parts of new data, one after another."""
+    def predictor(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> Predictor:
+        """What classes say of parts of new data, one after another, each with a seed of its own.
+
+        All is set up for data `like` these, in ranges of radii, stretches and geometry: what is
+        said of a part depends on no other one.
+        """
 
     @abstractmethod
     def leave_out(self, classes: Data, seed: Seed) -> Callable[[Collection[str], int, int], Fold]:

@@ -9,6 +9,7 @@ from pymc_hyperelastic.classes.interface import ClassKind
 from pymc_hyperelastic.classes.pooled import Pooled
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.files.seal import check_seal
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS
@@ -50,6 +51,7 @@ def kind_of_classes(classes: xr.DataTree) -> ClassKind:
         )
     stored = {name for known in _KINDS.values() for name in known.common_attrs}
     for name, fitted in classes.children.items():
+        check_seal(fitted, f"class {name!r}")
         if not stored & set(fitted.attrs):
             raise ValueError(
                 f"classes must be the result of ph.fit_classes, all of it; {name!r} is no class"

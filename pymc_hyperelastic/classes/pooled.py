@@ -34,7 +34,7 @@ from pymc_hyperelastic.evidence.importance import (
 )
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
-from pymc_hyperelastic.evidence.smc import run_smc, seed_sequence
+from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.inflation import tube_model
@@ -142,29 +142,24 @@ class Pooled(ClassKind):
             except (ValueError, ArithmeticError) as error:
                 yield name, error
 
-    def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:
+    def predictor(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> Predictor:
         """What classes say of parts of new data: everything is compiled once, for all of them."""
-        self.check(new_data)
+        self.check(like)
         priors = complete_priors(self.energy, self.priors)
-        forward = self.observation.forward_model(self.energy, new_data, priors)
-        seeds = seed.generate_state(1 + count * len(classes)).tolist()
-        rng = np.random.default_rng(seeds.pop())
-        predictives: list[ClassPredictive] = []
+        forward = self.observation.forward_model(self.energy, like, priors)
+        rng = np.random.default_rng(seed)
+        predictives = [ClassPredictive(fitted, self, forward, rng) for fitted in classes.values()]
 
-        def predict(data: xr.Dataset) -> list[Prediction]:
+        def predict(data: xr.Dataset, seed: Seed) -> list[Prediction]:
             forward.set_data(data)
-            if not predictives:
-                predictives.extend(
-                    ClassPredictive(fitted, self, forward, rng) for fitted in classes.values()
-                )
-            own = [(predictive, seeds.pop()) for predictive in predictives]
-            known = [predictive(seed) for predictive, seed in own]
+            own = list(zip(predictives, seed.generate_state(len(predictives)), strict=True))
+            known = [predictive(int(state)) for predictive, state in own]
             if len(self.parts) == 1:
                 return known
 
             def evidence_of(number: int, signals: Collection[str]) -> float:
-                predictive, seed = own[number]
-                return predictive.log_evidence_of(signals, seed)
+                predictive, state = own[number]
+                return predictive.log_evidence_of(signals, int(state))
 
             measured = self.observation.measured(data)
             return with_hybrids(known, self.parts, measured, evidence_of)
@@ -191,8 +186,10 @@ class Pooled(ClassKind):
                 parts = specimens_apart(data, left_out)
                 if parts:
                     new_data = without_specimens(data, set(specimens_of(data)[0]) - set(parts))
-                    predict = stored.predictor(fitted, new_data, len(parts), new)
-                    predictions |= {name: predict(part) for name, part in parts.items()}
+                    predict = stored.predictor(fitted, new_data, new)
+                    predictions |= {
+                        name: predict(part, seed_of(new, name)) for name, part in parts.items()
+                    }
             return Fold(training_evidence(fitted), worst_verdict(fitted.values()), predictions)
 
         return fold

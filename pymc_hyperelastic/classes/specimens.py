@@ -57,6 +57,8 @@ PARTICLES = 2000
 _KEPT = 0.25
 # Particles whose curves are looked at, and how often these are made right.
 _MATERIALS, _MOST_TRIES = 16, 4
+# Specimens far from what priors expect whose curves are kept.
+_REMEMBERED = 16
 # Spreads of the reference distribution, in medians of a class's.
 _WIDER = 2.0
 _EFFECT = 1.0
@@ -96,15 +98,16 @@ class SpecimenSampler:
         self.population, self.scale = population, population.scale
         self.forward, self.reference = forward, reference
         self._models: dict[int, _SpecimenModel] = {}
+        self._right_for: dict[str, SpecimenSampler] = {}
 
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data."""
 
-        def take() -> Integral:
-            return integrate(self.target(data), PARTICLES, rng)
+        def take(sampler: SpecimenSampler) -> Integral:
+            return integrate(sampler.target(data), PARTICLES, rng)
 
-        found = self._by_right_curves(data, take)
-        model, target = self._model_for(data), self.target(data)
+        sampler, found = self._by_right_curves(data, take)
+        model, target = sampler._model_for(data), sampler.target(data)
         draws = self.draws_at(found.particles)
         if self.population.known_noise:
             errors = model.misfits(target.particles(found.particles))[1]
@@ -147,11 +150,11 @@ class SpecimenSampler:
         components = components_for(len(draws.points), dimension)
         mixture = GaussianMixture.fit(draws.points, components, rng)
 
-        def take() -> Integral:
-            target = self.target(data, log_prior)
+        def take(sampler: SpecimenSampler) -> Integral:
+            target = sampler.target(data, log_prior)
             return by_importance(target.score, mixture, PARTICLES, rng, draw_prior)
 
-        found = self._by_right_curves(data, take)
+        _, found = self._by_right_curves(data, take)
         if not found.trusted:
             return draws
         count = len(draws.points)
@@ -167,26 +170,32 @@ class SpecimenSampler:
         again = replace(self.draws_at(points), misfit=draws.misfit, freedom=draws.freedom)
         return _weighted(again, log_density, float(np.hypot(*errors)), found)
 
-    def _by_right_curves(self, data: xr.Dataset, take: Callable[[], Integral]) -> Integral:
-        """An integral over materials whose curves are right.
+    def _by_right_curves(
+        self, data: xr.Dataset, take: Callable[["SpecimenSampler"], Integral]
+    ) -> tuple["SpecimenSampler", Integral]:
+        """An integral over materials whose curves are right, and the sampler that has these.
 
         They are over the range of the class's default priors. If the data want others, curves are
-        made right for these, and the integral is taken again.
+        made right for these, and the integral is taken again. Other specimens keep their curves:
+        what is said of one must not depend on which came before.
         """
+        (name,) = specimens_of(data)[0]
+        sampler = self._right_for.get(name, self)
         for _ in range(_MOST_TRIES):
-            found = take()
+            found = take(sampler)
             parameters = self._parameters(found.particles[:_MATERIALS])
-            if self.forward.errors(data, parameters).max() <= CURVES_ERR:
-                return found
-            self.forward = self.forward.right_for(parameters)
-            self._models.clear()
+            if sampler.forward.errors(data, parameters).max() <= CURVES_ERR:
+                return sampler, found
+            right = sampler.forward.right_for(parameters)
+            sampler = SpecimenSampler(self.population, right, self.reference)
+            # It is asked for again when the class is known, and soon.
+            self._right_for = {**dict([*self._right_for.items()][1 - _REMEMBERED :]), name: sampler}
         warnings.warn(
-            f"curves of specimen {specimens_of(data)[0][0]!r} are wrong by more than "
-            f"{CURVES_ERR:.0e} of their largest value, and its evidence has no error: its "
-            "material is far from what priors expect",
+            f"curves of specimen {name!r} are wrong by more than {CURVES_ERR:.0e} of their largest "
+            "value, and its evidence has no error: its material is far from what priors expect",
             skip_file_prefixes=(PACKAGE,),
         )
-        return found._replace(log_value=Estimate(found.log_value.value, np.inf))
+        return sampler, found._replace(log_value=Estimate(found.log_value.value, np.inf))
 
     def _parameters(self, points: Array) -> dict[str, Array]:
         """Material parameters of particles, of all their tests."""

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.inflation import describe_test, measured_radius
+from pymc_hyperelastic.evidence.checks import PACKAGE
 from pymc_hyperelastic.models.study import inflation_data_of
 
 # kPa and mm: what the conversion of units, or a file, may change of a number.
@@ -37,7 +38,7 @@ def check_new(new_data: xr.Dataset, classes: Mapping[str, xr.DataTree], fresh: b
             "training data: with variability each is taken for a specimen that the class has never "
             "seen, and looks more like it than it should. Leave these specimens out of the "
             "classes, or give them other names if they are others",
-            stacklevel=3,
+            skip_file_prefixes=(PACKAGE,),
         )
 
 

@@ -15,7 +15,6 @@ from pymc_hyperelastic.classes.distribution import (
     ClassModel,
     draws_of_class,
     fit_distribution,
-    no_progress,
 )
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
@@ -45,7 +44,7 @@ from pymc_hyperelastic.classes.typicality import (
     typical_p_value,
 )
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of
-from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.checks import check_count, no_progress
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.mechanics.layers import Layer
@@ -193,12 +192,11 @@ class Variability(Population, ClassKind):
                     fitted[group] = dataset
                 yield name, fitted
 
-    def predictor(self, classes: Fitted, new_data: xr.Dataset, count: int, seed: Seed) -> Predictor:
+    def predictor(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> Predictor:
         """What classes say of new specimens, each of which is sampled by itself."""
-        self.check(new_data)
-        predictive = SpecimenPredictive(self, classes, self.sampler(new_data))
-        seeds = iter(seed.spawn(count))
-        return lambda data: predictive(data, np.random.default_rng(next(seeds)))
+        self.check(like)
+        predictive = SpecimenPredictive(self, classes, self.sampler(like))
+        return lambda data, seed: predictive(data, np.random.default_rng(seed))
 
     def leave_out(self, classes: Data, seed: Seed) -> Callable[[Collection[str], int, int], Fold]:
         """Sample all specimens once; without some of them only the distributions are fitted."""

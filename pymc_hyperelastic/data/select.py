@@ -6,7 +6,12 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.inflation import check_inflation_data, extension_tests, listed
+from pymc_hyperelastic.data.inflation import (
+    check_inflation_data,
+    describe_test,
+    extension_tests,
+    listed,
+)
 
 
 def select(
@@ -89,8 +94,18 @@ def tests_at(data: xr.Dataset, positions: Sequence[int] | np.ndarray) -> xr.Data
 def specimens_of(data: xr.Dataset) -> tuple[list[str], NDArray[np.intp]]:
     """Specimens in the order of the data, and which of them each test is of."""
     labels = [str(name) for name in data["specimen"].values.tolist()]
-    specimens = list(dict.fromkeys(labels))
-    return specimens, np.array([specimens.index(name) for name in labels])
+    place = {name: i for i, name in enumerate(dict.fromkeys(labels))}
+    return [*place], np.array([place[name] for name in labels])
+
+
+def units_of(data: xr.Dataset, by: str) -> dict[str, list[int]]:
+    """Tests that are judged together, each by itself or all on a specimen, by what to call them."""
+    if by == "test":
+        return {describe_test(data, i): [i] for i in range(data.sizes["test"])}
+    units: dict[str, list[int]] = {}
+    for i, name in enumerate(data["specimen"].values.tolist()):
+        units.setdefault(str(name), []).append(i)
+    return units
 
 
 def specimens_apart(

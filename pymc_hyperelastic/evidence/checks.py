@@ -47,3 +47,7 @@ def check_continuous(model: pm.Model, who: str = "expected") -> None:
     if discrete or not model.value_vars:
         what = f"discrete: {discrete}" if discrete else "none"
         raise ValueError(f"{who} a model with continuous free variables; here are {what}")
+
+
+def no_progress() -> None:
+    """Progress that nobody watches."""

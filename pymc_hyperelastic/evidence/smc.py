@@ -1,5 +1,6 @@
 """Sampling by sequential Monte Carlo, and the evidence that it gives."""
 
+import hashlib
 import warnings
 from collections.abc import Sequence
 from typing import Any
@@ -145,6 +146,12 @@ def seed_sequence(random_seed: Any) -> np.random.SeedSequence:
             f"random_seed is {random_seed!r}; expected a whole number, not negative, several, "
             "or a numpy.random.Generator"
         ) from None
+
+
+def seed_of(seed: np.random.SeedSequence, label: str) -> np.random.SeedSequence:
+    """Seed of what has this label, whatever else there is and in which order."""
+    words = np.frombuffer(hashlib.sha256(label.encode()).digest()[:16], "<u4")
+    return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *words.tolist()))
 
 
 def _variables_to_keep(model: pm.Model, var_names: Sequence[str] | None) -> list[TensorVariable]:

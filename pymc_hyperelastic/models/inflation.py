@@ -22,7 +22,7 @@ from pymc_hyperelastic.mechanics.strain_energy import (
     PowerLawNeoHookean,
     StrainEnergy,
 )
-from pymc_hyperelastic.models.forward import Mode
+from pymc_hyperelastic.models.forward import ForwardModel, Mode
 from pymc_hyperelastic.models.geometry import (
     check_geometry,
     measured_of,
@@ -237,14 +237,19 @@ def tube_model(
     mode: Mode = "auto",
     parent: pm.Model | None = None,
     name: str = "",
+    forward: ForwardModel | None = None,
 ) -> pm.Model:
-    """Model of :func:`inflation_model`, a part of `parent` or by itself, whatever the context."""
+    """Model of :func:`inflation_model`, a part of `parent` or by itself, whatever the context.
+
+    The `forward` model of these data may be known already.
+    """
     wall, distributions = complete_wall(energy, priors, parent)
     unknown = check_geometry(geometry, parent)
     observation.check(wall, data, distributions, unknown)
     # Classes fit one compiled Potential to the data of each; observed variables are not shared.
     settings = {"mode": mode, "replaceable": observation.likelihood == "paper"}
-    forward = observation.forward_model(wall, data, distributions, unknown, **settings)
+    if forward is None:
+        forward = observation.forward_model(wall, data, distributions, unknown, **settings)
     if rising and any(
         belongs_to(v, parent) for v in [*distributions.values(), *priors_of(unknown).values()]
     ):

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.data.doubt import Check, check_known
 from pymc_hyperelastic.data.plausible import check_plausible_pressures
 from pymc_hyperelastic.data.units import mmHg, to_internal
-from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.mechanics.layers import Layer, check_geometry
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
 from pymc_hyperelastic.models.forward import LayerNumbers, TubeNumbers
-from pymc_hyperelastic.models.study import NamedLayer, named_layers, wall_of
+from pymc_hyperelastic.models.study import NamedLayer
 from pymc_hyperelastic.predictions.measured import (
     Extrapolated,
     Measured,
@@ -24,7 +23,8 @@ from pymc_hyperelastic.predictions.measured import (
     typical_tests,
     warn_user,
 )
-from pymc_hyperelastic.predictions.members import Member, member_of
+from pymc_hyperelastic.predictions.members import Member
+from pymc_hyperelastic.predictions.walls import values_by_draw, wall_draws_of
 
 Array = NDArray[np.float64]
 
@@ -194,30 +194,20 @@ class GivenTube(TypedDict, total=False):
 
 def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
     """Material and tube by draw: as given, else as inferred, else that of the data."""
-    check_result(tree)
     strangers = [name for name in tube if name not in GivenTube.__annotations__]
     if strangers:
         raise TypeError(
             f"{strangers[0]!r} is no property of a tube; expected {list(GivenTube.__annotations__)}"
         )
-    if "posterior" not in tree.children:
-        raise ValueError(
-            f"the result has no posterior; its groups are {sorted(tree.children)} (of a class: "
-            "classes['C1'] in place of classes)"
-        )
-    energy = tube.get("energy")
-    wall = wall_of(tree) if energy is None else named_layers(energy)
-    member = member_of(tree, wall, tube.get("specimen"))
+    wall, member, values = wall_draws_of(tree, tube.get("energy"), tube.get("specimen"))
     posterior = member.posterior
-    _check_names(wall, posterior)
     layered = "thickness" in wall[0].values
     given = _given_geometry(**tube)
     if layered and "outer_radius" in given:
         raise ValueError("outer_radius cannot be given with layers: each has its own thickness")
     names = _inferred_measures(posterior, layered)
-    inferred = {name: _values(posterior, name) for name in names if name not in given}
+    inferred = {k: values_by_draw(posterior, k) for k in names if k not in given}
     medians = {name: float(np.median(posterior[name])) for name in names}
-    values = [_layer_values(layer, posterior) for layer in wall]
     if layered:
         thickness = np.sum(np.broadcast_arrays(*(v["thickness"] for v in values)), axis=0)
         inferred["thickness"], medians["thickness"] = thickness, float(np.median(thickness))
@@ -231,31 +221,6 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
         member,
         tree.name,
     )
-
-
-def _check_names(wall: list[NamedLayer], posterior: xr.Dataset) -> None:
-    """Raise unless the posterior holds what the wall needs of it."""
-    needed = [v for layer in wall for v in layer.values.values() if isinstance(v, str)]
-    if not needed:
-        raise ValueError(
-            "all of these layers is given in numbers, and nothing is taken from the posterior: "
-            "distributions stand for what was inferred, ph.Layer(ph.NeoHookean(), 0.3)"
-        )
-    lacking = [name for name in needed if name not in posterior]
-    if lacking:
-        law = " and ".join(dict.fromkeys(layer.energy.name for layer in wall))
-        raise ValueError(f"the posterior lacks {lacking}, parameters of {law}")
-
-
-def _layer_values(layer: NamedLayer, posterior: xr.Dataset) -> dict[str, Array]:
-    """Parameters, and thickness if it is a layer: by (chain, draw, 1), vectors by entry too."""
-    sizes = {p.name: p.size for p in layer.energy.parameters}
-    return {
-        name: _values(posterior, value, sizes.get(name))
-        if isinstance(value, str)
-        else np.asarray(value, float)[None, None, None]
-        for name, value in layer.values.items()
-    }
 
 
 def _layers(
@@ -350,21 +315,6 @@ def _common_geometry(data: xr.Dataset | None) -> dict[str, Any]:
         name: float(value[0]) if value.size == 1 and np.isfinite(value[0]) else None
         for name, value in values.items()
     }
-
-
-def _values(posterior: xr.Dataset, name: str, size: int | None = None) -> Array:
-    """Draws of a number by (chain, draw, 1), of a vector by (chain, draw, 1, entry)."""
-    variable = posterior[name]
-    if size is None:
-        single = [d for d in variable.dims if d not in ("chain", "draw") and variable.sizes[d] == 1]
-        variable = variable.squeeze(single)
-    rest = [d for d in variable.dims if d not in ("chain", "draw")]
-    if variable.ndim - len(rest) != 2 or len(rest) != (size is not None):
-        raise ValueError(
-            f"{name!r} of the posterior has the dimensions {variable.dims}; expected chain and draw"
-            + (f" and that of its {size} entries" if size else ": select one of each other")
-        )
-    return variable.transpose("chain", "draw", *rest).values.astype(float)[:, :, None]
 
 
 def checked_numbers(name: str, values: Any, expected: str) -> Array:

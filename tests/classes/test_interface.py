@@ -63,8 +63,8 @@ class Scattered(ClassKind):
             tree.attrs |= self.attrs()
             yield name, tree
 
-    def predictor(self, classes, new_data, count, seed):
-        def predict(data):
+    def predictor(self, classes, like, seed):
+        def predict(data, seed):
             return [self.prediction(fitted, data) for fitted in classes.values()]
 
         return predict

@@ -1,0 +1,255 @@
+"""What fitted classes say of new data, set up once for any number of them."""
+
+import json
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from scipy.special import softmax
+
+from pymc_hyperelastic.classes.average import average, laws_of
+from pymc_hyperelastic.classes.interface import Prediction
+from pymc_hyperelastic.classes.kinds import kind_of_classes
+from pymc_hyperelastic.classes.parts import parts_of, table_of_parts, with_parts
+from pymc_hyperelastic.classes.training import check_new
+from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
+from pymc_hyperelastic.data.select import tests_at, units_of
+from pymc_hyperelastic.evidence.checks import PACKAGE, no_progress
+from pymc_hyperelastic.evidence.diagnosis import VERDICTS, worst_verdict
+from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
+from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
+
+_UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
+_FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
+# Nats: an evidence that is not to be trusted, and so much lower, would not change a decision.
+_FAR_BELOW = 10.0
+
+
+class Classification:
+    """What fitted classes say of new data: everything is checked and compiled once.
+
+    What is said of an experiment, or a specimen, depends on nothing but its own measurements, the
+    classes, the seed and the data `like` which all is set up: not on what else is classified.
+
+    Parameters
+    ----------
+    classes, by, class_prior, average_over, undecided_below, none_below, random_seed
+        See :func:`classify`.
+    like : xarray.Dataset
+        Data whose ranges of radii, stretches and geometry are those of all that is classified.
+    """
+
+    def __init__(
+        self,
+        classes: xr.DataTree,
+        like: xr.Dataset,
+        *,
+        by: str,
+        class_prior: Mapping[str, float] | None,
+        average_over: Sequence[xr.DataTree],
+        undecided_below: float,
+        none_below: float,
+        random_seed: Any,
+    ) -> None:
+        _check_limits(by, undecided_below, none_below)
+        if isinstance(average_over, xr.DataTree) or not isinstance(average_over, Sequence):
+            raise TypeError(
+                "average_over must be a list of results of ph.fit_classes, not "
+                f"{type(average_over).__name__}"
+            )
+        self.by, self.trees = by, [classes, *average_over]
+        kinds = [kind_of_classes(tree) for tree in self.trees]
+        self.names = list(classes.children)
+        self._prior = _class_prior(class_prior, self.names)
+        self._laws = laws_of(self.trees, kinds)
+        self._has_p_value = all(kind.has_p_value for kind in kinds)
+        self._limits = {"undecided_below": undecided_below, "none_below": none_below}
+        if none_below and not self._has_p_value:
+            raise ValueError(
+                "none_below needs classes that say how specimens differ: "
+                "ph.fit_classes(..., variability='specimen')"
+            )
+        self._fresh_specimens = any(kind.fresh_specimens for kind in kinds)
+        check_inflation_data(like)
+        self._seeds = seed_sequence(random_seed).spawn(len(kinds))
+        self._predictors = [
+            kind.predictor(tree.children, like, seed)
+            for kind, tree, seed in zip(kinds, self.trees, self._seeds, strict=True)
+        ]
+
+    def check_new(self, data: xr.Dataset) -> None:
+        """Raise, or warn, if classes were learned from what is to be classified."""
+        check_new(data, self.trees[0].children, self._fresh_specimens)
+
+    def of(
+        self,
+        data: xr.Dataset,
+        advance: Callable[[], None] = no_progress,
+        *,
+        interruptible: bool = False,
+    ) -> xr.Dataset:
+        """The result of :func:`classify` for these data; `advance` is called after each.
+
+        If it is `interruptible` what is not known after an interrupt is NaN.
+        """
+        units, classes = units_of(data, self.by), len(self.names)
+        predictions, errors = [[_UNKNOWN] * classes for _ in units], [""] * len(units)
+        try:
+            for i, (label, unit) in enumerate(units.items()):
+                part = tests_at(data, unit)
+                try:
+                    predictions[i] = self._predict(part, label)
+                except (ValueError, ArithmeticError) as error:
+                    # One specimen must not end a batch.
+                    predictions[i], errors[i] = [_FAILED] * classes, str(error)
+                    said = f"{describe_test(part, 0)} cannot be judged: {error}"
+                    warnings.warn(said, skip_file_prefixes=(PACKAGE,))
+                advance()
+        except KeyboardInterrupt:
+            if not interruptible:
+                raise
+            warnings.warn(
+                "interrupted: experiments not yet classified are NaN", skip_file_prefixes=(PACKAGE,)
+            )
+        result = _tabulate(predictions, self._prior, self.by, self.names)
+        result["error"] = (self.by, errors)
+        parts = parts_of(self._laws)
+        result = result.assign(table_of_parts(predictions, self.by, self.names, parts))
+        if not self._has_p_value:
+            result = result.drop_vars(["p_value", "typical_p_value", "fit_p_value"])
+        verdicts = [worst_verdict(tree[name] for tree in self.trees) for name in self.names]
+        result["class_verdict"] = ("class_label", verdicts)
+        result["decision"] = _decide(result, self._prior, **self._limits)
+        if len(self.trees) > 1:
+            result = result.assign(self._laws.as_variables())
+        return _labelled(result, data, [*units.values()], self.by).assign_attrs(
+            {
+                "strain_energy": ", ".join(self._laws.labels),
+                "class_prior": json.dumps(dict(zip(self.names, self._prior.tolist(), strict=True))),
+                **{name: float(bound) for name, bound in self._limits.items()},
+            }
+        )
+
+    def _predict(self, data: xr.Dataset, label: str) -> list[Prediction]:
+        """What the classes say of one experiment or specimen."""
+        of_laws = [
+            predictor(data, seed_of(seed, label))
+            for predictor, seed in zip(self._predictors, self._seeds, strict=True)
+        ]
+        with np.errstate(divide="ignore"):
+            log_prior = np.log(self._prior)
+        averaged = average(self._laws, of_laws, log_prior)
+        return with_parts(averaged, self._laws, of_laws, log_prior)
+
+
+def warn_of_doubt(result: xr.Dataset) -> None:
+    """Warn of what cannot be judged."""
+    doubtful = (result["decision"] == "cannot be judged") & (result["method"] != _FAILED.method)
+    if unclear := int(doubtful.any("class_label").sum()):
+        warnings.warn(
+            f"{unclear} of {len(result['decision'])} cannot be judged: see class_verdict, "
+            "log_evidence_se, pareto_k and p_value",
+            skip_file_prefixes=(PACKAGE,),
+        )
+
+
+def _check_limits(by: str, undecided_below: float, none_below: float) -> None:
+    if by not in ("test", "specimen"):
+        raise ValueError(f"by must be 'test' or 'specimen', not {by!r}")
+    for limit, bound in (("undecided_below", undecided_below), ("none_below", none_below)):
+        if not isinstance(bound, Real) or not 0 <= bound < 1:
+            raise ValueError(f"{limit} is {bound!r}; expected a number from 0 to 1")
+
+
+def _tabulate(
+    predictions: Sequence[Sequence[Prediction]], prior: np.ndarray, by: str, names: Sequence[str]
+) -> xr.Dataset:
+    """Predictions as tables, with the probabilities of the classes."""
+
+    def table(value: Callable[[Prediction], Any]) -> np.ndarray:
+        return np.array([[value(prediction) for prediction in row] for row in predictions])
+
+    log_evidence = table(lambda p: p.log_evidence.value)
+    with np.errstate(divide="ignore"):
+        probability = softmax(log_evidence + np.log(prior), axis=1)
+    # Delta method: dp_c = p_c Σ_j (δ_cj − p_j) d ln Z_j.
+    weight = np.eye(len(names)) - probability[:, None, :]
+    own = table(lambda p: p.own_error)
+    of_evidences = probability * np.sqrt(np.einsum("icj,ij->ic", weight**2, own**2))
+    tables = {
+        "class_probability": probability,
+        "class_probability_se": np.hypot(of_evidences, table(lambda p: p.probability_error)),
+        "log_evidence": log_evidence,
+        "log_evidence_se": table(lambda p: p.log_evidence.standard_error),
+        "method": table(lambda p: p.method).astype(str),
+        "pareto_k": table(lambda p: p.pareto_k),
+        "p_value": table(lambda p: p.p_value),
+        "typical_p_value": table(lambda p: p.p_typical),
+        "fit_p_value": table(lambda p: p.p_fit),
+    }
+    dims = (by, "class_label")
+    return xr.Dataset(
+        {name: (dims, values) for name, values in tables.items()}, {"class_label": list(names)}
+    )
+
+
+def _labelled(
+    result: xr.Dataset, data: xr.Dataset, units: Sequence[Sequence[int]], by: str
+) -> xr.Dataset:
+    """The result with names of what was classified, and what the data are said to be."""
+    first = [unit[0] for unit in units]
+    labels = ("specimen", "experiment", "group") if by == "test" else ("specimen", "group")
+    # Above all whether they were simulated.
+    kept = {key: data.attrs[key] for key in ("title", "simulated") if key in data.attrs}
+    named = {label: (by, data[label].values[first]) for label in labels}
+    return result.assign_coords(named).assign_attrs(kept)
+
+
+def _decide(
+    result: xr.Dataset, prior: np.ndarray, undecided_below: float, none_below: float
+) -> xr.DataArray:
+    """The most probable class, unless a limit says otherwise; empty where nothing is known."""
+    probability = result["class_probability"]
+    names = result["class_label"].values.tolist()
+    decision = np.array([names[j] for j in probability.values.argmax(axis=1)], dtype=object)
+    decision[~(probability.values.max(axis=1) >= undecided_below)] = "undecided"
+    decision[_in_doubt(result, prior)] = "cannot be judged"
+    if "p_value" in result and none_below:
+        p_value = result["p_value"].values
+        decision[np.isnan(p_value).any(axis=1)] = "cannot be judged"
+        decision[(p_value < none_below).all(axis=1)] = "none of these"
+    decision[np.isnan(result["log_evidence"].values).any(axis=1)] = "cannot be judged"
+    # What failed has an infinite error, and what was not tried has none.
+    decision[np.isnan(result["log_evidence_se"].values).any(axis=1)] = ""
+    return xr.DataArray(decision.astype(str), dims=probability.dims[:1])
+
+
+def _in_doubt(result: xr.Dataset, prior: np.ndarray) -> np.ndarray:
+    """Where the evidence of the most probable class, or of one near it, is not to be trusted."""
+    with np.errstate(divide="ignore"):
+        log_posterior = result["log_evidence"].values + np.log(prior)
+    doubtful = result["pareto_k"].values >= LARGEST_PARETO_K
+    doubtful = doubtful | ~np.isfinite(result["log_evidence_se"].values)
+    doubtful = doubtful | (result["class_verdict"].values == VERDICTS[-1])
+    near = log_posterior > log_posterior.max(axis=1, keepdims=True) - _FAR_BELOW
+    return (doubtful & near).any(axis=1)
+
+
+def _class_prior(class_prior: Mapping[str, float] | None, names: list[str]) -> np.ndarray:
+    if class_prior is None:
+        return np.full(len(names), 1 / len(names))
+    if not isinstance(class_prior, Mapping):
+        raise TypeError(f"class_prior must be a dict of names to numbers, not {class_prior!r}")
+    if set(class_prior) != set(names):
+        raise ValueError(f"class_prior names {sorted(class_prior)}, but the classes are {names}")
+    try:
+        prior = np.array([class_prior[name] for name in names], float)
+    except (TypeError, ValueError):
+        prior = np.array([np.nan])
+    if not np.all(prior >= 0) or not np.isclose(prior.sum(), 1):
+        raise ValueError(f"class_prior must hold probabilities that add up to 1; got {class_prior}")
+    return prior

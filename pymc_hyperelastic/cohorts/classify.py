@@ -1,0 +1,139 @@
+"""Classify a cohort."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import xarray as xr
+
+from pymc_hyperelastic.classes.classification import Classification
+from pymc_hyperelastic.cohorts.representatives import representatives
+from pymc_hyperelastic.cohorts.run import run_cohort, seed_in
+from pymc_hyperelastic.cohorts.work import Prepared, Work
+from pymc_hyperelastic.evidence.smc import seed_sequence
+from pymc_hyperelastic.files.seal import digest_of
+from pymc_hyperelastic.models.study import wall_of
+
+
+@dataclass(frozen=True)
+class Classifying(Work):
+    """Classes, and how they are held against new data."""
+
+    name: ClassVar[str] = "classify_cohort"
+
+    by: str
+    classes: xr.DataTree
+    like: xr.Dataset
+    settings: dict[str, Any]
+    materials: list[Any] = field(default_factory=list)
+    """Of the classes: a law of a user's own is known where it was sent."""
+
+    def manifest(self) -> dict[str, Any]:
+        """The classes by their numbers, and settings."""
+        settings = dict(self.settings)
+        trees = [self.classes, *settings.pop("average_over")]
+        return {
+            "classes": [
+                {name: {"sha256": digest_of(fitted)} for name, fitted in tree.children.items()}
+                for tree in trees
+            ],
+            **settings,
+        }
+
+    def prepare(self) -> Prepared:
+        """Set up the classification."""
+        return self.classification().of
+
+    def classification(self) -> Classification:
+        """The classification, set up for data like those of the cohort."""
+        return Classification(self.classes, self.like, by=self.by, **self.settings)
+
+
+def classify_cohort(
+    data: xr.Dataset,
+    classes: xr.DataTree,
+    store: str | Path,
+    *,
+    by: Literal["test", "specimen"] = "specimen",
+    class_prior: Mapping[str, float] | None = None,
+    average_over: Sequence[xr.DataTree] = (),
+    undecided_below: float = 0.0,
+    none_below: float = 0.0,
+    client: Any = None,
+    cores: int | None = None,
+    batch_size: int = 64,
+    random_seed: Any = None,
+    progressbar: bool = True,
+) -> None:
+    """Classify many specimens, or experiments, batch by batch, and keep what is done in a folder.
+
+    What is said of a specimen is the same whatever else is classified, wherever, and in which
+    order.
+
+    Parameters
+    ----------
+    data : xarray.Dataset
+        Inflation data of the cohort.
+    classes : xarray.DataTree
+        Result of :func:`~pymc_hyperelastic.fit_classes`.
+    store, client, cores, batch_size, random_seed, progressbar
+        See :func:`fit_cohort`.
+    by, class_prior, average_over, undecided_below, none_below
+        See :func:`~pymc_hyperelastic.classify`.
+
+    See Also
+    --------
+    open_cohort : The result, that of :func:`~pymc_hyperelastic.classify`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If data, classes or settings are unsound, before anything is computed; if the store holds
+        other work.
+    OSError
+        If the store cannot be written. What was computed is kept.
+
+    Warns
+    -----
+    UserWarning
+        If a part of the store is damaged: it is computed again.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.load_dataset("simulated_sheep_aorta")
+    >>> train = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
+    >>> noise = {"sigma": 5 * ph.mmHg, "slope_weight": 3.0}
+    >>> settings = {"random_seed": 1, "progressbar": False}
+    >>> classes = ph.fit_classes(ph.Ogden(), train, **noise, draws=500, chains=2, **settings)
+    >>> new = ph.select(data, experiment=3)
+    >>> ph.classify_cohort(new, classes, "classified", cores=1, **settings)
+    >>> ph.open_cohort("classified")["decision"].sel(specimen="S4").item()
+    'C2'
+    """
+    settings = {
+        "class_prior": class_prior,
+        "average_over": [*average_over],
+        "undecided_below": undecided_below,
+        "none_below": none_below,
+        "random_seed": _seed(random_seed, store),
+    }
+    trees = [classes, *average_over]
+    materials = [
+        layer.energy
+        for tree in trees
+        for child in tree.children.values()
+        for layer in wall_of(child)
+    ]
+    work = Classifying(by, classes, representatives(data), settings, materials)
+    # All input is checked here, where it was given.
+    work.classification().check_new(data)
+    running = {"client": client, "cores": cores, "batch_size": batch_size}
+    run_cohort(work, data, store, **running, progressbar=progressbar)
+
+
+def _seed(random_seed: Any, store: str | Path) -> Any:
+    """Entropy of a seed; if none is given, that of the store."""
+    known = seed_in(store) if random_seed is None else None
+    return seed_sequence(random_seed).entropy if known is None else known

@@ -1,0 +1,342 @@
+"""Fit many specimens, each by itself."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import xarray as xr
+
+from pymc_hyperelastic.cohorts.open import GROUP
+from pymc_hyperelastic.cohorts.representatives import representatives
+from pymc_hyperelastic.cohorts.run import run_cohort, seed_in
+from pymc_hyperelastic.cohorts.work import Prepared, Work, failure, joined, labels_of
+from pymc_hyperelastic.data.select import tests_at, units_of
+from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
+from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR
+from pymc_hyperelastic.evidence.integral import integrate
+from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
+from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.geometry import Measured, check_geometry
+from pymc_hyperelastic.models.inflation import tube_model
+from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.priors import complete_wall, prior_from_record, prior_to_record
+from pymc_hyperelastic.models.study import noise_from_records, noise_records, wall_attrs
+from pymc_hyperelastic.predictions.properties import tube_properties
+
+# Of a property, what is kept of its posterior.
+QUANTILES = {"2.5 %": 0.025, "50 %": 0.5, "97.5 %": 0.975}
+# Draws whose curves are looked at, and how often curves are made right for them.
+_LOOKED_AT, _MOST_TRIES = 16, 4
+
+
+@dataclass(frozen=True)
+class Fitting(Work):
+    """A model, and what is kept of its posterior for each specimen or experiment."""
+
+    name: ClassVar[str] = "fit_cohort"
+
+    by: str
+    energy: StrainEnergy | Sequence[Layer]
+    like: xr.Dataset
+    noise: dict[str, Any]
+    priors: dict[str, Any]
+    """Records of them: distributions do not travel."""
+    geometry: dict[str, Any]
+    properties: dict[str, Any]
+    draws: int
+    random_seed: Any
+
+    def manifest(self) -> dict[str, Any]:
+        """The law, priors and settings."""
+        return {
+            "strain_energy": wall_attrs(self.energy),
+            "noise": self.noise,
+            "priors": self.priors,
+            "geometry": self.geometry,
+            "properties": self.properties,
+            "draws": self.draws,
+            "random_seed": self.random_seed,
+        }
+
+    def prepare(self) -> Prepared:
+        """Set up the models of specimens."""
+        return Fits(self).of
+
+    @property
+    def observation(self) -> Observation:
+        """What was measured, with which errors."""
+        return Observation(**noise_from_records(self.noise))
+
+    @property
+    def unknown(self) -> dict[str, Any]:
+        """What is not known of the material and the tube."""
+        return {
+            "priors": {name: prior_from_record(record) for name, record in self.priors.items()},
+            "geometry": {
+                name: Measured(record["sd"])
+                if isinstance(record, dict)
+                else prior_from_record(record)
+                for name, record in self.geometry.items()
+            },
+        }
+
+
+class Fits:
+    """Posteriors of specimens, each by itself, from models that are compiled once."""
+
+    def __init__(self, work: Fitting) -> None:
+        self._work = work
+        unknown = work.unknown
+        wall, distributions = complete_wall(work.energy, unknown["priors"], None)
+        geometry = check_geometry(unknown["geometry"], None)
+        observation = work.observation
+        observation.check(wall, work.like, distributions, geometry)
+        self._forward = observation.forward_model(wall, work.like, distributions, geometry)
+        self._models: dict[int, _Model] = {}
+
+    def of(self, data: xr.Dataset) -> xr.Dataset:
+        """Result of these specimens or experiments, row by row."""
+        by = self._work.by
+        rows = []
+        for label, tests in units_of(data, by).items():
+            own = tests_at(data, tests)
+            try:
+                rows.append(self._row(own, label))
+            except (ValueError, ArithmeticError) as error:
+                rows.append(failure(own, by, str(error)))
+        return joined(rows, by)
+
+    def _row(self, data: xr.Dataset, label: str) -> xr.Dataset:
+        seed = seed_of(seed_sequence(self._work.random_seed), label)
+        rng, tests = np.random.default_rng(seed), data.sizes["test"]
+        if tests not in self._models:
+            self._models[tests] = _Model(self._work, data, self._forward)
+        model = self._models[tests]
+        for _ in range(_MOST_TRIES):
+            found = model.sample(data, self._work.draws, rng)
+            right = model.right_for(data, found.posterior)
+            if right is None:
+                break
+            # Other specimens keep their curves: what is said of one depends on no other.
+            model = _Model(self._work, data, right)
+        else:
+            raise ValueError(
+                "its curves are not right for its material, which is far from what priors expect"
+            )
+        return found.as_row(self._work, data)
+
+
+@dataclass
+class _Fit:
+    """Posterior and evidence of one specimen."""
+
+    posterior: dict[str, np.ndarray]
+    """By (draw, entry)."""
+    evidence: dict[str, Any] = field(default_factory=dict)
+
+    def as_row(self, work: Fitting, data: xr.Dataset) -> xr.Dataset:
+        by = work.by
+        variables: dict[str, Any] = {}
+        for name, values in self.posterior.items():
+            entries = [f"{name}_entry"] if values.ndim > 1 else []
+            dims = ["chain", "draw", by, *entries]
+            variables[name] = (dims, values[None, :, None], {GROUP: "posterior"})
+        for name, value in self.evidence.items():
+            variables[name] = (by, [value], {GROUP: "evidence"})
+        variables["error"] = (by, [""], {GROUP: "evidence"})
+        if work.properties:
+            variables |= self._properties(work, data)
+        coords = labels_of(data, by) | {"chain": [0], "draw": np.arange(work.draws)}
+        return xr.Dataset(variables, coords)
+
+    def _properties(self, work: Fitting, data: xr.Dataset) -> dict[str, Any]:
+        posterior = {
+            name: (("chain", "draw", f"{name}_entry")[: values.ndim + 1], values[None])
+            for name, values in self.posterior.items()
+        }
+        tree = xr.DataTree.from_dict({"posterior": xr.Dataset(posterior), "constant_data": data})
+        settings = dict(work.properties)
+        found = tube_properties(tree, settings.pop("pressure"), energy=work.energy, **settings)
+        quantiles = found.quantile([*QUANTILES.values()], ["chain", "draw"], skipna=True)
+        properties: dict[str, Any] = {
+            name: (
+                (work.by, *values.dims[1:], "interval"),
+                np.moveaxis(values.values, 0, -1)[None],
+                {**found[name].attrs, GROUP: "properties"},
+            )
+            for name, values in quantiles.data_vars.items()
+        }
+        return properties | {"pressure": found["pressure"], "interval": list(QUANTILES)}
+
+
+class _Model:
+    """Model of a specimen with so many tests, whose data may be replaced."""
+
+    @without_traces
+    def __init__(self, work: Fitting, data: xr.Dataset, forward: ForwardModel) -> None:
+        self._model = tube_model(
+            work.energy, data, work.observation, **work.unknown, forward=forward.with_data(data)
+        )
+        self.forward: ForwardModel = self._model.study.forward
+        self._target = Target(self._model)
+        free = self._model.free_RVs
+        self._names = [rv.name for rv in free]
+        self._constrain = BatchedFunction.of_model(
+            self._model, self._model.replace_rvs_by_values(free)
+        )
+
+    def sample(self, data: xr.Dataset, draws: int, rng: np.random.Generator) -> _Fit:
+        """Posterior and evidence given these data."""
+        self.forward.set_data(data)
+        found = integrate(self._target, draws, rng)
+        values = dict(zip(self._names, self._constrain(found.particles), strict=True))
+        value, error = found.log_value
+        evidence = {"log_evidence": value, "log_evidence_se": error, "pareto_k": found.pareto_k}
+        return _Fit(values, evidence | {"method": found.method})
+
+    def right_for(self, data: xr.Dataset, posterior: Mapping[str, Any]) -> ForwardModel | None:
+        """Curves that are right for such materials; None if these are."""
+        some = {name: values[:_LOOKED_AT] for name, values in posterior.items()}
+        if self.forward.errors(data, some).max() <= CURVES_ERR:
+            return None
+        return self.forward.right_for(some)
+
+
+def fit_cohort(
+    energy: StrainEnergy | Sequence[Layer],
+    data: xr.Dataset,
+    store: str | Path,
+    *,
+    by: Literal["specimen", "test"] = "specimen",
+    priors: Mapping[str, Any] | None = None,
+    geometry: Mapping[str, Any] | None = None,
+    properties: Mapping[str, Any] | None = None,
+    draws: int = 500,
+    client: Any = None,
+    cores: int | None = None,
+    batch_size: int = 64,
+    random_seed: Any = None,
+    progressbar: bool = True,
+    **noise: Any,
+) -> None:
+    """Sample many specimens, each by itself, batch by batch, and keep what is done in a folder.
+
+    The model of each is :func:`~pymc_hyperelastic.inflation_model` of its tests alone. What is said
+    of a specimen is the same whatever else the cohort holds, wherever it is computed, and in which
+    order: its seed is that of its name.
+
+    A batch is done when its part of the store is there, whole. What was interrupted or killed goes
+    on by the same call. A specimen that cannot be sampled becomes a row with its message; a process
+    that dies is replaced, and its batch tried again and then halved, until the specimen at fault
+    stands alone.
+
+    Parameters
+    ----------
+    energy : StrainEnergy or list of Layer
+        The material.
+    data : xarray.Dataset
+        Inflation data of the cohort.
+    store : str or Path
+        The folder. It is made if it is missing; with a `client` all its workers have to reach it.
+    by : {"specimen", "test"}
+        What is fitted by itself: all experiments on a specimen together, or each experiment.
+    priors, geometry
+        See :func:`~pymc_hyperelastic.inflation_model`; distributions of PyMC with numbers for
+        parameters, which can be written down.
+    properties : dict, optional
+        Arguments of :func:`~pymc_hyperelastic.tube_properties`, ``pressure`` at least: these
+        elastic properties of each specimen are kept, as median and 95 % interval.
+    draws : int, default 500
+        Draws of each posterior.
+    client : distributed.Client, optional
+        Workers of Dask. Without one the work is done on this machine.
+    cores : int, optional
+        Processes of this machine; all cores when missing, and this very process if it is 1.
+    batch_size : int, default 64
+        Specimens of a part of the store.
+    random_seed : int, optional
+        The same seed gives the same result. Without one it is chosen, and kept in the store.
+    progressbar : bool
+        Whether to show progress.
+    **noise
+        Errors of what was measured: ``noise_sd`` or ``sigma``, ``slope_weight`` and the others of
+        :func:`~pymc_hyperelastic.inflation_model`.
+
+    See Also
+    --------
+    open_cohort : The result.
+    classify_cohort : Held against classes.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If data, priors or numbers are unsound, before anything is computed; if the store holds
+        other work, which the message tells.
+    OSError
+        If the store cannot be written. What was computed is kept.
+
+    Warns
+    -----
+    UserWarning
+        If a part of the store is damaged: it is computed again.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=["S1", "S2"])
+    >>> noise = {"noise_sd": 0.5, "slope_weight": 0.0}
+    >>> settings = {"random_seed": 1, "cores": 1, "progressbar": False}
+    >>> ph.fit_cohort(ph.Ogden(), data, "fitted", **noise, **settings)
+    >>> ph.open_cohort("fitted")["evidence"]["error"].values.tolist()
+    ['', '']
+    """
+    check_count("draws", draws, 2)
+    if by not in ("specimen", "test"):
+        raise ValueError(f"by must be 'specimen' or 'test', not {by!r}")
+    known = seed_in(store) if random_seed is None else None
+    work = Fitting(
+        by,
+        energy,
+        representatives(data),
+        noise_records(Observation(**noise).noise),
+        {name: prior_to_record(name, prior) for name, prior in (priors or {}).items()},
+        {name: _record(name, value) for name, value in (geometry or {}).items()},
+        _as_json(properties or {}),
+        int(draws),
+        seed_sequence(random_seed).entropy if known is None else known,
+    )
+    # All input is checked here, where it was given.
+    work.observation.check(
+        complete_wall(energy, work.unknown["priors"], None)[0],
+        data,
+        complete_wall(energy, work.unknown["priors"], None)[1],
+        check_geometry(work.unknown["geometry"], None),
+    )
+    running = {"client": client, "cores": cores, "batch_size": batch_size}
+    run_cohort(work, data, store, **running, progressbar=progressbar)
+
+
+def _record(name: str, value: Any) -> Any:
+    return {"sd": value.sd} if isinstance(value, Measured) else prior_to_record(name, value)
+
+
+def _distribution(record: Any) -> Any:
+    return Measured(record["sd"]) if isinstance(record, dict) else prior_from_record(record)
+
+
+def _as_json(properties: Mapping[str, Any]) -> dict[str, Any]:
+    """What is asked of properties, as a manifest has it."""
+    if properties and "pressure" not in properties:
+        raise ValueError("properties must say at which pressures: {'pressure': [80, 120], ...}")
+    plain = {k: np.asarray(v).tolist() for k, v in properties.items()}
+    try:
+        return json.loads(json.dumps(plain))
+    except TypeError as error:
+        raise TypeError(f"properties must hold numbers and text: {error}") from None

@@ -1,0 +1,200 @@
+"""What a store holds, read when it is asked for."""
+
+import warnings
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from xarray.backends import BackendArray
+from xarray.core import indexing
+
+from pymc_hyperelastic.cohorts.run import UNITS, Batch, parts_of
+from pymc_hyperelastic.cohorts.work import filled
+from pymc_hyperelastic.evidence.checks import PACKAGE
+from pymc_hyperelastic.files.results import open_result
+from pymc_hyperelastic.files.seal import unsealed
+from pymc_hyperelastic.files.store import manifest_of
+
+# Parts that are kept in memory once they were read.
+_KEPT = 16
+# Attribute that says of which group of the result a variable is.
+GROUP = "group_of_result"
+
+
+def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
+    """Open what :func:`fit_cohort` or :func:`classify_cohort` has computed so far.
+
+    Nothing but the labels is read before it is asked for; then whole parts are, each of which is
+    compared with its checksum. To have all of it in one place, write it: ``to_netcdf(path)``, or
+    ``to_zarr(path)``.
+
+    Parameters
+    ----------
+    store : str or Path
+        The folder.
+
+    Returns
+    -------
+    xarray.DataTree or xarray.Dataset
+        Of :func:`fit_cohort` a tree with the groups ``posterior``, ``evidence`` and perhaps
+        ``properties``, of :func:`classify_cohort` the result of
+        :func:`~pymc_hyperelastic.classify`, all with the dimension ``specimen``, or ``test``. What
+        failed is NaN and has a message in ``error``; what is not computed yet is NaN too, and its
+        message says so.
+
+    Raises
+    ------
+    FileNotFoundError
+        If the folder is no store.
+    ValueError
+        If its manifest, or a part when it is read, is damaged.
+
+    Warns
+    -----
+    UserWarning
+        If not all is computed yet.
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=["S1", "S2"])
+    >>> ph.fit_cohort(
+    ...     ph.Ogden(),
+    ...     data,
+    ...     "cohort",
+    ...     noise_sd=0.5,
+    ...     slope_weight=0.0,
+    ...     random_seed=1,
+    ...     cores=1,
+    ...     progressbar=False,
+    ... )
+    >>> cohort = ph.open_cohort("cohort")
+    >>> dict(cohort["posterior"]["mu"].sizes)
+    {'chain': 1, 'draw': 500, 'specimen': 2}
+    """
+    folder = Path(store)
+    manifest = manifest_of(folder)
+    assert manifest is not None
+    by, count = manifest["by"], manifest["units"]
+    parts = [Batch(*ends) for ends in parts_of(folder)]
+    done = sum(part.last - part.first for part in parts)
+    if done < count:
+        warnings.warn(
+            f"{folder} holds {done} of {count}: the call that made it goes on with the others",
+            skip_file_prefixes=(PACKAGE,),
+        )
+    read = lru_cache(_KEPT)(partial(_read, folder))
+    units = open_result(folder / f"{UNITS}.nc")
+    assert isinstance(units, xr.Dataset)
+    template = _template(parts, read)
+    variables = {
+        name: _lazily(name, variable, by, count, parts, read)
+        for name, variable in template.variables.items()
+        if name not in units.coords
+    }
+    result = xr.Dataset(variables, attrs=unsealed(template.attrs))
+    result = result.set_coords([n for n in template.coords if n in variables])
+    return _in_groups(result.assign_coords(units.coords))
+
+
+def _read(folder: Path, part: Batch) -> xr.Dataset:
+    result = open_result(folder / f"{part.part}.nc")
+    assert isinstance(result, xr.Dataset)
+    return result
+
+
+def _template(parts: list[Batch], read: Any) -> xr.Dataset:
+    """A part that has all variables: one in which not everything failed."""
+    found = xr.Dataset()
+    for part in parts:
+        own = read(part)
+        if len(own.variables) > len(found.variables):
+            found = own
+        if len(found.variables) > len(own.coords) + 1:
+            break
+    return found
+
+
+class _Rows(BackendArray):
+    """A variable of all units, each row of which is in some part."""
+
+    def __init__(
+        self, name: Any, like: xr.Variable, by: str, count: int, parts: list[Batch], read: Any
+    ) -> None:
+        self._name, self._like, self._axis = name, like, like.dims.index(by)
+        self._by, self._read = by, read
+        self._parts = parts
+        self._firsts = np.array([part.first for part in parts])
+        self.shape = tuple(count if d == by else n for d, n in like.sizes.items())
+        self.dtype = np.dtype(object) if like.dtype.kind in "OUST" else like.dtype
+
+    def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
+        return indexing.explicit_indexing_adapter(
+            key, self.shape, indexing.IndexingSupport.OUTER, self._rows
+        )
+
+    def _rows(self, key: tuple[Any, ...]) -> np.ndarray:
+        key = tuple(k if isinstance(k, slice) else np.asarray(k) for k in key)
+        wanted = np.arange(self.shape[self._axis])[key[self._axis]]
+        rows = np.atleast_1d(wanted)
+        place = np.searchsorted(self._firsts, rows, side="right") - 1
+        pieces, order = [], []
+        for number in np.unique(place):
+            own = np.flatnonzero(place == number)
+            order.append(own)
+            pieces.append(self._of_part(number, rows[own]))
+        empty = filled(self._like, self._by, 0).values.astype(self.dtype)
+        both = np.concatenate([empty, *pieces], axis=self._axis)
+        both = np.take(both, np.argsort(np.concatenate([*order, []]).astype(int)), axis=self._axis)
+        if wanted.ndim == 0:
+            both = np.take(both, 0, axis=self._axis)
+            rest = tuple(k for axis, k in enumerate(key) if axis != self._axis)
+        else:
+            rest = tuple(slice(None) if axis == self._axis else k for axis, k in enumerate(key))
+        for axis in reversed(range(len(rest))):
+            both = both[(slice(None),) * axis + (rest[axis],)]
+        return both
+
+    def _of_part(self, number: int, rows: np.ndarray) -> np.ndarray:
+        """Rows that one part has, or would have if it had been computed."""
+        part = self._parts[number] if number >= 0 else None
+        there = np.zeros(len(rows), bool) if part is None else rows < part.last
+        values = filled(self._like, self._by, len(rows)).values.astype(self.dtype)
+        if self._name == "error":
+            values[...] = "not computed yet"
+        if part is not None and there.any():
+            known = self._read(part)
+            where = (slice(None),) * self._axis
+            if self._name in known:
+                own = known.variables[self._name].values.astype(self.dtype)
+                values[(*where, there)] = own[(*where, rows[there] - part.first)]
+            elif self._name != "error":
+                values[(*where, there)] = filled(self._like, self._by, int(there.sum())).values
+        return values
+
+
+def _lazily(
+    name: Any, like: xr.Variable, by: str, count: int, parts: list[Batch], read: Any
+) -> xr.Variable:
+    """A variable of all units; what has no unit is that of the template."""
+    if by not in like.dims:
+        return like
+    rows = _Rows(name, like, by, count, parts, read)
+    return xr.Variable(like.dims, indexing.LazilyIndexedArray(rows), like.attrs)
+
+
+def _in_groups(result: xr.Dataset) -> xr.DataTree | xr.Dataset:
+    """The result by the groups of which its variables say that they are."""
+    groups: dict[str, list[Any]] = {}
+    for name, variable in result.data_vars.items():
+        if GROUP in variable.attrs:
+            groups.setdefault(variable.attrs[GROUP], []).append(name)
+    if not groups:
+        return result
+    attrs = result.attrs
+    result = result.drop_attrs(deep=False)
+    tree = xr.DataTree.from_dict({group: result[names] for group, names in groups.items()})
+    tree.attrs = attrs
+    return tree

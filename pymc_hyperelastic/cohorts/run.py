@@ -1,0 +1,182 @@
+"""Do the work of a cohort batch by batch, and keep what is done."""
+
+import os
+import uuid
+import warnings
+from collections import deque
+from collections.abc import Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from pymc.progress_bar import create_simple_progress
+
+from pymc_hyperelastic.cohorts.work import Work, failure, labels_of
+from pymc_hyperelastic.cohorts.workers import (
+    DEATHS,
+    ClusterLost,
+    WorkerDied,
+    Workers,
+    workers_for,
+)
+from pymc_hyperelastic.data.select import tests_at, units_of
+from pymc_hyperelastic.evidence.checks import PACKAGE, check_count
+from pymc_hyperelastic.files.results import open_result, save_result
+from pymc_hyperelastic.files.seal import digest_of
+from pymc_hyperelastic.files.store import Store, manifest_of
+
+_PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "scipy", "xarray")
+# Batches that wait at the workers for each that is being done.
+_WAITING = 2
+# Seconds without news after which it is looked whether anybody is still there.
+_LOOK = 5.0
+#: Units of a cohort by their numbers, at the end of names of parts.
+UNITS = "units"
+
+
+class Batch(NamedTuple):
+    """Units from one number to before another, and how many processes died of them."""
+
+    first: int
+    last: int
+    deaths: int = 0
+
+    @property
+    def part(self) -> str:
+        """Name of its part of the store."""
+        return f"{self.first:09d}-{self.last:09d}"
+
+    def halves(self) -> list["Batch"]:
+        """Both halves, of which nobody died yet."""
+        middle = (self.first + self.last) // 2
+        return [Batch(self.first, middle), Batch(middle, self.last)]
+
+
+def run_cohort(
+    work: Work,
+    data: xr.Dataset,
+    folder: str | Path,
+    *,
+    client: Any = None,
+    cores: int | None = None,
+    batch_size: int = 64,
+    progressbar: bool = True,
+) -> None:
+    """Do what is missing of a cohort; see :func:`~pymc_hyperelastic.fit_cohort`."""
+    check_count("batch_size", batch_size, 1)
+    if cores is not None:
+        check_count("cores", cores, 1)
+    units = units_of(data, work.by)
+    versions = {name: version(name) for name in _PACKAGES}
+    manifest = work.manifest() | {"data": {"sha256": digest_of(data)}, "versions": versions}
+    store = Store(folder, {"work": work.name, "by": work.by, "units": len(units), **manifest})
+    store.remember(UNITS, lambda: xr.Dataset(coords=labels_of(data, work.by)))
+    todo = deque(_missing(store.folder, len(units), batch_size))
+    if not todo:
+        return
+    cores = min(cores or _cores(), len(todo))
+    workers = workers_for(work, uuid.uuid4().hex, client, cores)
+    tests = [*units.values()]
+
+    def of(batch: Batch) -> xr.Dataset:
+        return tests_at(data, np.sort(np.concatenate(tests[batch.first : batch.last])))
+
+    with (progress := create_simple_progress(progressbar)):
+        bar = progress.add_task(work.name, completed=0, total=len(units))
+        progress.update(bar, completed=len(units) - sum(b.last - b.first for b in todo))
+        try:
+            for batch in _done(todo, workers, store, of, work.by):
+                progress.advance(bar, batch.last - batch.first)
+        except (OSError, ClusterLost) as error:
+            raise type(error)(
+                f"{error}. What was computed is in {store.folder}: the same call goes on from there"
+            ) from error
+        except KeyboardInterrupt:
+            warnings.warn(
+                f"interrupted: what was computed is in {store.folder}; the same call goes on from "
+                "there",
+                skip_file_prefixes=(PACKAGE,),
+            )
+            raise
+        finally:
+            workers.close()
+
+
+def _done(todo: deque[Batch], workers: Workers, store: Store, of: Any, by: str) -> Iterator[Batch]:
+    """Batches when they are done: tried again, and halved, where processes die of them."""
+    running: dict[Future, Batch] = {}
+    while todo or running:
+        while todo and len(running) < _WAITING * workers.count:
+            batch = todo.popleft()
+            running[workers.submit(of(batch), store.part(batch.part))] = batch
+        finished = wait(running, _LOOK, FIRST_COMPLETED).done
+        if not finished:
+            workers.check()
+        for future in finished:
+            batch = running.pop(future)
+            try:
+                future.result()
+            except WorkerDied as died:
+                again = batch._replace(deaths=batch.deaths + died.deaths)
+                if again.deaths < DEATHS:
+                    todo.appendleft(again)
+                    continue
+                if batch.last - batch.first > 1:
+                    todo.extendleft(reversed(batch.halves()))
+                    continue
+                said = f"the process that computed it died {again.deaths} times: {died}"
+                save_result(failure(of(batch), by, said), store.part(batch.part))
+            yield batch
+
+
+def _missing(folder: Path, units: int, batch_size: int) -> list[Batch]:
+    """Batches of the units of which the store has no part."""
+    there = np.zeros(units, bool)
+    for batch in parts_of(folder):
+        path = folder / f"{Batch(*batch).part}.nc"
+        try:
+            open_result(path)
+        except ValueError as error:
+            said = f"{error}. It is computed again"
+            warnings.warn(said, skip_file_prefixes=(PACKAGE,))
+            path.unlink()
+        else:
+            there[slice(*batch)] = True
+    lacking = np.flatnonzero(~there)
+    runs = np.split(lacking, np.flatnonzero(np.diff(lacking) > 1) + 1)
+    return [
+        Batch(first, min(first + batch_size, int(run[-1]) + 1))
+        for run in runs
+        if run.size
+        for first in range(int(run[0]), int(run[-1]) + 1, batch_size)
+    ]
+
+
+def parts_of(folder: Path) -> list[tuple[int, int]]:
+    """First and last number of the units of each part of a store, none of them twice."""
+    names = [path.stem.split("-") for path in folder.glob("?????????-?????????.nc")]
+    ends = [(int(first), int(last)) for first, last in names if (first + last).isdigit()]
+    kept: list[tuple[int, int]] = []
+    # Of those that begin alike the longest; a process that outlived its driver may have written
+    # what others have done again since.
+    for first, last in sorted(ends, key=lambda pair: (pair[0], -pair[1])):
+        if not kept or first >= kept[-1][1]:
+            kept.append((first, last))
+    return kept
+
+
+def seed_in(folder: str | Path) -> Any:
+    """Seed of the work that a store holds; None if there is no store yet."""
+    manifest = manifest_of(Path(folder), missing=True)
+    return None if manifest is None else manifest.get("random_seed")
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # not on every system
+        return os.cpu_count() or 1

@@ -1,0 +1,118 @@
+"""What is done with every batch of a cohort, wherever it is done."""
+
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import xarray as xr
+from threadpoolctl import threadpool_limits
+
+from pymc_hyperelastic.data.select import tests_at, units_of
+from pymc_hyperelastic.files.results import save_result
+
+Prepared = Callable[[xr.Dataset], xr.Dataset]
+
+
+class Work(ABC):
+    """Settings of what is done with each specimen, or each experiment, of a cohort.
+
+    It travels to the processes that do it. What comes out for one specimen depends on nothing but
+    its own measurements and these settings.
+    """
+
+    #: What is asked for, as a manifest says it.
+    name: ClassVar[str]
+
+    by: str
+    """``"specimen"`` or ``"test"``."""
+
+    @abstractmethod
+    def manifest(self) -> dict[str, Any]:
+        """All that decides the numbers, but for the data, as JSON has it."""
+
+    @abstractmethod
+    def prepare(self) -> Prepared:
+        """Set up once in a process: a function of some specimens' data."""
+
+
+# What a process has prepared, and for which work: it has one at a time.
+_prepared: dict[str, Prepared] = {}
+
+
+def run_batch(work: Work, token: str, data: xr.Dataset, part: Path) -> None:
+    """Do the work of a batch and write its part of the store.
+
+    Parameters
+    ----------
+    work : Work
+        What is done.
+    token : str
+        By which a process knows that it has prepared this work already.
+    data : xarray.Dataset
+        Those of the batch.
+    part : Path
+        Where its part of the store is written.
+    """
+    # All that a warning would say stands in the results.
+    with warnings.catch_warnings(), threadpool_limits(1):
+        warnings.simplefilter("ignore")
+        if token not in _prepared:
+            _prepared.clear()
+            _prepared[token] = work.prepare()
+        save_result(_each_alone_if_needed(_prepared[token], data, work.by), part)
+
+
+def _each_alone_if_needed(run: Prepared, data: xr.Dataset, by: str) -> xr.Dataset:
+    """Results of a batch; if something in it raises, that becomes a row with its message."""
+    try:
+        return run(data)
+    except OSError:
+        raise
+    except Exception as error:
+        units = units_of(data, by)
+        if len(units) == 1:
+            return failure(data, by, f"{type(error).__name__}: {error}")
+    return joined(
+        [_each_alone_if_needed(run, tests_at(data, tests), by) for tests in units.values()], by
+    )
+
+
+def failure(data: xr.Dataset, by: str, message: str) -> xr.Dataset:
+    """Rows of what failed, with a message each."""
+    return xr.Dataset(
+        {"error": (by, np.full(len(units_of(data, by)), message))}, labels_of(data, by)
+    )
+
+
+def labels_of(data: xr.Dataset, by: str) -> dict[str, Any]:
+    """Coordinates of the units of these data."""
+    first = [tests[0] for tests in units_of(data, by).values()]
+    names = ("specimen", "group") if by == "specimen" else ("specimen", "experiment", "group")
+    return {name: (by, data[name].values[first].astype(str)) for name in names}
+
+
+def joined(rows: Sequence[xr.Dataset], by: str) -> xr.Dataset:
+    """Results one below the other; what failed lacks what the others have: NaN, or no text."""
+    variables: dict[str, Any] = {}
+    for name in dict.fromkeys(name for row in rows for name in row.variables):
+        like = next(row[name] for row in rows if name in row).variable
+        if by not in like.dims:
+            variables[name] = like
+            continue
+        pieces = [
+            row[name].variable if name in row else filled(like, by, row.sizes[by]) for row in rows
+        ]
+        variables[name] = xr.Variable.concat(pieces, by)
+    first = max(rows, key=lambda row: len(row.variables))
+    coords = [name for name in first.coords if name in variables]
+    return xr.Dataset(variables, attrs=first.attrs).set_coords(coords)
+
+
+def filled(like: xr.Variable, dim: str, size: int) -> xr.Variable:
+    """A variable like another, so long along a dimension, in which nothing is known."""
+    shape = [size if d == dim else n for d, n in like.sizes.items()]
+    empty = np.nan if like.dtype.kind == "f" else np.zeros((), like.dtype).item()
+    return xr.Variable(like.dims, np.full(shape, empty, like.dtype), like.attrs)

@@ -1,0 +1,236 @@
+"""Where batches are done: in this process, in others of this machine, or on a cluster."""
+
+import os
+import pickle
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Protocol
+
+import cloudpickle
+import xarray as xr
+
+from pymc_hyperelastic.cohorts.work import Work, run_batch
+
+# So many deaths are not chance.
+DEATHS = 3
+# Seconds for which a cluster may be without any worker: it may be about to start some.
+_PATIENCE = 60.0
+_THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "NUMEXPR")
+
+
+class WorkerDied(Exception):
+    """Processes ended while they did a batch, so many, one after another."""
+
+    def __init__(self, how: str, deaths: int = 1) -> None:
+        super().__init__(how)
+        self.deaths = deaths
+
+
+class ClusterLost(Exception):
+    """A cluster no longer answers."""
+
+
+class Workers(Protocol):
+    """Those who do batches."""
+
+    count: int
+
+    def submit(self, data: xr.Dataset, part: Path) -> Future:
+        """Let a batch be done; what fails is the exception of the future."""
+
+    def check(self) -> None:
+        """Raise if nobody is left who could go on."""
+
+    def close(self) -> None:
+        """Let nobody go on."""
+
+
+class ThisProcess:
+    """The process that asks, which does a batch when it is submitted."""
+
+    count = 1
+
+    def __init__(self, work: Work, token: str) -> None:
+        self._work, self._token = work, token
+
+    def submit(self, data: xr.Dataset, part: Path) -> Future:
+        """Do a batch."""
+        future: Future = Future()
+        try:
+            run_batch(self._work, self._token, data, part)
+            future.set_result(None)
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    def check(self) -> None:
+        """The process is there."""
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+class Processes:
+    """Processes of this machine, each with a thread here that tells it what to do.
+
+    One does one batch at a time: if it dies it is known of which, and another one takes its place.
+    Each has one thread for linear algebra, and a folder of its own for what is compiled.
+    """
+
+    def __init__(self, work: Work, count: int) -> None:
+        self.count = count
+        self._start = [cloudpickle.dumps(x) for x in (sys.path, work)]
+        self._folder = tempfile.TemporaryDirectory(prefix="pymc_hyperelastic_")
+        self._own, self._all = threading.local(), set[subprocess.Popen]()
+        self._threads = ThreadPoolExecutor(count)
+        self._closed = False
+
+    def submit(self, data: xr.Dataset, part: Path) -> Future:
+        """Let a batch be done by a process that has nothing to do."""
+        return self._threads.submit(self._do, data, part)
+
+    def check(self) -> None:
+        """Whoever died is replaced."""
+
+    def close(self) -> None:
+        """Stop all processes, whatever they do."""
+        self._closed = True
+        for process in list(self._all):
+            _stop(process)
+        self._threads.shutdown(cancel_futures=True)
+        self._folder.cleanup()
+
+    def _do(self, data: xr.Dataset, part: Path) -> None:
+        process = self._process()
+        try:
+            cloudpickle.dump((data, part), process.stdin)
+            process.stdin.flush()
+            answer = pickle.load(process.stdout)
+        except (OSError, EOFError, pickle.UnpicklingError):
+            self._own.process = None
+            self._all.discard(process)
+            raise WorkerDied(_how(_stop(process))) from None
+        if answer is not None:
+            raise answer
+
+    def _process(self) -> Any:
+        """The process of this thread."""
+        process: Any = getattr(self._own, "process", None)
+        if process is None:
+            if self._closed:
+                raise WorkerDied("it was stopped")
+            process = subprocess.Popen(
+                [sys.executable, "-m", "pymc_hyperelastic.cohorts.worker"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env=self._environment(),
+            )
+            self._all.add(process)
+            self._own.process = process
+            # If it cannot be started at all, the first batch finds out.
+            with suppress(OSError):
+                for message in self._start:
+                    process.stdin.write(message)
+        return process
+
+    def _environment(self) -> dict[str, str]:
+        own = tempfile.mkdtemp(dir=self._folder.name)
+        flags = [os.environ.get("PYTENSOR_FLAGS", ""), f"base_compiledir={own}"]
+        paths = [path for path in sys.path if path]
+        return {
+            **os.environ,
+            **{f"{name}_NUM_THREADS": "1" for name in _THREADS},
+            "PYTENSOR_FLAGS": ",".join(filter(None, flags)),
+            "PYTHONPATH": os.pathsep.join(paths),
+        }
+
+
+class Cluster:
+    """The workers of a Dask client; the data of a batch go there, and its part is written there."""
+
+    def __init__(self, work: Work, token: str, client: Any) -> None:
+        self._client, self._token = client, token
+        self.count = max(1, sum(client.nthreads().values()))
+        # What is scattered is gone with its workers; the result of a task is made again.
+        self._work = client.submit(pickle.loads, cloudpickle.dumps(work), pure=False)
+        self._futures: dict[Future, Any] = {}
+        self._seen = time.monotonic()
+
+    def submit(self, data: xr.Dataset, part: Path) -> Future:
+        """Let a batch be done by some worker."""
+        future: Future = Future()
+        on_cluster = self._client.submit(
+            run_batch, self._work, self._token, data, part.absolute(), pure=False
+        )
+        self._futures[future] = on_cluster
+        on_cluster.add_done_callback(lambda done: self._finish(future, done))
+        return future
+
+    def check(self) -> None:
+        """Raise if the cluster has had no worker for long."""
+        try:
+            there = bool(self._client.nthreads())
+        except Exception as lost:
+            raise ClusterLost(f"the scheduler does not answer: {lost}") from lost
+        if there:
+            self._seen = time.monotonic()
+        elif time.monotonic() - self._seen > _PATIENCE:
+            raise ClusterLost(f"the cluster has had no worker for {_PATIENCE:.0f} s")
+
+    def close(self) -> None:
+        """Cancel what is not done."""
+        with suppress(Exception):
+            self._client.cancel(list(self._futures.values()))
+        self._futures.clear()
+
+    def _finish(self, future: Future, done: Any) -> None:
+        """Hand over what became of a batch."""
+        from distributed import KilledWorker
+
+        self._futures.pop(future, None)
+        try:
+            if done.status == "cancelled" or done.status == "lost":
+                raise ClusterLost("the cluster was lost, or its scheduler started again")
+            error = done.exception(timeout=10)
+        except Exception as lost:
+            error = lost if isinstance(lost, ClusterLost) else ClusterLost(str(lost))
+        if isinstance(error, KilledWorker):
+            # A cluster has tried again by itself.
+            error = WorkerDied("workers of the cluster were killed, or ended", DEATHS)
+        if error is None:
+            future.set_result(None)
+        else:
+            future.set_exception(error)
+
+
+def _stop(process: subprocess.Popen) -> int:
+    """Stop a process, if it has not ended, and tell how it did."""
+    process.kill()
+    for channel in (process.stdin, process.stdout):
+        with suppress(OSError):
+            channel.close()  # type: ignore[union-attr]
+    return process.wait()
+
+
+def _how(code: int) -> str:
+    """How a process ended, in words."""
+    if code < 0:
+        return f"it was killed by signal {-code}, perhaps for its memory"
+    return f"it ended with exit code {code}"
+
+
+def workers_for(work: Work, token: str, client: Any, cores: int) -> Workers:
+    """Those who do the work."""
+    if client is not None:
+        return Cluster(work, token, client)
+    make: Callable[[], Workers] = (
+        (lambda: ThisProcess(work, token)) if cores == 1 else (lambda: Processes(work, cores))
+    )
+    return make()

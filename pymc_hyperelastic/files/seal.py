@@ -1,0 +1,113 @@
+"""A checksum that a result carries, by which it is known again."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+_SEAL = "checksum"
+
+
+def sealed[Result: (xr.Dataset, xr.DataTree)](result: Result) -> Result:
+    """The result with its checksum among its attributes.
+
+    It covers all variables and attributes that there are: what is added later is no part of it.
+    """
+    groups = {
+        path: [sorted(map(str, data.variables)), sorted(set(map(str, data.attrs)) - {_SEAL})]
+        for path, data in _groups(result)
+    }
+    result.attrs[_SEAL] = json.dumps({"groups": groups, "sha256": _digest(result, groups)})
+    return result
+
+
+def check_seal(result: xr.Dataset | xr.DataTree, what: str) -> None:
+    """Raise ValueError if a result that carries a checksum is not what it was.
+
+    Parameters
+    ----------
+    result : Dataset or DataTree
+        Any result. One without a checksum, of an earlier version, passes.
+    what : str
+        What to call it, such as ``class 'C1'``.
+    """
+    if _SEAL not in result.attrs:
+        return
+    try:
+        seal = json.loads(result.attrs[_SEAL])
+        intact = _digest(result, seal["groups"]) == seal["sha256"]
+    except (KeyError, TypeError, ValueError, AttributeError):
+        intact = False
+    if not intact:
+        raise ValueError(
+            f"{what}{_source(result)} is not what was computed: numbers, settings or groups of it "
+            "were changed or damaged since. Compute it again, or take a copy. If you changed it on "
+            f"purpose, say so by removing its attribute {_SEAL!r}"
+        )
+
+
+def unsealed(attrs: Mapping[Any, Any]) -> dict[Any, Any]:
+    """Attributes without the checksum, for what is made of a result."""
+    return {name: value for name, value in attrs.items() if name != _SEAL}
+
+
+def digest_of(result: xr.Dataset | xr.DataTree) -> str:
+    """SHA-256 of all values, names and attributes of a result, but not of its seal."""
+    every = {
+        path: [sorted(map(str, data.variables)), sorted(set(map(str, data.attrs)) - {_SEAL})]
+        for path, data in _groups(result)
+    }
+    return _digest(result, every)
+
+
+def _groups(result: xr.Dataset | xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:
+    if isinstance(result, xr.Dataset):
+        yield ".", result
+        return
+    for node in result.subtree:
+        yield node.relative_to(result), node.to_dataset(inherit=False)
+
+
+def _source(result: xr.Dataset | xr.DataTree) -> str:
+    """Of which file it was read, if that is known."""
+    datasets = [data for _, data in _groups(result)]
+    sources = {data.encoding["source"] for data in datasets if "source" in data.encoding}
+    return f" of {sources.pop()}" if len(sources) == 1 else ""
+
+
+def _digest(result: xr.Dataset | xr.DataTree, groups: Mapping[str, Iterable[Any]]) -> str:
+    found, total = dict(_groups(result)), hashlib.sha256()
+
+    def add(*values: Any) -> None:
+        total.update(json.dumps(values, sort_keys=True).encode())
+
+    for path, (variables, attrs) in sorted(groups.items()):
+        data = found[path]
+        for name in variables:
+            variable = data.variables[name]
+            add(path, name, variable.dims, variable.shape)
+            total.update(_bytes_of(variable.values))
+        for name in attrs:
+            add(path, name, _plain(data.attrs[name]))
+    return total.hexdigest()
+
+
+def _bytes_of(values: np.ndarray) -> bytes:
+    """Values as bytes that a file gives back: text has other types there, and NaN other bits."""
+    if values.dtype.kind in "fc":
+        values = np.where(np.isnan(values), np.nan, values)
+        return np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes()
+    if values.dtype.kind in "iub":
+        return values.astype("<i8").tobytes()
+    return json.dumps(values.astype(str).tolist()).encode()
+
+
+def _plain(value: Any) -> Any:
+    """An attribute as JSON has it; files make a number of a list of one."""
+    plain = np.asarray(value).tolist() if isinstance(value, np.ndarray | np.generic) else value
+    if isinstance(plain, list | tuple):
+        return _plain(plain[0]) if len(plain) == 1 else [_plain(entry) for entry in plain]
+    return int(plain) if isinstance(plain, bool) else plain

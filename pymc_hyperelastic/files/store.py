@@ -1,0 +1,127 @@
+"""A folder that keeps the parts of long work, so that what was computed is never lost."""
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from pymc_hyperelastic.files.results import open_result, save_result
+from pymc_hyperelastic.files.whole import written_whole
+
+_FORMAT = 1
+_MANIFEST = "manifest.json"
+
+
+class Store:
+    """Parts of a long computation, each of which is whole or not there.
+
+    The folder holds a manifest, which says what is computed, and one netCDF file a part. It is
+    made if it is missing. Work that was interrupted, or killed, goes on by the same call.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Where it is, or is to be.
+    manifest : mapping
+        All that decides the result, as JSON has it: what is computed, a hash of the data, settings,
+        versions, the seed.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds something else, or parts of another computation.
+    OSError
+        If it cannot be written.
+    """
+
+    def __init__(self, folder: str | Path, manifest: Mapping[str, Any]) -> None:
+        self.folder = Path(folder)
+        manifest = {"format": _FORMAT, **json.loads(json.dumps(manifest))}
+        there = manifest_of(self.folder, missing=True)
+        if there is None:
+            _check_empty(self.folder)
+            try:
+                self.folder.mkdir(parents=True, exist_ok=True)
+                with written_whole(self.folder / _MANIFEST) as path:
+                    path.write_text(json.dumps(manifest, indent=1, ensure_ascii=False), "utf-8")
+            except OSError as error:
+                raise type(error)(
+                    f"the store {self.folder} cannot be made: {error.strerror or error}"
+                ) from error
+        elif differing := differences(there, manifest):
+            raise ValueError(
+                f"the store {self.folder} holds other work: "
+                + "; ".join(differing)
+                + ". Give another folder, or ask for what it holds"
+            )
+
+    def part(self, name: str) -> Path:
+        """Where a part is, or will be."""
+        return self.folder / f"{name}.nc"
+
+    def remember[Result: (xr.Dataset, xr.DataTree)](
+        self, name: str, compute: Callable[[], Result]
+    ) -> Result:
+        """A part of that name: as it was computed before, else computed now, and kept."""
+        path = self.part(name)
+        if path.exists():
+            return open_result(path)
+        result = compute()
+        save_result(result, path)
+        return result
+
+
+def remembered[Result: (xr.Dataset, xr.DataTree)](
+    store: Store | None, name: str, compute: Callable[[], Result]
+) -> Result:
+    """A part of a store; without one it is computed."""
+    return compute() if store is None else store.remember(name, compute)
+
+
+def manifest_of(folder: Path, *, missing: bool = False) -> dict[str, Any] | None:
+    """What a store says that it holds; None if there is none, and it may be `missing`."""
+    path = folder / _MANIFEST
+    try:
+        manifest = json.loads(path.read_text("utf-8"))
+    except (FileNotFoundError, NotADirectoryError):
+        if missing:
+            return None
+        raise FileNotFoundError(
+            f"{folder} is no store: it has no {_MANIFEST}; ph.fit_cohort and ph.classify_cohort "
+            "make one"
+        ) from None
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path} cannot be read: {error}") from None
+    if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
+        raise ValueError(f"{path} is no manifest of a store of format {_FORMAT}")
+    return manifest
+
+
+def differences(there: Any, now: Any, where: str = "") -> list[str]:
+    """Where two manifests differ, in words."""
+    if isinstance(there, dict) and isinstance(now, dict):
+        return [
+            said
+            for key in {**there, **now}
+            for said in differences(
+                there.get(key), now.get(key), f"{where}, {key}" if where else key
+            )
+        ]
+    if there == now:
+        return []
+    if where.endswith("sha256"):
+        return [f"{where.removesuffix(', sha256')} are not the same"]
+    return [f"{where} is {there!r} there and {now!r} here"]
+
+
+def _check_empty(folder: Path) -> None:
+    """Raise unless a store can be made here."""
+    if folder.exists() and not folder.is_dir():
+        raise ValueError(f"the store {folder} must be a folder, and it is a file")
+    if folder.is_dir() and (strangers := sorted(p.name for p in folder.iterdir())[:3]):
+        raise ValueError(
+            f"the folder {folder} is no store, and not empty: it holds {', '.join(strangers)}. "
+            "Give a folder of its own"
+        )

@@ -1,0 +1,5 @@
+"""Posteriors as materials of finite-element codes."""
+
+from pymc_hyperelastic.predictions.cards.card import material_card
+
+__all__ = ["material_card"]
