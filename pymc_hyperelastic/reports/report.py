@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.files.whole import written_whole
 from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.reports.blocks import LEVELS, Block, Found, Page, short
 from pymc_hyperelastic.reports.kinds import CHAPTERS, Kind, kind_of
@@ -114,7 +115,9 @@ def report(
         python=platform.python_version(),
         style=files(__package__).joinpath("style.css").read_text(encoding="utf-8"),
     )
-    _write(path, html)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(path) as beside:
+        beside.write_text(html, encoding="utf-8")
     return path
 
 
@@ -213,14 +216,3 @@ def _title_of(found: Sequence[tuple[Found, Kind]]) -> str:
             attrs += [t["constant_data"].attrs for t in trees if "constant_data" in t.children]
     titles = dict.fromkeys(str(a["title"]) for a in attrs if a.get("title"))
     return ", ".join(titles) or "Report of a study"
-
-
-def _write(path: Path, text: str) -> None:
-    """Write beside the file, and put it in its place when it is whole."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        beside.write_text(text, encoding="utf-8")
-        os.replace(beside, path)
-    finally:
-        beside.unlink(missing_ok=True)
