@@ -17,7 +17,7 @@ _RAISED = str.maketrans("0123456789+-i", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁱ")
 _LOWERED = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 _SIGNS = {
     r"\sum": "Σ",
-    r"\qquad": "   ",
+    r"\qquad": " ",
     r"\left": "",
     r"\right": "",
     r"\{": "⟨",
@@ -64,7 +64,7 @@ def in_text(formula: str) -> str:
     text = re.sub(r"\^(\w)", lambda m: _raised(m[1]), text)
     text = re.sub(r"_(\d)", lambda m: _lowered(m[1]), text)
     text = re.sub(r"\\(\w+)", r"\1", text).translate(str.maketrans("-⟨⟩", "−{}"))
-    return re.sub(r" {4,}", "   ", text).replace(" ,", ",").strip()
+    return re.sub(r" +", " ", text).replace(" ,", ",").strip()
 
 
 def _fraction(match: re.Match[str]) -> str:

@@ -12,17 +12,25 @@ from pymc_hyperelastic.reports.kinds import Kind
 
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "arviz", "numpy", "xarray", "matplotlib")
 
+# How the sentence of a law begins, and that of a further one.
+_MODELLED, _ALSO = "Each vessel was modelled", "Each vessel was also modelled"
+
 
 def methods_of(found: Sequence[tuple[Found, Kind]], page: Page) -> list[str]:
     """Sentences on the methods, each once, and with what they were carried out."""
-    said: dict[str, None] = {}
+    said: dict[str, str] = {}
     software = {name: _version(name) for name in _PACKAGES}
     for each, kind in found:
         with page.listening(f"The methods of {each.title}"):
-            said |= dict.fromkeys(kind.methods(each))
+            for sentence in kind.methods(each):
+                # Of several laws each but the first is one more.
+                several = any(known.startswith(_MODELLED) for known in said)
+                also = sentence.replace(_MODELLED, _ALSO) if several else sentence
+                if sentence not in said:
+                    said[sentence] = also
         software |= stored_versions(each.result)
     return [
-        *said,
+        *said.values(),
         f"All was computed with pymc_hyperelastic {software['pymc-hyperelastic']} on PyMC "
         f"{software['pymc']}, PyTensor {software['pytensor']} and NumPy {software['numpy']}.",
     ]

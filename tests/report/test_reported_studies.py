@@ -251,6 +251,9 @@ def test_average_over_laws(write):
     assert rows == [["NeoHookean", 0.25, 0.05, -30.0, 0.1], ["Demiray", 0.75, 0.05, -3.0, 0.2]]
     assert "averaged over the strain energies NeoHookean and Demiray" in page.methods
     assert page.methods.count("10 experiments with 200 points") == 1
+    assert page.methods.count("Each vessel was modelled as") == 1
+    assert "tube with the strain energy NeoHookean, W" in page.methods.split("was also modelled")[0]
+    assert "tube with the strain energy Demiray, W" in page.methods.split("was also modelled")[1]
     titles = [text for tag, text in page.headings if tag == "h3"]
     assert titles.count("Fitted classes") == titles.count("Fitted classes 2") == 5
     assert page.text.count("Measured curves: class C1.") == 1
