@@ -6,7 +6,6 @@ import warnings
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,9 +25,8 @@ from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.checks import PACKAGE, check_count
 from pymc_hyperelastic.files.results import open_result, save_result
 from pymc_hyperelastic.files.seal import digest_of
-from pymc_hyperelastic.files.store import Store, manifest_of
+from pymc_hyperelastic.files.store import Store
 
-_PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "scipy", "xarray")
 # Batches that wait at the workers for each that is being done.
 _WAITING = 2
 # Seconds without news after which it is looked whether anybody is still there.
@@ -70,8 +68,7 @@ def run_cohort(
     if cores is not None:
         check_count("cores", cores, 1)
     units = units_of(data, work.by)
-    versions = {name: version(name) for name in _PACKAGES}
-    manifest = work.manifest() | {"data": {"sha256": digest_of(data)}, "versions": versions}
+    manifest = work.manifest() | {"data": {"sha256": digest_of(data)}}
     store = Store(folder, {"work": work.name, "by": work.by, "units": len(units), **manifest})
     store.remember(UNITS, lambda: xr.Dataset(coords=labels_of(data, work.by)))
     todo = deque(_missing(store.folder, len(units), batch_size))
@@ -166,12 +163,6 @@ def parts_of(folder: Path) -> list[tuple[int, int]]:
         if not kept or first >= kept[-1][1]:
             kept.append((first, last))
     return kept
-
-
-def seed_in(folder: str | Path) -> Any:
-    """Seed of the work that a store holds; None if there is no store yet."""
-    manifest = manifest_of(Path(folder), missing=True)
-    return None if manifest is None else manifest.get("random_seed")
 
 
 def _cores() -> int:
