@@ -69,6 +69,7 @@ from pymc_hyperelastic.predictions.curves import (
 from pymc_hyperelastic.predictions.offsets import force_offsets
 from pymc_hyperelastic.predictions.properties import pulse_wave_velocity, tube_properties
 from pymc_hyperelastic.predictions.stress import wall_stress
+from pymc_hyperelastic.reports.report import report
 
 __version__ = version("pymc-hyperelastic")
 
@@ -136,4 +137,5 @@ __all__ = [
     "plot_information",
     "plot_calibration_ranks",
     "plot_reliability",
+    "report",
 ]
