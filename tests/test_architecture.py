@@ -49,7 +49,7 @@ def inside(folder: Path) -> list[str]:
     return [
         path.stem
         for path in folder.iterdir()
-        if (path.suffix == ".py" and path.stem != "__init__")
+        if (path.suffix == ".py" and path.stem not in ("__init__", "__main__"))
         or (path.is_dir() and path.name != "__pycache__")
     ]
 
