@@ -14,7 +14,7 @@ extras_benchmark := [test,jax,benchmark]
 help:
 	@echo "make study       the simulated sheep-aorta study: a table, figures and netCDF files in results/"
 	@echo "make artery      the same for a measured pulmonary artery, control against hypertensive"
-	@echo "make test        the tests of every module and every public name, on two processes, within 5 minutes"
+	@echo "make test        the tests of every module and every public name, on two processes, 10 to 15 minutes"
 	@echo "make test-deep   the tests that take longer: calibration, slow samplers, other compilers, all digits"
 	@echo "make test-lowest what make test runs, on the oldest versions that pyproject.toml allows"
 	@echo "make lint        ruff and mypy"
