@@ -97,6 +97,10 @@ class ClassKind(ABC):
         """The kind of a fitted class, as it was stored."""
 
     @abstractmethod
+    def check_stored(self, fitted: xr.DataTree) -> None:
+        """Raise ValueError, naming the class, unless it holds what this kind reads of one."""
+
+    @abstractmethod
     def attrs(self) -> dict[str, str]:
         """The settings as text, for attributes of a file; ValueError if they cannot be written."""
 

@@ -74,7 +74,7 @@ def describe_test(data: xr.Dataset, i: int) -> str:
     "specimen 'S2', experiment 3"
     """
     names = [n for n in ("specimen", "experiment", "cycle", "phase") if n in data.coords]
-    return ", ".join(f"{name} {data[name].values[i].item()!r}" for name in names)
+    return ", ".join(f"{name} {data[name].values[[i]].tolist()[0]!r}" for name in names)
 
 
 def points_of(data: xr.Dataset, i: int) -> slice:

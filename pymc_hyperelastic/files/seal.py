@@ -43,7 +43,7 @@ def check_seal(result: xr.Dataset | xr.DataTree, what: str) -> None:
         intact = False
     if not intact:
         raise ValueError(
-            f"{what}{_source(result)} is not what was computed: numbers, settings or groups of it "
+            f"{what}{source_of(result)} is not what was computed: numbers, settings or groups of it "
             "were changed or damaged since. Compute it again, or take a copy. If you changed it on "
             f"purpose, say so by removing its attribute {_SEAL!r}"
         )
@@ -71,7 +71,7 @@ def _groups(result: xr.Dataset | xr.DataTree) -> Iterator[tuple[str, xr.Dataset]
         yield node.relative_to(result), node.to_dataset(inherit=False)
 
 
-def _source(result: xr.Dataset | xr.DataTree) -> str:
+def source_of(result: xr.Dataset | xr.DataTree) -> str:
     """Of which file it was read, if that is known."""
     datasets = [data for _, data in _groups(result)]
     sources = {data.encoding["source"] for data in datasets if "source" in data.encoding}
