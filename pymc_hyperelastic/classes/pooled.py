@@ -228,7 +228,9 @@ class Pooled(ClassKind):
         """Log density of a class's posterior at the draws of another, its evidence left out."""
         model = self.model(inflation_data_of(fitted))
         particles = _particles(other, model)
-        columns = [values.reshape(values.shape[0] * values.shape[1], -1) for values in particles.values()]
+        columns = [
+            values.reshape(values.shape[0] * values.shape[1], -1) for values in particles.values()
+        ]
         return BatchedFunction.of_model(model, [model.logp()])(np.concatenate(columns, axis=1))[0]
 
 

@@ -157,7 +157,9 @@ class Variability(Population, ClassKind):
         noise = {name: settings[name] for name in NOISE_UNITS if name in settings}
         effect = settings.get("experiment_effect")
         if not isinstance(effect, bool):
-            raise damaged(fitted, f"its experiment_effect is {shown(effect)}; expected true or false")
+            raise damaged(
+                fitted, f"its experiment_effect is {shown(effect)}; expected true or false"
+            )
         stress = reference_stress_of(fitted, settings, "reference_stress")
         with reading(fitted):
             return cls(

@@ -21,6 +21,7 @@ from pymc_hyperelastic.evidence.checks import PACKAGE, check_count
 from pymc_hyperelastic.files.results import open_result, save_result
 from pymc_hyperelastic.files.seal import digest_of
 from pymc_hyperelastic.files.store import Store, manifest_of
+from pymc_hyperelastic.files.stored import shown
 
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "scipy", "xarray")
 # How often a batch is tried whose process dies, before it is halved; and one specimen alone.
@@ -164,7 +165,14 @@ def parts_of(folder: Path) -> list[tuple[int, int]]:
 def seed_in(folder: str | Path) -> Any:
     """Seed of the work that a store holds; None if there is no store yet."""
     manifest = manifest_of(Path(folder), missing=True)
-    return None if manifest is None else manifest.get("random_seed")
+    seed = None if manifest is None else manifest.get("random_seed")
+    for entry in seed if isinstance(seed, list) else [seed]:
+        if entry is not None and (type(entry) is not int or entry < 0):
+            raise ValueError(
+                f"the manifest of {folder} has the random_seed {shown(seed)}; expected whole "
+                "numbers: it is damaged"
+            )
+    return seed
 
 
 def _cores() -> int:

@@ -325,7 +325,7 @@ def _evidence_of_pymc(tree: xr.DataTree, stats: xr.Dataset) -> xr.Dataset:
     def last(name: str) -> Array:
         return np.array([stages[np.isfinite(stages)][-1] for stages in of_chains(name)])
 
-    settings = {name: read_number(tree["sample_stats"], name) for name in ("max_moves", "_n_draws")}
+    settings = {name: read_number(stats, name) for name in ("max_moves", "_n_draws")}
     capped = np.concatenate(of_chains("moves")) >= settings["max_moves"]
     return xr.Dataset(
         {

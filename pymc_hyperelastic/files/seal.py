@@ -43,8 +43,8 @@ def check_seal(result: xr.Dataset | xr.DataTree, what: str) -> None:
         intact = False
     if not intact:
         raise ValueError(
-            f"{what}{source_of(result)} is not what was computed: numbers, settings or groups of it "
-            "were changed or damaged since. Compute it again, or take a copy. If you changed it on "
+            f"{what}{source_of(result)} is not what was computed: numbers, settings or groups of "
+            "it were changed or damaged since. Compute it again, or take a copy. If you changed it on "
             f"purpose, say so by removing its attribute {_SEAL!r}"
         )
 

@@ -29,7 +29,7 @@ class Damaged(ValueError):
 
 def damaged(result: Result, what: str, blame: str = _BLAME) -> Damaged:
     """Error that names the result, its file if that is known, and what is wrong."""
-    name = getattr(result, "name", None)
+    name = result.name if isinstance(result, xr.DataTree) else None
     called = f"class {name!r}" if name else "the result"
     return Damaged(f"{called}{source_of(result)}: {what}{blame}")
 
@@ -177,4 +177,4 @@ def shown(value: Any) -> str:
 
 
 def _kind_of(default: Any) -> str:
-    return {dict: "a JSON object", list: "a JSON list"}.get(type(default), type(default).__name__)
+    return "a JSON object" if isinstance(default, dict) else "a JSON list"

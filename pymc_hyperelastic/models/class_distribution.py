@@ -202,7 +202,9 @@ def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDis
         optional["effect_spread"] = posterior["effect_spread"].values[:, None]
     given = {name: posterior[name].values for name in NOISE_UNITS if name in posterior}
     sigmas = in_sigmas(given)
-    lacking = [n for n, spread in SPREAD_OF_NOISE.items() if spread in posterior and n not in sigmas]
+    lacking = [
+        n for n, spread in SPREAD_OF_NOISE.items() if spread in posterior and n not in sigmas
+    ]
     if lacking:
         raise damaged(tree, f"its posterior has the spread of {lacking[0]!r}, but not the size")
     inferred = [name for name, spread in SPREAD_OF_NOISE.items() if spread in posterior]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.files.stored import read_number, read_text
 from pymc_hyperelastic.plots.properties import (
     PROPERTY_LABELS,
     bands_over,
@@ -93,7 +94,8 @@ def plot_comparison(
     >>> figure.viz["points"]["difference"].sizes["quantity"]
     2
     """
-    check_table(result, _ORIGIN, "draws", *_LABELS)
+    check_table(result, _ORIGIN, "draws", *_LABELS, "effect_size_interval", "overlap_interval")
+    check_table(result, _ORIGIN, "quantity", "comparison", "group", "statistic")
     if statistic not in _STATISTICS:
         raise ValueError(f"statistic must be one of {list(_STATISTICS)}, not {statistic!r}")
     settings = result, backend, visuals, pc_kwargs
@@ -154,9 +156,9 @@ def _rows(
     marks: dict[str, Any] = {"linestyle": "none", "markersize": 5}
     entries = canvas.entries("comparison", "", "color", "marker", **marks)
     canvas.legend(entries, loc="outside lower center")
-    held = f"median and {100 * result.attrs['interval']:.3g} % of the posterior"
+    held = f"median and {100 * read_number(result, 'interval'):.3g} % of the posterior"
     one = result["comparison"].values.tolist()[0] if several == 1 else None
-    canvas.title([result.attrs], result.attrs["strain_energy"], one, held)
+    canvas.title([result.attrs], read_text(result, "strain_energy"), one, held)
     return canvas.collection
 
 
@@ -173,9 +175,9 @@ def _curves(
         group: draws.sel(group=group, drop=True).to_dataset("quantity")[names]
         for group in result["group"].values.tolist()
     }
-    prob = result.attrs["interval"]
+    prob = read_number(result, "interval")
     bands = bands_over(tables, {group: t["pressure"] for group, t in tables.items()}, prob)
-    columns = min(len(names), 3)
+    columns, unit = min(len(names), 3), read_text(result, "pressure_unit")
     canvas = Canvas(
         "wrap",
         bands,
@@ -191,10 +193,10 @@ def _curves(
     )
     draw_bands(canvas, bands, "pressure")
     for name in names:
-        canvas.label("xlabel", f"pressure ({result.attrs['pressure_unit']})", data=bands[[name]])
+        canvas.label("xlabel", f"pressure ({unit})", data=bands[[name]])
         label = PROPERTY_LABELS.get(name, name)
         canvas.label("ylabel", _STATISTICS[statistic] + label, data=bands[[name]])
     canvas.legend(canvas.entries("class_label", "", "color", "linestyle"), title="class")
     held = f"median and {100 * prob:.3g} % of the posterior"
-    canvas.title([result.attrs], result.attrs["strain_energy"], held)
+    canvas.title([result.attrs], read_text(result, "strain_energy"), held)
     return canvas.collection

@@ -5,6 +5,7 @@ import xarray as xr
 
 from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.files.stored import read_draws, read_numbers
 from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES
 from pymc_hyperelastic.predictions.measured import warn_user
 
@@ -57,13 +58,17 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
     3.0
     """
     check_result(tree)
+    read_draws(tree, "posterior")
     if not knows_offsets(tree):
         raise ValueError(
             "the result knows of no offset of a transducer: sample a model that has them, "
             "ph.inflation_model(..., force_noise_sd=..., force_offset_sd=...), and keep the "
             f"variables {list(OFFSET_VARIABLES)} in its posterior"
         )
-    mean, error = (tree["posterior"][name] for name in OFFSET_VARIABLES)
+    mean, error = (
+        read_numbers(tree, "posterior", name, ("chain", "draw", "test"))
+        for name in OFFSET_VARIABLES
+    )
     offset = mean + error * np.random.default_rng(_SEED).standard_normal(mean.shape)
     offset.attrs = {"units": "mN", "long_name": "offset of the force transducer"}
     return offset.to_dataset(name="force_offset")
@@ -81,7 +86,8 @@ def less_offsets(data: xr.Dataset, tree: xr.DataTree) -> xr.Dataset:
     """
     if "axial_force" not in data or not knows_offsets(tree):
         return data
-    mean = tree["posterior"][OFFSET_VARIABLES[0]].mean(["chain", "draw"])
+    by_test = ("chain", "draw", "test")
+    mean = read_numbers(tree, "posterior", OFFSET_VARIABLES[0], by_test).mean(["chain", "draw"])
     known = dict(zip(mean["test"].values.tolist(), mean.values.tolist(), strict=True))
     tests = [describe_test(data, i) for i in range(data.sizes["test"])]
     test, force = data["test"].values, data["axial_force"]
