@@ -44,8 +44,8 @@ def check_seal(result: xr.Dataset | xr.DataTree, what: str) -> None:
     if not intact:
         raise ValueError(
             f"{what}{source_of(result)} is not what was computed: numbers, settings or groups of "
-            "it were changed or damaged since. Compute it again, or take a copy. If you changed it on "
-            f"purpose, say so by removing its attribute {_SEAL!r}"
+            "it were changed or damaged since. Compute it again, or take a copy. If you changed it "
+            f"on purpose, say so by removing its attribute {_SEAL!r}"
         )
 
 

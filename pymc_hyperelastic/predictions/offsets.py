@@ -10,6 +10,7 @@ from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES
 from pymc_hyperelastic.predictions.measured import warn_user
 
 # Draws are the same at every call.
+_BY_TEST = ("chain", "draw", "test")
 _SEED = 1
 
 
@@ -65,10 +66,7 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
             "ph.inflation_model(..., force_noise_sd=..., force_offset_sd=...), and keep the "
             f"variables {list(OFFSET_VARIABLES)} in its posterior"
         )
-    mean, error = (
-        read_numbers(tree, "posterior", name, ("chain", "draw", "test"))
-        for name in OFFSET_VARIABLES
-    )
+    mean, error = (read_numbers(tree, "posterior", n, _BY_TEST) for n in OFFSET_VARIABLES)
     offset = mean + error * np.random.default_rng(_SEED).standard_normal(mean.shape)
     offset.attrs = {"units": "mN", "long_name": "offset of the force transducer"}
     return offset.to_dataset(name="force_offset")
@@ -86,8 +84,7 @@ def less_offsets(data: xr.Dataset, tree: xr.DataTree) -> xr.Dataset:
     """
     if "axial_force" not in data or not knows_offsets(tree):
         return data
-    by_test = ("chain", "draw", "test")
-    mean = read_numbers(tree, "posterior", OFFSET_VARIABLES[0], by_test).mean(["chain", "draw"])
+    mean = read_numbers(tree, "posterior", OFFSET_VARIABLES[0], _BY_TEST).mean(["chain", "draw"])
     known = dict(zip(mean["test"].values.tolist(), mean.values.tolist(), strict=True))
     tests = [describe_test(data, i) for i in range(data.sizes["test"])]
     test, force = data["test"].values, data["axial_force"]
