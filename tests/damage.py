@@ -21,6 +21,13 @@ VALUES = (
 NUMBERS = (np.nan, np.inf, -np.inf, 0.0, -1.0, 1e6)
 DTYPES = ("<U8", object, int, bool, complex, "float32", "datetime64[ns]")
 
+# What hardly anything reads, and is seldom damaged: the others are more interesting.
+UNREAD = ("sample_stats",)
+UNREAD_ATTRIBUTES = {
+    *("created_at", "creation_library", "creation_library_version", "creation_library_language"),
+    *("sample_dims", "versions", "noise_in_words", "random_seed"),
+}
+
 Groups = dict[str, xr.Dataset]
 
 
@@ -56,6 +63,8 @@ def damaged(groups: Groups, random: Random) -> Groups:
 
 def _some(groups: Groups, random: Random, there: Callable[[xr.Dataset], Any]) -> str | None:
     known = [path for path, data in groups.items() if there(data)]
+    read = [path for path in known if not path.endswith(UNREAD)]
+    known = read if read and random.random() < 0.95 else known
     return random.choice(known) if known else None
 
 
@@ -63,7 +72,8 @@ def _attribute(groups: Groups, random: Random) -> Groups:
     path = _some(groups, random, lambda data: data.attrs)
     if path is not None:
         attrs = dict(groups[path].attrs)
-        name = random.choice(sorted(attrs))
+        read = sorted(set(attrs) - UNREAD_ATTRIBUTES) or sorted(attrs)
+        name = random.choice(read if random.random() < 0.95 else sorted(attrs))
         if random.random() < 0.3:
             del attrs[name]
         else:
