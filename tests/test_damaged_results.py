@@ -1,8 +1,9 @@
 """Results that are damaged: one error says what is wrong, or what is said of them is sound."""
 
+import json
 import re
 import warnings
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import pymc as pm
@@ -10,8 +11,12 @@ import pytest
 import variable_classes
 import xarray as xr
 from bad_input import curves, fitted, model
+from damage import damaged, groups_of, together
+from hypothesis import assume, given, settings
+from hypothesis.strategies import randoms
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.models.priors import prior_from_record
 
 # Python's own words, which tell a user nothing.
 BARE = re.compile(
@@ -27,32 +32,50 @@ FEW = {"specimens": 10, "draws": 32, "random_seed": 1}
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0, "axial_stretch": 1.0, "opening_angle": 0.0}
 
 
-@cache
-def results() -> dict[str, xr.DataTree | xr.Dataset]:
-    """Small results of every kind."""
-    few = {"draws": 100, "progressbar": False, "random_seed": 1}
-    variable = variable_classes.fit(draws=100, chains=1)
-    # With all that a class may hold: several coordinates, noise of each specimen, experiments.
+def classified() -> xr.Dataset:
+    return ph.classify(new_curves(), result("pooled"), random_seed=1, progressbar=False)
+
+
+def full() -> xr.DataTree:
+    """Classes with all that they may hold: several coordinates, noise, experiments that differ."""
     noise = {"sigma": None, "noise_sd": pm.HalfNormal.dist(0.5), "experiment_effect": True}
-    full = variable_classes.fit(ph.Demiray(), draws=100, chains=1, **noise)
+    return variable_classes.fit(ph.Demiray(), draws=100, chains=1, **noise)
+
+
+def layered() -> xr.DataTree:
     wall = [ph.Layer(ph.NeoHookean(), pm.LogNormal.dist(0, 0.2)), ph.Layer(ph.Demiray(), 1.0)]
     training = {name: unknown_wall(data) for name, data in variable_classes.TRAINING.items()}
-    layered = variable_classes.fit(wall, training, draws=100, chains=1)
-    compare = partial(ph.compare_classes, variable, bayes_factor=False, draws=100, random_seed=1)
-    return {
-        "full": full,
-        "layered": layered,
-        "compared": compare("mu"),
-        "compared over pressures": compare("compliance", pressure=[1.0, 2.0]),
-        "told": ph.expected_information(variable, DESIGNS, **FEW),
-        "scored": ph.score_probabilities(
-            ph.classify(new_curves(), fitted(), random_seed=1, progressbar=False), ["C1"]
-        ),
-        "pooled": fitted(),
-        "variable": variable,
-        "sampled": ph.sample_smc(model(), chains=2, **few),
-        "classified": ph.classify(new_curves(), fitted(), random_seed=1, progressbar=False),
-    }
+    return variable_classes.fit(wall, training, draws=100, chains=1)
+
+
+def compared(quantity: str, **settings) -> xr.Dataset:
+    settings |= {"bayes_factor": False, "draws": 100, "random_seed": 1}
+    return ph.compare_classes(result("variable"), quantity, **settings)
+
+
+def sampled() -> xr.DataTree:
+    return ph.sample_smc(model(), draws=100, chains=2, random_seed=1, progressbar=False)
+
+
+# Small results of every kind.
+MAKE = {
+    "pooled": fitted,
+    "variable": lambda: variable_classes.fit(draws=100, chains=1),
+    "full": full,
+    "layered": layered,
+    "sampled": sampled,
+    "classified": classified,
+    "compared": lambda: compared("mu"),
+    "compared over pressures": lambda: compared("compliance", pressure=[1.0, 2.0]),
+    "told": lambda: ph.expected_information(result("variable"), DESIGNS, **FEW),
+    "scored": lambda: ph.score_probabilities(result("classified"), ["C1"]),
+}
+
+
+@cache
+def result(kind: str) -> xr.DataTree | xr.Dataset:
+    """A result of a kind, made once."""
+    return MAKE[kind]()
 
 
 def new_curves() -> xr.Dataset:
@@ -75,7 +98,8 @@ def tube(tree) -> dict[str, float]:
 
 def one(tree):
     """A class of a tree of classes, or a sampled model as it is."""
-    return tree if "posterior" in tree.children else next(iter(tree.children.values()), tree)
+    known = {"posterior", "evidence", "constant_data"}
+    return tree if known & set(tree.children) else next(iter(tree.children.values()), tree)
 
 
 OF_ALL = {
@@ -160,3 +184,392 @@ def assert_sound(said) -> None:
     if isinstance(said, xr.Dataset):
         for name in {"pressure", "stiffness", "sigma_tt"} & set(map(str, said.data_vars)):
             assert np.isfinite(said[name].values).all(), name
+
+
+# --- what is wrong with a file is said -----------------------------------------------------------
+
+
+def altered(kind: str, change) -> xr.DataTree | xr.Dataset:
+    """A result without checksums whose groups a function has changed."""
+    groups = groups_of(result(kind))
+    change(groups)
+    return together(groups, isinstance(result(kind), xr.Dataset))
+
+
+def attribute(name: str, value=None, only: str | None = None):
+    """Replace an attribute wherever it is, or in one group; None leaves it out."""
+
+    def change(groups):
+        for path, data in groups.items():
+            if name in data.attrs and only in (None, path):
+                del data.attrs[name]
+                if value is not None:
+                    data.attrs[name] = value
+
+    return change
+
+
+def within(name: str, *place, value):
+    """Replace something in the JSON of an attribute."""
+
+    def change(groups):
+        for data in groups.values():
+            if name in data.attrs:
+                whole = said = json.loads(data.attrs[name])
+                for key in place[:-1]:
+                    said = said[key]
+                said[place[-1]] = value
+                data.attrs[name] = json.dumps(whole)
+
+    return change
+
+
+def group(path: str, alter):
+    """Replace a group by what a function makes of it; None leaves it out."""
+
+    def change(groups):
+        groups[path] = alter(groups[path])
+        if groups[path] is None:
+            del groups[path]
+
+    return change
+
+
+def holding(name: str, value):
+    """A variable of which the first number is another one."""
+
+    def alter(data):
+        values = data[name].values.copy()
+        values.flat[0] = value
+        return data.assign({name: (data[name].dims, values)})
+
+    return alter
+
+
+def texts(name: str):
+    return lambda data: data.assign({name: (data[name].dims, data[name].values.astype(str))})
+
+
+def none_along(dim: str):
+    return lambda data: data.isel({dim: []})
+
+
+def lacking(name: str):
+    return lambda data: data.drop_vars(name)
+
+
+ENDING = "it was not written by pymc_hyperelastic, or is damaged"
+SETTINGS = "variability_settings"
+# Each row: what is wrong, a kind of result, how it comes about, a call, and what its error holds.
+DAMAGE = [
+    # Attributes.
+    ("no noise", "pooled", attribute("noise"), "classify", ["class 'C1'", "'noise' is missing"]),
+    (
+        "no noise of one class",
+        "pooled",
+        attribute("noise", None, "C2"),
+        "classify",
+        ["class 'C2'", "'noise' is missing", ENDING],
+    ),
+    ("null for noise", "pooled", attribute("noise", "null"), "classify", ["'noise'", "None"]),
+    ("half of an attribute", "pooled", attribute("priors", "{"), "classify", ["'priors'", "JSON"]),
+    ("deep brackets", "pooled", attribute("priors", "[" * 10**5), "classify", ["'priors'", "JSON"]),
+    ("number for text", "pooled", attribute("noise", 3), "kl_divergence", ["'noise'", "3", "text"]),
+    ("stranger among errors", "pooled", within("noise", "x", value=1), "classify", ["'x'"]),
+    ("negative noise", "pooled", within("noise", "sigma", value=-1), "classify", ["sigma", "-1"]),
+    (
+        "number beyond all",
+        "pooled",
+        within("noise", "sigma", value=10**400),
+        "classify",
+        ["prior of 'sigma'", "expected [name"],
+    ),
+    (
+        "prior that is a function of PyMC",
+        "pooled",
+        within("priors", "mu", value=["sample", [1]]),
+        "classify",
+        ["class 'C1'", "'mu'", "'sample'", "'Uniform'"],
+    ),
+    (
+        "prior with one parameter",
+        "pooled",
+        within("priors", "mu", 1, value=[1]),
+        "classify",
+        ["'mu'", "[1]", "a list of 2"],
+    ),
+    (
+        "prior of text",
+        "pooled",
+        within("priors", "mu", 1, value=["a", 1]),
+        "classify",
+        ["'mu'", "'a'", "number"],
+    ),
+    (
+        "prior of NaN",
+        "pooled",
+        within("priors", "mu", 1, value=[float("nan"), 1]),
+        "classify",
+        ["'mu'", "nan"],
+    ),
+    (
+        "prior of half a size",
+        "pooled",
+        within("priors", "mu", value=["Uniform", [0, 1], 0.5]),
+        "classify",
+        ["'mu'", "size", "0.5"],
+    ),
+    ("prior left out", "pooled", attribute("priors", "{}"), "classify", ["'priors' lacks", "'mu'"]),
+    ("unknown law", "pooled", attribute("strain_energy", "Own"), "classify", ["'Own'", "import"]),
+    (
+        "unknown setting of a law",
+        "pooled",
+        attribute("strain_energy_settings", '{"terms": 3}'),
+        "predict_pressure",
+        ["Ogden", "['terms'] were given"],
+    ),
+    (
+        "list for settings of a law",
+        "pooled",
+        attribute("strain_energy_settings", "[]"),
+        "predict_pressure",
+        ["'strain_energy_settings'", "JSON object"],
+    ),
+    (
+        "unknown variability",
+        "variable",
+        attribute("variability", "cloud"),
+        "classify",
+        ["'cloud'", "'specimen'"],
+    ),
+    (
+        "no settings",
+        "variable",
+        attribute(SETTINGS, "{}"),
+        "classify",
+        ["class 'soft'", "experiment_effect"],
+    ),
+    (
+        "text for yes or no",
+        "variable",
+        within(SETTINGS, "experiment_effect", value="no"),
+        "classify",
+        ["experiment_effect", "'no'", "true or false"],
+    ),
+    (
+        "text for a stress",
+        "variable",
+        within(SETTINGS, "reference_stress", value="20"),
+        "predict_pressure",
+        ["reference_stress", "'20'", "kPa"],
+    ),
+    (
+        "list for priors of a class",
+        "variable",
+        within(SETTINGS, "priors", value=[1]),
+        "compare_classes",
+        ["class 'soft'", "priors", "[1]"],
+    ),
+    (
+        "error of an unknown measure",
+        "variable",
+        within(SETTINGS, "geometry_sd", value={"weight": 1.0}),
+        "classify",
+        ["'weight'", "inner_radius"],
+    ),
+    ("units in a list", "sampled", attribute("units", "[1]"), "plot_parameter_density", ["units"]),
+    # Groups.
+    ("no posterior", "pooled", group("C1/posterior", lambda _: None), "classify", ["'posterior'"]),
+    (
+        "no posterior of a sampled model",
+        "sampled",
+        group("posterior", lambda _: None),
+        "predict_pressure",
+        ["no posterior", "'evidence'"],
+    ),
+    (
+        "empty posterior",
+        "sampled",
+        group("posterior", lambda _: xr.Dataset()),
+        "radius_at_pressure",
+        ["'posterior' is empty"],
+    ),
+    ("no draws", "sampled", group("posterior", none_along("draw")), "wall_stress", ["'draw'"]),
+    (
+        "NaN among draws",
+        "sampled",
+        group("posterior", holding("mu", np.nan)),
+        "tube_properties",
+        ["1 of 200 numbers of 'mu'", "NaN"],
+    ),
+    ("draws of text", "sampled", group("posterior", texts("mu")), "admissible", ["'mu'", "<U"]),
+    (
+        "NaN in a class",
+        "pooled",
+        group("C2/posterior", holding("alpha", np.inf)),
+        "classify",
+        ["class 'C2'", "'alpha'", "infinite"],
+    ),
+    (
+        "no inflation data",
+        "pooled",
+        group("C1/constant_data", lambda _: None),
+        "classify",
+        ["class 'C1'", "no group 'constant_data'"],
+    ),
+    (
+        "no pressures",
+        "sampled",
+        group("observed_data", lambda _: None),
+        "predict_pressure",
+        ["inflation data lack 'pressure'"],
+    ),
+    (
+        "no specimens",
+        "variable",
+        group("soft/constant_data", lacking("specimen")),
+        "expected_information",
+        ["class 'soft'", "lack 'specimen'"],
+    ),
+    (
+        "no particles of one class",
+        "pooled",
+        group("C2/unconstrained_posterior", lacking("mu_interval__")),
+        "classify",
+        ["class 'C2'", "'mu_interval__'", "missing"],
+    ),
+    (
+        "no spread of one class",
+        "variable",
+        group("stiff/posterior", lacking("spread")),
+        "classify",
+        ["class 'stiff'", "'spread'", "missing"],
+    ),
+    (
+        "negative spread",
+        "variable",
+        group("stiff/posterior", holding("spread", -1.0)),
+        "compare_classes",
+        ["class 'stiff'", "'spread'", "not positive"],
+    ),
+    (
+        "no draws of specimens",
+        "variable",
+        group("soft/specimens", lambda _: None),
+        "plan_study",
+        ["class 'soft'", "'specimens'"],
+    ),
+    (
+        "specimens without weights",
+        "variable",
+        group("soft/specimens", lacking("log_weight")),
+        "of a specimen",
+        ["'log_weight'", "'A1'", "missing"],
+    ),
+    (
+        "evidence of text",
+        "sampled",
+        group("evidence", texts("log_evidence")),
+        "log_evidence",
+        ["'log_evidence'", "expected numbers"],
+    ),
+    (
+        "evidence without errors",
+        "sampled",
+        group("evidence", lacking("log_evidence_se")),
+        "diagnose_evidence",
+        ["'log_evidence_se'", "missing"],
+    ),
+    (
+        "strange verdict",
+        "sampled",
+        attribute("verdict", "splendid"),
+        "log_evidence",
+        ["'splendid'", "'doubtful'"],
+    ),
+    # Figures of results.
+    (
+        "probabilities of text",
+        "classified",
+        group(".", texts("class_probability")),
+        "plot_class_probability",
+        ["'class_probability'", "expected numbers"],
+    ),
+    (
+        "probabilities of nobody",
+        "classified",
+        group(".", lambda table: table.isel(test=0)),
+        "plot_class_probability",
+        ["'class_probability'", "dimensions", "class_label"],
+    ),
+    (
+        "text for a limit",
+        "classified",
+        attribute("none_below", "low"),
+        "plot_class_probability",
+        ["'none_below'", "'low'", "number"],
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "call", "fragments"), [pytest.param(*row[1:], id=row[0]) for row in DAMAGE]
+)
+def test_what_is_wrong_is_said(kind, change, call, fragments):
+    """One error names the class, what is wrong and what was expected."""
+    message = refused(CALLS[kind][call], altered(kind, change))
+    assert message, "it was accepted"
+    assert not [fragment for fragment in fragments if fragment not in message], message
+
+
+def test_the_file_is_named(tmp_path):
+    """Of a result that was read from a file, an error says from which."""
+    ph.save_result(result("pooled"), tmp_path / "classes.nc")
+    classes = ph.open_result(tmp_path / "classes.nc")
+    for fitted_class in classes.children.values():
+        del fitted_class.attrs["checksum"], fitted_class.attrs["noise"]
+    assert refused(CALLS["pooled"]["classify"], classes) == (
+        f"class 'C1' of {tmp_path / 'classes.nc'}: its attribute 'noise' is missing; {ENDING}"
+    )
+
+
+@pytest.mark.parametrize("name", ["sample", "os.system", "__class__", "math.np", "Mixture", "CAR"])
+def test_names_in_a_file_are_looked_up_in_a_table(name):
+    """A name that is no distribution that is stored is nothing, whatever PyMC calls so."""
+    with pytest.raises(ValueError, match="is no distribution that is stored with results"):
+        prior_from_record([name, [0.0, 1.0]], "mu")
+
+
+def test_without_checksum_older_files_are_read():
+    """What is sound is read, though nothing vouches for it."""
+    for kind, call in (
+        ("pooled", "classify"),
+        ("variable", "classify"),
+        ("sampled", "wall_stress"),
+    ):
+        assert not refused(CALLS[kind][call], altered(kind, lambda groups: None))
+
+
+# --- anything may be wrong -----------------------------------------------------------------------
+
+# Damaged results of each kind; each is given to so many functions.
+CASES, AT_ONCE = 60, 4
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("kind", CALLS)
+def test_whatever_is_damaged(kind):
+    """An error that says what is wrong, or a sound result."""
+    whole, single = groups_of(result(kind)), isinstance(result(kind), xr.Dataset)
+
+    @settings(max_examples=CASES, deadline=None, derandomize=True, database=None)
+    @given(randoms())
+    def try_it(random):
+        try:
+            damaged_result = together(damaged(whole, random), single)
+        except ValueError:  # groups that do not fit together make no tree
+            assume(False)
+        for name in random.sample(sorted(CALLS[kind]), min(AT_ONCE, len(CALLS[kind]))):
+            refused(CALLS[kind][name], damaged_result)
+
+    try_it()

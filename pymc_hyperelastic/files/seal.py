@@ -72,9 +72,11 @@ def _groups(result: xr.Dataset | xr.DataTree) -> Iterator[tuple[str, xr.Dataset]
 
 
 def source_of(result: xr.Dataset | xr.DataTree) -> str:
-    """Of which file it was read, if that is known."""
-    datasets = [data for _, data in _groups(result)]
-    sources = {data.encoding["source"] for data in datasets if "source" in data.encoding}
+    """Of which file it was read, if that is known: that stands at the root of a tree alone."""
+    encodings = [data.encoding for _, data in _groups(result)]
+    if isinstance(result, xr.DataTree):
+        encodings += [node.encoding for node in result.parents]
+    sources = {str(known["source"]) for known in encodings if known.get("source")}
     return f" of {sources.pop()}" if len(sources) == 1 else ""
 
 
