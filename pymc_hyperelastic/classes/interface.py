@@ -96,9 +96,11 @@ class ClassKind(ABC):
     def of_tree(cls, fitted: xr.DataTree) -> Self:
         """The kind of a fitted class, as it was stored."""
 
-    @abstractmethod
     def check_stored(self, fitted: xr.DataTree) -> None:
-        """Raise ValueError, naming the class, unless it holds what this kind reads of one."""
+        """Raise ValueError, naming the class, unless it holds what this kind reads of one.
+
+        What a class is read by is told before that, see :meth:`of_tree`.
+        """
 
     @abstractmethod
     def attrs(self) -> dict[str, str]:

@@ -38,8 +38,11 @@ def kind_of_settings(
     return _KINDS[variability].of_settings(energy, **settings, **noise)
 
 
-def kind_of_classes(classes: xr.DataTree) -> ClassKind:
-    """Kind and settings of fitted classes: they have to be one, or evidences do not compare."""
+def kind_of_classes(classes: xr.DataTree, *, whole: bool = True) -> ClassKind:
+    """Kind and settings of fitted classes: they have to be one, or evidences do not compare.
+
+    Who reads evidences alone does not need them `whole`, with draws and data.
+    """
     check_result(classes, "ph.fit_classes")
     if not classes.children:
         raise ValueError("classes must be the result of ph.fit_classes; here are no classes")
@@ -73,6 +76,6 @@ def kind_of_classes(classes: xr.DataTree) -> ClassKind:
                     "can only be compared under one strain energy, one prior and one noise"
                 )
     found = kind.of_tree(first)
-    for fitted in classes.children.values():
+    for fitted in classes.children.values() if whole else ():
         found.check_stored(fitted)
     return found

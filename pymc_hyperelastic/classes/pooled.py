@@ -108,6 +108,9 @@ class Pooled(ClassKind):
     def check_stored(self, fitted: xr.DataTree) -> None:
         """Raise unless a class has its data, and draws of all that is not known."""
         data = inflation_data_of(fitted)
+        lacking = set(self.energy.parameter_names) - set(self.priors or {})
+        if lacking:
+            raise damaged(fitted, f"its attribute 'priors' lacks those of {sorted(lacking)}")
         with reading(fitted):
             self.check(data)
         check_evidence(fitted)

@@ -216,9 +216,6 @@ def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
     with reading(tree):
         noise = noise_from_records(read_dict(tree, "noise"))
         priors = priors_from_records(read_dict(tree, "priors"))
-    lacking = [name for name in energy.parameter_names if name not in priors]
-    if lacking:
-        raise damaged(tree, f"its attribute 'priors' lacks those of {lacking}")
     settings = {"energy": energy, "priors": priors, **noise}
     likelihood = read_text(tree, "likelihood", None)
     return settings | ({} if likelihood is None else {"likelihood": likelihood})

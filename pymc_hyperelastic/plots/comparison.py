@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.files.stored import read_number, read_text
+from pymc_hyperelastic.files.stored import check_numbers, read_number, read_text
 from pymc_hyperelastic.plots.properties import (
     PROPERTY_LABELS,
     bands_over,
@@ -169,6 +169,7 @@ def _curves(
     visuals: Visuals | None,
     given: dict[str, Any],
 ) -> PlotCollection:
+    check_numbers(result, result, "pressure", ("pressure",))
     names = result["quantity"].values.tolist()
     draws = result["draws"].sel(statistic=statistic, drop=True).expand_dims("chain")
     tables = {
