@@ -58,7 +58,9 @@ class Store:
             )
 
     def part(self, name: str) -> Path:
-        """Where a part is, or will be."""
+        """Where a part is, or will be; ValueError if its name would lead elsewhere."""
+        if not name or name != Path(name).name or "\\" in name or name.startswith("."):
+            raise ValueError(f"a part cannot be called {name!r}: expected letters, and no path")
         return self.folder / f"{name}.nc"
 
     def remember[Result: (xr.Dataset, xr.DataTree)](
