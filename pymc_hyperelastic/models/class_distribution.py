@@ -267,6 +267,8 @@ def factor_of(posterior: xr.Dataset, name: str) -> list[list[Array]]:
     """Cholesky factor of a correlation matrix by sample, row by row, each entry a column."""
     size = posterior.sizes["coordinate"]
     factors = np.ones((posterior.sizes["sample"], 1, 1))
+    if size > 1 and name not in posterior:
+        raise damaged(posterior, f"the variable {name!r} of 'posterior' is missing")
     if size > 1:
         factors = np.linalg.cholesky(posterior[name].transpose("sample", ...).values)
     return [[factors[:, i, j, None] for j in range(i + 1)] for i in range(size)]

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 # Uniform samples by which a simultaneous band is found: its coverage is then known to 1 %.
 _OF_BINS = (
-    *("predicted_probability", "observed_frequency", "frequency_lower", "frequency_upper"),
+    *("observed_frequency", "predicted_probability", "frequency_lower", "frequency_upper"),
     *("bin_left", "bin_right", "count", "expected_calibration_error"),
 )
 _BAND_SIMULATIONS = 1000

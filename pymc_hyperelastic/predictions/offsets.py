@@ -5,7 +5,7 @@ import xarray as xr
 
 from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.evidence.results import check_result
-from pymc_hyperelastic.files.stored import read_draws, read_numbers
+from pymc_hyperelastic.files.stored import read_numbers
 from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES
 from pymc_hyperelastic.predictions.measured import warn_user
 
@@ -59,7 +59,6 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
     3.0
     """
     check_result(tree)
-    read_draws(tree, "posterior")
     if not knows_offsets(tree):
         raise ValueError(
             "the result knows of no offset of a transducer: sample a model that has them, "
@@ -74,7 +73,8 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
 
 def knows_offsets(tree: xr.DataTree) -> bool:
     """Whether a result says what the offset of each test is."""
-    return all(name in tree["posterior"].data_vars for name in OFFSET_VARIABLES)
+    posterior = tree.children.get("posterior", {})
+    return all(name in posterior for name in OFFSET_VARIABLES)
 
 
 def less_offsets(data: xr.Dataset, tree: xr.DataTree) -> xr.Dataset:
