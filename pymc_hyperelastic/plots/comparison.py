@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.files.stored import check_numbers, read_number, read_text
+from pymc_hyperelastic.files.stored import check_numbers, damaged, read_number, read_text
 from pymc_hyperelastic.plots.properties import (
     PROPERTY_LABELS,
     bands_over,
@@ -96,6 +96,9 @@ def plot_comparison(
     """
     check_table(result, _ORIGIN, "draws", *_LABELS, "effect_size_interval", "overlap_interval")
     check_table(result, _ORIGIN, "quantity", "comparison", "group", "statistic")
+    for name in ("effect_size_interval", "overlap_interval"):
+        if result[name].sizes.get("bound") != 2:
+            raise damaged(result, f"{name!r} has no two bounds: {dict(result[name].sizes)}")
     if statistic not in _STATISTICS:
         raise ValueError(f"statistic must be one of {list(_STATISTICS)}, not {statistic!r}")
     settings = result, backend, visuals, pc_kwargs

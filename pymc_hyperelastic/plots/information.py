@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from pymc_hyperelastic.files.stored import read_number, read_text
+from pymc_hyperelastic.files.stored import check_numbers, read_number, read_text
 from pymc_hyperelastic.plots.style import (
     Backend,
     Canvas,
@@ -82,7 +82,10 @@ def plot_information(
     """
     from arviz_plots.visuals import line_xy, scatter_xy, set_ylim, vline
 
-    check_table(result, _ORIGIN, *_LABELS, *(f"{name}_se" for name in _LABELS))
+    check_table(result, _ORIGIN, *_LABELS, *(f"{name}_se" for name in _LABELS), "design")
+    for name in _LABELS:
+        for of_designs in (name, f"{name}_se"):
+            check_numbers(result, result, of_designs, ("design",), finite=False)
     panel = xr.DataArray(list(_LABELS), dims="panel", name="panel")
     value, error = (
         xr.concat([result[name + end].reset_coords(drop=True) for name in _LABELS], panel)
