@@ -17,6 +17,7 @@ from hypothesis import assume, given, settings
 from hypothesis.strategies import randoms
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.priors import prior_from_record
 
 # Python's own words, which tell a user nothing.
@@ -75,8 +76,10 @@ MAKE = {
 
 @cache
 def result(kind: str) -> xr.DataTree | xr.Dataset:
-    """A result of a kind, made once."""
-    return MAKE[kind]()
+    """A result of a kind, made once; of how sure it is with so few draws nothing is asked."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return MAKE[kind]()
 
 
 def new_curves() -> xr.Dataset:
@@ -512,6 +515,42 @@ DAMAGE = [
         "plot_class_probability",
         ["'none_below'", "'low'", "number"],
     ),
+    # Found by damage at random.
+    (
+        "numbers in letters among the data",
+        "sampled",
+        group("constant_data", texts("inner_radius")),
+        "tube_properties",
+        ["'inner_radius' must hold numbers", "<U"],
+    ),
+    (
+        "pressures in letters",
+        "compared over pressures",
+        group(".", lambda table: table.assign_coords(pressure=["low", "high"])),
+        "plot_comparison",
+        ["'pressure'", "expected numbers"],
+    ),
+    (
+        "one bound",
+        "compared",
+        group(".", lambda table: table.isel(bound=[0])),
+        "plot_comparison",
+        ["'effect_size_interval'", "two bounds"],
+    ),
+    (
+        "designs without names",
+        "told",
+        group(".", lacking("design")),
+        "plot_information",
+        ["lacks 'design'"],
+    ),
+    (
+        "designs along another dimension",
+        "told",
+        group(".", lambda table: table.drop_vars("design").rename_dims(design="stranger")),
+        "plot_information",
+        ["the result lacks 'design'"],
+    ),
 ]
 
 
@@ -541,6 +580,17 @@ def test_names_in_a_file_are_looked_up_in_a_table(name):
     """A name that is no distribution that is stored is nothing, whatever PyMC calls so."""
     with pytest.raises(ValueError, match="is no distribution that is stored with results"):
         prior_from_record([name, [0.0, 1.0]], "mu")
+
+
+def test_correlations_that_are_missing_are_named():
+    """Of a class of two coordinates, where nothing else asks for them before they are used."""
+    of_class = ("chain", "draw", "coordinate")
+    names = {"coordinate": ["a", "b"]}
+    posterior = xr.Dataset(
+        {n: (of_class, np.ones((1, 9, 2))) for n in ("location", "spread")}, names
+    )
+    with pytest.raises(ValueError, match="the variable 'correlation' of 'posterior' is missing"):
+        distributions_of(xr.DataTree.from_dict({"posterior": posterior}))
 
 
 def test_without_checksum_older_files_are_read():
