@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 PY := $(VENV)/bin/python
 
-extras_test := [test,jax,nutpie]
+extras_test := [test,browser,jax,nutpie]
 extras_lint := [dev]
 extras_docs := [docs]
 extras_benchmark := [test,jax,benchmark]

@@ -18,6 +18,7 @@ from pymc_hyperelastic.cohorts.classify import classify_cohort
 from pymc_hyperelastic.cohorts.fit import fit_cohort
 from pymc_hyperelastic.cohorts.open import open_cohort
 from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
+from pymc_hyperelastic.data.files import read_tests
 from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.data.units import mmHg
@@ -68,6 +69,7 @@ from pymc_hyperelastic.predictions.curves import (
 from pymc_hyperelastic.predictions.offsets import force_offsets
 from pymc_hyperelastic.predictions.properties import pulse_wave_velocity, tube_properties
 from pymc_hyperelastic.predictions.stress import wall_stress
+from pymc_hyperelastic.reports.report import report
 
 __version__ = version("pymc-hyperelastic")
 
@@ -76,6 +78,7 @@ __all__ = [
     "load_dataset",
     "list_datasets",
     "inflation_data",
+    "read_tests",
     "select",
     "mmHg",
     *strain_energy.__all__,
@@ -134,4 +137,5 @@ __all__ = [
     "plot_information",
     "plot_calibration_ranks",
     "plot_reliability",
+    "report",
 ]

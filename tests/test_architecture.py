@@ -104,7 +104,8 @@ def test_imports_between_wings_point_upward():
 
 
 @pytest.mark.parametrize(
-    "wing", ["files", "mechanics", "data", "evidence", "models", "classes", "cohorts", "plots"]
+    "wing",
+    ["files", "mechanics", "data", "evidence", "models", "classes", "cohorts", "plots", "reports"],
 )
 def test_imports_within_a_wing_point_upward(wing):
     """Each room imports only from those above it in its wing."""

@@ -186,7 +186,7 @@ def assert_sound(said) -> None:
         assert np.isfinite(probability[known]).all()
         np.testing.assert_allclose(probability[known].sum(axis=1), 1, atol=PROBABILITY_SUM)
     # At a pressure a draw that does not reach it has none, which is warned of.
-    if isinstance(said, xr.Dataset) and {"stiffness", "radius"} <= {*said.data_vars, *said.dims}:
+    if isinstance(said, xr.Dataset) and "radius" in said.dims and "stiffness" in said:
         # Powers of a million overflow, of which nothing is known but that they do.
         overflows = np.isinf(said["pressure"].values)
         assert not np.isnan(said["pressure"].values).any()

@@ -22,6 +22,7 @@ from pymc_hyperelastic.evidence.diagnosis import VERDICTS, worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
+from pymc_hyperelastic.files.seal import digest_of
 
 _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
 _FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
@@ -75,7 +76,8 @@ class Classification:
             )
         self._fresh_specimens = any(kind.fresh_specimens for kind in kinds)
         check_inflation_data(like)
-        self._seeds = seed_sequence(random_seed).spawn(len(kinds))
+        seed = seed_sequence(random_seed)
+        self._entropy, self._seeds = seed.entropy, seed.spawn(len(kinds))
         self._predictors = [
             kind.predictor(tree.children, like, seed)
             for kind, tree, seed in zip(kinds, self.trees, self._seeds, strict=True)
@@ -84,6 +86,21 @@ class Classification:
     def check_new(self, data: xr.Dataset) -> None:
         """Raise, or warn, if classes were learned from what is to be classified."""
         check_new(data, self.trees[0].children, self._fresh_specimens)
+
+    def manifest(self, data: xr.Dataset) -> dict[str, Any]:
+        """What decides the numbers for these data, as a store says it."""
+        return {
+            "work": "classify",
+            "by": self.by,
+            "class_prior": self._prior.tolist(),
+            **self._limits,
+            "classes": [
+                {name: {"sha256": digest_of(fitted)} for name, fitted in tree.children.items()}
+                for tree in self.trees
+            ],
+            "data": {"sha256": digest_of(data)},
+            "random_seed": self._entropy,
+        }
 
     def of(
         self,

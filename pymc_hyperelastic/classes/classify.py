@@ -2,14 +2,25 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal
 
 import xarray as xr
 from pymc.progress_bar import create_simple_progress
 
 from pymc_hyperelastic.classes.classification import Classification, warn_of_doubt
-from pymc_hyperelastic.data.select import units_of
+from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.files.seal import sealed
+from pymc_hyperelastic.files.store import Store, seed_in
+
+# Of what is the same in all, the first is taken.
+_ROWS: dict[str, Any] = {
+    "data_vars": "minimal",
+    "coords": "minimal",
+    "compat": "override",
+    "join": "override",
+    "combine_attrs": "override",
+}
 
 
 def classify(
@@ -23,6 +34,7 @@ def classify(
     none_below: float = 0.0,
     random_seed: Any = None,
     progressbar: bool = True,
+    store: str | Path | None = None,
 ) -> xr.Dataset:
     r"""Probability of each class for new experiments.
 
@@ -67,6 +79,9 @@ def classify(
         The same seed gives the same result.
     progressbar : bool
         Whether to show progress. After an interrupt what is not yet known is NaN.
+    store : str or Path, optional
+        A folder that keeps what is computed, one experiment or specimen after another: the same
+        call goes on from there. For many see :func:`~pymc_hyperelastic.classify_cohort`.
 
     Returns
     -------
@@ -146,6 +161,7 @@ def classify(
     >>> bool(parts.sum("part") > 0)  # of the log ratio to class C1
     True
     """
+    known = seed_in(store) if random_seed is None else None
     classification = Classification(
         classes,
         new_data,
@@ -154,12 +170,22 @@ def classify(
         average_over=average_over,
         undecided_below=undecided_below,
         none_below=none_below,
-        random_seed=random_seed,
+        random_seed=random_seed if known is None else known,
     )
     classification.check_new(new_data)
     units = units_of(new_data, by)
     with (progress := create_simple_progress(progressbar)):
         bar = progress.add_task("Classifying", completed=0, total=len(units))
-        result = classification.of(new_data, partial(progress.advance, bar), interruptible=True)
+        advance = partial(progress.advance, bar)
+        if store is None:
+            result = classification.of(new_data, advance, interruptible=True)
+        else:
+            kept = Store(store, classification.manifest(new_data))
+            rows = []
+            for i, tests in enumerate(units.values()):
+                judge = partial(classification.of, tests_at(new_data, tests))
+                rows.append(kept.remember(f"{by}-{i}", judge))
+                advance()
+            result = xr.concat(rows, by, **_ROWS)
     warn_of_doubt(result)
     return sealed(result)

@@ -3,14 +3,18 @@
 import json
 import warnings
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.classes.interface import ClassKind, Data
 from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
 from pymc_hyperelastic.evidence.smc import seed_sequence
-from pymc_hyperelastic.files.seal import sealed
+from pymc_hyperelastic.files.seal import digest_of, sealed
+from pymc_hyperelastic.files.store import remembering, seed_in
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.geometry import Measured
@@ -34,6 +38,7 @@ def fit_classes(
     chains: int = 4,
     random_seed: Any = None,
     progressbar: bool = True,
+    store: str | Path | None = None,
     **noise: Any,
 ) -> xr.DataTree:
     """Sample the posterior of each class from its training experiments.
@@ -68,6 +73,10 @@ def fit_classes(
     draws, chains, random_seed, progressbar
         See :func:`pymc_hyperelastic.sample_smc`. After an interrupt the classes already fitted are
         returned.
+    store : str or Path, optional
+        A folder that keeps what is computed: classes, or with variability the draws of each
+        specimen, which take most of the time. After an interrupt, or a kill, the same call goes on
+        from there.
     **noise
         Errors of what else was measured: ``force_offset_sd`` and ``diameter_noise_sd`` of the
         same functions.
@@ -120,11 +129,13 @@ def fit_classes(
         experiment_effect=experiment_effect,
         reference_stress=reference_stress,
     )
-    seed = seed_sequence(random_seed)
+    known = seed_in(store) if random_seed is None else None
+    seed = seed_sequence(random_seed if known is None else known)
+    remember = remembering(store, lambda: _manifest(kind, classes, seed, draws, chains))
     tree = xr.DataTree.from_dict({})
     failed: dict[str, Exception] = {}
     try:
-        for name, fitted in kind.fit(classes, draws, chains, seed, progressbar):
+        for name, fitted in kind.fit(classes, draws, chains, seed, progressbar, remember):
             if isinstance(fitted, Exception):
                 failed[name] = fitted
                 continue
@@ -142,6 +153,20 @@ def fit_classes(
         warnings.warn(said, stacklevel=2)
     tree.attrs |= kind.attrs() | {"random_seed": json.dumps(seed.entropy)}
     return tree
+
+
+def _manifest(
+    kind: ClassKind, classes: Data, seed: np.random.SeedSequence, draws: int, chains: int
+) -> dict[str, Any]:
+    """What decides the numbers of fitted classes, as a store says it."""
+    return {
+        "work": "fit_classes",
+        **kind.manifest(),
+        "draws": draws,
+        "chains": chains,
+        "random_seed": seed.entropy,
+        "data": {name: {"sha256": digest_of(data)} for name, data in classes.items()},
+    }
 
 
 def check_classes(classes: Any) -> None:

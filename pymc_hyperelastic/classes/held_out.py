@@ -2,7 +2,9 @@
 
 import json
 import warnings
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from functools import cached_property, partial
+from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -13,7 +15,7 @@ from scipy.special import logsumexp, softmax
 
 from pymc_hyperelastic.classes.average import Laws, labels_of
 from pymc_hyperelastic.classes.fit import check_classes
-from pymc_hyperelastic.classes.interface import ClassKind
+from pymc_hyperelastic.classes.interface import ClassKind, Fold
 from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.classes.training import check_left_out
 from pymc_hyperelastic.data.inflation import check_inflation_data
@@ -21,6 +23,8 @@ from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.diagnosis import worst_of
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.smc import seed_sequence
+from pymc_hyperelastic.files.seal import digest_of
+from pymc_hyperelastic.files.store import Remember, remembering, seed_in
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.geometry import Measured
@@ -45,6 +49,7 @@ def calibration_report(
     chains: int = 1,
     random_seed: Any = None,
     progressbar: bool = True,
+    store: str | Path | None = None,
     **noise: Any,
 ) -> xr.Dataset:
     r"""Leave specimens out, one after another, and classify them by all others.
@@ -76,6 +81,8 @@ def calibration_report(
         The same seed gives the same result.
     progressbar : bool
         Whether to show progress. After an interrupt what is not yet known is NaN.
+    store : str or Path, optional
+        A folder that keeps what is computed, fit after fit: the same call goes on from there.
     **noise
         Errors of what else was measured, see :func:`pymc_hyperelastic.fit_classes`.
 
@@ -146,9 +153,24 @@ def calibration_report(
     ]
     for kind in kinds:
         kind.check_classes(classes)
-    seed = seed_sequence(random_seed)
+    known = seed_in(store) if random_seed is None else None
+    seed = seed_sequence(random_seed if known is None else known)
+
+    def manifest() -> dict[str, Any]:
+        return {
+            "work": "calibration_report",
+            "laws": [kind.manifest() for kind in kinds],
+            "left_out": {specimen: str(unit) for specimen, unit in units.items()},
+            "draws": draws,
+            "chains": chains,
+            "random_seed": seed.entropy,
+            "data": {name: {"sha256": digest_of(data)} for name, data in classes.items()},
+        }
+
+    remember = remembering(store, manifest)
+    seeds = seed.spawn(len(kinds))
     found = _leave_out_each(
-        kinds, classes, true_class, units, draws, chains, seed.spawn(len(kinds)), progressbar
+        kinds, classes, true_class, units, draws, chains, seeds, progressbar, remember
     )
     report = _tabulate(found, labels_of(kinds), list(classes), true_class, units)
     if not kinds[0].has_p_value:
@@ -231,6 +253,7 @@ def _leave_out_each(
     chains: int,
     seeds: Sequence[np.random.SeedSequence],
     progressbar: bool,
+    remember: Remember,
 ) -> _Found:
     """Fit and classify, one law after another and one unit after another."""
     specimens, every_unit = list(true_class), list(dict.fromkeys(units.values()))
@@ -247,21 +270,62 @@ def _leave_out_each(
         bar = progress.add_task("Leaving out", completed=0, total=total)
         try:
             for i, (kind, seed) in enumerate(zip(kinds, seeds, strict=True)):
-                fold = kind.leave_out(classes, seed)
+                folds = _Folds(kind, classes, seed, draws, chains, f"law-{i}", remember)
                 progress.advance(bar)
-                for unit in every_unit:
+                for number, unit in enumerate(every_unit):
                     out = [s for s in specimens if units[s] == unit]
-                    training, verdict, predictions = fold(out, draws, chains)
-                    for specimen, of_classes in predictions.items():
-                        place = i, specimens.index(specimen)
-                        found.log_evidence[place] = [p.log_evidence.value for p in of_classes]
-                        found.p_value[place] = [p.p_value for p in of_classes]
-                        found.training[place] = training
-                        found.verdict[place] = verdict
+                    held = folds(number, out)
+                    place = i, [specimens.index(s) for s in held["specimen"].values.tolist()]
+                    found.log_evidence[place] = held["log_evidence"].values
+                    found.p_value[place] = held["p_value"].values
+                    found.training[place] = held["training"].values
+                    found.verdict[place] = held["verdict"].item()
                     progress.advance(bar)
         except KeyboardInterrupt:
             warnings.warn("interrupted: specimens not yet classified are NaN", stacklevel=3)
     return found
+
+
+class _Folds:
+    """What is said of specimens that are left out together; what is common is done when needed."""
+
+    def __init__(
+        self,
+        kind: ClassKind,
+        classes: Mapping[str, xr.Dataset],
+        seed: np.random.SeedSequence,
+        draws: int,
+        chains: int,
+        name: str,
+        remember: Remember,
+    ) -> None:
+        self._name, self._remember = name, remember
+        self._leave_out = partial(kind.leave_out, classes, seed, self._of_law)
+        self._size = draws, chains
+
+    @cached_property
+    def _fold(self) -> Callable[[Collection[str], int, int], Fold]:
+        return self._leave_out()
+
+    def __call__(self, number: int, left_out: Collection[str]) -> xr.Dataset:
+        return self._of_law(f"fold-{number}", lambda: self._held(left_out))
+
+    def _of_law(self, part: str, compute: Callable[[], xr.Dataset]) -> xr.Dataset:
+        return self._remember(f"{self._name}-{part}", compute)
+
+    def _held(self, left_out: Collection[str]) -> xr.Dataset:
+        training, verdict, predictions = self._fold(left_out, *self._size)
+        rows, dims = [*predictions.values()], ("specimen", "class_label")
+        values = [[p.log_evidence.value for p in row] for row in rows]
+        return xr.Dataset(
+            {
+                "log_evidence": (dims, np.array(values)),
+                "p_value": (dims, np.array([[p.p_value for p in row] for row in rows])),
+                "training": ("of_two", np.array(training)),
+                "verdict": verdict,
+            },
+            {"specimen": [*predictions]},
+        )
 
 
 def _tabulate(

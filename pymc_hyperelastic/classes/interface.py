@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.files.store import Remember, compute_now
 
 Array = NDArray[np.float64]
 
@@ -106,6 +107,10 @@ class ClassKind(ABC):
     def attrs(self) -> dict[str, str]:
         """The settings as text, for attributes of a file; ValueError if they cannot be written."""
 
+    def manifest(self) -> dict[str, Any]:
+        """The settings as a store says them."""
+        return dict(self.attrs())
+
     @abstractmethod
     def check(self, data: xr.Dataset) -> None:
         """Raise TypeError or ValueError unless these data can be modelled so."""
@@ -120,11 +125,17 @@ class ClassKind(ABC):
 
     @abstractmethod
     def fit(
-        self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False
+        self,
+        classes: Data,
+        draws: int,
+        chains: int,
+        seed: Seed,
+        progressbar: bool = False,
+        remember: Remember = compute_now,
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         """Fit class after class, or say why one cannot be.
 
-        All input is checked before the first is sampled.
+        All input is checked before the first is sampled. What can be kept goes through `remember`.
         """
 
     @abstractmethod
@@ -136,10 +147,13 @@ class ClassKind(ABC):
         """
 
     @abstractmethod
-    def leave_out(self, classes: Data, seed: Seed) -> Callable[[Collection[str], int, int], Fold]:
+    def leave_out(
+        self, classes: Data, seed: Seed, remember: Remember = compute_now
+    ) -> Callable[[Collection[str], int, int], Fold]:
         """Fit classes, and hold them against specimens that are left out.
 
-        What is common to all fits is done at once; then specimens, draws and chains give a fold.
+        What is common to all fits is done at once; then specimens, draws and chains give a fold,
+        which depends on no other one.
         """
 
     @abstractmethod

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -35,17 +36,20 @@ from pymc_hyperelastic.evidence.importance import (
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
+from pymc_hyperelastic.files.store import Remember, compute_now
 from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers, reading
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.inflation import tube_model
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES
-from pymc_hyperelastic.models.priors import complete_priors, is_inferred
+from pymc_hyperelastic.models.priors import complete_priors, is_inferred, prior_to_record
 from pymc_hyperelastic.models.study import (
     inflation_data_of,
     model_settings_of,
+    noise_records,
     values_of_parameter,
+    wall_attrs,
 )
 
 Array = NDArray[np.float64]
@@ -136,12 +140,27 @@ class Pooled(ClassKind):
         """Settings are those of the models, and stored with each."""
         return {}
 
+    def manifest(self) -> dict[str, Any]:
+        """The law, priors and errors."""
+        priors = complete_priors(self.energy, self.priors)
+        return wall_attrs(self.energy) | {
+            "variability": self.variability,
+            "priors": {name: prior_to_record(name, prior) for name, prior in priors.items()},
+            "noise": noise_records(self.observation.noise),
+        }
+
     def check(self, data: xr.Dataset) -> None:
         """Raise unless these data can be modelled so."""
         self.observation.check(self.energy, data, complete_priors(self.energy, self.priors))
 
     def fit(
-        self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False
+        self,
+        classes: Data,
+        draws: int,
+        chains: int,
+        seed: Seed,
+        progressbar: bool = False,
+        remember: Remember = compute_now,
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         """Sample the posterior of class after class."""
         models = {}
@@ -153,17 +172,18 @@ class Pooled(ClassKind):
                 raise type(error)(f"class {name!r}: {error}") from error
         seeds = seed.generate_state(len(models)).tolist()
         settings = {"draws": draws, "chains": chains, "progressbar": progressbar}
-        return self._sampled(models, seeds, **settings)
+        return self._sampled(models, seeds, remember, **settings)
 
     def _sampled(
-        self, models: dict[str, pm.Model], seeds: list[int], **settings: Any
+        self, models: dict[str, pm.Model], seeds: list[int], remember: Remember, **settings: Any
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         first = next(iter(models.values()))
         kept = [rv.name for rv in first.free_RVs]
         kept += [name for name in OFFSET_VARIABLES if name in first.named_vars]
-        for (name, model), seed in zip(models.items(), seeds, strict=True):
+        for i, (name, seed) in enumerate(zip(models, seeds, strict=True)):
+            sample = partial(run_smc, models[name], random_seed=seed, var_names=kept, **settings)
             try:
-                yield name, run_smc(model, random_seed=seed, var_names=kept, **settings)
+                yield name, remember(f"class-{i}", sample)
             except (ValueError, ArithmeticError) as error:
                 yield name, error
 
@@ -191,11 +211,14 @@ class Pooled(ClassKind):
 
         return predict
 
-    def leave_out(self, classes: Data, seed: Seed) -> Callable[[Collection[str], int, int], Fold]:
+    def leave_out(
+        self, classes: Data, seed: Seed, remember: Remember = compute_now
+    ) -> Callable[[Collection[str], int, int], Fold]:
         """Fit all classes again for each of the specimens left out."""
 
         def fold(left_out: Collection[str], draws: int, chains: int) -> Fold:
-            fit, new = (seed_sequence(s.generate_state(4)) for s in seed.spawn(2))
+            own = seed_of(seed, ", ".join(left_out)).spawn(2)
+            fit, new = (seed_sequence(s.generate_state(4)) for s in own)
             train = {name: without_specimens(data, left_out) for name, data in classes.items()}
             fitted: dict[str, xr.DataTree] = {}
             for name, of_class in self.fit(train, draws, chains, fit):

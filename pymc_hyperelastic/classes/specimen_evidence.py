@@ -74,12 +74,17 @@ class SpecimenEvidence(NamedTuple):
 def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) -> SpecimenEvidence:
     """Evidence of a specimen that is a fresh draw from a class, its distribution averaged over."""
     density = log_densities(draws, distributions)
-    count = len(density)
-    log_weights = draws.log_weight + logsumexp(density, axis=0) - np.log(count)
+    # A draw so far away that a class knows nothing of it has no density at all.
+    count, largest = len(density), np.maximum(density.max(axis=0), -np.finfo(float).max)
+    # Exponentials are most of the work: they are taken once.
+    density -= largest
+    np.exp(density, out=density)
+    with np.errstate(divide="ignore"):
+        log_weights = draws.log_weight + largest + np.log(density.mean(axis=0))
     value = float(logsumexp(log_weights))
     effective, pareto_k = _trust(log_weights, draws)
     of_draws = max(1 / effective - 1 / log_weights.size, 0.0)
-    each = np.exp(logsumexp(density + draws.log_weight, axis=1) - value)
+    each = density @ np.exp(draws.log_weight + largest - value)
     own = float(np.sqrt(of_draws + np.var(each) / count))
     estimate = Estimate(value, float(np.hypot(own, draws.standard_error)))
     method = "specimen draws by tempering" if draws.method == "tempering" else "specimen draws"

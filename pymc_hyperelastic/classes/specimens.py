@@ -89,7 +89,8 @@ class SpecimenSampler:
     """Sample specimens, each by itself, under one reference distribution.
 
     Specimens with the same number of tests share one compiled model. Each brings data of its own,
-    and noise of its own if that is not known.
+    and noise of its own if that is not known. What is said
+    of one depends on no other.
     """
 
     def __init__(
@@ -176,8 +177,7 @@ class SpecimenSampler:
         """An integral over materials whose curves are right, and the sampler that has these.
 
         They are over the range of the class's default priors. If the data want others, curves are
-        made right for these, and the integral is taken again. Other specimens keep their curves:
-        what is said of one must not depend on which came before.
+        made right for these, and the integral is taken again. Other specimens keep their curves.
         """
         (name,) = specimens_of(data)[0]
         sampler = self._right_for.get(name, self)

@@ -43,10 +43,12 @@ from pymc_hyperelastic.classes.typicality import (
     noise_p_value,
     typical_p_value,
 )
-from pymc_hyperelastic.data.select import specimens_apart, specimens_of
+from pymc_hyperelastic.data.select import specimens_apart, specimens_of, tests_at
 from pymc_hyperelastic.evidence.checks import check_count, no_progress
-from pymc_hyperelastic.evidence.diagnosis import check_evidence, worst_verdict
+from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR, check_evidence, worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
+from pymc_hyperelastic.evidence.smc import seed_of
+from pymc_hyperelastic.files.store import Remember, compute_now
 from pymc_hyperelastic.files.stored import (
     damaged,
     read_dict,
@@ -62,6 +64,7 @@ from pymc_hyperelastic.models.class_distribution import (
     check_class,
     distributions_of,
 )
+from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import check_geometry, measured_from_records
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, noise_in_words
@@ -81,6 +84,8 @@ from pymc_hyperelastic.models.study import (
 
 Array = NDArray[np.float64]
 
+# Of each class, materials whose curves are looked at, and tests in which they are.
+_MATERIALS, _TESTS = 64, 12
 # A misfit whose size is known exactly.
 _AS_NOISE = xr.DataArray([1e9])
 
@@ -184,17 +189,29 @@ class Variability(Population, ClassKind):
         check_class(fitted, names, needed)
 
     def fit(
-        self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool = False
+        self,
+        classes: Data,
+        draws: int,
+        chains: int,
+        seed: Seed,
+        progressbar: bool = False,
+        remember: Remember = compute_now,
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         """Fit the distribution of class after class, of specimens that are sampled once."""
         check_count("draws", draws, 100)
         check_count("chains", chains, 1)
         self.check_classes(classes)
         self.attrs()
-        return self._fitted(classes, draws, chains, seed, progressbar)
+        return self._fitted(classes, draws, chains, seed, progressbar, remember)
 
     def _fitted(
-        self, classes: Data, draws: int, chains: int, seed: Seed, progressbar: bool
+        self,
+        classes: Data,
+        draws: int,
+        chains: int,
+        seed: Seed,
+        progressbar: bool,
+        remember: Remember,
     ) -> Iterator[tuple[str, xr.DataTree | Exception]]:
         progress, model = create_simple_progress(progressbar), ClassModel(self)
         # Of each class its specimens, a first fit, and the chains.
@@ -202,10 +219,15 @@ class Variability(Population, ClassKind):
         with progress:
             bar = progress.add_task("Fitting classes", completed=0, total=steps)
             advance = partial(progress.advance, bar)
-            for (name, data), own in zip(classes.items(), seed.spawn(len(classes)), strict=True):
+            seeds = seed.spawn(len(classes))
+            for i, ((name, data), own) in enumerate(zip(classes.items(), seeds, strict=True)):
                 rng, sampler = np.random.default_rng(own), self.sampler(data)
+
+                def of_class(part: str, compute: Callable, i: int = i) -> xr.Dataset:
+                    return remember(f"class-{i}-{part}", compute)
+
                 try:
-                    specimens = sample_specimens(sampler, data, rng, advance)
+                    specimens = sample_specimens(sampler, data, own, advance, of_class)
                     close = draws_of_class(model, sampler, data, specimens, rng)
                     advance()
                     fitted = fit_distribution(model, close, draws, chains, own, advance)
@@ -220,16 +242,38 @@ class Variability(Population, ClassKind):
     def predictor(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> Predictor:
         """What classes say of new specimens, each of which is sampled by itself."""
         self.check(like)
-        predictive = SpecimenPredictive(self, classes, self.sampler(like))
+        forward = self._right_for_classes(classes, like, seed)
+        sampler = SpecimenSampler(self, forward, self.reference)
+        predictive = SpecimenPredictive(self, classes, sampler)
         return lambda data, seed: predictive(data, np.random.default_rng(seed))
 
-    def leave_out(self, classes: Data, seed: Seed) -> Callable[[Collection[str], int, int], Fold]:
+    def _right_for_classes(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> ForwardModel:
+        """Curves that are right for specimens of the classes, and not for those of priors alone."""
+        forward = self.forward_model(like, by_test=bool(self.experiment_effect))
+        rng = np.random.default_rng(seed)
+        specimens = [self.new_specimens(fitted, rng) for fitted in classes.values()]
+        materials = {
+            name: np.concatenate([of_class[name][:_MATERIALS] for of_class in specimens])
+            for name in specimens[0]
+        }
+        tests = np.unique(np.linspace(0, like.sizes["test"] - 1, _TESTS).round().astype(int))
+        if forward.errors(tests_at(like, tests), materials).max() <= CURVES_ERR:
+            return forward
+        return forward.right_for(materials)
+
+    def leave_out(
+        self, classes: Data, seed: Seed, remember: Remember = compute_now
+    ) -> Callable[[Collection[str], int, int], Fold]:
         """Sample all specimens once; without some of them only the distributions are fitted."""
         rng, model = np.random.default_rng(seed), ClassModel(self)
         samplers = {name: self.sampler(data) for name, data in classes.items()}
-        specimens = {
-            name: sample_specimens(samplers[name], data, rng) for name, data in classes.items()
-        }
+        specimens = {}
+        for i, (name, data) in enumerate(classes.items()):
+
+            def of_class(part: str, compute: Callable, i: int = i) -> xr.Dataset:
+                return remember(f"class-{i}-{part}", compute)
+
+            specimens[name] = sample_specimens(samplers[name], data, seed, no_progress, of_class)
 
         close = {
             name: draws_of_class(model, samplers[name], data, specimens[name], rng)
@@ -237,13 +281,13 @@ class Variability(Population, ClassKind):
         }
 
         def fold(left_out: Collection[str], draws: int, chains: int) -> Fold:
-            fitted = {}
+            fitted, of_fold = {}, seed_of(seed, ", ".join(left_out))
             for name, of_class in close.items():
                 stay = {s: d for s, d in of_class.specimens.items() if s not in left_out}
                 some = of_class._replace(specimens=stay)
-                (own,) = seed.spawn(1)
+                (own,) = of_fold.spawn(1)
                 fitted[name] = fit_distribution(model, some, draws, chains, own)
-            rng = np.random.default_rng(*seed.spawn(1))
+            rng = np.random.default_rng(*of_fold.spawn(1))
             predictions = {}
             for name, data in classes.items():
                 predictive = SpecimenPredictive(self, fitted, samplers[name])
@@ -263,10 +307,13 @@ class Variability(Population, ClassKind):
 def sample_specimens(
     sampler: SpecimenSampler,
     data: xr.Dataset,
-    rng: np.random.Generator,
+    seed: Seed,
     advance: Callable[[], None] = no_progress,
+    remember: Remember = compute_now,
 ) -> dict[str, SpecimenDraws]:
     """Draws of each specimen of the data; `advance` is called after each.
+
+    They depend on nothing but its own curves, and are kept by `remember`.
 
     Raises
     ------
@@ -274,9 +321,13 @@ def sample_specimens(
         If one cannot be sampled; it is named.
     """
     draws = {}
-    for name, part in specimens_apart(data).items():
+    for i, (name, part) in enumerate(specimens_apart(data).items()):
+
+        def sample(name: str = name, part: xr.Dataset = part) -> xr.Dataset:
+            return sampler(part, np.random.default_rng(seed_of(seed, name))).as_dataset()
+
         try:
-            draws[name] = sampler(part, rng)
+            draws[name] = SpecimenDraws.of_dataset(remember(f"specimen-{i}", sample))
             advance()
         except (ValueError, ArithmeticError) as error:
             raise ValueError(f"specimen {name!r} cannot be sampled: {error}") from error

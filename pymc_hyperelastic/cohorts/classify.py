@@ -9,10 +9,11 @@ import xarray as xr
 
 from pymc_hyperelastic.classes.classification import Classification
 from pymc_hyperelastic.cohorts.representatives import representatives
-from pymc_hyperelastic.cohorts.run import run_cohort, seed_in
+from pymc_hyperelastic.cohorts.run import run_cohort
 from pymc_hyperelastic.cohorts.work import Prepared, Work
 from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.files.seal import digest_of
+from pymc_hyperelastic.files.store import seed_in
 from pymc_hyperelastic.models.study import wall_of
 
 

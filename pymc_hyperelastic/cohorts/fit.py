@@ -11,7 +11,7 @@ import xarray as xr
 
 from pymc_hyperelastic.cohorts.open import GROUP
 from pymc_hyperelastic.cohorts.representatives import representatives
-from pymc_hyperelastic.cohorts.run import run_cohort, seed_in
+from pymc_hyperelastic.cohorts.run import run_cohort
 from pymc_hyperelastic.cohorts.work import Prepared, Work, failure, joined, labels_of
 from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
@@ -20,6 +20,7 @@ from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.files.store import seed_in
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel

@@ -6,7 +6,6 @@ import warnings
 from collections import deque
 from collections.abc import Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,31 +14,33 @@ import xarray as xr
 from pymc.progress_bar import create_simple_progress
 
 from pymc_hyperelastic.cohorts.work import Work, failure, labels_of
-from pymc_hyperelastic.cohorts.workers import ClusterLost, WorkerDied, Workers, workers_for
+from pymc_hyperelastic.cohorts.workers import (
+    DEATHS,
+    ClusterLost,
+    WorkerDied,
+    Workers,
+    workers_for,
+)
 from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.checks import PACKAGE, check_count
 from pymc_hyperelastic.files.results import open_result, save_result
 from pymc_hyperelastic.files.seal import digest_of
-from pymc_hyperelastic.files.store import Store, manifest_of
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.files.store import Store
 
-_PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "scipy", "xarray")
-# How often a batch is tried whose process dies, before it is halved; and one specimen alone.
-_TRIES = 3
 # Batches that wait at the workers for each that is being done.
 _WAITING = 2
-# Seconds after which it is looked whether a cluster is still there.
+# Seconds without news after which it is looked whether anybody is still there.
 _LOOK = 5.0
 #: Units of a cohort by their numbers, at the end of names of parts.
 UNITS = "units"
 
 
 class Batch(NamedTuple):
-    """Units from one number to before another, and how often they were tried."""
+    """Units from one number to before another, and how many processes died of them."""
 
     first: int
     last: int
-    tries: int = 0
+    deaths: int = 0
 
     @property
     def part(self) -> str:
@@ -47,7 +48,7 @@ class Batch(NamedTuple):
         return f"{self.first:09d}-{self.last:09d}"
 
     def halves(self) -> list["Batch"]:
-        """Both halves, not tried yet."""
+        """Both halves, of which nobody died yet."""
         middle = (self.first + self.last) // 2
         return [Batch(self.first, middle), Batch(middle, self.last)]
 
@@ -67,8 +68,7 @@ def run_cohort(
     if cores is not None:
         check_count("cores", cores, 1)
     units = units_of(data, work.by)
-    versions = {name: version(name) for name in _PACKAGES}
-    manifest = work.manifest() | {"data": {"sha256": digest_of(data)}, "versions": versions}
+    manifest = work.manifest() | {"data": {"sha256": digest_of(data)}}
     store = Store(folder, {"work": work.name, "by": work.by, "units": len(units), **manifest})
     store.remember(UNITS, lambda: xr.Dataset(coords=labels_of(data, work.by)))
     todo = deque(_missing(store.folder, len(units), batch_size))
@@ -109,19 +109,22 @@ def _done(todo: deque[Batch], workers: Workers, store: Store, of: Any, by: str) 
         while todo and len(running) < _WAITING * workers.count:
             batch = todo.popleft()
             running[workers.submit(of(batch), store.part(batch.part))] = batch
-        for future in wait(running, _LOOK, FIRST_COMPLETED).done:
+        finished = wait(running, _LOOK, FIRST_COMPLETED).done
+        if not finished:
+            workers.check()
+        for future in finished:
             batch = running.pop(future)
             try:
                 future.result()
             except WorkerDied as died:
-                again = batch._replace(tries=batch.tries + 1)
-                if again.tries < _TRIES:
+                again = batch._replace(deaths=batch.deaths + died.deaths)
+                if again.deaths < DEATHS:
                     todo.appendleft(again)
                     continue
                 if batch.last - batch.first > 1:
                     todo.extendleft(reversed(batch.halves()))
                     continue
-                said = f"the process that computed it died {_TRIES} times: {died}"
+                said = f"the process that computed it died {again.deaths} times: {died}"
                 save_result(failure(of(batch), by, said), store.part(batch.part))
             yield batch
 
@@ -160,19 +163,6 @@ def parts_of(folder: Path) -> list[tuple[int, int]]:
         if not kept or first >= kept[-1][1]:
             kept.append((first, last))
     return kept
-
-
-def seed_in(folder: str | Path) -> Any:
-    """Seed of the work that a store holds; None if there is no store yet."""
-    manifest = manifest_of(Path(folder), missing=True)
-    seed = None if manifest is None else manifest.get("random_seed")
-    for entry in seed if isinstance(seed, list) else [seed]:
-        if entry is not None and (type(entry) is not int or entry < 0):
-            raise ValueError(
-                f"the manifest of {folder} has the random_seed {shown(seed)}; expected whole "
-                "numbers: it is damaged"
-            )
-    return seed
 
 
 def _cores() -> int:

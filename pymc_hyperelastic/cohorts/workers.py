@@ -6,6 +6,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
@@ -17,11 +18,19 @@ import xarray as xr
 
 from pymc_hyperelastic.cohorts.work import Work, run_batch
 
+# So many deaths are not chance.
+DEATHS = 3
+# Seconds for which a cluster may be without any worker: it may be about to start some.
+_PATIENCE = 60.0
 _THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "NUMEXPR")
 
 
 class WorkerDied(Exception):
-    """A process ended while it did a batch."""
+    """Processes ended while they did a batch, so many, one after another."""
+
+    def __init__(self, how: str, deaths: int = 1) -> None:
+        super().__init__(how)
+        self.deaths = deaths
 
 
 class ClusterLost(Exception):
@@ -35,6 +44,9 @@ class Workers(Protocol):
 
     def submit(self, data: xr.Dataset, part: Path) -> Future:
         """Let a batch be done; what fails is the exception of the future."""
+
+    def check(self) -> None:
+        """Raise if nobody is left who could go on."""
 
     def close(self) -> None:
         """Let nobody go on."""
@@ -58,6 +70,9 @@ class ThisProcess:
             future.set_exception(error)
         return future
 
+    def check(self) -> None:
+        """The process is there."""
+
     def close(self) -> None:
         """Nothing is open."""
 
@@ -80,6 +95,9 @@ class Processes:
     def submit(self, data: xr.Dataset, part: Path) -> Future:
         """Let a batch be done by a process that has nothing to do."""
         return self._threads.submit(self._do, data, part)
+
+    def check(self) -> None:
+        """Whoever died is replaced."""
 
     def close(self) -> None:
         """Stop all processes, whatever they do."""
@@ -140,8 +158,10 @@ class Cluster:
     def __init__(self, work: Work, token: str, client: Any) -> None:
         self._client, self._token = client, token
         self.count = max(1, sum(client.nthreads().values()))
-        self._work = client.scatter(work, broadcast=True, hash=False)
+        # What is scattered is gone with its workers; the result of a task is made again.
+        self._work = client.submit(pickle.loads, cloudpickle.dumps(work), pure=False)
         self._futures: dict[Future, Any] = {}
+        self._seen = time.monotonic()
 
     def submit(self, data: xr.Dataset, part: Path) -> Future:
         """Let a batch be done by some worker."""
@@ -152,6 +172,17 @@ class Cluster:
         self._futures[future] = on_cluster
         on_cluster.add_done_callback(lambda done: self._finish(future, done))
         return future
+
+    def check(self) -> None:
+        """Raise if the cluster has had no worker for long."""
+        try:
+            there = bool(self._client.nthreads())
+        except Exception as lost:
+            raise ClusterLost(f"the scheduler does not answer: {lost}") from lost
+        if there:
+            self._seen = time.monotonic()
+        elif time.monotonic() - self._seen > _PATIENCE:
+            raise ClusterLost(f"the cluster has had no worker for {_PATIENCE:.0f} s")
 
     def close(self) -> None:
         """Cancel what is not done."""
@@ -171,7 +202,8 @@ class Cluster:
         except Exception as lost:
             error = lost if isinstance(lost, ClusterLost) else ClusterLost(str(lost))
         if isinstance(error, KilledWorker):
-            error = WorkerDied("the cluster's workers died, one after another")
+            # A cluster has tried again by itself.
+            error = WorkerDied("workers of the cluster were killed, or ended", DEATHS)
         if error is None:
             future.set_result(None)
         else:

@@ -37,8 +37,11 @@ class Rows:
 
     def place(self, i: int) -> str:
         """Test and label of a row, as messages name them."""
-        named = (f"{name} {label[i].item()!r}" for name, label in self.labels.items())
-        return f"{', '.join(named)}, row {self.frame.index[i]}"
+        return f"{self.test_of(i)}, row {self.frame.index[i]}"
+
+    def test_of(self, i: int) -> str:
+        """Test of a row, as messages name it."""
+        return ", ".join(f"{name} {label[i].item()!r}" for name, label in self.labels.items())
 
     def numbers(self, column: str, *, may_be_missing: bool = False) -> np.ndarray:
         """Read a column as finite floats; numbers that came as text are fine."""
@@ -127,7 +130,7 @@ def check_frame(frame: pd.DataFrame, measured: str) -> None:
     if not isinstance(frame, pd.DataFrame):
         raise TypeError(
             f"expected a pandas DataFrame, not {type(frame).__name__}; "
-            "read a file with pandas.read_csv first"
+            "read a file with read_tests, or with pandas.read_csv first"
         )
     missing = [n for n in ("specimen", "experiment", measured, "pressure") if n not in frame]
     if missing:

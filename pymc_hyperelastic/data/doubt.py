@@ -6,6 +6,9 @@ from typing import Literal, get_args
 
 Check = Literal["warn", "raise", "ignore"]
 
+# Problems that are told at once.
+_MOST_TOLD = 20
+
 
 def check_known(check: Check) -> None:
     """Raise unless `check` is one of the ways."""
@@ -32,3 +35,25 @@ def doubt(messages: Sequence[str], check: Check, *, stacklevel: int) -> None:
     if check == "raise":
         raise ValueError(message)
     warnings.warn(f'{message}; if it is right, say check="ignore"', stacklevel=stacklevel + 1)
+
+
+def refuse(problems: Sequence[str]) -> None:
+    """Raise with all problems that were found, or with as many as one can take in.
+
+    Examples
+    --------
+    >>> refuse([])
+    >>> refuse(["a.csv, line 2: no number", "a.csv, line 5: no number"])
+    Traceback (most recent call last):
+    ValueError: 2 problems:
+    - a.csv, line 2: no number
+    - a.csv, line 5: no number
+    """
+    problems = list(dict.fromkeys(problems))
+    if len(problems) == 1:
+        raise ValueError(problems[0])
+    if problems:
+        told = [f"- {problem}" for problem in problems[:_MOST_TOLD]]
+        if len(problems) > _MOST_TOLD:
+            told.append(f"- and {len(problems) - _MOST_TOLD} more")
+        raise ValueError("\n".join([f"{len(problems)} problems:", *told]))

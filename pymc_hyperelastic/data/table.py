@@ -197,7 +197,7 @@ def inflation_data(
     given = {"thickness": thickness, "wall_area": wall_area}
     given |= {"wall_volume": wall_volume, "length": length}
     angle = rows.of_tests("opening_angle", opening_angle)
-    places = [rows.place(i).rpartition(",")[0] for i in rows.first]
+    places = [rows.test_of(i) for i in rows.first]
     tube = reference_tube(
         {
             "inner_radius": millimetres(rows.of_tests("inner_radius", inner_radius)),

@@ -4,6 +4,7 @@ import json
 import warnings
 from collections.abc import Sequence
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,11 @@ from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.smc import seed_sequence
+from pymc_hyperelastic.files.seal import digest_of
+from pymc_hyperelastic.files.store import Remember, remembering, seed_in
 
+# Simulations that are a part of a store together.
+_KEPT_TOGETHER = 10
 # The chi-square distribution of the test is an approximation that needs so many counts in a bin.
 # What is wrong with a posterior shifts many ranks a little, which few bins show better than many.
 _LEAST_EXPECTED, _MOST_BINS = 10, 20
@@ -39,6 +44,7 @@ def simulation_based_calibration(
     simulator: pm.Model | None = None,
     random_seed: Any = None,
     progressbar: bool = True,
+    store: str | Path | None = None,
     **kernel_settings: Any,
 ) -> xr.Dataset:
     r"""Check by simulation that a model's posteriors are as wide, and lie where, they should.
@@ -75,6 +81,9 @@ def simulation_based_calibration(
         One seed for the whole; the same seed gives the same result.
     progressbar : bool
         Whether to show progress. After an interrupt the simulations already complete are returned.
+    store : str or Path, optional
+        A folder that keeps what is computed, some simulations after others: the same call goes on
+        from there.
     **kernel_settings
         Further settings of :class:`pymc_hyperelastic.BatchedSMC`, such as ``threshold``.
 
@@ -139,7 +148,8 @@ def simulation_based_calibration(
         lacking = [name for name in (*names, *observed) if name not in simulator.named_vars]
         if lacking:
             raise ValueError(f"the simulator has no variables {lacking}, which the model has")
-    seed = seed_sequence(random_seed)
+    known = seed_in(store) if random_seed is None else None
+    seed = seed_sequence(random_seed if known is None else known)
     seeds = seed.generate_state(1 + simulations).tolist()
     simulated = _simulate(simulator or model, [*names, *observed], simulations, seeds.pop())
     _check_simulated(model, simulated, names)
@@ -147,7 +157,19 @@ def simulation_based_calibration(
     data = {name: simulated[name] for name in observed}
     posterior = _PosteriorOfSimulation(model, names, data, draws, kernel_settings)
     truth = side_by_side([simulated[name] for name in names])
-    rank, mean, sd = _compared(posterior, truth, ranked_draws, seeds, progressbar)
+
+    def manifest() -> dict[str, Any]:
+        arrays = {k: ([f"{k}_{i}" for i in range(v.ndim)], v) for k, v in simulated.items()}
+        return {
+            "work": "simulation_based_calibration",
+            "simulations": {"sha256": digest_of(xr.Dataset(arrays))},
+            "model": [v.name for v in model.value_vars],
+            "settings": {"draws": draws, "ranked_draws": ranked_draws, **kernel_settings},
+            "random_seed": seed.entropy,
+        }
+
+    remember = remembering(store, manifest)
+    rank, mean, sd = _compared(posterior, truth, ranked_draws, seeds, progressbar, remember)
     bins = _number_of_bins(len(rank), ranked_draws)
     of_both = ("simulation", "parameter")
     entries = [_entries(model, name, simulated[name].shape[1:]) for name in names]
@@ -281,6 +303,7 @@ def _compared(
     ranked_draws: int,
     seeds: Sequence[int],
     progressbar: bool,
+    remember: Remember,
 ) -> tuple[NDArray[np.int64], Array, Array]:
     """Rank of each truth in its posterior, and the posterior's mean and standard deviation.
 
@@ -293,13 +316,26 @@ def _compared(
     with progress:
         bar = progress.add_task("Calibrating", completed=0, total=len(truth))
         try:
-            for i, seed in enumerate(seeds):
-                rng = np.random.default_rng(seed)
-                draws = posterior(i, rng)
-                mean[i], sd[i] = draws.mean(axis=0), draws.std(axis=0, ddof=1)
-                rank[i] = _rank(truth[i], rng.permutation(draws)[:ranked_draws], rng)
-                complete = i + 1
-                progress.advance(bar)
+            for first in range(0, len(truth), _KEPT_TOGETHER):
+                some = range(first, min(first + _KEPT_TOGETHER, len(truth)))
+
+                def compare(some: range = some) -> xr.Dataset:
+                    nonlocal complete
+                    for i in some:
+                        rng = np.random.default_rng(seeds[i])
+                        draws = posterior(i, rng)
+                        mean[i], sd[i] = draws.mean(axis=0), draws.std(axis=0, ddof=1)
+                        rank[i] = _rank(truth[i], rng.permutation(draws)[:ranked_draws], rng)
+                        complete = i + 1
+                        progress.advance(bar)
+                    dims = ("simulation", "parameter")
+                    known = {"rank": rank[some], "mean": mean[some], "sd": sd[some]}
+                    return xr.Dataset({name: (dims, values) for name, values in known.items()})
+
+                kept = remember(f"simulations-{first}", compare)
+                rank[some], mean[some], sd[some] = kept["rank"], kept["mean"], kept["sd"]
+                complete = some[-1] + 1
+                progress.update(bar, completed=complete)
         except KeyboardInterrupt:
             if not complete:
                 raise

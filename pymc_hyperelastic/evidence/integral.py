@@ -8,6 +8,7 @@ from pymc_hyperelastic.evidence.importance import (
     MOST_UNKNOWNS,
     Integral,
     by_importance,
+    weighted_draws,
 )
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.modes import modes_from
@@ -15,12 +16,23 @@ from pymc_hyperelastic.evidence.ridges import along_ridges
 from pymc_hyperelastic.evidence.search import find_reference, places_to_climb_from, width_of
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.tempering import Tempering
+from pymc_hyperelastic.evidence.weights import effective_sample_size
 
 # Tempering scores so many times as many points as fit into cache at most: about a minute, and with
 # many unknowns more, in proportion to their square.
 _MOST_EFFORT, _FEW = 20_000, 8
+# Share of the modes in the mixture from which importance sampling starts; draws by which it is seen
+# whether they are like the posterior, and the effective share of these at which they are.
+_SHARE_OF_MODES, _SEEN_BY, _ALIKE = 0.8, 400, 0.4
 # Draws of the prior, some of which are climbed from.
 _PRIOR_DRAWS = 2000
+
+
+def _alike(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -> bool:
+    """Whether a mixture is so much like the posterior that nothing has to be learned of it."""
+    proposal = mixture.heavy_tailed()
+    _, log_weights = weighted_draws(target.score, proposal, _SEEN_BY, rng)
+    return effective_sample_size(log_weights) > _ALIKE * _SEEN_BY
 
 
 @np.errstate(all="ignore")  # a climb may be so wild that it overflows
@@ -39,7 +51,11 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
         starts, *more = places_to_climb_from(prior, np.add(*target.score(prior)))
         modes = modes_from(target.ascent, [starts], width, more)
         if modes is not None:
-            like = like.joined(along_ridges(target.ascent, modes, width), 0.8)
+            at_modes = like.joined(modes.mixture, _SHARE_OF_MODES)
+            if not _alike(target, at_modes, rng):
+                ridges = along_ridges(target.ascent, modes, width)
+                at_modes = like.joined(ridges, _SHARE_OF_MODES)
+            like = at_modes
     quick = by_importance(target.score, like, size, rng, target.draw_prior)
     if quick.pareto_k < LARGEST_KNOWN_K:
         return quick

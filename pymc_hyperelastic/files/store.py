@@ -2,16 +2,22 @@
 
 import json
 from collections.abc import Callable, Mapping
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 
 from pymc_hyperelastic.files.results import open_result, save_result
+from pymc_hyperelastic.files.stored import shown
 from pymc_hyperelastic.files.whole import written_whole
+
+#: A function of the name of a part and of how it is computed, which gives it.
+Remember = Callable[[str, Callable[[], Any]], Any]
 
 _FORMAT = 1
 _MANIFEST = "manifest.json"
+_PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "scipy", "xarray")
 
 
 class Store:
@@ -26,7 +32,7 @@ class Store:
         Where it is, or is to be.
     manifest : mapping
         All that decides the result, as JSON has it: what is computed, a hash of the data, settings,
-        versions, the seed.
+        the seed. Versions of what computes it are added.
 
     Raises
     ------
@@ -38,7 +44,8 @@ class Store:
 
     def __init__(self, folder: str | Path, manifest: Mapping[str, Any]) -> None:
         self.folder = Path(folder)
-        manifest = {"format": _FORMAT, **json.loads(json.dumps(manifest))}
+        versions = {name: version(name) for name in _PACKAGES}
+        manifest = {"format": _FORMAT, **json.loads(json.dumps(manifest)), "versions": versions}
         there = manifest_of(self.folder, missing=True)
         if there is None:
             _check_empty(self.folder)
@@ -75,11 +82,27 @@ class Store:
         return result
 
 
-def remembered[Result: (xr.Dataset, xr.DataTree)](
-    store: Store | None, name: str, compute: Callable[[], Result]
-) -> Result:
-    """A part of a store; without one it is computed."""
-    return compute() if store is None else store.remember(name, compute)
+def compute_now[Result](_: str, compute: Callable[[], Result]) -> Result:
+    """What :meth:`Store.remember` does where nothing is kept."""
+    return compute()
+
+
+def remembering(folder: str | Path | None, manifest: Callable[[], Mapping[str, Any]]) -> Remember:
+    """How parts of some work are kept: in a folder, or not at all."""
+    return compute_now if folder is None else Store(folder, manifest()).remember
+
+
+def seed_in(folder: str | Path | None) -> Any:
+    """Seed of the work that a store holds; None if there is no store yet."""
+    manifest = None if folder is None else manifest_of(Path(folder), missing=True)
+    seed = None if manifest is None else manifest.get("random_seed")
+    for entry in seed if isinstance(seed, list) else [seed]:
+        if entry is not None and (type(entry) is not int or entry < 0):
+            raise ValueError(
+                f"the manifest of {folder} has the random_seed {shown(seed)}; expected whole "
+                "numbers: it is damaged"
+            )
+    return seed
 
 
 def manifest_of(folder: Path, *, missing: bool = False) -> dict[str, Any] | None:

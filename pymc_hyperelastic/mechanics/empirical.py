@@ -226,7 +226,9 @@ def _one_by_one(energy: StrainEnergy, materials: Materials) -> list[Materials]:
 def _places(tubes: KnownTubes, group: Group, most: int) -> tuple[Array, Array]:
     """``ln λθ`` and ``ln λz`` of so many places in the walls of a group, both faces included."""
     own = tubes.at(group.points)
-    own = own.at(np.flatnonzero(own.outer_radius > own.inner_radius))
+    thick = np.flatnonzero(own.outer_radius > own.inner_radius)
+    # Where no wall has a part that counts, nothing is integrated: any place will do.
+    own = own.at(thick) if thick.size else own
     own = own.at(evenly(len(own.radius), most // 4))
     log_hoop = wall_rule(np, *own.walls).log_hoop
     log_hoop = log_hoop[:, evenly(log_hoop.shape[1], most // len(log_hoop))]

@@ -7,6 +7,7 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
@@ -69,6 +70,20 @@ class SpecimenDraws:
     covariates: Array = field(default_factory=lambda: np.empty(0))
     misfit: float = np.nan
     freedom: float = np.nan
+
+    def as_dataset(self) -> xr.Dataset:
+        """All of it, as it is kept in a file."""
+        found = xr.Dataset()
+        for name, value in vars(self).items():
+            dims = [f"{name}_{axis}" for axis in range(np.ndim(value))]
+            found[name] = (dims, value) if dims else value
+        return found
+
+    @classmethod
+    def of_dataset(cls, kept: xr.Dataset) -> "SpecimenDraws":
+        """What :meth:`as_dataset` kept."""
+        values = {str(n): v.values if v.ndim else v.item() for n, v in kept.data_vars.items()}
+        return cls(**values)
 
     def first(self, count: int) -> "SpecimenDraws":
         """So many of the draws, in place of all."""

@@ -1,0 +1,306 @@
+"""What the command line offers."""
+
+import re
+from enum import Enum, StrEnum
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import pandas as pd
+import pymc as pm
+import typer
+import xarray as xr
+
+from pymc_hyperelastic.classes.fit import fit_classes
+from pymc_hyperelastic.classes.groups import compare_classes
+from pymc_hyperelastic.cohorts.classify import classify_cohort
+from pymc_hyperelastic.cohorts.open import open_cohort
+from pymc_hyperelastic.command.study import CLASSES, CLASSIFIED, COMPARISON, classes_of, results_of
+from pymc_hyperelastic.data.files import read_tests
+from pymc_hyperelastic.data.select import select, tests_at
+from pymc_hyperelastic.data.units import to_internal
+from pymc_hyperelastic.evidence.diagnosis import log_evidence
+from pymc_hyperelastic.files.results import save_result
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy, list_strain_energies
+from pymc_hyperelastic.models.observation.slopes import balanced_slope_weight
+from pymc_hyperelastic.plots.inflation import plot_inflation
+from pymc_hyperelastic.reports.report import report as write_report
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Inflated soft tubes: from tables to probabilities. Start with 'check FILE'.",
+)
+
+Files = Annotated[
+    list[Path], typer.Argument(help="Tables (CSV, TSV, text), and perhaps a TOML file about them.")
+]
+Settings = Annotated[
+    Path | None, typer.Option(help="A TOML file: columns, units, constants and conventions.")
+]
+Out = Annotated[Path, typer.Option(help="Folder of the study.")]
+Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress.")]
+Seed = Annotated[int, typer.Option(help="The same seed gives the same numbers.")]
+Law = Enum("Law", {name: name for name in list_strain_energies()}, type=str)  # type: ignore[misc]
+
+
+class Variability(StrEnum):
+    """Whether the specimens of a class differ."""
+
+    none = "none"
+    specimen = "specimen"
+
+
+class By(StrEnum):
+    """What is judged by itself."""
+
+    specimen = "specimen"
+    test = "test"
+
+
+Quantity = Literal["pressure", "length", "force", "angle"]
+# kPa, mN and mm: of errors that are to be inferred, the size that half-normal priors have.
+_UNKNOWN = {"noise_sd": 1.0, "force_noise_sd": 10.0, "diameter_noise_sd": 0.05}
+_QUANTITIES: dict[str, Quantity] = {
+    "noise_sd": "pressure",
+    "force_noise_sd": "force",
+    "diameter_noise_sd": "length",
+}
+
+
+@app.command()
+def check(
+    files: Files,
+    settings: Settings = None,
+    figure: Annotated[Path, typer.Option(help="Where the curves are drawn.")] = Path("curves.png"),
+) -> None:
+    """Say what is understood of tables, and what is wrong with them, and draw the curves."""
+    data = read_tests(files, settings)
+    typer.echo(data.attrs["understood"])
+    figure.parent.mkdir(parents=True, exist_ok=True)
+    plot_inflation(data).savefig(figure, dpi=150)
+    typer.echo(f"\nThe curves are drawn in {figure}.")
+
+
+@app.command()
+def fit(
+    files: Files,
+    settings: Settings = None,
+    law: Annotated[list[Law] | None, typer.Option(help="A strain energy; may be repeated.")] = None,
+    variability: Annotated[
+        Variability, typer.Option(help="Whether the specimens of a group differ.")
+    ] = Variability.specimen,
+    experiment_effect: Annotated[
+        bool, typer.Option(help="Experiments on a specimen differ by more than noise.")
+    ] = False,
+    noise: Annotated[
+        str, typer.Option(help="Standard deviation of pressures, as in '2 mmHg', or 'unknown'.")
+    ] = "unknown",
+    force_noise: Annotated[
+        str | None,
+        typer.Option(
+            help="The same of axial forces, as in '0.5 mN'; without it they are left out."
+        ),
+    ] = None,
+    force_offset: Annotated[
+        str | None, typer.Option(help="Standard deviation of the zero of the force transducer.")
+    ] = None,
+    diameter_noise: Annotated[
+        str | None, typer.Option(help="Standard deviation of diameters, as in '5 um'.")
+    ] = None,
+    slope_weight: Annotated[
+        float | None,
+        typer.Option(help="Weight of slopes, mm²; none with variability, else balanced."),
+    ] = None,
+    draws: Annotated[int, typer.Option(help="Draws of a chain.")] = 1000,
+    chains: Annotated[int, typer.Option(help="Independent runs.")] = 4,
+    out: Out = Path("study"),
+    seed: Seed = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Learn a class of each group of specimens.
+
+    Of a table with a column 'split' the rows marked 'train' are taken.
+    """
+    data = _split(read_tests(files, settings), "train")
+    groups = list(dict.fromkeys(data["group"].values.tolist()))
+    training = {str(group): select(data, group=group) for group in groups}
+    pooled = variability is Variability.none
+    errors = _errors(noise, force_noise, diameter_noise)
+    if force_offset is not None:
+        errors["force_offset_sd"] = _size("force_offset", force_offset, "force")
+    if slope_weight is None and pooled:
+        slope_weight = 0.0 if diameter_noise else balanced_slope_weight(data)
+    out.mkdir(parents=True, exist_ok=True)
+    for each in law or [Law("Ogden")]:
+        classes = fit_classes(
+            StrainEnergy.from_name(each.value),
+            training,
+            variability=variability.value,
+            experiment_effect=experiment_effect,
+            slope_weight=slope_weight,
+            draws=draws,
+            chains=chains,
+            random_seed=seed,
+            progressbar=not quiet,
+            **errors,
+        )
+        path = out / f"{CLASSES}-{each.value}.nc"
+        save_result(classes, path)
+        for name, fitted in classes.children.items():
+            typer.echo(f"{each.value}, group {name}: log evidence {log_evidence(fitted)}")
+        typer.echo(f"The classes are in {path}.")
+
+
+@app.command()
+def classify(
+    files: Files,
+    settings: Settings = None,
+    study: Annotated[Path, typer.Option("--out", help="Folder of the study.")] = Path("study"),
+    by: Annotated[
+        By, typer.Option(help="What is judged: all of a specimen together, or each experiment.")
+    ] = By.specimen,
+    undecided_below: Annotated[float, typer.Option(help="Least probability of a decision.")] = 0.0,
+    none_below: Annotated[
+        float, typer.Option(help="P-value below which a specimen is of no class.")
+    ] = 0.0,
+    cores: Annotated[int | None, typer.Option(help="Processes; all cores by default.")] = None,
+    seed: Seed = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Say of which class new specimens are.
+
+    Of a table with a column 'split' the rows marked 'new' are taken. What is interrupted goes on
+    when it is asked for again.
+    """
+    data = _split(read_tests(files, settings), "new")
+    classes, *others = classes_of(study)
+    classify_cohort(
+        data,
+        classes,
+        study / CLASSIFIED,
+        by=by.value,
+        average_over=others,
+        undecided_below=undecided_below,
+        none_below=none_below,
+        cores=cores,
+        random_seed=seed,
+        progressbar=not quiet,
+    )
+    found = open_cohort(study / CLASSIFIED)
+    assert isinstance(found, xr.Dataset)
+    table = _table(found.load())
+    path = study / "classified.csv"
+    table.to_csv(path, index=False)
+    typer.echo(table.to_string(index=False, float_format="{:.3f}".format))
+    typer.echo(f"\nThis table is in {path}.")
+
+
+@app.command()
+def compare(
+    study: Annotated[Path, typer.Option("--out", help="Folder of the study.")] = Path("study"),
+    quantity: Annotated[
+        list[str] | None, typer.Option(help="A property or a parameter; may be repeated.")
+    ] = None,
+    pressure: Annotated[str, typer.Option(help="At which pressure.")] = "100 mmHg",
+    pressure_range: Annotated[
+        str | None, typer.Option(help="Diastolic and systolic pressure, as in '80-120 mmHg'.")
+    ] = None,
+    pair: Annotated[
+        str | None, typer.Option(help="Column that names the animal, before and after.")
+    ] = None,
+    covariate: Annotated[
+        list[str] | None, typer.Option(help="Column of an age, sex or batch; may be repeated.")
+    ] = None,
+    seed: Seed = 1,
+) -> None:
+    """Say in what groups differ, by how much, and how sure that is."""
+    between = None
+    if pressure_range is not None:
+        low, dash, rest = pressure_range.partition("-")
+        high = _size("pressure_range", rest if dash else "", "pressure")
+        between = [_size("pressure_range", low + _unit_of(rest), "pressure"), high]
+    trees = classes_of(study)
+    result = compare_classes(
+        trees if len(trees) > 1 else trees[0],
+        quantity or ["log compliance", "circumferential_material_stiffness"],
+        pressure=_size("pressure", pressure, "pressure"),
+        pressure_range=between,
+        pair=pair,
+        covariates=covariate,
+        random_seed=seed,
+    )
+    path = study / f"{COMPARISON}-{'paired' if pair else 'groups'}.nc"
+    save_result(result, path)
+    numbers = [name for name in ("difference", "probability_of_direction") if name in result]
+    table = result[numbers].to_dataframe().reset_index()
+    typer.echo(table.to_string(index=False, float_format="{:.3g}".format))
+    typer.echo(f"\nAll of it is in {path}.")
+
+
+@app.command()
+def report(
+    study: Annotated[Path, typer.Argument(help="Folder of the study.")] = Path("study"),
+    page: Annotated[Path | None, typer.Option(help="The HTML file.")] = None,
+    title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
+) -> None:
+    """Write one HTML page of all that a study holds."""
+    path = write_report(results_of(study), page or study / "report.html", title=title)
+    typer.echo(f"The report is {path}.")
+
+
+def _split(data: xr.Dataset, which: str) -> xr.Dataset:
+    """Tests of one split, if the tables tell of such."""
+    if "split" not in data.coords:
+        return data
+    own = [i for i, name in enumerate(data["split"].values.tolist()) if str(name) == which]
+    if not own:
+        known = ", ".join(map(repr, dict.fromkeys(data["split"].values.tolist())))
+        raise ValueError(f"no row has the split {which!r}; the tables have {known}")
+    return tests_at(data, own)
+
+
+def _errors(noise: str, force: str | None, diameter: str | None) -> dict[str, Any]:
+    """Sizes of errors, or priors of what is not known."""
+    given = {"noise_sd": noise, "force_noise_sd": force, "diameter_noise_sd": diameter}
+    return {
+        name: pm.HalfNormal.dist(_UNKNOWN[name])
+        if text == "unknown"
+        else _size(name.removesuffix("_sd"), text, _QUANTITIES[name])
+        for name, text in given.items()
+        if text is not None
+    }
+
+
+def _size(name: str, text: str, quantity: Quantity) -> float:
+    """A positive number with its unit, in the unit of the package."""
+    option = f"--{name.replace('_', '-')}"
+    found = re.fullmatch(r"\s*([-+\d.eE]+)\s*([^\d\s].*?)\s*", text)
+    try:
+        number = float(found[1])  # type: ignore[index]
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{option} is {text!r}; expected a number and its unit, as in '2 mmHg'"
+        ) from None
+    if not number > 0:
+        raise ValueError(f"{option} is {text!r}; expected a positive number")
+    assert found is not None
+    return float(to_internal(number, found[2], quantity, keyword=option))
+
+
+def _unit_of(text: str) -> str:
+    return text.lstrip(" -+.0123456789")
+
+
+def _table(result: xr.Dataset) -> pd.DataFrame:
+    """Decisions and probabilities, a row for each that was judged."""
+    labels = [n for n in ("specimen", "experiment", "group") if n in result.coords]
+    table = pd.DataFrame({name: result[name].values for name in [*labels, "decision"]})
+    for name in result["class_label"].values:
+        own = result.sel(class_label=name)
+        table[f"P({name})"] = own["class_probability"].values
+        table[f"± {name}"] = own["class_probability_se"].values
+        if "p_value" in own:
+            table[f"p-value {name}"] = own["p_value"].values
+    table["error"] = result["error"].values
+    return table

@@ -1,0 +1,55 @@
+"""The folder of a study: which results it holds, by the names of their files."""
+
+from pathlib import Path
+
+import xarray as xr
+
+from pymc_hyperelastic.cohorts.open import open_cohort
+from pymc_hyperelastic.files.results import open_result
+
+CLASSES, COMPARISON = "classes", "comparison"
+#: Folder of the store of what was classified.
+CLASSIFIED = "classified"
+
+
+def classes_of(folder: Path) -> list[xr.DataTree]:
+    """Fitted classes of a study, of each strain energy.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there are none.
+    """
+    paths = sorted(folder.glob(f"{CLASSES}-*.nc"))
+    if not paths:
+        raise FileNotFoundError(
+            f"{folder} holds no classes: make them with 'pymc-hyperelastic fit', and name the "
+            "folder by --out"
+        )
+    found = []
+    for path in paths:
+        classes = open_result(path)
+        if not isinstance(classes, xr.DataTree):
+            raise ValueError(f"{path} holds no classes")
+        found.append(classes)
+    return found
+
+
+def results_of(folder: Path) -> dict[str, xr.Dataset | xr.DataTree]:
+    """All results of a study, by titles of a report."""
+    results: dict[str, xr.Dataset | xr.DataTree] = {}
+    trees = classes_of(folder)
+    for tree in trees:
+        law = str(tree.attrs.get("strain_energy", "")) or _law_of(tree)
+        results["Classes" if len(trees) == 1 else f"Classes of {law}"] = tree
+    if (folder / CLASSIFIED).is_dir():
+        classified = open_cohort(folder / CLASSIFIED)
+        assert isinstance(classified, xr.Dataset)
+        results["New specimens"] = classified.load()
+    for path in sorted(folder.glob(f"{COMPARISON}-*.nc")):
+        results[f"Differences {path.stem.removeprefix(f'{COMPARISON}-')}"] = open_result(path)
+    return results
+
+
+def _law_of(tree: xr.DataTree) -> str:
+    return str(next(iter(tree.children.values())).attrs.get("strain_energy", "layers"))

@@ -1,0 +1,221 @@
+"""The tables of a study as one frame of points: what they need, and what may not be there twice."""
+
+import pandas as pd
+
+from pymc_hyperelastic.data.columns import LABELS as OF_TEST
+from pymc_hyperelastic.data.doubt import Check, refuse
+from pymc_hyperelastic.data.files.headers import KINDS, names_of
+from pymc_hyperelastic.data.files.join import joined, named
+from pymc_hyperelastic.data.files.settings import Settings
+from pymc_hyperelastic.data.files.sheets import Table
+from pymc_hyperelastic.data.files.text import quoted
+from pymc_hyperelastic.data.geometry import WALL
+
+MEASURED = ("radius", "outer_diameter")
+# Points of a test that another has too; fewer may agree by chance.
+_FEWEST_ALIKE = 3
+# Digits of a number that remain when it is written in another unit.
+_DIGITS = 9
+# What is taken where a study does not say it.
+_OTHERWISE = {
+    "axial_stretch": "1 is taken",
+    "opening_angle": "0 is taken",
+    "inner_radius": "it follows from the wall, or is not known",
+    "outer_radius": "it follows from the wall, or is not known",
+}
+
+
+def study_of(
+    tables: list[Table], settings: Settings, check: Check = "warn"
+) -> tuple[pd.DataFrame, list[str]]:
+    r"""One frame of all points, and in words what is in it.
+
+    Raises ValueError where something is missing, does not fit together, or is there twice.
+
+    Examples
+    --------
+    >>> from pymc_hyperelastic.data.files.sheets import table_of
+    >>> from pymc_hyperelastic.data.files.text import sheet_of
+    >>> text = "id,test,radius_mm,p_kPa\nS1,1,7.2,2\n"
+    >>> tables = [table_of(sheet_of(text, "a.csv", "UTF-8"), Settings())]
+    >>> study_of(tables, Settings())[1][0]
+    'together: 1 specimen, 1 experiment, 1 point'
+    """
+    points = [table for table in tables if not {*MEASURED, "pressure"}.isdisjoint(table.frame)]
+    others = [table for table in tables if table not in points]
+    problems = [problem for table in tables for problem in table.problems]
+    completed = [_with_constants(table, settings) for table in points]
+    problems += [problem for _, unclear in completed for problem in unclear]
+    problems += _not_found(tables, settings) + _missing(points, others, settings)
+    refuse(problems)
+    frame = pd.concat([frame for frame, _ in completed])
+    frame, idle = joined(frame, [table.frame for table in others])
+    files = ", ".join(table.sheet.file for table in tables)
+    frame, unused = _chosen(frame, settings, files)
+    for name in ("experiment", "cycle"):
+        if name in frame:
+            frame[name] = _counted(frame[name])
+    tests = frame.groupby([name for name in OF_TEST if name in frame], sort=False)
+    refuse(_scattered(tests))
+    refuse([] if check == "ignore" else _alike(tests))
+    return frame, [*_contents(frame), *idle, *unused]
+
+
+def _with_constants(table: Table, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
+    """The table with what the settings say is the same in all rows, and what is wrong with it."""
+    frame, problems = table.frame, []
+    constants = settings.constants | settings.files.get(table.sheet.file, {})
+    for name, value in constants.items():
+        if name in frame:
+            problems.append(
+                f"{name} is {value!r} in the settings, and {table.sheet.file} has a column of it, "
+                f"{table.header(name)!r}: remove one, or name the column in the list ignore"
+            )
+        unit = settings.unit_of(name) if name in KINDS else None
+        if isinstance(value, float) and KINDS[name] != "ratio":
+            if unit is None:
+                problems.append(
+                    f"{name} is {value:g} in the settings, without a unit: say units.{name} there"
+                )
+            value *= unit.factor if unit else 1
+        frame = frame.assign(**{name: value})
+    return frame, problems
+
+
+def _has(table: Table) -> str:
+    """What columns a file has."""
+    names = table.sheet.names
+    if len(names) == 1:
+        return (
+            f"{table.sheet.file} has one column, {quoted(names[0])} (separate columns by tabs, "
+            "semicolons or commas, and begin remarks above their names with #)"
+        )
+    return f"{table.sheet.file} has {', '.join(map(quoted, names))}"
+
+
+def _not_found(tables: list[Table], settings: Settings) -> list[str]:
+    """Files and columns that the settings name, and that are not there."""
+    texts: dict[str, list[str]] = {}
+    for text, known in settings.columns.items():
+        texts.setdefault(known.name, []).append(repr(text))
+    files = [table.sheet.file for table in tables]
+    problems = [
+        f"files.{file} of the settings is not among the files, {', '.join(files)}"
+        for file in settings.files
+        if file not in files
+    ]
+    return problems + [
+        f"columns.{name} of the settings is {' or '.join(said)}, and no file has such a column: "
+        f"{'; '.join(map(_has, tables))}"
+        for name, said in texts.items()
+        if not any(column.name == name for table in tables for column in table.columns)
+    ]
+
+
+def _missing(points: list[Table], others: list[Table], settings: Settings) -> list[str]:
+    """Columns that the tables need and do not have."""
+    needed = [("specimen",), ("experiment",), MEASURED, ("pressure",)]
+    problems = []
+    for table in points or others:
+        known = {*table.frame, *_with_constants(table, settings)[0]}
+        lacking = [names for names in needed if known.isdisjoint(names)]
+        if lacking:
+            none = ", no column ".join(" or ".join(names) for names in lacking)
+            others_called = "; ".join(
+                f"{name} may be called {', '.join(names_of(name)[1:])}"
+                for names in lacking
+                for name in names
+                if names_of(name)[1:]
+            )
+            problems.append(
+                f"{_has(table)}, and no column {none}: rename the one that holds it, or say what "
+                f"it is called, columns.{lacking[0][0]} in the settings ({others_called})"
+            )
+    problems += [
+        f"{_has(table)}: these are no points, with pressures, and no specimens, with a column "
+        "specimen; leave the file out, or say in the settings what its columns are"
+        for table in others
+        if points and "specimen" not in table.frame
+    ]
+    return problems
+
+
+def _chosen(frame: pd.DataFrame, settings: Settings, files: str) -> tuple[pd.DataFrame, list[str]]:
+    """The frame without what is not needed, and in words what that is."""
+    unused = {}
+    if all(name in frame for name in MEASURED):
+        taken = settings.conventions.get("measured")
+        if taken not in MEASURED:
+            raise ValueError(
+                f"{files}: radius and outer_diameter have columns: say which was measured, "
+                'measured = "radius" or measured = "outer_diameter" in the settings'
+            )
+        unused[next(name for name in MEASURED if name != taken)] = f"{taken} was measured"
+    if "length" in frame and "wall_volume" not in frame:
+        unused["length"] = "of the tube it says nothing without wall_volume"
+    frame = frame.drop(columns=list(unused))
+    stated = [name for name in ("inner_radius", "outer_radius", *WALL) if name in frame]
+    if not frame.columns.intersection(WALL).empty and len(stated) > 2 + ("length" in stated):
+        raise ValueError(
+            f"{files}: the tube without load is stated by {', '.join(stated)}, which is too much: "
+            "keep one radius and one measure of the wall, and name the columns of the others in "
+            "the list ignore of the settings"
+        )
+    return frame, [f"not used: {name}, since {why}" for name, why in unused.items()]
+
+
+def _counted(labels: pd.Series) -> pd.Series:
+    """Labels as integers if all are written as such; 1.0 is how spreadsheets may write a cycle."""
+    written = labels.str.removesuffix(".0") if labels.name == "cycle" else labels
+    return written.astype("int64") if written.str.fullmatch("0|[1-9][0-9]{0,17}").all() else labels
+
+
+def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
+    """What is wrong where the rows of one test stand in several files."""
+    problems = []
+    for labels, rows in tests:
+        first = rows.index.map(lambda place: place.rpartition(", line ")[0]).duplicated()
+        if (~first).sum() > 1:
+            problems.append(
+                f"{' and '.join(rows.index[~first])}: {named(tests.keys, labels)} begins in "
+                "several files: give two experiments two labels, or put the rows of one into one "
+                "file"
+            )
+    return problems
+
+
+def _alike(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
+    """What is wrong where two experiments have the same points, as if one had been copied."""
+    seen: dict[tuple, tuple[tuple, str]] = {}
+    problems = []
+    for labels, rows in tests:
+        values = rows[rows.columns.intersection([*MEASURED, "pressure", "axial_force"])].to_numpy()
+        points = tuple(sorted(tuple(f"{x:.{_DIGITS}g}" for x in row) for row in values))
+        # Its cycles may well be the same, as they are read.
+        experiment, place = labels[:2], f"{named(tests.keys, labels)} ({rows.index[0]})"
+        other, first = seen.setdefault(points, (experiment, place))
+        if len(points) >= _FEWEST_ALIKE and other != experiment:
+            problems.append(
+                f"{first} and {place} have the same {len(points)} points, as if one had been "
+                'copied: remove one, or correct it; if it is right, say check="ignore"'
+            )
+    return problems
+
+
+def _contents(frame: pd.DataFrame) -> list[str]:
+    """What there is in a study, and what is not."""
+
+    def count(n: int, what: str) -> str:
+        return f"{n} {what}{'s' * (n != 1)}"
+
+    specimens = frame["specimen"].nunique()
+    experiments = frame.groupby(["specimen", "experiment"]).ngroups
+    words = [
+        f"together: {count(specimens, 'specimen')}, {count(experiments, 'experiment')}, "
+        f"{count(len(frame), 'point')}"
+    ]
+    if "group" in frame:
+        groups = frame.groupby("group", sort=False)["specimen"].nunique()
+        words += [f"group {group!r}: {count(n, 'specimen')}" for group, n in groups.items()]
+    words += [f"no {name}: {what}" for name, what in _OTHERWISE.items() if name not in frame]
+    return words

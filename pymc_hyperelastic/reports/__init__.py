@@ -1,0 +1,1 @@
+"""A study as one page that can be read, printed and sent."""

@@ -1,0 +1,236 @@
+"""What was classified: decisions, and how far they can be trusted."""
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from pymc_hyperelastic.evidence.diagnosis import VERDICTS
+from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
+from pymc_hyperelastic.files.stored import read_json
+from pymc_hyperelastic.plots.laws import plot_law_probability
+from pymc_hyperelastic.plots.probability import plot_class_probability
+from pymc_hyperelastic.reports.blocks import (
+    BAD,
+    CAUTION,
+    Block,
+    Found,
+    Page,
+    Probability,
+    Table,
+    in_words,
+    plural,
+    short,
+)
+from pymc_hyperelastic.reports.measurements import warn_of_simulated
+
+# A specimen looks like one of a class in one of twenty cases by a smaller p-value.
+_STRANGE = 0.05
+# The most that one figure shows; more are parted.
+_MOST_PANELS = 24
+
+
+def is_classified(result: Any) -> bool:
+    """Whether this comes from ``ph.classify``."""
+    return isinstance(result, xr.Dataset) and {
+        "class_probability",
+        "class_probability_se",
+        "class_label",
+    } <= set(result.variables)
+
+
+def unit_of(result: xr.Dataset) -> str:
+    """What was classified: the tests, or the specimens."""
+    return next(str(d) for d in result["class_probability"].dims if d != "class_label")
+
+
+def names_of(result: xr.Dataset) -> list[str]:
+    """Names of what was classified."""
+    unit = unit_of(result)
+    names = []
+    for i in range(result.sizes[unit]):
+        name = str(result["specimen"].values[i]) if "specimen" in result.coords else f"{i + 1}"
+        if "experiment" in result.coords:
+            name += f", experiment {result['experiment'].values[i]}"
+        names.append(name)
+    return names
+
+
+def check_classified(found: Found, page: Page) -> None:
+    """Say what cannot be judged, is in doubt, or looks like no class."""
+    result: xr.Dataset = found.result
+    warn_of_simulated(result.attrs, page)
+    names = np.array(names_of(result), dtype=object)
+
+    def tell(level: str, where: Any, words: str) -> None:
+        if np.any(where):
+            page.notice(level, f"{found.title}: {words}: {in_words(names[where])}.")
+
+    unit = unit_of(result)
+    table = {
+        str(k): v.transpose(unit, "class_label", ...).values
+        for k, v in result.data_vars.items()
+        if {unit, "class_label"} == set(v.dims)
+    }
+    page.check("decisions, and errors of the evidences and probabilities behind them")
+    unknown = np.isnan(table["class_probability"]).any(axis=1)
+    if "decision" in result:
+        decision = result["decision"].values
+        tell(BAD, decision == "cannot be judged", "cannot be judged")
+        tell(CAUTION, decision == "none of these", "looks like none of the classes")
+        tell(CAUTION, decision == "undecided", "undecided")
+        unknown &= decision != "cannot be judged"
+    tell(CAUTION, unknown, "not classified, as after an interrupt")
+    errors = [table[k] for k in ("class_probability_se", "log_evidence_se") if k in table]
+    infinite = np.any([np.isinf(e).any(axis=1) for e in errors], axis=0)
+    tell(BAD, infinite, "a probability or an evidence has an infinite error")
+    if "pareto_k" in table:
+        page.check(f"Pareto shapes of the weights, below {LARGEST_PARETO_K}")
+        heavy = (table["pareto_k"] >= LARGEST_PARETO_K).any(axis=1)
+        words = f"a few weights decide an evidence (Pareto shape from {LARGEST_PARETO_K} on)"
+        tell(CAUTION, heavy, words)
+    if "p_value" in table:
+        page.check(f"p-values of each class, from {_STRANGE}")
+        strange = (table["p_value"] < _STRANGE).all(axis=1)
+        tell(CAUTION, strange, f"strange to every class (all p-values below {_STRANGE})")
+    if "class_verdict" in result:
+        for label, verdict in zip(
+            result["class_label"].values.tolist(), result["class_verdict"].values, strict=True
+        ):
+            if verdict != VERDICTS[0]:
+                level = BAD if verdict == VERDICTS[-1] else CAUTION
+                page.notice(level, f"{found.title}: the fit of class {label} is {verdict}.")
+
+
+def show_classified(found: Found, page: Page) -> list[Block]:
+    """Probabilities of the classes with their errors, as a figure and a table."""
+    result: xr.Dataset = found.result
+    unit = unit_of(result)
+    blocks: list[Block] = []
+    count = result.sizes[unit]
+    for start in range(0, count, _MOST_PANELS):
+        part = result.isel({unit: slice(start, start + _MOST_PANELS)})
+        last = min(start + _MOST_PANELS, count)
+        some = f", {start + 1} to {last} of {count}" if count > _MOST_PANELS else ""
+        blocks += page.figure(
+            plot_class_probability,
+            part,
+            label=f"Probability of each class: {found.title}{some}",
+            caption=f"Probability of each class{some}: {found.title}. Lines at the bars: one "
+            "standard error to each side.",
+        )
+    blocks.append(_decisions(found))
+    if "log_ratio_part" in result:
+        blocks.append(_parts(found))
+    if "strain_energy_probability" in result:
+        blocks += page.figure(
+            plot_law_probability,
+            result,
+            label=f"Probability of each strain energy: {found.title}",
+            caption=f"Probability of each strain energy: {found.title}.",
+        )
+        laws = result["strain_energy"].values.tolist()
+        names = ["probability", "log_evidence"]
+        columns = [
+            result[f"strain_energy_{name}{end}"].values for name in names for end in ("", "_se")
+        ]
+        rows = [
+            [str(law), Probability(columns[0][i]), *(float(c[i]) for c in columns[1:])]
+            for i, law in enumerate(laws)
+        ]
+        headings = ["probability", "its standard error", "log evidence", "its standard error"]
+        caption = f"Strain energies over which was averaged: {found.title}"
+        blocks.append(Table(caption, ["strain energy", *headings], rows))
+    return blocks
+
+
+def _decisions(found: Found) -> Table:
+    result: xr.Dataset = found.result
+    names = names_of(result)
+    numbers = {
+        "class_probability": "probability",
+        "class_probability_se": "its standard error",
+        "log_evidence": "log evidence",
+        "log_evidence_se": "its standard error",
+        "pareto_k": "Pareto shape",
+        "p_value": "p-value",
+    }
+    there = {name: heading for name, heading in numbers.items() if name in result}
+    told = [name for name in ("group",) if name in result.coords]
+    rows = []
+    for i, name in enumerate(names):
+        own = result.isel({unit_of(result): i})
+        decided = str(own["decision"].item()) or "not classified" if "decision" in own else ""
+        for label in result["class_label"].values.tolist():
+            of_class = own.sel(class_label=label)
+            row: list[Any] = [name, *(str(own[t].item()) for t in told), decided, str(label)]
+            row += [_number(n, of_class[n]) for n in there]
+            rows.append(row + [str(of_class["method"].item())] * ("method" in result))
+    columns = [
+        "experiment" if "experiment" in result.coords else "specimen",
+        *(f"known {t}" for t in told),
+        "decision",
+        "class",
+        *there.values(),
+        *["integrated by"] * ("method" in result),
+    ]
+    return Table(f"Decisions and probabilities: {found.title}", columns, rows)
+
+
+def _number(name: str, value: Any) -> float:
+    return Probability(value) if name in ("class_probability", "p_value") else float(value)
+
+
+def _parts(found: Found) -> Table:
+    result: xr.Dataset = found.result
+    parts = [str(p) for p in result["part"].values]
+    rows = []
+    for i, name in enumerate(names_of(result)):
+        for label in result["class_label"].values.tolist():
+            own = result.isel({unit_of(result): i}).sel(class_label=label)
+            rival = [str(own["rival"].item())] if "rival" in own else []
+            values = [float(own["log_ratio_part"].sel(part=p)) for p in parts]
+            rows.append([name, str(label), *rival, *values])
+    against = ["against"] if "rival" in result else []
+    caption = (
+        f"What speaks for each class, in nats: {found.title}. The parts add up to the log ratio "
+        "of the evidences of the class and of its rival."
+    )
+    return Table(caption, ["of", "class", *against, *parts], rows)
+
+
+def classified_sentences(found: Found) -> list[str]:
+    """How it was classified, as sentences of an article."""
+    result: xr.Dataset = found.result
+    unit = unit_of(result)
+    count = result.sizes[unit]
+    what = plural(count, "experiment" if unit == "test" else "specimen")
+    labels = [str(label) for label in result["class_label"].values]
+    classes = "class" if len(labels) == 1 else "classes"
+    sentences = [
+        f"The curves of {what} were held against the {classes} {in_words(labels)} by marginal "
+        "likelihood: the likelihood of the new curves, averaged over the posterior of a class."
+    ]
+    prior = read_json(result, "class_prior", {})
+    if prior and len({round(p, 12) for p in prior.values()}) == 1:
+        sentences += ["All classes were equally probable beforehand."] if len(prior) > 1 else []
+    elif prior:
+        told = in_words([f"{short(p)} of {name}" for name, p in prior.items()])
+        sentences.append(f"The probabilities beforehand were {told}.")
+    if below := float(result.attrs.get("undecided_below", 0.0)):
+        sentences.append(
+            f"It was left undecided where the most probable class had a probability below "
+            f"{short(below)}."
+        )
+    if below := float(result.attrs.get("none_below", 0.0)):
+        sentences.append(
+            f"Where the p-value of every class was below {short(below)}, the decision was that it "
+            "is none of these."
+        )
+    if "strain_energy_probability" in result:
+        laws = [str(law) for law in result["strain_energy"].values]
+        sentences.append(
+            f"Probabilities were averaged over the strain energies {in_words(laws)}, each counting "
+            "by its posterior probability."
+        )
+    return sentences

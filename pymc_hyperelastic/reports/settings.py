@@ -1,0 +1,222 @@
+"""What results were made with: law, priors, errors, sampler, as they are stored with them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pymc as pm
+import xarray as xr
+
+from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.files.stored import read_dict, read_json
+from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, SIGMA_OF, sd_of_sigma
+from pymc_hyperelastic.models.priors import prior_to_record
+from pymc_hyperelastic.models.study import NamedLayer
+from pymc_hyperelastic.plots.style import fitted_classes
+from pymc_hyperelastic.predictions.members import specimens_differ
+from pymc_hyperelastic.reports.blocks import in_words, plural, short
+from pymc_hyperelastic.reports.laws import (
+    distribution_in_words,
+    equation_of,
+    units_of,
+    wall_in_words,
+)
+
+# Of what errors are.
+_MEASURED = {
+    "sigma": "pressures",
+    "noise_sd": "pressures",
+    "force_sigma": "axial forces",
+    "force_noise_sd": "axial forces",
+    "diameter_noise_sd": "diameters",
+}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a result was made, as far as it says so."""
+
+    wall: list[NamedLayer]
+    variability: Variability | None
+    differ: bool
+    """Whether each specimen has parameters of its own."""
+    noise: dict[str, Any]
+    """Numbers, or distributions as they are stored."""
+    noise_in_words: str
+    priors: dict[str, str]
+    """By the name of what they are of."""
+    draws: int
+    chains: int
+    seed: str
+
+    @property
+    def law(self) -> str:
+        """Name of the strain energy, or of those of the layers."""
+        names = [layer.energy.name for layer in self.wall]
+        return in_words(names) if names else "a strain energy that is not named"
+
+
+def settings_of(tree: xr.DataTree) -> Settings:
+    """Settings of a sampled model, or of fitted classes, which have all the same."""
+    first = next(iter(fitted_classes(tree).values()))
+    posterior = first["posterior"].to_dataset()
+    kind: Variability | None = None
+    if "variability_settings" in first.attrs:
+        kind = Variability.of_tree(first)
+        stored = read_dict(first, "variability_settings")
+        noise = {name: stored[name] for name in NOISE_UNITS if name in stored}
+        priors = priors_of_class(kind)
+    else:
+        noise = read_json(first, "noise", {})
+        units = units_of(first)
+        priors = {
+            name: distribution_in_words(record, units.get(name, ""))
+            for name, record in read_json(first, "priors", {}).items()
+        }
+        priors |= {
+            name: distribution_in_words(value, NOISE_UNITS[name].replace("mm2", "mm²"))
+            for name, value in noise.items()
+            if isinstance(value, list)
+        }
+    return Settings(
+        wall_in_words(first),
+        kind,
+        specimens_differ(first),
+        noise,
+        first.attrs.get("noise_in_words", ""),
+        priors,
+        posterior.sizes["draw"],
+        posterior.sizes["chain"],
+        tree.attrs.get("random_seed", ""),
+    )
+
+
+def priors_of_class(kind: Variability) -> dict[str, str]:
+    """Priors of all that is unknown of a class, as its model has them, coordinate by coordinate."""
+    names = kind.scale.names
+    with pm.Model(coords={"coordinate": names, "coordinate_2": names}, model=None) as model:
+        kind.register_class()
+    priors = {}
+    for variable in model.free_RVs:
+        if variable.name == "correlation_unit":
+            priors["the correlations"] = "the determinant of their matrix"
+            continue
+        distribution, parameters, *size = prior_to_record(variable.name, variable)
+        if not size:
+            record = [distribution, parameters]
+            unit = NOISE_UNITS.get(variable.name, "")
+            priors[variable.name] = distribution_in_words(record, unit)
+            continue
+        of_each = np.broadcast_arrays(*parameters, np.empty(size))[:-1]
+        for i, name in enumerate(names):
+            record = [distribution, [float(values[i]) for values in of_each]]
+            priors[f"{variable.name}[{name}]"] = distribution_in_words(record)
+    return priors
+
+
+def size_of_error(name: str, value: Any) -> str:
+    """How large an error is, or how much slopes count, in words.
+
+    >>> size_of_error("sigma", 2.0)
+    'a standard deviation of 1.414 kPa'
+    """
+    unit, is_sigma = NOISE_UNITS[name].replace("mm2", "mm²"), name in SIGMA_OF.values()
+    if isinstance(value, list):
+        prior = distribution_in_words(value, unit)
+        if name == "slope_weight":
+            return f"prior {prior}"
+        times = " times √2" if is_sigma else ""
+        return f"a standard deviation{times} that was inferred, with the prior {prior}"
+    if name == "slope_weight":
+        return f"{short(value)} {unit}"
+    return f"a standard deviation of {short(sd_of_sigma(value) if is_sigma else value)} {unit}"
+
+
+def noise_sentences(settings: Settings) -> list[str]:
+    """What is said of the errors, as sentences of an article."""
+    sentences = []
+    for name, value in settings.noise.items():
+        size = size_of_error(name, value)
+        if name == "slope_weight":
+            if value:
+                words = f"Slopes of the curves counted too, with a weight of {size}."
+                sentences.append(words)
+        elif name == "force_offset_sd":
+            words = f"Each test had an offset of the force transducer, normal with {size}."
+            sentences.append(words)
+        else:
+            own = " in each specimen" if settings.variability and isinstance(value, list) else ""
+            words = f"Errors of {_MEASURED[name]} were taken as normal{own}, with {size}."
+            sentences.append(words)
+    if not settings.noise and settings.noise_in_words:
+        sentences.append(f"Errors were taken as normal ({settings.noise_in_words}).")
+    return sentences
+
+
+def settings_rows(settings: Settings) -> list[list[Any]]:
+    """What the settings were, as rows of a table."""
+    rows: list[list[Any]] = []
+    for number, layer in enumerate(settings.wall, start=1):
+        of = f" of layer {number}, from inside" if len(settings.wall) > 1 else ""
+        own = ", ".join(f"{name} = {value}" for name, value in vars(layer.energy).items())
+        rows.append([f"strain energy{of}", f"{layer.energy.name}{f' ({own})' if own else ''}"])
+        rows.append([f"its equation{of}", equation_of(layer.energy)])
+        for p in layer.energy.parameters:
+            unit = f" ({p.unit})" if p.unit else ""
+            value = layer.values.get(p.name)
+            fixed = f"; given as {short(value)}" if isinstance(value, float) else ""
+            rows.append([f"{p.name}{unit}{of}", p.description + fixed])
+    if kind := settings.variability:
+        rows.append(["variability", "each specimen has parameters of its own"])
+        rows.append(["coordinates of specimens", ", ".join(kind.scale.names)])
+        stress = kind.reference_stress
+        rows.append(["reference stress (kPa)", "none" if stress is None else float(stress)])
+        differ = "differ by an effect" if kind.experiment_effect else "share its parameters"
+        rows.append(["experiments on a specimen", differ])
+        for name, error in kind.geometry.items():
+            rows.append([f"error of the measured {name.replace('_', ' ')}", str(error)])
+    rows += [[f"prior of {name}", prior] for name, prior in settings.priors.items()]
+    rows += [["errors", settings.noise_in_words]] if settings.noise_in_words else []
+    rows += [["draws of a chain", settings.draws], ["chains", settings.chains]]
+    rows += [["random seed", settings.seed]] if settings.seed else []
+    return rows
+
+
+def model_sentences(settings: Settings, several: bool) -> list[str]:
+    """What was modelled of one specimen or `several`, as sentences of an article."""
+    energies = [layer.energy for layer in settings.wall]
+    laws = [f"{e.name}, {equation_of(e).rstrip('.')}" for e in energies]
+    tube = "Each vessel was modelled as a thick-walled, incompressible, hyperelastic tube"
+    if len(laws) > 1:
+        sentences = [
+            f"{tube} of {plural(len(laws), 'layer')}, from the inside out of the strain energies "
+            f"{'; '.join(laws)}."
+        ]
+    elif laws:
+        sentences = [f"{tube} with the strain energy {laws[0]}."]
+    else:
+        return ["The result does not say which model it is of."]
+    if kind := settings.variability:
+        names = kind.scale.names
+        place = "the coordinate" if len(names) == 1 else "the coordinates"
+        sentences.append(
+            "Specimens of a class differed: the parameters of each were a draw from a normal "
+            f"distribution of its class, over {place} {in_words(names)}"
+            + (
+                f" (reference stress {short(kind.reference_stress)} kPa)."
+                if kind.reference_stress is not None
+                else "."
+            )
+        )
+        if kind.experiment_effect:
+            sentences.append("Experiments on a specimen differed by a random effect.")
+    elif settings.differ:
+        sentences.append("Each specimen had parameters of its own, drawn from one distribution.")
+    elif several:
+        sentences.append("All specimens that were fitted together shared one set of parameters.")
+    sentences += noise_sentences(settings)
+    if settings.priors:
+        priors = [f"{prior} for {name}" for name, prior in settings.priors.items()]
+        word = "The prior was" if len(priors) == 1 else "Priors were"
+        sentences.append(f"{word} {in_words(priors)}.")
+    return sentences

@@ -1,0 +1,160 @@
+"""The paragraph on the methods says what was done, with its numbers, in sound sentences."""
+
+import json
+
+import numpy as np
+import pytest
+from stored import DATA, classified, fitted_class, fitted_classes
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.reports.blocks import Found
+from pymc_hyperelastic.reports.decisions import classified_sentences
+from pymc_hyperelastic.reports.laws import equation_of, in_text
+from pymc_hyperelastic.reports.methods import fit_sentences
+from pymc_hyperelastic.reports.settings import settings_of, settings_rows
+
+ONE = ph.select(DATA, specimen="S1", experiment=1)
+
+
+def methods(tree):
+    return " ".join(fit_sentences(Found("Fit", tree)))
+
+
+def with_noise(**noise):
+    return methods(fitted_class(ONE, noise=json.dumps(noise)))
+
+
+def test_whole_paragraph():
+    """Data, model, errors, priors and sampler stand in it, in this order."""
+    assert methods(fitted_classes()) == (
+        "The simulated inflation curves of 5 specimens (3 in C1 and 2 in C2) were analysed: "
+        "10 experiments with 200 points. Each vessel was modelled as a thick-walled, "
+        "incompressible, hyperelastic tube with the strain energy Demiray, "
+        "W = (μ/(2 b)) (e^(b (I₁ − 3)) − 1). All specimens that were fitted together shared one "
+        "set of parameters. Errors of pressures were taken as normal, with a standard deviation of "
+        "1.414 kPa. Priors were Uniform(0, 200) kPa for mu and Uniform(0, 20) for b. Posteriors "
+        "were sampled by sequential Monte Carlo in 2 independent chains of 100 draws each, which "
+        "also gives the evidence and its standard error."
+    )
+
+
+def test_one_of_each():
+    """One specimen, experiment, prior and chain are spoken of as one."""
+    said = methods(fitted_class(ONE, energy="NeoHookean", chains=1))
+    assert "curves of 1 specimen were analysed: 1 experiment with 20 points." in said
+    assert "The prior was Uniform(0, 200) kPa for mu." in said
+    assert "in 1 independent chain of 100 draws, which" in said
+    assert "shared one set" not in said
+
+
+@pytest.mark.parametrize(
+    ("noise", "said"),
+    [
+        (
+            {"sigma": 2.0},
+            "Errors of pressures were taken as normal, with a standard deviation of 1.414 kPa.",
+        ),
+        (
+            {"noise_sd": ["HalfNormal", [0.0, 1.0]]},
+            "with a standard deviation that was inferred, with the prior HalfNormal(0, 1) kPa.",
+        ),
+        (
+            {"sigma": ["HalfNormal", [0.0, 1.0]]},
+            "with a standard deviation times √2 that was inferred, with the prior HalfNormal(0, 1) "
+            "kPa.",
+        ),
+        (
+            {"sigma": 2.0, "slope_weight": 3.0},
+            "Slopes of the curves counted too, with a weight of 3 mm².",
+        ),
+        (
+            {"sigma": 2.0, "slope_weight": ["Gamma", [2.0, 0.5]]},
+            "Slopes of the curves counted too, with a weight of prior Gamma(2, 0.5) mm².",
+        ),
+        (
+            {"sigma": 2.0, "force_sigma": 1.0},
+            "Errors of axial forces were taken as normal, with a standard deviation of 0.7071 mN.",
+        ),
+        (
+            {"sigma": 2.0, "force_sigma": 1.0, "force_offset_sd": 3.0},
+            "Each test had an offset of the force transducer, normal with a standard deviation of "
+            "3 mN.",
+        ),
+        (
+            {"sigma": 2.0, "diameter_noise_sd": 0.01},
+            "Errors of diameters were taken as normal, with a standard deviation of 0.01 mm.",
+        ),
+    ],
+)
+def test_each_kind_of_error(noise, said):
+    """Errors that are known and that are not, of all that was measured, have their size."""
+    assert said in with_noise(**noise)
+    assert ("Slopes" in with_noise(**noise)) == ("slope_weight" in noise)
+
+
+@pytest.mark.parametrize(
+    "law", [n for n in ph.list_strain_energies() if n in vars(ph) and n != "OgdenSeries"]
+)
+def test_each_law_has_its_equation(law):
+    """The equation of each law is text without a trace of LaTeX, and in the paragraph."""
+    equation = equation_of(ph.StrainEnergy.from_name(law))
+    assert equation.startswith("W = ") and not set("\\$&") & set(equation)
+    assert equation.count("(") == equation.count(")")
+    if law in ("Demiray", "Ogden", "FourFiber"):
+        assert equation in methods(fitted_class(ONE, energy=law))
+
+
+def test_formulas_as_text():
+    """Fractions, powers and indices keep what they mean."""
+    assert in_text(r"\frac{a + b}{c} x^{2} - \frac{1}{2}") == "((a + b)/c) x² − (1/2)"
+    assert in_text(r"\sum_{i=1}^4 k_2^i \ln\left(λ_θ\right)") == "Σ_(i=1)⁴ k₂ⁱ ln(λ_θ)"
+
+
+def test_law_without_an_equation():
+    """Of a law of the user's own the first line of its documentation stands in its place."""
+
+    class Reported(ph.NeoHookean):
+        """W = μ/2 (I₁ − 3), once more."""
+
+    assert "energy Reported, W = μ/2 (I₁ − 3), once more." in methods(
+        fitted_class(ONE, energy="Reported")
+    )
+
+
+def test_decisions():
+    """What was classified, the probabilities beforehand and the limits of decisions are told."""
+    said = " ".join(classified_sentences(Found("New", classified())))
+    assert said.startswith("The curves of 2 specimens were held against the classes C1 and C2 by")
+    assert "All classes were equally probable beforehand." in said
+    assert "undecided" not in said and "none of these" not in said
+    prior = json.dumps({"C1": 0.8, "C2": 0.2})
+    limits = {"class_prior": prior, "undecided_below": 0.9, "none_below": 0.05}
+    result = classified(["S1"], [[0.9, 0.1]]).assign_attrs(limits)
+    said = " ".join(classified_sentences(Found("New", result)))
+    assert said.startswith("The curves of 1 specimen were held")
+    assert "The probabilities beforehand were 0.8 of C1 and 0.2 of C2." in said
+    assert "left undecided where the most probable class had a probability below 0.9." in said
+    assert "p-value of every class was below 0.05" in said
+
+
+def test_settings_are_those_of_the_result():
+    """Law, parameters, priors, errors, draws, chains and seed are listed as they are stored."""
+    rows = {row[0]: row[1] for row in settings_rows(settings_of(fitted_classes()))}
+    assert rows["strain energy"] == "Demiray"
+    assert rows["prior of mu"] == "Uniform(0, 200) kPa"
+    assert rows["errors"].startswith("sigma = 2 kPa (a standard deviation of 1.41421 kPa)")
+    assert rows["draws of a chain"] == 100 and rows["chains"] == 2 and rows["random seed"] == "7"
+
+
+def test_software_of_the_results_and_of_the_report(write_words):
+    """Versions with which results were made stand beside those with which the report was."""
+    page = write_words(fitted_classes())
+    rows = {row[0]: row[1:] for row in page.table("Versions")[1]}
+    assert rows["pymc-hyperelastic"] == ["0.0.9", ph.__version__]
+    assert rows["numpy"] == ["not told", np.__version__]
+    assert page.methods.endswith(
+        f"All was computed with pymc_hyperelastic 0.0.9 on PyMC 6.1.0, PyTensor "
+        f"{rows['pytensor'][1]} and NumPy {np.__version__}."
+    )
+    for author in ("S. Doraiswamy", "A. R. Srinivasa", "The pymc_hyperelastic developers"):
+        assert author in page.text
