@@ -583,6 +583,12 @@ def test_names_in_a_file_are_looked_up_in_a_table(name):
         prior_from_record([name, [0.0, 1.0]], "mu")
 
 
+def test_labels_that_are_no_text_are_written_as_text():
+    """A file may have made something else of them."""
+    table = result("told").assign_coords(design=[3])
+    assert ph.plot_information(table, backend="none").viz["points"]["information"].size
+
+
 def test_correlations_that_are_missing_are_named():
     """Of a class of two coordinates, where nothing else asks for them before they are used."""
     of_class = ("chain", "draw", "coordinate")

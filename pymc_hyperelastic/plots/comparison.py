@@ -123,7 +123,7 @@ def _rows(
     beside = xr.DataArray(
         np.linspace(0.3, -0.3, several) if several > 1 else [0.0], dims="comparison"
     )
-    names = result["quantity"].values.tolist()
+    names = [str(name) for name in result["quantity"].values.tolist()]
     canvas = Canvas(
         "wrap",
         value.fillna(0.0).to_dataset(name="difference"),

@@ -91,7 +91,7 @@ def plot_information(
         xr.concat([result[name + end].reset_coords(drop=True) for name in _LABELS], panel)
         for end in ("", "_se")
     )
-    names = result["design"].values.tolist()
+    names = [str(name) for name in result["design"].values.tolist()]
     canvas = Canvas(
         "wrap",
         value.to_dataset(name="information"),
