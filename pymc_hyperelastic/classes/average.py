@@ -139,7 +139,9 @@ def laws_of_fits(fits: Mapping[str, xr.DataTree] | Sequence[xr.DataTree]) -> Law
         raise ValueError("there are no fits: expected results of ph.sample_smc or ph.fit_classes")
     of_classes = [_are_classes(tree) for tree in trees]
     if all(of_classes):
-        return laws_of(trees, [kind_of_classes(tree) for tree in trees], labels, "fits")
+        return laws_of(
+            trees, [kind_of_classes(tree, whole=False) for tree in trees], labels, "fits"
+        )
     if any(of_classes):
         raise ValueError(
             "some of the fits are classes, results of ph.fit_classes, and some are single results: "

@@ -1,13 +1,13 @@
 """Whether evidences of laws compare: they do where data, noise and likelihood are the same."""
 
-import json
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import xarray as xr
 
-from pymc_hyperelastic.models.study import inflation_data_of
+from pymc_hyperelastic.files.stored import read_json, read_text
+from pymc_hyperelastic.models.study import holds_inflation_data, inflation_data_of
 
 
 class Fit(NamedTuple):
@@ -22,16 +22,15 @@ class Fit(NamedTuple):
 
 def noise_of(tree: xr.DataTree) -> str | None:
     """How measurements differ from curves, by what one result says of noise and likelihood."""
-    attrs = tree.attrs
-    if "variability" in attrs:
+    if "variability" in tree.attrs:
         # Noise is a part of such a model, and may differ; what was measured may not.
-        settings = json.loads(attrs.get("variability_settings", "{}"))
+        settings = read_json(tree, "variability_settings", {})
         forces = " and forces" if {"force_sigma", "force_noise_sd"} & set(settings) else ""
-        return f"variability={attrs['variability']!r}, of pressures{forces}"
-    if "noise" not in attrs:
+        return f"variability={read_text(tree, 'variability')!r}, of pressures{forces}"
+    noise, likelihood = read_text(tree, "noise", None), read_text(tree, "likelihood", None)
+    if noise is None:
         return None
-    likelihood = f" and the likelihood {attrs['likelihood']!r}" if "likelihood" in attrs else ""
-    return f"the noise {attrs['noise']}{likelihood}"
+    return f"the noise {noise}" + (f" and the likelihood {likelihood!r}" if likelihood else "")
 
 
 def check_comparable(fits: Sequence[Fit], argument: str) -> None:
@@ -84,15 +83,7 @@ def _warn_of_unknown(fits: Sequence[Fit], argument: str) -> None:
 
 def _data_of(tree: xr.DataTree) -> xr.Dataset | None:
     """Inflation data of a result; none of a model of something else."""
-    if "constant_data" not in tree.children:
-        return None
-    data = inflation_data_of(tree) if _has_pressure(tree) else xr.Dataset()
-    return data if "inner_radius" in data else None
-
-
-def _has_pressure(tree: xr.DataTree) -> bool:
-    groups = (tree.get(name, xr.DataTree()) for name in ("constant_data", "observed_data"))
-    return any("pressure" in group.data_vars for group in groups)
+    return inflation_data_of(tree) if holds_inflation_data(tree) else None
 
 
 def _what_differs(one: xr.Dataset, other: xr.Dataset) -> str:

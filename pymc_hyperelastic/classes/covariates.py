@@ -12,6 +12,7 @@ from pymc_hyperelastic.data.inflation import listed
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.models.study import inflation_data_of
 from pymc_hyperelastic.predictions.measured import warn_user
+from pymc_hyperelastic.predictions.members import names_of_specimens
 
 Array = NDArray[np.float64]
 # By group, then by specimen.
@@ -96,10 +97,7 @@ class Covariates:
 
 
 def _specimens(tree: xr.DataTree) -> dict[str, list[str]]:
-    return {
-        group: [str(name) for name in fitted["specimens"]["specimen"].values]
-        for group, fitted in tree.children.items()
-    }
+    return {group: names_of_specimens(fitted) for group, fitted in tree.children.items()}
 
 
 def _by_specimen(tree: xr.DataTree, what: str, given: Any) -> OfSpecimens:

@@ -37,7 +37,7 @@ from pymc_hyperelastic.models.class_distribution import ClassDistribution, distr
 from pymc_hyperelastic.models.specimen_draws import density_of_each
 from pymc_hyperelastic.models.study import origin_of
 from pymc_hyperelastic.predictions.measured import warn_user
-from pymc_hyperelastic.predictions.members import stored_draws
+from pymc_hyperelastic.predictions.members import names_of_specimens, stored_draws
 
 Array = NDArray[np.float64]
 type Classes = xr.DataTree | Mapping[str, xr.DataTree] | Sequence[xr.DataTree]
@@ -390,7 +390,7 @@ class _Study:
         return units
 
     def _draws(self, group: str, name: str) -> Any:
-        return stored_draws(self.tree[group]["specimens"].to_dataset(), name)
+        return stored_draws(self.tree[group], name)
 
 
 def _of_pairs(
@@ -464,7 +464,7 @@ def groups_of(trees: Sequence[xr.DataTree]) -> list[str]:
 
 def specimens_in(fitted: xr.DataTree) -> list[str]:
     """Names of the specimens of a class."""
-    return [str(name) for name in fitted["specimens"]["specimen"].values]
+    return names_of_specimens(fitted)
 
 
 def check_quantities(names: Sequence[str], kinds: Sequence[Variability]) -> None:

@@ -97,6 +97,12 @@ class ClassKind(ABC):
     def of_tree(cls, fitted: xr.DataTree) -> Self:
         """The kind of a fitted class, as it was stored."""
 
+    def check_stored(self, fitted: xr.DataTree) -> None:
+        """Raise ValueError, naming the class, unless it holds what this kind reads of one.
+
+        What a class is read by is told before that, see :meth:`of_tree`.
+        """
+
     @abstractmethod
     def attrs(self) -> dict[str, str]:
         """The settings as text, for attributes of a file; ValueError if they cannot be written."""

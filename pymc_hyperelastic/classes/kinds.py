@@ -10,6 +10,7 @@ from pymc_hyperelastic.classes.pooled import Pooled
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.files.seal import check_seal
+from pymc_hyperelastic.files.stored import read_text
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS
@@ -37,18 +38,22 @@ def kind_of_settings(
     return _KINDS[variability].of_settings(energy, **settings, **noise)
 
 
-def kind_of_classes(classes: xr.DataTree) -> ClassKind:
-    """Kind and settings of fitted classes: they have to be one, or evidences do not compare."""
+def kind_of_classes(classes: xr.DataTree, *, whole: bool = True) -> ClassKind:
+    """Kind and settings of fitted classes: they have to be one, or evidences do not compare.
+
+    Who reads evidences alone does not need them `whole`, with draws and data.
+    """
     check_result(classes, "ph.fit_classes")
     if not classes.children:
         raise ValueError("classes must be the result of ph.fit_classes; here are no classes")
     first = next(iter(classes.children.values()))
-    kind = _KINDS.get(first.attrs.get("variability", Pooled.variability))
-    if kind is None:
+    variability = read_text(first, "variability", Pooled.variability)
+    if variability not in _KINDS:
         raise ValueError(
-            f"classes of the variability {first.attrs['variability']!r} are not known here; known "
-            f"are {list(_KINDS)}"
+            f"classes of the variability {variability!r} are not known here; known are "
+            f"{list(_KINDS)}"
         )
+    kind = _KINDS[variability]
     stored = {name for known in _KINDS.values() for name in known.common_attrs}
     for name, fitted in classes.children.items():
         check_seal(fitted, f"class {name!r}")
@@ -62,10 +67,15 @@ def kind_of_classes(classes: xr.DataTree) -> ClassKind:
                 "from ph.fit_classes"
             )
         for key in (*_MATERIAL, *kind.common_attrs):
-            mine, theirs = fitted.attrs.get(key), first.attrs.get(key)
+            # All classes have the common ones, and only layers their own.
+            missing = () if key in kind.common_attrs else (None,)
+            mine, theirs = (read_text(tree, key, *missing) for tree in (fitted, first))
             if mine != theirs:
                 raise ValueError(
                     f"class {name!r} was fitted with {key} {mine}, others with {theirs}: evidences "
                     "can only be compared under one strain energy, one prior and one noise"
                 )
-    return kind.of_tree(first)
+    found = kind.of_tree(first)
+    for fitted in classes.children.values() if whole else ():
+        found.check_stored(fitted)
+    return found

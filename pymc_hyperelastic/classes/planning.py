@@ -237,8 +237,7 @@ def _pilot(kind: Variability, classes: xr.DataTree, studies: int, rng: Any) -> _
         chosen = distributions.at(rng.choice(count, size=studies, replace=studies > count))
         location.append(np.asarray(chosen.location)[..., 0].T)
         root.append(np.linalg.cholesky(chosen.covariance()))
-        stored = fitted["specimens"].to_dataset()
-        of_each = [_error(stored_draws(stored, n), distributions) for n in specimens_in(fitted)]
+        of_each = [_error(stored_draws(fitted, n), distributions) for n in specimens_in(fitted)]
         errors.append(np.stack(of_each))
     return _Pilot(np.stack(location), np.stack(root), errors, [*map(np.linalg.cholesky, errors)])
 

@@ -23,8 +23,8 @@ from pymc_hyperelastic.classes.interface import (
 )
 from pymc_hyperelastic.classes.signals import with_hybrids
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, without_specimens
-from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
-from pymc_hyperelastic.evidence.diagnosis import worst_verdict
+from pymc_hyperelastic.evidence.batched import BatchedFunction, value_shapes, without_traces
+from pymc_hyperelastic.evidence.diagnosis import check_evidence, worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
     DRAWS,
@@ -37,16 +37,18 @@ from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
 from pymc_hyperelastic.files.store import Remember, compute_now
+from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers, reading
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.inflation import tube_model
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES
-from pymc_hyperelastic.models.priors import complete_priors, prior_to_record
+from pymc_hyperelastic.models.priors import complete_priors, is_inferred, prior_to_record
 from pymc_hyperelastic.models.study import (
     inflation_data_of,
     model_settings_of,
     noise_records,
+    values_of_parameter,
     wall_attrs,
 )
 
@@ -103,7 +105,27 @@ class Pooled(ClassKind):
         """Settings of a fitted class."""
         settings = model_settings_of(fitted)
         energy, priors = settings.pop("energy"), settings.pop("priors")
-        return cls(energy, Observation(**settings), priors)
+        with reading(fitted):
+            complete_priors(energy, priors)
+            return cls(energy, Observation(**settings), priors)
+
+    def check_stored(self, fitted: xr.DataTree) -> None:
+        """Raise unless a class has its data, and draws of all that is not known."""
+        data = inflation_data_of(fitted)
+        lacking = set(self.energy.parameter_names) - set(self.priors or {})
+        if lacking:
+            raise damaged(fitted, f"its attribute 'priors' lacks those of {sorted(lacking)}")
+        with reading(fitted):
+            self.check(data)
+        check_evidence(fitted)
+        for p in self.energy.parameters:
+            values_of_parameter(fitted, p)
+        for name, value in self.observation.noise.items():
+            if is_inferred(value):
+                read_numbers(fitted, "posterior", name, ("chain", "draw"))
+        particles = read_draws(fitted, "unconstrained_posterior")
+        for name in map(str, particles.data_vars):
+            read_numbers(fitted, "unconstrained_posterior", name, None)
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -230,10 +252,26 @@ class Pooled(ClassKind):
 
     def log_density(self, fitted: xr.DataTree, other: xr.DataTree) -> Array:
         """Log density of a class's posterior at the draws of another, its evidence left out."""
-        particles = other["unconstrained_posterior"].to_dataset()
         model = self.model(inflation_data_of(fitted))
-        values = [particles[v.name].values.ravel() for v in model.value_vars]
-        return BatchedFunction.of_model(model, [model.logp()])(np.stack(values, axis=1))[0]
+        particles = _particles(other, model)
+        columns = [
+            values.reshape(values.shape[0] * values.shape[1], -1) for values in particles.values()
+        ]
+        return BatchedFunction.of_model(model, [model.logp()])(np.concatenate(columns, axis=1))[0]
+
+
+def _particles(fitted: xr.DataTree, model: pm.Model) -> dict[str, Array]:
+    """Particles of a class by the variables of its model, each by chain, draw and entry."""
+    group, shapes = "unconstrained_posterior", value_shapes(model)
+    found = {}
+    for name in (variable.name for variable in model.value_vars):
+        values = read_numbers(fitted, group, name, None).transpose("chain", "draw", ...).values
+        if values.shape[2:] != tuple(shapes[name]):
+            raise damaged(
+                fitted, f"{name!r} of {group!r} has {values.shape[2:]} entries, not {shapes[name]}"
+            )
+        found[name] = values.astype(float)
+    return found
 
 
 def _prediction(estimate: Estimate, method: str, pareto_k: float) -> Prediction:
@@ -281,13 +319,11 @@ class ClassPredictive:
         with model:
             new = pm.Potential("new", log_likelihood)
 
-        particles = fitted["unconstrained_posterior"].to_dataset()
-        chains = [
-            {name: particles[name].values[chain] for name in particles.data_vars}
-            for chain in range(particles.sizes["chain"])
-        ]
+        particles = _particles(fitted, model)
+        count, draws_of_chain = next(iter(particles.values())).shape[:2]
+        chains = [{name: v[chain] for name, v in particles.items()} for chain in range(count)]
         self._likelihood = BatchedFunction.of_model(model, [model.logp([new])])
-        self._kernel = BatchedSMC(draws=particles.sizes["draw"], model=model, tempered=["new"])
+        self._kernel = BatchedSMC(draws=draws_of_chain, model=model, tempered=["new"])
         draws = np.concatenate([self._kernel.columns(chain) for chain in chains])
         self._effort = _Effort(draws, DRAWS, chains)
         thinned = {name: _some(values, _FEW_PARTICLES) for name, values in chains[0].items()}

@@ -150,6 +150,10 @@ def _properties(
     parts = []
     for start in range(0, draws, step):
         some = {n: v[start : start + step] for n, v in parameters.items()}
+        # Numbers that overflow are no material: such specimens have no property.
+        entries = [v.reshape(*v.shape[:2], -1) for v in some.values()]
+        sound = np.isfinite(np.concatenate(entries, axis=2)).all(axis=2)
+        some = {n: np.where(_like(sound, v), v, 1.0) for n, v in some.items()}
         tree = xr.DataTree.from_dict({"posterior": posterior_of(some)})
         with warnings.catch_warnings():
             # What they do not reach is told of all of them together.
@@ -162,8 +166,14 @@ def _properties(
                 check="ignore",
                 **settings,
             )
-        parts.append({name: _with_pressures(found[name], len(place.pressure)) for name in wanted})
+        by_name = {name: _with_pressures(found[name], len(place.pressure)) for name in wanted}
+        parts.append({name: np.where(sound, values, np.nan) for name, values in by_name.items()})
     return {name: np.concatenate([p[name] for p in parts], axis=1) for name in wanted}
+
+
+def _like(sound: NDArray[np.bool_], values: Array) -> NDArray[np.bool_]:
+    """Which specimens are sound, for all entries of a parameter."""
+    return sound.reshape(*sound.shape, *(1,) * (values.ndim - 2))
 
 
 def _with_pressures(values: xr.DataArray, count: int) -> Array:

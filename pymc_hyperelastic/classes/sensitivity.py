@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
+from pymc_hyperelastic.files.stored import read_draws, read_numbers
 
 Array = NDArray[np.float64]
 
@@ -20,7 +21,10 @@ def log_prior_and_likelihood(kernel: BatchedSMC, tree: xr.DataTree, count: int) 
 
     The prior is that of the variables themselves, on whose scale it is raised to a power.
     """
-    particles = tree["unconstrained_posterior"].to_dataset().stack(sample=("chain", "draw"))
+    group = "unconstrained_posterior"
+    for name in kernel.target.var_info:
+        read_numbers(tree, group, name, None)
+    particles = read_draws(tree, group).stack(sample=("chain", "draw"))
     chosen = np.linspace(0, particles.sizes["sample"] - 1, count).round().astype(int)
     particles = particles.isel(sample=np.unique(chosen))
     target, model = kernel.target, kernel.model

@@ -45,24 +45,39 @@ from pymc_hyperelastic.classes.typicality import (
 )
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, tests_at
 from pymc_hyperelastic.evidence.checks import check_count, no_progress
-from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR, worst_verdict
+from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR, check_evidence, worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.smc import seed_of
 from pymc_hyperelastic.files.store import Remember, compute_now
+from pymc_hyperelastic.files.stored import (
+    damaged,
+    read_dict,
+    read_numbers,
+    reading,
+    shown,
+)
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
+from pymc_hyperelastic.models.class_distribution import (
+    SPREAD_OF_NOISE,
+    ClassDistribution,
+    check_class,
+    distributions_of,
+)
 from pymc_hyperelastic.models.forward import ForwardModel
-from pymc_hyperelastic.models.geometry import Measured, check_geometry
+from pymc_hyperelastic.models.geometry import check_geometry, measured_from_records
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, noise_in_words
 from pymc_hyperelastic.models.population import Population
-from pymc_hyperelastic.models.priors import prior_from_record, prior_to_record
+from pymc_hyperelastic.models.priors import prior_to_record, priors_from_records
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 from pymc_hyperelastic.models.study import (
     Study,
+    holds_inflation_data,
+    inflation_data_of,
     noise_from_records,
     noise_records,
+    reference_stress_of,
     stated_wall_of,
     wall_attrs,
 )
@@ -143,25 +158,35 @@ class Variability(Population, ClassKind):
     @classmethod
     def of_tree(cls, fitted: xr.DataTree) -> "Variability":
         """Settings of a fitted class."""
-        settings = json.loads(fitted.attrs["variability_settings"])
+        settings, wall = read_dict(fitted, "variability_settings"), stated_wall_of(fitted)
         noise = {name: settings[name] for name in NOISE_UNITS if name in settings}
-        errors = settings.get("geometry_sd", {})
-        kind = cls(
-            stated_wall_of(fitted),
-            Observation(**noise_from_records(noise), likelihood="generative"),
-            settings["experiment_effect"],
-            settings["reference_stress"],
-            {name: prior_from_record(record) for name, record in settings["priors"].items()},
-            {name: Measured(sd) for name, sd in errors.items()},
-        )
-        posterior, names = fitted["posterior"].to_dataset(), kind.scale.names
-        stored = posterior["coordinate"].values.tolist() if "coordinate" in posterior else names
-        if stored != names:
-            raise ValueError(
-                f"the specimens of this class have the coordinates {stored}, and those of its "
-                f"material are now {names}: fit the class again"
+        effect = settings.get("experiment_effect")
+        if not isinstance(effect, bool):
+            raise damaged(
+                fitted, f"its experiment_effect is {shown(effect)}; expected true or false"
             )
-        return kind
+        stress = reference_stress_of(fitted, settings, "reference_stress")
+        with reading(fitted):
+            return cls(
+                wall,
+                Observation(**noise_from_records(noise), likelihood="generative"),
+                effect,
+                stress,
+                priors_from_records(settings.get("priors")),
+                check_geometry(measured_from_records(settings)),
+            )
+
+    def check_stored(self, fitted: xr.DataTree) -> None:
+        """Raise unless a class has draws of its distribution, and sound data if it has any."""
+        with reading(fitted):
+            if holds_inflation_data(fitted):
+                self.check(inflation_data_of(fitted))
+            names = self.scale.names
+        check_evidence(fitted)
+        needed = ["location", "spread", *(SPREAD_OF_NOISE[noise] for noise in self.noises)]
+        if self.experiment_effect:
+            needed += ["experiment_spread", "effect_spread"]
+        check_class(fitted, names, needed)
 
     def fit(
         self,
@@ -309,6 +334,18 @@ def sample_specimens(
     return draws
 
 
+def _misfits_of(fitted: xr.DataTree) -> tuple[Array, Array]:
+    """Squared misfit of the specimens of a class, and its freedom."""
+    stored = fitted.children.get("specimens", {})
+    misfit, freedom = (
+        read_numbers(fitted, "specimens", name, ("specimen",), finite=False)
+        if name in stored
+        else _AS_NOISE
+        for name in ("misfit", "freedom")
+    )
+    return misfit.values, freedom.values
+
+
 class SpecimenPredictive:
     """What fitted classes say of new specimens.
 
@@ -328,10 +365,7 @@ class SpecimenPredictive:
         self._settings, self._sampler = settings, sampler
         self._distributions = {name: distributions_of(tree) for name, tree in classes.items()}
         # Older files do not tell how well the class's own specimens are fitted: as noise has it.
-        self._misfits = {
-            name: tuple(tree["specimens"].get(k, _AS_NOISE).values for k in ("misfit", "freedom"))
-            for name, tree in classes.items()
-        }
+        self._misfits = {name: _misfits_of(tree) for name, tree in classes.items()}
         self._closer: dict[str, SpecimenSampler] = {}
 
     def __call__(

@@ -77,7 +77,12 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
     folder = Path(store)
     manifest = manifest_of(folder)
     assert manifest is not None
-    by, count = manifest["by"], manifest["units"]
+    by, count = manifest.get("by"), manifest.get("units")
+    if by not in ("specimen", "test") or type(count) is not int or count < 1:
+        raise ValueError(
+            f"the manifest of {folder} says that it holds {count!r} by {by!r}; expected a whole "
+            "number by 'specimen' or 'test': it is damaged"
+        )
     parts = [Batch(*ends) for ends in parts_of(folder)]
     done = sum(part.last - part.first for part in parts)
     if done < count:
@@ -86,8 +91,7 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
             skip_file_prefixes=(PACKAGE,),
         )
     read = lru_cache(_KEPT)(partial(_read, folder))
-    units = open_result(folder / f"{UNITS}.nc")
-    assert isinstance(units, xr.Dataset)
+    units = _table_at(folder / f"{UNITS}.nc")
     template = _template(parts, read)
     variables = {
         name: _lazily(name, variable, by, count, parts, read)
@@ -100,8 +104,13 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
 
 
 def _read(folder: Path, part: Batch) -> xr.Dataset:
-    result = open_result(folder / f"{part.part}.nc")
-    assert isinstance(result, xr.Dataset)
+    return _table_at(folder / f"{part.part}.nc")
+
+
+def _table_at(path: Path) -> xr.Dataset:
+    result = open_result(path)
+    if not isinstance(result, xr.Dataset):
+        raise ValueError(f"{path} holds groups {sorted(result.children)}; it is no part of a store")
     return result
 
 

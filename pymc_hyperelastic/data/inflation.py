@@ -74,7 +74,7 @@ def describe_test(data: xr.Dataset, i: int) -> str:
     "specimen 'S2', experiment 3"
     """
     names = [n for n in ("specimen", "experiment", "cycle", "phase") if n in data.coords]
-    return ", ".join(f"{name} {data[name].values[i].item()!r}" for name in names)
+    return ", ".join(f"{name} {data[name].values[[i]].tolist()[0]!r}" for name in names)
 
 
 def points_of(data: xr.Dataset, i: int) -> slice:
@@ -293,8 +293,14 @@ def _may_be_missing(data: xr.Dataset, name: str) -> bool | np.ndarray:
 
 
 def _finite(data: xr.Dataset, name: str, may_be_missing: bool | np.ndarray) -> np.ndarray:
+    found = data[name].values
     try:
-        values = np.asarray(data[name].values, dtype=float)
+        # Text that looks like numbers is none, and a date is none.
+        if found.dtype.kind not in "biufO" or (
+            found.dtype.kind == "O" and any(isinstance(x, str) for x in found.flat)
+        ):
+            raise TypeError
+        values = np.asarray(found, dtype=float)
     except (TypeError, ValueError) as error:
         raise ValueError(f"{name!r} must hold numbers, not {data[name].dtype}") from error
     bad = np.flatnonzero(np.isinf(values) | (np.isnan(values) & ~np.asarray(may_be_missing)))

@@ -13,6 +13,15 @@ from pymc_hyperelastic.evidence.convergence import LARGEST_RHAT
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.files.stored import (
+    check_numbers,
+    damaged,
+    is_number,
+    read_draws,
+    read_group,
+    read_number,
+    read_numbers,
+)
 
 # Nats by which two ways to an evidence may differ whatever their errors, and the number of errors.
 _NATS, _ERRORS = 0.3, 4.0
@@ -37,6 +46,16 @@ _INSTEAD = (
     "; another way is NUTS and ph.log_evidence_by_bridge, for classes of specimens that differ "
     "ph.fit_classes"
 )
+
+
+# What is stored of an evidence, by chain or of all of them; two that are nothing without another.
+_NEEDED = ("log_evidence", "log_evidence_se")
+_EVIDENCE: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys((*_NEEDED, "moves", "ancestors", "pareto_k"), ("chain",)),
+    **dict.fromkeys(("forward", "forward_se", "at_modes", "at_modes_se"), ()),
+    **dict.fromkeys(("specimens_se", "curve_error"), ()),
+}
+_TOGETHER = {"ancestors": "moves", "forward_se": "forward", "at_modes_se": "at_modes"}
 
 
 class _Check(NamedTuple):
@@ -147,7 +166,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     """
     evidence = _evidence_of(tree)
     if "diagnosis" in tree.children:
-        return tree["diagnosis"].to_dataset()
+        return _stored_diagnosis(tree)
     values, errors = evidence["log_evidence"].values, evidence["log_evidence_se"].values
     total = combine_chains(values, errors)
     checks = _checks_of_chains(tree, values, errors)
@@ -182,6 +201,24 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         verdict = _worse(shape, _LARGEST_SHAPE, np.finfo(float).max)
         checks.append(_Check("weights", shape, _LARGEST_SHAPE, verdict, words))
     return _as_dataset(checks)
+
+
+def check_evidence(tree: xr.DataTree) -> None:
+    """Raise unless the evidence of a result can be read, and what is said of it."""
+    _evidence_of(tree)
+    if "diagnosis" in tree.children:
+        _stored_diagnosis(tree)
+
+
+def _stored_diagnosis(tree: xr.DataTree) -> xr.Dataset:
+    """The diagnosis as it was taken."""
+    said = tree["diagnosis"].to_dataset()
+    verdict, words = (said.attrs.get(name) for name in ("verdict", "words"))
+    if not isinstance(verdict, str) or verdict not in VERDICTS or not isinstance(words, str):
+        raise damaged(
+            tree, f"its diagnosis has the verdict {verdict!r}; expected one of {list(VERDICTS)}"
+        )
+    return said
 
 
 def with_diagnosis(tree: xr.DataTree) -> xr.DataTree:
@@ -219,10 +256,11 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[_
     checks = [_Check("chains", spread, limit, _worse(spread, limit, max(limit, _NATS)), words)]
     group = "unconstrained_posterior"
     if group in tree.children:
-        rhat = {
-            str(name): float(np.max(array_stats.rhat(draws.values, chain_axis=0, draw_axis=1)))
-            for name, draws in tree[group].data_vars.items()
-        }
+        rhat = {}
+        for name in map(str, read_draws(tree, group).data_vars):
+            draws = read_numbers(tree, group, name, None, finite=False)
+            draws = draws.transpose("chain", "draw", ...).values
+            rhat[name] = float(np.max(array_stats.rhat(draws, chain_axis=0, draw_axis=1)))
         worst = max(rhat, key=rhat.__getitem__)
         words = f"chains met different parts of the posterior: R-hat of {worst} {rhat[worst]:.2f}"
         verdict = _worse(rhat[worst], LARGEST_RHAT, _APART_RHAT)
@@ -257,31 +295,43 @@ def _evidence_of(tree: xr.DataTree) -> xr.Dataset:
     """What a result says of its evidence, by chain."""
     check_result(tree)
     if "evidence" in tree.children:
-        return tree["evidence"].to_dataset()
+        evidence = read_group(tree, "evidence")
+        for name, dims in _EVIDENCE.items():
+            partner = _TOGETHER.get(name)
+            if name in evidence or name in _NEEDED or partner in evidence:
+                check_numbers(tree, evidence, name, dims, " of 'evidence'", finite=False)
+        return evidence
     stats = tree.get("sample_stats", xr.DataTree()).to_dataset()
     if "log_evidence_variance" in stats and "stage" not in stats.dims:
-        return _evidence_of_pymc(stats)
+        return _evidence_of_pymc(tree, stats)
     raise ValueError(
         f"the result has no evidence; its groups are {sorted(tree.children)}. It comes from "
         "ph.sample_smc or ph.fit_classes (for a class: ph.log_evidence(classes['C1']))"
     )
 
 
-def _evidence_of_pymc(stats: xr.Dataset) -> xr.Dataset:
+def _evidence_of_pymc(tree: xr.DataTree, stats: xr.Dataset) -> xr.Dataset:
     """The same from what PyMC's driver stores of the kernel: a list of stages for each chain."""
 
     def of_chains(name: str) -> list[Array]:
-        return [np.asarray(stages, float) for stages in stats[name].values]
+        found = []
+        for stages in stats[name].values if name in stats and stats[name].ndim else []:
+            numbers = np.atleast_1d(np.asarray(stages, object)).tolist()
+            found.append(np.array([x for x in numbers if is_number(x)], float))
+        if not found or not all(np.isfinite(stages).any() for stages in found):
+            raise damaged(tree, f"{name!r} of 'sample_stats' holds no stages, or no numbers")
+        return found
 
     def last(name: str) -> Array:
         return np.array([stages[np.isfinite(stages)][-1] for stages in of_chains(name)])
 
-    capped = np.concatenate(of_chains("moves")) >= stats.attrs["max_moves"]
+    settings = {name: read_number(stats, name) for name in ("max_moves", "_n_draws")}
+    capped = np.concatenate(of_chains("moves")) >= settings["max_moves"]
     return xr.Dataset(
         {
             "log_evidence": ("chain", last("log_marginal_likelihood")),
             "log_evidence_se": ("chain", np.sqrt(last("log_evidence_variance"))),
-            "ancestors": ("chain", last("ancestors") / stats.attrs["_n_draws"]),
+            "ancestors": ("chain", last("ancestors") / settings["_n_draws"]),
             "moves": ("chain", np.full(len(of_chains("moves")), capped.mean())),
         }
     )

@@ -43,9 +43,9 @@ def check_seal(result: xr.Dataset | xr.DataTree, what: str) -> None:
         intact = False
     if not intact:
         raise ValueError(
-            f"{what}{_source(result)} is not what was computed: numbers, settings or groups of it "
-            "were changed or damaged since. Compute it again, or take a copy. If you changed it on "
-            f"purpose, say so by removing its attribute {_SEAL!r}"
+            f"{what}{source_of(result)} is not what was computed: numbers, settings or groups of "
+            "it were changed or damaged since. Compute it again, or take a copy. If you changed it "
+            f"on purpose, say so by removing its attribute {_SEAL!r}"
         )
 
 
@@ -71,10 +71,12 @@ def _groups(result: xr.Dataset | xr.DataTree) -> Iterator[tuple[str, xr.Dataset]
         yield node.relative_to(result), node.to_dataset(inherit=False)
 
 
-def _source(result: xr.Dataset | xr.DataTree) -> str:
-    """Of which file it was read, if that is known."""
-    datasets = [data for _, data in _groups(result)]
-    sources = {data.encoding["source"] for data in datasets if "source" in data.encoding}
+def source_of(result: xr.Dataset | xr.DataTree) -> str:
+    """Of which file it was read, if that is known: that stands at the root of a tree alone."""
+    encodings = [data.encoding for _, data in _groups(result)]
+    if isinstance(result, xr.DataTree):
+        encodings += [node.encoding for node in result.parents]
+    sources = {str(known["source"]) for known in encodings if known.get("source")}
     return f" of {sources.pop()}" if len(sources) == 1 else ""
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import xarray as xr
 
 from pymc_hyperelastic.files.results import open_result, save_result
+from pymc_hyperelastic.files.stored import shown
 from pymc_hyperelastic.files.whole import written_whole
 
 #: A function of the name of a part and of how it is computed, which gives it.
@@ -64,7 +65,9 @@ class Store:
             )
 
     def part(self, name: str) -> Path:
-        """Where a part is, or will be."""
+        """Where a part is, or will be; ValueError if its name would lead elsewhere."""
+        if not name or name != Path(name).name or "\\" in name or name.startswith("."):
+            raise ValueError(f"a part cannot be called {name!r}: expected letters, and no path")
         return self.folder / f"{name}.nc"
 
     def remember[Result: (xr.Dataset, xr.DataTree)](
@@ -92,7 +95,14 @@ def remembering(folder: str | Path | None, manifest: Callable[[], Mapping[str, A
 def seed_in(folder: str | Path | None) -> Any:
     """Seed of the work that a store holds; None if there is no store yet."""
     manifest = None if folder is None else manifest_of(Path(folder), missing=True)
-    return None if manifest is None else manifest.get("random_seed")
+    seed = None if manifest is None else manifest.get("random_seed")
+    for entry in seed if isinstance(seed, list) else [seed]:
+        if entry is not None and (type(entry) is not int or entry < 0):
+            raise ValueError(
+                f"the manifest of {folder} has the random_seed {shown(seed)}; expected whole "
+                "numbers: it is damaged"
+            )
+    return seed
 
 
 def manifest_of(folder: Path, *, missing: bool = False) -> dict[str, Any] | None:

@@ -11,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
+from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers
 from pymc_hyperelastic.models.natural_scale import SPREAD, NaturalScale
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, in_sigmas
@@ -29,6 +30,9 @@ SPREAD_OF_NOISE = {
 }
 # Priors of a class, each as the median and the standard deviation of a logarithm.
 _EXPERIMENT_SPREAD, _EFFECT_SPREAD, _NOISE_SPREAD = (0.15, 0.8), (0.5, 0.5), (0.3, 0.5)
+# What is stored of a class by draw, and by draw and coordinate.
+_NUMBERS_OF_CLASS = ("effect_spread", *SPREAD_OF_NOISE.values(), *NOISE_UNITS)
+_VECTORS_OF_CLASS = ("location", "spread", "experiment_spread")
 # Exponent of the prior of a correlation matrix, its determinant to the power of η − 1.
 _CONCENTRATION = 2.0
 
@@ -198,6 +202,11 @@ def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDis
         optional["effect_spread"] = posterior["effect_spread"].values[:, None]
     given = {name: posterior[name].values for name in NOISE_UNITS if name in posterior}
     sigmas = in_sigmas(given)
+    lacking = [
+        n for n, spread in SPREAD_OF_NOISE.items() if spread in posterior and n not in sigmas
+    ]
+    if lacking:
+        raise damaged(tree, f"its posterior has the spread of {lacking[0]!r}, but not the size")
     inferred = [name for name, spread in SPREAD_OF_NOISE.items() if spread in posterior]
     if inferred:
         spreads = [posterior[SPREAD_OF_NOISE[name]].values for name in inferred]
@@ -214,15 +223,52 @@ def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDis
 
 def some_of_posterior(tree: xr.DataTree, count: int) -> xr.Dataset:
     """So many draws at most, evenly spread over the chains, by sample."""
-    posterior = tree["posterior"].to_dataset().stack(sample=("chain", "draw"))
+    posterior = class_posterior(tree).stack(sample=("chain", "draw"))
     chosen = np.linspace(0, posterior.sizes["sample"] - 1, count).round().astype(int)
     return posterior.isel(sample=np.unique(chosen))
+
+
+def class_posterior(tree: xr.DataTree) -> xr.Dataset:
+    """Draws of a class's distribution, or of several; ValueError unless they are sound."""
+    posterior, sample = read_draws(tree, "posterior"), ("chain", "draw")
+    by_coordinate = (*sample, "coordinate")
+    for name in map(str, posterior.data_vars):
+        if name in _NUMBERS_OF_CLASS:
+            read_numbers(tree, "posterior", name, sample)
+        elif name in _VECTORS_OF_CLASS:
+            read_numbers(tree, "posterior", name, by_coordinate)
+            if name != "location" and not np.all(posterior[name] > 0):
+                raise damaged(tree, f"{name!r} of 'posterior' holds numbers that are not positive")
+        elif name == "correlation":
+            matrices = read_numbers(tree, "posterior", name, (*by_coordinate, "coordinate_2"))
+            try:
+                np.linalg.cholesky(matrices.transpose(*by_coordinate, "coordinate_2").values)
+            except np.linalg.LinAlgError:
+                raise damaged(tree, "'correlation' of 'posterior' holds no correlations") from None
+    return posterior
+
+
+def check_class(tree: xr.DataTree, names: Sequence[str], needed: Sequence[str]) -> None:
+    """Raise unless a fitted class has these coordinates, and draws of all that is needed."""
+    posterior = class_posterior(tree)
+    lacking = [name for name in needed if name not in posterior]
+    lacking += ["correlation"] * (len(names) > 1 and "correlation" not in posterior)
+    if lacking:
+        raise damaged(tree, f"the variable {lacking[0]!r} of 'posterior' is missing")
+    stored = posterior["coordinate"].values.tolist() if "coordinate" in posterior.coords else names
+    if stored != list(names) or posterior.sizes["coordinate"] != len(names):
+        raise ValueError(
+            f"the specimens of class {tree.name!r} have the coordinates {stored}, and those of its "
+            f"material are now {list(names)}: fit the class again"
+        )
 
 
 def factor_of(posterior: xr.Dataset, name: str) -> list[list[Array]]:
     """Cholesky factor of a correlation matrix by sample, row by row, each entry a column."""
     size = posterior.sizes["coordinate"]
     factors = np.ones((posterior.sizes["sample"], 1, 1))
+    if size > 1 and name not in posterior:
+        raise damaged(posterior, f"the variable {name!r} of 'posterior' is missing")
     if size > 1:
         factors = np.linalg.cholesky(posterior[name].transpose("sample", ...).values)
     return [[factors[:, i, j, None] for j in range(i + 1)] for i in range(size)]

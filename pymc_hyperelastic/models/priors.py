@@ -1,6 +1,7 @@
 """Priors of material parameters: documented defaults, the user's own, and how they are stored."""
 
 from collections.abc import Mapping, Sequence
+from math import isnan
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
 from pytensor.tensor.variable import TensorVariable
 
+from pymc_hyperelastic.files.stored import is_number, shown
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 
@@ -206,11 +208,69 @@ def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
     )
 
 
-def prior_from_record(record: list[Any]) -> TensorVariable:
-    """Distribution from what :func:`prior_to_record` stored."""
-    name, parameters, *size = record
-    rv_op = getattr(pm, name).rv_op
-    return _rebuild(rv_op, [pt.constant(p, dtype="float64") for p in parameters], size or None)
+def prior_from_record(record: Any, name: str = "") -> TensorVariable:
+    """Distribution from what :func:`prior_to_record` stored, under a name.
+
+    Raises
+    ------
+    ValueError
+        If it is no such record: it may come from a file, and is looked up in a table of known
+        distributions alone.
+    """
+    if not isinstance(record, list) or len(record) < 2:
+        raise ValueError(
+            f"the prior of {name!r} is {shown(record)}; expected [name, [parameters]], and the "
+            "size of a vector"
+        )
+    distribution, parameters, *size = record
+    if not isinstance(distribution, str) or distribution not in _READABLE:
+        raise ValueError(
+            f"the prior of {name!r} is {shown(distribution)}, which is no distribution that is "
+            f"stored with results; these are {sorted(_READABLE)}"
+        )
+    known, count = _READABLE[distribution]
+    if len(size) > 1 or not all(type(n) is int and 1 <= n <= _LARGEST_SIZE for n in size):
+        raise ValueError(
+            f"the prior of {name!r} has the size {shown(size)}; expected nothing, or one whole "
+            "number"
+        )
+    if not isinstance(parameters, list) or len(parameters) != count:
+        raise ValueError(
+            f"the prior of {name!r}, {distribution}, has the parameters {shown(parameters)}; "
+            f"expected a list of {count}"
+        )
+    for parameter in parameters:
+        entries = parameter if isinstance(parameter, list) else [parameter]
+        whole = not isinstance(parameter, list) or len(parameter) in (1, *size)
+        if not whole or not all(is_number(x) and not isnan(x) for x in entries):
+            raise ValueError(
+                f"the prior of {name!r}, {distribution}, has the parameter {shown(parameter)}; "
+                "expected a number, or as many as its size"
+            )
+    return _rebuild(
+        known.rv_op, [pt.constant(p, dtype="float64") for p in parameters], size or None
+    )
+
+
+def priors_from_records(records: Any) -> dict[str, TensorVariable]:
+    """Distributions by name from records by name."""
+    if not isinstance(records, dict):
+        raise ValueError(f"priors are {shown(records)}; expected a JSON object of names to records")
+    return {name: prior_from_record(record, name) for name, record in records.items()}
+
+
+def _parameters_of(op: type) -> int | None:
+    """How many numbers state a distribution of numbers; None of any other distribution."""
+    symbolic = issubclass(op, SymbolicRandomVariable)
+    signature = getattr(op, "extended_signature" if symbolic else "signature", None) or ""
+    given, _, made = signature.partition("->")
+    if symbolic and not given.startswith("[rng],[size]"):
+        return None
+    if symbolic:
+        given, made = given.removeprefix("[rng],[size]"), made.removeprefix("[rng],")
+    if made != "()" or given.replace("()", "").replace(",", ""):
+        return None
+    return given.count("()")
 
 
 # PyMC's distributions by the type of the random variable that they make.
@@ -219,6 +279,15 @@ _DISTRIBUTIONS: dict[type, str] = {
     for name, member in vars(pm.distributions).items()
     if isinstance(getattr(member, "rv_type", None), type)
 }
+# Those that `prior_to_record` writes, under all their names, and how many numbers state each.
+_READABLE: dict[str, tuple[Any, int]] = {
+    name: (member, count)
+    for name, member in vars(pm.distributions).items()
+    if isinstance(op := getattr(member, "rv_type", None), type)
+    and (count := _parameters_of(op)) is not None
+}
+# Entries of a vector: of more no law has as many.
+_LARGEST_SIZE = 10_000
 
 
 def is_inferred(value: Any) -> bool:

@@ -21,9 +21,22 @@ import pymc as pm
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.evidence.results import data_groups
+from pymc_hyperelastic.files.stored import (
+    damaged,
+    is_number,
+    is_said,
+    read_dict,
+    read_group,
+    read_json,
+    read_numbers,
+    read_text,
+    reading,
+    shown,
+)
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
-from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.mechanics.strain_energy import Parameter, StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import Measured, deviation_name
 from pymc_hyperelastic.models.observation import Observation
@@ -33,6 +46,7 @@ from pymc_hyperelastic.models.priors import (
     is_inferred,
     prior_from_record,
     prior_to_record,
+    priors_from_records,
 )
 
 Array = NDArray[np.float64]
@@ -168,18 +182,29 @@ class Study:
 
 
 def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:
-    """Inflation data with which the model was fitted."""
-    data = tree["constant_data"].to_dataset()
-    if "pressure" in data:
-        return data
-    return xr.merge([tree["observed_data"].to_dataset(), data])
+    """Inflation data with which the model was fitted; ValueError if they are not sound."""
+    data = read_group(tree, "constant_data")
+    with reading(tree):
+        if "pressure" not in data and "observed_data" in tree.children:
+            data = xr.merge([tree["observed_data"].to_dataset(), data])
+        check_inflation_data(data)
+    return data
+
+
+def holds_inflation_data(tree: xr.DataTree) -> bool:
+    """Whether a result is of inflation data, and not of a model of something else."""
+    if "constant_data" not in tree.children:
+        return False
+    # A model of a user's own may have one of these; data that lack one are damaged.
+    names = {"inner_radius", "outer_radius", "specimen", "experiment"}
+    return len(names & set(tree["constant_data"].to_dataset().variables)) > 1
 
 
 def origin_of(classes: xr.DataTree) -> dict[str, Any]:
     """Attributes of what follows from classes: what their data are called, and if simulated."""
-    attrs = [fitted["constant_data"].attrs for fitted in classes.children.values()]
-    titles = dict.fromkeys(str(a["title"]) for a in attrs if a.get("title"))
-    simulated = int(any(a.get("simulated") for a in attrs))
+    attrs = [read_group(fitted, "constant_data").attrs for fitted in classes.children.values()]
+    titles = dict.fromkeys(str(a["title"]) for a in attrs if is_said(a.get("title")))
+    simulated = int(any(is_said(a.get("simulated")) for a in attrs))
     return {"title": ", ".join(titles), "simulated": simulated}
 
 
@@ -187,14 +212,27 @@ def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
     """Settings of :func:`pymc_hyperelastic.inflation_model`, but for the data."""
     if "priors" not in tree.attrs:
         raise ValueError("this result does not say from which model it came; see ph.fit_classes")
-    noise = noise_from_records(json.loads(tree.attrs["noise"]))
-    priors = {
-        name: prior_from_record(record) for name, record in json.loads(tree.attrs["priors"]).items()
-    }
-    settings = {"energy": strain_energy_of(tree), "priors": priors, **noise}
-    if "likelihood" in tree.attrs:
-        settings["likelihood"] = tree.attrs["likelihood"]
-    return settings
+    energy = strain_energy_of(tree)
+    with reading(tree):
+        noise = noise_from_records(read_dict(tree, "noise"))
+        priors = priors_from_records(read_dict(tree, "priors"))
+    settings = {"energy": energy, "priors": priors, **noise}
+    likelihood = read_text(tree, "likelihood", None)
+    return settings | ({} if likelihood is None else {"likelihood": likelihood})
+
+
+def values_of_parameter(tree: xr.DataTree, parameter: Parameter) -> xr.DataArray:
+    """Draws of a material parameter, of all its entries; ValueError if there are no such."""
+    name, size = parameter.name, parameter.size
+    values = read_numbers(tree, "posterior", name, None)
+    entries = [values.sizes[dim] for dim in values.dims if dim not in ("chain", "draw")]
+    if not {"chain", "draw"} <= set(values.dims) or entries != ([] if size is None else [size]):
+        raise damaged(
+            tree,
+            f"{name!r} of 'posterior' has the dimensions {dict(values.sizes)}; expected chain, draw"
+            + ("" if size is None else f" and {size} entries"),
+        )
+    return values
 
 
 def noise_records(noise: Mapping[str, Any]) -> dict[str, Any]:
@@ -206,9 +244,12 @@ def noise_records(noise: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def noise_from_records(records: Mapping[str, Any]) -> dict[str, Any]:
-    """What :func:`noise_records` stored."""
+    """What :func:`noise_records` stored; ValueError if it is something else."""
+    strangers = [name for name in records if name not in NOISE_UNITS]
+    if strangers:
+        raise ValueError(f"{strangers[0]!r} is no error; of these there are {list(NOISE_UNITS)}")
     return {
-        name: value if isinstance(value, float) else prior_from_record(value)
+        name: float(value) if is_number(value) else prior_from_record(value, name)
         for name, value in records.items()
     }
 
@@ -236,16 +277,20 @@ def stated_wall_of(tree: xr.DataTree) -> StrainEnergy | list[Layer]:
     """The material of a class, or its layers as they were given: what is missing is inferred."""
     if "thickness_priors" not in tree.attrs:
         return strain_energy_of(tree)
-    records = json.loads(tree.attrs["thickness_priors"])
-    # One distribution in two layers is one thickness of both.
-    priors = {name: prior_from_record(record) for name, record in records.items()}
+    with reading(tree):
+        # One distribution in two layers is one thickness of both.
+        priors = priors_from_records(read_dict(tree, "thickness_priors"))
 
     def stated(layer: NamedLayer) -> Layer:
         thickness, numbers = layer.values["thickness"], layer.values.items()
+        if isinstance(thickness, str) and thickness not in priors:
+            raise damaged(tree, f"its attribute 'thickness_priors' lacks {thickness!r}")
         known = {n: v for n, v in numbers if n != "thickness" and not isinstance(v, str)}
         return Layer(layer.energy, priors.get(thickness, thickness), **known)
 
-    return [stated(layer) for layer in wall_of(tree)]
+    layers = wall_of(tree)
+    with reading(tree):
+        return [stated(layer) for layer in layers]
 
 
 def strain_energy_of(tree: xr.DataTree) -> StrainEnergy:
@@ -255,12 +300,14 @@ def strain_energy_of(tree: xr.DataTree) -> StrainEnergy:
             "the result does not name its strain energy: give it as energy=ph.Ogden(), or the "
             "layers of the model as energy=[ph.Layer(...), ...]"
         )
-    return _strain_energy_from(tree.attrs)
+    name, settings = read_text(tree, "strain_energy"), read_json(tree, "strain_energy_settings", {})
+    return _strain_energy(tree, name, settings)
 
 
-def _strain_energy_from(attrs: Mapping[Any, Any]) -> StrainEnergy:
-    settings = json.loads(attrs.get("strain_energy_settings", "{}"))
-    return StrainEnergy.from_name(attrs["strain_energy"], **settings)
+def _strain_energy(tree: xr.DataTree, name: Any, settings: dict[str, Any]) -> StrainEnergy:
+    # A law of the user's own that is not defined here is no damage.
+    with reading(tree, ""):
+        return StrainEnergy.from_name(name, **settings)
 
 
 class NamedLayer(NamedTuple):
@@ -305,7 +352,53 @@ def wall_of(tree: xr.DataTree) -> list[NamedLayer]:
     """The wall of a result that names its material, or its layers."""
     if "layers" not in tree.attrs:
         return named_layers(strain_energy_of(tree))
-    return [
-        NamedLayer(_strain_energy_from(record), record["values"])
-        for record in json.loads(tree.attrs["layers"])
-    ]
+    return [_layer_of(tree, record) for record in _layer_records(tree)]
+
+
+def law_names_of(tree: xr.DataTree) -> list[str]:
+    """What the laws of a result are called, from the inside out; nothing if it does not tell."""
+    if "layers" in tree.attrs:
+        return [record["strain_energy"] for record in _layer_records(tree)]
+    name = read_text(tree, "strain_energy", None)
+    return [] if name is None else [name]
+
+
+def _layer_records(tree: xr.DataTree) -> list[dict[str, Any]]:
+    records = read_json(tree, "layers", [])
+    for record in records:
+        if not isinstance(record, dict) or not isinstance(record.get("strain_energy"), str):
+            raise damaged(tree, f"its attribute 'layers' holds {shown(record)}; expected layers")
+    if not records:
+        raise damaged(tree, "its attribute 'layers' holds no layers")
+    return records
+
+
+def _layer_of(tree: xr.DataTree, record: dict[str, Any]) -> NamedLayer:
+    """A layer of a record of :func:`layers_attrs`."""
+    try:
+        settings = json.loads(record.get("strain_energy_settings", "{}"))
+    except (TypeError, ValueError, RecursionError):
+        settings = None
+    if not isinstance(settings, dict):
+        raise damaged(tree, f"a layer has the settings {shown(record['strain_energy_settings'])}")
+    energy, values = _strain_energy(tree, record["strain_energy"], settings), record.get("values")
+    needed = {"thickness", *energy.parameter_names}
+    if not isinstance(values, dict) or set(values) != needed:
+        raise damaged(
+            tree, f"a layer of {energy.name} has the values {shown(values)}; expected {needed}"
+        )
+    for name, value in values.items():
+        entries = value if isinstance(value, list) else [value]
+        if not isinstance(value, str) and not all(is_number(x) for x in entries):
+            raise damaged(tree, f"{name} of a layer is {shown(value)}; expected a name or numbers")
+    return NamedLayer(energy, values)
+
+
+def reference_stress_of(tree: xr.DataTree, settings: Mapping[str, Any], name: str) -> float | None:
+    """The stress at which the specimens of a class are compared, among settings of this name."""
+    if name not in settings:
+        raise damaged(tree, f"it does not tell its {name}")
+    stress = settings[name]
+    if stress is not None and not (is_number(stress) and 0 < stress < np.inf):
+        raise damaged(tree, f"its {name} is {shown(stress)}; expected a number of kPa, or null")
+    return stress

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import binom
 
 from pymc_hyperelastic.evidence.checks import check_prob
+from pymc_hyperelastic.files.stored import damaged, read_number
 from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals, check_table, stacked
 
 if TYPE_CHECKING:
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 # Uniform samples by which a simultaneous band is found: its coverage is then known to 1 %.
+_OF_BINS = (
+    *("observed_frequency", "predicted_probability", "frequency_lower", "frequency_upper"),
+    *("bin_left", "bin_right", "count", "expected_calibration_error"),
+)
 _BAND_SIMULATIONS = 1000
 _TICKS, _TICK_LABELS = [0.0, 0.5, 1.0], ["0", "0.5", "1"]
 
@@ -90,16 +95,21 @@ def plot_calibration_ranks(
     """
     from arviz_plots.visuals import fill_between_y, hist, line_xy, set_xticks
 
-    check_table(sbc, "ph.simulation_based_calibration", "rank")
+    check_table(sbc, "ph.simulation_based_calibration", "rank", "p_value")
     if kind not in ("ecdf", "histogram"):
         raise ValueError(f"kind must be 'ecdf' or 'histogram', not {kind!r}")
     check_prob(prob)
-    rank, values = sbc["rank"], sbc.attrs["ranked_draws"] + 1
+    rank, values = sbc["rank"], int(read_number(sbc, "ranked_draws")) + 1
+    dims = {"simulation", "parameter"} if rank.ndim > 1 else {"simulation"}
+    if set(rank.dims) != dims or not np.all((rank >= 0) & (rank < values)):
+        raise damaged(sbc, f"'rank' {rank.dims} holds no ranks among {values} of each simulation")
     if rank.ndim == 1:
         rank = rank.expand_dims("parameter", axis=1)
     parameters = rank["parameter"].values.tolist()
     p_values = dict(zip(parameters, np.atleast_1d(sbc["p_value"].values).tolist(), strict=True))
-    bins = int(sbc.attrs["bins"])
+    bins = int(read_number(sbc, "bins"))
+    if bins < 1:
+        raise damaged(sbc, f"it has {bins} bins")
     if kind == "histogram" and bins == 1:
         raise ValueError("the ranks are too few for a histogram, or no bins divide them evenly")
     rows, columns = -(-len(parameters) // 4), min(len(parameters), 4)
@@ -195,7 +205,7 @@ def plot_reliability(
         set_ylim,
     )
 
-    check_table(scores, "ph.score_probabilities", "observed_frequency")
+    check_table(scores, "ph.score_probabilities", *_OF_BINS)
     if "forecast" not in scores.dims:
         scores = scores.expand_dims("forecast")
     forecasts = scores["forecast"].values.tolist()
@@ -236,7 +246,7 @@ def plot_reliability(
     canvas.adjust(set_xticks, values=_TICKS, labels=_TICK_LABELS)
     canvas.adjust(set_ylim, limits=(0, 1), **diagram)
     _label_reliability(canvas, forecasts, scores)
-    intervals = f"{100 * scores.attrs['prob']:.3g} % intervals"
+    intervals = f"{100 * read_number(scores, 'prob'):.3g} % intervals"
     canvas.title([scores.attrs], f"reliability of class probabilities, {intervals}")
     return canvas.collection
 

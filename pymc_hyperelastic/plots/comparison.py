@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.files.stored import check_numbers, damaged, read_number, read_text
 from pymc_hyperelastic.plots.properties import (
     PROPERTY_LABELS,
     bands_over,
@@ -93,7 +94,11 @@ def plot_comparison(
     >>> figure.viz["points"]["difference"].sizes["quantity"]
     2
     """
-    check_table(result, _ORIGIN, "draws", *_LABELS)
+    check_table(result, _ORIGIN, "draws", *_LABELS, "effect_size_interval", "overlap_interval")
+    check_table(result, _ORIGIN, "quantity", "comparison", "group", "statistic")
+    for name in ("effect_size_interval", "overlap_interval"):
+        if result[name].sizes.get("bound") != 2:
+            raise damaged(result, f"{name!r} has no two bounds: {dict(result[name].sizes)}")
     if statistic not in _STATISTICS:
         raise ValueError(f"statistic must be one of {list(_STATISTICS)}, not {statistic!r}")
     settings = result, backend, visuals, pc_kwargs
@@ -118,7 +123,7 @@ def _rows(
     beside = xr.DataArray(
         np.linspace(0.3, -0.3, several) if several > 1 else [0.0], dims="comparison"
     )
-    names = result["quantity"].values.tolist()
+    names = [str(name) for name in result["quantity"].values.tolist()]
     canvas = Canvas(
         "wrap",
         value.fillna(0.0).to_dataset(name="difference"),
@@ -154,9 +159,9 @@ def _rows(
     marks: dict[str, Any] = {"linestyle": "none", "markersize": 5}
     entries = canvas.entries("comparison", "", "color", "marker", **marks)
     canvas.legend(entries, loc="outside lower center")
-    held = f"median and {100 * result.attrs['interval']:.3g} % of the posterior"
+    held = f"median and {100 * read_number(result, 'interval'):.3g} % of the posterior"
     one = result["comparison"].values.tolist()[0] if several == 1 else None
-    canvas.title([result.attrs], result.attrs["strain_energy"], one, held)
+    canvas.title([result.attrs], read_text(result, "strain_energy"), one, held)
     return canvas.collection
 
 
@@ -167,15 +172,16 @@ def _curves(
     visuals: Visuals | None,
     given: dict[str, Any],
 ) -> PlotCollection:
+    check_numbers(result, result, "pressure", ("pressure",))
     names = result["quantity"].values.tolist()
     draws = result["draws"].sel(statistic=statistic, drop=True).expand_dims("chain")
     tables = {
         group: draws.sel(group=group, drop=True).to_dataset("quantity")[names]
         for group in result["group"].values.tolist()
     }
-    prob = result.attrs["interval"]
+    prob = read_number(result, "interval")
     bands = bands_over(tables, {group: t["pressure"] for group, t in tables.items()}, prob)
-    columns = min(len(names), 3)
+    columns, unit = min(len(names), 3), read_text(result, "pressure_unit")
     canvas = Canvas(
         "wrap",
         bands,
@@ -191,10 +197,10 @@ def _curves(
     )
     draw_bands(canvas, bands, "pressure")
     for name in names:
-        canvas.label("xlabel", f"pressure ({result.attrs['pressure_unit']})", data=bands[[name]])
+        canvas.label("xlabel", f"pressure ({unit})", data=bands[[name]])
         label = PROPERTY_LABELS.get(name, name)
         canvas.label("ylabel", _STATISTICS[statistic] + label, data=bands[[name]])
     canvas.legend(canvas.entries("class_label", "", "color", "linestyle"), title="class")
     held = f"median and {100 * prob:.3g} % of the posterior"
-    canvas.title([result.attrs], result.attrs["strain_energy"], held)
+    canvas.title([result.attrs], read_text(result, "strain_energy"), held)
     return canvas.collection

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +10,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
+from pymc_hyperelastic.files.stored import damaged, read_json, read_numbers, reading, shown
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import distributions_of
+from pymc_hyperelastic.models.priors import priors_from_records
 from pymc_hyperelastic.plots.style import (
     Backend,
     Canvas,
@@ -116,6 +117,9 @@ def plot_parameter_density(
     results = fitted_classes(classes)
     fitted = {k: with_parameters(tree, specimen) for k, tree in results.items()}
     names = _two_variables(fitted, var_names)
+    for tree in fitted.values():
+        for name in names:
+            read_numbers(tree, "posterior", name.partition("[")[0], None)
     probs = sorted(probs, reverse=True)
     if not probs or not all(0 < prob < 1 for prob in probs):
         raise ValueError(f"probs must hold probabilities between 0 and 1; got {probs}")
@@ -250,7 +254,9 @@ def _interest(name: str) -> int:
 def _axis_label(tree: xr.DataTree, name: str) -> str:
     """Symbol and unit of a variable."""
     symbols = {"sigma": r"\sigma", "slope_weight": r"\beta"}
-    units = json.loads(tree.attrs.get("units", "{}"))
+    units = read_json(tree, "units", {})
+    if not all(isinstance(unit, str) for unit in units.values()):
+        raise damaged(tree, f"its attribute 'units' is {shown(units)}; expected names of units")
     try:
         energy = StrainEnergy.from_name(tree.attrs.get("strain_energy", ""))
         symbols |= {p.name: p.symbol for p in energy.parameters}
@@ -355,8 +361,10 @@ def _breaks(values: Sequence[Array]) -> list[float]:
 
 def _bounds(tree: xr.DataTree, names: tuple[str, str]) -> Array:
     """Lower and upper ends of the uniform priors; infinite for others, but a spread's 0."""
-    priors = json.loads(tree.attrs.get("priors", "{}"))
-    records = [priors.get(name, ["", []]) for name in names]
+    priors = read_json(tree, "priors", {})
+    with reading(tree):
+        priors_from_records(priors)
+    records = [priors.get(name, ["", []])[:2] for name in names]
     low = [0.0 if name.startswith("spread[") else -np.inf for name in names]
     ends = [
         of_one if kind == "Uniform" else [least, np.inf]

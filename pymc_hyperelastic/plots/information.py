@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
+from pymc_hyperelastic.files.stored import check_numbers, read_number, read_text
 from pymc_hyperelastic.plots.style import (
     Backend,
     Canvas,
@@ -81,13 +82,16 @@ def plot_information(
     """
     from arviz_plots.visuals import line_xy, scatter_xy, set_ylim, vline
 
-    check_table(result, _ORIGIN, *_LABELS, *(f"{name}_se" for name in _LABELS))
+    check_table(result, _ORIGIN, *_LABELS, *(f"{name}_se" for name in _LABELS), "design")
+    for name in _LABELS:
+        for of_designs in (name, f"{name}_se"):
+            check_numbers(result, result, of_designs, ("design",), finite=False)
     panel = xr.DataArray(list(_LABELS), dims="panel", name="panel")
     value, error = (
         xr.concat([result[name + end].reset_coords(drop=True) for name in _LABELS], panel)
         for end in ("", "_se")
     )
-    names = result["design"].values.tolist()
+    names = [str(name) for name in result["design"].values.tolist()]
     canvas = Canvas(
         "wrap",
         value.to_dataset(name="information"),
@@ -104,7 +108,8 @@ def plot_information(
         aes={"color": ["design"], "overlay": ["design"]},
     )
     # All that there is to be told of a quantity has no end.
-    most = result.attrs["entropy"] if result.attrs["about"] == "class" else float("nan")
+    about, law = read_text(result, "about"), read_text(result, "strain_energy")
+    most = read_number(result, "entropy") if about == "class" else float("nan")
     lines = xr.DataArray([most, 0.0], {"panel": list(_LABELS)}, "panel").to_dataset(
         name="information"
     )
@@ -120,7 +125,6 @@ def plot_information(
     canvas.adjust(tick_rows, labels=names, coords={"panel": "information"})
     for name, text in _LABELS.items():
         canvas.label("xlabel", text, coords={"panel": name})
-    about = result.attrs["about"]
     told_of = "the class of a specimen" if about == "class" else f"its {about.replace('_', ' ')}"
-    canvas.title([result.attrs], result.attrs["strain_energy"], f"told of {told_of}")
+    canvas.title([result.attrs], law, f"told of {told_of}")
     return canvas.collection

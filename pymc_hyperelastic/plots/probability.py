@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.files.stored import damaged, read_number, read_text
 from pymc_hyperelastic.plots.style import (
     DOUBT,
     Backend,
@@ -126,7 +127,7 @@ def plot_class_probability(
         where = {"coords": {row: heading} | ({"model": model} if several else {})}
         canvas.label("title", title, size="small", loc="left", color=colour, **where)
         if i + columns >= len(titles):
-            law = model or results[model].attrs.get("strain_energy")
+            law = model or read_text(results[model], "strain_energy", None)
             canvas.label("xlabel", f"class ({law})" if law else "class", **where)
         if i % columns == 0:
             canvas.label("ylabel", "probability", **where)
@@ -214,7 +215,7 @@ def _written(
 def _limits(given: Mapping[str, float | None], result: xr.Dataset) -> dict[str, float]:
     """Limits of a decision, from the result where they are not given."""
     limits = {
-        name: result.attrs.get(name, 0.0) if limit is None else limit
+        name: read_number(result, name, 0.0) if limit is None else limit
         for name, limit in given.items()
     }
     for name, limit in limits.items():
@@ -227,6 +228,12 @@ def _labels(result: Any) -> tuple[str, list[str], list[str]]:
     """Dimension of the rows, their headings, and the classes."""
     variables = ("class_probability", "class_probability_se", "class_label")
     check_table(result, "ph.classify", *variables)
+    for name in variables[:2]:
+        dims = result[name].dims
+        if len(dims) != 2 or "class_label" not in dims:
+            raise damaged(
+                result, f"{name!r} has the dimensions {dims}; expected class_label and another"
+            )
     row = next(str(d) for d in result["class_probability"].dims if d != "class_label")
     classes = result["class_label"].values.tolist()
     known = [name for name in ("specimen", "experiment", "group") if name in result.coords]

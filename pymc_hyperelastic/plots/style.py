@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
@@ -13,7 +12,9 @@ import xarray as xr
 from pymc_hyperelastic.data.inflation import extension_tests, held_stretches, points_of
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.files.stored import check_numbers, damaged, is_said, read_draws
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.study import law_names_of
 
 # arviz_plots brings matplotlib along: it is imported when the first figure is drawn.
 if TYPE_CHECKING:
@@ -130,9 +131,9 @@ class Canvas:
 
     def title(self, attrs: Sequence[Mapping[Any, Any]], *before: str | None) -> None:
         """Say what is shown, and of which data; simulated data are called so."""
-        titles = dict.fromkeys(str(a["title"]) for a in attrs if a.get("title"))
+        titles = dict.fromkeys(str(a["title"]) for a in attrs if is_said(a.get("title")))
         text = ", ".join([*filter(None, before), *titles])
-        if any(a.get("simulated") for a in attrs) and "simulated" not in text.lower():
+        if any(is_said(a.get("simulated")) for a in attrs) and "simulated" not in text.lower():
             text = f"{text}, SIMULATED data" if text else "SIMULATED data"
         if text:
             self.collection.add_title(text, size="medium", wrap=True)
@@ -209,6 +210,10 @@ def check_table(result: Any, origin: str, *names: str) -> None:
     for name in names:
         if name not in result.variables:
             raise ValueError(f"the result lacks {name!r}; it comes from {origin}")
+        if name in result.data_vars:
+            check_numbers(result, result, name, None, finite=False)
+        elif not result[name].ndim:
+            raise damaged(result, f"{name!r} has no dimension")
 
 
 def stacked(name: str, **arrays: xr.DataArray) -> xr.Dataset:
@@ -248,12 +253,17 @@ def fitted_classes(classes: xr.DataTree) -> dict[str, xr.DataTree]:
     """Sampled models by class; a single one has the name of its group."""
     check_result(classes, "ph.fit_classes or ph.sample_smc")
     if "posterior" in classes.children:
+        read_draws(classes, "posterior")
         return {classes.name or "posterior": classes}
     fitted = {str(n): tree for n, tree in classes.children.items() if "posterior" in tree.children}
     if not fitted:
         raise ValueError(
             "the result holds no posterior; it comes from ph.fit_classes or ph.sample_smc"
         )
+    for tree in classes.children.values():
+        # A class that lacks it is not left out in silence.
+        if {"posterior", "evidence", "constant_data"} & set(tree.children):
+            read_draws(tree, "posterior")
     return fitted
 
 
@@ -274,10 +284,7 @@ def law_of(tree: xr.DataTree, energy: Any = None) -> str | None:
     """Name of the material, which may be given, or those of the layers."""
     if isinstance(energy, StrainEnergy):
         return energy.name
-    layers = json.loads(tree.attrs.get("layers", "[]"))
-    return " in ".join(record["strain_energy"] for record in layers) or tree.attrs.get(
-        "strain_energy"
-    )
+    return " in ".join(law_names_of(tree)) or None
 
 
 def training_attrs(fitted: Mapping[str, xr.DataTree]) -> list[Mapping[Any, Any]]:

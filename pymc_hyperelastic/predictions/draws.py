@@ -207,7 +207,7 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
         raise ValueError("outer_radius cannot be given with layers: each has its own thickness")
     names = _inferred_measures(posterior, layered)
     inferred = {k: values_by_draw(posterior, k) for k in names if k not in given}
-    medians = {name: float(np.median(posterior[name])) for name in names}
+    medians = {name: float(np.median(values_by_draw(posterior, name))) for name in names}
     if layered:
         thickness = np.sum(np.broadcast_arrays(*(v["thickness"] for v in values)), axis=0)
         inferred["thickness"], medians["thickness"] = thickness, float(np.median(thickness))

@@ -1,6 +1,5 @@
 """Of whom a prediction is: the typical specimen of a class, or one that was measured."""
 
-import json
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -9,15 +8,29 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of
+from pymc_hyperelastic.files.stored import (
+    check_numbers,
+    damaged,
+    read_draws,
+    read_group,
+    read_json,
+    reading,
+)
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.class_distribution import distributions_of
-from pymc_hyperelastic.models.geometry import deviated_tube, tube_of_specimens
+from pymc_hyperelastic.models.class_distribution import class_posterior, distributions_of
+from pymc_hyperelastic.models.geometry import (
+    deviated_tube,
+    measured_from_records,
+    tube_of_specimens,
+)
 from pymc_hyperelastic.models.natural_scale import NaturalScale
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities
 from pymc_hyperelastic.models.study import (
     NamedLayer,
+    holds_inflation_data,
     inflation_data_of,
+    reference_stress_of,
     stated_wall_of,
     wall_of,
 )
@@ -27,6 +40,16 @@ Array = NDArray[np.float64]
 TYPICAL = "typical"
 # Draws of a specimen are the same at every call.
 _SEED = 1
+
+
+# What a class stores of each specimen; others are not in older files.
+_DRAWS: dict[str, tuple[str, ...]] = {
+    "centre": ("coordinate", "particle"),
+    "scatter": ("coordinate", "particle"),
+    "log_weight": ("particle",),
+    "tests": (),
+    "standard_error": (),
+}
 
 
 class Member(NamedTuple):
@@ -44,8 +67,8 @@ class Member(NamedTuple):
 
 def member_of(tree: xr.DataTree, wall: list[NamedLayer], specimen: str | None) -> Member:
     """Posterior and data of a specimen, or of the typical one where specimens differ."""
-    posterior = tree["posterior"].to_dataset()
-    data = inflation_data_of(tree) if "constant_data" in tree.children else None
+    posterior = read_draws(tree, "posterior")
+    data = inflation_data_of(tree) if holds_inflation_data(tree) else None
     own = data if specimen is None else tests_of(data, str(specimen))
     if not specimens_differ(tree):
         posterior = _with_one_tube(posterior, specimen)
@@ -72,9 +95,16 @@ def _with_one_tube(posterior: xr.Dataset, specimen: str | None) -> xr.Dataset:
         return posterior
     if specimen is None and posterior.sizes["specimen"] > 1:
         return posterior.drop_dims("specimen")
-    names = [str(name) for name in posterior["specimen"].values.tolist()]
-    place = 0 if specimen is None else names.index(str(specimen))
+    place = 0 if specimen is None else _place_of(posterior, str(specimen))
     return posterior.isel(specimen=place, drop=True)
+
+
+def _place_of(data: xr.Dataset, specimen: str) -> int:
+    """Where a specimen stands in a group of a result."""
+    names = [str(name) for name in np.ravel(data["specimen"].values).tolist()]
+    if specimen not in names:
+        raise damaged(data, f"there is no specimen {specimen!r}; there are {names}")
+    return names.index(specimen)
 
 
 def specimens_differ(tree: xr.DataTree) -> bool:
@@ -109,17 +139,18 @@ def tests_of(data: xr.Dataset | None, specimen: str) -> xr.Dataset:
 
 def _scale(tree: xr.DataTree, wall: list[NamedLayer]) -> NaturalScale:
     """Coordinates of the specimens of a class or a population."""
+    name = "reference_stress"
     if "variability_settings" in tree.attrs:
-        stress = json.loads(tree.attrs["variability_settings"])["reference_stress"]
-    elif "reference_stress" in tree.attrs:
-        stress = json.loads(tree.attrs["reference_stress"])
+        stress = reference_stress_of(tree, read_json(tree, "variability_settings", {}), name)
+    elif name in tree.attrs:
+        stress = reference_stress_of(tree, {name: read_json(tree, name)}, name)
     else:
         raise ValueError(
             "the result does not tell its reference_stress, and with it the typical specimen: "
             "name one that was measured, specimen='S1'"
         )
     scale = NaturalScale(_stated(tree, wall), stress)
-    names = tree["posterior"]["coordinate"].values.tolist()
+    names = class_posterior(tree)["coordinate"].values.tolist()
     if scale.names != names:
         raise ValueError(
             f"the result's specimens have the coordinates {names}, those of {wall[0].energy.name} "
@@ -144,8 +175,7 @@ def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr
     """Parameters of a specimen that was measured, given its curves and its class."""
     posterior = tree["posterior"].to_dataset()
     if "specimen" in posterior.dims:
-        names = [str(name) for name in posterior["specimen"].values.tolist()]
-        return posterior.isel(specimen=names.index(specimen), drop=True)
+        return posterior.isel(specimen=_place_of(posterior, specimen), drop=True)
     if "specimens" not in tree.children:
         raise ValueError("the result holds no draws of its specimens: fit the class again")
     if "experiment_spread" in posterior:
@@ -155,7 +185,7 @@ def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr
             "specimen=...; a result of ph.population_model has those of each specimen"
         )
     scale, rng = _scale(tree, wall), np.random.default_rng(_SEED)
-    draws = stored_draws(tree["specimens"].to_dataset(), specimen)
+    draws = stored_draws(tree, specimen)
     chosen = np.stack(
         [
             _one_draw_each(draws, posterior.isel(chain=[chain]), rng)
@@ -171,7 +201,11 @@ def _tube_of_draws(
     tree: xr.DataTree, specimen: str, deviations: Array
 ) -> dict[str, tuple[tuple[str, str], Array]]:
     """The tube of a specimen by (chain, draw), as far as it was measured with an error."""
-    errors = json.loads(tree.attrs["variability_settings"]).get("geometry_sd", {})
+    with reading(tree):
+        settings = read_json(tree, "variability_settings", {})
+        errors = {name: measure.sd for name, measure in measured_from_records(settings).items()}
+    if len(errors) != len(deviations):
+        raise damaged(tree, f"its draws have {len(deviations)} measures of tubes, not {[*errors]}")
     # A stretch is asked for, and not that of a test.
     by_name = {k: z for k, z in zip(errors, deviations, strict=True) if k != "axial_stretch"}
     if not by_name:
@@ -182,10 +216,27 @@ def _tube_of_draws(
     return {name: (("chain", "draw"), v) for name, v in tube.items() if np.ndim(v)}
 
 
-def stored_draws(specimens: xr.Dataset, specimen: str) -> SpecimenDraws:
-    """Draws of a specimen as its class stored them."""
-    names = [str(name) for name in specimens["specimen"].values.tolist()]
-    of_one = specimens.isel(specimen=names.index(specimen))
+def names_of_specimens(fitted: xr.DataTree) -> list[str]:
+    """Names of the specimens of a class."""
+    specimens = read_group(fitted, "specimens")
+    if "specimen" not in specimens.coords or not specimens.sizes.get("specimen"):
+        raise damaged(fitted, "its group 'specimens' names no specimens")
+    return [str(name) for name in np.ravel(specimens["specimen"].values).tolist()]
+
+
+def stored_draws(fitted: xr.DataTree, specimen: str) -> SpecimenDraws:
+    """Draws of a specimen as its class stored them; ValueError unless they are sound."""
+    names = names_of_specimens(fitted)
+    if specimen not in names:
+        raise damaged(fitted, f"it has no draws of specimen {specimen!r}, but of {names}")
+    of_one = read_group(fitted, "specimens").isel(specimen=names.index(specimen))
+    where = f" of specimen {specimen!r}"
+    for name, dims in _DRAWS.items():
+        check_numbers(fitted, of_one, name, dims, where)
+    for name, dim in (("log_sigma", "noise"), ("deviations", "measure")):
+        if name in of_one and of_one[name].size:
+            dims = ("particle", *({dim} & set(of_one[name].dims)))
+            check_numbers(fitted, of_one, name, dims, where)
     return SpecimenDraws(
         centre=of_one["centre"].transpose("coordinate", "particle").values,
         scatter=of_one["scatter"].transpose("coordinate", "particle").values,

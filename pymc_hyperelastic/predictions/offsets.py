@@ -5,10 +5,12 @@ import xarray as xr
 
 from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.files.stored import read_numbers
 from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES
 from pymc_hyperelastic.predictions.measured import warn_user
 
 # Draws are the same at every call.
+_BY_TEST = ("chain", "draw", "test")
 _SEED = 1
 
 
@@ -63,7 +65,7 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
             "ph.inflation_model(..., force_noise_sd=..., force_offset_sd=...), and keep the "
             f"variables {list(OFFSET_VARIABLES)} in its posterior"
         )
-    mean, error = (tree["posterior"][name] for name in OFFSET_VARIABLES)
+    mean, error = (read_numbers(tree, "posterior", n, _BY_TEST) for n in OFFSET_VARIABLES)
     offset = mean + error * np.random.default_rng(_SEED).standard_normal(mean.shape)
     offset.attrs = {"units": "mN", "long_name": "offset of the force transducer"}
     return offset.to_dataset(name="force_offset")
@@ -71,7 +73,8 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
 
 def knows_offsets(tree: xr.DataTree) -> bool:
     """Whether a result says what the offset of each test is."""
-    return all(name in tree["posterior"].data_vars for name in OFFSET_VARIABLES)
+    posterior = tree.children.get("posterior", {})
+    return all(name in posterior for name in OFFSET_VARIABLES)
 
 
 def less_offsets(data: xr.Dataset, tree: xr.DataTree) -> xr.Dataset:
@@ -81,7 +84,7 @@ def less_offsets(data: xr.Dataset, tree: xr.DataTree) -> xr.Dataset:
     """
     if "axial_force" not in data or not knows_offsets(tree):
         return data
-    mean = tree["posterior"][OFFSET_VARIABLES[0]].mean(["chain", "draw"])
+    mean = read_numbers(tree, "posterior", OFFSET_VARIABLES[0], _BY_TEST).mean(["chain", "draw"])
     known = dict(zip(mean["test"].values.tolist(), mean.values.tolist(), strict=True))
     tests = [describe_test(data, i) for i in range(data.sizes["test"])]
     test, force = data["test"].values, data["axial_force"]

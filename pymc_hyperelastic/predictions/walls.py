@@ -8,6 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.files.stored import check_numbers
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.study import NamedLayer, named_layers, wall_of
@@ -69,6 +70,7 @@ def _layer_values(layer: NamedLayer, posterior: xr.Dataset) -> dict[str, Array]:
 
 def values_by_draw(posterior: xr.Dataset, name: str, size: int | None = None) -> Array:
     """Draws of a number by (chain, draw, 1), of a vector by (chain, draw, 1, entry)."""
+    check_numbers(posterior, posterior, name, None, " of the posterior")
     variable = posterior[name]
     if size is None:
         single = [d for d in variable.dims if d not in ("chain", "draw") and variable.sizes[d] == 1]

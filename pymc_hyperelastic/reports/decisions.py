@@ -1,6 +1,5 @@
 """What was classified: decisions, and how far they can be trusted."""
 
-import json
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import xarray as xr
 
 from pymc_hyperelastic.evidence.diagnosis import VERDICTS
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
+from pymc_hyperelastic.files.stored import read_json
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.reports.blocks import (
@@ -211,7 +211,7 @@ def classified_sentences(found: Found) -> list[str]:
         f"The curves of {what} were held against the {classes} {in_words(labels)} by marginal "
         "likelihood: the likelihood of the new curves, averaged over the posterior of a class."
     ]
-    prior = json.loads(result.attrs.get("class_prior", "{}"))
+    prior = read_json(result, "class_prior", {})
     if prior and len({round(p, 12) for p in prior.values()}) == 1:
         sentences += ["All classes were equally probable beforehand."] if len(prior) > 1 else []
     elif prior:

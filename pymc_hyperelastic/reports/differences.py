@@ -1,11 +1,11 @@
 """Whether groups differ: the result of ``ph.compare_classes``."""
 
-import json
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.files.stored import read_json
 from pymc_hyperelastic.plots.comparison import plot_comparison
 from pymc_hyperelastic.reports.blocks import (
     BAD,
@@ -82,7 +82,7 @@ def show_comparison(found: Found, page: Page) -> list[Block]:
         caption=f"Differences between groups: {found.title}. Points or lines, and intervals or "
         f"bands: {held}.",
     )
-    tube = json.loads(result.attrs.get("tube", "{}"))
+    tube = read_json(result, "tube", {})
     if tube:
         told = in_words([f"{name.replace('_', ' ')} {short(v)}" for name, v in tube.items()])
         blocks.append(Text(f"All materials were looked at in one tube: {told} (mm, rad)."))

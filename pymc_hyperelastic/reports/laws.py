@@ -1,6 +1,5 @@
 """Strain energies and distributions in words."""
 
-import json
 import re
 from collections.abc import Mapping
 from inspect import getdoc
@@ -9,6 +8,7 @@ from typing import Any
 import pymc as pm
 import xarray as xr
 
+from pymc_hyperelastic.files.stored import read_json
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.study import NamedLayer, wall_of
 from pymc_hyperelastic.reports.blocks import short
@@ -108,7 +108,7 @@ def _value(value: Any) -> str:
 
 def units_of(tree: xr.DataTree) -> dict[str, str]:
     """Units of the variables of a result, as far as it says."""
-    told: Mapping[str, str] = json.loads(tree.attrs.get("units", "{}"))
+    told: Mapping[str, str] = read_json(tree, "units", {})
     layers = wall_in_words(tree)
     of_law = {p.name: p.unit for layer in layers for p in layer.energy.parameters}
     units = of_law | {"noise_sd": "kPa", "force_noise_sd": "mN"} | dict(told)

@@ -1,6 +1,5 @@
 """What results were made with: law, priors, errors, sampler, as they are stored with them."""
 
-import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,6 +8,7 @@ import pymc as pm
 import xarray as xr
 
 from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.files.stored import read_dict, read_json
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, SIGMA_OF, sd_of_sigma
 from pymc_hyperelastic.models.priors import prior_to_record
 from pymc_hyperelastic.models.study import NamedLayer
@@ -63,15 +63,15 @@ def settings_of(tree: xr.DataTree) -> Settings:
     kind: Variability | None = None
     if "variability_settings" in first.attrs:
         kind = Variability.of_tree(first)
-        stored = json.loads(first.attrs["variability_settings"])
+        stored = read_dict(first, "variability_settings")
         noise = {name: stored[name] for name in NOISE_UNITS if name in stored}
         priors = priors_of_class(kind)
     else:
-        noise = json.loads(first.attrs.get("noise", "{}"))
+        noise = read_json(first, "noise", {})
         units = units_of(first)
         priors = {
             name: distribution_in_words(record, units.get(name, ""))
-            for name, record in json.loads(first.attrs.get("priors", "{}")).items()
+            for name, record in read_json(first, "priors", {}).items()
         }
         priors |= {
             name: distribution_in_words(value, NOISE_UNITS[name].replace("mm2", "mm²"))

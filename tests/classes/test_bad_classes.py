@@ -13,6 +13,7 @@ def altered(name: str, key: str, value: str) -> xr.DataTree:
     """Fitted classes of which one was fitted with other settings."""
     classes = fitted().copy()
     classes[name].attrs[key] = value
+    classes[name].attrs.pop("checksum", None)
     return classes
 
 

@@ -140,9 +140,8 @@ def plan(pilot, quantity=X, specimens=(4, 12), **settings):
 def test_what_curves_say_of_a_specimen(pilot):
     """By least squares: the pressure is linear in the modulus."""
     fitted = pilot["stiff"]
-    stored = fitted["specimens"].to_dataset()
-    error = _error(stored_draws(stored, "B1"), distributions_of(fitted))
-    draws = stored_draws(stored, "B1")
+    draws = stored_draws(fitted, "B1")
+    error = _error(draws, distributions_of(fitted))
     weights = np.exp(draws.log_weight - draws.log_weight.max())
     assert error[0, 0] == pytest.approx(np.cov(draws.centre, aweights=weights), rel=0.1)
 

@@ -171,6 +171,27 @@ def test_what_is_no_store_is_an_error(tmp_path):
         ph.open_cohort(tmp_path / "nowhere")
 
 
+@pytest.mark.parametrize(
+    "damage", [{"by": "animal"}, {"units": "20"}, {"units": True}, {"units": None}, {"units": -1}]
+)
+def test_a_damaged_manifest_is_an_error_that_names_it(damage, tmp_path):
+    """What it says of units is looked at before anything is read by it."""
+    folder = tmp_path / "store"
+    folder.mkdir()
+    manifest = {"format": 1, "by": "specimen", "units": 20} | damage
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(ValueError, match=r"the manifest of .*store says .* it is damaged"):
+        ph.open_cohort(folder)
+
+
+def test_a_damaged_seed_is_an_error_that_names_it(data, tmp_path):
+    folder = tmp_path / "store"
+    folder.mkdir()
+    (folder / "manifest.json").write_text('{"format": 1, "random_seed": "x"}')
+    with pytest.raises(ValueError, match=r"the manifest of .*store has the random_seed 'x'"):
+        ph.fit_cohort(ph.Ogden(), data, folder, noise_sd=0.5, slope_weight=0.0, **SETTINGS)
+
+
 def test_names_of_specimens_become_no_paths(tmp_path):
     """A specimen may have any name."""
     names = ["../../S0", "/etc/passwd", "S 2", "ü\n", "a:b", "NUL"]

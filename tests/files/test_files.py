@@ -190,6 +190,14 @@ def test_a_damaged_manifest_is_an_error_that_names_it(text, tmp_path):
         Store(tmp_path / "store", {})
 
 
+@pytest.mark.parametrize("name", ["", ".", "..", "../part", "/etc/passwd", "a/b", "a\\b", ".part"])
+def test_names_of_parts_are_no_paths(name, tmp_path):
+    """A part stands in its store, or nowhere."""
+    store = Store(tmp_path / "store", {})
+    with pytest.raises(ValueError, match="expected letters, and no path"):
+        store.remember(name, every_type)
+
+
 def test_names_in_a_manifest_are_no_paths(tmp_path):
     """Text of a user stands in the manifest, and nowhere else."""
     Store(tmp_path / "store", {"specimen": "../../etc/passwd"})

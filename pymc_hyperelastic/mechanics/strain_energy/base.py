@@ -234,14 +234,21 @@ class StrainEnergy(ABC):
         Raises
         ------
         ValueError
-            If no such class has been defined.
+            If no such class has been defined, or it has no such settings.
         """
-        if name not in StrainEnergy._registry:
+        if not isinstance(name, str) or name not in StrainEnergy._registry:
             raise ValueError(
                 f"no strain energy is called {name!r}; known are {sorted(StrainEnergy._registry)}. "
                 "If it is your own, run or import its class first."
             )
-        return StrainEnergy._registry[name](**settings)
+        law = StrainEnergy._registry[name]
+        known = signature(law).parameters.values()
+        strangers = sorted(set(settings) - {setting.name for setting in known})
+        if strangers and not any(s.kind is s.VAR_KEYWORD for s in known):
+            raise ValueError(
+                f"{name} has the settings {[s.name for s in known]}, but {strangers} were given"
+            )
+        return law(**settings)
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and vars(self) == vars(other)
