@@ -9,6 +9,8 @@ import numpy as np
 import xarray as xr
 
 _SEAL = "checksum"
+# When it was made, and by which version of ArviZ, is no part of a result.
+_NO_PART = {_SEAL, "created_at", "creation_library", "creation_library_version"}
 
 
 def sealed[Result: (xr.Dataset, xr.DataTree)](result: Result) -> Result:
@@ -16,10 +18,7 @@ def sealed[Result: (xr.Dataset, xr.DataTree)](result: Result) -> Result:
 
     It covers all variables and attributes that there are: what is added later is no part of it.
     """
-    groups = {
-        path: [sorted(map(str, data.variables)), sorted(set(map(str, data.attrs)) - {_SEAL})]
-        for path, data in _groups(result)
-    }
+    groups = _all_of(result)
     result.attrs[_SEAL] = json.dumps({"groups": groups, "sha256": _digest(result, groups)})
     return result
 
@@ -56,11 +55,15 @@ def unsealed(attrs: Mapping[Any, Any]) -> dict[Any, Any]:
 
 def digest_of(result: xr.Dataset | xr.DataTree) -> str:
     """SHA-256 of all values, names and attributes of a result, but not of its seal."""
-    every = {
-        path: [sorted(map(str, data.variables)), sorted(set(map(str, data.attrs)) - {_SEAL})]
+    return _digest(result, _all_of(result))
+
+
+def _all_of(result: xr.Dataset | xr.DataTree) -> dict[str, list[Any]]:
+    """Names of variables and attributes of every group."""
+    return {
+        path: [sorted(map(str, data.variables)), sorted(set(map(str, data.attrs)) - _NO_PART)]
         for path, data in _groups(result)
     }
-    return _digest(result, every)
 
 
 def _groups(result: xr.Dataset | xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:

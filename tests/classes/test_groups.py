@@ -1,6 +1,7 @@
 """Comparison of groups: what follows from the distributions of two classes, by other ways."""
 
 import json
+import warnings
 
 import numpy as np
 import pymc as pm
@@ -127,7 +128,10 @@ def test_overlaps_are_those_of_normal_distributions(classes):
 def test_properties_are_those_of_a_tube(classes):
     """Compliance of a neo-Hookean tube, whose pressure is proportional to its modulus."""
     pressure = [1.0, 2.0]
-    result = compare(classes, ["compliance", "log compliance"], pressure=pressure, draws=100)
+    with warnings.catch_warnings():
+        # Of three specimens little is known of the spread: some would burst.
+        warnings.filterwarnings("ignore", message=".*have no compliance there")
+        result = compare(classes, ["compliance", "log compliance"], pressure=pressure, draws=100)
     assert json.loads(result.attrs["tube"]) == TUBE | {"axial_stretch": 1.0, "opening_angle": 0.0}
     draws = result["draws"].sel(group="stiff", statistic="typical", quantity="compliance")
     posterior = classes["stiff"]["posterior"].to_dataset().stack(sample=("chain", "draw"))

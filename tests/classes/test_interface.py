@@ -14,6 +14,7 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import kinds
 from pymc_hyperelastic.classes.interface import ClassKind, Fold, Prediction, training_evidence
 from pymc_hyperelastic.data.select import specimens_apart, without_specimens
+from pymc_hyperelastic.files.store import compute_now
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 
 # Standard errors of a thousand draws of a mean; seeds are fixed.
@@ -46,7 +47,7 @@ class Scattered(ClassKind):
         if data["pressure"].values.min() < 0:
             raise ValueError("pressure falls below zero")
 
-    def fit(self, classes, draws, chains, seed, progressbar=False):
+    def fit(self, classes, draws, chains, seed, progressbar=False, remember=compute_now):
         self.check_classes(classes)
         for name, data in classes.items():
             means = self.means(data)
@@ -69,7 +70,7 @@ class Scattered(ClassKind):
 
         return predict
 
-    def leave_out(self, classes, seed):
+    def leave_out(self, classes, seed, remember=compute_now):
         def fold(left_out, draws, chains):
             train = {name: without_specimens(data, left_out) for name, data in classes.items()}
             fitted = dict(self.fit(train, draws, chains, seed))

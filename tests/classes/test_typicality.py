@@ -7,7 +7,7 @@ from scipy import stats
 from variable_classes import NAMES, RADIUS, SEED, classify, curves, fit
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.classify import _decide
+from pymc_hyperelastic.classes.classification import _decide
 from pymc_hyperelastic.classes.typicality import either, misfit_p_value
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 
