@@ -55,18 +55,6 @@ def run_alike(request, monkeypatch, capsys):
     return run_here if request.param == "here" else run
 
 
-def csv_of_simulated_data(path, specimens=("S1", "S4"), **changes):
-    """Part of the simulated data in the format of classify_csv.py: two specimens."""
-    data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=specimens)
-    of_test = ["group", "specimen", "experiment", "inner_radius", "outer_radius"]
-    frame = pd.DataFrame({name: data[name].values[data["test"].values] for name in of_test})
-    frame["radius"], frame["pressure"] = data["radius"].values, data["pressure"].values / ph.mmHg
-    frame["split"] = ["new" if experiment == 3 else "train" for experiment in frame["experiment"]]
-    frame.loc[frame["split"] == "new", "group"] = ""
-    frame.assign(**changes).to_csv(path, index=False)
-    return frame
-
-
 @pytest.mark.deep
 @pytest.mark.parametrize(
     ("script", "numbers"),
@@ -91,42 +79,15 @@ def test_studies_run(script, numbers, tmp_path):
 
 @pytest.mark.deep
 def test_csv_is_classified(tmp_path):
-    """A CSV file of curves gives a table of class probabilities, with the right classes first."""
-    csv_of_simulated_data(tmp_path / "curves.csv")
-    options = ("--pressure-unit", "mmHg", "--sigma", "15", "--simulated", "--out", "out", *FEW)
-    done = run("classify_csv.py", "curves.csv", *options, folder=tmp_path)
+    """The table that comes with the examples gives the right classes, and a report."""
+    done = run("classify_csv.py", EXAMPLES / "curves.csv", folder=tmp_path)
     assert done.returncode == 0, done.stderr
-    table = pd.read_csv(tmp_path / "out" / "class_probability.csv")
-    best = table.loc[table.groupby("specimen")["class_probability"].idxmax()]
-    assert best.set_index("specimen")["class_label"].to_dict() == {"S1": "C1", "S4": "C2"}
-    assert len(list((tmp_path / "out").glob("*.png"))) == 4
-    assert "--variability specimen gives each its own" in done.stdout
-    assert xr.load_datatree(tmp_path / "out" / "classes.nc").children
-
-
-@pytest.mark.deep
-def test_csv_of_outer_diameters_with_variability(tmp_path):
-    """Outer diameters do in place of radii, and a graft is of neither of the classes."""
-    frame = csv_of_simulated_data(tmp_path / "curves.csv", ["S1", "S2", "S3", "S4", "S5"])
-    # Of S3 the third experiment is new, of the others the first two are known.
-    frame = frame[(frame["specimen"] == "S3") == (frame["experiment"] == 3)]
-    tube = {"inner_radius": 7.0, "outer_radius": 9.0}
-    radius = np.linspace(7.02, 7.3, 15)
-    pressure = ph.inflation_pressure(ph.Ogden(), radius, mu=500.0, alpha=2.0, **tube).eval()
-    graft = {"specimen": "graft", "experiment": 1, "split": "new", "group": "", **tube}
-    points = {"radius": radius, "pressure": pressure / ph.mmHg}
-    frame = pd.concat([frame, pd.DataFrame(graft | points)])
-    frame["outer_diameter"] = 2 * np.sqrt(frame["radius"] ** 2 + 9.0**2 - 7.0**2)
-    frame.drop(columns="radius").to_csv(tmp_path / "curves.csv", index=False)
-    options = ("--pressure-unit", "mmHg", "--sigma", "4", "--variability", "specimen", *FEW)
-    limits = ("--by", "specimen", "--undecided-below", "0.6", "--none-below", "0.05")
-    done = run("classify_csv.py", "curves.csv", *options, *limits, "--out", "out", folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "share one set of parameters" not in done.stdout
-    table = pd.read_csv(tmp_path / "out" / "class_probability.csv")
-    assert table["p_value"].between(0, 1).all()
-    decisions = table.drop_duplicates("specimen").set_index("specimen")["decision"]
-    assert decisions.to_dict() == {"S3": "C1", "graft": "none of these"}
+    assert "mmHg" in done.stdout
+    for specimen, group in {"S1": "C1", "S4": "C2"}.items():
+        decisions = [line for line in done.stdout.splitlines() if line.startswith(specimen)]
+        assert decisions and group in decisions[-1]
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "New specimens" in page
 
 
 @pytest.mark.deep
@@ -154,49 +115,6 @@ def test_cohort_runs(tmp_path):
     assert scores["pooled"] < scores["variability"] - 10
     flagged = pd.read_csv(tmp_path / "out" / "none_of_these.csv", index_col="kind")
     assert flagged.loc["neither class", "share"] > flagged.loc[["A", "B"], "share"].max()
-
-
-def test_csv_help_documents_the_format(run_alike, tmp_path):
-    """``--help`` names every column."""
-    done = run_alike("classify_csv.py", "--help", folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    for column in (
-        "group specimen experiment split radius pressure inner_radius outer_radius "
-        "axial_stretch opening_angle"
-    ).split():
-        assert f"\n  {column} " in done.stdout
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"split": "test"}, "error: line 2: split is 'test'; expected 'train' or 'new'"),
-        ({"split": "train"}, "needs rows of both splits"),
-        ({"radius": "wide"}, "row 2: radius is 'wide', not a number"),
-        ({"opening_angle": 1.0}, "and two conventions are in use"),
-        ({"opening_angle": 1.0}, "say which are given: --radii-of ring"),
-        ({"opening_angle": 60.0}, "for degrees, say --angle-unit deg"),
-        ({"phase": "unloading"}, "no phase 'loading'"),
-        ({"outer_radius": 5.0}, "outer_radius is 5 mm; expected more than inner_radius"),
-    ],
-)
-def test_csv_errors(run_alike, changes, message, tmp_path):
-    """Wrong content ends in one line that names the line of the file."""
-    unit = ("--pressure-unit", "mmHg")
-    csv_of_simulated_data(tmp_path / "curves.csv", **changes)
-    done = run_alike("classify_csv.py", "curves.csv", "--sigma", "2", *unit, folder=tmp_path)
-    assert done.returncode == 1
-    assert message in done.stderr
-    assert "Traceback" not in done.stderr
-
-
-def test_csv_without_a_column(run_alike, tmp_path):
-    """A missing column is named; a missing file too."""
-    (tmp_path / "curves.csv").write_text("specimen,radius\nS1,7.0\n", encoding="utf-8")
-    done = run_alike("classify_csv.py", "curves.csv", "--sigma", "2", folder=tmp_path)
-    assert "has no column group, experiment, split" in done.stderr
-    done = run_alike("classify_csv.py", "none.csv", "--sigma", "2", folder=tmp_path)
-    assert "none.csv" in done.stderr and "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize(

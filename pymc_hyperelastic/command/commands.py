@@ -16,7 +16,7 @@ from pymc_hyperelastic.cohorts.classify import classify_cohort
 from pymc_hyperelastic.cohorts.open import open_cohort
 from pymc_hyperelastic.command.study import CLASSES, CLASSIFIED, COMPARISON, classes_of, results_of
 from pymc_hyperelastic.data.files import read_tests
-from pymc_hyperelastic.data.select import select, tests_at
+from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.files.results import save_result
@@ -251,13 +251,7 @@ def report(
 
 def _split(data: xr.Dataset, which: str) -> xr.Dataset:
     """Tests of one split, if the tables tell of such."""
-    if "split" not in data.coords:
-        return data
-    own = [i for i, name in enumerate(data["split"].values.tolist()) if str(name) == which]
-    if not own:
-        known = ", ".join(map(repr, dict.fromkeys(data["split"].values.tolist())))
-        raise ValueError(f"no row has the split {which!r}; the tables have {known}")
-    return tests_at(data, own)
+    return select(data, split=which) if "split" in data.coords else data
 
 
 def _errors(noise: str, force: str | None, diameter: str | None) -> dict[str, Any]:

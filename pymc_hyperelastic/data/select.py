@@ -22,6 +22,7 @@ def select(
     *,
     cycle: Hashable | Iterable[Hashable] | None = None,
     phase: Hashable | Iterable[Hashable] | None = None,
+    **labels: Hashable | Iterable[Hashable],
 ) -> xr.Dataset:
     """Keep the tests with the given labels.
 
@@ -32,6 +33,9 @@ def select(
     specimen, experiment, group, cycle, phase : label or list of labels, optional
         What to keep; a test must satisfy all that are given. Cycles and phases are those of the
         columns of :func:`inflation_data`, such as ``phase="loading"``.
+    **labels
+        Others that tests have, such as ``split="new"`` or ``animal="M1"`` of
+        :func:`~pymc_hyperelastic.read_tests`.
 
     Returns
     -------
@@ -53,10 +57,10 @@ def select(
     check_inflation_data(data)
     keep = np.ones(data.sizes["test"], dtype=bool)
     given = {"specimen": specimen, "experiment": experiment, "group": group}
-    given |= {"cycle": cycle, "phase": phase}
+    given |= {"cycle": cycle, "phase": phase, **labels}
     asked = {name: _as_labels(wanted) for name, wanted in given.items() if wanted is not None}
     for name, wanted in asked.items():
-        if name not in data.coords:
+        if name not in data.coords or data[name].dims != ("test",):
             raise ValueError(
                 f"the data do not name a {name}: give inflation_data() a table with such a column"
             )

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -91,6 +92,30 @@ def test_groups_are_compared(run, table, tmp_path):
     assert "log compliance" in said
     run("report", study)
     assert "Differences" in (study / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.deep
+def test_outer_diameters_and_a_stranger(run, table, tmp_path):
+    """Outer diameters do in place of radii, and a graft is of neither of the classes."""
+    frame = pd.read_csv(table).rename(columns={"radius [mm]": "radius"})
+    # Of S3 the third experiment is new, of the others the first two are known.
+    frame = frame[(frame["specimen"] == "S3") == (frame["experiment"] == 3)]
+    tube = {"inner_radius": 7.0, "outer_radius": 9.0}
+    radius = np.linspace(7.02, 7.3, 15)
+    pressure = ph.inflation_pressure(ph.Ogden(), radius, mu=500.0, alpha=2.0, **tube).eval()
+    graft = {"specimen": "graft", "experiment": 1, "split": "new", "group": "unknown"}
+    graft |= {f"{name} [mm]": value for name, value in tube.items()}
+    points = {"radius": radius, "pressure [mmHg]": pressure / ph.mmHg}
+    frame = pd.concat([frame, pd.DataFrame(graft | points)])
+    frame["outer_diameter [mm]"] = 2 * np.sqrt(frame.pop("radius") ** 2 + 9.0**2 - 7.0**2)
+    frame.to_csv(tmp_path / "diameters.csv", index=False)
+    study = tmp_path / "study"
+    run("fit", tmp_path / "diameters.csv", *FEW, "--out", study)
+    limits = ["--undecided-below", 0.6, "--none-below", 0.05]
+    run("classify", tmp_path / "diameters.csv", *limits, "--out", study, "--cores", 1, "--quiet")
+    found = pd.read_csv(study / "classified.csv").set_index("specimen")
+    assert found["decision"].to_dict() == {"S3": "C1", "graft": "none of these"}
+    assert found["p-value C1"].between(0, 1).all()
 
 
 @pytest.mark.parametrize(
