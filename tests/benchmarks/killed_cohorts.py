@@ -34,8 +34,7 @@ QUIET = {"progressbar": False, "batch_size": 2}
 DRIVER = """
 import sys
 sys.path[:0] = {paths!r}
-from chores import Chore
-from conftest import cohort
+from chores import Chore, cohort
 from pymc_hyperelastic.cohorts.run import run_cohort
 print("ready", flush=True)
 run_cohort(Chore(seconds=0.2), cohort(), {folder!r}, cores=2, batch_size=2, progressbar=False)

@@ -1,4 +1,4 @@
-"""Work that costs nothing, and fails as it is told."""
+"""Work that costs nothing, and fails as it is told; and specimens to do it with."""
 
 import os
 import signal
@@ -7,10 +7,34 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
+import pymc_hyperelastic as ph
 from pymc_hyperelastic.cohorts.work import Work, labels_of
 from pymc_hyperelastic.data.select import tests_at, units_of
+
+SPECIMENS = 20
+
+
+def cohort(specimens: int = SPECIMENS, seed: int = 1):
+    """Specimens with two experiments each, which are no tubes of any material."""
+    rng = np.random.default_rng(seed)
+    radius = np.linspace(7.1, 9.0, 5)
+    frames = [
+        pd.DataFrame(
+            {
+                "specimen": f"S{specimen}",
+                "experiment": experiment,
+                "group": f"G{specimen % 2}",
+                "radius": radius,
+                "pressure": (radius - 7) * rng.uniform(4, 6) + 0.1 * rng.standard_normal(5),
+            }
+        )
+        for specimen in range(specimens)
+        for experiment in (1, 2)
+    ]
+    return ph.inflation_data(pd.concat(frames), inner_radius=7.0, outer_radius=9.0, check="ignore")
 
 
 @dataclass(frozen=True)

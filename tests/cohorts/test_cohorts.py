@@ -254,8 +254,7 @@ def test_an_interrupt_is_raised_and_says_where_the_rest_is(data, undisturbed, tm
 DRIVER = """
 import sys
 sys.path[:0] = {paths!r}
-from chores import Chore
-from conftest import cohort
+from chores import Chore, cohort
 from pymc_hyperelastic.cohorts.run import run_cohort
 print("ready", flush=True)
 settings = {{"cores": {cores}, "batch_size": 2, "progressbar": False}}
