@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from chores import Chore
+from chores import SPECIMENS, Chore, cohort
 
 import pymc_hyperelastic as ph
-from conftest import SPECIMENS, cohort
 from pymc_hyperelastic.cohorts.run import parts_of, run_cohort
 from pymc_hyperelastic.cohorts.workers import Processes
 
