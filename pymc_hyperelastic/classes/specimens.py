@@ -28,11 +28,10 @@ from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import PACKAGE
 from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import Integral, by_importance, fitted_to
+from pymc_hyperelastic.evidence.importance import Integral, by_importance
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.evidence.weights import effective_sample_size
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import deviation_name
@@ -54,8 +53,6 @@ Array = NDArray[np.float64]
 
 # Particles of a specimen.
 PARTICLES = 2000
-# Effective draws, for each coordinate, that show where a specimen is under another reference.
-_TELL = 5
 # Share of the first draws of a specimen that is kept where it is sampled again.
 _KEPT = 0.25
 # Particles whose curves are looked at, and how often these are made right.
@@ -120,31 +117,6 @@ class SpecimenSampler:
             draws = replace(draws, misfit=misfit, freedom=freedom)
         value, error = found.log_value
         return _weighted(draws, self.log_reference(found.particles) - value, error, found)
-
-    def again(
-        self, data: xr.Dataset, draws: SpecimenDraws, rng: np.random.Generator
-    ) -> SpecimenDraws:
-        """Sample the specimen of these data, of which draws under another reference are known.
-
-        They show where it is: nothing is searched for. Where they tell too little, or what is found
-        is not to be trusted, the specimen is sampled as if nothing were known.
-        """
-        log_weights = draws.log_weight + self.log_reference(draws.points)
-        effective = effective_sample_size(log_weights)
-        if effective < _TELL * draws.points.shape[1]:
-            return self(data, rng)
-        like = fitted_to(draws.points, log_weights, effective, len(draws.points), rng)
-
-        def take(sampler: SpecimenSampler) -> Integral:
-            target = sampler.target(data)
-            return by_importance(target.score, like, PARTICLES, rng, target.draw_prior)
-
-        _, found = self._by_right_curves(data, take)
-        if not found.trusted:
-            return self(data, rng)
-        value, error = found.log_value
-        log_density = self.log_reference(found.particles) - value
-        return _weighted(self.draws_at(found.particles), log_density, error, found)
 
     def near(
         self,

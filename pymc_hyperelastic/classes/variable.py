@@ -379,7 +379,7 @@ class SpecimenPredictive:
             evidence = specimen_evidence(draws, distributions)
             if evidence.pareto_k >= LARGEST_PARETO_K:
                 # Sampled closer to the class.
-                samples.append(self._near(name).again(data, draws, rng))
+                samples.append(self._near(name)(data, rng))
                 again = specimen_evidence(samples[-1], distributions)
                 if again.pareto_k < evidence.pareto_k:
                     # From draws of its own, which no other class shares.

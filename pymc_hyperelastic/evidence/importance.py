@@ -94,7 +94,7 @@ def by_importance(
             break
         # So many draws tell more of the posterior's shape than those of a step.
         if effective > 2 * points.shape[1]:
-            mixture = fitted_to(points, log_weights, effective, DRAWS, rng, start=mixture)
+            mixture = _fitted(points, log_weights, effective, DRAWS, rng, start=mixture)
     particles = points
     if np.isfinite(log_value.value):
         weights = np.exp(log_weights - log_weights.max())
@@ -166,13 +166,13 @@ def adapted_mixture(
         if len(mixture.means) > 1 == components_for(effective, dimension) and draws < most:
             draws, last = min(2 * draws, most), 0
             continue
-        mixture = fitted_to(points, log_weights, effective, draws, rng, start=mixture)
+        mixture = _fitted(points, log_weights, effective, draws, rng, start=mixture)
         if last == _LAST_STEPS:
             break
     return mixture
 
 
-def fitted_to(
+def _fitted(
     points: Array,
     log_weights: Array,
     effective: float,

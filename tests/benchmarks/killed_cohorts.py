@@ -20,10 +20,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "cohorts"))
 
-from chores import Chore
+from chores import Chore, cohort
 
 import pymc_hyperelastic as ph
-from conftest import cohort
 from pymc_hyperelastic.cohorts.run import run_cohort
 
 options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
