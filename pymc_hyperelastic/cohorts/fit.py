@@ -185,6 +185,7 @@ class _Model:
         self._model = tube_model(
             work.energy, data, work.observation, **work.unknown, forward=forward.with_data(data)
         )
+        self._energy = work.energy
         self.forward: ForwardModel = self._model.study.forward
         self._target = Target(self._model)
         free = self._model.free_RVs
@@ -204,7 +205,9 @@ class _Model:
 
     def right_for(self, data: xr.Dataset, posterior: Mapping[str, Any]) -> ForwardModel | None:
         """Curves that are right for such materials; None if these are."""
-        some = {name: values[:_LOOKED_AT] for name, values in posterior.items()}
+        if not isinstance(self._energy, StrainEnergy):
+            return None
+        some = {name: posterior[name][:_LOOKED_AT] for name in self._energy.parameter_names}
         if self.forward.errors(data, some).max() <= CURVES_ERR:
             return None
         return self.forward.right_for(some)
@@ -286,7 +289,7 @@ def fit_cohort(
     Warns
     -----
     UserWarning
-        If a part of the store is damaged: it is computed again.
+        If something failed; if a part of the store is damaged: it is computed again.
 
     Examples
     --------

@@ -100,7 +100,8 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
     }
     result = xr.Dataset(variables, attrs=unsealed(template.attrs))
     result = result.set_coords([n for n in template.coords if n in variables])
-    return _in_groups(result.assign_coords(units.coords))
+    result = result.assign_coords(units.coords)
+    return _in_groups(result) if manifest["work"] == "fit_cohort" else result
 
 
 def _read(folder: Path, part: Batch) -> xr.Dataset:
@@ -194,14 +195,11 @@ def _lazily(
     return xr.Variable(like.dims, indexing.LazilyIndexedArray(rows), like.attrs)
 
 
-def _in_groups(result: xr.Dataset) -> xr.DataTree | xr.Dataset:
+def _in_groups(result: xr.Dataset) -> xr.DataTree:
     """The result by the groups of which its variables say that they are."""
-    groups: dict[str, list[Any]] = {}
+    groups: dict[str, list[Any]] = {"posterior": [], "evidence": []}
     for name, variable in result.data_vars.items():
-        if GROUP in variable.attrs:
-            groups.setdefault(variable.attrs[GROUP], []).append(name)
-    if not groups:
-        return result
+        groups.setdefault(variable.attrs.get(GROUP, "evidence"), []).append(name)
     attrs = result.attrs
     result = result.drop_attrs(deep=False)
     tree = xr.DataTree.from_dict({group: result[names] for group, names in groups.items()})

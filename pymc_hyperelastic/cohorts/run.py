@@ -76,7 +76,7 @@ def run_cohort(
         return
     cores = min(cores or _cores(), len(todo))
     workers = workers_for(work, uuid.uuid4().hex, client, cores)
-    tests = [*units.values()]
+    tests, failed = [*units.values()], list[str]()
 
     def of(batch: Batch) -> xr.Dataset:
         return tests_at(data, np.sort(np.concatenate(tests[batch.first : batch.last])))
@@ -85,7 +85,8 @@ def run_cohort(
         bar = progress.add_task(work.name, completed=0, total=len(units))
         progress.update(bar, completed=len(units) - sum(b.last - b.first for b in todo))
         try:
-            for batch in _done(todo, workers, store, of, work.by):
+            for batch, messages in _done(todo, workers, store, of, work.by):
+                failed += messages
                 progress.advance(bar, batch.last - batch.first)
         except (OSError, ClusterLost) as error:
             raise type(error)(
@@ -100,10 +101,21 @@ def run_cohort(
             raise
         finally:
             workers.close()
+    if failed:
+        warnings.warn(
+            f"{len(failed)} of {len(units)} failed, which 'error' of the result tells; the first "
+            f"is {failed[0]}",
+            skip_file_prefixes=(PACKAGE,),
+        )
 
 
-def _done(todo: deque[Batch], workers: Workers, store: Store, of: Any, by: str) -> Iterator[Batch]:
-    """Batches when they are done: tried again, and halved, where processes die of them."""
+def _done(
+    todo: deque[Batch], workers: Workers, store: Store, of: Any, by: str
+) -> Iterator[tuple[Batch, list[str]]]:
+    """Batches when they are done, and what failed in them.
+
+    They are tried again, and halved, where processes die of them.
+    """
     running: dict[Future, Batch] = {}
     while todo or running:
         while todo and len(running) < _WAITING * workers.count:
@@ -115,7 +127,7 @@ def _done(todo: deque[Batch], workers: Workers, store: Store, of: Any, by: str) 
         for future in finished:
             batch = running.pop(future)
             try:
-                future.result()
+                failed = future.result()
             except WorkerDied as died:
                 again = batch._replace(deaths=batch.deaths + died.deaths)
                 if again.deaths < DEATHS:
@@ -126,7 +138,8 @@ def _done(todo: deque[Batch], workers: Workers, store: Store, of: Any, by: str) 
                     continue
                 said = f"the process that computed it died {again.deaths} times: {died}"
                 save_result(failure(of(batch), by, said), store.part(batch.part))
-            yield batch
+                failed = [f"{label}: {said}" for label in units_of(of(batch), by)]
+            yield batch, failed
 
 
 def _missing(folder: Path, units: int, batch_size: int) -> list[Batch]:

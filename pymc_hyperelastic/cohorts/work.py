@@ -42,7 +42,7 @@ class Work(ABC):
 _prepared: dict[str, Prepared] = {}
 
 
-def run_batch(work: Work, token: str, data: xr.Dataset, part: Path) -> None:
+def run_batch(work: Work, token: str, data: xr.Dataset, part: Path) -> list[str]:
     """Do the work of a batch and write its part of the store.
 
     Parameters
@@ -55,6 +55,11 @@ def run_batch(work: Work, token: str, data: xr.Dataset, part: Path) -> None:
         Those of the batch.
     part : Path
         Where its part of the store is written.
+
+    Returns
+    -------
+    list of str
+        What failed in it, and why.
     """
     # All that a warning would say stands in the results.
     with warnings.catch_warnings(), threadpool_limits(1):
@@ -62,7 +67,10 @@ def run_batch(work: Work, token: str, data: xr.Dataset, part: Path) -> None:
         if token not in _prepared:
             _prepared.clear()
             _prepared[token] = work.prepare()
-        save_result(_each_alone_if_needed(_prepared[token], data, work.by), part)
+        result = _each_alone_if_needed(_prepared[token], data, work.by)
+        save_result(result, part)
+    said = zip(units_of(data, work.by), result["error"].values.tolist(), strict=True)
+    return [f"{label}: {error}" for label, error in said if error]
 
 
 def _each_alone_if_needed(run: Prepared, data: xr.Dataset, by: str) -> xr.Dataset:

@@ -25,9 +25,9 @@ def main() -> None:
             batch = pickle.load(questions)
         except EOFError:
             return
-        answer: Exception | None = None
+        answer: list[str] | Exception
         try:
-            run_batch(work, "here", *batch)
+            answer = run_batch(work, "here", *batch)
         except Exception as error:
             error.add_note(traceback.format_exc())
             answer = error

@@ -43,7 +43,7 @@ class Workers(Protocol):
     count: int
 
     def submit(self, data: xr.Dataset, part: Path) -> Future:
-        """Let a batch be done; what fails is the exception of the future."""
+        """Let a batch be done. What failed in it is the result of the future."""
 
     def check(self) -> None:
         """Raise if nobody is left who could go on."""
@@ -64,8 +64,7 @@ class ThisProcess:
         """Do a batch."""
         future: Future = Future()
         try:
-            run_batch(self._work, self._token, data, part)
-            future.set_result(None)
+            future.set_result(run_batch(self._work, self._token, data, part))
         except Exception as error:
             future.set_exception(error)
         return future
@@ -107,7 +106,7 @@ class Processes:
         self._threads.shutdown(cancel_futures=True)
         self._folder.cleanup()
 
-    def _do(self, data: xr.Dataset, part: Path) -> None:
+    def _do(self, data: xr.Dataset, part: Path) -> list[str]:
         process = self._process()
         try:
             cloudpickle.dump((data, part), process.stdin)
@@ -117,8 +116,9 @@ class Processes:
             self._own.process = None
             self._all.discard(process)
             raise WorkerDied(_how(_stop(process))) from None
-        if answer is not None:
+        if isinstance(answer, Exception):
             raise answer
+        return answer
 
     def _process(self) -> Any:
         """The process of this thread."""
@@ -205,7 +205,7 @@ class Cluster:
             # A cluster has tried again by itself.
             error = WorkerDied("workers of the cluster were killed, or ended", DEATHS)
         if error is None:
-            future.set_result(None)
+            future.set_result(done.result())
         else:
             future.set_exception(error)
 

@@ -97,7 +97,8 @@ def test_other_work_or_data_are_refused(data, tmp_path):
 
 def test_a_specimen_that_raises_is_a_row_with_its_message(data, undisturbed, tmp_path):
     """The others, in the same batch too, are as they were."""
-    result = done(Chore(raises=("S3", "S19")), data, tmp_path / "store", batch_size=8)
+    with pytest.warns(UserWarning, match="2 of 20 failed.* the first is S3: KeyError: 'S3'"):
+        result = done(Chore(raises=("S3", "S19")), data, tmp_path / "store", batch_size=8)
     failed = result["specimen"].isin(["S3", "S19"])
     assert result["error"].values[failed].tolist() == ["KeyError: 'S3'", "KeyError: 'S19'"]
     assert np.isnan(result["total"].values[failed]).all()
@@ -107,7 +108,8 @@ def test_a_specimen_that_raises_is_a_row_with_its_message(data, undisturbed, tmp
 
 def test_if_all_fail_nothing_else_is_there(data, tmp_path):
     everyone = tuple(f"S{i}" for i in range(SPECIMENS))
-    result = done(Chore(raises=everyone), data, tmp_path / "store", batch_size=8)
+    with pytest.warns(UserWarning, match="20 of 20 failed"):
+        result = done(Chore(raises=everyone), data, tmp_path / "store", batch_size=8)
     assert set(result.data_vars) == {"error"}
     assert result["error"].values[7] == "KeyError: 'S7'"
 
@@ -115,7 +117,8 @@ def test_if_all_fail_nothing_else_is_there(data, tmp_path):
 @pytest.mark.deep
 def test_a_specimen_that_kills_its_process_stands_alone(data, undisturbed, tmp_path):
     """Its batch is tried again, halved and halved again; all others are done."""
-    result = done(Chore(kills=("S5",)), data, tmp_path / "store", batch_size=4, cores=2)
+    with pytest.warns(UserWarning, match="1 of 20 failed.* S5: the process that computed it died"):
+        result = done(Chore(kills=("S5",)), data, tmp_path / "store", batch_size=4, cores=2)
     assert result["error"].sel(specimen="S5").item() == (
         "the process that computed it died 3 times: it was killed by signal 9, perhaps for its "
         "memory"
