@@ -114,6 +114,9 @@ class BatchedFunction:
         """What is in memory at once for each, as a power of 2: arrays out of cache cost a lot."""
         some = np.zeros((_MEASURED, self.dimension))
         values = [v.get_value(borrow=True) for v in self.shared]
+        with np.errstate(all="ignore"):
+            # What compiles when it is first called needs more memory then.
+            self.function(some, *values)
         tracing = tracemalloc.is_tracing()
         if not tracing:
             tracemalloc.start()
