@@ -89,3 +89,11 @@ def pytest_runtest_makereport(
             "s: make it faster, mark it deep, or raise --longest-test on a slow computer"
         )
     return report
+
+
+@pytest.fixture(autouse=True)
+def _examples_leave_nothing(request: pytest.FixtureRequest) -> None:
+    """Run examples of docstrings, which may write files, in a folder of their own."""
+    if isinstance(request.node, pytest.DoctestItem):
+        folder = request.getfixturevalue("tmp_path")
+        request.getfixturevalue("monkeypatch").chdir(folder)
