@@ -23,8 +23,8 @@ from pymc_hyperelastic.cohorts.workers import (
 )
 from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.checks import PACKAGE, check_count
-from pymc_hyperelastic.files.results import open_result, save_result
-from pymc_hyperelastic.files.seal import digest_of
+from pymc_hyperelastic.files.results import save_result
+from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.store import Store
 
 # Batches that wait at the workers for each that is being done.
@@ -68,10 +68,10 @@ def run_cohort(
     if cores is not None:
         check_count("cores", cores, 1)
     units = units_of(data, work.by)
-    manifest = work.manifest() | {"data": {"sha256": digest_of(data)}}
+    manifest = work.manifest() | digests_of({"data": data})
     store = Store(folder, {"work": work.name, "by": work.by, "units": len(units), **manifest})
     store.remember(UNITS, lambda: xr.Dataset(coords=labels_of(data, work.by)))
-    todo = deque(_missing(store.folder, len(units), batch_size))
+    todo = deque(_missing(store, len(units), batch_size))
     if not todo:
         return
     cores = min(cores or _cores(), len(todo))
@@ -142,19 +142,11 @@ def _done(
             yield batch, failed
 
 
-def _missing(folder: Path, units: int, batch_size: int) -> list[Batch]:
+def _missing(store: Store, units: int, batch_size: int) -> list[Batch]:
     """Batches of the units of which the store has no part."""
     there = np.zeros(units, bool)
-    for batch in parts_of(folder):
-        path = folder / f"{Batch(*batch).part}.nc"
-        try:
-            open_result(path)
-        except ValueError as error:
-            said = f"{error}. It is computed again"
-            warnings.warn(said, skip_file_prefixes=(PACKAGE,))
-            path.unlink()
-        else:
-            there[slice(*batch)] = True
+    for batch in parts_of(store.folder):
+        there[slice(*batch)] = store.kept(Batch(*batch).part) is not None
     lacking = np.flatnonzero(~there)
     runs = np.split(lacking, np.flatnonzero(np.diff(lacking) > 1) + 1)
     return [

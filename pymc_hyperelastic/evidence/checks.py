@@ -1,14 +1,12 @@
 """Checks of the model and the numbers that a user gives."""
 
-import os.path
 from numbers import Integral, Real
 from typing import Any
 
 import pymc as pm
 from pymc.vartypes import discrete_types
 
-# A warning that skips files under this path names the line that called the package.
-PACKAGE = os.path.join(os.path.dirname(os.path.dirname(__file__)), "")
+from pymc_hyperelastic.files.place import PACKAGE as PACKAGE
 
 
 def check_count(name: str, value: Any, least: int) -> None:

@@ -58,6 +58,11 @@ def digest_of(result: xr.Dataset | xr.DataTree) -> str:
     return _digest(result, _all_of(result))
 
 
+def digests_of(results: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    """The same of several results, by name, as a manifest says it."""
+    return {name: {"sha256": digest_of(result)} for name, result in results.items()}
+
+
 def _all_of(result: xr.Dataset | xr.DataTree) -> dict[str, list[Any]]:
     """Names of variables and attributes of every group."""
     return {

@@ -1,6 +1,7 @@
 """A folder that keeps the parts of long work, so that what was computed is never lost."""
 
 import json
+import warnings
 from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 
 import xarray as xr
 
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.results import open_result, save_result
 from pymc_hyperelastic.files.stored import shown
 from pymc_hyperelastic.files.whole import written_whole
@@ -74,17 +76,35 @@ class Store:
         self, name: str, compute: Callable[[], Result]
     ) -> Result:
         """A part of that name: as it was computed before, else computed now, and kept."""
-        path = self.part(name)
-        if path.exists():
-            return open_result(path)
+        kept = self.kept(name)
+        if kept is not None:
+            return kept
         result = compute()
-        save_result(result, path)
+        save_result(result, self.part(name))
         return result
+
+    def kept(self, name: str) -> Any:
+        """A part of that name; None if it is not there, or damaged, which is warned of."""
+        path = self.part(name)
+        if not path.exists():
+            return None
+        try:
+            return open_result(path)
+        except ValueError as error:
+            said = f"{error}. It is computed again"
+            warnings.warn(said, skip_file_prefixes=(PACKAGE,))
+            path.unlink()
+            return None
 
 
 def compute_now[Result](_: str, compute: Callable[[], Result]) -> Result:
     """What :meth:`Store.remember` does where nothing is kept."""
     return compute()
+
+
+def named(prefix: str, remember: Remember) -> Remember:
+    """The same for parts of a part, whose names begin with its own."""
+    return lambda name, compute: remember(f"{prefix}-{name}", compute)
 
 
 def remembering(folder: str | Path | None, manifest: Callable[[], Mapping[str, Any]]) -> Remember:

@@ -161,6 +161,16 @@ def test_a_part_is_computed_once(tmp_path):
     assert calls == [1]
 
 
+def test_a_damaged_part_is_named_and_computed_again(tmp_path):
+    """As that of a cohort: what a power cut leaves is not taken for whole, and ends nothing."""
+    store = Store(tmp_path / "store", {"what": "test"})
+    store.remember("one", every_type)
+    store.part("one").write_bytes(store.part("one").read_bytes()[:-50])
+    with pytest.warns(UserWarning, match=r"one\.nc .* It is computed again"):
+        assert store.remember("one", every_type).equals(every_type())
+    assert store.kept("one").equals(every_type())
+
+
 def test_other_work_is_refused_and_said_to_differ(tmp_path):
     """The message says what there is and what is asked for."""
     manifest = {"what": "test", "settings": {"a": 1, "b": None}, "data": {"sha256": "0a"}}
