@@ -6,6 +6,7 @@ import xarray as xr
 
 from pymc_hyperelastic.cohorts.open import open_cohort
 from pymc_hyperelastic.files.results import open_result
+from pymc_hyperelastic.models.study import law_names_of
 
 CLASSES, COMPARISON = "classes", "comparison"
 #: Folder of the store of what was classified.
@@ -40,8 +41,8 @@ def results_of(folder: Path) -> dict[str, xr.Dataset | xr.DataTree]:
     results: dict[str, xr.Dataset | xr.DataTree] = {}
     trees = classes_of(folder)
     for tree in trees:
-        law = str(tree.attrs.get("strain_energy", "")) or _law_of(tree)
-        results["Classes" if len(trees) == 1 else f"Classes of {law}"] = tree
+        laws = " and ".join(law_names_of(next(iter(tree.children.values()))))
+        results["Classes" if len(trees) == 1 else f"Classes of {laws}"] = tree
     if (folder / CLASSIFIED).is_dir():
         classified = open_cohort(folder / CLASSIFIED)
         assert isinstance(classified, xr.Dataset)
@@ -49,7 +50,3 @@ def results_of(folder: Path) -> dict[str, xr.Dataset | xr.DataTree]:
     for path in sorted(folder.glob(f"{COMPARISON}-*.nc")):
         results[f"Differences {path.stem.removeprefix(f'{COMPARISON}-')}"] = open_result(path)
     return results
-
-
-def _law_of(tree: xr.DataTree) -> str:
-    return str(next(iter(tree.children.values())).attrs.get("strain_energy", "layers"))

@@ -29,12 +29,24 @@ def doubt(messages: Sequence[str], check: Check, *, stacklevel: int) -> None:
     check_known(check)
     if not messages or check == "ignore":
         return
-    message, others = messages[0], len(messages) - 1
-    if others:
-        message += f" (and so {'is 1 other' if others == 1 else f'are {others} others'})"
+    message = counted(messages)
     if check == "raise":
         raise ValueError(message)
     warnings.warn(f'{message}; if it is right, say check="ignore"', stacklevel=stacklevel + 1)
+
+
+def counted(messages: Sequence[str]) -> str:
+    """The first of some messages of one kind, and how many others there are.
+
+    Examples
+    --------
+    >>> counted(["S1 is doubtful", "S2 is doubtful"])
+    'S1 is doubtful (and so is 1 other)'
+    """
+    message, others = messages[0], len(messages) - 1
+    if others:
+        message += f" (and so {'is 1 other' if others == 1 else f'are {others} others'})"
+    return message
 
 
 def refuse(problems: Sequence[str]) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.files.stored import read_json
+from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.plots.comparison import plot_comparison
 from pymc_hyperelastic.reports.blocks import (
     BAD,
@@ -105,8 +106,7 @@ def _places(result: xr.Dataset) -> list[tuple[list[float], xr.Dataset]]:
     """Each pressure that a table shows, and the result there."""
     if "pressure" not in result.dims:
         return [([], result)]
-    count = result.sizes["pressure"]
-    chosen = np.unique(np.linspace(0, count - 1, min(count, _MOST_PRESSURES)).round().astype(int))
+    chosen = evenly(result.sizes["pressure"], _MOST_PRESSURES)
     parts = [result.isel(pressure=i) for i in chosen.tolist()]
     return [([float(part["pressure"])], part) for part in parts]
 

@@ -1,12 +1,12 @@
 """What a study was computed with, and what its methods were."""
 
-import json
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import xarray as xr
 
+from pymc_hyperelastic.files.stored import read_json
 from pymc_hyperelastic.reports.blocks import Found, Page
 from pymc_hyperelastic.reports.kinds import Kind
 
@@ -59,6 +59,7 @@ def stored_versions(result: Any) -> dict[str, str]:
     """Versions that a result holds, by package; those of its first class."""
     if not isinstance(result, xr.DataTree):
         return {}
-    attrs = [result.attrs, *(child.attrs for child in result.children.values())]
-    stored = next((a["versions"] for a in attrs if "versions" in a), "{}")
-    return {str(name): str(number) for name, number in json.loads(stored).items()}
+    trees = [result, *result.children.values()]
+    telling = [tree for tree in trees if "versions" in tree.attrs]
+    stored = read_json(telling[0], "versions", {}) if telling else {}
+    return {str(name): str(number) for name, number in stored.items()}

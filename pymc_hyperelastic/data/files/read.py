@@ -11,7 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from pymc_hyperelastic.data.columns import rows_of
-from pymc_hyperelastic.data.doubt import Check, check_known, refuse
+from pymc_hyperelastic.data.doubt import Check, check_known, counted, refuse
 from pymc_hyperelastic.data.files.join import named
 from pymc_hyperelastic.data.files.settings import OF_KIND, Settings, read_settings, settings_of
 from pymc_hyperelastic.data.files.sheets import Table, table_of
@@ -205,15 +205,8 @@ def _data(
             except ValueError as problem:
                 what = str(problem).replace(named(["specimen", "experiment"], labels), "")
                 problems.setdefault(what, []).append(str(problem))
-        refuse([_once(same) for same in problems.values()] or [str(error)])
+        refuse([counted(same) for same in problems.values()] or [str(error)])
         raise
-
-
-def _once(problems: list[str]) -> str:
-    """The first of some problems that differ by their experiment alone."""
-    others = len(problems) - 1
-    counted = f" (and so {'is 1 other' if others == 1 else f'are {others} others'})"
-    return problems[0] + counted * bool(others)
 
 
 def _with_labels(data: xr.Dataset, frame: pd.DataFrame) -> xr.Dataset:
