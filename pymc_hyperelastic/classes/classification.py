@@ -16,13 +16,13 @@ from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.classes.parts import parts_of, table_of_parts, with_parts
 from pymc_hyperelastic.classes.training import check_new
 from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
-from pymc_hyperelastic.data.select import tests_at, units_of
+from pymc_hyperelastic.data.select import labels_of_units, tests_at, units_of
 from pymc_hyperelastic.evidence.checks import PACKAGE, no_progress
 from pymc_hyperelastic.evidence.diagnosis import VERDICTS, worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
-from pymc_hyperelastic.files.seal import digest_of
+from pymc_hyperelastic.files.seal import digests_of
 
 _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
 _FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
@@ -66,6 +66,8 @@ class Classification:
         kinds = [kind_of_classes(tree) for tree in self.trees]
         self.names = list(classes.children)
         self._prior = _class_prior(class_prior, self.names)
+        with np.errstate(divide="ignore"):
+            self._log_prior = np.log(self._prior)
         self._laws = laws_of(self.trees, kinds)
         self._has_p_value = all(kind.has_p_value for kind in kinds)
         self._limits = {"undecided_below": undecided_below, "none_below": none_below}
@@ -94,11 +96,8 @@ class Classification:
             "by": self.by,
             "class_prior": self._prior.tolist(),
             **self._limits,
-            "classes": [
-                {name: {"sha256": digest_of(fitted)} for name, fitted in tree.children.items()}
-                for tree in self.trees
-            ],
-            "data": {"sha256": digest_of(data)},
+            "classes": [digests_of(tree.children) for tree in self.trees],
+            **digests_of({"data": data}),
             "random_seed": self._entropy,
         }
 
@@ -143,7 +142,7 @@ class Classification:
         result["decision"] = _decide(result, self._prior, **self._limits)
         if len(self.trees) > 1:
             result = result.assign(self._laws.as_variables())
-        return _labelled(result, data, [*units.values()], self.by).assign_attrs(
+        return _labelled(result, data, self.by).assign_attrs(
             {
                 "strain_energy": ", ".join(self._laws.labels),
                 "class_prior": json.dumps(dict(zip(self.names, self._prior.tolist(), strict=True))),
@@ -157,10 +156,8 @@ class Classification:
             predictor(data, seed_of(seed, label))
             for predictor, seed in zip(self._predictors, self._seeds, strict=True)
         ]
-        with np.errstate(divide="ignore"):
-            log_prior = np.log(self._prior)
-        averaged = average(self._laws, of_laws, log_prior)
-        return with_parts(averaged, self._laws, of_laws, log_prior)
+        averaged = average(self._laws, of_laws, self._log_prior)
+        return with_parts(averaged, self._laws, of_laws, self._log_prior)
 
 
 def warn_of_doubt(result: xr.Dataset) -> None:
@@ -214,16 +211,11 @@ def _tabulate(
     )
 
 
-def _labelled(
-    result: xr.Dataset, data: xr.Dataset, units: Sequence[Sequence[int]], by: str
-) -> xr.Dataset:
+def _labelled(result: xr.Dataset, data: xr.Dataset, by: str) -> xr.Dataset:
     """The result with names of what was classified, and what the data are said to be."""
-    first = [unit[0] for unit in units]
-    labels = ("specimen", "experiment", "group") if by == "test" else ("specimen", "group")
     # Above all whether they were simulated.
     kept = {key: data.attrs[key] for key in ("title", "simulated") if key in data.attrs}
-    named = {label: (by, data[label].values[first]) for label in labels}
-    return result.assign_coords(named).assign_attrs(kept)
+    return result.assign_coords(labels_of_units(data, by)).assign_attrs(kept)
 
 
 def _decide(

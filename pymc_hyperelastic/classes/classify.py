@@ -10,8 +10,9 @@ from pymc.progress_bar import create_simple_progress
 
 from pymc_hyperelastic.classes.classification import Classification, warn_of_doubt
 from pymc_hyperelastic.data.select import tests_at, units_of
+from pymc_hyperelastic.evidence.smc import seed_kept
 from pymc_hyperelastic.files.seal import sealed
-from pymc_hyperelastic.files.store import Store, seed_in
+from pymc_hyperelastic.files.store import Store
 
 # Of what is the same in all, the first is taken.
 _ROWS: dict[str, Any] = {
@@ -161,7 +162,6 @@ def classify(
     >>> bool(parts.sum("part") > 0)  # of the log ratio to class C1
     True
     """
-    known = seed_in(store) if random_seed is None else None
     classification = Classification(
         classes,
         new_data,
@@ -170,7 +170,7 @@ def classify(
         average_over=average_over,
         undecided_below=undecided_below,
         none_below=none_below,
-        random_seed=random_seed if known is None else known,
+        random_seed=seed_kept(random_seed, store).entropy,
     )
     classification.check_new(new_data)
     units = units_of(new_data, by)

@@ -12,9 +12,9 @@ import xarray as xr
 from pymc_hyperelastic.classes.interface import ClassKind, Data
 from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
-from pymc_hyperelastic.evidence.smc import seed_sequence
-from pymc_hyperelastic.files.seal import digest_of, sealed
-from pymc_hyperelastic.files.store import remembering, seed_in
+from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.files.seal import digests_of, sealed
+from pymc_hyperelastic.files.store import remembering
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.geometry import Measured
@@ -129,8 +129,7 @@ def fit_classes(
         experiment_effect=experiment_effect,
         reference_stress=reference_stress,
     )
-    known = seed_in(store) if random_seed is None else None
-    seed = seed_sequence(random_seed if known is None else known)
+    seed = seed_kept(random_seed, store)
     remember = remembering(store, lambda: _manifest(kind, classes, seed, draws, chains))
     tree = xr.DataTree.from_dict({})
     failed: dict[str, Exception] = {}
@@ -165,7 +164,7 @@ def _manifest(
         "draws": draws,
         "chains": chains,
         "random_seed": seed.entropy,
-        "data": {name: {"sha256": digest_of(data)} for name, data in classes.items()},
+        "data": digests_of(classes),
     }
 
 

@@ -22,9 +22,9 @@ from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.diagnosis import worst_of
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.smc import seed_sequence
-from pymc_hyperelastic.files.seal import digest_of
-from pymc_hyperelastic.files.store import Remember, remembering, seed_in
+from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.files.seal import digests_of
+from pymc_hyperelastic.files.store import Remember, named, remembering
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.geometry import Measured
@@ -153,8 +153,7 @@ def calibration_report(
     ]
     for kind in kinds:
         kind.check_classes(classes)
-    known = seed_in(store) if random_seed is None else None
-    seed = seed_sequence(random_seed if known is None else known)
+    seed = seed_kept(random_seed, store)
 
     def manifest() -> dict[str, Any]:
         return {
@@ -164,7 +163,7 @@ def calibration_report(
             "draws": draws,
             "chains": chains,
             "random_seed": seed.entropy,
-            "data": {name: {"sha256": digest_of(data)} for name, data in classes.items()},
+            "data": digests_of(classes),
         }
 
     remember = remembering(store, manifest)
@@ -270,7 +269,7 @@ def _leave_out_each(
         bar = progress.add_task("Leaving out", completed=0, total=total)
         try:
             for i, (kind, seed) in enumerate(zip(kinds, seeds, strict=True)):
-                folds = _Folds(kind, classes, seed, draws, chains, f"law-{i}", remember)
+                folds = _Folds(kind, classes, seed, draws, chains, named(f"law-{i}", remember))
                 progress.advance(bar)
                 for number, unit in enumerate(every_unit):
                     out = [s for s in specimens if units[s] == unit]
@@ -296,11 +295,10 @@ class _Folds:
         seed: np.random.SeedSequence,
         draws: int,
         chains: int,
-        name: str,
         remember: Remember,
     ) -> None:
-        self._name, self._remember = name, remember
-        self._leave_out = partial(kind.leave_out, classes, seed, self._of_law)
+        self._remember = remember
+        self._leave_out = partial(kind.leave_out, classes, seed, remember)
         self._size = draws, chains
 
     @cached_property
@@ -308,10 +306,7 @@ class _Folds:
         return self._leave_out()
 
     def __call__(self, number: int, left_out: Collection[str]) -> xr.Dataset:
-        return self._of_law(f"fold-{number}", lambda: self._held(left_out))
-
-    def _of_law(self, part: str, compute: Callable[[], xr.Dataset]) -> xr.Dataset:
-        return self._remember(f"{self._name}-{part}", compute)
+        return self._remember(f"fold-{number}", lambda: self._held(left_out))
 
     def _held(self, left_out: Collection[str]) -> xr.Dataset:
         training, verdict, predictions = self._fold(left_out, *self._size)

@@ -48,7 +48,7 @@ from pymc_hyperelastic.evidence.checks import check_count, no_progress
 from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR, check_evidence, worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.smc import seed_of
-from pymc_hyperelastic.files.store import Remember, compute_now
+from pymc_hyperelastic.files.store import Remember, compute_now, named
 from pymc_hyperelastic.files.stored import (
     damaged,
     read_dict,
@@ -56,6 +56,7 @@ from pymc_hyperelastic.files.stored import (
     reading,
     shown,
 )
+from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import (
@@ -222,10 +223,7 @@ class Variability(Population, ClassKind):
             seeds = seed.spawn(len(classes))
             for i, ((name, data), own) in enumerate(zip(classes.items(), seeds, strict=True)):
                 rng, sampler = np.random.default_rng(own), self.sampler(data)
-
-                def of_class(part: str, compute: Callable, i: int = i) -> xr.Dataset:
-                    return remember(f"class-{i}-{part}", compute)
-
+                of_class = named(f"class-{i}", remember)
                 try:
                     specimens = sample_specimens(sampler, data, own, advance, of_class)
                     close = draws_of_class(model, sampler, data, specimens, rng)
@@ -256,8 +254,8 @@ class Variability(Population, ClassKind):
             name: np.concatenate([of_class[name][:_MATERIALS] for of_class in specimens])
             for name in specimens[0]
         }
-        tests = np.unique(np.linspace(0, like.sizes["test"] - 1, _TESTS).round().astype(int))
-        if forward.errors(tests_at(like, tests), materials).max() <= CURVES_ERR:
+        some = tests_at(like, evenly(like.sizes["test"], _TESTS))
+        if forward.errors(some, materials).max() <= CURVES_ERR:
             return forward
         return forward.right_for(materials)
 
@@ -267,14 +265,12 @@ class Variability(Population, ClassKind):
         """Sample all specimens once; without some of them only the distributions are fitted."""
         rng, model = np.random.default_rng(seed), ClassModel(self)
         samplers = {name: self.sampler(data) for name, data in classes.items()}
-        specimens = {}
-        for i, (name, data) in enumerate(classes.items()):
-
-            def of_class(part: str, compute: Callable, i: int = i) -> xr.Dataset:
-                return remember(f"class-{i}-{part}", compute)
-
-            specimens[name] = sample_specimens(samplers[name], data, seed, no_progress, of_class)
-
+        specimens = {
+            name: sample_specimens(
+                samplers[name], data, seed, remember=named(f"class-{i}", remember)
+            )
+            for i, (name, data) in enumerate(classes.items())
+        }
         close = {
             name: draws_of_class(model, samplers[name], data, specimens[name], rng)
             for name, data in classes.items()

@@ -11,9 +11,8 @@ from pymc_hyperelastic.classes.classification import Classification
 from pymc_hyperelastic.cohorts.representatives import representatives
 from pymc_hyperelastic.cohorts.run import run_cohort
 from pymc_hyperelastic.cohorts.work import Prepared, Work
-from pymc_hyperelastic.evidence.smc import seed_sequence
-from pymc_hyperelastic.files.seal import digest_of
-from pymc_hyperelastic.files.store import seed_in
+from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.models.study import wall_of
 
 
@@ -35,10 +34,7 @@ class Classifying(Work):
         settings = dict(self.settings)
         trees = [self.classes, *settings.pop("average_over")]
         return {
-            "classes": [
-                {name: {"sha256": digest_of(fitted)} for name, fitted in tree.children.items()}
-                for tree in trees
-            ],
+            "classes": [digests_of(tree.children) for tree in trees],
             **settings,
         }
 
@@ -118,7 +114,7 @@ def classify_cohort(
         "average_over": [*average_over],
         "undecided_below": undecided_below,
         "none_below": none_below,
-        "random_seed": _seed(random_seed, store),
+        "random_seed": seed_kept(random_seed, store).entropy,
     }
     trees = [classes, *average_over]
     materials = [
@@ -132,9 +128,3 @@ def classify_cohort(
     work.classification().check_new(data)
     running = {"client": client, "cores": cores, "batch_size": batch_size}
     run_cohort(work, data, store, **running, progressbar=progressbar)
-
-
-def _seed(random_seed: Any, store: str | Path) -> Any:
-    """Entropy of a seed; if none is given, that of the store."""
-    known = seed_in(store) if random_seed is None else None
-    return seed_sequence(random_seed).entropy if known is None else known

@@ -18,17 +18,22 @@ from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR
 from pymc_hyperelastic.evidence.integral import integrate
-from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
+from pymc_hyperelastic.evidence.smc import seed_kept, seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.files.store import seed_in
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import Measured, check_geometry
 from pymc_hyperelastic.models.inflation import tube_model
 from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.priors import complete_wall, prior_from_record, prior_to_record
+from pymc_hyperelastic.models.priors import (
+    complete_wall,
+    prior_from_record,
+    prior_to_record,
+    priors_from_records,
+)
 from pymc_hyperelastic.models.study import noise_from_records, noise_records, wall_attrs
+from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
 
 # Of a property, what is kept of its posterior.
@@ -79,27 +84,24 @@ class Fitting(Work):
     def unknown(self) -> dict[str, Any]:
         """What is not known of the material and the tube."""
         return {
-            "priors": {name: prior_from_record(record) for name, record in self.priors.items()},
-            "geometry": {
-                name: Measured(record["sd"])
-                if isinstance(record, dict)
-                else prior_from_record(record)
-                for name, record in self.geometry.items()
-            },
+            "priors": priors_from_records(self.priors),
+            "geometry": {name: _distribution(record) for name, record in self.geometry.items()},
         }
+
+    def stated(self) -> tuple[Any, dict[str, Any], dict[str, Any]]:
+        """The wall, and distributions of all that is not known of it and of the tube."""
+        unknown = self.unknown
+        wall, distributions = complete_wall(self.energy, unknown["priors"], None)
+        return wall, distributions, check_geometry(unknown["geometry"], None)
 
 
 class Fits:
     """Posteriors of specimens, each by itself, from models that are compiled once."""
 
     def __init__(self, work: Fitting) -> None:
+        wall, *unknown = work.stated()
         self._work = work
-        unknown = work.unknown
-        wall, distributions = complete_wall(work.energy, unknown["priors"], None)
-        geometry = check_geometry(unknown["geometry"], None)
-        observation = work.observation
-        observation.check(wall, work.like, distributions, geometry)
-        self._forward = observation.forward_model(wall, work.like, distributions, geometry)
+        self._forward = work.observation.forward_model(wall, work.like, *unknown)
         self._models: dict[int, _Model] = {}
 
     def of(self, data: xr.Dataset) -> xr.Dataset:
@@ -158,11 +160,8 @@ class _Fit:
         return xr.Dataset(variables, coords)
 
     def _properties(self, work: Fitting, data: xr.Dataset) -> dict[str, Any]:
-        posterior = {
-            name: (("chain", "draw", f"{name}_entry")[: values.ndim + 1], values[None])
-            for name, values in self.posterior.items()
-        }
-        tree = xr.DataTree.from_dict({"posterior": xr.Dataset(posterior), "constant_data": data})
+        posterior = posterior_of({name: values[None] for name, values in self.posterior.items()})
+        tree = xr.DataTree.from_dict({"posterior": posterior, "constant_data": data})
         settings = dict(work.properties)
         found = tube_properties(tree, settings.pop("pressure"), energy=work.energy, **settings)
         quantiles = found.quantile([*QUANTILES.values()], ["chain", "draw"], skipna=True)
@@ -304,7 +303,6 @@ def fit_cohort(
     check_count("draws", draws, 2)
     if by not in ("specimen", "test"):
         raise ValueError(f"by must be 'specimen' or 'test', not {by!r}")
-    known = seed_in(store) if random_seed is None else None
     work = Fitting(
         by,
         energy,
@@ -314,15 +312,11 @@ def fit_cohort(
         {name: _record(name, value) for name, value in (geometry or {}).items()},
         _as_json(properties or {}),
         int(draws),
-        seed_sequence(random_seed).entropy if known is None else known,
+        seed_kept(random_seed, store).entropy,
     )
     # All input is checked here, where it was given.
-    work.observation.check(
-        complete_wall(energy, work.unknown["priors"], None)[0],
-        data,
-        complete_wall(energy, work.unknown["priors"], None)[1],
-        check_geometry(work.unknown["geometry"], None),
-    )
+    wall, *unknown = work.stated()
+    work.observation.check(wall, data, *unknown)
     running = {"client": client, "cores": cores, "batch_size": batch_size}
     run_cohort(work, data, store, **running, progressbar=progressbar)
 

@@ -146,26 +146,19 @@ class _Rows(BackendArray):
         )
 
     def _rows(self, key: tuple[Any, ...]) -> np.ndarray:
-        key = tuple(k if isinstance(k, slice) else np.asarray(k) for k in key)
         wanted = np.arange(self.shape[self._axis])[key[self._axis]]
         rows = np.atleast_1d(wanted)
         place = np.searchsorted(self._firsts, rows, side="right") - 1
-        pieces, order = [], []
+        found = filled(self._like, self._by, len(rows)).values.astype(self.dtype)
         for number in np.unique(place):
-            own = np.flatnonzero(place == number)
-            order.append(own)
-            pieces.append(self._of_part(number, rows[own]))
-        empty = filled(self._like, self._by, 0).values.astype(self.dtype)
-        both = np.concatenate([empty, *pieces], axis=self._axis)
-        both = np.take(both, np.argsort(np.concatenate([*order, []]).astype(int)), axis=self._axis)
-        if wanted.ndim == 0:
-            both = np.take(both, 0, axis=self._axis)
-            rest = tuple(k for axis, k in enumerate(key) if axis != self._axis)
-        else:
-            rest = tuple(slice(None) if axis == self._axis else k for axis, k in enumerate(key))
-        for axis in reversed(range(len(rest))):
-            both = both[(slice(None),) * axis + (rest[axis],)]
-        return both
+            own = place == number
+            found[(slice(None),) * self._axis + (own,)] = self._of_part(number, rows[own])
+        rest = list(key)
+        rest[self._axis] = slice(None) if wanted.ndim else 0
+        # One axis after another, from the last, so that none moves before its turn.
+        for axis, of_axis in reversed([*enumerate(rest)]):
+            found = found[(slice(None),) * axis + (of_axis,)]
+        return found
 
     def _of_part(self, number: int, rows: np.ndarray) -> np.ndarray:
         """Rows that one part has, or would have if it had been computed."""

@@ -5,6 +5,7 @@ import xarray as xr
 
 from pymc_hyperelastic.data.inflation import at_points, extension_tests, measured_radius
 from pymc_hyperelastic.data.select import tests_at
+from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 
 # Tests that are taken besides those at the ends of any range.
@@ -26,7 +27,7 @@ def representatives(data: xr.Dataset) -> xr.Dataset:
     columns["stretch"] = radius / columns["inner_radius"]
     columns["wall"] = columns["outer_radius"] / columns["inner_radius"]
     columns["pressure"] = data["pressure"].values.astype(float)
-    chosen = {*np.linspace(0, tests - 1, _MOST).round().astype(int).tolist()}
+    chosen = {*evenly(tests, _MOST).tolist()}
     for values in columns.values():
         if np.isfinite(values).any():
             chosen |= {int(test[np.nanargmin(values)]), int(test[np.nanargmax(values)])}

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from threadpoolctl import threadpool_limits
 
-from pymc_hyperelastic.data.select import tests_at, units_of
+from pymc_hyperelastic.data.select import labels_of_units, tests_at, units_of
 from pymc_hyperelastic.files.results import save_result
 
 Prepared = Callable[[xr.Dataset], xr.Dataset]
@@ -97,9 +97,7 @@ def failure(data: xr.Dataset, by: str, message: str) -> xr.Dataset:
 
 def labels_of(data: xr.Dataset, by: str) -> dict[str, Any]:
     """Coordinates of the units of these data."""
-    first = [tests[0] for tests in units_of(data, by).values()]
-    names = ("specimen", "group") if by == "specimen" else ("specimen", "experiment", "group")
-    return {name: (by, data[name].values[first].astype(str)) for name in names}
+    return {name: (by, v.astype(str)) for name, (_, v) in labels_of_units(data, by).items()}
 
 
 def joined(rows: Sequence[xr.Dataset], by: str) -> xr.Dataset:

@@ -7,7 +7,6 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
@@ -230,7 +229,4 @@ def workers_for(work: Work, token: str, client: Any, cores: int) -> Workers:
     """Those who do the work."""
     if client is not None:
         return Cluster(work, token, client)
-    make: Callable[[], Workers] = (
-        (lambda: ThisProcess(work, token)) if cores == 1 else (lambda: Processes(work, cores))
-    )
-    return make()
+    return ThisProcess(work, token) if cores == 1 else Processes(work, cores)

@@ -102,6 +102,13 @@ def specimens_of(data: xr.Dataset) -> tuple[list[str], NDArray[np.intp]]:
     return [*place], np.array([place[name] for name in labels])
 
 
+def labels_of_units(data: xr.Dataset, by: str) -> dict[str, tuple[str, NDArray]]:
+    """Coordinates that name what is judged together, see :func:`units_of`."""
+    first = [tests[0] for tests in units_of(data, by).values()]
+    names = ("specimen", "experiment", "group") if by == "test" else ("specimen", "group")
+    return {name: (by, data[name].values[first]) for name in names}
+
+
 def units_of(data: xr.Dataset, by: str) -> dict[str, list[int]]:
     """Tests that are judged together, each by itself or all on a specimen, by what to call them."""
     if by == "test":

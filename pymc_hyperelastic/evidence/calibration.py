@@ -19,9 +19,9 @@ from pymc_hyperelastic.evidence.batched import BatchedFunction, side_by_side
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
-from pymc_hyperelastic.evidence.smc import seed_sequence
-from pymc_hyperelastic.files.seal import digest_of
-from pymc_hyperelastic.files.store import Remember, remembering, seed_in
+from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.files.seal import digests_of
+from pymc_hyperelastic.files.store import Remember, remembering
 
 # Simulations that are a part of a store together.
 _KEPT_TOGETHER = 10
@@ -148,8 +148,7 @@ def simulation_based_calibration(
         lacking = [name for name in (*names, *observed) if name not in simulator.named_vars]
         if lacking:
             raise ValueError(f"the simulator has no variables {lacking}, which the model has")
-    known = seed_in(store) if random_seed is None else None
-    seed = seed_sequence(random_seed if known is None else known)
+    seed = seed_kept(random_seed, store)
     seeds = seed.generate_state(1 + simulations).tolist()
     simulated = _simulate(simulator or model, [*names, *observed], simulations, seeds.pop())
     _check_simulated(model, simulated, names)
@@ -162,7 +161,7 @@ def simulation_based_calibration(
         arrays = {k: ([f"{k}_{i}" for i in range(v.ndim)], v) for k, v in simulated.items()}
         return {
             "work": "simulation_based_calibration",
-            "simulations": {"sha256": digest_of(xr.Dataset(arrays))},
+            **digests_of({"simulations": xr.Dataset(arrays)}),
             "model": [v.name for v in model.value_vars],
             "settings": {"draws": draws, "ranked_draws": ranked_draws, **kernel_settings},
             "random_seed": seed.entropy,

@@ -3,6 +3,7 @@
 import hashlib
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence, with_diagnosi
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import sampling_tree
+from pymc_hyperelastic.files.store import seed_in
 
 
 def sample_smc(
@@ -146,6 +148,12 @@ def seed_sequence(random_seed: Any) -> np.random.SeedSequence:
             f"random_seed is {random_seed!r}; expected a whole number, not negative, several, "
             "or a numpy.random.Generator"
         ) from None
+
+
+def seed_kept(random_seed: Any, store: str | Path | None) -> np.random.SeedSequence:
+    """Seed sequence of work that a store may hold: without a seed that which it was begun with."""
+    known = seed_in(store) if random_seed is None else None
+    return seed_sequence(random_seed if known is None else known)
 
 
 def seed_of(seed: np.random.SeedSequence, label: str) -> np.random.SeedSequence:
