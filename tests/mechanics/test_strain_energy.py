@@ -375,6 +375,20 @@ def test_a_law_that_says_where_fibres_slacken_is_right():
             assert abs(above - below) > KINK_JUMP * abs(below)
 
 
+def test_a_shortened_law_is_the_law_where_walls_are_shorter_around():
+    """What it leaves out is nil there, in stress and in axial stress."""
+    hoop, axial = np.log(np.meshgrid([0.6, 0.9, 1.0], [0.8, 1.0, 1.7]))
+    for law in LAWS.values():
+        whole = law.strain_energy
+        parameters = whole.join(list(entries(law.parameters[0][0]).values()))
+        for name in ("stress_difference", "axial_stress_difference"):
+            of_both = [
+                getattr(energy, name)(pt.constant(hoop), pt.constant(axial), **parameters)
+                for energy in (whole, whole.shortened)
+            ]
+            np.testing.assert_array_equal(*(stress.eval(mode=AS_WRITTEN) for stress in of_both))
+
+
 MU = ph.Parameter("mu", r"\mu", "kPa", (0.0, 1.0), "shear modulus")
 
 

@@ -166,6 +166,14 @@ class StrainEnergy(ABC):
         """
         return ()
 
+    @property
+    def shortened(self) -> "StrainEnergy":
+        """The same law as far as ``λθ < 1``, with fewer terms if some are nil there.
+
+        It takes the same parameters. By default it is the law itself.
+        """
+        return self
+
     def split(self, parameters: Mapping[str, Any]) -> list[Any]:
         """All entries of all parameters as one list, in the order of :attr:`parameters`.
 

@@ -321,11 +321,22 @@ class FourFiber(_FibreReinforced):
         beta: Any,
     ) -> Sequence[_Family]:
         """Four, the diagonal ones at ``±β``."""
+        hoop = [_Family(1, k1_hoop, k2_hoop, 0.0)] if self._hoop_fibres else []
         return [
             _Family(1, k1_axial, k2_axial, _AXIAL),
-            _Family(1, k1_hoop, k2_hoop, 0.0),
+            *hoop,
             _Family(2, k1_diagonal, k2_diagonal, beta),
         ]
+
+    # Whether hoop fibres can be taut where the law is asked for.
+    _hoop_fibres = True
+
+    @property
+    def shortened(self) -> "FourFiber":
+        """The law without hoop fibres, which are slack there."""
+        law = FourFiber()
+        law._hoop_fibres = False
+        return law
 
 
 def _squared_cosine(angle: Any) -> Tensor:

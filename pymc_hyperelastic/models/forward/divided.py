@@ -44,7 +44,7 @@ class Divided(ByPoints):
     def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """What the model says at the points."""
         taut, slack = (_inputs_of(part, inputs) for part in (_TAUT, _SLACK))
-        of_parts = self.slack.curves(slack, wall)
+        of_parts = self.slack.curves(slack, _shortened(wall))
         of_parts["stiffness"] *= slack["share"]
         return _sum(self.taut.curves(taut, wall), of_parts, slack)
 
@@ -52,12 +52,17 @@ class Divided(ByPoints):
         """How the curves rise with the radius that was measured, at the stretch of each point."""
         taut, slack = (_inputs_of(part, inputs) for part in (_TAUT, _SLACK))
         growth = slack["share"] * taut["growth"][slack["points"]]
-        of_parts = {n: s * growth for n, s in self.slack.slopes(slack, wall).items()}
+        of_parts = {n: s * growth for n, s in self.slack.slopes(slack, _shortened(wall)).items()}
         return _sum(self.taut.slopes(taut, wall), of_parts, slack)
 
     def conditions(self, *_: Any) -> list[TensorVariable]:
         """None: known tubes are possible."""
         return []
+
+
+def _shortened(wall: WallVariables) -> WallVariables:
+    """The wall where ``λθ < 1``."""
+    return wall._replace(energy=wall.energy.shortened)
 
 
 def _inputs_of(part: str, inputs: Mapping[str, Any]) -> dict[str, Any]:
