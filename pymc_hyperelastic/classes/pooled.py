@@ -28,6 +28,7 @@ from pymc_hyperelastic.evidence.diagnosis import check_evidence, worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
     DRAWS,
+    FIRST_DRAWS,
     LARGEST_PARETO_K,
     by_importance,
     draw_heavy_tailed,
@@ -35,7 +36,13 @@ from pymc_hyperelastic.evidence.importance import (
 )
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
+from pymc_hyperelastic.evidence.modes import modes_from
+from pymc_hyperelastic.evidence.nearby import modes_near
+from pymc_hyperelastic.evidence.reference import Reference
+from pymc_hyperelastic.evidence.search import width_of
 from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
+from pymc_hyperelastic.evidence.target import Slope, by_differences
+from pymc_hyperelastic.evidence.weights import effective_sample_size
 from pymc_hyperelastic.files.store import Remember, compute_now
 from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers, reading
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -58,6 +65,12 @@ Array = NDArray[np.float64]
 _TO_FIT, _CLASS_DRAWS = 4000, 20000
 # The same for a part of an answer: draws of the class, of a mixture, and particles of one chain.
 _FEW_CLASS_DRAWS, _FEW_DRAWS, _FEW_PARTICLES = 4000, 2000, 500
+# So many draws of a class show whether all of them are worth their time: then at least so many are
+# effective.
+_SEEN_BY, _FEW = 200, 10
+# Of the first draws, the share of the class's mixture; the others are of modes, so much wider and
+# with tails of so many degrees of freedom.
+_SHARE_OF_CLASS, _WIDER, _FREEDOM = 0.1, 1.1, 4.0
 # Nats: of a part that is known no better nothing is told.
 _LARGEST_ERROR = 0.5
 
@@ -332,10 +345,24 @@ class ClassPredictive:
         some = draws[:: max(1, len(draws) // _TO_FIT)]
         components = components_for(len(some), self._kernel.dimension)
         self._mixture = GaussianMixture.fit(some, components, rng, iterations=20)
+        self._modes = self._modes_of_class(some)
         points, log_density = draw_heavy_tailed(self._mixture, _CLASS_DRAWS, rng)
         self._normaliser, self._normaliser_k = mean_weight(
             self._kernel.score(points)[0] - log_density
         )
+
+    def _modes_of_class(self, draws: Array) -> GaussianMixture | None:
+        """Modes of the class's posterior, climbed to from where its draws are."""
+
+        def score(points: Array) -> tuple[Array, Array]:
+            of_class = self._kernel.score(points)[0]
+            return of_class, np.zeros(len(points))
+
+        def ascent(width: Array) -> Slope:
+            return by_differences(score, width)
+
+        modes = modes_from(ascent, [self._mixture.means], width_of(draws))
+        return modes and modes.mixture
 
     def __call__(self, random_seed: int) -> Prediction:
         """Marginal likelihood of the data that the forward model holds."""
@@ -369,18 +396,25 @@ class ClassPredictive:
         )
 
     def _from_class_draws(self, effort: "_Effort") -> Prediction | None:
-        log_weights = self._likelihood(effort.class_draws)[0]
-        log_weights = np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
+        # Most specimens are too far from the class, which a few draws tell.
+        if effective_sample_size(self._log_likelihood(_some(effort.class_draws, _SEEN_BY))) < _FEW:
+            return None
+        log_weights = self._log_likelihood(effort.class_draws)
         estimate, pareto_k = mean_weight(log_weights)
         if pareto_k >= LARGEST_PARETO_K:
             return None
         return _prediction(estimate, "class draws", pareto_k)
 
+    def _log_likelihood(self, points: Array) -> Array:
+        """Of the new data."""
+        return np.nan_to_num(self._likelihood(points)[0], nan=-np.inf, neginf=-np.inf)
+
     def _from_adapted_draws(self, effort: "_Effort", rng: np.random.Generator) -> Prediction | None:
         if self._normaliser_k >= LARGEST_PARETO_K:
             return None
         score, draws = self._kernel.score, effort.draws
-        found = by_importance(score, self._mixture, 1, rng, first_draws=draws)
+        settings = {"first_draws": draws, "alike": self._alike()}
+        found = by_importance(score, self._mixture, 1, rng, **settings)
         if not found.trusted:
             return None
         estimate = Estimate(
@@ -388,6 +422,25 @@ class ClassPredictive:
             float(np.hypot(found.log_value.standard_error, self._normaliser.standard_error)),
         )
         return _prediction(estimate, "adapted draws", max(found.pareto_k, self._normaliser_k))
+
+    def _alike(self) -> list[tuple[Reference, int]]:
+        """What may be like the posterior, and how many draws of each are tried.
+
+        The modes of a class move a little for one more specimen. Some draws of the class itself
+        meet what there may be elsewhere.
+        """
+        modes = self._modes and modes_near(self._log_density, self._modes)
+        if modes is None:
+            return []
+        of_class = round(_SHARE_OF_CLASS * FIRST_DRAWS)
+        return [
+            (Reference(self._mixture.heavy_tailed(), 0.0), of_class),
+            (Reference(modes.widened(_WIDER, freedom=_FREEDOM), 0.0), FIRST_DRAWS - of_class),
+        ]
+
+    def _log_density(self, points: Array) -> Array:
+        """Of the posterior of the class and the new data."""
+        return np.add(*self._kernel.score(points))
 
     def _by_tempering(self, effort: "_Effort", rng: np.random.Generator) -> Prediction:
         values, errors = [], []

@@ -17,6 +17,7 @@ from pymc_hyperelastic.models.specimen_draws import (
     independent,
     log_densities,
     log_density_of_noise,
+    mean_density,
 )
 
 Array = NDArray[np.float64]
@@ -28,6 +29,9 @@ PARTS: dict[str, tuple[str, ...]] = {
 }
 """Parts of a class's distribution, and of what each consists."""
 
+# Distributions under which all draws of a specimen are looked at, the error that the choice of some
+# of them may add to a log evidence, and how many there are at least.
+_DISTRIBUTIONS, _ERROR_OF_DRAWS, _FEWEST_DRAWS = 100, 0.01, 200
 # Draws of two distributions whose parts are exchanged.
 _EXCHANGED = 250
 
@@ -72,19 +76,34 @@ class SpecimenEvidence(NamedTuple):
 
 
 def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) -> SpecimenEvidence:
-    """Evidence of a specimen that is a fresh draw from a class, its distribution averaged over."""
-    density = log_densities(draws, distributions)
+    """Evidence of a specimen that is a fresh draw from a class, its distribution averaged over.
+
+    Mostly the distributions of a class differ in the evidence, and hardly the draws of a specimen,
+    whose curves say what it is like. Under a few distributions, all of the draws tell how many of
+    them are needed, and whether they can be trusted; under all distributions, so many are held.
+    """
+    known, count = len(draws.log_weight), len(distributions.location[0])
+    few = distributions
+    if count > _DISTRIBUTIONS:
+        few = distributions.at(np.linspace(0, count - 1, _DISTRIBUTIONS).round().astype(int))
+    effective, pareto_k = _trust(draws.log_weight + mean_density(draws, few), draws)
+    needed = max(known / max(effective, 1.0) - 1, 0.0) / _ERROR_OF_DRAWS**2
+    size = int(np.clip(needed, min(_FEWEST_DRAWS, known), known))
+
+    density = log_densities(draws.first(size), distributions)
     # A draw so far away that a class knows nothing of it has no density at all.
-    count, largest = len(density), np.maximum(density.max(axis=0), -np.finfo(float).max)
+    largest = np.maximum(density.max(axis=0), -np.finfo(float).max)
     # Exponentials are most of the work: they are taken once.
     density -= largest
     np.exp(density, out=density)
+    log_weight = draws.first(size).log_weight
     with np.errstate(divide="ignore"):
-        log_weights = draws.log_weight + largest + np.log(density.mean(axis=0))
+        log_weights = log_weight + largest + np.log(density.mean(axis=0))
     value = float(logsumexp(log_weights))
-    effective, pareto_k = _trust(log_weights, draws)
-    of_draws = max(1 / effective - 1 / log_weights.size, 0.0)
-    each = density @ np.exp(draws.log_weight + largest - value)
+    if size == known:
+        effective, pareto_k = _trust(log_weights, draws)
+    of_draws = max(known / effective - 1, 0.0) / size
+    each = density @ np.exp(log_weight + largest - value)
     own = float(np.sqrt(of_draws + np.var(each) / count))
     estimate = Estimate(value, float(np.hypot(own, draws.standard_error)))
     method = "specimen draws by tempering" if draws.method == "tempering" else "specimen draws"

@@ -30,6 +30,8 @@ class SpecimenTarget(Target):
         Columns of those on which the curves depend.
     log_prior : callable
         Log density of points of these alone.
+    log_likelihood : BatchedFunction
+        Log likelihood of points of all variables.
     misfits : callable
         Log likelihood of points of all variables, and the size of each of their standard errors.
     """
@@ -39,13 +41,14 @@ class SpecimenTarget(Target):
         whole: Target,
         places: NDArray[np.intp],
         log_prior: Callable[[Array], Array],
+        log_likelihood: BatchedFunction,
         misfits: Callable[[Array], Sequence[Array]],
     ) -> None:
         self.whole, self.places, self.log_prior = whole, places, log_prior
         self.misfits = misfits
         self.dimension, self.nan_scores = len(places), 0
         self.effort, self.most_effort = 0.0, np.inf
-        self._score = whole._score
+        self._score = log_likelihood
 
     def particles(self, points: Array) -> Array:
         """Points among all variables, of which the others do not matter to the curves."""
@@ -59,7 +62,8 @@ class SpecimenTarget(Target):
 
     def score(self, points: Array) -> tuple[Array, Array]:
         """Log prior and log likelihood of every point; NaN and ``+inf`` count as ``−inf``."""
-        _, likelihood = super().score(self.particles(points))
+        self.effort += len(points) / self.at_once
+        (likelihood,) = self._score(self.particles(points))
         return self._possible(self.log_prior(points), likelihood)
 
     def ascent(self, width: Array) -> Slope:

@@ -19,6 +19,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pymc.distributions.distribution import support_point
 from pytensor.compile.sharedvalue import SharedVariable
+from pytensor.tensor.variable import TensorVariable
 from scipy import stats
 from scipy.special import logsumexp
 
@@ -35,11 +36,14 @@ from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import deviation_name
+from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.population import (
     Population,
+    Specimens,
     log_noise_name,
     register_curves,
     register_specimens,
+    tube_of,
 )
 from pymc_hyperelastic.models.specimen_draws import (
     SpecimenDraws,
@@ -71,6 +75,26 @@ class _SpecimenModel:
 
     forward: ForwardModel
     whole: Target
+    compressed: TensorVariable | None
+    """The log likelihood by sums of squares, for which few numbers stand for all points."""
+
+    @cached_property
+    def log_likelihood(self) -> BatchedFunction:
+        """Log likelihood, for very many points."""
+        model = self.whole.model
+        total = self.compressed
+        if total is None:
+            total = sum(pt.sum(pm.logp(rv, model.rvs_to_values[rv])) for rv in model.observed_RVs)
+        return BatchedFunction.of_model(model, model.replace_rvs_by_values([total]))
+
+    def squares(self, points: Array) -> Array:
+        """Sums of squares of all standard errors, of errors whose size is known."""
+        if self.compressed is None:
+            return np.square(self.misfits(points)[1]).sum(axis=1)
+        # Half of it is what the log likelihood lacks, which is the same everywhere.
+        likelihood, errors = self.misfits(points[:1])
+        lacking = likelihood - self.log_likelihood(points)[0]
+        return np.square(errors).sum() + 2 * lacking
 
     @cached_property
     def misfits(self) -> BatchedFunction:
@@ -111,8 +135,7 @@ class SpecimenSampler:
         model, target = sampler._model_for(data), sampler.target(data)
         draws = self.draws_at(found.particles)
         if self.population.known_noise:
-            errors = model.misfits(target.particles(found.particles))[1]
-            squares = np.square(errors).sum(axis=1)
+            squares = model.squares(target.particles(found.particles))
             misfit, freedom = self._misfit(data, squares, target.dimension)
             draws = replace(draws, misfit=misfit, freedom=freedom)
         value, error = found.log_value
@@ -216,13 +239,15 @@ class SpecimenSampler:
 
         Without one it is the reference.
         """
-        model, log_prior = self._model_for(data), log_prior or self.log_reference
+        model, of_specimen = self._model_for(data), log_prior or self.log_reference
 
         def with_tube(points: Array) -> Array:
             deviations = points[:, points.shape[1] - len(self.population.geometry) :]
-            return log_prior(points) + stats.norm.logpdf(deviations).sum(axis=1)
+            return of_specimen(points) + stats.norm.logpdf(deviations).sum(axis=1)
 
-        return SpecimenTarget(model.whole, self._places(model.whole), with_tube, model.misfits)
+        prior = with_tube if self.population.geometry else of_specimen
+        functions = model.log_likelihood, model.misfits
+        return SpecimenTarget(model.whole, self._places(model.whole), prior, *functions)
 
     def simulator(
         self, data: xr.Dataset, seed: int
@@ -320,7 +345,17 @@ class SpecimenSampler:
             of_test = np.zeros(tests, int)
             specimens = register_specimens(self.population, self.reference, of_test)
             register_curves(self.population, forward, specimens)
-        return _SpecimenModel(forward, Target(model))
+            compressed = self._compressed(forward, specimens)
+        return _SpecimenModel(forward, Target(model), compressed)
+
+    def _compressed(self, forward: ForwardModel, specimens: Specimens) -> TensorVariable | None:
+        """The paper's log likelihood, where it is the generative one, and is not by points."""
+        sigmas = self.population.observation.sigmas
+        if sigmas["slope_weight"] or "diameter_noise_sd" in sigmas:
+            return None
+        own = {name: sigma[0] for name, sigma in specimens.noises.items()}
+        tube = tube_of(self.population, forward, specimens)
+        return Observation(**sigmas | own).log_likelihood(tube)
 
 
 def _weighted(

@@ -1,5 +1,6 @@
 """Importance sampling from a mixture that is adapted to the posterior."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,6 +34,9 @@ MOST_UNKNOWNS = 24
 DRAWS, _MOST_DRAWS = 8000, 64000
 # Share of the prior in them.
 _PRIOR_SHARE = 0.1
+# Draws of what may be like the posterior already, and the error of a logarithm with which they are
+# enough.
+FIRST_DRAWS, _LARGEST_ERROR = 2000, 0.03
 # Draws of a step of adaptation, for each number that a component has, at least and at most; it goes
 # so far that this fraction of them is effective.
 _STEP_DRAWS, _FEWEST_DRAWS, _LARGEST_STEP = 80, 1000, 12_000
@@ -68,11 +72,15 @@ def by_importance(
     rng: np.random.Generator,
     draw_prior: DrawPrior | None = None,
     first_draws: int = DRAWS,
+    alike: Sequence[tuple[Reference, int]] = (),
 ) -> Integral:
     """Integral by importance sampling from a mixture, adapted from one that it is somehow like.
 
     Where the prior can be drawn from it has a share: where the likelihood is bounded, so are then
     the weights, and what the mixture has missed shows.
+
+    So many draws of each of some distributions that may be `alike` already are tried first. If they
+    are enough, no mixture is adapted; if not, they count among the others.
 
     References
     ----------
@@ -84,10 +92,21 @@ def by_importance(
     if like.means.shape[1] > MOST_UNKNOWNS:
         unknown = Estimate(-np.inf, np.inf)
         return Integral(unknown, np.inf, "importance", like.draw(size, rng))
-    mixture = adapted_mixture(score, like, rng)
     drawn = _Drawn(score, draw_prior)
+    if alike:
+        for proposal, draws in alike:
+            drawn.add(proposal, draws, rng)
+        points, log_weights = drawn.weighted()
+        (value, error), pareto_k = mean_weight(log_weights)
+        if pareto_k < LARGEST_PARETO_K and error < _LARGEST_ERROR:
+            if effective_sample_size(log_weights) > size:
+                found = Estimate(value, error), pareto_k
+                return _importance(*found, points, log_weights, size, rng)
+    mixture = adapted_mixture(score, like, rng)
+    share = _PRIOR_SHARE if draw_prior else 0.0
     for draws in (first_draws << i for i in range((_MOST_DRAWS // first_draws).bit_length())):
-        points, log_weights = drawn.with_draws(mixture, draws, rng)
+        drawn.add(Reference(mixture.heavy_tailed(), share), draws, rng)
+        points, log_weights = drawn.weighted()
         log_value, pareto_k = mean_weight(log_weights)
         effective = effective_sample_size(log_weights)
         if pareto_k < LARGEST_PARETO_K or not effective:
@@ -95,6 +114,18 @@ def by_importance(
         # So many draws tell more of the posterior's shape than those of a step.
         if effective > 2 * points.shape[1]:
             mixture = _fitted(points, log_weights, effective, DRAWS, rng, start=mixture)
+    return _importance(log_value, pareto_k, points, log_weights, size, rng)
+
+
+def _importance(
+    log_value: Estimate,
+    pareto_k: float,
+    points: Array,
+    log_weights: Array,
+    size: int,
+    rng: np.random.Generator,
+) -> Integral:
+    """An integral that is a mean weight, with so many particles of the density."""
     particles = points
     if np.isfinite(log_value.value):
         weights = np.exp(log_weights - log_weights.max())
@@ -114,15 +145,14 @@ class _Drawn:
         self._proposals: list[tuple[Reference, int]] = []
         self._known: list[tuple[Array, Array, Array]] = []
 
-    def with_draws(
-        self, mixture: GaussianMixture, draws: int, rng: np.random.Generator
-    ) -> tuple[Array, Array]:
-        """All points, with so many from this mixture, and the logarithms of their weights."""
-        share = _PRIOR_SHARE if self._draw_prior else 0.0
-        proposal = Reference(mixture.heavy_tailed(), share)
+    def add(self, proposal: Reference, draws: int, rng: np.random.Generator) -> None:
+        """Draw so many from another proposal."""
         points = proposal.draw(self._draw_prior, draws, rng)
         self._proposals.append((proposal, draws))
         self._known.append((points, *self._score(points)))
+
+    def weighted(self) -> tuple[Array, Array]:
+        """All points, and the logarithms of their weights."""
         points, prior, likelihood = (np.concatenate(x) for x in zip(*self._known, strict=True))
         terms = [np.log(n / len(points)) + q.log_density(points, prior) for q, n in self._proposals]
         log_weights = prior + likelihood - np.logaddexp.reduce(terms)

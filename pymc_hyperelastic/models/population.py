@@ -24,7 +24,7 @@ from pymc_hyperelastic.models.class_distribution import (
     noises_of,
     register_class,
 )
-from pymc_hyperelastic.models.forward import ForwardModel, Mode
+from pymc_hyperelastic.models.forward import ForwardModel, Mode, SymbolicTube
 from pymc_hyperelastic.models.geometry import (
     Measured,
     check_geometry,
@@ -359,22 +359,25 @@ def _register_noises(population: Population, specimens: Specimens) -> None:
             pm.Deterministic(f"specimen_{name}", value, dims="specimen")
 
 
+def tube_of(population: Population, forward: ForwardModel, specimens: Specimens) -> SymbolicTube:
+    """The tubes of the tests."""
+    deviations = {name: z[specimens.of_test] for name, z in specimens.deviations.items()}
+    coordinates = specimens.coordinates
+    if not forward.by_test:
+        coordinates = [x[0] for x in coordinates]
+    return forward.tube(population.scale.parameters(coordinates), deviations=deviations)
+
+
 def register_curves(
     population: Population, forward: ForwardModel, specimens: Specimens, dims: str | None = None
 ) -> None:
     """Curves of the tests, and what was measured about them."""
-    of_test = specimens.of_test
-    deviations = {name: z[of_test] for name, z in specimens.deviations.items()}
-    coordinates = specimens.coordinates
-    if not forward.by_test:
-        coordinates = [x[0] for x in coordinates]
-    parameters = population.scale.parameters(coordinates)
-    tube = forward.tube(parameters, deviations=deviations)
+    tube = tube_of(population, forward, specimens)
     curves = {
         name: pm.Deterministic(name, values, dims=dims) for name, values in tube.curves().items()
     }
     test = forward.share("test", lambda data: {"test": data["test"].values})["test"]
-    own = {name: sigma[of_test][test] for name, sigma in specimens.noises.items()}
+    own = {name: sigma[specimens.of_test][test] for name, sigma in specimens.noises.items()}
     observation = Observation(**population.observation.sigmas | own, likelihood="generative")
     # Specimens are scored many at a time, where curves that overflow are found out anyway.
     observation.register(tube, curves, dims=dims, bounded=False)
