@@ -61,8 +61,8 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     like, first = GaussianMixture.fit(prior, 1, rng), []
     if target.dimension <= MOST_UNKNOWNS:
         width = width_of(prior)
-        starts, *more = places_to_climb_from(prior, np.add(*target.score(prior)))
-        modes = modes_from(target.ascent, [starts], width, more)
+        places = places_to_climb_from(prior, np.add(*target.score(prior)))
+        modes = modes_from(target.ascent, [next(places)], width, places)
         if modes is not None:
             joined = like.joined(modes.mixture, _SHARE_OF_MODES)
             if _alike(target, joined, rng):
