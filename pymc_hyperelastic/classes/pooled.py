@@ -30,6 +30,7 @@ from pymc_hyperelastic.evidence.importance import (
     DRAWS,
     FIRST_DRAWS,
     LARGEST_PARETO_K,
+    at_modes,
     by_importance,
     draw_heavy_tailed,
     mean_weight,
@@ -68,9 +69,8 @@ _FEW_CLASS_DRAWS, _FEW_DRAWS, _FEW_PARTICLES = 4000, 2000, 500
 # So many draws of a class show whether all of them are worth their time: then at least so many are
 # effective.
 _SEEN_BY, _FEW = 200, 10
-# Of the first draws, the share of the class's mixture; the others are of modes, so much wider and
-# with tails of so many degrees of freedom.
-_SHARE_OF_CLASS, _WIDER, _FREEDOM = 0.1, 1.1, 4.0
+# Of the first draws, the share of the class's mixture; the others are of modes.
+_SHARE_OF_CLASS = 0.1
 # Nats: of a part that is known no better nothing is told.
 _LARGEST_ERROR = 0.5
 
@@ -435,7 +435,7 @@ class ClassPredictive:
         of_class = round(_SHARE_OF_CLASS * FIRST_DRAWS)
         return [
             (Reference(self._mixture.heavy_tailed(), 0.0), of_class),
-            (Reference(modes.widened(_WIDER, freedom=_FREEDOM), 0.0), FIRST_DRAWS - of_class),
+            (Reference(at_modes(modes), 0.0), FIRST_DRAWS - of_class),
         ]
 
     def _log_density(self, points: Array) -> Array:

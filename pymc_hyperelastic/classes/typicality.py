@@ -122,7 +122,7 @@ def _fresh(
 ) -> tuple[Array, Array]:
     """Mean of the tests' coordinates, and the sum of their squared deviations, of new specimens."""
     if np.ndim(distributions.location[0]) == 0:
-        distributions = _repeated(distributions, _REFERENCE)
+        distributions = repeated(distributions, _REFERENCE)
     draws: Mapping[str, Array] = fresh_specimens(population, distributions, tests, rng)
     names = population.scale.names
     of_tests = np.stack([draws.get(f"{name}_of_test", draws[name]) for name in names])
@@ -130,7 +130,7 @@ def _fresh(
     return centre, ((of_tests - centre[..., None]) ** 2).sum(axis=2)
 
 
-def _repeated(d: ClassDistribution, count: int) -> ClassDistribution:
+def repeated(d: ClassDistribution, count: int) -> ClassDistribution:
     """The same distribution so many times, along the first of two axes."""
 
     def vector(values: Array | None) -> Array | None:

@@ -33,10 +33,12 @@ MOST_UNKNOWNS = 24
 # from which twice as many are drawn, and so on, so many at most.
 DRAWS, _MOST_DRAWS = 8000, 64000
 # Share of the prior in them.
-_PRIOR_SHARE = 0.1
+PRIOR_SHARE = 0.1
 # Draws of what may be like the posterior already, and the error of a logarithm with which they are
 # enough.
 FIRST_DRAWS, _LARGEST_ERROR = 2000, 0.03
+# By how much modes are widened for these, and degrees of freedom of their tails.
+_WIDER, _FREEDOM = 1.1, 4.0
 # Draws of a step of adaptation, for each number that a component has, at least and at most; it goes
 # so far that this fraction of them is effective.
 _STEP_DRAWS, _FEWEST_DRAWS, _LARGEST_STEP = 80, 1000, 12_000
@@ -103,7 +105,7 @@ def by_importance(
                 found = Estimate(value, error), pareto_k
                 return _importance(*found, points, log_weights, size, rng)
     mixture = adapted_mixture(score, like, rng)
-    share = _PRIOR_SHARE if draw_prior else 0.0
+    share = PRIOR_SHARE if draw_prior else 0.0
     for draws in (first_draws << i for i in range((_MOST_DRAWS // first_draws).bit_length())):
         drawn.add(Reference(mixture.heavy_tailed(), share), draws, rng)
         points, log_weights = drawn.weighted()
@@ -131,6 +133,11 @@ def _importance(
         weights = np.exp(log_weights - log_weights.max())
         particles = rng.permutation(points[systematic(weights, size, rng)])
     return Integral(log_value, pareto_k, "importance", particles)
+
+
+def at_modes(modes: GaussianMixture) -> GaussianMixture:
+    """Distribution to draw from where modes are what there is, with tails for what is skewed."""
+    return modes.widened(_WIDER, freedom=_FREEDOM)
 
 
 class _Drawn:

@@ -4,14 +4,19 @@ import numpy as np
 
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import (
+    DRAWS,
+    FIRST_DRAWS,
     LARGEST_KNOWN_K,
     MOST_UNKNOWNS,
+    PRIOR_SHARE,
     Integral,
+    at_modes,
     by_importance,
     weighted_draws,
 )
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.modes import modes_from
+from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.ridges import along_ridges
 from pymc_hyperelastic.evidence.search import find_reference, places_to_climb_from, width_of
 from pymc_hyperelastic.evidence.target import Target
@@ -24,6 +29,8 @@ _MOST_EFFORT, _FEW = 20_000, 8
 # Share of the modes in the mixture from which importance sampling starts; draws by which it is seen
 # whether they are like the posterior, and the effective share of these at which they are.
 _SHARE_OF_MODES, _SEEN_BY, _ALIKE = 0.8, 400, 0.4
+# Draws of modes that are alike, for each particle.
+_FOR_EACH = 2
 # Draws of the prior, some of which are climbed from.
 _PRIOR_DRAWS = 2000
 
@@ -33,6 +40,12 @@ def _alike(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -
     proposal = mixture.heavy_tailed()
     _, log_weights = weighted_draws(target.score, proposal, _SEEN_BY, rng)
     return effective_sample_size(log_weights) > _ALIKE * _SEEN_BY
+
+
+def _draws_of(modes: GaussianMixture, size: int) -> list[tuple[Reference, int]]:
+    """Draws of modes and the prior, so many that hardly one is among the particles twice."""
+    draws = max(FIRST_DRAWS, _FOR_EACH * size)
+    return [(Reference(at_modes(modes), PRIOR_SHARE), draws)] if draws <= DRAWS else []
 
 
 @np.errstate(all="ignore")  # a climb may be so wild that it overflows
@@ -45,18 +58,20 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     """
     prior = target.draw_prior(_PRIOR_DRAWS, rng)
     # A posterior that is hardly narrower than the prior is not like its mode.
-    like = GaussianMixture.fit(prior, 1, rng)
+    like, first = GaussianMixture.fit(prior, 1, rng), []
     if target.dimension <= MOST_UNKNOWNS:
         width = width_of(prior)
-        starts, *more = places_to_climb_from(prior, np.add(*target.score(prior)))
-        modes = modes_from(target.ascent, [starts], width, more)
+        places = places_to_climb_from(prior, np.add(*target.score(prior)))
+        modes = modes_from(target.ascent, [next(places)], width, places)
         if modes is not None:
-            at_modes = like.joined(modes.mixture, _SHARE_OF_MODES)
-            if not _alike(target, at_modes, rng):
+            joined = like.joined(modes.mixture, _SHARE_OF_MODES)
+            if _alike(target, joined, rng):
+                first = _draws_of(modes.mixture, size)
+            else:
                 ridges = along_ridges(target.ascent, modes, width)
-                at_modes = like.joined(ridges, _SHARE_OF_MODES)
-            like = at_modes
-    quick = by_importance(target.score, like, size, rng, target.draw_prior)
+                joined = like.joined(ridges, _SHARE_OF_MODES)
+            like = joined
+    quick = by_importance(target.score, like, size, rng, target.draw_prior, alike=first)
     if quick.pareto_k < LARGEST_KNOWN_K:
         return quick
     allowed = _MOST_EFFORT * max(1.0, target.dimension / _FEW) ** 2

@@ -1,6 +1,6 @@
 """Modes of a posterior, climbed to from many places, and the mixture that they make."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +34,7 @@ class Modes(NamedTuple):
 
 
 def modes_from(
-    ascent: Ascent, groups: Sequence[Array], width: Array, more: Sequence[Array] = ()
+    ascent: Ascent, groups: Sequence[Array], width: Array, more: Iterable[Array] = ()
 ) -> Modes | None:
     """Modes of a density, from climbs from starts in groups, (n, d) each; None if it has none.
 

@@ -1,5 +1,6 @@
 """The search for what a posterior is like, from the prior's side and from its modes."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -156,7 +157,7 @@ def _outstanding(target: Target, mixture: GaussianMixture, rng: np.random.Genera
     return points[np.argpartition(-log_weights, _PROBED - 1)[:_PROBED]]
 
 
-def places_to_climb_from(points: Array, score: Array) -> list[Array]:
+def places_to_climb_from(points: Array, score: Array) -> Iterator[Array]:
     """Groups of points of the better half: the best, and each as far as can be from all before.
 
     What is best is mostly alike, and leads to one mode. One of more mass may lie beyond the tail of
@@ -164,12 +165,14 @@ def places_to_climb_from(points: Array, score: Array) -> list[Array]:
     """
     better = points[np.argsort(-score)[: (len(points) + 1) // 2]]
     places = better / width_of(points)
-    chosen, distance = [0], np.full(len(better), np.inf)
-    for _ in range(min(sum(SPREAD_CLIMBS), len(better)) - 1):
-        distance = np.minimum(distance, np.sum((places - places[chosen[-1]]) ** 2, axis=1))
-        chosen.append(int(distance.argmax()))
-    groups = np.split(better[chosen], np.cumsum(SPREAD_CLIMBS)[:-1])
-    return [group for group in groups if len(group)]
+    chosen, distance, start = [0], np.full(len(better), np.inf), 0
+    for end in np.cumsum(SPREAD_CLIMBS).tolist():
+        while len(chosen) < min(end, len(better)):
+            distance = np.minimum(distance, np.sum((places - places[chosen[-1]]) ** 2, axis=1))
+            chosen.append(int(distance.argmax()))
+        if chosen[start:]:
+            yield better[chosen[start:]]
+        start = end
 
 
 def width_of(points: Array) -> Array:

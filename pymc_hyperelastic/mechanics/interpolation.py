@@ -20,7 +20,7 @@ from pymc_hyperelastic.mechanics.wall import WallRule, wall_rule
 # pressure is then right to about 1e-12 of the largest in the data, and rounding is not mistaken
 # for signal.
 COEFFICIENT_TOLERANCE = 1e-14
-_MOST_NODES = 64
+MOST_NODES = 64
 # Of axial stretches in a grid, and of all its nodes.
 _MOST_AXIAL, _MOST_IN_GRID = 32, 1024
 # Lines through a grid along which it is known how many nodes the response takes: both edges, on
@@ -146,7 +146,7 @@ def nodes_needed(
     for group in groups:
         (hoop, hoop_half), (axial, axial_half) = group.hoop, group.axial
         lines = (axial + axial_half * (_LINES if axial_half else np.zeros(1)))[:, None]
-        coefficients = along(hoop + hoop_half * chebyshev_nodes(2 * _MOST_NODES), lines)
+        coefficients = along(hoop + hoop_half * chebyshev_nodes(2 * MOST_NODES), lines)
         # Force is a difference of stresses, and known to their rounding.
         smallest = tolerance * np.maximum.accumulate(coefficients.max(axis=(2, 3), keepdims=True))
         needed = needed._replace(hoop=max(needed.hoop, _significant(coefficients, smallest)))
@@ -156,7 +156,7 @@ def nodes_needed(
             smallest = tolerance * np.maximum.accumulate(across.max(axis=(2, 3), keepdims=True))
             needed = needed._replace(axial=max(needed.axial, _significant(across, smallest)))
         if (
-            needed.hoop > _MOST_NODES
+            needed.hoop > MOST_NODES
             or needed.axial > _MOST_AXIAL
             or (axial_half and needed.hoop * needed.axial > _MOST_IN_GRID)
         ):

@@ -152,7 +152,17 @@ def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Arr
     arrays["products"] = _products(draws.centre, draws.covariates[:, None])
     count, size = len(distributions.location[0]), max(1, _BLOCK // len(draws.log_weight))
     blocks = np.split(np.arange(count), range(size, count, size))
-    return np.concatenate([log_density(np, arrays, distributions.at(block)) for block in blocks])
+    if distributions.experiment_spread is not None:
+        parts = [log_density(np, arrays, distributions.at(block)) for block in blocks]
+        return np.concatenate(parts)
+    coefficients = _coefficients(np, distributions)
+    densities = np.empty((count, len(draws.log_weight)))
+    for block in blocks:
+        densities[block] = _of_draws(coefficients[block], arrays["products"])
+        if distributions.log_sigma is not None:
+            noise = arrays["log_sigma"], distributions.at(block)
+            densities[block] += log_density_of_noise(np, *noise)
+    return densities
 
 
 def mean_density(draws: SpecimenDraws, distributions: ClassDistribution) -> Array:

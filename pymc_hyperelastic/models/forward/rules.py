@@ -159,6 +159,18 @@ def errors_of(
     return np.max([errors, *(r.max(axis=1, initial=0.0) for r in relative)], axis=0)
 
 
+def like_measured(
+    energy: StrainEnergy, data: xr.Dataset, materials: Sequence[Array]
+) -> NDArray[np.bool_]:
+    """Which materials follow the pressures of some test, to a half of these (root mean square)."""
+    measured = data["pressure"].values
+    wrong = _curves_of(energy, _CHEAP_ORDER)(known_tubes(data), materials)[0] - measured
+    starts = [points_of(data, test).start for test in range(data.sizes["test"])]
+    with np.errstate(all="ignore"):
+        left = np.add.reduceat(wrong**2, starts, axis=1)
+    return np.any(left < np.add.reduceat(measured**2, starts) / 4, axis=1)
+
+
 def _collocated(
     energy: StrainEnergy, data: xr.Dataset, values: list[Array], whole: Collocated
 ) -> Collocated | None:
