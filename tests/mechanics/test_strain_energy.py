@@ -389,6 +389,22 @@ def test_a_shortened_law_is_the_law_where_walls_are_shorter_around():
             np.testing.assert_array_equal(*(stress.eval(mode=AS_WRITTEN) for stress in of_both))
 
 
+def test_four_families_without_hoop_fibres_are_those_of_no_hoop_modulus():
+    """The law of three families is another way to state four, of which one bears nothing."""
+    hoop, axial = (pt.constant(np.log(x)) for x in np.meshgrid([0.9, 1.4], [0.8, 1.7]))
+    four, three = ph.FourFiber(), ph.FourFiber(hoop_fibres=False)
+    known = dict(LAWS["FourFiber"].parameters[0][0]) | {"k1_hoop": 0.0}
+    fewer = {name: known[name] for name in three.parameter_names}
+    assert set(known) - set(fewer) == {"k1_hoop", "k2_hoop"}
+    for name in ("stress_difference", "axial_stress_difference"):
+        expected = getattr(four, name)(hoop, axial, **known).eval(mode=AS_WRITTEN)
+        found = getattr(three, name)(hoop, axial, **fewer).eval(mode=AS_WRITTEN)
+        np.testing.assert_array_equal(found, expected)
+    assert ph.StrainEnergy.from_name("FourFiber", hoop_fibres=False) == three != four
+    with pytest.raises(ValueError, match=r"hoop_fibres is 0; expected True or False"):
+        ph.FourFiber(hoop_fibres=0)
+
+
 MU = ph.Parameter("mu", r"\mu", "kPa", (0.0, 1.0), "shear modulus")
 
 

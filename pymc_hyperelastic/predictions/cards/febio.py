@@ -123,6 +123,7 @@ def _four_fiber(v: Any, k: float) -> Body:
     fibres = [
         _fibres(v[f"k1_{name}"], v[f"k2_{name}"], angle)
         for name, families in angles.items()
+        if f"k1_{name}" in v  # a wall may have no hoop fibres
         for angle in families
     ]
     return "uncoupled solid mixture", [*_parameters(k=k), _axes(), matrix, *fibres]

@@ -139,5 +139,5 @@ _STIFFNESS: dict[type[StrainEnergy], Callable[[Values], float]] = {
     laws.OgdenSeries: lambda v: np.dot(v["mu"], v["alpha"]) / 2,
     laws.HolzapfelGasserOgden: lambda v: v["c"] + 4 * v["k1"],
     laws.GasserOgdenHolzapfel: lambda v: v["c"] + 4 * v["k1"],
-    laws.FourFiber: lambda v: v["c"] + 4 * max(v["k1_axial"], v["k1_hoop"], v["k1_diagonal"]),
+    laws.FourFiber: lambda v: v["c"] + 4 * max(x for name, x in v.items() if name[:2] == "k1"),
 }
