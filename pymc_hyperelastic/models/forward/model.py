@@ -138,10 +138,9 @@ class ForwardModel:
         return other
 
     def by_matrices(self) -> "ForwardModel | None":
-        """The same by constant matrices, of as many stretches as there may be; None if it cannot be.
+        """The same by constant matrices, of as many stretches as there may be; None if none can be.
 
-        They stand for other data at a tenth of the time. For how many materials they are right,
-        :meth:`errors` tells.
+        They take a tenth of the time. For which materials they are right, :meth:`errors` tells.
         """
         way, known = self.way, self._stated.known_tube and self._settings["known_radii"]
         if not isinstance(way, Direct) or not known or extension_tests(self.data).any():
