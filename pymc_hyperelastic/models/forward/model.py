@@ -152,8 +152,9 @@ class ForwardModel:
 
     def could_show(self, data: xr.Dataset, parameters: Mapping[str, Any]) -> NDArray[np.bool_]:
         """Whether materials might have shown a test of the data, with errors as large as a half."""
-        values = self._wall.split(parameters) if isinstance(self._wall, StrainEnergy) else None
-        return np.zeros(0, bool) if values is None else like_measured(self._wall, data, values)
+        if not isinstance(self._wall, StrainEnergy):
+            raise TypeError("of layers it is not known what they show")
+        return like_measured(self._wall, data, self._wall.split(parameters))
 
     def between(self) -> "ForwardModel":
         """The same tests at radii evenly spread between the ends of each.
