@@ -412,9 +412,8 @@ class ClassPredictive:
     def _from_adapted_draws(self, effort: "_Effort", rng: np.random.Generator) -> Prediction | None:
         if self._normaliser_k >= LARGEST_PARETO_K:
             return None
-        score, draws = self._kernel.score, effort.draws
-        settings = {"first_draws": draws, "alike": self._alike()}
-        found = by_importance(score, self._mixture, 1, rng, **settings)
+        score, draws, alike = self._kernel.score, effort.draws, self._alike()
+        found = by_importance(score, self._mixture, 1, rng, first_draws=draws, alike=alike)
         if not found.trusted:
             return None
         estimate = Estimate(

@@ -355,7 +355,9 @@ class SpecimenSampler:
             return None
         own = {name: sigma[0] for name, sigma in specimens.noises.items()}
         tube = tube_of(self.population, forward, specimens)
-        return Observation(**sigmas | own).log_likelihood(tube)
+        total = Observation(**sigmas | own).log_likelihood(tube)
+        # What overflows is no number, and counts as one that is none.
+        return pt.where(pt.isinf(total), np.nan, total)
 
 
 def _weighted(

@@ -198,9 +198,13 @@ def test_evidence_of_precise_points_of_unknown_noise():
     design = np.stack([np.ones(30), t], axis=1)
 
     def marginal(log_sigma):
-        covariance = np.exp(2 * log_sigma) * np.eye(30) + 100 * design @ design.T
-        density = stats.multivariate_normal(np.zeros(30), covariance, allow_singular=True)
-        return density.logpdf(y) + stats.norm(0, 2).logpdf(log_sigma)
+        # The 30 by 30 covariance is singular but for rounding: by the line's posterior instead.
+        variance = np.exp(2 * log_sigma)
+        precision = design.T @ design / variance + np.eye(2) / 100
+        line = np.linalg.solve(precision, design.T @ y / variance)
+        at_line = stats.norm(design @ line, np.exp(log_sigma)).logpdf(y).sum()
+        at_line += stats.norm(0, 10).logpdf(line).sum() + np.log(2 * np.pi)
+        return at_line - np.linalg.slogdet(precision)[1] / 2 + stats.norm(0, 2).logpdf(log_sigma)
 
     # Beyond this range there is nothing: the posterior of ln σ is about 0.13 wide.
     grid = np.linspace(np.log(1e-3) - 1.0, np.log(1e-3) + 1.5, 401)
@@ -268,3 +272,54 @@ def test_scores_of_a_specimen_that_are_no_number_are_counted():
     _, likelihood = target.score(np.full((5, 2), np.nan))
     with pytest.raises(ValueError, match=r"\(5 are NaN\)"):
         target.check_possible(np.isfinite(likelihood), "5 points")
+
+
+@pytest.mark.parametrize(
+    ("energy", "noise", "effect"),
+    [
+        (ph.Ogden(), {"sigma": 0.5}, False),
+        (ph.NeoHookean(), {"sigma": 0.5}, True),
+        (ph.NeoHookean(), {"sigma": pm.HalfNormal.dist(1.0)}, False),
+        (ph.NeoHookean(), {"sigma": 0.5, "slope_weight": 0.2}, False),
+    ],
+    ids=["two parameters", "experiments differ", "unknown noise", "slopes"],
+)
+def test_sums_of_squares_say_what_all_points_say(energy, noise, effect):
+    """Log likelihood and squares of two tests on one specimen, of draws from near and far."""
+    data = curves({"A": [38.0, 52.0]}, SEED)
+    observation = Observation(**noise, likelihood="generative")
+    population = Population(energy, observation, effect, 20.0)
+    sampler = SpecimenSampler(population, population.forward_model(data), reference_of(population))
+    target, model = sampler.target(data), sampler._model_for(data)
+    points = target.draw_prior(200, np.random.default_rng(SEED))
+    points = points[np.isfinite(target.score(points)[1])]
+    expected, errors = model.misfits(target.particles(points))
+    _, found = target.score(points)
+    known = np.abs(expected) < 1e9
+    assert known.sum() > 50
+    # Rounding of sums whose terms are as large as all of it.
+    np.testing.assert_allclose(found[known], expected[known], rtol=1e-8)
+    if population.known_noise:
+        squares = model.squares(target.particles(points[known]))
+        np.testing.assert_allclose(squares, np.square(errors[known]).sum(axis=1), rtol=1e-8)
+
+
+def test_few_draws_of_a_specimen_stand_for_all():
+    """Where distributions of a class differ, and draws hardly: within the error of the draws."""
+    rng = np.random.default_rng(SEED)
+    count, size = 1000, 2000
+    location = rng.normal(0, 0.3, (1, count, 1))
+    one = ClassDistribution(location, np.full((1, count, 1), 0.4), [[1.0]])
+    points = 0.3 + 0.05 * rng.standard_normal((size, 1))
+    nothing = np.zeros(size)
+    draws = SpecimenDraws(
+        points.T, 0 * points.T, np.empty((0, size)), nothing, 1, 0.0, points, np.empty((0, size))
+    )
+    found = specimen_evidence(draws, one)
+    density = stats.norm(location[0, :, 0], 0.4).logpdf(points)
+    of_draws = np.exp(logsumexp(density, axis=1))
+    assert abs(found.log_evidence.value - logsumexp(density) + np.log(count)) < 0.03
+    assert found.own_error > of_draws.std() / of_draws.mean() / np.sqrt(size)
+    alike = np.exp(logsumexp(density, axis=0))
+    of_class = alike.std() / alike.mean() / np.sqrt(count)
+    assert of_class < found.own_error < np.hypot(of_class, 0.015)

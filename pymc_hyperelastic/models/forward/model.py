@@ -138,10 +138,9 @@ class ForwardModel:
         return other
 
     def by_matrices(self) -> "ForwardModel | None":
-        """The same by constant matrices, of as many stretches as there may be; None if it cannot be.
+        """The same by constant matrices, of as many stretches as there may be; None if none can be.
 
-        They stand for other data at a tenth of the time. For how many materials they are right,
-        :meth:`errors` tells.
+        They take a tenth of the time. For which materials they are right, :meth:`errors` tells.
         """
         way, known = self.way, self._stated.known_tube and self._settings["known_radii"]
         if not isinstance(way, Direct) or not known or extension_tests(self.data).any():
@@ -153,8 +152,9 @@ class ForwardModel:
 
     def could_show(self, data: xr.Dataset, parameters: Mapping[str, Any]) -> NDArray[np.bool_]:
         """Whether materials might have shown a test of the data, with errors as large as a half."""
-        values = self._wall.split(parameters) if isinstance(self._wall, StrainEnergy) else None
-        return np.zeros(0, bool) if values is None else like_measured(self._wall, data, values)
+        if not isinstance(self._wall, StrainEnergy):
+            raise TypeError("of layers it is not known what they show")
+        return like_measured(self._wall, data, self._wall.split(parameters))
 
     def between(self) -> "ForwardModel":
         """The same tests at radii evenly spread between the ends of each.
