@@ -70,8 +70,8 @@ ZOO = """# The zoo of strain energies
 
 These laws come with the package. Each name in the first table leads to the law's equation and
 source. All of them give pressure, stiffness, axial force, models, evidence and classification. How
-their stresses are computed is part of the [theory](theory.md#strain-energies). A law that is not
-here takes [ten lines](own_law.md).
+their stresses are computed is part of the [theory](theory/laws.md). A law that is not
+here takes [ten lines](guides/own_law.md).
 
 ```{{eval-rst}}
 .. currentmodule:: pymc_hyperelastic
@@ -86,7 +86,7 @@ here takes [ten lines](own_law.md).
 ## Parameters
 
 The default prior of each parameter is uniform over a fixed range, which
-[never depends on the data](theory.md#priors).
+[never depends on the data](theory/priors.md).
 
 | strain energy | symbol | name | unit | default prior | meaning |
 |---|---|---|---|---|---|

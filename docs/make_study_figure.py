@@ -28,7 +28,7 @@ classes = ph.fit_classes(
     ph.Ogden(),
     {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")},
     sigma=15 * ph.mmHg,
-    slope_weight=ph.balanced_slope_weight(data),
+    slope_weight=ph.balanced_slope_weight(ph.select(data, experiment=[1, 2])),
     draws=1000,
     chains=2,
     random_seed=1,

@@ -30,7 +30,7 @@ CONTRACT = """
 
 
 def page() -> str:
-    return (DOCS / "architecture.md").read_text(encoding="utf-8")
+    return (DOCS / "project" / "architecture.md").read_text(encoding="utf-8")
 
 
 def mapped_wings() -> list[str]:

@@ -56,7 +56,7 @@ def tables(tmp_path_factory):
 
 
 def read(folder, **angle):
-    """The tables as the page Your own data reads them."""
+    """The tables as the page What a file may look like reads them."""
     points = pd.read_csv(folder / "points.csv")
     frame = points.merge(pd.read_csv(folder / "specimens.csv"), on="specimen")
     frame = frame.rename(columns={"test": "experiment", "pressure_mmHg": "pressure"})

@@ -19,7 +19,7 @@ TOP_CLASS = "most probable class"
 
 
 def score_probabilities(
-    probability: xr.DataArray | xr.Dataset, truth: Any, *, bins: int = 10, prob: float = 0.94
+    probability: xr.DataArray | xr.Dataset, truth: Any, *, bins: int = 10, prob: float = 0.95
 ) -> xr.Dataset:
     r"""Score class probabilities against the true classes, and tabulate how reliable they are.
 
@@ -46,7 +46,7 @@ def score_probabilities(
     bins : int, default 10
         ``M``, the number of bins of equal width between 0 and 1. What lies between two belongs to
         the lower one.
-    prob : float, default 0.94
+    prob : float, default 0.95
         Coverage of the intervals of the observed frequencies.
 
     Returns

@@ -133,7 +133,8 @@ def inflation_data(
         hundredth, or in a few rows only. If a number is taken for the axial stretch or the opening
         angle, and a column of that name says something else. If a pressure, a length, a stretch, an
         angle or a force is beyond what soft tubes have, such as 120 kPa where 120 mmHg was meant;
-        the ranges are on the page Your own data. `check` makes it an error, or silences it.
+        the ranges are on the page What a file may look like. `check` makes it an error, or silences
+        it.
 
     Raises
     ------

@@ -31,7 +31,7 @@ def plot_calibration_ranks(
     sbc: xr.Dataset,
     *,
     kind: Literal["ecdf", "histogram"] = "ecdf",
-    prob: float = 0.94,
+    prob: float = 0.95,
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
     **pc_kwargs: Any,
@@ -54,7 +54,7 @@ def plot_calibration_ranks(
         ``sbc.sel(parameter=[...])``.
     kind : {"ecdf", "histogram"}
         What is drawn.
-    prob : float, default 0.94
+    prob : float, default 0.95
         Probability that the band holds.
     backend : {"matplotlib", "none"}
         Plotting backend; ``"none"`` only collects what would be drawn.

@@ -48,7 +48,7 @@ def plot_parameter_density(
     classes: xr.DataTree,
     *,
     var_names: Sequence[str] | None = None,
-    probs: Sequence[float] = (0.5, 0.94),
+    probs: Sequence[float] = (0.5, 0.95),
     specimen: str | None = None,
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,

@@ -35,7 +35,7 @@ def plot_axial_force(
     classes: xr.DataTree,
     data: xr.Dataset | Mapping[str, xr.Dataset] | None = None,
     *,
-    prob: float = 0.94,
+    prob: float = 0.95,
     energy: StrainEnergy | Sequence[Layer] | None = None,
     specimen: str | None = None,
     backend: Backend = "matplotlib",

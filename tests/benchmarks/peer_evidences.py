@@ -26,7 +26,7 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.target import Target
 
 sys.path.append(str(Path(__file__).parents[1] / "evidence"))
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "project"
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import json
 import math
 from pathlib import Path
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[2] / "docs" / "project"
 DASH = "–"
 
 

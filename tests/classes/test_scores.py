@@ -44,7 +44,7 @@ def test_scores_by_hand():
     assert scores["accuracy_se"].item() == pytest.approx(0.5, rel=ROUNDING)
     assert scores["specimen"].values.tolist() == ["S1", "S2"]
     assert scores["truth"].values.tolist() == ["C1", "C2"]
-    assert scores.attrs == {"simulated": 1, "prob": 0.94}
+    assert scores.attrs == {"simulated": 1, "prob": 0.95}
 
 
 def test_impossible_truth_scores_minus_infinity():

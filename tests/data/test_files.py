@@ -17,7 +17,7 @@ from pymc_hyperelastic.data.files.settings import settings_of
 from pymc_hyperelastic.data.files.spellings import units_of
 from pymc_hyperelastic.data.inflation import check_inflation_data
 
-PAGE = Path(__file__).parents[2] / "docs" / "own_data.md"
+PAGE = Path(__file__).parents[2] / "docs" / "guides" / "file_format.md"
 MESSY = Path(__file__).parent / "messy"
 # Conversions are products of a few numbers.
 ROUNDING = 1e-12

@@ -11,7 +11,7 @@ import xarray as xr
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.plausible import RANGES
 
-PAGE = Path(__file__).parents[2] / "docs" / "own_data.md"
+PAGE = Path(__file__).parents[2] / "docs" / "guides" / "file_format.md"
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
 # Pressures in kPa, that of an aorta.
 RADIUS, PRESSURE = np.linspace(7.2, 9.6, 10), np.linspace(1.0, 20.0, 10)

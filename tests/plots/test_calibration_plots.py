@@ -59,7 +59,7 @@ def test_line_is_the_ecdf(ranks):
         np.testing.assert_allclose(line["y"], below, atol=ROUNDING)
     assert texts(figure, "title") == [f"k[{i}]\n($p$ = 0.500)" for i in range(5)]
     assert texts(figure, "xlabel") == ["rank / $(L+1)$"] * 4
-    assert "200 simulations, 94 % simultaneous" in figure.get_viz("figure_title")["string"]
+    assert "200 simulations, 95 % simultaneous" in figure.get_viz("figure_title")["string"]
 
 
 def test_band_holds_whole_lines():
@@ -122,7 +122,7 @@ def test_reliability_shows_the_table(scores):
     assert texts(figure, "title")[0] == f"most probable class\n(ECE = {error:.3f})"
     assert texts(figure, "ylabel") == ["observed frequency", "count"]
     title = figure.get_viz("figure_title")["string"]
-    assert title == "reliability of class probabilities, 94 % intervals, SIMULATED data"
+    assert title == "reliability of class probabilities, 95 % intervals, SIMULATED data"
     one = ph.plot_reliability(scores.sel(forecast="C1"), backend="none")
     assert one.viz["plot"].sizes["forecast"] == 1
 

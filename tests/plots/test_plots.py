@@ -193,13 +193,13 @@ def contains(contours, x, y):
 @pytest.mark.parametrize("name", ["C1", "C2"])
 def test_both_modes_are_in_the_contours(classes, name, mirror):
     """Each mode is drawn, narrow as it is, and the regions hold the probability that they claim."""
-    figure = ph.plot_parameter_density(classes, probs=[0.5, 0.94])
+    figure = ph.plot_parameter_density(classes, probs=[0.5, 0.95])
     part = 0 if mirror > 0 else 1
     areas = figure.viz["area"]["log_density"].sel(class_label=name, y_part=part, x_part=0).values
     posterior = classes[name]["posterior"]
     mu, alpha = posterior["mu"].values.ravel(), posterior["alpha"].values.ravel()
     mode = mirror * alpha > 0
-    for area, prob in zip(areas, (0.94, 0.5), strict=True):
+    for area, prob in zip(areas, (0.95, 0.5), strict=True):
         share = contains(area, mu[mode], alpha[mode]).mean()
         assert abs(share - prob) < SHARE_TOLERANCE
     # A bandwidth of the whole sample would be twenty times as wide as a mode.

@@ -51,7 +51,7 @@ def read_tests(
         CSV, TSV or text files of one study; one of them may be the TOML file of its settings.
         A table with a pressure or a measured radius is one of points, one a row. Others are of
         specimens, or of experiments where they have such a column, and are joined by it. The names
-        of columns that are known are on the page Your own data.
+        of columns that are known are on the page What a file may look like.
     settings : path or dict, optional
         A TOML file, or a dict of the same form, for what the tables do not say. Keys are
         ``measured``, ``opening_angle_convention``, ``radii_of``, ``cycles``, as
