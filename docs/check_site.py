@@ -28,34 +28,36 @@ RULES = {
     (400, "light"): {"runOnly": ["scrollable-region-focusable", "target-size"]},
 }
 
-# Formulas that are still LaTeX, figures that are missing or have no words in their place.
+# Formulas and links that are still source, figures that are missing or have no words instead.
 UNFINISHED = r"""() => [
     ...[...document.querySelectorAll(".math")].filter(e => !e.querySelector("math")),
     ...document.querySelectorAll(".temml-error, merror"),
-    ...[...document.querySelectorAll("article :is(p, li, td, th, dd, dt, h1, h2, h3)")].filter(e => {
+    ...[...document.querySelectorAll("article :is(p, li, td, th, dd, dt, h1, h2)")].filter(e => {
         const text = e.cloneNode(true);
         text.querySelectorAll("code, pre, .math").forEach(inner => inner.remove());
         return /\$\$|\\\(|\\[a-z]+\{|\]\([^)]*\)|\{[a-z]+\}`/.test(text.textContent);
     }),
-    ...[...document.images].filter(e => e.complete && !e.naturalWidth || !e.alt.trim()),
+    ...[...document.images].filter(e => e.complete && !e.naturalWidth
+        || !e.alt.trim() && !e.closest(".sphx-glr-thumbcontainer")),
 ].map(e => e.outerHTML.slice(0, 160))"""
-# Text that is cut off, or pushes the page to the side. Code, tables, and on narrow screens
-# formulas may scroll in a place of their own, which keys can reach.
+# Text that is cut off, or out of sight. Code, tables and, on narrow screens, formulas may scroll in
+# a place of their own, which keys can reach.
 CUT_OFF = """(narrow) => [...document.querySelectorAll("body *")].filter(e => {
-    if (e.closest("svg, math, [hidden], dialog, .pst-sidebar-hidden") || !e.checkVisibility())
-        return false;
-    const place = e.closest(
-        "pre, .pst-scrollable-table-container, .highlight, .cell_output" + (narrow ? ", .formula" : "")
-    );
-    if (place) {
-        const scrolled = [place, ...place.querySelectorAll("*")].find(
-            inner => inner.scrollWidth > inner.clientWidth + 1 && inner.tabIndex === 0);
-        if (scrolled || e.getBoundingClientRect().right <= innerWidth + 1) return false;
-    }
+    if (e.closest("svg, math, dialog") || !e.checkVisibility()) return false;
     const style = getComputedStyle(e), box = e.getBoundingClientRect();
-    if (!box.width || style.clip !== "auto" || style.clipPath !== "none") return false;
-    return box.right > innerWidth + 1 || box.left < -1 && box.right > 0
-        || e.scrollWidth > e.clientWidth + 1 && style.overflowX !== "visible" && e.clientWidth > 1;
+    if (box.width < 2 || style.clipPath !== "none") return false;
+    const scrolls = e.scrollWidth > e.clientWidth + 1 && style.display !== "inline";
+    if (["auto", "scroll"].includes(style.overflowX))
+        return scrolls && (e.tabIndex !== 0 || e.matches(".formula") && !narrow);
+    const hasText = [...e.childNodes].some(node => node.nodeType === 3 && node.data.trim());
+    if (scrolls && hasText && style.overflowX === "hidden") return true;
+    for (let place = e.parentElement; place; place = place.parentElement) {
+        const outer = getComputedStyle(place).overflowX;
+        if (["auto", "scroll"].includes(outer)) return false;
+        if (outer === "hidden" && hasText && box.right > place.getBoundingClientRect().right + 1)
+            return true;
+    }
+    return box.right > innerWidth + 1 && box.left < innerWidth || box.left < -1 && box.right > 0;
 }).map(e => e.outerHTML.slice(0, 160))"""
 SCROLLS_SIDEWAYS = "document.documentElement.scrollWidth > innerWidth"
 
@@ -69,6 +71,7 @@ class Page(HTMLParser):
         self.feed(path.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag, attrs):
+        """Note an element."""
         attrs = dict(attrs)
         self.names |= {attrs[key] for key in ("id", "name") if attrs.get(key)}
         self.targets += [attrs[key] for key in ("href", "src") if attrs.get(key)]
@@ -113,7 +116,8 @@ async def look(browser: Browser, address: str, name: str, wrong: list[str], seen
     )
     await page.goto(f"{address}/{name}")
     await page.evaluate(  # pictures are loaded when they come into sight
-        "Promise.all([...document.images].map(e => (e.loading = 'eager', e.decode().catch(() => 0))))"
+        """Promise.all([...document.images].map(
+            e => (e.loading = "eager", e.decode().catch(() => 0))))"""
     )
     for what in await page.evaluate(UNFINISHED):
         add(f"unfinished {what}")
@@ -121,6 +125,7 @@ async def look(browser: Browser, address: str, name: str, wrong: list[str], seen
     seen["figures"] += await page.locator("article img").count()
     for width in WIDTHS:
         await page.set_viewport_size({"width": width, "height": 900})
+        await asyncio.sleep(0.5)  # the theme looks a little later what scrolls now
         for scheme in SCHEMES:
             await page.emulate_media(color_scheme=scheme)
             at = f" ({width} px, {scheme})"
@@ -131,7 +136,7 @@ async def look(browser: Browser, address: str, name: str, wrong: list[str], seen
                 for what in await page.evaluate(CUT_OFF, width < 1000):
                     add(f"cut off {what}")
             if (width, scheme) in RULES:
-                options = {"resultTypes": ["violations"], **RULES[width, scheme]}
+                options = {"resultTypes": ["violations"], "preload": False, **RULES[width, scheme]}
                 found = await Axe().run(page, options=options)
                 for violation in found.response["violations"]:
                     if violation["impact"] in ("serious", "critical"):

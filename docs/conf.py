@@ -1,6 +1,8 @@
 """Configuration of the documentation; build it with ``make docs``."""
 
+import os
 import re
+import sys
 import tomllib
 from importlib.metadata import version as installed_version
 from pathlib import Path
@@ -11,6 +13,9 @@ from docutils import nodes
 from myst_nb.core.read import read_myst_markdown_notebook
 
 import pymc_hyperelastic as ph
+
+sys.path.insert(0, str(Path(__file__).parent))
+from drawings import draw_all
 
 matplotlib.use("Agg")
 
@@ -40,9 +45,16 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 600  # seconds a cell
 nb_merge_streams = True
+# Figures of pages that are run are sharp on every screen.
+os.environ["IPYTHONDIR"] = str(Path(__file__).with_name("_build") / "ipython")
+profile = Path(os.environ["IPYTHONDIR"]) / "profile_default"
+profile.mkdir(parents=True, exist_ok=True)
+figures = 'c.InlineBackend.figure_formats = {"svg"}\n'
+(profile / "ipython_kernel_config.py").write_text(figures, encoding="utf-8")
 
 # Reference: one page for each public name, holding what the class itself defines.
 autosummary_generate = True
+autosummary_context = draw_all()
 autodoc_inherit_docstrings = False
 autodoc_typehints = "none"  # numpydoc's parameter lists already say it
 numpydoc_show_class_members = False
@@ -68,6 +80,7 @@ sphinx_gallery_conf = {
     "download_all_examples": False,
     "remove_config_comments": True,
     "show_signature": False,
+    "write_computation_times": False,
 }
 
 # Formulas: MathML, made of their LaTeX in the browser by a script that lies beside the pages.
@@ -84,7 +97,9 @@ html_show_sourcelink = False
 html_last_updated_fmt = "%Y-%m-%d"
 # These pages have no section, and so nothing to show at the side.
 html_sidebars = {"index": [], "search": [], "genindex": []}
+html_context = {"default_mode": "auto"}
 html_theme_options = {
+    "collapse_navigation": True,
     "header_links_before_dropdown": 6,
     "navbar_persistent": ["search-button"],
     "navbar_end": ["theme-switcher"],
@@ -125,26 +140,36 @@ The default prior of each parameter is uniform over a fixed range, which
 """
 
 
-def write_zoo() -> None:
-    every_law = map(ph.StrainEnergy.from_name, ph.list_strain_energies())
-    laws = sorted(
-        (law for law in every_law if type(law).__module__.startswith(ph.__name__)),
-        key=lambda law: law.name,
-    )
-    rows = []
-    for law in laws:
+def prior_of(parameter: ph.Parameter) -> str:
+    """The ends of a default prior."""
+    return " to ".join(f"{round(end, 3):g}".replace("-", "−") for end in parameter.prior_range)
+
+
+def name_of(parameter: ph.Parameter) -> str:
+    """A name in code, and whether it is that of a vector."""
+    return f"`{parameter.name}`" + (", a vector" if parameter.size else "")
+
+
+def write_zoo(names: list[str]) -> dict[str, list[tuple[str, ...]]]:
+    """Write the page of all laws, and return the table of each."""
+    tables, rows = {}, []
+    for law in map(ph.StrainEnergy.from_name, sorted(names)):
+        tables[law.name] = [
+            (p.symbol, name_of(p).replace("`", "``"), p.unit, prior_of(p), p.description)
+            for p in law.parameters
+        ]
         cell = f"{{class}}`~pymc_hyperelastic.{law.name}`"
         for p in law.parameters:
-            ends = " to ".join(f"{round(end, 3):g}".replace("-", "−") for end in p.prior_range)
-            name = f"`{p.name}`" + (", a vector" if p.size else "")
-            rows.append(f"| {cell} | ${p.symbol}$ | {name} | {p.unit} | {ends} | {p.description} |")
+            about = f"{name_of(p)} | {p.unit} | {prior_of(p)} | {p.description}"
+            rows.append(f"| {cell} | ${p.symbol}$ | {about} |")
             cell = ""
-    names = "\n".join(f"   {law.name}" for law in laws)
-    page = ZOO.format(names=names, rows="\n".join(rows))
+    summary = "\n".join(f"   {name}" for name in tables)
+    page = ZOO.format(names=summary, rows="\n".join(rows))
     Path(__file__).with_name("strain_energies.md").write_text(page, encoding="utf-8")
+    return tables
 
 
-write_zoo()
+autosummary_context["parameters"] = write_zoo(autosummary_context["laws"])
 
 
 def name_public_bases(app, name, obj, options, bases) -> None:
