@@ -67,6 +67,10 @@ numpydoc_xref_aliases = {name: f":py:obj:`{name}`" for name in LINKS} | {
     name: f":py:obj:`~pymc_hyperelastic.{name}`" for name in ph.__all__
 }
 
+# Prompts are not copied.
+copybutton_prompt_text = r">>> |\.\.\. |\$ "
+copybutton_prompt_is_regexp = True
+
 # Gallery: the two studies are run, the other scripts are shown. What several of them import is no
 # example by itself, and lies beside them for download.
 imported_by_examples = r"murine_tables\.py$"
