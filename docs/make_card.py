@@ -9,13 +9,17 @@ import pymc_hyperelastic as ph
 
 GROUND, INK, COLOURS = "#14181e", "white", {"C1": "#f59e0b", "C2": "#38bdf8"}
 
+SENTENCE = """Bayesian hyperelastic tubes on PyMC:
+materials, groups and probabilities
+of class, with their errors"""
+
 data = ph.load_dataset("simulated_sheep_aorta")
 figure = plt.figure(figsize=(12, 6.3), facecolor=GROUND)
 figure.text(0.06, 0.62, "pymc_hyperelastic", color=INK, size=37, weight="bold")
 figure.text(
     0.06,
     0.36,
-    "Bayesian hyperelastic tubes on PyMC:\nmaterials, groups and probabilities\nof class, with their errors",
+    SENTENCE,
     color=INK,
     size=21,
     linespacing=1.5,
