@@ -71,13 +71,13 @@ numpydoc_xref_aliases = {name: f":py:obj:`{name}`" for name in LINKS} | {
 copybutton_prompt_text = r">>> |\.\.\. |\$ "
 copybutton_prompt_is_regexp = True
 
-# Gallery: the two studies are run, the other scripts are shown. What several of them import is no
-# example by itself, and lies beside them for download.
+# Gallery: examples of a minute are run; of longer ones pages show what was kept of a run.
+# What several of them import is no example by itself, and lies beside them for download.
 imported_by_examples = r"murine_tables\.py$"
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
-    "filename_pattern": r"(sheep_aorta|pulmonary)",
+    "filename_pattern": r"(sheep_aorta|pulmonary|classify_csv)",
     "ignore_pattern": imported_by_examples,
     "copyfile_regex": rf"{imported_by_examples}|curves\.csv$",
     "image_srcset": ["2x"],  # sharp on dense screens too
@@ -209,7 +209,35 @@ def name_notebook(app, page, template, context, doctree) -> None:
         nbformat.write(notebook, target)
 
 
+def show_stored(app, page, source) -> None:
+    """Add to the page of an example what was kept of a run of it."""
+    stored = Path(app.srcdir, "stored", Path(page).name)
+    if page.startswith("gallery/") and (stored / "output.txt").exists():
+        day, *printed = (stored / "output.txt").read_text(encoding="utf-8").splitlines()
+        lines = [
+            "",
+            "What it prints and draws",
+            "-" * 24,
+            "",
+            f"{day}.",
+            "",
+            ".. code-block:: none",
+            "",
+        ]
+        lines += [f"   {line}" for line in printed] + [""]
+        for figure in sorted(stored.glob("*.png")):
+            name = figure.stem.replace("_", " ")
+            lines += [
+                f".. image:: /stored/{stored.name}/{figure.name}",
+                f"   :alt: Figure {name}.",
+                "",
+            ]
+        text, end, rest = source[0].rpartition("\n.. _sphx_glr_download_")
+        source[0] = text + "\n".join(lines) + end + rest
+
+
 def setup(app) -> None:
+    app.connect("source-read", show_stored)
     app.connect("html-page-context", name_notebook)
     app.connect("autodoc-process-bases", name_public_bases)
     app.connect("missing-reference", link_elsewhere)

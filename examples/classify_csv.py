@@ -39,8 +39,9 @@ classes = ph.fit_classes(
     draws=1000,
     chains=2,
     random_seed=1,
+    progressbar=False,
 )
-result = ph.classify(new, classes, by="specimen", none_below=0.05, random_seed=1)
+result = ph.classify(new, classes, by="specimen", none_below=0.05, random_seed=1, progressbar=False)
 print(result[["class_probability", "p_value", "decision"]].to_dataframe())
 
 # %%

@@ -64,9 +64,10 @@ for energy in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()):
         draws=DRAWS,
         chains=CHAINS,
         random_seed=1,
+        progressbar=False,
     )
     fitted[law].to_netcdf(OUT / f"{law}_classes.nc")
-    results[law] = ph.classify(new, fitted[law], random_seed=2)
+    results[law] = ph.classify(new, fitted[law], random_seed=2, progressbar=False)
     results[law].to_netcdf(OUT / f"{law}_class_probability.nc")
 
 # %%

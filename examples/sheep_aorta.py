@@ -52,11 +52,12 @@ for energy in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()):
         draws=DRAWS,
         chains=CHAINS,
         random_seed=1,
+        progressbar=False,
     )
     classes.to_netcdf(OUT / f"{law}_classes.nc")
     fitted[law] = xr.load_datatree(OUT / f"{law}_classes.nc")
 
-    results[law] = ph.classify(new, fitted[law], random_seed=2)
+    results[law] = ph.classify(new, fitted[law], random_seed=2, progressbar=False)
     results[law].to_netcdf(OUT / f"{law}_class_probability.nc")
 
 # %%
