@@ -129,7 +129,7 @@ def test_unloaded_radius_is_found(tmp_path):
 
 @pytest.mark.deep
 def test_true_probabilities_of_simulated_aortas_are_known(tmp_path):
-    """The true model, with which what is learned is compared, tells which group a specimen is of."""
+    """The true model, to which what is learned is compared, tells the group of a specimen."""
     run("simulated_aortas", tmp_path)
     known = xr.load_dataset(tmp_path / "results" / "simulated_aortas" / "true_new.nc")
     best = known["class_probability"].idxmax("class_label").values.tolist()
