@@ -7,9 +7,11 @@ PY := $(VENV)/bin/python
 extras_test := [test,browser,jax,nutpie]
 extras_lint := [dev]
 extras_docs := [docs]
+extras_docs-check := [docs,browser]
+extras_dist := [release]
 extras_benchmark := [test,jax,benchmark]
 
-.PHONY: help study artery test test-deep test-lowest lint docs benchmark clean
+.PHONY: help study artery test test-deep test-lowest lint docs docs-check dist benchmark clean
 
 help:
 	@echo "make study       the simulated sheep-aorta study: a table, figures and netCDF files in results/"
@@ -19,6 +21,8 @@ help:
 	@echo "make test-lowest what make test runs, on the oldest versions that pyproject.toml allows"
 	@echo "make lint        ruff and mypy"
 	@echo "make docs        the documentation, in docs/_build/html"
+	@echo "make docs-check  look at every page of it in a browser, on narrow and wide screens, light and dark"
+	@echo "make dist        wheel and source distribution in dist/, tried in an empty environment"
 	@echo "make benchmark   time and accuracy against other ways, about 5 minutes"
 	@echo "make clean       remove what the other targets made, except $(VENV) and results/"
 
@@ -55,8 +59,24 @@ lint: $(VENV)/.ready-lint
 
 # The reference pages are written anew, so that none outlives its name.
 docs: $(VENV)/.ready-docs
-	rm -rf docs/generated
+	rm -rf docs/generated docs/drawings
 	$(PY) -m sphinx -W --keep-going -b html docs docs/_build/html
+
+# What make docs built last.
+docs-check: $(VENV)/.ready-docs-check
+	$(PY) docs/check_site.py
+
+# The wheel is built from the source distribution, and both are what people would install: nothing else is there but
+# what they bring with them.
+dist: $(VENV)/.ready-dist
+	rm -rf dist
+	$(PY) -m build --quiet
+	$(PY) -m twine check --strict dist/*
+	$(PYTHON) -m venv --clear dist/empty
+	dist/empty/bin/python -m pip install --quiet --disable-pip-version-check dist/*.whl
+	cd dist && PYTENSOR_FLAGS=mode=FAST_COMPILE empty/bin/python -W error -c "import pymc_hyperelastic as ph; \
+	print(ph.__version__, ph.inflation_pressure(ph.Ogden(), 8.0, inner_radius=7.0, outer_radius=9.0, mu=30.0, alpha=7.0).eval())"
+	rm -rf dist/empty
 
 benchmark: $(VENV)/.ready-benchmark
 	mkdir -p results
@@ -65,7 +85,7 @@ benchmark: $(VENV)/.ready-benchmark
 	$(PY) tests/benchmarks/report.py results/benchmark.json
 
 clean:
-	rm -rf docs/_build docs/gallery docs/generated docs/sg_execution_times.rst docs/strain_energies.md dist .pytensor .ci/venv .ci/*.log
+	rm -rf docs/_build docs/gallery docs/generated docs/drawings docs/sg_execution_times.rst docs/strain_energies.md dist .pytensor .ci/venv .ci/*.log
 	rm -rf .pytest_cache .mypy_cache .ruff_cache
 	find pymc_hyperelastic tests examples docs -name __pycache__ -prune -exec rm -rf {} +
 

@@ -1,11 +1,21 @@
 """Configuration of the documentation; build it with ``make docs``."""
 
+import os
+import re
+import sys
+import tomllib
 from importlib.metadata import version as installed_version
 from pathlib import Path
 
 import matplotlib
+import nbformat
+from docutils import nodes
+from myst_nb.core.read import read_myst_markdown_notebook
 
 import pymc_hyperelastic as ph
+
+sys.path.insert(0, str(Path(__file__).parent))
+from drawings import draw_all
 
 matplotlib.use("Agg")
 
@@ -35,34 +45,74 @@ nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 600  # seconds a cell
 nb_merge_streams = True
+# Figures of pages that are run are sharp on every screen.
+os.environ["IPYTHONDIR"] = str(Path(__file__).with_name("_build") / "ipython")
+profile = Path(os.environ["IPYTHONDIR"]) / "profile_default"
+profile.mkdir(parents=True, exist_ok=True)
+figures = 'c.InlineBackend.figure_formats = {"svg"}\n'
+(profile / "ipython_kernel_config.py").write_text(figures, encoding="utf-8")
 
 # Reference: one page for each public name, holding what the class itself defines.
 autosummary_generate = True
+autosummary_context = draw_all()
 autodoc_inherit_docstrings = False
 autodoc_typehints = "none"  # numpydoc's parameter lists already say it
 numpydoc_show_class_members = False
+# Names in types of parameters lead to their pages. Those of other packages, and where these pages
+# are, stand in a table: no build needs the network for it.
+LINKS = tomllib.loads(Path(__file__).with_name("links.toml").read_text(encoding="utf-8"))
+numpydoc_xref_param_type = True
+numpydoc_xref_ignore = "all"  # but these
+numpydoc_xref_aliases = {name: f":py:obj:`{name}`" for name in LINKS} | {
+    name: f":py:obj:`~pymc_hyperelastic.{name}`" for name in ph.__all__
+}
 
-# Gallery: the two studies are run, the other scripts are shown. What several of them import is no
-# example by itself, and lies beside them for download.
-imported_by_examples = r"(murine_tables|outer_diameter)\.py$"
+# Prompts are not copied.
+copybutton_prompt_text = r">>> |\.\.\. |\$ "
+copybutton_prompt_is_regexp = True
+
+# Gallery: examples of a minute are run; of longer ones pages show what was kept of a run.
+# What several of them import is no example by itself, and lies beside them for download.
+imported_by_examples = r"murine_tables\.py$"
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
-    "filename_pattern": r"(sheep_aorta|pulmonary)",
+    "filename_pattern": r"(sheep_aorta|pulmonary|classify_csv)",
     "ignore_pattern": imported_by_examples,
-    "copyfile_regex": imported_by_examples,
+    "copyfile_regex": rf"{imported_by_examples}|curves\.csv$",
+    "image_srcset": ["2x"],  # sharp on dense screens too
     "download_all_examples": False,
     "remove_config_comments": True,
     "show_signature": False,
+    "write_computation_times": False,
 }
+
+# Formulas: MathML, made of their LaTeX in the browser by a script that lies beside the pages.
+mathjax_path = "math.js"
+myst_update_mathjax = False
+html_js_files = [("temml/temml.min.js", {"defer": "defer"})]
 
 html_theme = "pydata_sphinx_theme"
 html_title = project
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_favicon = "_static/favicon.svg"
 html_show_sourcelink = False
+html_last_updated_fmt = "%Y-%m-%d"
+# These pages have no section, and so nothing to show at the side.
+html_sidebars = {"index": [], "search": [], "genindex": []}
+html_context = {"default_mode": "auto"}
 html_theme_options = {
+    "collapse_navigation": True,
+    "header_links_before_dropdown": 6,
+    "navbar_persistent": ["search-button"],
+    "navbar_end": ["theme-switcher"],
     "navigation_with_keys": False,
     "primary_sidebar_end": [],
+    "secondary_sidebar_items": ["page-toc", "notebook"],
     "show_toc_level": 2,
+    "footer_start": ["version"],
+    "footer_end": [],
 }
 
 # The zoo: a page written from the laws themselves, so that a new one appears on it by itself.
@@ -94,35 +144,100 @@ The default prior of each parameter is uniform over a fixed range, which
 """
 
 
-def write_zoo() -> None:
-    every_law = map(ph.StrainEnergy.from_name, ph.list_strain_energies())
-    laws = sorted(
-        (law for law in every_law if type(law).__module__.startswith(ph.__name__)),
-        key=lambda law: law.name,
-    )
-    rows = []
-    for law in laws:
+def prior_of(parameter: ph.Parameter) -> str:
+    """The ends of a default prior."""
+    return " to ".join(f"{round(end, 3):g}".replace("-", "−") for end in parameter.prior_range)
+
+
+def name_of(parameter: ph.Parameter) -> str:
+    """A name in code, and whether it is that of a vector."""
+    return f"`{parameter.name}`" + (", a vector" if parameter.size else "")
+
+
+def write_zoo(names: list[str]) -> dict[str, list[tuple[str, ...]]]:
+    """Write the page of all laws, and return the table of each."""
+    tables, rows = {}, []
+    for law in map(ph.StrainEnergy.from_name, sorted(names)):
+        tables[law.name] = [
+            (p.symbol, name_of(p).replace("`", "``"), p.unit, prior_of(p), p.description)
+            for p in law.parameters
+        ]
         cell = f"{{class}}`~pymc_hyperelastic.{law.name}`"
         for p in law.parameters:
-            ends = " to ".join(f"{round(end, 3):g}".replace("-", "−") for end in p.prior_range)
-            name = f"`{p.name}`" + (", a vector" if p.size else "")
-            rows.append(f"| {cell} | ${p.symbol}$ | {name} | {p.unit} | {ends} | {p.description} |")
+            about = f"{name_of(p)} | {p.unit} | {prior_of(p)} | {p.description}"
+            rows.append(f"| {cell} | ${p.symbol}$ | {about} |")
             cell = ""
-    names = "\n".join(f"   {law.name}" for law in laws)
-    page = ZOO.format(names=names, rows="\n".join(rows))
+    summary = "\n".join(f"   {name}" for name in tables)
+    page = ZOO.format(names=summary, rows="\n".join(rows))
     Path(__file__).with_name("strain_energies.md").write_text(page, encoding="utf-8")
+    return tables
 
 
-write_zoo()
+autosummary_context["parameters"] = write_zoo(autosummary_context["laws"])
 
 
 def name_public_bases(app, name, obj, options, bases) -> None:
-    """Name base classes as users import them, not by the module in which they stand."""
-    bases[:] = [
-        f":py:class:`~pymc_hyperelastic.{base.__name__}`" if base.__name__ in ph.__all__ else base
-        for base in bases
-    ]
+    """Name the nearest base class that is public, as users import it."""
+    public = next(base for base in obj.__mro__[1:] if base.__name__ in (*ph.__all__, "object"))
+    if bases and public is not object:
+        bases[:] = [f":py:class:`~pymc_hyperelastic.{public.__name__}`"]
+
+
+def link_elsewhere(app, env, node, content):
+    """Lead a name of another package to its page there."""
+    if address := LINKS.get(node["reftarget"]):
+        return nodes.reference("", "", content, internal=False, refuri=address)
+
+
+# Pages that are run can be taken home as notebooks. What only these pages understand is made plain.
+ROLES = re.compile(r"\{(?:func|class|meth|data)\}`~?(?:pymc_hyperelastic\.)?([^`]+)`")
+LINKED_PAGES = re.compile(r"\[([^\]]+)\]\((?!https?:)[^)]*\)|\{\w+\}`([^`<]+?)(?: <[^>]*>)?`")
+
+
+def name_notebook(app, page, template, context, doctree) -> None:
+    """Tell a page that is run where its notebook will lie."""
+    source = str(app.env.doc2path(page)) if page in app.env.found_docs else ""
+    if source.endswith(".md") and "file_format: mystnb" in Path(source).read_text("utf-8")[:300]:
+        context["notebook"] = f"_downloads/notebooks/{page.replace('/', '_')}.ipynb"
+        notebook = read_myst_markdown_notebook(Path(source).read_text("utf-8"))
+        for cell in notebook.cells:
+            if cell.cell_type == "markdown":
+                cell.source = ROLES.sub(r"`\1`", cell.source)
+                cell.source = LINKED_PAGES.sub(lambda m: m[1] or m[2], cell.source)
+        target = Path(app.outdir, context["notebook"])
+        target.parent.mkdir(parents=True, exist_ok=True)
+        nbformat.write(notebook, target)
+
+
+def show_stored(app, page, source) -> None:
+    """Add to the page of an example what was kept of a run of it."""
+    stored = Path(app.srcdir, "stored", Path(page).name)
+    if page.startswith("gallery/") and (stored / "output.txt").exists():
+        day, *printed = (stored / "output.txt").read_text(encoding="utf-8").splitlines()
+        lines = [
+            "",
+            "What it prints and draws",
+            "-" * 24,
+            "",
+            f"{day}.",
+            "",
+            ".. code-block:: none",
+            "",
+        ]
+        lines += [f"   {line}" for line in printed] + [""]
+        for figure in sorted(stored.glob("*.png")):
+            name = figure.stem.replace("_", " ")
+            lines += [
+                f".. image:: /stored/{stored.name}/{figure.name}",
+                f"   :alt: Figure {name}.",
+                "",
+            ]
+        text, end, rest = source[0].rpartition("\n.. _sphx_glr_download_")
+        source[0] = text + "\n".join(lines) + end + rest
 
 
 def setup(app) -> None:
+    app.connect("source-read", show_stored)
+    app.connect("html-page-context", name_notebook)
     app.connect("autodoc-process-bases", name_public_bases)
+    app.connect("missing-reference", link_elsewhere)

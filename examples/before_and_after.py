@@ -18,10 +18,11 @@ thickness, that is not part of it. A specimen that was mounted again after the t
 measured twice in every respect, so that differences of set-up are part of the change.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
-(2019) 021011. They are not part of this package: give the folder of the tables, ``python
-before_and_after.py FOLDER``. They are read by :download:`murine_tables.py`, which has to lie beside
-this script.
+(2019) 021011. They are not part of this package. They are read by :download:`murine_tables.py`,
+which has to lie beside this script and says where it looks for the tables.
 """
+
+from pathlib import Path
 
 import murine_tables
 import numpy as np
@@ -31,21 +32,15 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-options = murine_tables.options(
-    "What elastase does to each animal's wall.", draws=1000, out="results/before_and_after"
-)
-options.add_argument(
-    "--laws",
-    nargs="+",
-    default=["Ogden", "HolzapfelGasserOgden"],
-    help="strain energies (%(default)s)",
-)
-args = murine_tables.parsed(options)
+DRAWS = 1000
+LAWS = ["Ogden", "HolzapfelGasserOgden"]
+OUT = Path("results/before_and_after")  # where results go
+OUT.mkdir(parents=True, exist_ok=True)
 
 # %%
 # The specimens, and the classes
 # ------------------------------
-data, geometry = murine_tables.read(args.folder, extended=True)
+data, geometry = murine_tables.read(extended=True)
 thickness = geometry.set_index("specimen")["thickness_unloaded_mm"]
 shared = thickness.duplicated(keep=False)
 sd = [thickness[~shared].std() if shared[n] else 0.02 for n in data["specimen"].values]
@@ -61,16 +56,15 @@ SETTINGS = {
 }
 groups = {name: ph.select(data, group=name) for name in ("control", "elastase")}
 classes = {}
-for name in args.laws:
-    stored = args.out / f"{name}.nc"
+for name in LAWS:
+    stored = OUT / f"{name}.nc"
     if not stored.exists():
         fitted = ph.fit_classes(
             getattr(ph, name)(),
             groups,
-            draws=args.draws,
+            draws=DRAWS,
             chains=2,
             random_seed=1,
-            progressbar=not args.quiet,
             **SETTINGS,
         )
         fitted.to_netcdf(stored)
@@ -119,12 +113,12 @@ ways = {"the same animals": {"pair": animals}, "as if others": {}}
 for words, how in ways.items():
     compared = ph.compare_classes(classes, QUANTITIES, random_seed=1, **WHERE, **how)
     name = words.replace(" ", "_")
-    compared.to_netcdf(args.out / f"{name}.nc")
+    compared.to_netcdf(OUT / f"{name}.nc")
     table = table_of(compared)
-    table.to_csv(args.out / f"{name}.csv")
+    table.to_csv(OUT / f"{name}.csv")
     factor, error = compared["log_bayes_factor"].item(), compared["log_bayes_factor_se"].item()
     print(f"\nElastase less control, {words}: log Bayes factor {factor:.1f} ± {error:.1f}")
     print(table.round(2).to_string())
     print(compared.attrs["words"])
-    ph.plot_comparison(compared).savefig(args.out / f"{name}.png", dpi=150)
-print(f"\nTables, figures and netCDF files are in {args.out}/")
+    ph.plot_comparison(compared).savefig(OUT / f"{name}.png", dpi=150)
+print(f"\nTables, figures and netCDF files are in {OUT}/")

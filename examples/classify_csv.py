@@ -3,9 +3,10 @@ Classify the curves of a CSV file
 =================================
 
 From the table of a laboratory to a report in three steps: read it, fit a class to each group, and
-write what new specimens are. Run it as ``python classify_csv.py curves.csv``; the file that comes
-with the examples, ``curves.csv``, holds the **simulated** sheep aortas. Units stand in the names of
-its columns, and a column ``split`` says which rows teach the classes and which are new.
+write what new specimens are. The file that comes with this example, :download:`curves.csv`, has to
+lie beside it and holds the **simulated** sheep aortas. Name your own in its place. Units stand in
+the names of its columns, and a column ``split`` says which rows teach the classes and which are
+new.
 
 The command ``pymc-hyperelastic`` does the same without Python, and takes more options::
 
@@ -15,14 +16,11 @@ The command ``pymc-hyperelastic`` does the same without Python, and takes more o
     pymc-hyperelastic report
 """
 
-import sys
-from pathlib import Path
-
 import pymc as pm
 
 import pymc_hyperelastic as ph
 
-FILE = Path(sys.argv[1] if len(sys.argv) > 1 else "curves.csv")
+FILE = "curves.csv"
 
 # %%
 # What was understood of the table is said; what is wrong with it would be, row by row.
@@ -41,8 +39,9 @@ classes = ph.fit_classes(
     draws=1000,
     chains=2,
     random_seed=1,
+    progressbar=False,
 )
-result = ph.classify(new, classes, by="specimen", none_below=0.05, random_seed=1)
+result = ph.classify(new, classes, by="specimen", none_below=0.05, random_seed=1, progressbar=False)
 print(result[["class_probability", "p_value", "decision"]].to_dataframe())
 
 # %%

@@ -17,10 +17,11 @@ differ, and more so on some specimens than on others, was put into the model aft
 had been looked at; no number was adjusted to the score.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
-(2019) 021011. They are not part of this package: give the folder of the two tables, ``python
-leave_one_animal_out.py FOLDER``. They are read by :download:`murine_tables.py`, which has to lie
-beside this script.
+(2019) 021011. They are not part of this package. They are read by :download:`murine_tables.py`,
+which has to lie beside this script and says where it looks for the tables.
 """
+
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import murine_tables
@@ -31,19 +32,16 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-options = murine_tables.options(
-    "Classify each animal's specimens by those of the others.",
-    draws=1000,
-    out="results/leave_one_animal_out",
-)
-args = murine_tables.parsed(options)
+DRAWS = 1000
+OUT = Path("results/leave_one_animal_out")  # where results go
+OUT.mkdir(parents=True, exist_ok=True)
 
 # %%
 # The specimens, and the animals that they are of
 # -----------------------------------------------
 # The tube that is free of stress is the cut ring, sprung open. Points below 3.5 mmHg are left out:
 # there the wall, which lies folded at rest, is unfolding.
-data, geometry = murine_tables.read(args.folder)
+data, geometry = murine_tables.read()
 classes = {name: ph.select(data, group=name) for name in ("control", "elastase")}
 animals = dict(zip(geometry["specimen"], geometry["animal"], strict=True))
 
@@ -54,14 +52,17 @@ animals = dict(zip(geometry["specimen"], geometry["animal"], strict=True))
 # specimens do not share. With variability the noise of each specimen is inferred, its median over a
 # class within a factor of ten of 1 mmHg.
 LAWS = [ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()]
-settings = {"leave_out": animals, "random_seed": 1, "progressbar": not args.quiet}
+settings = {
+    "leave_out": animals,
+    "random_seed": 1,
+}
 pooled = ph.calibration_report(
     LAWS,
     classes,
     variability="none",
     noise_sd=2 * ph.mmHg,
     priors=None,
-    draws=args.draws,
+    draws=DRAWS,
     **settings,
 )
 population = ph.calibration_report(
@@ -69,11 +70,11 @@ population = ph.calibration_report(
     classes,
     sigma=pm.LogNormal.dist(np.log(np.sqrt(2) * ph.mmHg), np.log(10) / 2),
     experiment_effect=True,
-    draws=args.draws,
+    draws=DRAWS,
     **settings,
 )
 for name, report in {"pooled": pooled, "population": population}.items():
-    report.to_netcdf(args.out / f"{name}.nc")
+    report.to_netcdf(OUT / f"{name}.nc")
 
 # %%
 # The table
@@ -94,14 +95,14 @@ print(table.round(2).to_string())
 print("\nprobability of each law, by the other animals")
 laws = population["strain_energy_probability"].sel(strain_energy=[law.name for law in LAWS])
 print(laws.transpose("specimen", ...).to_pandas().round(3).to_string())
-table.to_csv(args.out / "log_score.csv")
+table.to_csv(OUT / "log_score.csv")
 
 # %%
 # How reliable the probabilities are
 # ----------------------------------
 average = population.sel(strain_energy="average")
 result = ph.score_probabilities(average["class_probability"], average["true_class"].values)
-ph.plot_reliability(result).savefig(args.out / "reliability.png")
+ph.plot_reliability(result).savefig(OUT / "reliability.png")
 
 # %%
 # Every specimen
@@ -116,5 +117,5 @@ axes.axhline(0.5, color="grey", linewidth=0.8)
 axes.set_xticks(place, population["specimen"].values, rotation=60, ha="right")
 axes.set(ylabel="probability of the true class", ylim=(-0.02, 1.02))
 figure.legend(loc="outside upper center", ncols=2, fontsize="small")
-figure.savefig(args.out / "true_class.png", dpi=120)
-print(f"\nTables and figures are in {args.out}/")
+figure.savefig(OUT / "true_class.png", dpi=120)
+print(f"\nTables and figures are in {OUT}/")

@@ -23,10 +23,11 @@ classified by those of the other seven mice.
 standard error of the mean score is printed beside it.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
-(2019) 021011. They are not part of this package: give the folder of the tables, ``python
-leave_one_animal_out_all_signals.py FOLDER``. They are read by :download:`murine_tables.py`, which
-has to lie beside this script.
+(2019) 021011. They are not part of this package. They are read by :download:`murine_tables.py`,
+which has to lie beside this script and says where it looks for the tables.
 """
+
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import murine_tables
@@ -37,24 +38,16 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-options = murine_tables.options(
-    "Classify each animal's specimens, by all signals.",
-    draws=1000,
-    out="results/all_signals",
-)
-options.add_argument(
-    "--laws",
-    nargs="+",
-    default=["Ogden", "HolzapfelGasserOgden"],
-    help="strain energies (%(default)s)",
-)
-options.add_argument("--known-thickness", action="store_true", help="take thicknesses as known")
-args = murine_tables.parsed(options)
+DRAWS = 1000
+LAWS = ["Ogden", "HolzapfelGasserOgden"]
+KNOWN_THICKNESS = False  # whether thicknesses are taken as known
+OUT = Path("results/all_signals")  # where results go
+OUT.mkdir(parents=True, exist_ok=True)
 
 # %%
 # The specimens
 # -------------
-data, geometry = murine_tables.read(args.folder, extended=True)
+data, geometry = murine_tables.read(extended=True)
 thickness = geometry.set_index("specimen")["thickness_unloaded_mm"]
 shared = thickness.duplicated(keep=False)
 OF_BATCH, OF_ONE = thickness[~shared].std(), 0.02  # mm
@@ -68,18 +61,17 @@ animals = dict(zip(geometry["specimen"], geometry["animal"], strict=True))
 # ----------
 FACTOR_TEN = np.log(10) / 2
 report = ph.calibration_report(
-    [getattr(ph, name)() for name in args.laws],
+    [getattr(ph, name)() for name in LAWS],
     classes,
     noise_sd=pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
     force_noise_sd=pm.LogNormal.dist(np.log(1.0), FACTOR_TEN),
     force_offset_sd=20.0,
-    geometry=None if args.known_thickness else {"thickness": ph.Measured()},
+    geometry=None if KNOWN_THICKNESS else {"thickness": ph.Measured()},
     leave_out=animals,
-    draws=args.draws,
+    draws=DRAWS,
     random_seed=1,
-    progressbar=not args.quiet,
 )
-report.to_netcdf(args.out / "report.nc")
+report.to_netcdf(OUT / "report.nc")
 
 # %%
 # The table
@@ -98,7 +90,7 @@ print(report["verdict"].transpose("specimen", ...).to_pandas().to_string())
 if "strain_energy_probability" in report:
     print("\nprobability of each law, by the other animals")
     print(report["strain_energy_probability"].to_pandas().round(3).to_string())
-table.to_csv(args.out / "log_score.csv")
+table.to_csv(OUT / "log_score.csv")
 
 # %%
 # Every specimen
@@ -113,5 +105,5 @@ axes.axhline(0.5, color="grey", linewidth=0.8)
 axes.set_xticks(np.arange(rows), report["specimen"].values, rotation=60, ha="right")
 axes.set(ylabel="probability of the true class", ylim=(-0.02, 1.02))
 figure.legend(loc="outside upper center", ncols=4, fontsize="small")
-figure.savefig(args.out / "true_class.png", dpi=120)
-print(f"\nTables and figures are in {args.out}/")
+figure.savefig(OUT / "true_class.png", dpi=120)
+print(f"\nTables and figures are in {OUT}/")

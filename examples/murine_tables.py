@@ -4,9 +4,7 @@ The measurements are those of A. R. Akintunde et al., Journal of Biomechanical E
 (2019) 021011. They are not part of this package.
 """
 
-import argparse
 import os
-import sys
 from pathlib import Path
 
 import pandas as pd
@@ -14,9 +12,10 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-FOLDER = "MURINE_ELASTASE"
-FORMAT = f"""
-The folder, or the environment variable {FOLDER}, holds these tables:
+FOLDER = Path(os.environ.get("MURINE_ELASTASE", "murine_elastase"))
+FORMAT = """
+The environment variable MURINE_ELASTASE names the folder of these tables, or they are in a folder
+murine_elastase beside the script:
 
 murine_elastase_geometry.csv, one row a specimen: specimen, group, animal,
   outer_diameter_unloaded_mm, thickness_unloaded_mm, opening_angle_deg
@@ -28,39 +27,7 @@ murine_elastase_fl.csv, the same of the extension tests (force_length1 to 4 by r
 LOWEST = 3.5  # mmHg
 
 
-def options(description: str, *, draws: int, out: str) -> argparse.ArgumentParser:
-    """Options of a study of these tables: where they are, how many draws, where results go."""
-    parser = argparse.ArgumentParser(
-        description=description,
-        epilog=FORMAT,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument(
-        "folder",
-        type=Path,
-        nargs="?",
-        default=os.environ.get(FOLDER) or None,
-        help="where the tables are",
-    )
-    parser.add_argument(
-        "--draws", type=int, default=draws, help="draws of each posterior (%(default)s)"
-    )
-    parser.add_argument("--quiet", action="store_true", help="show no progress bars")
-    parser.add_argument("--out", type=Path, default=out, help="where results go")
-    return parser
-
-
-def parsed(parser: argparse.ArgumentParser) -> argparse.Namespace:
-    """What was given; without a folder of tables the script ends with its help."""
-    args = parser.parse_args()
-    if not args.folder:
-        parser.print_help()
-        sys.exit()
-    args.out.mkdir(parents=True, exist_ok=True)
-    return args
-
-
-def read(folder: Path, *, extended: bool = False) -> tuple[xr.Dataset, pd.DataFrame]:
+def read(folder: Path = FOLDER, *, extended: bool = False) -> tuple[xr.Dataset, pd.DataFrame]:
     """Inflation data of all specimens, and the table of these.
 
     A ring of the unloaded tube that is cut springs open. The radii are those of the ring, and the
@@ -69,6 +36,8 @@ def read(folder: Path, *, extended: bool = False) -> tuple[xr.Dataset, pd.DataFr
 
     With the tests that were `extended` there are axial forces, up to an offset of each test.
     """
+    if not folder.is_dir():
+        raise FileNotFoundError(f"there is no folder {folder}{FORMAT}")
     geometry = pd.read_csv(folder / "murine_elastase_geometry.csv")
     points = pd.read_csv(folder / "murine_elastase_pd.csv")
     points = points[points["pressure_mmHg"] > LOWEST]

@@ -14,7 +14,6 @@ The laws follow the control's curve badly, and neighbouring points err alike: th
 is larger than these posteriors say.
 """
 
-import argparse
 from pathlib import Path
 
 import numpy as np
@@ -27,15 +26,9 @@ import pymc_hyperelastic as ph
 SIGMA = 8 * ph.mmHg
 GROUPS = ("control", "hypertensive")
 
-options = argparse.ArgumentParser(description="Tell a hypertensive pulmonary artery from control.")
-options.add_argument("--draws", type=int, default=2000, help="particles of a chain (%(default)s)")
-options.add_argument("--chains", type=int, default=4, help="independent runs (%(default)s)")
-options.add_argument("--quiet", action="store_true", help="show no progress bars")
-options.add_argument(
-    "--out", type=Path, default="results/pulmonary_hypertension", help="where results go"
-)
-args = options.parse_args()
-args.out.mkdir(parents=True, exist_ok=True)
+DRAWS, CHAINS = 2000, 4  # particles of a chain, and independent runs
+OUT = Path("results/pulmonary_hypertension")  # where results go
+OUT.mkdir(parents=True, exist_ok=True)
 
 
 def every_other_point(data: xr.Dataset, first: int) -> xr.Dataset:
@@ -54,7 +47,7 @@ slope_weight = ph.balanced_slope_weight(data)
 training = {name: ph.select(every_other_point(data, 0), group=name) for name in GROUPS}
 new = every_other_point(data, 1).assign_attrs(title=f"points left out: {data.attrs['title']}")
 
-ph.plot_inflation(data, group_by=None).savefig(args.out / "data.png", dpi=150)
+ph.plot_inflation(data, group_by=None).savefig(OUT / "data.png", dpi=150)
 
 # %%
 # Fit the classes, and classify the points left out
@@ -68,14 +61,14 @@ for energy in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()):
         training,
         sigma=SIGMA,
         slope_weight=slope_weight,
-        draws=args.draws,
-        chains=args.chains,
+        draws=DRAWS,
+        chains=CHAINS,
         random_seed=1,
-        progressbar=not args.quiet,
+        progressbar=False,
     )
-    fitted[law].to_netcdf(args.out / f"{law}_classes.nc")
-    results[law] = ph.classify(new, fitted[law], random_seed=2, progressbar=not args.quiet)
-    results[law].to_netcdf(args.out / f"{law}_class_probability.nc")
+    fitted[law].to_netcdf(OUT / f"{law}_classes.nc")
+    results[law] = ph.classify(new, fitted[law], random_seed=2, progressbar=False)
+    results[law].to_netcdf(OUT / f"{law}_class_probability.nc")
 
 # %%
 # The numbers
@@ -118,7 +111,7 @@ print(
 # -----------
 measured = {name: ph.select(data, group=name) for name in GROUPS}
 for law, classes in fitted.items():
-    ph.plot_parameter_density(classes).savefig(args.out / f"{law}_parameters.png", dpi=150)
-    ph.plot_pressure_fit(classes, measured).savefig(args.out / f"{law}_fit.png", dpi=150)
-ph.plot_class_probability(results).savefig(args.out / "class_probability.png", dpi=150)
-print(f"\nFigures and netCDF files are in {args.out}/")
+    ph.plot_parameter_density(classes).savefig(OUT / f"{law}_parameters.png", dpi=150)
+    ph.plot_pressure_fit(classes, measured).savefig(OUT / f"{law}_fit.png", dpi=150)
+ph.plot_class_probability(results).savefig(OUT / "class_probability.png", dpi=150)
+print(f"\nFigures and netCDF files are in {OUT}/")

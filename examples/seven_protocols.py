@@ -25,12 +25,12 @@ coupling of the two directions is not what either says. One specimen in one fit 
 given up, with a warning.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
-(2019) 021011. They are not part of this package: give the folder of the tables, ``python
-seven_protocols.py FOLDER``. They are read by :download:`murine_tables.py`, which has to lie beside
-this script.
+(2019) 021011. They are not part of this package. They are read by :download:`murine_tables.py`,
+which has to lie beside this script and says where it looks for the tables.
 """
 
 import warnings
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import murine_tables
@@ -41,22 +41,11 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-options = murine_tables.options(
-    "Predict each of seven protocols from the six others.",
-    draws=500,
-    out="results/seven_protocols",
-)
-options.add_argument(
-    "--laws",
-    nargs="+",
-    default=["Ogden", "HolzapfelGasserOgden", "FourFiber"],
-    help="strain energies (%(default)s); a class of the last takes minutes",
-)
-options.add_argument(
-    "--fitted-alone", action="store_true", help="leave none out: how well laws follow all seven"
-)
-options.add_argument("--specimens", nargs="*", help="some of the specimens (all)")
-args = murine_tables.parsed(options)
+DRAWS = 500
+FITTED_ALONE = False  # whether none is left out: how well laws follow all seven
+SPECIMENS = None  # names of some of them, or all
+OUT = Path("results/seven_protocols")  # where results go
+OUT.mkdir(parents=True, exist_ok=True)
 
 # %%
 # What was chosen before anything was predicted
@@ -71,15 +60,15 @@ args = murine_tables.parsed(options)
 # ten of 1 mmHg and of 1 mN, and no weight is set by hand. The transducer was not set to zero before
 # each test: its offset, 20 mN or so, is integrated out. For the same reason only the shape of the
 # force can be predicted: from the error of a protocol's forces their mean is taken away.
-data, geometry = murine_tables.read(args.folder, extended=True)
-if args.specimens:
-    data = ph.select(data, specimen=args.specimens)
+data, geometry = murine_tables.read(extended=True)
+if SPECIMENS:
+    data = ph.select(data, specimen=SPECIMENS)
 groups = dict(zip(geometry["specimen"], geometry["group"], strict=True))
 specimens = [name for name in geometry["specimen"] if name in set(data["specimen"].values)]
 INFLATION = ["test1", "test2", "test3"]
 EXTENSION = ["force_length1", "force_length2", "force_length3", "force_length4"]
 PROTOCOLS = INFLATION + EXTENSION
-LAWS = [getattr(ph, name)() for name in args.laws]
+LAWS = [ph.Ogden(), ph.HolzapfelGasserOgden(), ph.FourFiber()]  # the last takes minutes a class
 FACTOR_TEN = np.log(10) / 2
 NOISE = {
     "noise_sd": pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
@@ -143,7 +132,7 @@ def table_of(specimen: str) -> pd.DataFrame:
 # What has been found is kept: a run that was interrupted goes on.
 NOBODY, FITTED = "(between)", ", fitted"
 points = {specimen: table_of(specimen) for specimen in specimens}
-known = args.out / "errors.csv"
+known = OUT / "errors.csv"
 rows = [pd.read_csv(known)] if known.exists() else []
 
 
@@ -167,10 +156,9 @@ def fitted_to(energy: ph.StrainEnergy, protocols: list[str]) -> xr.DataTree:
         energy,
         {group: ph.select(kept, group=group) for group in there},
         variability="specimen",
-        draws=args.draws,
+        draws=DRAWS,
         chains=1,
         random_seed=1,
-        progressbar=not args.quiet,
         **NOISE,
     )
 
@@ -193,7 +181,7 @@ for energy in LAWS:
         for protocol in PROTOCOLS:
             add_predicted(f"{energy.name}{FITTED}", classes, protocol)
         pd.concat(rows).to_csv(known, index=False)
-    for protocol in PROTOCOLS if not args.fitted_alone else []:
+    for protocol in PROTOCOLS if not FITTED_ALONE else []:
         if not lacks(energy.name, protocol):
             continue
         print(f"{energy.name}: all but {protocol}", flush=True)
@@ -208,7 +196,7 @@ errors = pd.concat(rows)
 # Medians over the points of all specimens. Points to which no draw reaches count as the worst.
 laws = [NOBODY]
 for energy in LAWS:
-    laws += [f"{energy.name}{FITTED}", *([] if args.fitted_alone else [energy.name])]
+    laws += [f"{energy.name}{FITTED}", *([] if FITTED_ALONE else [energy.name])]
 size = errors.assign(
     **{
         "diameter, µm": 1e3 * errors["outer_diameter"].abs().fillna(np.inf),
@@ -220,7 +208,7 @@ for name in ("diameter, µm", "force, mN"):
     table.loc["all"] = size.groupby("law")[name].median()[laws]
     print(f"\nMedian error of {name}")
     print(table.round(1).to_string())
-    table.to_csv(args.out / f"{name.split(',')[0]}.csv")
+    table.to_csv(OUT / f"{name.split(',')[0]}.csv")
 each = size.pivot_table("diameter, µm", "specimen", "law", "median")[laws]
 print("\nMedian error of diameter, µm, by specimen")
 print(each.round(1).to_string())
@@ -241,5 +229,5 @@ for ax, name in zip(axes, ("diameter, µm", "force, mN"), strict=True):
     ax.set(ylabel=f"error of {name}", yscale="log")
 axes[1].set_xticks(np.arange(len(PROTOCOLS)), [p.replace("_", " ") for p in PROTOCOLS])
 figure.legend(*axes[0].get_legend_handles_labels(), ncols=4, loc="outside upper center")
-figure.savefig(args.out / "errors.png", dpi=150)
-print(f"\nTables and the figure, medians and quartiles, are in {args.out}/")
+figure.savefig(OUT / "errors.png", dpi=150)
+print(f"\nTables and the figure, medians and quartiles, are in {OUT}/")

@@ -10,7 +10,6 @@ All specimens of a class share one set of parameters here, as in the paper. Prob
 surer of themselves than the differences between specimens allow.
 """
 
-import argparse
 from pathlib import Path
 
 import pandas as pd
@@ -21,13 +20,9 @@ import pymc_hyperelastic as ph
 # The specimens of a class differ by about 10 mmHg at high pressure; σ is √2 standard deviations.
 SIGMA = 15 * ph.mmHg
 
-options = argparse.ArgumentParser(description="Classify experiments on SIMULATED sheep aortas.")
-options.add_argument("--draws", type=int, default=2000, help="particles of a chain (%(default)s)")
-options.add_argument("--chains", type=int, default=4, help="independent runs (%(default)s)")
-options.add_argument("--quiet", action="store_true", help="show no progress bars")
-options.add_argument("--out", type=Path, default="results/sheep_aorta", help="where results go")
-args = options.parse_args()
-args.out.mkdir(parents=True, exist_ok=True)
+DRAWS, CHAINS = 2000, 4  # particles of a chain, and independent runs
+OUT = Path("results/sheep_aorta")  # where results go
+OUT.mkdir(parents=True, exist_ok=True)
 
 # %%
 # The data, and what trains the classes
@@ -39,7 +34,7 @@ slope_weight = ph.balanced_slope_weight(data)
 training = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
 new = ph.select(data, experiment=3)
 
-ph.plot_inflation(data).savefig(args.out / "data.png", dpi=150)
+ph.plot_inflation(data).savefig(OUT / "data.png", dpi=150)
 
 # %%
 # Fit the classes, and classify the new experiments
@@ -54,16 +49,16 @@ for energy in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()):
         training,
         sigma=SIGMA,
         slope_weight=slope_weight,
-        draws=args.draws,
-        chains=args.chains,
+        draws=DRAWS,
+        chains=CHAINS,
         random_seed=1,
-        progressbar=not args.quiet,
+        progressbar=False,
     )
-    classes.to_netcdf(args.out / f"{law}_classes.nc")
-    fitted[law] = xr.load_datatree(args.out / f"{law}_classes.nc")
+    classes.to_netcdf(OUT / f"{law}_classes.nc")
+    fitted[law] = xr.load_datatree(OUT / f"{law}_classes.nc")
 
-    results[law] = ph.classify(new, fitted[law], random_seed=2, progressbar=not args.quiet)
-    results[law].to_netcdf(args.out / f"{law}_class_probability.nc")
+    results[law] = ph.classify(new, fitted[law], random_seed=2, progressbar=False)
+    results[law].to_netcdf(OUT / f"{law}_class_probability.nc")
 
 # %%
 # The numbers
@@ -99,7 +94,7 @@ print(pd.DataFrame(rows).to_string(index=False))
 # The figures
 # -----------
 for law, classes in fitted.items():
-    ph.plot_parameter_density(classes).savefig(args.out / f"{law}_parameters.png", dpi=150)
-    ph.plot_pressure_fit(classes).savefig(args.out / f"{law}_fit.png", dpi=150)
-ph.plot_class_probability(results).savefig(args.out / "class_probability.png", dpi=150)
-print(f"\nFigures and netCDF files are in {args.out}/")
+    ph.plot_parameter_density(classes).savefig(OUT / f"{law}_parameters.png", dpi=150)
+    ph.plot_pressure_fit(classes).savefig(OUT / f"{law}_fit.png", dpi=150)
+ph.plot_class_probability(results).savefig(OUT / "class_probability.png", dpi=150)
+print(f"\nFigures and netCDF files are in {OUT}/")

@@ -14,7 +14,7 @@ the in vivo axial stretch and the stiffness of the material in both directions.
 **What this can and cannot show.** The law is the true one and so are the sizes of the errors; real
 walls obey no law exactly. The groups are further apart than those of many studies: a treated
 matrix has 40 % of its modulus, diagonal fibres have half of theirs. Eight specimens of each can
-teach that. Of 70 and 75 % (``--matrix 0.7 --diagonal 0.75``) they cannot, whoever learns from them:
+teach that. Of 70 and 75 % (``MATRIX, DIAGONAL = 0.7, 0.75``) they cannot, whoever learns from them:
 the true model knows the group nearly as surely, since the modulus of the diagonal fibres hardly
 differs between specimens of a group, but eight do not tell in eight dimensions how little. Where
 even the materials themselves are handed to a learner, without any error, it loses 0.3 nats there.
@@ -26,7 +26,6 @@ The parameters are those of the repository yale-humphrey-lab/gr-regression
 (single-group/C1041G_ATA_allspec.csv), means and spreads of the seven and the geometry of each.
 """
 
-import argparse
 import warnings
 from pathlib import Path
 
@@ -41,23 +40,14 @@ from scipy.special import logsumexp, softmax
 
 import pymc_hyperelastic as ph
 
-options = argparse.ArgumentParser(description="Classify SIMULATED mouse aortas of two groups.")
-options.add_argument("--train", type=int, default=8, help="specimens a group (%(default)s)")
-options.add_argument("--new", type=int, default=200, help="new specimens (%(default)s)")
-options.add_argument(
-    "--posteriors", type=int, default=200, help="of them with a posterior (%(default)s)"
-)
-options.add_argument("--matrix", type=float, default=0.4, help="treated modulus (%(default)s)")
-options.add_argument("--diagonal", type=float, default=0.5, help="of fibres (%(default)s)")
-options.add_argument("--draws", type=int, default=1000, help="draws of a class (%(default)s)")
-options.add_argument("--seed", type=int, default=1, help="of the cohort (%(default)s)")
-options.add_argument("--quiet", action="store_true", help="show no progress bars")
-options.add_argument(
-    "--out", type=Path, default="results/simulated_aortas", help="where results go"
-)
-args = options.parse_args()
-args.out.mkdir(parents=True, exist_ok=True)
-rng = np.random.default_rng(args.seed)
+TRAIN, NEW = 8, 200  # specimens a group, and new ones
+POSTERIORS = 200  # of the new ones with a posterior
+MATRIX, DIAGONAL = 0.4, 0.5  # what the treatment leaves of the moduli of matrix and fibres
+DRAWS = 1000  # of a class
+SEED = 1  # of the cohort
+OUT = Path("results/simulated_aortas")  # where results go
+OUT.mkdir(parents=True, exist_ok=True)
+rng = np.random.default_rng(SEED)
 
 # %%
 # The groups
@@ -74,7 +64,7 @@ MEAN = np.array([2.59, 1.13, -3.07, 1.34, -0.90, 39.1])
 SPREAD = np.array([0.52, 0.36, 1.00, 0.07, 0.42, 2.9])
 CORRELATION = np.eye(6)
 CORRELATION[0, 4] = CORRELATION[4, 0] = 0.8
-TREATED = np.array([np.log(args.matrix), 0.0, 0.0, np.log(args.diagonal), 0.0, 0.0])
+TREATED = np.array([np.log(MATRIX), 0.0, 0.0, np.log(DIAGONAL), 0.0, 0.0])
 GROUPS = {
     name: stats.multivariate_normal(mean, np.outer(SPREAD, SPREAD) * CORRELATION)
     for name, mean in {"control": MEAN, "treated": MEAN + TREATED}.items()
@@ -189,8 +179,8 @@ def cohort(groups: list[str], prefix: str) -> tuple[xr.Dataset, np.ndarray]:
     return data.assign_attrs(title="SIMULATED mouse aortas", simulated=1), places
 
 
-training = {group: cohort([group] * args.train, f"{group}-")[0] for group in GROUPS}
-truth = [list(GROUPS)[i % 2] for i in range(args.new)]
+training = {group: cohort([group] * TRAIN, f"{group}-")[0] for group in GROUPS}
+truth = [list(GROUPS)[i % 2] for i in range(NEW)]
 new, places = cohort(truth, "new-")
 labels = list(dict.fromkeys(new["specimen"].values))
 
@@ -249,7 +239,7 @@ known = xr.Dataset(
     },
     {"specimen": labels, "class_label": list(GROUPS)},
 )
-known.assign_attrs(title="SIMULATED mouse aortas", simulated=1).to_netcdf(args.out / "true_new.nc")
+known.assign_attrs(title="SIMULATED mouse aortas", simulated=1).to_netcdf(OUT / "true_new.nc")
 
 # %%
 # Learn the classes, and classify
@@ -258,29 +248,27 @@ known.assign_attrs(title="SIMULATED mouse aortas", simulated=1).to_netcdf(args.o
 # specimens tell what a class is. In which coordinates they are spread normally is not known
 # beforehand: those are taken of which the evidence is larger.
 NOISE = {"noise_sd": ERROR, "force_noise_sd": FORCE_ERROR, "force_offset_sd": OFFSET}
-settings = {"random_seed": args.seed, "progressbar": not args.quiet}
+settings = {"random_seed": SEED}
 COORDINATES = {"strain and ratios of stresses": 20.0, "logarithms of moduli": None}
 
 
 def learn(stress: float | None) -> xr.DataTree:
     """Classes of both groups, in the coordinates with a stress of reference (kPa) or without."""
     population = {"variability": "specimen", "reference_stress": stress}
-    return ph.fit_classes(
-        LAW, training, draws=args.draws, chains=2, **population, **NOISE, **settings
-    )
+    return ph.fit_classes(LAW, training, draws=DRAWS, chains=2, **population, **NOISE, **settings)
 
 
 classes = {name: learn(stress) for name, stress in COORDINATES.items()}
 evidence = pd.DataFrame(
     {n: {g: ph.log_evidence(trees[g]).value for g in GROUPS} for n, trees in classes.items()}
 )
-evidence.to_csv(args.out / "coordinates.csv")
+evidence.to_csv(OUT / "coordinates.csv")
 print(f"\nLog evidence\n{evidence.round(1).to_string()}")
 better = evidence.sum().idxmax()
 fitted = classes[better]
-fitted.to_netcdf(args.out / "classes.nc")
+fitted.to_netcdf(OUT / "classes.nc")
 result = ph.classify(new, fitted, by="specimen", **settings)
-result.to_netcdf(args.out / "new.nc")
+result.to_netcdf(OUT / "new.nc")
 
 # %%
 # The scores
@@ -290,7 +278,7 @@ rows = {}
 for name, of_scheme in {"true model": known, "learned": result}.items():
     score = ph.score_probabilities(of_scheme["class_probability"], truth)
     evidence = of_scheme["log_evidence"].to_pandas()
-    of_truth = evidence.to_numpy()[np.arange(args.new), evidence.columns.get_indexer(truth)]
+    of_truth = evidence.to_numpy()[np.arange(NEW), evidence.columns.get_indexer(truth)]
     rows[name] = {
         "log score": (of_truth - logsumexp(evidence.to_numpy(), axis=1)).mean(),
         "Brier score": score["mean_brier_score"].item(),
@@ -298,9 +286,9 @@ for name, of_scheme in {"true model": known, "learned": result}.items():
         "calibration error": score["expected_calibration_error"].values[0],
     }
 table = pd.DataFrame(rows).T
-table.to_csv(args.out / "scores.csv")
+table.to_csv(OUT / "scores.csv")
 pd.options.display.width = 200
-print(f"\nSIMULATED: {args.new} new aortas, {args.train} of each group to learn from")
+print(f"\nSIMULATED: {NEW} new aortas, {TRAIN} of each group to learn from")
 print(table.round(3).to_string())
 
 # %%
@@ -337,7 +325,7 @@ def exact(place: np.ndarray, specimen: xr.Dataset, about: float) -> dict[str, np
 
 covered = []
 TOGETHER = 25
-chosen = pd.Series(truth, labels)[: args.posteriors]
+chosen = pd.Series(truth, labels)[:POSTERIORS]
 studies = [
     (group, own.index[first : first + TOGETHER])
     for group, own in chosen.groupby(chosen, sort=False)
@@ -349,7 +337,7 @@ for group, own in studies:
         {group: ph.select(new, specimen=list(own))},
         variability="specimen",
         reference_stress=COORDINATES[better],
-        draws=args.draws,
+        draws=DRAWS,
         chains=1,
         **NOISE,
         **settings,
@@ -362,7 +350,7 @@ for group, own in studies:
             low, middle, high = np.nanquantile(values, [0.025, 0.5, 0.975])
             row = {"specimen": name, "quantity": quantity, "low": low, "median": middle}
             covered.append(row | {"high": high, "truth": true[quantity][0]})
-    pd.DataFrame(covered).to_csv(args.out / "intervals.csv", index=False)
+    pd.DataFrame(covered).to_csv(OUT / "intervals.csv", index=False)
 if covered:
     intervals = pd.DataFrame(covered).dropna()
     inside = intervals["truth"].between(intervals["low"], intervals["high"])
@@ -379,7 +367,7 @@ for group, colour in zip(GROUPS, ("C0", "C1"), strict=True):
     own = np.array(truth) == group
     chances = [x["class_probability"].sel(class_label="treated") for x in (known, result)]
     axes.plot(*(c.values[own] for c in chances), "o", color=colour, alpha=0.5, label=group)
-axes.set(xlabel="true probability of “treated”", ylabel=f"learned from {args.train} of each group")
+axes.set(xlabel="true probability of “treated”", ylabel=f"learned from {TRAIN} of each group")
 axes.legend(title="SIMULATED aortas")
-figure.savefig(args.out / "class_probability.png", dpi=150)
-print(f"\nTables, the figure and netCDF files are in {args.out}/")
+figure.savefig(OUT / "class_probability.png", dpi=150)
+print(f"\nTables, the figure and netCDF files are in {OUT}/")

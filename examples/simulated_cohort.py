@@ -17,7 +17,6 @@ The classes overlap: not even who knows all about them can tell every specimen. 
 near is the true model's, not 0.
 """
 
-import argparse
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -29,18 +28,11 @@ from scipy.stats import multivariate_normal
 
 import pymc_hyperelastic as ph
 
-options = argparse.ArgumentParser(description="Classify SIMULATED specimens of known classes.")
-options.add_argument("--train", type=int, default=40, help="specimens a class (%(default)s)")
-options.add_argument("--new", type=int, default=500, help="new specimens (%(default)s)")
-options.add_argument("--other", type=int, default=200, help="of neither class (%(default)s)")
-options.add_argument("--seed", type=int, default=1, help="of the cohort (%(default)s)")
-options.add_argument("--quiet", action="store_true", help="show no progress bars")
-options.add_argument(
-    "--out", type=Path, default="results/simulated_cohort", help="where results go"
-)
-args = options.parse_args()
-args.out.mkdir(parents=True, exist_ok=True)
-rng = np.random.default_rng(args.seed)
+TRAIN, NEW, OTHER = 40, 500, 200  # specimens a class, new ones, and some of neither class
+SEED = 1  # of the cohort
+OUT = Path("results/simulated_cohort")  # where results go
+OUT.mkdir(parents=True, exist_ok=True)
+rng = np.random.default_rng(SEED)
 
 # %%
 # The classes
@@ -89,13 +81,13 @@ def measure(pressure: np.ndarray, groups: list[str], prefix: str) -> xr.Dataset:
 
 
 training = {
-    name: measure(curves_of_class(name, args.train), [name] * args.train, f"{name}-")
+    name: measure(curves_of_class(name, TRAIN), [name] * TRAIN, f"{name}-")
     for name in DISTRIBUTIONS
 }
-of_a = rng.binomial(args.new, 0.5)
-truth = ["A"] * of_a + ["B"] * (args.new - of_a)
+of_a = rng.binomial(NEW, 0.5)
+truth = ["A"] * of_a + ["B"] * (NEW - of_a)
 new = measure(
-    np.concatenate([curves_of_class("A", of_a), curves_of_class("B", args.new - of_a)]),
+    np.concatenate([curves_of_class("A", of_a), curves_of_class("B", NEW - of_a)]),
     truth,
     "new-",
 )
@@ -110,7 +102,7 @@ new = measure(
 # out.
 log_alpha = np.linspace(np.log(3.5), np.log(15), 1500)
 unit = curves(ph.Ogden(), mu=np.ones_like(log_alpha), alpha=np.exp(log_alpha)) / ERROR
-pressure = new["pressure"].values.reshape(args.new, EXPERIMENTS, RADII.size) / ERROR
+pressure = new["pressure"].values.reshape(NEW, EXPERIMENTS, RADII.size) / ERROR
 precision = EXPERIMENTS * (unit**2).sum(axis=1)
 best = pressure.sum(axis=1) @ unit.T / precision  # μ of the greatest likelihood: (specimen, α)
 misfit = (pressure**2).sum(axis=(1, 2))[:, None] - best**2 * precision + np.log(precision)
@@ -135,7 +127,7 @@ known = xr.Dataset(
 # Both schemes see the same specimens and know the same errors, by their standard deviation.
 fitted, results = {}, {"true": known}
 for scheme, variability in {"variability": "specimen", "pooled": "none"}.items():
-    print(f"{scheme}: fitting {len(training)} classes, classifying {args.new} specimens")
+    print(f"{scheme}: fitting {len(training)} classes, classifying {NEW} specimens")
     fitted[scheme] = ph.fit_classes(
         ph.Ogden(),
         training,
@@ -144,20 +136,18 @@ for scheme, variability in {"variability": "specimen", "pooled": "none"}.items()
         variability=variability,
         draws=1000,
         chains=2,
-        random_seed=args.seed,
-        progressbar=not args.quiet,
+        random_seed=SEED,
     )
-    fitted[scheme].to_netcdf(args.out / f"{scheme}_classes.nc")
+    fitted[scheme].to_netcdf(OUT / f"{scheme}_classes.nc")
     results[scheme] = ph.classify(
         new,
         fitted[scheme],
         by="specimen",
         none_below=0.05 if scheme == "variability" else 0,
-        random_seed=args.seed,
-        progressbar=not args.quiet,
+        random_seed=SEED,
     )
-    results[scheme].to_netcdf(args.out / f"{scheme}_new.nc")
-known.assign_attrs(title="SIMULATED cohort", simulated=1).to_netcdf(args.out / "true_new.nc")
+    results[scheme].to_netcdf(OUT / f"{scheme}_new.nc")
+known.assign_attrs(title="SIMULATED cohort", simulated=1).to_netcdf(OUT / "true_new.nc")
 
 # %%
 # The scores
@@ -173,7 +163,7 @@ scores, log_scores = {}, {}
 for scheme, result in results.items():
     scores[scheme] = ph.score_probabilities(result["class_probability"], truth)
     evidence = result["log_evidence"].to_pandas()
-    of_truth = evidence.to_numpy()[np.arange(args.new), evidence.columns.get_indexer(truth)]
+    of_truth = evidence.to_numpy()[np.arange(NEW), evidence.columns.get_indexer(truth)]
     log_scores[scheme] = of_truth - logsumexp(evidence.to_numpy(), axis=1)
 rows = {}
 for scheme, score in scores.items():
@@ -187,9 +177,9 @@ for scheme, score in scores.items():
         "calibration error": score["expected_calibration_error"].values[0],
     }
 table = pd.DataFrame(rows).T
-table.to_csv(args.out / "scores.csv")
+table.to_csv(OUT / "scores.csv")
 pd.options.display.width = 200
-print(f"\nSIMULATED: {args.new} new specimens, {args.train} of each class to learn from")
+print(f"\nSIMULATED: {NEW} new specimens, {TRAIN} of each class to learn from")
 print(table.round(3).to_string())
 
 # %%
@@ -206,22 +196,21 @@ KINDS = {
     "does not stiffen": (ph.NeoHookean(), {"mu": 80.0}),
 }
 kinds, pressures = [], []
-for kind, count in zip(KINDS, np.diff(np.linspace(0, args.other, 5).astype(int)), strict=True):
+for kind, count in zip(KINDS, np.diff(np.linspace(0, OTHER, 5).astype(int)), strict=True):
     energy, medians = KINDS[kind]
     differ = {name: m * np.exp(0.07 * rng.standard_normal(count)) for name, m in medians.items()}
     pressures.append(curves(energy, **differ))
     kinds += [kind] * int(count)
 others = measure(np.concatenate(pressures), kinds, "other-")
-print(f"\nvariability: classifying {args.other} specimens of neither class")
+print(f"\nvariability: classifying {OTHER} specimens of neither class")
 result = ph.classify(
     others,
     fitted["variability"],
     by="specimen",
     none_below=0.05,
-    random_seed=args.seed,
-    progressbar=not args.quiet,
+    random_seed=SEED,
 )
-result.to_netcdf(args.out / "variability_other.nc")
+result.to_netcdf(OUT / "variability_other.nc")
 decisions = pd.concat(
     [
         pd.DataFrame({"kind": labels, "flagged": decided == "none of these"})
@@ -234,7 +223,7 @@ decisions = pd.concat(
 )
 flagged = decisions.groupby("kind", sort=False)["flagged"].agg(["size", "sum", "mean"])
 flagged.columns = ["specimens", "none of these", "share"]
-flagged.to_csv(args.out / "none_of_these.csv")
+flagged.to_csv(OUT / "none_of_these.csv")
 print(flagged.round(3).to_string())
 
 # %%
@@ -255,7 +244,7 @@ for ax, (title, data, colours) in zip(axes, samples, strict=True):
 axes[0].set_ylabel("pressure (kPa)")
 axes[2].legend(fontsize="small")
 figure.suptitle("SIMULATED cohort")
-figure.savefig(args.out / "curves.png", dpi=120)
+figure.savefig(OUT / "curves.png", dpi=120)
 
 # %%
 # How reliable the probabilities of the most probable class are.
@@ -268,7 +257,7 @@ reliability = xr.concat(
     ],
     "forecast",
 ).assign_attrs(simulated=1)
-ph.plot_reliability(reliability).savefig(args.out / "reliability.png", dpi=120)
+ph.plot_reliability(reliability).savefig(OUT / "reliability.png", dpi=120)
 
 # %%
 # Every new specimen: the probability of class A that each scheme gives over the true one. Where the
@@ -282,5 +271,5 @@ for ax, scheme in zip(axes, fitted, strict=True):
     ax.set(title=scheme, xlabel="true probability of class A")
 axes[0].set_ylabel("probability of class A")
 figure.suptitle("SIMULATED cohort")
-figure.savefig(args.out / "class_probability.png", dpi=120)
-print(f"\nTables, figures and netCDF files are in {args.out}/")
+figure.savefig(OUT / "class_probability.png", dpi=120)
+print(f"\nTables, figures and netCDF files are in {OUT}/")

@@ -17,10 +17,12 @@ The comparison needs no material at all: at the same pressure, the diameter betw
 other two curves.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
-(2019) 021011. They are not part of this package: give the folder of the two tables, ``python
-three_axial_stretches.py FOLDER``. They are read by :download:`murine_tables.py`, and diameters
-predicted by :download:`outer_diameter.py`, which have to lie beside this script.
+(2019) 021011. They are not part of this package. They are read by :download:`murine_tables.py`,
+which has to lie beside this script and says where it looks for the tables.
 """
+
+import warnings
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import murine_tables
@@ -28,17 +30,12 @@ import numpy as np
 import pandas as pd
 import pymc as pm
 import xarray as xr
-from outer_diameter import predicted_diameter
 
 import pymc_hyperelastic as ph
 
-options = murine_tables.options(
-    "Predict one axial stretch of a tube from two others.",
-    draws=300,
-    out="results/three_axial_stretches",
-)
-options.add_argument("--chains", type=int, default=2, help="independent runs (%(default)s)")
-args = murine_tables.parsed(options)
+DRAWS, CHAINS = 300, 2  # particles of a chain, and independent runs
+OUT = Path("results/three_axial_stretches")  # where results go
+OUT.mkdir(parents=True, exist_ok=True)
 rng = np.random.default_rng(3)
 
 # %%
@@ -46,7 +43,7 @@ rng = np.random.default_rng(3)
 # -------------
 # The tube that is free of stress is the cut ring, sprung open. Points below 3.5 mmHg are left out:
 # there the wall, which lies folded at rest, is unfolding.
-data, geometry = murine_tables.read(args.folder)
+data, geometry = murine_tables.read()
 specimens = list(geometry["specimen"])
 
 # %%
@@ -82,7 +79,25 @@ def fit(energy: ph.StrainEnergy, curves: xr.Dataset) -> xr.DataTree:
         slope_weight=0,
         priors=LAWS[energy],
     )
-    return ph.sample_smc(model, args.draws, args.chains, 1, progressbar=not args.quiet)
+    return ph.sample_smc(model, DRAWS, CHAINS, 1)
+
+
+def predicted_diameter(tree: xr.DataTree, pressure: np.ndarray, stretch: float) -> list[np.ndarray]:
+    """Outer diameter (µm) at pressures in kPa: median, and ends of 95 % of measurements.
+
+    An error of pressure moves the inner radius by 1/stiffness, and the outer one, as the wall keeps
+    its area, by inner/outer of that. σ is √2 standard deviations. Draws whose curve ends below a
+    pressure are left out there.
+    """
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "of .* draws .* do not reach")
+        inflated = ph.tube_properties(tree, pressure, axial_stretch=stretch)
+    sigma = tree["posterior"]["sigma"]
+    error = sigma / np.sqrt(2) * sigma.copy(data=rng.normal(size=sigma.shape))
+    outer = inflated["outer_radius"]
+    measured = outer + inflated["radius"] / (outer * inflated["stiffness"]) * error
+    low, high = measured.quantile([0.025, 0.975], dim=("chain", "draw")).values
+    return [2e3 * radius for radius in (outer.median(dim=("chain", "draw")).values, low, high)]
 
 
 # %%
@@ -97,7 +112,7 @@ for specimen in specimens:
     for energy in LAWS:
         tree = fit(energy, outer)
         middle, low, high = predicted_diameter(
-            tree, left_out["pressure"].values, rng, axial_stretch=left_out["axial_stretch"].item()
+            tree, left_out["pressure"].values, left_out["axial_stretch"].item()
         )
         bands[specimen, energy.name] = middle, low, high
         errors[specimen, energy.name] = middle - measured, (low <= measured) & (measured <= high)
@@ -130,7 +145,7 @@ print(
     "\nOuter diameter at the middle axial stretch, µm: mean / largest error / in the 95 % interval"
 )
 print(pd.DataFrame(rows).to_string(index=False))
-pd.DataFrame(rows).to_csv(args.out / "errors.csv", index=False)
+pd.DataFrame(rows).to_csv(OUT / "errors.csv", index=False)
 
 for law in ("(between)", *laws):
     error = np.abs(np.concatenate([errors[specimen, law][0] for specimen in specimens]))
@@ -179,5 +194,5 @@ handles, labels = axes.flat[0].get_legend_handles_labels()
 figure.legend(handles, labels, ncols=4, loc="outside upper center")
 figure.supxlabel("pressure (mmHg)")
 figure.supylabel("outer diameter (µm)")
-figure.savefig(args.out / "middle_stretch.png", dpi=150)
-print(f"\nThe figure is in {args.out}/")
+figure.savefig(OUT / "middle_stretch.png", dpi=150)
+print(f"\nThe figure is in {OUT}/")

@@ -12,11 +12,10 @@ out, and the outer diameter there is predicted.
 it stiffens: what is inferred is the radius *given the law*, and laws may disagree by more than
 either admits. A point left out has neighbours 5 mmHg away on both sides of the same mean curve:
 its error says how well a law follows the curve, and nothing about other animals. A straight line
-between the neighbours is the comparison. Diameters are predicted by :download:`outer_diameter.py`,
-which has to lie beside this script.
+between the neighbours is the comparison.
 """
 
-import argparse
+import warnings
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -24,7 +23,6 @@ import numpy as np
 import pandas as pd
 import pymc as pm
 import xarray as xr
-from outer_diameter import predicted_diameter
 
 import pymc_hyperelastic as ph
 
@@ -32,13 +30,9 @@ AXIAL_STRETCH = 1.4
 # Cross-section of the wall at that stretch, µm², from the thickness measured at three pressures.
 WALL_AREA = {"control": (62153, 56622, 56815), "hypertensive": (85294, 86902, 88949)}
 
-options = argparse.ArgumentParser(description="Infer the unloaded radius of mouse arteries.")
-options.add_argument("--draws", type=int, default=300, help="particles of a chain (%(default)s)")
-options.add_argument("--chains", type=int, default=2, help="independent runs (%(default)s)")
-options.add_argument("--quiet", action="store_true", help="show no progress bars")
-options.add_argument("--out", type=Path, default="results/unloaded_radius", help="where results go")
-args = options.parse_args()
-args.out.mkdir(parents=True, exist_ok=True)
+DRAWS, CHAINS = 300, 2  # particles of a chain, and independent runs
+OUT = Path("results/unloaded_radius")  # where results go
+OUT.mkdir(parents=True, exist_ok=True)
 rng = np.random.default_rng(3)
 
 # %%
@@ -100,7 +94,25 @@ def fit(energy: ph.StrainEnergy, curve: xr.Dataset) -> xr.DataTree:
         },
         priors=LAWS[energy],
     )
-    return ph.sample_smc(model, args.draws, args.chains, 1, progressbar=not args.quiet)
+    return ph.sample_smc(model, DRAWS, CHAINS, 1)
+
+
+def predicted_diameter(tree: xr.DataTree, pressure: np.ndarray) -> list[np.ndarray]:
+    """Outer diameter (µm) at pressures in kPa: median, and ends of 95 % of measurements.
+
+    An error of pressure moves the inner radius by 1/stiffness, and the outer one, as the wall keeps
+    its area, by inner/outer of that. σ is √2 standard deviations. Draws whose curve ends below a
+    pressure are left out there.
+    """
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "of .* draws .* do not reach")
+        inflated = ph.tube_properties(tree, pressure)
+    sigma = tree["posterior"]["sigma"]
+    error = sigma / np.sqrt(2) * sigma.copy(data=rng.normal(size=sigma.shape))
+    outer = inflated["outer_radius"]
+    measured = outer + inflated["radius"] / (outer * inflated["stiffness"]) * error
+    low, high = measured.quantile([0.025, 0.975], dim=("chain", "draw")).values
+    return [2e3 * radius for radius in (outer.median(dim=("chain", "draw")).values, low, high)]
 
 
 # %%
@@ -112,7 +124,7 @@ for energy in LAWS:
         print(f"{energy.name}, {group}: all points, then every other one")
         curve = ph.select(data, group=group)
         fitted[energy.name, group] = fit(energy, curve)
-        fitted[energy.name, group].to_netcdf(args.out / f"{energy.name}_{group}.nc")
+        fitted[energy.name, group].to_netcdf(OUT / f"{energy.name}_{group}.nc")
         trained[energy.name, group] = fit(energy, curve.isel(obs=slice(0, None, 2)))
 
 # %%
@@ -151,7 +163,7 @@ for group in WALL_AREA:
     line = np.interp(pressure, known["pressure"], 1e3 * known["outer_diameter"])
     answers = {"(straight lines)": (line, "", "")}
     for energy in LAWS:
-        middle, low, high = predicted_diameter(trained[energy.name, group], pressure, rng)
+        middle, low, high = predicted_diameter(trained[energy.name, group], pressure)
         inside = (low <= measured) & (measured <= high)
         width = f"{(high - low).mean():.0f}"
         answers[energy.name] = middle, f"{inside.sum()} of {inside.size}", width
@@ -177,7 +189,7 @@ figure, axes = plt.subplots(
 for row, group in zip(axes, WALL_AREA, strict=True):
     curve = ph.select(data, group=group)
     for ax, law in zip(row, laws, strict=True):
-        middle, low, high = predicted_diameter(trained[law, group], pressures, rng)
+        middle, low, high = predicted_diameter(trained[law, group], pressures)
         ax.fill_between(pressures / ph.mmHg, low, high, color=colours[law], alpha=0.25, lw=0)
         ax.plot(pressures / ph.mmHg, middle, color=colours[law])
         for first, filled, label in ((0, "k", "trained on"), (1, "w", "left out")):
@@ -189,7 +201,7 @@ for row, group in zip(axes, WALL_AREA, strict=True):
     row[0].set(ylabel=f"{group}\nouter diameter (µm)", ylim=(measured[0] - 200, measured[-1] + 250))
 axes[0, 0].legend(loc="upper left")
 figure.supxlabel("pressure (mmHg)")
-figure.savefig(args.out / "left_out.png", dpi=150)
+figure.savefig(OUT / "left_out.png", dpi=150)
 
 # %%
 # The radius that each law infers from all points, beside the flat prior. An isotropic tube that is
@@ -209,7 +221,7 @@ for ax, group in zip(axes, WALL_AREA, strict=True):
     ax.set(title=group, xlabel="unloaded inner radius (µm)", yticks=[])
 axes[0].set_ylabel("posterior density")
 axes[1].legend(fontsize="small")
-figure.savefig(args.out / "radius.png", dpi=150)
+figure.savefig(OUT / "radius.png", dpi=150)
 
 figure, axes = plt.subplots(1, 2, figsize=(9, 2.6), sharey=True, layout="constrained")
 for ax, group in zip(axes, WALL_AREA, strict=True):
@@ -219,5 +231,5 @@ for ax, group in zip(axes, WALL_AREA, strict=True):
     ax.set(title=group, xlabel="log evidence, less that of the best law")
     ax.grid(axis="x", alpha=0.4)
 axes[0].invert_yaxis()
-figure.savefig(args.out / "evidence.png", dpi=150)
-print(f"\nFigures and netCDF files are in {args.out}/")
+figure.savefig(OUT / "evidence.png", dpi=150)
+print(f"\nFigures and netCDF files are in {OUT}/")

@@ -1,78 +1,81 @@
-"""The example scripts run as a user runs them, and leave what they promise."""
+"""The examples run as their readers run them, in Jupyter, and leave what they promise."""
 
-import os
+import re
 import runpy
-import subprocess
-import sys
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from tiers import deep
 
 import pymc_hyperelastic as ph
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-FEW = ("--draws", "200", "--chains", "2", "--quiet")
 ROUNDING = 1e-12  # of sums and products of a few numbers
 LAWS = ("PowerLawNeoHookean", "Ogden", "CriscioneType")
+# Examples that need no table from elsewhere, and constants with which they take less time.
+SMALL = {
+    "classify_csv": {},
+    "pulmonary_hypertension": {"DRAWS, CHAINS": "200, 2"},
+    "sheep_aorta": {"DRAWS, CHAINS": "200, 2"},
+    "simulated_aortas": {"TRAIN, NEW": "3, 2"},
+    "simulated_cohort": {"TRAIN, NEW, OTHER": "8, 20, 8"},
+    "unloaded_radius": {"DRAWS, CHAINS": "100, 2"},
+}
+# The heading at which one ends whose fits take a quarter of an hour, however small they are.
+UNTIL = {"simulated_aortas": "Learn the classes"}
+ELSEWHERE = {
+    path.stem for path in EXAMPLES.glob("*.py") if "murine_tables" in path.read_text("utf-8")
+}
 
 
-def run(script, *arguments, folder):
-    return subprocess.run(
-        [sys.executable, str(EXAMPLES / script), *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        encoding="utf-8",
-        cwd=folder,
-        env={**os.environ, "MPLBACKEND": "agg", "PYTHONIOENCODING": "utf-8"},
-        check=False,
-    )
+def run(name, folder):
+    """Run the notebook of an example from top to bottom, and return what it prints."""
+    nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
+    notebook = pytest.importorskip("sphinx_gallery.notebook")
+    shutil.copytree(EXAMPLES, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns("results"))
+    script = folder / f"{name}.py"
+    source = script.read_text(encoding="utf-8")
+    for constants, values in SMALL[name].items():
+        source, found = re.subn(rf"(?m)^{constants} = [^#\n]*", f"{constants} = {values}  ", source)
+        assert found == 1
+    script.write_text(source, encoding="utf-8")
+    notebook.python_to_jupyter_cli([str(script)])
+    read = nbformat.read(script.with_suffix(".ipynb"), as_version=4)
+    headings = [cell.source.startswith(f"## {UNTIL.get(name)}") for cell in read.cells]
+    read.cells = read.cells[: headings.index(True) if name in UNTIL else None]
+    nbclient.NotebookClient(read, resources={"metadata": {"path": folder}}).execute()
+    outputs = [output for cell in read.cells for output in cell.get("outputs", [])]
+    return "".join(output.text for output in outputs if output.get("name") == "stdout")
 
 
-@pytest.fixture(params=["here", *deep(["in a process of its own"])])
-def run_alike(request, monkeypatch, capsys):
-    """A script run by this process, which has imported everything already, or as a user runs it."""
-
-    def run_here(script, *arguments, folder):
-        monkeypatch.chdir(folder)
-        monkeypatch.syspath_prepend(EXAMPLES)
-        monkeypatch.setenv("MPLBACKEND", "agg")
-        monkeypatch.setattr(sys, "argv", [script, *map(str, arguments)])
-        code = 0
-        try:
-            runpy.run_path(str(EXAMPLES / script), run_name="__main__")
-        except SystemExit as end:  # its code is a number, or a message for the user
-            code = end.code or 0
-            if not isinstance(code, int):
-                print(code, file=sys.stderr)
-                code = 1
-        printed = capsys.readouterr()
-        return subprocess.CompletedProcess(script, code, printed.out, printed.err)
-
-    return run_here if request.param == "here" else run
+def test_every_example_is_run():
+    """An example is run as a notebook, or needs tables from elsewhere."""
+    assert SMALL.keys() | ELSEWHERE | {"murine_tables"} == {
+        path.stem for path in EXAMPLES.glob("*.py")
+    }
 
 
 @pytest.mark.deep
 @pytest.mark.parametrize(
-    ("script", "numbers"),
-    [("sheep_aorta.py", "SIMULATED"), ("pulmonary_hypertension.py", "One mean curve a group")],
+    ("study", "words"),
+    [("sheep_aorta", "SIMULATED"), ("pulmonary_hypertension", "One mean curve a group")],
 )
-def test_studies_run(script, numbers, tmp_path):
+def test_studies_run(study, words, tmp_path):
     """A study prints its tables, says what its data are, and leaves figures and files."""
-    done = run(script, *FEW, "--out", tmp_path / "out", folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert numbers in done.stdout
-    assert "log evidence" in done.stdout
-    figures = {path.name for path in (tmp_path / "out").glob("*.png")}
+    printed = run(study, tmp_path)
+    assert words in printed
+    assert "log evidence" in printed
+    out = tmp_path / "results" / study
+    figures = {path.name for path in out.glob("*.png")}
     assert figures == {"data.png", "class_probability.png"} | {
         f"{law}_{kind}.png" for law in LAWS for kind in ("parameters", "fit")
     }
     for law in LAWS:
-        assert xr.load_datatree(tmp_path / "out" / f"{law}_classes.nc").children
-        result = xr.load_dataset(tmp_path / "out" / f"{law}_class_probability.nc")
+        assert xr.load_datatree(out / f"{law}_classes.nc").children
+        result = xr.load_dataset(out / f"{law}_class_probability.nc")
         truth = result["group"].values
         assert (result["class_probability"].idxmax("class_label").values == truth).all()
 
@@ -80,11 +83,10 @@ def test_studies_run(script, numbers, tmp_path):
 @pytest.mark.deep
 def test_csv_is_classified(tmp_path):
     """The table that comes with the examples gives the right classes, and a report."""
-    done = run("classify_csv.py", EXAMPLES / "curves.csv", folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "mmHg" in done.stdout
+    printed = run("classify_csv", tmp_path)
+    assert "mmHg" in printed
     for specimen, group in {"S1": "C1", "S4": "C2"}.items():
-        decisions = [line for line in done.stdout.splitlines() if line.startswith(specimen)]
+        decisions = [line for line in printed.splitlines() if line.startswith(specimen)]
         assert decisions and group in decisions[-1]
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "New specimens" in page
@@ -93,40 +95,56 @@ def test_csv_is_classified(tmp_path):
 @pytest.mark.deep
 def test_cohort_runs(tmp_path):
     """Few specimens already show that the pooled scheme is surer than it may be."""
-    few = ("--train", "8", "--new", "20", "--other", "8", "--quiet")
-    done = run("simulated_cohort.py", *few, "--out", tmp_path / "out", folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "SIMULATED: 20 new specimens" in done.stdout
-    names = {path.name for path in (tmp_path / "out").iterdir()}
+    printed = run("simulated_cohort", tmp_path)
+    assert "SIMULATED: 20 new specimens" in printed
+    out = tmp_path / "results" / "simulated_cohort"
+    names = {path.name for path in out.iterdir()}
     assert {"curves.png", "class_probability.png", "reliability.png"} < names
     for row in ("true", "variability", "pooled", "neither class", "softer"):
-        assert f"\n{row} " in done.stdout
+        assert f"\n{row} " in printed
     for scheme in ("variability", "pooled"):
-        classes = xr.load_datatree(tmp_path / "out" / f"{scheme}_classes.nc")
+        classes = xr.load_datatree(out / f"{scheme}_classes.nc")
         assert list(classes.children) == ["A", "B"]
     known, learned, pooled = (
-        xr.load_dataset(tmp_path / "out" / f"{scheme}_new.nc")["class_probability"]
+        xr.load_dataset(out / f"{scheme}_new.nc")["class_probability"]
         for scheme in ("true", "variability", "pooled")
     )
     assert abs(learned - known).mean() < abs(pooled - known).mean()
-    scores = pd.read_csv(tmp_path / "out" / "scores.csv", index_col=0)["log score"]
+    scores = pd.read_csv(out / "scores.csv", index_col=0)["log score"]
     assert np.log(0.5) < scores["true"] < 0
     assert scores["variability"] > scores["true"] - 0.5
     assert scores["pooled"] < scores["variability"] - 10
-    flagged = pd.read_csv(tmp_path / "out" / "none_of_these.csv", index_col="kind")
+    flagged = pd.read_csv(out / "none_of_these.csv", index_col="kind")
     assert flagged.loc["neither class", "share"] > flagged.loc[["A", "B"], "share"].max()
 
 
-@pytest.mark.parametrize(
-    "script", ["leave_one_animal_out.py", "seven_protocols.py", "three_axial_stretches.py"]
-)
-def test_study_of_missing_data_says_how_to_call(run_alike, script, tmp_path, monkeypatch):
-    """A study whose data are not part of the package ends well without them."""
+@pytest.mark.deep
+def test_unloaded_radius_is_found(tmp_path):
+    """All laws are compared, and the study ends with its figures."""
+    printed = run("unloaded_radius", tmp_path)
+    assert all(f"{law} " in printed for law in (*LAWS, "HolzapfelGasserOgden"))
+    names = {path.name for path in (tmp_path / "results" / "unloaded_radius").glob("*.png")}
+    assert names == {"left_out.png", "radius.png", "evidence.png"}
+
+
+@pytest.mark.deep
+def test_true_probabilities_of_simulated_aortas_are_known(tmp_path):
+    """The true model, to which what is learned is compared, tells the group of a specimen."""
+    run("simulated_aortas", tmp_path)
+    known = xr.load_dataset(tmp_path / "results" / "simulated_aortas" / "true_new.nc")
+    best = known["class_probability"].idxmax("class_label").values.tolist()
+    assert best == ["control", "treated"]
+
+
+@pytest.mark.parametrize("study", sorted(ELSEWHERE))
+def test_study_of_missing_data_says_what_it_needs(study, tmp_path, monkeypatch):
+    """A study whose data are not part of the package names the tables and where they belong."""
     monkeypatch.delenv("MURINE_ELASTASE", raising=False)
-    done = run_alike(script, folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "usage:" in done.stdout and "murine_elastase_pd.csv" in done.stdout
-    assert not list(tmp_path.iterdir())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(EXAMPLES)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    with pytest.raises(FileNotFoundError, match=r"(?s)MURINE_ELASTASE.*murine_elastase_pd\.csv"):
+        runpy.run_path(str(EXAMPLES / f"{study}.py"), run_name="__main__")
 
 
 def test_cut_ring_keeps_its_middle_line(tmp_path, monkeypatch):

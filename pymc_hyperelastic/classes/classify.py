@@ -146,6 +146,10 @@ def classify(
         If the data are unsound or were in the training data, `classes` are not fitted classes of
         one model, or `class_prior` is not a probability of each class.
 
+    See Also
+    --------
+    fit_classes, plot_class_probability
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

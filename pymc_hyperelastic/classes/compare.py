@@ -33,6 +33,10 @@ def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     ValueError
         If a class is unknown or the classes are not of one model.
 
+    See Also
+    --------
+    fit_classes
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

@@ -103,6 +103,10 @@ def fit_classes(
         If an evidence is doubtful, a specimen was given up after long, or a class cannot be fitted:
         the others then are.
 
+    See Also
+    --------
+    classify, compare_classes
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

@@ -205,6 +205,10 @@ def compare_classes(
         quantity is unknown, a property lacks its pressure, an animal its other half, or a specimen
         a covariate.
 
+    See Also
+    --------
+    fit_classes, plot_comparison
+
     Notes
     -----
     *Estimates* of groups by themselves rest on the distributions that :func:`fit_classes` has

@@ -106,6 +106,10 @@ def calibration_report(
         not in `leave_out`, a curve under two specimens that are not left out together, or a class
         has no specimen left.
 
+    See Also
+    --------
+    score_probabilities, plot_reliability
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

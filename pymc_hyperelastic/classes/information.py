@@ -169,6 +169,10 @@ def expected_information(
         cannot bear it, or it measures a force whose error the classes do not know; if a quantity is
         unknown or lacks its pressure, or `given` is not of one specimen.
 
+    See Also
+    --------
+    plan_study, plot_information
+
     Notes
     -----
     Of the class ``k``, with data ``y``,

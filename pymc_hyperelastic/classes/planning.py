@@ -135,6 +135,10 @@ def plan_study(
         priors of its own; if a quantity is unknown or lacks its pressure, or there are fewer than
         two specimens.
 
+    See Also
+    --------
+    expected_information
+
     Notes
     -----
     What the curves of one specimen say is taken as a normal distribution of its coordinates; each

@@ -56,6 +56,10 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
     UserWarning
         If not all is computed yet.
 
+    See Also
+    --------
+    fit_cohort, classify_cohort
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

@@ -47,6 +47,10 @@ def select(
     ValueError
         If a label is unknown or no test is left; the message lists what exists.
 
+    See Also
+    --------
+    inflation_data, read_tests
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

@@ -146,6 +146,10 @@ def inflation_data(
         things, or do not determine the tube; if a unit does not fit; if rows of a test repeat, or
         run up and down as in loading and unloading.
 
+    See Also
+    --------
+    read_tests, select
+
     References
     ----------
     .. [1] G. A. Holzapfel, T. C. Gasser, R. W. Ogden, A new constitutive framework for arterial

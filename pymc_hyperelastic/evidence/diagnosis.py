@@ -91,6 +91,10 @@ def log_evidence(tree: xr.DataTree) -> Estimate:
     ValueError
         If the result holds no evidence.
 
+    See Also
+    --------
+    diagnose_evidence, log_evidence_by_bridge
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph
@@ -154,6 +158,10 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     ------
     TypeError, ValueError
         If `tree` is no result, or has no evidence.
+
+    See Also
+    --------
+    log_evidence, log_evidence_by_bridge
 
     Examples
     --------

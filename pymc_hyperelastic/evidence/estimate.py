@@ -15,7 +15,21 @@ _ALIKE = 1.2
 
 
 class Estimate(NamedTuple):
-    """A number with its standard error; ``float(estimate)`` is the number."""
+    """A number with its standard error; ``float(estimate)`` is the number.
+
+    See Also
+    --------
+    log_evidence
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> log_evidence = ph.Estimate(-41.27, 0.03)
+    >>> print(log_evidence)
+    -41.270 ± 0.030
+    >>> float(log_evidence)
+    -41.27
+    """
 
     value: float
     standard_error: float

@@ -82,6 +82,10 @@ class BatchedSMC(SMC_KERNEL):
         If the model has discrete variables or nothing to temper; if it has more than 300 unknowns,
         or more than 50 and a density that takes long; or if no particle has a finite likelihood.
 
+    See Also
+    --------
+    sample_smc
+
     Notes
     -----
     The evidence is the product of the mean weights of the stages. Its relative variance is
@@ -107,6 +111,18 @@ class BatchedSMC(SMC_KERNEL):
        and some applications, Annals of Statistics 41 (2013) 2877.
     .. [4] A. Lee and N. Whiteley, Variance estimation in the particle filter, Biometrika 105 (2018)
        609.
+
+    Examples
+    --------
+    >>> import pymc as pm, pymc_hyperelastic as ph
+    >>> with pm.Model():
+    ...     mean = pm.Normal("mean", 0, 1)
+    ...     y = pm.Normal("y", mean, 1, observed=[0.5, 1.5])
+    ...     tree = pm.sample_smc(
+    ...         500, kernel=ph.BatchedSMC, chains=2, cores=1, random_seed=1, progressbar=False
+    ...     )
+    >>> bool(abs(tree["posterior"]["mean"].mean() - 2 / 3) < 0.1)
+    True
     """
 
     stats_dtypes_shapes: ClassVar[dict[str, tuple[type, list]]] = {

@@ -48,6 +48,10 @@ def log_evidence_by_quadrature(model: pm.Model, *, rtol: float = 1e-8) -> Estima
     ValueError
         If the model has more than two parameters, or the density does not fall off.
 
+    See Also
+    --------
+    log_evidence
+
     Examples
     --------
     >>> import pymc as pm, pymc_hyperelastic as ph

@@ -75,6 +75,10 @@ def sample_smc(
         to temper, or no finite likelihood anywhere, or
         a setting is impossible.
 
+    See Also
+    --------
+    BatchedSMC, log_evidence, diagnose_evidence
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

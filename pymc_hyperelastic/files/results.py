@@ -29,6 +29,10 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
         If it cannot be written: no such folder, no space left, no permission. What was there
         before is left as it was.
 
+    See Also
+    --------
+    open_result
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph
@@ -75,6 +79,13 @@ def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
     See Also
     --------
     save_result
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> ph.save_result(ph.load_dataset("simulated_sheep_aorta"), "aorta.nc")
+    >>> ph.open_result("aorta.nc").sizes["test"]
+    15
     """
     path = Path(path)
     if not path.is_file():

@@ -91,6 +91,10 @@ def axial_force(
     ValueError
         If a number given as geometry is impossible.
 
+    See Also
+    --------
+    inflation_pressure, predict_axial_force
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

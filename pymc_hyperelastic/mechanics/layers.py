@@ -41,6 +41,10 @@ class Layer:
     ValueError
         If a number given as thickness is not positive.
 
+    See Also
+    --------
+    inflation_pressure, Measured
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

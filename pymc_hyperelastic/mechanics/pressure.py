@@ -44,6 +44,18 @@ class PressureIntegral(WallIntegral):
         square, as long as pressure stays below a thousand moduli. A table of tests holds the rule
         to adaptive quadrature. A wall in which fibres slacken is divided there, with as many nodes
         on each piece.
+
+    See Also
+    --------
+    inflation_pressure
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> integral = ph.PressureIntegral(strain_energy=ph.NeoHookean())
+    >>> pressure, stiffness = integral(8.0, 7.0, 9.0, 1.0, 0.0, 30.0)
+    >>> round(float(pressure.eval()), 3), round(float(stiffness.eval()), 3)
+    (2.629, 2.012)
     """
 
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
@@ -107,6 +119,10 @@ def inflation_pressure(
     ValueError
         If a number given as geometry is impossible (``outer_radius <= inner_radius``, say).
 
+    See Also
+    --------
+    inflation_stiffness, axial_force
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph
@@ -147,6 +163,10 @@ def inflation_stiffness(
         If a material parameter is missing or unknown.
     ValueError
         If a number given as geometry is impossible.
+
+    See Also
+    --------
+    inflation_pressure
 
     Examples
     --------

@@ -54,6 +54,10 @@ class Measured:
     TypeError, ValueError
         If it is no positive number.
 
+    See Also
+    --------
+    inflation_model, Layer
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

@@ -159,6 +159,10 @@ def inflation_model(
         model of the context has such names already; or if `rising` is to divide by the prior
         probability of what variables of that model determine.
 
+    See Also
+    --------
+    population_model, sample_smc
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph
@@ -306,6 +310,10 @@ def _check_names(model: pm.Model, names: Sequence[str]) -> None:
 def power_law_neo_hookean_model(data: xr.Dataset, **settings: Any) -> pm.Model:
     """Model of the power-law neo-Hookean tube; see :func:`inflation_model` for the settings.
 
+    See Also
+    --------
+    inflation_model, PowerLawNeoHookean
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph
@@ -320,6 +328,10 @@ def ogden_model(data: xr.Dataset, **settings: Any) -> pm.Model:
 
     The posterior is symmetric in ``alpha``: with the default prior it has two mirrored modes.
     For NUTS, which cannot jump between them, give a one-sided prior: the evidence is the same.
+
+    See Also
+    --------
+    inflation_model, Ogden
 
     Examples
     --------
@@ -336,6 +348,10 @@ def criscione_model(data: xr.Dataset, **settings: Any) -> pm.Model:
     """Model of the Criscione-type tube; see :func:`inflation_model` for the settings.
 
     The posterior is symmetric in ``b``; see :func:`ogden_model`.
+
+    See Also
+    --------
+    inflation_model, CriscioneType
 
     Examples
     --------

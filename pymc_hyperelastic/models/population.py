@@ -225,6 +225,10 @@ def population_model(
     ValueError
         If the data are unsound, or a number is impossible.
 
+    See Also
+    --------
+    inflation_model, fit_classes
+
     Notes
     -----
     Default priors, with :math:`x \sim LN(m, s)` for a normal logarithm of median ``m``: the

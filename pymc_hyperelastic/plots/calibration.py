@@ -74,6 +74,10 @@ def plot_calibration_ranks(
     TypeError, ValueError
         If `sbc` holds no ranks, or `kind`, `prob`, the backend or a visual is unknown.
 
+    See Also
+    --------
+    simulation_based_calibration
+
     References
     ----------
     .. [1] T. Säilynoja, P.-C. Bürkner and A. Vehtari, Graphical test for discrete uniformity and
@@ -182,6 +186,10 @@ def plot_reliability(
     ------
     TypeError, ValueError
         If `scores` holds no such table, or the backend or a visual is unknown.
+
+    See Also
+    --------
+    score_probabilities, calibration_report
 
     Examples
     --------

@@ -82,6 +82,10 @@ def plot_comparison(
         If `result` is none of :func:`~pymc_hyperelastic.compare_classes`, or the statistic, the
         backend or a visual is unknown.
 
+    See Also
+    --------
+    compare_classes
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

@@ -97,6 +97,10 @@ def plot_parameter_density(
         If `classes` is no DataTree with a posterior, or a variable, a probability, the backend or
         a visual is unknown.
 
+    See Also
+    --------
+    sample_smc, fit_classes
+
     Notes
     -----
     The density is that of a Gaussian mixture fitted to the draws: narrow modes and bent ridges are

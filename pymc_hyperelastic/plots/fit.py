@@ -102,6 +102,10 @@ def plot_pressure_fit(
         If `classes` is no DataTree with a posterior, there are no data or no strain energy, the
         data are unsound or lack a class, or `prob`, the unit, the backend or a visual is unknown.
 
+    See Also
+    --------
+    predict_pressure
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

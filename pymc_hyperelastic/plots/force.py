@@ -82,6 +82,10 @@ def plot_axial_force(
     TypeError, ValueError
         As :func:`~pymc_hyperelastic.plot_pressure_fit` does.
 
+    See Also
+    --------
+    predict_axial_force
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

@@ -86,6 +86,10 @@ def plot_inflation(
     TypeError, ValueError
         If the data are unsound, or `group_by`, the unit, the backend or a visual is unknown.
 
+    See Also
+    --------
+    inflation_data
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

@@ -65,6 +65,10 @@ def plot_information(
         If `result` is none of :func:`~pymc_hyperelastic.expected_information`, or the backend or a
         visual is unknown.
 
+    See Also
+    --------
+    expected_information
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

@@ -91,6 +91,10 @@ def plot_law_probability(
     UserWarning
         If a fit does not say from which data, or with which noise, it was made.
 
+    See Also
+    --------
+    log_evidence
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

@@ -72,6 +72,10 @@ def plot_class_probability(
         If `result` holds no class probabilities, results of a dict differ in their experiments or
         classes, a limit is no number from 0 to 1, or the backend or a visual is unknown.
 
+    See Also
+    --------
+    classify
+
     Examples
     --------
     >>> import xarray as xr, pymc_hyperelastic as ph

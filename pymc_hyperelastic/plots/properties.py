@@ -101,6 +101,10 @@ def plot_elastic_properties(
         If `classes` is no DataTree with a posterior, a name, `prob`, the backend or a visual is
         unknown, or :func:`~pymc_hyperelastic.tube_properties` raises it.
 
+    See Also
+    --------
+    tube_properties
+
     Examples
     --------
     >>> import xarray as xr, pymc_hyperelastic as ph
@@ -187,6 +191,10 @@ def plot_wall_stress(
     TypeError, ValueError
         If `classes` is no DataTree with a posterior, `prob`, the backend or a visual is unknown, or
         :func:`~pymc_hyperelastic.wall_stress` raises it.
+
+    See Also
+    --------
+    wall_stress
 
     Examples
     --------

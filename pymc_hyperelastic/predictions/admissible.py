@@ -72,6 +72,10 @@ def admissible(
         If something of the tube is not known, a radius is impossible, or there are neither radii
         nor data.
 
+    See Also
+    --------
+    StrainEnergy
+
     References
     ----------
     .. [1] M. Baker, J. L. Ericksen, Inequalities restricting the form of the stress-deformation

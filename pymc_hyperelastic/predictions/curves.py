@@ -70,6 +70,10 @@ def predict_pressure(
         If the strain energy, the specimen or the geometry is not known, or a parameter is not in
         the posterior, or a radius is impossible.
 
+    See Also
+    --------
+    predict_axial_force, radius_at_pressure
+
     Notes
     -----
     Where specimens differ, in classes with ``variability="specimen"`` and in results of
@@ -148,6 +152,10 @@ def predict_axial_force(
         If something is extrapolated. If the force is 0 whatever the parameters, as that of
         :class:`~pymc_hyperelastic.CriscioneType`, and that of :class:`~pymc_hyperelastic.Ogden` at
         an axial stretch of 1.
+
+    See Also
+    --------
+    predict_pressure, plot_axial_force
 
     Examples
     --------
@@ -264,6 +272,10 @@ def radius_at_pressure(
     ValueError
         If something of the tube is not known, a pressure is no finite number, or no draw reaches
         any of the pressures.
+
+    See Also
+    --------
+    predict_pressure, tube_properties
 
     Examples
     --------

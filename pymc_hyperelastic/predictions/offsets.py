@@ -48,6 +48,10 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
     ValueError
         If the model had no offsets.
 
+    See Also
+    --------
+    predict_axial_force
+
     Examples
     --------
     >>> import xarray as xr, pymc_hyperelastic as ph

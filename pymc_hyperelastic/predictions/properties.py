@@ -122,6 +122,10 @@ def tube_properties(
     ValueError
         If the density is not positive, or the `pressure_range` not two rising pressures from 0 up.
 
+    See Also
+    --------
+    plot_elastic_properties, pulse_wave_velocity
+
     Notes
     -----
     The material stiffness is that of small strains that are superposed on large ones, at constant
@@ -254,6 +258,10 @@ def pulse_wave_velocity(
     ------
     ValueError
         If the density is not positive, or no draw reaches a pressure.
+
+    See Also
+    --------
+    tube_properties
 
     Examples
     --------

@@ -77,6 +77,10 @@ def wall_stress(
         If something of the tube is not known, no draw reaches any of the pressures, or a point is
         outside the wall.
 
+    See Also
+    --------
+    plot_wall_stress
+
     Examples
     --------
     >>> import xarray as xr, pymc_hyperelastic as ph

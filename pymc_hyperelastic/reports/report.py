@@ -78,6 +78,10 @@ def report(
     TypeError, ValueError
         If something is no result, `path` is a folder, or the unit is unknown.
 
+    See Also
+    --------
+    fit_classes, classify, compare_classes
+
     Notes
     -----
     A figure that cannot be drawn is missing, and the warnings on top of the page say why. The same

@@ -20,6 +20,10 @@ def list_datasets() -> dict[str, str]:
     dict of str to str
         Name and description in one line.
 
+    See Also
+    --------
+    load_dataset
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph
@@ -47,6 +51,10 @@ def load_dataset(name: str) -> xr.Dataset:
     ------
     ValueError
         If there is no dataset of that name.
+
+    See Also
+    --------
+    list_datasets, read_tests
 
     Examples
     --------

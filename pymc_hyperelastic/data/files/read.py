@@ -85,6 +85,10 @@ def read_tests(
     UserWarning
         Of what :func:`~pymc_hyperelastic.inflation_data` warns.
 
+    See Also
+    --------
+    inflation_data, select
+
     Examples
     --------
     >>> from pathlib import Path

@@ -42,6 +42,17 @@ class Parameter:
         Of a pure number on "log": its median over tissues, and the standard deviation of its
         logarithm. From it classes whose specimens differ have the prior of their location. When
         missing, a sixth of the upper end of `prior_range`, and 1.2.
+
+    See Also
+    --------
+    StrainEnergy
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> stiffening = ph.Parameter("b", "b", "", (0.0, 20.0), "how soon the wall stiffens")
+    >>> stiffening.natural_scale
+    'log'
     """
 
     name: str
@@ -68,6 +79,10 @@ class StrainEnergy(ABC):
     from it. A vector parameter comes as a tuple of its entries.
 
     Two instances of one class with the same attributes are equal.
+
+    See Also
+    --------
+    Parameter, list_strain_energies
 
     Examples
     --------
@@ -273,6 +288,10 @@ def list_strain_energies() -> list[str]:
     """Names of all strain energies: those of the zoo, and those that the user has defined.
 
     Each is the name of a class, and :meth:`StrainEnergy.from_name` makes one.
+
+    See Also
+    --------
+    StrainEnergy
 
     Examples
     --------

@@ -62,6 +62,21 @@ class NeoHookean(_FirstInvariant):
 
     Source: L. R. G. Treloar, The elasticity of a network of long-chain molecules II, Transactions
     of the Faraday Society 39 (1943) 241-246.
+
+    See Also
+    --------
+    PowerLawNeoHookean, MooneyRivlin
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.NeoHookean(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=40.0
+    ... )
+    >>> pressure.eval().round(3)
+    array([1.98 , 4.695])
     """
 
     parameters = (Parameter("mu", r"\mu", "kPa", (0.0, 200.0), "shear modulus" + _MODULUS_RANGE),)
@@ -84,6 +99,26 @@ class MooneyRivlin(_Isotropic):
 
     Source: R. S. Rivlin, Large elastic deformations of isotropic materials IV, Philosophical
     Transactions of the Royal Society A 241 (1948) 379-397.
+
+    See Also
+    --------
+    NeoHookean, Yeoh
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.MooneyRivlin(),
+    ...     [7.5, 8.5],  # mm
+    ...     inner_radius=7.0,
+    ...     outer_radius=9.0,
+    ...     c10=10.0,
+    ...     c01=5.0,
+    ... )
+    >>> pressure.eval().round(3)
+    array([1.485, 3.521])
     """
 
     parameters = (
@@ -120,6 +155,27 @@ class Yeoh(_FirstInvariant):
     Source: O. H. Yeoh, Some forms of the strain energy function for rubber, Rubber Chemistry and
     Technology 66 (1993) 754-771; for arteries with ``c3 = 0``, M. L. Raghavan and D. A. Vorp,
     Journal of Biomechanics 33 (2000) 475-482.
+
+    See Also
+    --------
+    NeoHookean, MooneyRivlin
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.Yeoh(),
+    ...     [7.5, 8.5],  # mm
+    ...     inner_radius=7.0,
+    ...     outer_radius=9.0,
+    ...     c1=10.0,
+    ...     c2=10.0,
+    ...     c3=20.0,
+    ... )
+    >>> pressure.eval().round(3)
+    array([1.016, 3.003])
     """
 
     parameters = (
@@ -155,6 +211,21 @@ class Gent(_FirstInvariant):
     Source: A. N. Gent, A new constitutive relation for rubber, Rubber Chemistry and Technology 69
     (1996) 59-61; for arteries C. O. Horgan and G. Saccomandi, Biomechanics and Modeling in
     Mechanobiology 1 (2003) 251-266.
+
+    See Also
+    --------
+    ArrudaBoyce, Demiray
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.Gent(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=20.0, limit=2.0
+    ... )
+    >>> pressure.eval().round(3)
+    array([0.996, 2.478])
     """
 
     parameters = (
@@ -191,6 +262,21 @@ class Demiray(_FirstInvariant):
 
     Source: H. Demiray, A note on the elasticity of soft biological tissues, Journal of Biomechanics
     5 (1972) 309-311.
+
+    See Also
+    --------
+    Gent, FungOrthotropic
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.Demiray(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=20.0, b=2.0
+    ... )
+    >>> pressure.eval().round(3)
+    array([1.016, 2.898])
     """
 
     parameters = (
@@ -219,6 +305,21 @@ class ArrudaBoyce(_FirstInvariant):
     Source: E. M. Arruda and M. C. Boyce, A three-dimensional constitutive model for the large
     stretch behavior of rubber elastic materials, Journal of the Mechanics and Physics of Solids 41
     (1993) 389-412.
+
+    See Also
+    --------
+    Gent
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.ArrudaBoyce(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=20.0, lock=1.5
+    ... )
+    >>> pressure.eval().round(3)
+    array([1.443, 3.476])
     """
 
     parameters = (
@@ -255,6 +356,26 @@ class PowerLawNeoHookean(_FirstInvariant):
 
     Source: Doraiswamy and Srinivasa, "A Bayesian approach to accounting for variability in
     mechanical properties in biomaterials", after Raghavan and Vorp, J. Biomech. 33 (2000) 475-482.
+
+    See Also
+    --------
+    NeoHookean, power_law_neo_hookean_model
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.PowerLawNeoHookean(),
+    ...     [7.5, 8.5],  # mm
+    ...     inner_radius=7.0,
+    ...     outer_radius=9.0,
+    ...     mu=20.0,
+    ...     n=3.0,
+    ... )
+    >>> pressure.eval().round(3)
+    array([0.998, 2.514])
     """
 
     parameters = (
@@ -288,6 +409,21 @@ class Ogden(_Isotropic):
 
     Source: Doraiswamy and Srinivasa (see :class:`PowerLawNeoHookean`), after Ogden, "Non-linear
     elastic deformations", Dover 1997.
+
+    See Also
+    --------
+    OgdenSeries, ogden_model
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.Ogden(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=30.0, alpha=7.0
+    ... )
+    >>> pressure.eval().round(3)
+    array([3.041, 8.489])
     """
 
     parameters = (
@@ -342,6 +478,26 @@ class OgdenSeries(_Isotropic):
     ----------
     terms : int, default 3
         Number of terms.
+
+    See Also
+    --------
+    Ogden
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.OgdenSeries(),
+    ...     [7.5, 8.5],  # mm
+    ...     inner_radius=7.0,
+    ...     outer_radius=9.0,
+    ...     mu=[20.0, 5.0, 1.0],
+    ...     alpha=[2.0, 6.0, 10.0],
+    ... )
+    >>> pressure.eval().round(3)
+    array([2.005, 5.223])
     """
 
     def __init__(self, terms: int = 3) -> None:

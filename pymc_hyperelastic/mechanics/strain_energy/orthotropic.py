@@ -75,6 +75,21 @@ class CriscioneType(StrainEnergy):
 
     Source: Doraiswamy and Srinivasa (see :class:`PowerLawNeoHookean`), after Criscione,
     J. Elasticity 77 (2004) 57-81.
+
+    See Also
+    --------
+    criscione_model
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.CriscioneType(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, a=10.0, b=4.0
+    ... )
+    >>> pressure.eval().round(3)
+    array([ 8.174, 24.028])
     """
 
     parameters = (
@@ -121,6 +136,28 @@ class FungOrthotropic(StrainEnergy):
 
     Source: Y. C. Fung, K. Fronek and P. Patitucci, Pseudoelasticity of arteries and the choice of
     its mathematical expression, American Journal of Physiology 237 (1979) H620-H631.
+
+    See Also
+    --------
+    Demiray, HolzapfelGasserOgden
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.FungOrthotropic(),
+    ...     [7.5, 8.5],  # mm
+    ...     inner_radius=7.0,
+    ...     outer_radius=9.0,
+    ...     c=20.0,
+    ...     a1=2.0,
+    ...     a2=2.0,
+    ...     a4=1.0,
+    ... )
+    >>> pressure.eval().round(3)
+    array([0.589, 2.019])
     """
 
     parameters = (
@@ -250,6 +287,28 @@ class HolzapfelGasserOgden(_FibreReinforced):
 
     Source: G. A. Holzapfel, T. C. Gasser and R. W. Ogden, A new constitutive framework for arterial
     wall mechanics and a comparative study of material models, Journal of Elasticity 61 (2000) 1-48.
+
+    See Also
+    --------
+    GasserOgdenHolzapfel, FourFiber
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.HolzapfelGasserOgden(),
+    ...     [7.5, 8.5],  # mm
+    ...     inner_radius=7.0,
+    ...     outer_radius=9.0,
+    ...     c=10.0,
+    ...     k1=20.0,
+    ...     k2=1.0,
+    ...     beta=30.0,
+    ... )
+    >>> pressure.eval().round(3)
+    array([1.821, 5.759])
     """
 
     parameters = (_MATRIX, _FIBRES, _STIFFENING, _ANGLE)
@@ -272,6 +331,29 @@ class GasserOgdenHolzapfel(_FibreReinforced):
     Source: T. C. Gasser, R. W. Ogden and G. A. Holzapfel, Hyperelastic modelling of arterial layers
     with distributed collagen fibre orientations, Journal of the Royal Society Interface 3 (2006)
     15-35.
+
+    See Also
+    --------
+    HolzapfelGasserOgden
+
+    Examples
+    --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.GasserOgdenHolzapfel(),
+    ...     [7.5, 8.5],  # mm
+    ...     inner_radius=7.0,
+    ...     outer_radius=9.0,
+    ...     c=10.0,
+    ...     k1=20.0,
+    ...     k2=1.0,
+    ...     kappa=0.1,
+    ...     beta=30.0,
+    ... )
+    >>> pressure.eval().round(3)
+    array([1.18 , 3.655])
     """
 
     parameters = (
@@ -323,9 +405,34 @@ class FourFiber(_FibreReinforced):
     ValueError
         If `hoop_fibres` is neither True nor False.
 
+    See Also
+    --------
+    HolzapfelGasserOgden
+
     Examples
     --------
+    Pressures (kPa) at two internal radii (mm) of a tube:
+
     >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.FourFiber(),
+    ...     [7.5, 8.5],  # mm
+    ...     inner_radius=7.0,
+    ...     outer_radius=9.0,
+    ...     c=10.0,
+    ...     k1_axial=5.0,
+    ...     k2_axial=0.5,
+    ...     k1_hoop=5.0,
+    ...     k2_hoop=0.5,
+    ...     k1_diagonal=10.0,
+    ...     k2_diagonal=0.5,
+    ...     beta=40.0,
+    ... )
+    >>> pressure.eval().round(3)
+    array([1.193, 3.508])
+
+    Without hoop fibres:
+
     >>> ph.FourFiber(hoop_fibres=False).parameter_names
     ('c', 'k1_axial', 'k2_axial', 'k1_diagonal', 'k2_diagonal', 'beta')
     """

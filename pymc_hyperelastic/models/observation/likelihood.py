@@ -134,6 +134,10 @@ def inflation_likelihood(
         If the name is taken, an error or `slope_weight` is an impossible number, or a test has too
         few points or repeated radii for a slope.
 
+    See Also
+    --------
+    inflation_model, balanced_slope_weight
+
     Examples
     --------
     >>> import pymc as pm, pymc_hyperelastic as ph

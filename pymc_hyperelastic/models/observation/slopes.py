@@ -54,6 +54,10 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
         If a test has too few points or repeated radii for a slope, all pressures are equal, or all
         tests are extension tests.
 
+    See Also
+    --------
+    inflation_likelihood
+
     Examples
     --------
     >>> import pymc_hyperelastic as ph

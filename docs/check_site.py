@@ -1,0 +1,193 @@
+"""Look at every page of the built documentation in a browser, and follow its links.
+
+Each page is opened at the widths of a telephone and of a desk, light and dark. What is wrong is
+listed by page; the last line counts what was looked at. Run it by ``make docs-check``.
+"""
+
+import asyncio
+import shutil
+import sys
+import threading
+from collections import Counter
+from functools import partial
+from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from urllib.parse import unquote, urljoin, urlsplit
+
+from axe_playwright_python.async_playwright import Axe
+from playwright.async_api import Browser, async_playwright
+
+SITE = Path(__file__).with_name("_build") / "html"
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+WIDTHS, SCHEMES, AT_ONCE = (1400, 400), ("light", "dark"), 3
+# Colours are another matter in the dark, and nothing else is; what scrolls depends on the width.
+RULES = {
+    (1400, "light"): {},
+    (1400, "dark"): {"runOnly": ["color-contrast"]},
+    (400, "light"): {"runOnly": ["scrollable-region-focusable", "target-size"]},
+}
+
+# Formulas and links that are still source, figures that are missing or have no words instead.
+UNFINISHED = r"""() => [
+    ...[...document.querySelectorAll(".math")].filter(e => !e.querySelector("math")),
+    ...document.querySelectorAll(".temml-error, merror"),
+    ...[...document.querySelectorAll("article :is(p, li, td, th, dd, dt, h1, h2)")].filter(e => {
+        const text = e.cloneNode(true);
+        text.querySelectorAll("code, pre, .math").forEach(inner => inner.remove());
+        return /\$\$|\\\(|\\[a-z]+\{|\]\([^)]*\)|\{[a-z]+\}`/.test(text.textContent);
+    }),
+    ...[...document.images].filter(e => e.complete && !e.naturalWidth
+        || !e.alt.trim() && !e.closest(".sphx-glr-thumbcontainer")),
+].map(e => e.outerHTML.slice(0, 160))"""
+# Text that is cut off, or out of sight. Code, tables and, on narrow screens, formulas may scroll in
+# a place of their own, which keys can reach.
+CUT_OFF = """(narrow) => [...document.querySelectorAll("body *")].filter(e => {
+    if (e.closest("svg, math, dialog") || !e.checkVisibility()) return false;
+    const style = getComputedStyle(e), box = e.getBoundingClientRect();
+    if (box.width < 2 || style.clipPath !== "none") return false;
+    const scrolls = e.scrollWidth > e.clientWidth + 1 && style.display !== "inline";
+    if (["auto", "scroll"].includes(style.overflowX))
+        return scrolls && (e.tabIndex !== 0 || e.matches(".formula") && !narrow);
+    const hasText = [...e.childNodes].some(node => node.nodeType === 3 && node.data.trim());
+    if (scrolls && hasText && style.overflowX === "hidden") return true;
+    for (let place = e.parentElement; place; place = place.parentElement) {
+        const outer = getComputedStyle(place).overflowX;
+        if (["auto", "scroll"].includes(outer)) return false;
+        if (outer === "hidden" && hasText && box.right > place.getBoundingClientRect().right + 1)
+            return true;
+    }
+    return box.right > innerWidth + 1 && box.left < innerWidth || box.left < -1 && box.right > 0;
+}).map(e => e.outerHTML.slice(0, 160))"""
+SCROLLS_SIDEWAYS = "document.documentElement.scrollWidth > innerWidth"
+
+
+class Page(HTMLParser):
+    """Names of places in a page, and what it leads to."""
+
+    def __init__(self, path: Path):
+        super().__init__()
+        self.names, self.targets = set(), []
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        """Note an element."""
+        attrs = dict(attrs)
+        self.names |= {attrs[key] for key in ("id", "name") if attrs.get(key)}
+        self.targets += [attrs[key] for key in ("href", "src") if attrs.get(key)]
+
+
+def broken_links(pages: dict[str, Page]) -> tuple[int, list[str]]:
+    """Number of links within the site, and those that lead nowhere."""
+    links, broken = 0, []
+    for name, page in pages.items():
+        for target in page.targets:
+            split = urlsplit(urljoin(f"/{name}", target))
+            if split.scheme or split.netloc:
+                continue
+            links += 1
+            path = unquote(split.path).lstrip("/") or "index.html"
+            known = path not in pages or split.fragment in {"", *pages[path].names}
+            if not (SITE / path).exists() or not known:
+                broken.append(f"{name}: broken link {target}")
+    return links, broken
+
+
+async def look(browser: Browser, address: str, name: str, wrong: list[str], seen: Counter) -> None:
+    """Open a page, in all widths and schemes."""
+    page = await browser.new_page(viewport={"width": WIDTHS[0], "height": 900})
+    at = ""
+
+    def add(what: str) -> None:
+        wrong.append(f"{name}{at}: {what}")
+
+    def ask(request) -> None:
+        seen["requests"] += 1
+        if not request.url.startswith((address, "data:", "blob:")):
+            add(f"request to {request.url}")
+
+    page.on("request", ask)
+    page.on("requestfailed", lambda request: add(f"failed request to {request.url}"))
+    page.on("response", lambda r: add(f"{r.status} for {r.url}") if r.status >= 400 else None)
+    page.on("pageerror", lambda error: add(f"error {error}"))
+    page.on(
+        "console",
+        lambda said: add(f"console {said.text}") if said.type in ("error", "warning") else None,
+    )
+    await page.goto(f"{address}/{name}")
+    await page.evaluate(  # pictures are loaded when they come into sight
+        """Promise.all([...document.images].map(
+            e => (e.loading = "eager", e.decode().catch(() => 0))))"""
+    )
+    for what in await page.evaluate(UNFINISHED):
+        add(f"unfinished {what}")
+    seen["formulas"] += await page.locator("math").count()
+    seen["figures"] += await page.locator("article img").count()
+    for width in WIDTHS:
+        await page.set_viewport_size({"width": width, "height": 900})
+        await asyncio.sleep(0.5)  # the theme looks a little later what scrolls now
+        for scheme in SCHEMES:
+            await page.emulate_media(color_scheme=scheme)
+            at = f" ({width} px, {scheme})"
+            seen["views"] += 1
+            if scheme == "light":
+                if await page.evaluate(SCROLLS_SIDEWAYS):
+                    add("scrolls sideways")
+                for what in await page.evaluate(CUT_OFF, width < 1000):
+                    add(f"cut off {what}")
+            if (width, scheme) in RULES:
+                options = {"resultTypes": ["violations"], "preload": False, **RULES[width, scheme]}
+                found = await Axe().run(page, options=options)
+                for violation in found.response["violations"]:
+                    if violation["impact"] in ("serious", "critical"):
+                        for node in violation["nodes"][:3]:
+                            add(f"{violation['id']} {node['html'][:160]}")
+    await page.close()
+
+
+async def look_at_all(address: str, names: list[str]) -> tuple[list[str], Counter]:
+    """Open all pages, some of them at once."""
+    wrong, seen, places = [], Counter(pages=len(names)), asyncio.Semaphore(AT_ONCE)
+    async with async_playwright() as started:
+        arguments = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+        browser = await started.chromium.launch(executable_path=CHROMIUM, args=arguments)
+
+        async def look_in_turn(name: str) -> None:
+            async with places:
+                await look(browser, address, name, wrong, seen)
+
+        await asyncio.gather(*map(look_in_turn, names))
+        await browser.close()
+    return wrong, seen
+
+
+class Handler(SimpleHTTPRequestHandler):
+    """Serve files, and say nothing."""
+
+    def log_message(self, *_):
+        """Say nothing."""
+
+
+def main() -> None:
+    """Look at the whole site, or at the pages whose names begin like an argument."""
+    if CHROMIUM is None:
+        sys.exit("there is no chromium: apt-get install chromium")
+    paths = sorted(SITE.rglob("*.html"))
+    pages = {
+        path.relative_to(SITE).as_posix(): Page(path)
+        for path in paths
+        if "_static" not in path.parts
+    }
+    links, broken = broken_links(pages)
+    names = [name for name in pages if name.startswith(tuple(sys.argv[1:]) or "")]
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Handler, directory=SITE))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    wrong, seen = asyncio.run(look_at_all(f"http://127.0.0.1:{server.server_port}", names))
+    print(*sorted(broken + wrong), sep="\n")
+    counts = ", ".join(f"{count} {what}" for what, count in {**seen, "links": links}.items())
+    print(f"{len(broken) + len(wrong)} findings; looked at {counts}")
+    sys.exit(bool(broken or wrong))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,71 @@
+"""Figures of the reference pages, drawn when they are built: laws, and what plot functions draw.
+
+Both come from the examples of the docstrings: a law has the material of its example, and a plot
+function draws its own.
+"""
+
+import ast
+import doctest
+import inspect
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytensor
+
+import pymc_hyperelastic as ph
+
+FOLDER = Path(__file__).with_name("drawings")
+TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}  # mm
+
+
+def example_of(name: str, until: str) -> str:
+    """The code of a public name's example, up to the call of a function."""
+    examples = doctest.DocTestParser().get_examples(inspect.getdoc(getattr(ph, name)))
+    sources = [example.source for example in examples]
+    last = next(i for i, source in enumerate(sources) if f"ph.{until}(" in source)
+    return "".join(sources[: last + 1])
+
+
+def draw_law(name: str) -> plt.Figure:
+    """Pressure and axial force over the internal radius at three axial stretches."""
+    calls = (
+        node
+        for node in ast.walk(ast.parse(example_of(name, "inflation_pressure")))
+        if isinstance(node, ast.Call)
+    )
+    call = next(node for node in calls if getattr(node.func, "attr", "") == "inflation_pressure")
+    material = {k.arg: ast.literal_eval(k.value) for k in call.keywords if k.arg not in TUBE}
+    radius = np.linspace(7.0, 9.5, 60)
+    figure, axes = plt.subplots(1, 2, figsize=(8, 3), layout="constrained")
+    curves = {"pressure (mmHg)": ph.inflation_pressure, "axial force (N)": ph.axial_force}
+    units = {"pressure (mmHg)": ph.mmHg, "axial force (N)": 1e3}
+    for ax, (label, curve) in zip(axes, curves.items(), strict=True):
+        for stretch in (1.0, 1.2, 1.4):
+            settings = TUBE | material | {"axial_stretch": stretch}
+            values = curve(getattr(ph, name)(), radius, **settings).eval()
+            ax.plot(radius, values / units[label], label=f"axial stretch {stretch}")
+        ax.set(xlabel="internal radius (mm)", ylabel=label)
+    axes[0].legend(frameon=False)
+    return figure
+
+
+def draw_plot(name: str) -> plt.Figure:
+    """What the example of a plot function draws."""
+    exec(example_of(name, name).replace('backend="none"', 'backend="matplotlib"'), {})
+    return plt.gcf()
+
+
+def draw_all() -> dict[str, list[str]]:
+    """Draw what is not there yet, and name what there is."""
+    FOLDER.mkdir(exist_ok=True)
+    laws = [name for name in ph.__all__ if name in ph.list_strain_energies()]
+    plots = [name for name in ph.__all__ if name.startswith("plot_")]
+    with pytensor.config.change_flags(mode="FAST_COMPILE"):  # each curve is computed once
+        for name in (*laws, *plots):
+            path = FOLDER / f"{name}.svg"
+            if not path.exists():
+                figure = draw_law(name) if name in laws else draw_plot(name)
+                figure.savefig(path, metadata={"Date": None})
+                plt.close("all")
+    return {"laws": laws, "plots": plots}

@@ -1,0 +1,43 @@
+"""What the pages of the reference are made of is there, and what would be published agrees."""
+
+import inspect
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import pymc_hyperelastic as ph
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTED = [name for name in ph.__all__ if callable(getattr(ph, name))]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+@pytest.mark.parametrize("name", DOCUMENTED)
+def test_public_names_lead_on_and_are_shown(name):
+    """Every public name says what to see beside it, which is public too, and has an example."""
+    text = inspect.getdoc(getattr(ph, name))
+    beside = re.search(r"See Also\n-+\n((?:.+\n?)+)", text)[1]
+    named = re.findall(r"^[\w, .]+?(?= : |$)", beside, re.MULTILINE)
+    assert {other.strip() for line in named for other in line.split(",")} <= {*ph.__all__}
+    assert re.search(r"Examples\n-+\n[^>]*>>> ", text)
+
+
+def test_reference_lists_every_public_name():
+    """The reference has a page for each name: its own list names it, or the zoo does."""
+    listed = re.findall(r"^   (\w+)$", (ROOT / "docs" / "api.md").read_text("utf-8"), re.MULTILINE)
+    zoo = [name for name in ph.list_strain_energies() if name in ph.__all__]
+    assert sorted(listed + zoo) == sorted(DOCUMENTED)
+
+
+def test_version_is_stated_alike():
+    """Package, citation, changelog and conda recipe speak of one version and its needs."""
+    version = PROJECT["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\n## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    recipe = (ROOT / "conda" / "recipe.yaml").read_text(encoding="utf-8")
+    assert f"\n  version: {version}\n" in recipe
+    needs = re.search(r"  run:\n((?:    - .+\n)+)", recipe)[1].replace("-base", "")
+    needs = [need.removeprefix("    - ").replace(" ", "") for need in needs.splitlines()]
+    assert needs == [f"python{PROJECT['requires-python']}", *PROJECT["dependencies"]]
