@@ -60,8 +60,8 @@ def test_the_other_class_is_fitted(monkeypatch):
         fit(training={"stiff": TRAINING["stiff"]})
 
 
-def without_importance(*args):
-    found = by_importance(*args)
+def without_importance(*args, **settings):
+    found = by_importance(*args, **settings)
     return Integral(found.log_value, np.inf, "importance", found.particles)
 
 
