@@ -20,7 +20,7 @@ from playwright.async_api import Browser, async_playwright
 
 SITE = Path(__file__).with_name("_build") / "html"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-WIDTHS, SCHEMES, AT_ONCE = (1400, 400), ("light", "dark"), 3
+WIDTHS, SCHEMES, AT_ONCE = (1400, 400), ("light", "dark"), 4
 # Colours are another matter in the dark, and nothing else is; what scrolls depends on the width.
 RULES = {
     (1400, "light"): {},

@@ -90,7 +90,7 @@ sphinx_gallery_conf = {
 # Formulas: MathML, made of their LaTeX in the browser by a script that lies beside the pages.
 mathjax_path = "math.js"
 myst_update_mathjax = False
-html_js_files = [("temml/temml.min.js", {"defer": "defer"})]
+html_js_files = [("temml/temml.min.js", {"defer": "defer"}), ("names.js", {"defer": "defer"})]
 
 html_theme = "pydata_sphinx_theme"
 html_title = project

@@ -19,11 +19,11 @@ class PressureIntegral(WallIntegral):
 
     .. math::
 
-        p(a) = \int_{\ln A}^{\ln B} \frac{T}{1 + δ} \, ds, \qquad
-        \frac{dp}{da} = \int_{\ln A}^{\ln B}
+        p(a) &= \int_{\ln A}^{\ln B} \frac{T}{1 + δ} \, ds, \qquad
+        T = \frac{∂\hat W}{∂\ln λ_θ} = σ_{θθ} - σ_{rr}, \\
+        \frac{dp}{da} &= \int_{\ln A}^{\ln B}
             \left(\frac12 \frac{∂T}{∂\ln λ_θ} - T\right)
-            \frac{2 k λ_z a}{R^2 (1 + δ)^2} \, ds, \qquad
-        T = \frac{∂\hat W}{∂\ln λ_θ} = σ_{θθ} - σ_{rr},
+            \frac{2 k λ_z a}{R^2 (1 + δ)^2} \, ds,
 
     which is ``p = ∫ (∂Ŵ/∂λθ)/(λz r) dR`` in other variables. Both integrands are smooth, also at
     zero pressure and for ``a < A``.
