@@ -11,13 +11,14 @@ extras_docs-check := [docs,browser]
 extras_dist := [release]
 extras_benchmark := [test,jax,benchmark]
 
-.PHONY: help study artery test test-deep test-lowest lint docs docs-check dist benchmark clean
+.PHONY: help study artery test test-deep test-long test-lowest lint docs docs-check dist benchmark clean
 
 help:
 	@echo "make study       the simulated sheep-aorta study: a table, figures and netCDF files in results/"
 	@echo "make artery      the same for a measured pulmonary artery, control against hypertensive"
 	@echo "make test        the tests of every module and every public name, on two processes, 10 to 15 minutes"
-	@echo "make test-deep   the tests that take longer: calibration, slow samplers, other compilers, all digits"
+	@echo "make test-deep   the tests that take longer: slow samplers, other compilers, all digits"
+	@echo "make test-long   those that take minutes each: calibration of whole models; run before a release"
 	@echo "make test-lowest what make test runs, on the oldest versions that pyproject.toml allows"
 	@echo "make lint        ruff and mypy"
 	@echo "make docs        the documentation, in docs/_build/html"
@@ -44,8 +45,12 @@ test: $(VENV)/.ready-test
 
 # The second tier, and what the first one runs in Python once more as users have it.
 test-deep: $(VENV)/.ready-test
-	$(pytest) -m "deep or compiled" --compiled
+	$(pytest) -m "(deep or compiled) and not long" --compiled
 	$(pytest) --compiled --doctest-modules pymc_hyperelastic
+
+# What takes minutes each: simulation-based calibration and whole models by Hamiltonian Monte Carlo.
+test-long: $(VENV)/.ready-test
+	$(pytest) -m long --compiled
 
 # The oldest versions that pyproject.toml allows, in an environment within the environment. They interpret three times
 # as slowly, some figures ten times: no test is too long here.

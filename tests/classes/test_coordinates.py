@@ -45,6 +45,7 @@ def test_names_and_numbers_without_a_stress_of_reference():
     np.testing.assert_allclose(found["beta"], 90 / (1 + np.exp(-x[-1])), rtol=1e-14)
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_a_specimen_says_the_same_in_either():
     """Its evidence under one distribution, by draws of two samplers that priors lead elsewhere."""

@@ -198,6 +198,7 @@ def test_pairs_are_known_better_than_groups(before_and_after):
     assert of_pairs["effect_size_of_change"] < of_pairs["effect_size"] < 0
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_laws_are_averaged(classes):
     """Draws are those of the laws, in proportion to their probabilities."""

@@ -144,6 +144,7 @@ def test_strangers_are_found_where_experiments_differ(differing, name):
     assert result["decision"].item() == "none of these"
 
 
+@pytest.mark.long
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:.* cannot be judged")
 def test_p_values_are_uniform_where_experiments_differ(differing):
@@ -167,6 +168,7 @@ def test_p_values_are_uniform_where_experiments_differ(differing):
     assert np.mean(result["p_value"].values < NONE_BELOW) < 2 * NONE_BELOW
 
 
+@pytest.mark.long
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:.* cannot be judged")
 def test_p_values_of_the_class_itself_are_uniform(classes):

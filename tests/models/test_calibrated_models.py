@@ -62,6 +62,7 @@ def test_wrong_noise_is_found_out():
     assert calibrate(right, simulator=wrong, simulations=100)["p_value"].min() < FAILS
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_population_model_is_calibrated():
     """Class and specimens together: location, spread, correlation, and every coordinate."""
@@ -109,6 +110,7 @@ def forced(**errors):
     return ph.inflation_model(ph.Ogden(), data, **noise, **settings)
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_shared_errors_are_calibrated():
     """Material, and the inferred size of offsets, with an error of the diameter besides."""
@@ -144,6 +146,7 @@ def every_signal(energy, priors):
     )
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_a_model_of_every_signal_is_calibrated():
     """Material, both noises and the wall's thickness, with offsets integrated out."""
