@@ -130,7 +130,7 @@ _LAWS = {
 }
 
 _BY_SUBROUTINE = "Abaqus has it as a user subroutine UHYPER alone"
-_REASONS = {
+_REASONS: dict[type[laws.StrainEnergy], str] = {
     laws.PowerLawNeoHookean: _BY_SUBROUTINE,
     laws.Demiray: _BY_SUBROUTINE,
     laws.Gent: _BY_SUBROUTINE,
