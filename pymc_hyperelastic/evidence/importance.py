@@ -4,10 +4,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
+from pymc_hyperelastic.evidence.mixture import (
+    Array,
+    GaussianMixture,
+    components_for,
+    log_sum_exp,
+)
 from pymc_hyperelastic.evidence.proposal import normal_of_halves
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.target import DrawPrior, Score
@@ -36,7 +40,7 @@ DRAWS, _MOST_DRAWS = 8000, 64000
 PRIOR_SHARE = 0.1
 # Draws of what may be like the posterior already, and the error of a logarithm with which they are
 # enough.
-FIRST_DRAWS, _LARGEST_ERROR = 2000, 0.03
+FIRST_DRAWS, _LARGEST_ERROR = 1500, 0.03
 # By how much modes are widened for these, and degrees of freedom of their tails.
 _WIDER, _FREEDOM = 1.1, 4.0
 # Draws of a step of adaptation, for each number that a component has, at least and at most; it goes
@@ -268,7 +272,7 @@ def mean_weight(log_weights: Array) -> tuple[Estimate, float]:
     effective = effective_sample_size(log_weights)
     if effective < ENOUGH:
         return Estimate(-np.inf, np.inf), np.inf
-    total, pareto_k = float(logsumexp(log_weights)), pareto_shape(log_weights)
+    total, pareto_k = float(log_sum_exp(log_weights)), pareto_shape(log_weights)
     variance = max(1 / effective - 1 / log_weights.size, 0.0)
     largest = np.exp(log_weights.max() - total)
     unseen = largest / (1 - max(pareto_k, 0.0)) if pareto_k < 1 else np.inf

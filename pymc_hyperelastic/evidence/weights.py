@@ -6,7 +6,6 @@ import numpy as np
 from arviz_stats.base import array_stats
 from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.special import logsumexp
 
 Array = NDArray[np.float64]
 
@@ -68,7 +67,7 @@ def pareto_shape(log_weights: Array) -> float:
     with np.errstate(over="ignore"):
         # ArviZ takes the logarithms of what divides.
         shape = float(array_stats.psislw(-finite)[1])
-    above_mean = finite.max() - logsumexp(finite) + np.log(finite.size)
+    above_mean = -np.log(np.mean(np.exp(finite - finite.max())))
     if above_mean < _FAR_ABOVE:
         shape = min(shape, above_mean / np.log(finite.size))
     return shape
