@@ -3,12 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pymc as pm
 import pytest
 from scipy import stats
 from scipy.optimize import approx_fprime
 from scipy.special import logsumexp
-from variable_classes import SIGMA, UNIT_PRESSURE, curves
+from variable_classes import SIGMA, TUBE, UNIT_PRESSURE, curves
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.specimen_evidence import specimen_evidence
@@ -323,3 +324,22 @@ def test_few_draws_of_a_specimen_stand_for_all():
     alike = np.exp(logsumexp(density, axis=0))
     of_class = alike.std() / alike.mean() / np.sqrt(count)
     assert of_class < found.own_error < np.hypot(of_class, 0.015)
+
+
+def test_constant_matrices_are_right_for_what_could_have_been_measured():
+    """Of Ogden's law over wide priors and large stretches: not for all, but for what matters."""
+    radius = np.linspace(7.5, 16.0, 12)
+    pressure = ph.inflation_pressure(ph.Ogden(), radius, mu=20.0, alpha=2.5, **TUBE).eval()
+    points = {"specimen": "A", "experiment": 1, "radius": radius, "pressure": pressure}
+    data = ph.inflation_data(pd.DataFrame(points), **TUBE, check="ignore")
+    population = Population(ph.Ogden(), KNOWN_NOISE, False, 20.0)
+    quick = population.forward_model(data, by_test=False).by_matrices()
+    assert quick.by_matrices() is None  # it is so already
+    rng = np.random.default_rng(SEED)
+    location, sd = population.scale.location_prior
+    coordinates = [m + 2 * s * rng.standard_normal(1000) for m, s in zip(location, sd, strict=True)]
+    values = population.scale.numbers(coordinates)
+    could_be = quick.could_show(data, values)
+    assert 20 < could_be.sum() < 500
+    errors = quick.errors(data, values)
+    assert errors[could_be].max() < DENSITY_TOLERANCE < np.nanmax(errors)
