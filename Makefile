@@ -85,7 +85,7 @@ benchmark: $(VENV)/.ready-benchmark
 	$(PY) tests/benchmarks/report.py results/benchmark.json
 
 clean:
-	rm -rf docs/_build docs/gallery docs/generated docs/drawings docs/sg_execution_times.rst docs/strain_energies.md dist .pytensor .ci/venv .ci/*.log
+	rm -rf docs/_build docs/gallery docs/generated docs/drawings docs/sg_execution_times.rst docs/strain_energies.md examples/report.html dist .pytensor .ci/venv .ci/*.log
 	rm -rf .pytest_cache .mypy_cache .ruff_cache
 	find pymc_hyperelastic tests examples docs -name __pycache__ -prune -exec rm -rf {} +
 

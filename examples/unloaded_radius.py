@@ -182,7 +182,7 @@ print(pd.DataFrame(rows).to_string(index=False, float_format="{:.0f}".format))
 # it the band: where a curve is soft, a few mmHg are a tenth of a millimetre.
 pressures = np.linspace(0, 50, 26) * ph.mmHg
 laws = [energy.name for energy in LAWS]
-colours = dict(zip(laws, ("C0", "C1", "C2", "C3"), strict=True))
+colours = {law: f"C{number}" for number, law in enumerate(laws)}
 figure, axes = plt.subplots(
     2, len(laws), figsize=(12, 6.5), sharex=True, sharey="row", layout="constrained"
 )
