@@ -57,9 +57,9 @@ lint: $(VENV)/.ready-lint
 	$(PY) -m ruff format --check
 	$(PY) -m mypy
 
-# The reference pages are written anew, so that none outlives its name.
+# All pages are written anew, so that none outlives its name.
 docs: $(VENV)/.ready-docs
-	rm -rf docs/generated docs/drawings
+	rm -rf docs/generated docs/drawings docs/_build/html
 	$(PY) -m sphinx -W --keep-going -b html docs docs/_build/html
 
 # What make docs built last.
