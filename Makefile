@@ -62,9 +62,9 @@ lint: $(VENV)/.ready-lint
 	$(PY) -m ruff format --check
 	$(PY) -m mypy
 
-# The reference pages are written anew, so that none outlives its name.
+# All pages are written anew, so that none outlives its name.
 docs: $(VENV)/.ready-docs
-	rm -rf docs/generated docs/drawings
+	rm -rf docs/generated docs/drawings docs/_build/html
 	$(PY) -m sphinx -W --keep-going -b html docs docs/_build/html
 
 # What make docs built last.
@@ -90,7 +90,7 @@ benchmark: $(VENV)/.ready-benchmark
 	$(PY) tests/benchmarks/report.py results/benchmark.json
 
 clean:
-	rm -rf docs/_build docs/gallery docs/generated docs/drawings docs/sg_execution_times.rst docs/strain_energies.md dist .pytensor .ci/venv .ci/*.log
+	rm -rf docs/_build docs/gallery docs/generated docs/drawings docs/sg_execution_times.rst docs/strain_energies.md examples/report.html dist .pytensor .ci/venv .ci/*.log
 	rm -rf .pytest_cache .mypy_cache .ruff_cache
 	find pymc_hyperelastic tests examples docs -name __pycache__ -prune -exec rm -rf {} +
 

@@ -45,5 +45,9 @@ result = ph.classify(new, classes, by="specimen", none_below=0.05, random_seed=1
 print(result[["class_probability", "p_value", "decision"]].to_dataframe())
 
 # %%
+# The same in a figure, with the limit below which a specimen is like none of the classes.
+figure = ph.plot_class_probability(result, none_below=0.05)
+
+# %%
 # One file holds it all: warnings first, then data, fits, decisions, and a paragraph of methods.
 ph.report({"Classes": classes, "New specimens": result}, "report.html", data=new)

@@ -22,7 +22,7 @@ SMALL = {
     "simulated_aortas": {"TRAIN, NEW = 8, 200": "TRAIN, NEW = 3, 2"},
     "simulated_cohort": {"OTHER = 40, 500, 200": "OTHER = 8, 20, 8"},
     "unloaded_radius": {
-        "CHAINS = 300, 2": "CHAINS = 100, 1",
+        "CHAINS = 300, 2": "CHAINS = 100, 2",
         "    ph.CriscioneType(): {},\n": "",
         '    ph.HolzapfelGasserOgden(): {"k2": pm.Uniform.dist(0, 5)},\n': "",
     },
