@@ -11,6 +11,7 @@ from scipy.special import logsumexp
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import ENOUGH, LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.weights import effective_sample_size, pareto_shape
+from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.specimen_draws import (
     SpecimenDraws,
@@ -82,28 +83,28 @@ def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) ->
     whose curves say what it is like. Under a few distributions, all of the draws tell how many of
     them are needed, and whether they can be trusted; under all distributions, so many are held.
     """
-    known, count = len(draws.log_weight), len(distributions.location[0])
-    few = distributions
+    size = known = len(draws.log_weight)
+    count = len(distributions.location[0])
     if count > _DISTRIBUTIONS:
-        few = distributions.at(np.linspace(0, count - 1, _DISTRIBUTIONS).round().astype(int))
-    effective, pareto_k = _trust(draws.log_weight + mean_density(draws, few), draws)
-    needed = max(known / max(effective, 1.0) - 1, 0.0) / _ERROR_OF_DRAWS**2
-    size = int(np.clip(needed, min(_FEWEST_DRAWS, known), known))
+        few = distributions.at(evenly(count, _DISTRIBUTIONS))
+        effective, pareto_k = _trust(draws.log_weight + mean_density(draws, few), draws)
+        needed = max(known / max(effective, 1.0) - 1, 0.0) / _ERROR_OF_DRAWS**2
+        size = int(np.clip(needed, min(_FEWEST_DRAWS, known), known))
 
-    density = log_densities(draws.first(size), distributions)
+    some = draws.first(size)
+    density = log_densities(some, distributions)
     # A draw so far away that a class knows nothing of it has no density at all.
     largest = np.maximum(density.max(axis=0), -np.finfo(float).max)
     # Exponentials are most of the work: they are taken once.
     density -= largest
     np.exp(density, out=density)
-    log_weight = draws.first(size).log_weight
     with np.errstate(divide="ignore"):
-        log_weights = log_weight + largest + np.log(density.mean(axis=0))
+        log_weights = some.log_weight + largest + np.log(density.mean(axis=0))
     value = float(logsumexp(log_weights))
     if size == known:
         effective, pareto_k = _trust(log_weights, draws)
     of_draws = max(known / effective - 1, 0.0) / size
-    each = density @ np.exp(log_weight + largest - value)
+    each = density @ np.exp(some.log_weight + largest - value)
     own = float(np.sqrt(of_draws + np.var(each) / count))
     estimate = Estimate(value, float(np.hypot(own, draws.standard_error)))
     method = "specimen draws by tempering" if draws.method == "tempering" else "specimen draws"
@@ -137,10 +138,7 @@ def hybrid_evidences(
     if len(parts) == 1:
         return np.array(ends)
     count = min(len(own.location[0]), len(other.location[0]), _EXCHANGED)
-    pair = tuple(
-        d.at(np.linspace(0, len(d.location[0]) - 1, count).round().astype(int))
-        for d in (own, other)
-    )
+    pair = tuple(d.at(evenly(len(d.location[0]), count)) for d in (own, other))
     values, shapes = np.full(shape, np.nan), np.full(shape, np.inf)
     for draws in samples:
         densities = _densities_of_parts(draws, pair, parts)

@@ -264,8 +264,7 @@ class Variability(Population, ClassKind):
         some = tests_at(like, evenly(like.sizes["test"], _TESTS))
         quick = forward.by_matrices()
         if quick is not None:
-            of_priors = fresh_specimens(self, repeated(self.reference, _OF_PRIORS), 1, rng)
-            others = self.scale.numbers([of_priors[name][:, 0] for name in self.scale.names])
+            others = self._materials(repeated(self.reference, _OF_PRIORS), rng)
             could_be = quick.could_show(some, others)
             matter = {n: np.concatenate([v, others[n][could_be]]) for n, v in materials.items()}
             if quick.errors(some, matter).max() <= CURVES_ERR:
@@ -310,7 +309,12 @@ class Variability(Population, ClassKind):
 
     def new_specimens(self, fitted: xr.DataTree, rng: np.random.Generator) -> dict[str, Array]:
         """Parameters of fresh draws from the class's distribution."""
-        distributions = distributions_of(fitted)
+        return self._materials(distributions_of(fitted), rng)
+
+    def _materials(
+        self, distributions: ClassDistribution, rng: np.random.Generator
+    ) -> dict[str, Array]:
+        """Parameters of one new specimen of each distribution."""
         draws = fresh_specimens(self, distributions, 1, rng)
         return self.scale.numbers([draws[name][:, 0] for name in self.scale.names])
 

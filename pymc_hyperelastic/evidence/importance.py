@@ -103,11 +103,10 @@ def by_importance(
         for proposal, draws in alike:
             drawn.add(proposal, draws, rng)
         points, log_weights = drawn.weighted()
-        (value, error), pareto_k = mean_weight(log_weights)
-        if pareto_k < LARGEST_PARETO_K and error < _LARGEST_ERROR:
-            if effective_sample_size(log_weights) > size:
-                found = Estimate(value, error), pareto_k
-                return _importance(*found, points, log_weights, size, rng)
+        log_value, pareto_k = mean_weight(log_weights)
+        sure = pareto_k < LARGEST_PARETO_K and log_value.standard_error < _LARGEST_ERROR
+        if sure and effective_sample_size(log_weights) > size:
+            return _importance(log_value, pareto_k, points, log_weights, size, rng)
     mixture = adapted_mixture(score, like, rng)
     share = PRIOR_SHARE if draw_prior else 0.0
     for draws in (first_draws << i for i in range((_MOST_DRAWS // first_draws).bit_length())):

@@ -10,6 +10,7 @@ import pymc as pm
 import pytensor.tensor as pt
 import pytest
 from scipy.optimize import brentq, minimize_scalar
+from scipy.stats import norm
 
 import pymc_hyperelastic as ph
 
@@ -202,7 +203,9 @@ def test_class_predictives_are_exact(fits, law):
         ]
     )
     error = np.abs(result["log_evidence"].values - truth)
-    assert np.all(error < STANDARD_ERRORS * result["log_evidence_se"].values), error
+    # As rarely exceeded by the largest of ten as by a single one.
+    largest = norm.isf(norm.sf(STANDARD_ERRORS) / error.size)
+    assert np.all(error < largest * result["log_evidence_se"].values), error
     assert np.all(error < EVIDENCE_TOLERANCE), error
 
 
