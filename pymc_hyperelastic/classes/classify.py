@@ -91,9 +91,9 @@ def classify(
         ``class_probability``, ``class_probability_se``, ``log_evidence`` and ``log_evidence_se``,
         each (test, class_label) in the order of the data, or (specimen, class_label). ``method``
         says how the integral was taken: "class draws", the mean likelihood of the class's draws,
-        or "adapted draws", importance sampling from a mixture that followed the new data, both
-        with a Pareto shape ``pareto_k`` of the weights below 0.5; else "tempering", by SMC from
-        the class's draws. With variability the parameters of a specimen are a fresh draw from the
+        or "adapted draws", importance sampling from a mixture about the modes with the new data or
+        from one that followed these, both with a Pareto shape ``pareto_k`` of the weights below
+        0.5; else "tempering", by SMC from the class's draws. With variability the parameters of a specimen are a fresh draw from the
         class's distribution, integrated by "specimen draws", or, where these could not be had by
         importance sampling, by "specimen draws by tempering"; ``pareto_k`` is the larger of the
         shapes of the weights by which they were drawn and of those under the class, and from 0.5 on

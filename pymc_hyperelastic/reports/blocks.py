@@ -17,6 +17,8 @@ LEVELS = ("not to be trusted", "caution", "note")
 BAD, CAUTION, NOTE = LEVELS
 # Points of a figure from which on they are drawn as pixels: as shapes they would make it heavy.
 _MOST_SHAPES = 6000
+# Names that a sentence takes.
+_MOST_NAMED = 20
 
 
 class Notice(NamedTuple):
@@ -178,3 +180,13 @@ def in_words(items: Sequence[Any]) -> str:
     """
     texts = [str(item) for item in items]
     return " and ".join([", ".join(texts[:-1]), texts[-1]] if texts[1:] else texts)
+
+
+def some_in_words(items: Sequence[Any]) -> str:
+    """A list as a sentence has it, of many items the first.
+
+    >>> some_in_words("abc"), some_in_words(range(1000))[-21:]
+    ('a, b and c', '18, 19 and 980 others')
+    """
+    few, left = list(items)[:_MOST_NAMED], len(items) - _MOST_NAMED
+    return in_words([*few, plural(left, "other")] if left > 0 else few)

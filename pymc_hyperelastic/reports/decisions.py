@@ -18,9 +18,11 @@ from pymc_hyperelastic.reports.blocks import (
     Page,
     Probability,
     Table,
+    Text,
     in_words,
     plural,
     short,
+    some_in_words,
 )
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
 
@@ -28,6 +30,12 @@ from pymc_hyperelastic.reports.measurements import warn_of_simulated
 _STRANGE = 0.05
 # The most that one figure shows; more are parted.
 _MOST_PANELS = 24
+# Of more specimens those are shown by themselves whose class is not clear, and so many at most.
+_MOST_ALONE = 200
+# Messages of failures that stand before the numbers.
+_MOST_MESSAGES = 10
+# A decision with less than this probability is not clear.
+_CLEAR = 0.95
 
 
 def is_classified(result: Any) -> bool:
@@ -41,7 +49,8 @@ def is_classified(result: Any) -> bool:
 
 def unit_of(result: xr.Dataset) -> str:
     """What was classified: the tests, or the specimens."""
-    return next(str(d) for d in result["class_probability"].dims if d != "class_label")
+    judged = result["class_probability" if "class_probability" in result else "error"]
+    return next(str(d) for d in judged.dims if d != "class_label")
 
 
 def names_of(result: xr.Dataset) -> list[str]:
@@ -64,7 +73,8 @@ def check_classified(found: Found, page: Page) -> None:
 
     def tell(level: str, where: Any, words: str) -> None:
         if np.any(where):
-            page.notice(level, f"{found.title}: {words}: {in_words(names[where])}.")
+            told = some_in_words(names[where].tolist())
+            page.notice(level, f"{found.title}: {words}: {told}.")
 
     unit = unit_of(result)
     table = {
@@ -80,7 +90,10 @@ def check_classified(found: Found, page: Page) -> None:
         tell(CAUTION, decision == "none of these", "looks like none of the classes")
         tell(CAUTION, decision == "undecided", "undecided")
         unknown &= decision != "cannot be judged"
-    tell(CAUTION, unknown, "not classified, as after an interrupt")
+    failed, notices = failures(result)
+    for words in notices:
+        page.notice(CAUTION, f"{found.title}: {words}.")
+    tell(CAUTION, unknown & ~failed, "not classified, as after an interrupt")
     errors = [table[k] for k in ("class_probability_se", "log_evidence_se") if k in table]
     infinite = np.any([np.isinf(e).any(axis=1) for e in errors], axis=0)
     tell(BAD, infinite, "a probability or an evidence has an infinite error")
@@ -102,11 +115,32 @@ def check_classified(found: Found, page: Page) -> None:
                 page.notice(level, f"{found.title}: the fit of class {label} is {verdict}.")
 
 
+def failures(result: xr.Dataset) -> tuple[Any, list[str]]:
+    """Which specimens or experiments failed, and what is said of them, message by message."""
+    if "error" not in result:
+        dim = unit_of(result)
+        return np.zeros(result.sizes[dim], bool), []
+    errors = result["error"].values.astype(str)
+    names = np.array(names_of(result), dtype=object)
+    messages = sorted(set(errors.tolist()) - {""})
+    words = [
+        f"{some_in_words(names[errors == message].tolist())}: {message.rstrip('.')}"
+        for message in messages[:_MOST_MESSAGES]
+    ]
+    rest = np.isin(errors, messages[_MOST_MESSAGES:])
+    if rest.any():
+        words.append(f"{some_in_words(names[rest].tolist())} failed for other reasons")
+    return errors != "", words
+
+
 def show_classified(found: Found, page: Page) -> list[Block]:
     """Probabilities of the classes with their errors, as a figure and a table."""
+    blocks: list[Block] = []
+    if found.result.sizes[unit_of(found.result)] > _MOST_ALONE:
+        blocks = _counted(found)
+        found = Found(found.title, _least_clear(found.result))
     result: xr.Dataset = found.result
     unit = unit_of(result)
-    blocks: list[Block] = []
     count = result.sizes[unit]
     for start in range(0, count, _MOST_PANELS):
         part = result.isel({unit: slice(start, start + _MOST_PANELS)})
@@ -119,9 +153,10 @@ def show_classified(found: Found, page: Page) -> list[Block]:
             caption=f"Probability of each class{some}: {found.title}. Lines at the bars: one "
             "standard error to each side.",
         )
-    blocks.append(_decisions(found))
-    if "log_ratio_part" in result:
-        blocks.append(_parts(found))
+    if count:
+        blocks.append(_decisions(found))
+        if "log_ratio_part" in result:
+            blocks.append(_parts(found))
     if "strain_energy_probability" in result:
         blocks += page.figure(
             plot_law_probability,
@@ -142,6 +177,46 @@ def show_classified(found: Found, page: Page) -> list[Block]:
         caption = f"Strain energies over which was averaged: {found.title}"
         blocks.append(Table(caption, ["strain energy", *headings], rows))
     return blocks
+
+
+def _probable(result: xr.Dataset) -> Any:
+    """Probability of the most probable class; 0 of what was not, or could not be, classified."""
+    probability = result["class_probability"].max("class_label").fillna(0.0).values
+    if "decision" in result:
+        labels = result["class_label"].values.astype(str)
+        probability = np.where(np.isin(result["decision"].values, labels), probability, 0.0)
+    return probability
+
+
+def _least_clear(result: xr.Dataset) -> xr.Dataset:
+    """Those whose class is least clear, in their order."""
+    probable = _probable(result)
+    chosen = np.argsort(probable, kind="stable")[:_MOST_ALONE]
+    return result.isel({unit_of(result): np.sort(chosen[probable[chosen] < _CLEAR])})
+
+
+def _counted(found: Found) -> list[Block]:
+    """How many have which decision; who is shown alone."""
+    result: xr.Dataset = found.result
+    probable = _probable(result)
+    unit = "experiments" if unit_of(result) == "test" else "specimens"
+    clear = int((probable >= _CLEAR).sum())
+    alone = min(len(probable) - clear, _MOST_ALONE)
+    words = Text(
+        f"Of {len(probable)} {unit} {clear} have a class with a probability from {_CLEAR} on. Of "
+        f"the other {len(probable) - clear}, the {alone} whose class is least clear are shown; all "
+        "are in the result."
+    )
+    if "decision" not in result:
+        return [words]
+    decision = result["decision"].values.astype(str)
+    names, counts = np.unique(decision, return_counts=True)
+    rows = [
+        [name or "not classified", int(count), int((probable[decision == name] >= _CLEAR).sum())]
+        for name, count in zip(names.tolist(), counts.tolist(), strict=True)
+    ]
+    columns = ["decision", unit, f"with a probability from {_CLEAR} on"]
+    return [Table(f"Decisions: {found.title}", columns, rows), words]
 
 
 def _decisions(found: Found) -> Table:

@@ -8,6 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from pymc_hyperelastic.reports.blocks import Block, Found, Page, Table
+from pymc_hyperelastic.reports.cohort import (
+    check_cohort,
+    cohort_sentences,
+    is_cohort,
+    show_cohort_posteriors,
+    show_cohort_properties,
+    show_cohort_trust,
+)
 from pymc_hyperelastic.reports.decisions import (
     check_classified,
     classified_sentences,
@@ -33,6 +41,16 @@ from pymc_hyperelastic.reports.measurements import (
     show_measurements,
 )
 from pymc_hyperelastic.reports.methods import fit_sentences
+from pymc_hyperelastic.reports.plans import (
+    are_designs,
+    check_designs,
+    check_plan,
+    designs_sentences,
+    is_plan,
+    plan_sentences,
+    show_designs,
+    show_plan,
+)
 from pymc_hyperelastic.reports.properties import show_properties
 from pymc_hyperelastic.reports.settings import settings_of, settings_rows
 from pymc_hyperelastic.reports.trust import check_fits, show_trust
@@ -46,6 +64,7 @@ CHAPTERS = {
     "classes": "Classes and decisions",
     "differences": "Differences between groups",
     "properties": "Elastic properties",
+    "plans": "What to measure next",
     "settings": "Settings",
 }
 
@@ -71,7 +90,19 @@ def _nothing(found: Found) -> Sequence[str]:
     return []
 
 
+# A cohort has posteriors as fitted classes have, and is asked for before them.
 KINDS = (
+    Kind(
+        "Fitted cohort",
+        is_cohort,
+        check_cohort,
+        {
+            "trust": show_cohort_trust,
+            "posteriors": show_cohort_posteriors,
+            "properties": show_cohort_properties,
+        },
+        cohort_sentences,
+    ),
     Kind(
         "Fitted classes",
         are_fits,
@@ -101,6 +132,8 @@ KINDS = (
         {"differences": show_comparison},
         comparison_sentences,
     ),
+    Kind("Planned tests", are_designs, check_designs, {"plans": show_designs}, designs_sentences),
+    Kind("Planned study", is_plan, check_plan, {"plans": show_plan}, plan_sentences),
     Kind("Data", are_measurements, check_measurements, {"data": show_measurements}, _nothing),
 )
 
@@ -111,9 +144,10 @@ def kind_of(result: Any) -> Kind:
         if kind.is_one(result):
             return kind
     raise TypeError(
-        "a report is of results of ph.fit_classes, ph.sample_smc, ph.classify, ph.compare_classes "
-        "and ph.calibration_report, of inflation data, or of several of these as a list, or a dict "
-        f"of titles to results; here is {_described(result)}"
+        "a report is of results of ph.fit_classes, ph.sample_smc, ph.classify, ph.open_cohort, "
+        "ph.compare_classes, ph.calibration_report, ph.expected_information and ph.plan_study, of "
+        "inflation data, or of several of these as a list, or a dict of titles to results; here is "
+        f"{_described(result)}"
     )
 
 

@@ -49,9 +49,11 @@ def report(
     Parameters
     ----------
     result : xarray.DataTree, xarray.Dataset, or a list or dict of them
-        Results of :func:`fit_classes`, :func:`sample_smc`, :func:`classify`,
-        :func:`compare_classes` and :func:`calibration_report`, or inflation data. Several are given
-        as a list, or as a dict of titles to results.
+        Results of :func:`fit_classes`, :func:`sample_smc`, :func:`classify`, :func:`open_cohort`,
+        :func:`compare_classes`, :func:`calibration_report`, :func:`expected_information` and
+        :func:`plan_study`, or inflation data. Several are given as a list, or as a dict of titles
+        to results. Of more than 200 classified specimens decisions are counted, and those whose
+        class is least clear are shown.
     path : str or path
         The file. Its folder is made if there is none. What was there is replaced when all of the
         new one is written, and stays if that fails.

@@ -58,6 +58,14 @@ def page(results, tmp_path_factory):
     return Page(ph.report(results, folder / "report.html", data=NEW))
 
 
+@pytest.fixture(scope="module")
+def designs(variable):
+    """A low test, a high one, and one that is no worse than the latter."""
+    planned = {"point": {"pressure": 0.5, "points": 1}, "curve": {"pressure": (1, 6)}}
+    settings = {"specimens": 20, "draws": 32, "stop_below": 0.1, "random_seed": 1}
+    return ph.expected_information(variable, planned, **settings)
+
+
 def left_out():
     """What ph.calibration_report says of specimens left out, as it is stored."""
     probability = np.array([[[0.9, 0.1], [0.2, 0.8], [np.nan, np.nan]]])
@@ -170,6 +178,47 @@ def test_methods_of_the_study(page):
     )
     places = [page.methods.index(step) for step in steps]
     assert places == sorted(places)
+
+
+def test_planned_tests_are_ranked(write, designs):
+    """The figure, numbers of the result, what they are about, and all that can be told."""
+    page = write({"Tests": designs})
+    assert_sound(page)
+    assert "cannot be shown" not in page.text
+    assert page.chapters[2:-2] == ["What to measure next"]
+    _, rows = page.table("Expected information of planned tests about the class")
+    assert [row[0] for row in rows] == designs["design"].values.tolist() == ["curve", "point"]
+    np.testing.assert_array_equal([row[2] for row in rows], designs["information"])
+    np.testing.assert_array_equal([row[5] for row in rows], designs["difference_se"])
+    assert "All that can be told of the class are 0.6931 nats." in page.text
+    assert f"Tests: {designs.attrs['words']}." in page.warnings
+    assert "ranked by the information that they are expected to give of the class" in page.methods
+    assert sum(tag == "svg" for tag, _ in page.elements) == 1
+
+
+def test_designs_that_cannot_be_told_apart_are_named(write_words, designs):
+    """Within two standard errors of the first, and where specimens are left out or unsure."""
+    assert "may be as good as curve" not in write_words(designs).warnings
+    near = designs.assign(difference_se=("design", [0.0, 10.0]), lacking=("design", [0.0, 0.07]))
+    page = write_words({"Tests": near})
+    assert "Tests: point may be as good as curve: the difference is within" in page.warnings
+    assert "Tests, point: 7.0% of the specimens cannot be tested so" in page.warnings
+
+
+def test_planned_studies_are_told(write, variable):
+    """Widths, shares and log scores are those of the result."""
+    plan = ph.plan_study(variable, ["mu", "log mu"], (4, 12), studies=20, draws=50, random_seed=1)
+    page = write({"Plan": plan})
+    assert_sound(page)
+    _, rows = page.table("What studies would find of differences: Plan")
+    assert [row[0] for row in rows] == ["mu", "mu", "log mu", "log mu"]
+    assert [row[3] for row in rows] == [4, 12] * 2
+    widths = plan["width"].isel(comparison=0).transpose("quantity", "specimens").values.ravel()
+    np.testing.assert_array_equal([row[4] for row in rows], widths)
+    _, rows = page.table("How well studies would classify new specimens: Plan")
+    np.testing.assert_array_equal([row[1] for row in rows], plan["log_score"])
+    assert "20 simulated studies" in page.warnings
+    assert "simulated studies of 4 and 12 specimens a group" in page.methods
 
 
 def sampled(energy, data, **settings):
