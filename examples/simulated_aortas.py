@@ -190,7 +190,7 @@ labels = list(dict.fromkeys(new["specimen"].values))
 # integral is taken by importance sampling about the place of greatest posterior density, by a
 # Student distribution. Nothing of the package is used here but the curves themselves.
 SHARED = 1 - FORCE_ERROR / np.sqrt(FORCE_ERROR**2 + POINTS * OFFSET**2)
-DRAWS, FREEDOM, IMPOSSIBLE = 500, 5, 1e9
+SAMPLES, FREEDOM, IMPOSSIBLE = 500, 5, 1e9
 
 
 def errors(specimen: xr.Dataset, materials: np.ndarray) -> np.ndarray:
@@ -219,11 +219,11 @@ def log_evidence(specimen: xr.Dataset, group: stats.multivariate_normal) -> floa
     best = optimize.least_squares(residuals, np.zeros(6), x_scale=0.1)
     factor = np.linalg.inv(np.linalg.cholesky(best.jac.T @ best.jac)).T
     near = stats.multivariate_t(df=FREEDOM, shape=1.2 * np.eye(6), seed=rng)
-    steps = near.rvs(DRAWS)
+    steps = near.rvs(SAMPLES)
     z = best.x + steps @ factor.T
     misfit = (errors(specimen, group.mean + z @ root.T) ** 2).sum(axis=1) + (z**2).sum(axis=1)
     log_weight = np.log(np.diag(factor)).sum() - misfit / 2 - near.logpdf(steps)
-    return float(logsumexp(log_weight) - np.log(DRAWS))
+    return float(logsumexp(log_weight) - np.log(SAMPLES))
 
 
 of_groups = [
@@ -266,7 +266,9 @@ print(f"\nLog evidence\n{evidence.round(1).to_string()}")
 better = evidence.sum().idxmax()
 fitted = classes[better]
 fitted.to_netcdf(OUT / "classes.nc")
-result = ph.classify(new, fitted, by="specimen", store=OUT / "store of new ones", **settings)
+# On all cores, and kept eight by eight.
+ph.classify_cohort(new, fitted, OUT / "store of new ones", batch_size=8, **settings)
+result = ph.open_cohort(OUT / "store of new ones").load()
 result.to_netcdf(OUT / "new.nc")
 
 # %%
@@ -276,10 +278,10 @@ result.to_netcdf(OUT / "new.nc")
 rows = {}
 for name, of_scheme in {"true model": known, "learned": result}.items():
     score = ph.score_probabilities(of_scheme["class_probability"], truth)
-    evidence = of_scheme["log_evidence"].to_pandas()
-    of_truth = evidence.to_numpy()[np.arange(NEW), evidence.columns.get_indexer(truth)]
+    of_each = of_scheme["log_evidence"].to_pandas()
+    of_truth = of_each.to_numpy()[np.arange(NEW), of_each.columns.get_indexer(truth)]
     rows[name] = {
-        "log score": (of_truth - logsumexp(evidence.to_numpy(), axis=1)).mean(),
+        "log score": (of_truth - logsumexp(of_each.to_numpy(), axis=1)).mean(),
         "Brier score": score["mean_brier_score"].item(),
         "accuracy": score["accuracy"].item(),
         "calibration error": score["expected_calibration_error"].values[0],
@@ -329,14 +331,15 @@ studies = [
     for group, own in chosen.groupby(chosen, sort=False)
     for first in range(0, len(own), TOGETHER)
 ]
-for group, own in studies:
-    fitted = ph.fit_classes(
+for number, (group, own) in enumerate(studies):
+    together = ph.fit_classes(
         LAW,
         {group: ph.select(new, specimen=list(own))},
         variability="specimen",
         reference_stress=COORDINATES[better],
         draws=DRAWS,
         chains=1,
+        store=OUT / f"store of study {number}",
         **NOISE,
         **settings,
     )
@@ -344,7 +347,7 @@ for group, own in studies:
         specimen, place = ph.select(new, specimen=name), places[labels.index(name)]
         about = float(np.median(np.unique(specimen["axial_stretch"].values)))
         true = exact(place, specimen, about)
-        for quantity, values in reported(fitted[group], about, specimen=name).items():
+        for quantity, values in reported(together[group], about, specimen=name).items():
             low, middle, high = np.nanquantile(values, [0.025, 0.5, 0.975])
             row = {"specimen": name, "quantity": quantity, "low": low, "median": middle}
             covered.append(row | {"high": high, "truth": true[quantity][0]})

@@ -121,6 +121,7 @@ def test_cohort_runs(tmp_path):
     assert flagged.loc["neither class", "share"] > flagged.loc[["A", "B"], "share"].max()
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_unloaded_radius_is_found(tmp_path):
     """Laws are compared, and the study ends with its figures."""

@@ -260,6 +260,7 @@ def test_groups_that_cannot_be_compared(classes):
         compare(classes, X, covariates={"batch": batch}, draws=100)
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_the_population_sampled_as_a_whole(classes):
     """NUTS of both populations, with all specimens as unknowns, says the same of the difference."""

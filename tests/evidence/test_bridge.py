@@ -12,7 +12,7 @@ from evidences import PROBLEMS
 from pymc.distributions import transforms
 from pytensor.compile.mode import Mode
 from scipy import stats
-from tiers import deep
+from tiers import deep, long
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.batched import BatchedFunction
@@ -123,8 +123,12 @@ def errors_over_stated(dimension, chains, draws, phi, runs):
                 (10, 1, 2000, 0.0, 100),
                 (10, 12, 200, 0.0, 100),
                 (10, 4, 1000, 0.7, 100),
-                (30, 4, 1000, 0.0, 100),
                 (30, 4, 1000, 0.7, 100),
+            ]
+        ),
+        *long(
+            [
+                (30, 4, 1000, 0.0, 100),
                 (50, 4, 1000, 0.0, 100),
                 (50, 4, 1000, 0.7, 100),
                 (150, 4, 1000, 0.0, 50),

@@ -44,6 +44,7 @@ def assert_calibrated(result):
     assert (p_values > CHANCE / p_values.size).all(), p_values
 
 
+@pytest.mark.long
 @pytest.mark.deep
 @pytest.mark.parametrize(
     ("energy", "slope_weight"),
@@ -55,6 +56,7 @@ def test_pooled_model_is_calibrated(energy, slope_weight):
     assert_calibrated(calibrate(pooled(energy, 5 * ph.mmHg, slope_weight)))
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_wrong_noise_is_found_out():
     """Data of half as much noise again as the model believes in."""
@@ -118,6 +120,7 @@ def test_shared_errors_are_calibrated():
     assert_calibrated(calibrate(forced(force_offset_sd=offset, diameter_noise_sd=0.05)))
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_an_offset_that_is_left_away_is_found_out():
     """Forces of a transducer with an offset, taken for forces of one without."""

@@ -348,6 +348,7 @@ def test_material_and_data_have_to_be_what_they_are_called(data):
         ph.population_model(ph.Ogden(), pd.DataFrame({"radius": [1.0]}), sigma=SIGMA)
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_nuts_and_smc_agree():
     """Five specimens with two experiments each, unknown noise; short steps of NUTS.
