@@ -11,9 +11,10 @@ import pytensor
 import pytest
 import variable_classes
 import xarray as xr
+from anything import cases
 from bad_input import curves, fitted, model
 from damage import damaged, groups_of, together
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis.strategies import randoms
 
 import pymc_hyperelastic as ph
@@ -613,7 +614,7 @@ def test_without_checksum_older_files_are_read():
 # --- anything may be wrong -----------------------------------------------------------------------
 
 # Damaged results of each kind; each is given to so many functions.
-CASES, AT_ONCE = 50, 3
+CASES, AT_ONCE = 25, 3
 
 
 @pytest.mark.deep
@@ -624,7 +625,7 @@ def test_whatever_is_damaged(kind):
     """An error that says what is wrong, or a sound result."""
     whole, single = groups_of(result(kind)), isinstance(result(kind), xr.Dataset)
 
-    @settings(max_examples=CASES, deadline=None, derandomize=True, database=None)
+    @cases(CASES)
     @given(randoms())
     def try_it(random):
         try:

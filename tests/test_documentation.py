@@ -32,10 +32,11 @@ def test_reference_lists_every_public_name():
 
 
 def test_version_is_stated_alike():
-    """Package, citation, changelog and conda recipe speak of one version and its needs."""
+    """Package, citations, changelog and conda recipe speak of one version and its needs."""
     version = PROJECT["version"]
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\n## {version}" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"version = {{{version}}}" in (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
     recipe = (ROOT / "conda" / "recipe.yaml").read_text(encoding="utf-8")
     assert f"\n  version: {version}\n" in recipe
     needs = re.search(r"  run:\n((?:    - .+\n)+)", recipe)[1].replace("-base", "")

@@ -6,20 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from anything import cases
+from hypothesis import given
 from hypothesis import strategies as st
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.files.headers import KINDS, LABELS, names_of
 from pymc_hyperelastic.data.inflation import check_inflation_data
 
-EXAMPLES = 2000
-FEW_SLOW_ONES = settings(
-    max_examples=EXAMPLES,
-    deadline=None,
-    database=None,
-    suppress_health_check=list(HealthCheck),
-)
+SOME = cases(1000)
 
 UNITS = {
     "length": ["mm", "um", "µm", "cm"],
@@ -132,7 +127,7 @@ def assert_sound_or_refused(contents: list[bytes], said: dict | None) -> bool:
 
 @pytest.mark.deep
 @given(st.lists(tables(), min_size=1, max_size=3), st.one_of(st.none(), st.none(), sections))
-@FEW_SLOW_ONES
+@SOME
 def test_tables_that_are_nearly_right(contents, said):
     """They are sound data, or one error that names a file or the settings."""
     assert_sound_or_refused(contents, said)
@@ -144,7 +139,7 @@ def test_tables_that_are_nearly_right(contents, said):
         st.binary(max_size=200), st.text(max_size=200).map(lambda t: t.encode("utf-8", "replace"))
     )
 )
-@FEW_SLOW_ONES
+@SOME
 def test_any_bytes(content):
     """They are refused, with the file's name."""
     assert not assert_sound_or_refused([content], None)
@@ -162,7 +157,7 @@ WORDS = [
 
 @pytest.mark.deep
 @given(st.one_of(st.text(max_size=60), st.lists(st.sampled_from(WORDS), max_size=12).map(" ".join)))
-@FEW_SLOW_ONES
+@SOME
 def test_any_settings(text):
     """They are understood, or refused by the name of their file or of a table."""
     with tempfile.TemporaryDirectory() as folder:
