@@ -65,7 +65,7 @@ lint: $(VENV)/.ready-lint
 # All pages are written anew, so that none outlives its name.
 docs: $(VENV)/.ready-docs
 	rm -rf docs/generated docs/drawings docs/_build/html
-	$(PY) -m sphinx -W --keep-going -b html docs docs/_build/html
+	$(PY) -m sphinx -W --keep-going -j 2 -b html docs docs/_build/html
 
 # What make docs built last.
 docs-check: $(VENV)/.ready-docs-check

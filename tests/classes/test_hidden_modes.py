@@ -67,6 +67,7 @@ def test_a_mode_beyond_the_prior_is_found_from_any_seed():
     assert_agree(sampler, found, 0.1)
 
 
+@pytest.mark.long
 @pytest.mark.deep
 def test_a_bent_ridge_needs_no_tempering():
     """The law of four families of fibres, with small errors: few of its moduli are known well."""

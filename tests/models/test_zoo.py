@@ -8,7 +8,7 @@ import pymc as pm
 import pytest
 from problems import AS_WRITTEN, LAWS
 from tables import SECTOR
-from tiers import tiers
+from tiers import long, tiers
 
 import pymc_hyperelastic as ph
 
@@ -78,9 +78,16 @@ def is_small(name):
 # Three terms may change places, six modes that need their particles each; and what holds for the
 # fibres of two laws needs no third one with eight parameters.
 SLOW = ("OgdenSeries(terms=3)", "FourFiber")
+SLOWEST = "GasserOgdenHolzapfel"
 
 
-@pytest.mark.parametrize("name", tiers([n for n in LAWS if n not in SLOW], first=is_small))
+@pytest.mark.parametrize(
+    "name",
+    [
+        *tiers([n for n in LAWS if n not in (*SLOW, SLOWEST)], first=is_small),
+        *long([SLOWEST]),
+    ],
+)
 def test_evidence_is_that_of_another_way(name):
     """SMC agrees with quadrature, or with a run of twice as many particles and other steps."""
     model, _ = study(name)
