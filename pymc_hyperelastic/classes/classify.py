@@ -93,12 +93,13 @@ def classify(
         says how the integral was taken: "class draws", the mean likelihood of the class's draws,
         or "adapted draws", importance sampling from a mixture about the modes with the new data or
         from one that followed these, both with a Pareto shape ``pareto_k`` of the weights below
-        0.5; else "tempering", by SMC from the class's draws. With variability the parameters of a specimen are a fresh draw from the
-        class's distribution, integrated by "specimen draws", or, where these could not be had by
-        importance sampling, by "specimen draws by tempering"; ``pareto_k`` is the larger of the
-        shapes of the weights by which they were drawn and of those under the class, and from 0.5 on
-        the evidence is not to be trusted. ``p_value`` is then the chance that a specimen of
-        the class itself looks as strange, by either of two signs that are given beside it.
+        0.5; else "tempering", by SMC from the class's draws. With variability the parameters of a
+        specimen are a fresh draw from the class's distribution, integrated by "specimen draws", or,
+        where these could not be had by importance sampling, by "specimen draws by tempering";
+        ``pareto_k`` is the larger of the shapes of the weights by which they were drawn and of
+        those under the class, and from 0.5 on the evidence is not to be trusted. ``p_value`` is
+        then the chance that a specimen of the class itself looks as strange, by either of two signs
+        that are given beside it.
         ``typical_p_value`` compares its wall with those that the class would bring forth, in
         coordinates in which half as stiff is as far as twice as stiff. ``fit_p_value`` asks whether
         any wall of this law follows its curves to within the noise: with known noise the chance of

@@ -304,8 +304,8 @@ class ClassPredictive:
     ``"adapted draws"``
         Importance sampling from a mixture about the modes with the new data, which are climbed to
         from those of the class; where these draws are not enough, also from one that starts at the
-        class and follows the tempered likelihood of the new data. The normaliser of the class's posterior is integrated in the
-        same manner, once: both errors are small, and are added.
+        class and follows the tempered likelihood of the new data. The normaliser of the class's
+        posterior is integrated in the same manner, once: both errors are small, and are added.
     ``"tempering"``
         SMC from the class's draws to the new data, see :class:`BatchedSMC`.
 

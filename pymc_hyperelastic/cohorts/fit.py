@@ -238,7 +238,7 @@ def fit_cohort(
     A batch is done when its part of the store is there, whole. What was interrupted or killed goes
     on by the same call. A specimen that cannot be sampled becomes a row with its message; a process
     that dies is replaced, and its batch tried again and then halved, until the specimen at fault
-    stands alone.
+    stands alone; the next call tries that one again.
 
     Parameters
     ----------

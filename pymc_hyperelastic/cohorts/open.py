@@ -13,12 +13,13 @@ from xarray.core import indexing
 from pymc_hyperelastic.cohorts.run import UNITS, Batch, parts_of
 from pymc_hyperelastic.cohorts.work import filled
 from pymc_hyperelastic.evidence.checks import PACKAGE
-from pymc_hyperelastic.files.results import open_result
+from pymc_hyperelastic.files.results import open_table
 from pymc_hyperelastic.files.seal import unsealed
 from pymc_hyperelastic.files.store import manifest_of
 
-# Parts that are kept in memory once they were read.
-_KEPT = 16
+# Parts that are kept in memory once they were read: so many at least, and as many as have so many
+# bytes. Who reads all, variable by variable, then reads each part once.
+_KEPT, _KEPT_BYTES = 16, 2**29
 # Attribute that says of which group of the result a variable is.
 GROUP = "group_of_result"
 
@@ -94,8 +95,9 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
             f"{folder} holds {done} of {count}: the call that made it goes on with the others",
             skip_file_prefixes=(PACKAGE,),
         )
-    read = lru_cache(_KEPT)(partial(_read, folder))
-    units = _table_at(folder / f"{UNITS}.nc")
+    sizes = [(folder / f"{part.part}.nc").stat().st_size for part in parts[:_KEPT]]
+    read = lru_cache(max(_KEPT, _KEPT_BYTES // max(1, *sizes)))(partial(_read, folder))
+    units = open_table(folder / f"{UNITS}.nc")
     template = _template(parts, read)
     variables = {
         name: _lazily(name, variable, by, count, parts, read)
@@ -109,14 +111,7 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
 
 
 def _read(folder: Path, part: Batch) -> xr.Dataset:
-    return _table_at(folder / f"{part.part}.nc")
-
-
-def _table_at(path: Path) -> xr.Dataset:
-    result = open_result(path)
-    if not isinstance(result, xr.Dataset):
-        raise ValueError(f"{path} holds groups {sorted(result.children)}; it is no part of a store")
-    return result
+    return open_table(folder / f"{part.part}.nc")
 
 
 def _template(parts: list[Batch], read: Any) -> xr.Dataset:

@@ -21,7 +21,7 @@ from pymc_hyperelastic.cohorts.workers import (
     Workers,
     workers_for,
 )
-from pymc_hyperelastic.data.select import tests_at, units_of
+from pymc_hyperelastic.data.select import tests_of_many, units_of
 from pymc_hyperelastic.evidence.checks import PACKAGE, check_count
 from pymc_hyperelastic.files.results import save_result
 from pymc_hyperelastic.files.seal import digests_of
@@ -33,6 +33,9 @@ _WAITING = 2
 _LOOK = 5.0
 #: Units of a cohort by their numbers, at the end of names of parts.
 UNITS = "units"
+# Attribute of a part that could not be computed because processes died. It may not have been its
+# fault, and the next call tries it again.
+_DIED = "processes_that_died"
 
 
 class Batch(NamedTuple):
@@ -79,7 +82,7 @@ def run_cohort(
     tests, failed = [*units.values()], list[str]()
 
     def of(batch: Batch) -> xr.Dataset:
-        return tests_at(data, np.sort(np.concatenate(tests[batch.first : batch.last])))
+        return tests_of_many(data, np.sort(np.concatenate(tests[batch.first : batch.last])))
 
     with (progress := create_simple_progress(progressbar)):
         bar = progress.add_task(work.name, completed=0, total=len(units))
@@ -137,7 +140,8 @@ def _done(
                     todo.extendleft(reversed(batch.halves()))
                     continue
                 said = f"the process that computed it died {again.deaths} times: {died}"
-                save_result(failure(of(batch), by, said), store.part(batch.part))
+                row = failure(of(batch), by, said).assign_attrs({_DIED: again.deaths})
+                save_result(row, store.part(batch.part))
                 failed = [f"{label}: {said}" for label in units_of(of(batch), by)]
             yield batch, failed
 
@@ -146,7 +150,8 @@ def _missing(store: Store, units: int, batch_size: int) -> list[Batch]:
     """Batches of the units of which the store has no part."""
     there = np.zeros(units, bool)
     for batch in parts_of(store.folder):
-        there[slice(*batch)] = store.kept(Batch(*batch).part) is not None
+        kept = store.kept(Batch(*batch).part)
+        there[slice(*batch)] = kept is not None and _DIED not in kept.attrs
     lacking = np.flatnonzero(~there)
     runs = np.split(lacking, np.flatnonzero(np.diff(lacking) > 1) + 1)
     return [

@@ -35,7 +35,10 @@ def main() -> None:
             pickle.dump(answer, answers)
         except Exception:  # not every exception can be sent
             pickle.dump(RuntimeError(f"{type(answer).__name__}: {answer}"), answers)
-        answers.flush()
+        try:
+            answers.flush()
+        except BrokenPipeError:  # nobody asks any more, and nothing is left to be written
+            os._exit(0)
 
 
 if __name__ == "__main__":

@@ -87,10 +87,23 @@ def tests_at(data: xr.Dataset, positions: Sequence[int] | np.ndarray) -> xr.Data
 
     Of inflation tests alone the axial stretch is one number each, as in data that hold no others.
     """
+    return _with(data, positions, np.flatnonzero(np.isin(data["test"].values, positions)))
+
+
+def tests_of_many(data: xr.Dataset, positions: Sequence[int] | np.ndarray) -> xr.Dataset:
+    """The same of data that were checked, a few tests of very many: only these are looked at."""
     test = data["test"].values
-    points = np.isin(test, positions)
+    first, last = (np.searchsorted(test, positions, side) for side in ("left", "right"))
+    points = [np.arange(*ends) for ends in zip(first, last, strict=True)]
+    return _with(data, positions, np.concatenate(points))
+
+
+def _with(
+    data: xr.Dataset, positions: Sequence[int] | np.ndarray, points: NDArray[np.intp]
+) -> xr.Dataset:
+    """Some tests, which have these points."""
     chosen = data.isel(obs=points, test=positions)
-    renumbered = np.searchsorted(positions, test[points])
+    renumbered = np.searchsorted(positions, data["test"].values[points])
     chosen = chosen.assign_coords(test=("obs", renumbered, data["test"].attrs))
     stretch = chosen["axial_stretch"]
     if stretch.dims == ("obs",) and not extension_tests(chosen).any():

@@ -6,6 +6,7 @@ import pytest
 import xarray as xr
 from tables import SECTOR, build, by_diameter, good_frame, with_diameters
 
+from pymc_hyperelastic.data import select as selecting
 from pymc_hyperelastic.data.inflation import (
     COORDINATES,
     OPTIONAL,
@@ -113,6 +114,15 @@ def test_select_keeps_order_and_renumbers():
     assert chosen["test"].attrs == data["test"].attrs
     xr.testing.assert_identical(select(data), data)
     xr.testing.assert_identical(select(data, experiment=np.int64(2)), select(data, experiment="2"))
+
+
+@pytest.mark.parametrize("positions", [[0, 2], [1], [0, 1, 2]])
+def test_tests_of_many_are_those_tests(positions):
+    """A few are found among very many as among few."""
+    data = build()
+    xr.testing.assert_identical(
+        selecting.tests_of_many(data, positions), selecting.tests_at(data, positions)
+    )
 
 
 def test_names_and_points_of_a_test():
