@@ -1,6 +1,7 @@
 """Results as netCDF files."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import xarray as xr
@@ -47,6 +48,10 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
     path = Path(path)
     # What was changed on purpose is sealed as it is now.
     result = sealed(result.copy())
+    for table in result.subtree if isinstance(result, xr.DataTree) else [result]:
+        for variable in table.variables.values():
+            if variable.dtype.kind == "f":  # NaN is what is missing, and needs no other number
+                variable.encoding = {"_FillValue": None}
     try:
         with written_whole(path) as beside:
             result.to_netcdf(beside, engine="h5netcdf")
@@ -96,7 +101,7 @@ def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
 
 def open_table(path: str | Path) -> xr.Dataset:
     """The same of a result that is one Dataset: sooner, since nothing asks for groups."""
-    result = _loaded(path, xr.open_dataset)
+    result = _loaded(path, partial(xr.open_dataset, decode_times=False))
     check_seal(result, "the result")
     return result
 
