@@ -88,7 +88,9 @@ sections = st.fixed_dictionaries(
     optional={
         "columns": st.dictionaries(st.sampled_from(NAMES), st.sampled_from(NAMES), max_size=1),
         "constants": st.dictionaries(
-            st.sampled_from([*LABELS, *KINDS]), st.one_of(st.floats(), labels), max_size=1
+            st.sampled_from([*LABELS, *KINDS]).flatmap(headings),
+            st.one_of(st.floats(), labels),
+            max_size=2,
         ),
         "radius_unit": st.sampled_from(UNITS["length"]),
         "pressure_unit": st.sampled_from(UNITS["pressure"]),

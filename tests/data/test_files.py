@@ -538,12 +538,38 @@ axial_stretch = 1.2
         "C1",
     ]
     assert says(written, f"{HEAD}\n{ROWS}", settings={"constants": {"inner_radius": 7}}) == (
-        "inner_radius is 7 in the settings, without a unit: say units.inner_radius there"
+        "inner_radius is 7 in the settings, without a unit: say units.inner_radius there, or add "
+        "it to the name"
     )
     assert says(written, f"{HEAD}\n{ROWS}", settings={"constants": {"specimen": "S9"}}) == (
         "specimen is 'S9' in the settings, and a.csv has a column of it, 'specimen': "
         "remove one, or name the column in the list ignore"
     )
+
+
+def test_constants_are_named_as_columns_are(written):
+    """Other names are known, diameters among them, and units in names come before those said."""
+    toml = """
+[units]
+thickness = "mm"
+[constants]
+"unloaded inner diameter (mm)" = 14
+thickness_um = 2000
+class = "C1"
+[files."a.csv"]
+"axial stretch [%]" = 120
+"""
+    data = written(f"{HEAD}\n{ROWS}", toml=toml)
+    assert (
+        "the same in all rows of all files: inner_radius 7 mm, thickness 2 mm, group 'C1'\n"
+        "the same in all rows of a.csv: axial_stretch 1.2\n"
+    ) in data.attrs["understood"]
+    assert [data[n].item() for n in ("inner_radius", "outer_radius", "axial_stretch", "group")] == [
+        7.0,
+        9.0,
+        1.2,
+        "C1",
+    ]
 
 
 def test_files_without_labels(written):
@@ -638,8 +664,16 @@ BAD_SETTINGS = {
     ),
     "text for a number": (
         "constants = {thickness = '1 mm'}",
-        "study.toml: constants.thickness is '1 mm'; expected a number, and its unit in "
-        "units.thickness",
+        "study.toml: constants.thickness is '1 mm'; expected a number, and its unit in its name or "
+        "in units.thickness",
+    ),
+    "a unit in a name": (
+        "constants = {thickness_kPa = 62}",
+        "study.toml: constants.thickness_kPa is 'kPa', which is not a known unit of length",
+    ),
+    "the same by two names": (
+        "constants = {thickness_um = 62, 'wall thickness / mm' = 0.062}",
+        "study.toml: constants has two of thickness, the second is 'wall thickness / mm'",
     ),
     "a date": ("constants = {group = 2024-01-01}", "study.toml: constants.group is datetime.date"),
     "infinity": ("constants = {thickness = inf}", "study.toml: constants.thickness is inf; expec"),
@@ -815,4 +849,4 @@ def test_page_states_names_and_units():
         assert f"| {kind} | {units_of(kind)} |" in page
     (toml,) = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     settings = settings_of(tomllib.loads(toml), "study.toml")
-    assert settings.columns["ID"].scale == 0.5 and settings.constants["outer_radius"] == 450.0
+    assert settings.columns["ID"].scale == 0.5 and settings.constants["outer_radius"].value == 450.0

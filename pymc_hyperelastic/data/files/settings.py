@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pymc_hyperelastic.data.files.headers import KINDS, LABELS, Heading, heading
 from pymc_hyperelastic.data.files.numerals import DECIMALS, LARGEST
@@ -26,7 +26,14 @@ _SECTIONS = {"columns": _NAMES, "units": tuple(KINDS), "constants": _NAMES}
 _KEYS = (*CONVENTIONS, *OF_KIND, "decimal", "separator", "ignore", *_SECTIONS, "files")
 
 
-Constants = dict[str, float | str]
+class Constant(NamedTuple):
+    """A number that is the same in all rows, and its unit, if its name tells."""
+
+    value: float
+    unit: Unit | None = None
+
+
+Constants = dict[str, Constant | str]
 
 
 @dataclass(frozen=True)
@@ -105,8 +112,8 @@ def _check_section(where: str, key: str, section: object) -> None:
     if not isinstance(section, Mapping):
         raise ValueError(f"{where}{key} is {section!r}; expected a table, [{key}]")
     for name, value in section.items():
-        # Columns may be diameters, of which half is taken.
-        if name not in _SECTIONS[key] and not (key == "columns" and heading(name)):
+        # Names may be others, have units, and be of diameters, of which half is taken.
+        if name not in _SECTIONS[key] and not (key != "units" and heading(name)):
             raise ValueError(
                 f"{where}{key} has {name!r}, which is not known; expected some of "
                 f"{listed(_SECTIONS[key])}"
@@ -141,17 +148,24 @@ def _columns(said: Mapping[str, str | Sequence[str]]) -> dict[str, Heading]:
 
 def _constants(where: str, said: Mapping[str, Any]) -> Constants:
     constants: Constants = {}
-    for name, value in said.items():
+    for key, value in said.items():
+        known = heading(key)
+        assert known is not None  # which was checked
+        name, scale, spelling = known
+        if name in constants:
+            raise ValueError(f"{where} has two of {name}, the second is {key!r}: remove one")
         if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise ValueError(f"{where}.{name} is {value!r}; expected a number or text")
+            raise ValueError(f"{where}.{key} is {value!r}; expected a number or text")
         if name in LABELS:
             constants[name] = str(value).strip()
         elif isinstance(value, str) or not abs(value) < LARGEST:
             raise ValueError(
-                f"{where}.{name} is {value!r}; expected a number, and its unit in units.{name}"
+                f"{where}.{key} is {value!r}; expected a number, and its unit in its name or in "
+                f"units.{name}"
             )
         else:
-            constants[name] = float(value)
+            unit = None if spelling is None else _unit("", f"{where}.{key}", spelling, KINDS[name])
+            constants[name] = Constant(scale * float(value), unit)
     return constants
 
 

@@ -6,8 +6,9 @@ from pymc_hyperelastic.data.columns import LABELS as OF_TEST
 from pymc_hyperelastic.data.doubt import Check, refuse
 from pymc_hyperelastic.data.files.headers import KINDS, names_of
 from pymc_hyperelastic.data.files.join import joined, named
-from pymc_hyperelastic.data.files.settings import Settings
+from pymc_hyperelastic.data.files.settings import Constant, Settings
 from pymc_hyperelastic.data.files.sheets import Table
+from pymc_hyperelastic.data.files.spellings import Unit, internal_unit
 from pymc_hyperelastic.data.files.text import quoted
 from pymc_hyperelastic.data.geometry import WALL
 
@@ -58,27 +59,55 @@ def study_of(
     tests = frame.groupby([name for name in OF_TEST if name in frame], sort=False)
     refuse(_scattered(tests))
     refuse([] if check == "ignore" else _alike(tests))
-    return frame, [*_contents(frame), *idle, *unused]
+    return frame, [*_said(settings), *_contents(frame), *idle, *unused]
+
+
+def _unit_of(name: str, constant: Constant, settings: Settings) -> Unit | None:
+    """What the name of a number says, or the settings; ratios need none."""
+    if constant.unit or KINDS[name] == "ratio":
+        return constant.unit
+    return settings.unit_of(name)
+
+
+def _said(settings: Settings) -> list[str]:
+    """What the settings say is the same in all rows, in the package's own units."""
+
+    def words(name: str, constant: Constant | str) -> str:
+        if isinstance(constant, str):
+            return f"{name} {constant!r}"
+        unit = _unit_of(name, constant, settings)
+        value = constant.value * (unit.factor if unit else 1)
+        return f"{name} {value:.6g} {internal_unit(KINDS[name])}".rstrip()
+
+    places = {"all files": settings.constants} | settings.files
+    return [
+        f"the same in all rows of {place}: {', '.join(words(*each) for each in constants.items())}"
+        for place, constants in places.items()
+        if constants
+    ]
 
 
 def _with_constants(table: Table, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
     """The table with what the settings say is the same in all rows, and what is wrong with it."""
     frame, problems = table.frame, []
     constants = settings.constants | settings.files.get(table.sheet.file, {})
-    for name, value in constants.items():
+    for name, constant in constants.items():
         if name in frame:
+            said = repr(constant) if isinstance(constant, str) else constant.value
             problems.append(
-                f"{name} is {value!r} in the settings, and {table.sheet.file} has a column of it, "
+                f"{name} is {said} in the settings, and {table.sheet.file} has a column of it, "
                 f"{table.header(name)!r}: remove one, or name the column in the list ignore"
             )
-        unit = settings.unit_of(name) if name in KINDS else None
-        if isinstance(value, float) and KINDS[name] != "ratio":
-            if unit is None:
-                problems.append(
-                    f"{name} is {value:g} in the settings, without a unit: say units.{name} there"
-                )
-            value *= unit.factor if unit else 1
-        frame = frame.assign(**{name: value})
+        if isinstance(constant, str):
+            frame = frame.assign(**{name: constant})
+            continue
+        unit = _unit_of(name, constant, settings)
+        if unit is None and KINDS[name] != "ratio":
+            problems.append(
+                f"{name} is {constant.value:g} in the settings, without a unit: say units.{name} "
+                "there, or add it to the name"
+            )
+        frame = frame.assign(**{name: constant.value * (unit.factor if unit else 1)})
     return frame, problems
 
 
