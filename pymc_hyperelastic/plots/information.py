@@ -130,5 +130,5 @@ def plot_information(
     for name, text in _LABELS.items():
         canvas.label("xlabel", text, coords={"panel": name})
     told_of = "the class of a specimen" if about == "class" else f"its {about.replace('_', ' ')}"
-    canvas.title([result.attrs], law, f"told of {told_of}")
+    canvas.title([result.attrs], law, f"information about {told_of}")
     return canvas.collection

@@ -106,6 +106,12 @@ def check_classified(found: Found, page: Page) -> None:
         page.check(f"p-values of each class, from {_STRANGE}")
         strange = (table["p_value"] < _STRANGE).all(axis=1)
         tell(CAUTION, strange, f"strange to every class (all p-values below {_STRANGE})")
+    else:
+        page.notice(
+            CAUTION,
+            f"{found.title}: the classes have no variability, all specimens of one share one set "
+            "of parameters. Where specimens differ, such probabilities are far too sure.",
+        )
     if "class_verdict" in result:
         for label, verdict in zip(
             result["class_label"].values.tolist(), result["class_verdict"].values, strict=True
@@ -155,7 +161,7 @@ def show_classified(found: Found, page: Page) -> list[Block]:
         )
     if count:
         blocks.append(_decisions(found))
-        if "log_ratio_part" in result:
+        if result.sizes.get("part", 0) > 1:  # of one part it would be the ratio itself
             blocks.append(_parts(found))
     if "strain_energy_probability" in result:
         blocks += page.figure(

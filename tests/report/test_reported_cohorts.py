@@ -92,6 +92,7 @@ def test_of_very_many_specimens_the_unclear_are_shown(write):
     names = {row[0] for row in page.table("Decisions and probabilities")[1]}
     assert names == {f"N{i}" for i in range(300, 323)}
     assert "New: N320, N321 and N322: no convergence." in page.warnings
+    assert "New: the classes have no variability" in page.warnings
     assert sum(tag == "svg" for tag, _ in page.elements) == 1
 
 
