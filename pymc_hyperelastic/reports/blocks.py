@@ -114,6 +114,8 @@ class Page:
         drawn: list[Block] = []
         # Text stays text: it can be found, copied, and read in any alphabet.
         style: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "report"}
+        # What shows the figures of a notebook is set up now: below it would be undone again.
+        plt.draw_if_interactive()
         with self.listening(f"The figure “{label}”", aloud), mpl.rc_context(style), plt.ioff():
             before = set(plt.get_fignums())
             try:
