@@ -16,7 +16,7 @@ from pathlib import Path
 from urllib.parse import unquote, urljoin, urlsplit
 
 from axe_playwright_python.async_playwright import Axe
-from playwright.async_api import BrowserContext, async_playwright
+from playwright.async_api import Browser, async_playwright
 
 SITE = Path(__file__).with_name("_build") / "html"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -93,11 +93,9 @@ def broken_links(pages: dict[str, Page]) -> tuple[int, list[str]]:
     return links, broken
 
 
-async def look(
-    context: BrowserContext, address: str, name: str, wrong: list[str], seen: Counter
-) -> None:
+async def look(browser: Browser, address: str, name: str, wrong: list[str], seen: Counter) -> None:
     """Open a page, in all widths and schemes."""
-    page = await context.new_page()
+    page = await browser.new_page(viewport={"width": WIDTHS[0], "height": 900})
     at = ""
 
     def add(what: str) -> None:
@@ -153,12 +151,10 @@ async def look_at_all(address: str, names: list[str]) -> tuple[list[str], Counte
     async with async_playwright() as started:
         arguments = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
         browser = await started.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        # What pages share is read once.
-        context = await browser.new_context(viewport={"width": WIDTHS[0], "height": 900})
 
         async def look_in_turn(name: str) -> None:
             async with places:
-                await look(context, address, name, wrong, seen)
+                await look(browser, address, name, wrong, seen)
 
         await asyncio.gather(*map(look_in_turn, names))
         await browser.close()

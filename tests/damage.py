@@ -165,7 +165,7 @@ def _dimension(groups: Groups, random: Random) -> Groups:
     if chance < 0.4:
         groups[path] = data.isel({dim: slice(0, random.choice((0, 0, 1, 2)))})
     elif chance < 0.55:
-        groups[path] = data.isel({dim: [0] if data.sizes[dim] else []}, drop=True).squeeze(dim)
+        groups[path] = data.isel({dim: 0} if data.sizes[dim] else {}, drop=True)
     elif chance < 0.75:
         groups[path] = data.drop_vars(dim, errors="ignore").rename_dims({dim: "stranger"})
     elif chance < 0.85:
@@ -201,7 +201,8 @@ def _type(groups: Groups, random: Random) -> Groups:
     data = groups[path]
     name, dtype = random.choice(sorted(map(str, data.variables))), random.choice(DTYPES)
     try:
-        values = data[name].values.astype(dtype)
+        with np.errstate(invalid="ignore"):
+            values = data[name].values.astype(dtype)
     except (TypeError, ValueError, OverflowError):
         values = np.full(data[name].shape, "text", object)
     if dtype is object:
