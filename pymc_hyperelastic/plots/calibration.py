@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import binom
 
 from pymc_hyperelastic.evidence.checks import check_prob
-from pymc_hyperelastic.files.stored import damaged, read_number
+from pymc_hyperelastic.files.stored import check_numbers, damaged, read_number
 from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals, check_table, stacked
 
 if TYPE_CHECKING:
@@ -216,7 +216,11 @@ def plot_reliability(
     check_table(scores, "ph.score_probabilities", *_OF_BINS)
     if "forecast" not in scores.dims:
         scores = scores.expand_dims("forecast")
-    forecasts = scores["forecast"].values.tolist()
+    check_numbers(scores, scores, "expected_calibration_error", ("forecast",), finite=False)
+    forecasts = [str(name) for name in scores["forecast"].values.tolist()]
+    if len(set(forecasts)) < len(forecasts):
+        raise damaged(scores, f"forecasts are {forecasts}, and their names must differ")
+    scores = scores.assign_coords(forecast=forecasts)
     drawn = stacked(
         "reliability",
         x=scores["predicted_probability"],

@@ -171,6 +171,16 @@ def test_figures_can_be_saved_and_edited(ranks, scores, tmp_path):
         ),
         (lambda r, s: ph.plot_reliability(3), TypeError, "an xarray.Dataset, not int"),
         (lambda r, s: ph.plot_reliability(r), ValueError, "lacks 'observed_frequency'"),
+        (
+            lambda r, s: ph.plot_reliability(s.assign_coords(forecast=[None, None, None])),
+            ValueError,
+            "forecasts are .* names must differ",
+        ),
+        (
+            lambda r, s: ph.plot_reliability(s.assign(expected_calibration_error=0.1)),
+            ValueError,
+            "'expected_calibration_error' has the dimensions .* expected .'forecast'",
+        ),
         (lambda r, s: ph.plot_reliability(s, visuals={"dot": {}}), ValueError, "no visual.*'dot'"),
     ],
 )
