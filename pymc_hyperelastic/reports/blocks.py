@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import xarray as xr
+
 from pymc_hyperelastic.plots.style import rounded_probability
 from pymc_hyperelastic.reports.svg import inline_svg
 
@@ -138,6 +140,11 @@ def _thin(figure: Any) -> None:
     if sum(len(c.get_offsets()) for c in clouds) > _MOST_SHAPES:
         for cloud in clouds:
             cloud.set_rasterized(True)
+
+
+def is_table(result: Any, *names: str) -> bool:
+    """Whether a result is one Dataset, with such variables."""
+    return isinstance(result, xr.Dataset) and set(names) <= set(result.variables)
 
 
 class Probability(float):

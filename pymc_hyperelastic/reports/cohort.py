@@ -16,7 +16,7 @@ from pymc_hyperelastic.reports.blocks import (
     plural,
     some_in_words,
 )
-from pymc_hyperelastic.reports.decisions import failures, names_of
+from pymc_hyperelastic.reports.decisions import failed_of, failures, names_of
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
 
 # What is told of numbers that differ from specimen to specimen.
@@ -39,14 +39,13 @@ def check_cohort(found: Found, page: Page) -> None:
     evidence = tree["evidence"].to_dataset()
     warn_of_simulated(tree.attrs, page)
     page.check("errors of the evidences of single specimens, and Pareto shapes of their weights")
-    failed, notices = failures(evidence)
-    for words in notices:
+    for words in failures(evidence):
         page.notice(CAUTION, f"{found.title}: {words}.")
     names = np.array(names_of(evidence), dtype=object)
     if "log_evidence_se" not in evidence:
         return
     infinite = np.isinf(evidence["log_evidence_se"].values)
-    heavy = (evidence["pareto_k"].values >= LARGEST_PARETO_K) & ~failed & ~infinite
+    heavy = (evidence["pareto_k"].values >= LARGEST_PARETO_K) & ~failed_of(evidence) & ~infinite
     for level, where, words in (
         (BAD, infinite, "an evidence has an infinite error"),
         (
@@ -62,7 +61,7 @@ def check_cohort(found: Found, page: Page) -> None:
 def show_cohort_trust(found: Found, page: Page) -> list[Block]:
     """How many were sampled, and how."""
     evidence = found.result["evidence"].to_dataset()
-    failed, _ = failures(evidence)
+    failed = failed_of(evidence)
     rows: list[list[Any]] = [["not sampled", int(failed.sum())]]
     if "method" in evidence:
         methods = evidence["method"].values.astype(str)[~failed]
@@ -113,7 +112,7 @@ def show_cohort_properties(found: Found, page: Page) -> list[Block]:
 def cohort_sentences(found: Found) -> list[str]:
     """How a cohort was fitted, as sentences of an article."""
     evidence = found.result["evidence"].to_dataset()
-    failed, _ = failures(evidence)
+    failed = failed_of(evidence)
     count = plural(int((~failed).sum()), "specimen")
     left = f"; {plural(int(failed.sum()), 'other')} could not be" if failed.any() else ""
     return [f"The posteriors of {count} were sampled, each by itself{left}."]

@@ -20,6 +20,7 @@ from pymc_hyperelastic.reports.blocks import (
     Table,
     Text,
     in_words,
+    is_table,
     plural,
     short,
     some_in_words,
@@ -40,11 +41,7 @@ _CLEAR = 0.95
 
 def is_classified(result: Any) -> bool:
     """Whether this comes from ``ph.classify``."""
-    return isinstance(result, xr.Dataset) and {
-        "class_probability",
-        "class_probability_se",
-        "class_label",
-    } <= set(result.variables)
+    return is_table(result, "class_probability", "class_probability_se", "class_label")
 
 
 def unit_of(result: xr.Dataset) -> str:
@@ -90,10 +87,9 @@ def check_classified(found: Found, page: Page) -> None:
         tell(CAUTION, decision == "none of these", "looks like none of the classes")
         tell(CAUTION, decision == "undecided", "undecided")
         unknown &= decision != "cannot be judged"
-    failed, notices = failures(result)
-    for words in notices:
+    for words in failures(result):
         page.notice(CAUTION, f"{found.title}: {words}.")
-    tell(CAUTION, unknown & ~failed, "not classified, as after an interrupt")
+    tell(CAUTION, unknown & ~failed_of(result), "not classified, as after an interrupt")
     errors = [table[k] for k in ("class_probability_se", "log_evidence_se") if k in table]
     infinite = np.any([np.isinf(e).any(axis=1) for e in errors], axis=0)
     tell(BAD, infinite, "a probability or an evidence has an infinite error")
@@ -121,11 +117,17 @@ def check_classified(found: Found, page: Page) -> None:
                 page.notice(level, f"{found.title}: the fit of class {label} is {verdict}.")
 
 
-def failures(result: xr.Dataset) -> tuple[Any, list[str]]:
-    """Which specimens or experiments failed, and what is said of them, message by message."""
+def failed_of(result: xr.Dataset) -> Any:
+    """Whether each specimen or experiment failed."""
     if "error" not in result:
-        dim = unit_of(result)
-        return np.zeros(result.sizes[dim], bool), []
+        return np.zeros(result.sizes[unit_of(result)], bool)
+    return result["error"].values.astype(str) != ""
+
+
+def failures(result: xr.Dataset) -> list[str]:
+    """What is said of those that failed, message by message."""
+    if not failed_of(result).any():
+        return []
     errors = result["error"].values.astype(str)
     names = np.array(names_of(result), dtype=object)
     messages = sorted(set(errors.tolist()) - {""})
@@ -136,7 +138,7 @@ def failures(result: xr.Dataset) -> tuple[Any, list[str]]:
     rest = np.isin(errors, messages[_MOST_MESSAGES:])
     if rest.any():
         words.append(f"{some_in_words(names[rest].tolist())} failed for other reasons")
-    return errors != "", words
+    return words
 
 
 def show_classified(found: Found, page: Page) -> list[Block]:

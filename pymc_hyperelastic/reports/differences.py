@@ -19,6 +19,7 @@ from pymc_hyperelastic.reports.blocks import (
     Table,
     Text,
     in_words,
+    is_table,
     short,
 )
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
@@ -31,9 +32,7 @@ _MOST_PRESSURES = 3
 
 def is_comparison(result: Any) -> bool:
     """Whether this comes from ``ph.compare_classes``."""
-    return isinstance(result, xr.Dataset) and {"difference", "comparison", "quantity"} <= set(
-        result.variables
-    )
+    return is_table(result, "difference", "comparison", "quantity")
 
 
 def check_comparison(found: Found, page: Page) -> None:

@@ -18,6 +18,7 @@ from pymc_hyperelastic.reports.blocks import (
     Probability,
     Table,
     in_words,
+    is_table,
     plural,
     short,
 )
@@ -29,9 +30,7 @@ _FEW = 20
 
 def is_held_out(result: Any) -> bool:
     """Whether this comes from ``ph.calibration_report``."""
-    return isinstance(result, xr.Dataset) and {"log_score", "true_class", "class_label"} <= set(
-        result.variables
-    )
+    return is_table(result, "log_score", "true_class", "class_label")
 
 
 def check_held_out(found: Found, page: Page) -> None:

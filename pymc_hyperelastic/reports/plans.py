@@ -16,6 +16,7 @@ from pymc_hyperelastic.reports.blocks import (
     Table,
     Text,
     in_words,
+    is_table,
     short,
 )
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
@@ -28,9 +29,7 @@ _ERRORS = 2
 
 def are_designs(result: Any) -> bool:
     """Whether this comes from ``ph.expected_information``."""
-    return isinstance(result, xr.Dataset) and {"information", "design", "tests"} <= set(
-        result.variables
-    )
+    return is_table(result, "information", "design", "tests")
 
 
 def check_designs(found: Found, page: Page) -> None:
@@ -96,9 +95,7 @@ def designs_sentences(found: Found) -> list[str]:
 
 def is_plan(result: Any) -> bool:
     """Whether this comes from ``ph.plan_study``."""
-    return isinstance(result, xr.Dataset) and {"width", "decided", "specimens"} <= set(
-        result.variables
-    )
+    return is_table(result, "width", "decided", "specimens")
 
 
 def check_plan(found: Found, page: Page) -> None:

@@ -8,7 +8,7 @@ from pymc_hyperelastic.data.files.headers import KINDS, names_of
 from pymc_hyperelastic.data.files.join import joined, named
 from pymc_hyperelastic.data.files.settings import Constant, Settings
 from pymc_hyperelastic.data.files.sheets import Table
-from pymc_hyperelastic.data.files.spellings import Unit, internal_unit
+from pymc_hyperelastic.data.files.spellings import internal_unit
 from pymc_hyperelastic.data.files.text import quoted
 from pymc_hyperelastic.data.geometry import WALL
 
@@ -62,11 +62,16 @@ def study_of(
     return frame, [*_said(settings), *_contents(frame), *idle, *unused]
 
 
-def _unit_of(name: str, constant: Constant, settings: Settings) -> Unit | None:
-    """What the name of a number says, or the settings; ratios need none."""
-    if constant.unit or KINDS[name] == "ratio":
-        return constant.unit
-    return settings.unit_of(name)
+def _in_own_unit(name: str, constant: Constant, settings: Settings) -> float | None:
+    """A number in the unit of the package, or None where neither its name nor the settings say one.
+
+    Ratios need none.
+    """
+    is_ratio = KINDS[name] == "ratio"
+    unit = constant.unit or (None if is_ratio else settings.unit_of(name))
+    if unit is None:
+        return constant.value if is_ratio else None
+    return constant.value * unit.factor
 
 
 def _said(settings: Settings) -> list[str]:
@@ -75,8 +80,7 @@ def _said(settings: Settings) -> list[str]:
     def words(name: str, constant: Constant | str) -> str:
         if isinstance(constant, str):
             return f"{name} {constant!r}"
-        unit = _unit_of(name, constant, settings)
-        value = constant.value * (unit.factor if unit else 1)
+        value = _in_own_unit(name, constant, settings)
         return f"{name} {value:.6g} {internal_unit(KINDS[name])}".rstrip()
 
     places = {"all files": settings.constants} | settings.files
@@ -101,13 +105,13 @@ def _with_constants(table: Table, settings: Settings) -> tuple[pd.DataFrame, lis
         if isinstance(constant, str):
             frame = frame.assign(**{name: constant})
             continue
-        unit = _unit_of(name, constant, settings)
-        if unit is None and KINDS[name] != "ratio":
+        value = _in_own_unit(name, constant, settings)
+        if value is None:
             problems.append(
                 f"{name} is {constant.value:g} in the settings, without a unit: say units.{name} "
                 "there, or add it to the name"
             )
-        frame = frame.assign(**{name: constant.value * (unit.factor if unit else 1)})
+        frame = frame.assign(**{name: value})
     return frame, problems
 
 
