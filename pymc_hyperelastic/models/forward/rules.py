@@ -214,13 +214,16 @@ def _divided(
     if not kinks.size:
         return collocated
     slack = tubes.divided()[1]
-    slack = slack.at(_some(np.flatnonzero(slack.outer_radius > slack.inner_radius), _MOST_POINTS))
+    some = _some(np.flatnonzero(slack.outer_radius > slack.inner_radius), _MOST_POINTS)
+    slack, walls = slack.at(some), tubes.at(some)
     materials = [_some(v, _MOST_VALUES) for v in values]
 
     def curves(order: int) -> list[Array]:
         return _curves_of(wall.energy, order, whole.with_force)(slack, materials)
 
-    order = _least_order(curves, data)
+    # Beside the curves of whole walls, those of thin parts may be rounding alone.
+    of_walls = _curves_of(wall.energy, HIGHEST_ORDER, whole.with_force)(walls, materials)
+    order = _least_order(curves, data, of_walls)
     return Divided(collocated, Direct(order, whole.with_force, whole.by_test))
 
 
@@ -385,23 +388,30 @@ def _order_needed(
     return _least_order(curves, data)
 
 
-def _least_order(curves: Callable[[int], list[Array]], data: xr.Dataset) -> int:
+def _least_order(
+    curves: Callable[[int], list[Array]], data: xr.Dataset, of_walls: Sequence[Array] | None = None
+) -> int:
     """The order after the least at which curves, pressures first, agree with those of the highest.
 
-    Curves of materials whose pressures are far beyond the measured ones do not count.
+    They may differ by so much of the largest of the curves of whole walls, of which these may be
+    those of parts. Materials whose pressures are far beyond the measured ones do not count.
     """
     *orders, highest = _ORDERS
     exact = curves(highest)
-    possible = np.abs(exact[0]).max(axis=1) < _BEYOND * np.abs(data["pressure"].values).max()
+    of_walls = exact if of_walls is None else of_walls
+    possible = np.abs(of_walls[0]).max(axis=1) < _BEYOND * np.abs(data["pressure"].values).max()
     if not possible.any():
         return _USUAL_ORDER
 
-    def agree(curve: Array, expected: Array) -> bool:
+    def agree(curve: Array, expected: Array, of_wall: Array) -> bool:
         error = np.abs(curve[possible] - expected[possible])
-        scale = np.abs(expected[possible]).max(axis=1, keepdims=True)
+        scale = np.abs(of_wall[possible]).max(axis=1, keepdims=True)
         return bool(np.all(error <= _ORDER_TOLERANCE * scale))
 
-    first = bisect_left(orders, True, key=lambda order: all(map(agree, curves(order), exact)))
+    def enough(order: int) -> bool:
+        return all(map(agree, curves(order), exact, of_walls))
+
+    first = bisect_left(orders, True, key=enough)
     return [*orders, highest, highest][first + 1]
 
 
