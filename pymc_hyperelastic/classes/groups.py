@@ -17,7 +17,7 @@ from pymc_hyperelastic.classes.average import Laws, labels_of, laws_of
 from pymc_hyperelastic.classes.covariates import Covariates, pairs_of
 from pymc_hyperelastic.classes.distribution import ClassModel
 from pymc_hyperelastic.classes.joint import Apart, Joint, Unit, unit_of_pair, unit_of_specimen
-from pymc_hyperelastic.classes.kinds import kind_of_classes
+from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
 from pymc_hyperelastic.classes.quantities import (
     Place,
     coordinates_of,
@@ -441,13 +441,9 @@ def _fits(classes: Classes) -> list[xr.DataTree]:
 
 def kind_of_groups(tree: xr.DataTree) -> Variability:
     """The kind of classes, whose specimens have to differ."""
-    kind = kind_of_classes(tree)
-    if not isinstance(kind, Variability):
-        raise ValueError(
-            "groups are compared by the distributions of their specimens: fit the classes with "
-            "variability='specimen'"
-        )
-    return kind
+    return kind_of_variable_classes(
+        tree, "groups are compared by the distributions of their specimens"
+    )
 
 
 def groups_of(trees: Sequence[xr.DataTree]) -> list[str]:

@@ -20,7 +20,7 @@ from pymc_hyperelastic.classes.designs import (
     words_of,
 )
 from pymc_hyperelastic.classes.few_draws import FewDraws, known_class
-from pymc_hyperelastic.classes.kinds import kind_of_classes
+from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
 from pymc_hyperelastic.classes.quantities import Place, known_quantities, place_of, values_of
 from pymc_hyperelastic.classes.specimens import SpecimenSampler, fresh_specimens, reference_of
 from pymc_hyperelastic.classes.variable import Variability
@@ -255,13 +255,9 @@ def _kind(classes: Any) -> Variability:
         raise TypeError(
             f"classes must be a result of ph.fit_classes, of one law, not {type(classes).__name__}"
         )
-    kind = kind_of_classes(classes)
-    if not isinstance(kind, Variability):
-        raise ValueError(
-            "what a test tells of a new specimen is known of classes whose specimens differ: fit "
-            "them with variability='specimen'"
-        )
-    return kind
+    return kind_of_variable_classes(
+        classes, "what a test tells of a new specimen is known of classes whose specimens differ"
+    )
 
 
 def _log_prior(names: Sequence[str], given: Mapping[str, float] | None) -> Array:

@@ -3,17 +3,20 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.classes.interface import ClassKind
 from pymc_hyperelastic.classes.pooled import Pooled
 from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.files.seal import check_seal
 from pymc_hyperelastic.files.stored import read_text
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS
+from pymc_hyperelastic.predictions.measured import warn_user
 
 # Attributes that say of what material a class is.
 _MATERIAL = ("strain_energy", "strain_energy_settings", "layers", "thickness_priors")
@@ -79,3 +82,20 @@ def kind_of_classes(classes: xr.DataTree, *, whole: bool = True) -> ClassKind:
     for fitted in classes.children.values() if whole else ():
         found.check_stored(fitted)
     return found
+
+
+def kind_of_variable_classes(classes: xr.DataTree, why: str) -> Variability:
+    """The kind of classes whose specimens differ, which they have to, and `why`.
+
+    A class without a sound evidence is warned of: its distribution is no sounder.
+    """
+    kind = kind_of_classes(classes)
+    if not isinstance(kind, Variability):
+        raise ValueError(f"{why}: fit the classes with variability='specimen'")
+    for name, fitted in classes.children.items():
+        if not np.isfinite(log_evidence(fitted).standard_error):
+            warn_user(
+                f"the fit of class {name!r} is not to be trusted, nor is what is said by it: see "
+                "ph.diagnose_evidence, and the warnings of ph.fit_classes"
+            )
+    return kind

@@ -135,6 +135,9 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     ``"curves"``
         By how much curves of the posterior err, relative to the largest value of each: they are
         made exact over the range of the priors.
+    ``"specimens"``
+        The error of a class's evidence by the draws that stand for its specimens: it is infinite
+        if one of them was given up.
     ``"weights"``
         The Pareto shape of the weights, where the evidence is a mean of them.
 
@@ -203,6 +206,11 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         )
         verdict = _BAD if error > CURVES_ERR else _GOOD
         checks.append(_Check("curves", error, CURVES_ERR, verdict, words))
+    if "specimens_se" in evidence:
+        error, largest = float(evidence["specimens_se"]), np.finfo(float).max
+        words = "a specimen was given up after long: what is known of it may be wrong"
+        verdict = _GOOD if error <= largest else _BAD
+        checks.append(_Check("specimens", error, largest, verdict, words))
     if "pareto_k" in evidence and not np.isnan(evidence["pareto_k"]).all():
         shape = float(np.nanmax(evidence["pareto_k"]))
         words = f"a few weights decide: their Pareto shape is {shape:.2f}"

@@ -151,12 +151,18 @@ def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: Tensor) 
     if constants != tuple(node.inputs[: op.constants]) or max(depths) > 1:
         return vectorize_node_fallback(op, node, *inputs)
     if any(depths):
-        batched = (x for x, deep in zip(variables, depths, strict=True) if deep)
-        size = next((x.shape[0] for x in batched if not x.type.broadcastable[0]), 1)
-        variables = tuple(
-            pt.broadcast_to(x, (size, *(x.shape[1:] if deep else x.shape)))
-            for x, deep in zip(variables, depths, strict=True)
-        )
+        batches = [x if deep else x[None] for x, deep in zip(variables, depths, strict=True)]
+        whole = [x for x in batches if not x.type.broadcastable[0]]
+        if whole:
+            # Filled, not allocated: to allocate, PyTensor works out the shape of all that it is of.
+            first = whole[0].flatten(2)[:, 0] if whole[0].type.ndim > 1 else whole[0]
+            batches = [
+                pt.second(pt.shape_padright(first, x.type.ndim - 1), x)
+                if x.type.broadcastable[0]
+                else x
+                for x in batches
+            ]
+        variables = tuple(batches)
     outputs = type(op)(**op._props_dict())(*constants, *variables, return_list=True)
     return outputs[0].owner
 

@@ -34,6 +34,7 @@ from pymc_hyperelastic.models.study import (
     stated_wall_of,
     wall_of,
 )
+from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
 
@@ -186,6 +187,11 @@ def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr
         )
     scale, rng = _scale(tree, wall), np.random.default_rng(_SEED)
     draws = stored_draws(tree, specimen)
+    if np.isinf(draws.standard_error):
+        warn_user(
+            f"specimen {specimen!r} was given up after long when its class was fitted: its draws "
+            "may not be those of its posterior, nor what is said by them"
+        )
     chosen = np.stack(
         [
             _one_draw_each(draws, posterior.isel(chain=[chain]), rng)
@@ -232,7 +238,10 @@ def stored_draws(fitted: xr.DataTree, specimen: str) -> SpecimenDraws:
     of_one = read_group(fitted, "specimens").isel(specimen=names.index(specimen))
     where = f" of specimen {specimen!r}"
     for name, dims in _DRAWS.items():
-        check_numbers(fitted, of_one, name, dims, where)
+        # Of a specimen that was given up the error is infinite.
+        check_numbers(fitted, of_one, name, dims, where, finite=name != "standard_error")
+    if not of_one["standard_error"] >= 0:
+        raise damaged(fitted, f"the 'standard_error'{where} is {of_one['standard_error'].item()}")
     for name, dim in (("log_sigma", "noise"), ("deviations", "measure")):
         if name in of_one and of_one[name].size:
             dims = ("particle", *({dim} & set(of_one[name].dims)))

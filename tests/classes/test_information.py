@@ -380,5 +380,5 @@ def test_what_cannot_be_asked(fitted, settings, message):
 
 def test_classes_whose_specimens_do_not_differ():
     pooled = fit(variability="none", draws=100)
-    with pytest.raises(ValueError, match="fit them with variability='specimen'"):
+    with pytest.raises(ValueError, match="fit the classes with variability='specimen'"):
         information(pooled, {"few": FEW})

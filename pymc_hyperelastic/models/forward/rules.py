@@ -79,8 +79,9 @@ _DRAWS, _MOST_CORNERS = 256, 1024
 # Points of extension tests from which on nodes that a smooth law asks for are worth looking for:
 # quadrature of fewer is soon done.
 _MANY_POINTS = 50
-# Draws among which materials are found whose responses the others are combined of.
-_MATERIALS, _MOST_MATERIALS, _MOST_DRAWS = 3000, 400, 18000
+# Draws among which materials are found whose responses the others are combined of; so many of them
+# are tried at once.
+_MATERIALS, _MOST_MATERIALS, _MOST_DRAWS, _AT_ONCE = 3000, 400, 18000, 500
 
 
 def way_to_integrate(
@@ -242,10 +243,15 @@ def _empirical(
     all_draws, numbers = _drawn(energy.split(wall.parameters), _MOST_DRAWS, 2), count()
 
     def draw() -> list[Array]:
-        start = next(numbers) * _MATERIALS
-        draws = [v[start : start + _MATERIALS] for v in all_draws]
-        possible = _possible(energy, data, draws, _BEYOND).all(axis=0)
-        return [v[possible][:_MOST_MATERIALS] for v in draws]
+        start, found = next(numbers) * _MATERIALS, []
+        # Mostly the first of them are enough.
+        for first in range(start, start + _MATERIALS, _AT_ONCE):
+            draws = [v[first : first + _AT_ONCE] for v in all_draws]
+            possible = _possible(energy, data, draws, _BEYOND).all(axis=0)
+            found.append([v[possible] for v in draws])
+            if sum(len(values[0]) for values in found) >= _MOST_MATERIALS:
+                break
+        return [np.concatenate(values)[:_MOST_MATERIALS] for values in zip(*found, strict=True)]
 
     if len(draw()[0]) < _FEWEST:
         return None
