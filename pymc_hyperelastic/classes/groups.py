@@ -196,7 +196,8 @@ def compare_classes(
     Warns
     -----
     UserWarning
-        If some specimens lack a quantity, or groups and covariates cannot be told apart.
+        If some specimens lack a quantity, groups and covariates cannot be told apart, or the fit of
+        a class is not to be trusted.
 
     Raises
     ------

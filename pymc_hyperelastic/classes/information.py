@@ -160,7 +160,8 @@ def expected_information(
     Warns
     -----
     UserWarning
-        If more inner draws are needed, or some specimens cannot bear a design.
+        If more inner draws are needed, some specimens cannot bear a design, or the fit of a class
+        is not to be trusted.
 
     Raises
     ------

@@ -126,7 +126,8 @@ def plan_study(
     Warns
     -----
     UserWarning
-        If materials of some studies do not reach the pressure.
+        If materials of some studies do not reach the pressure, or the fit of a class is not to be
+        trusted.
 
     Raises
     ------

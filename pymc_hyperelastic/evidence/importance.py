@@ -34,8 +34,9 @@ ENOUGH = 400
 # does not know of correlations than it gains. A class of five coordinates has 20.
 MOST_UNKNOWNS = 24
 # Draws from the final mixture. Where they are not like the posterior another one is made of them,
-# from which twice as many are drawn, and so on, so many at most.
-DRAWS, _MOST_DRAWS = 8000, 64000
+# from which twice as many are drawn, and so on, so many at most. If that is not enough, the last is
+# adapted once more.
+DRAWS, _MOST_DRAWS, _MOST_ADAPTED = 8000, 64000, 2
 # Share of the prior in them.
 PRIOR_SHARE = 0.1
 # Draws of what may be like the posterior already, and the error of a logarithm with which they are
@@ -107,18 +108,21 @@ def by_importance(
         sure = pareto_k < LARGEST_PARETO_K and log_value.standard_error < _LARGEST_ERROR
         if sure and effective_sample_size(log_weights) > size:
             return _importance(log_value, pareto_k, points, log_weights, size, rng)
-    mixture = adapted_mixture(score, like, rng)
-    share = PRIOR_SHARE if draw_prior else 0.0
-    for draws in (first_draws << i for i in range((_MOST_DRAWS // first_draws).bit_length())):
-        drawn.add(Reference(mixture.heavy_tailed(), share), draws, rng)
-        points, log_weights = drawn.weighted()
-        log_value, pareto_k = mean_weight(log_weights)
-        effective = effective_sample_size(log_weights)
-        if pareto_k < LARGEST_PARETO_K or not effective:
+    mixture, share = like, PRIOR_SHARE if draw_prior else 0.0
+    for _ in range(_MOST_ADAPTED):
+        mixture = adapted_mixture(score, mixture, rng)
+        for draws in (first_draws << i for i in range((_MOST_DRAWS // first_draws).bit_length())):
+            drawn.add(Reference(mixture.heavy_tailed(), share), draws, rng)
+            points, log_weights = drawn.weighted()
+            log_value, pareto_k = mean_weight(log_weights)
+            effective = effective_sample_size(log_weights)
+            if pareto_k < LARGEST_PARETO_K or not effective:
+                break
+            # So many draws tell more of the posterior's shape than those of a step.
+            if effective > 2 * points.shape[1]:
+                mixture = _fitted(points, log_weights, effective, DRAWS, rng, start=mixture)
+        if pareto_k < LARGEST_KNOWN_K or not effective:
             break
-        # So many draws tell more of the posterior's shape than those of a step.
-        if effective > 2 * points.shape[1]:
-            mixture = _fitted(points, log_weights, effective, DRAWS, rng, start=mixture)
     return _importance(log_value, pareto_k, points, log_weights, size, rng)
 
 
