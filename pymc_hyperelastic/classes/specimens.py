@@ -132,12 +132,7 @@ class SpecimenSampler:
             return integrate(sampler.target(data), PARTICLES, rng)
 
         sampler, found = self._by_right_curves(data, take)
-        model, target = sampler._model_for(data), sampler.target(data)
-        draws = self.draws_at(found.particles)
-        if self.population.known_noise:
-            squares = model.squares(target.particles(found.particles))
-            misfit, freedom = self._misfit(data, squares, target.dimension)
-            draws = replace(draws, misfit=misfit, freedom=freedom)
+        draws = sampler._with_misfit(data, self.draws_at(found.particles))
         value, error = found.log_value
         return _weighted(draws, self.log_reference(found.particles) - value, error, found)
 
@@ -154,7 +149,7 @@ class SpecimenSampler:
         A share of specimens of the class is among those tried: curves may leave a coordinate open,
         as far as the class goes. Some of the known draws stay, since a class that is a little wider
         than these distributions has specimens where hardly one is tried. All count as if each
-        were drawn from the mixture of both posteriors.
+        were drawn from the mixture of both posteriors. Of a specimen that was given up none stay.
 
         References
         ----------
@@ -178,10 +173,15 @@ class SpecimenSampler:
             target = sampler.target(data, log_prior)
             return by_importance(target.score, mixture, PARTICLES, rng, draw_prior)
 
-        _, found = self._by_right_curves(data, take)
-        if not found.trusted:
+        sampler, found = self._by_right_curves(data, take)
+        if not found.known:
             return draws
         count = len(draws.points)
+        if np.isinf(draws.standard_error):
+            points = found.particles[:count]
+            again = sampler._with_misfit(data, self.draws_at(points))
+            value, error = found.log_value
+            return _weighted(again, log_prior(points) - value, error, found)
         old = round(_KEPT * count)
         points = np.concatenate([draws.points[:old], found.particles[: count - old]])
         points = rng.permutation(points)
@@ -313,6 +313,15 @@ class SpecimenSampler:
         unweighted = np.zeros(len(points))
         known = centre, scatter, log_sigma.T, unweighted, tests, 0.0, points, deviations.T
         return SpecimenDraws(*known)
+
+    def _with_misfit(self, data: xr.Dataset, draws: SpecimenDraws) -> SpecimenDraws:
+        """Draws with their misfit, which is told by errors whose size is known."""
+        if not self.population.known_noise:
+            return draws
+        model, target = self._model_for(data), self.target(data)
+        squares = model.squares(target.particles(draws.points))
+        misfit, freedom = self._misfit(data, squares, target.dimension)
+        return replace(draws, misfit=misfit, freedom=freedom)
 
     def _misfit(self, data: xr.Dataset, squares: Array, unknown: int) -> tuple[float, float]:
         """Squared misfit of the best of the posterior's curves, by that of all; its freedom.

@@ -3,7 +3,6 @@
 import tracemalloc
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -43,6 +42,8 @@ _FEWEST_TOGETHER, _LARGEST_BYTES = 128, 2**26
 
 # Compiled functions by their expressions.
 _compiled: dict[tuple, Any] = {}
+# Bytes that a particle needs, by the function and the shapes of what it shares.
+_needed: dict[tuple, int] = {}
 
 
 @dataclass(frozen=True)
@@ -102,18 +103,28 @@ class BatchedFunction:
     @property
     def at_once(self) -> int:
         """Number of particles that are scored together: kept in cache, unless that is too few."""
-        cached = self.filling(_CACHED_BYTES)
-        return max(cached, min(_FEWEST_TOGETHER, self.filling(_LARGEST_BYTES)))
+        each = self._bytes_per_particle
+        cached, most = (max(1, size // each) for size in (_CACHED_BYTES, _LARGEST_BYTES))
+        return max(cached, min(_FEWEST_TOGETHER, most))
 
     def filling(self, size: int) -> int:
         """Number of particles whose intermediate results take so many bytes, at least one."""
         return max(1, size // self._bytes_per_particle)
 
-    @cached_property
+    @property
     def _bytes_per_particle(self) -> int:
-        """What is in memory at once for each, as a power of 2: arrays out of cache cost a lot."""
-        some = np.zeros((_MEASURED, self.dimension))
+        """What is in memory at once for each, as a power of 2: arrays out of cache cost a lot.
+
+        It is that of data of these shapes, whatever was scored before.
+        """
         values = [v.get_value(borrow=True) for v in self.shared]
+        key = self.function, *map(np.shape, values)
+        if key not in _needed:
+            _needed[key] = self._measured_bytes(values)
+        return _needed[key]
+
+    def _measured_bytes(self, values: Sequence[Any]) -> int:
+        some = np.zeros((_MEASURED, self.dimension))
         with np.errstate(all="ignore"):
             # What compiles when it is first called needs more memory then.
             self.function(some, *values)

@@ -71,6 +71,11 @@ class Integral(NamedTuple):
         """Whether the error is known."""
         return not self.pareto_k >= LARGEST_PARETO_K
 
+    @property
+    def known(self) -> bool:
+        """Whether the value is, by many draws of a mixture."""
+        return self.pareto_k < LARGEST_KNOWN_K
+
 
 def by_importance(
     score: Score,

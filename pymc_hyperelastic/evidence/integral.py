@@ -6,7 +6,6 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import (
     DRAWS,
     FIRST_DRAWS,
-    LARGEST_KNOWN_K,
     MOST_UNKNOWNS,
     PRIOR_SHARE,
     Integral,
@@ -72,7 +71,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
                 joined = like.joined(ridges, _SHARE_OF_MODES)
             like = joined
     quick = by_importance(target.score, like, size, rng, target.draw_prior, alike=first)
-    if quick.pareto_k < LARGEST_KNOWN_K:
+    if quick.known:
         return quick
     allowed = _MOST_EFFORT * max(1.0, target.dimension / _FEW) ** 2
     target.most_effort = target.effort + allowed

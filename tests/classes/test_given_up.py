@@ -12,10 +12,11 @@ from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.data.select import specimens_of
 
 GIVEN_UP = "B2"
+STANDARD_ERRORS = 3
 
 
-@pytest.fixture(scope="module")
-def classes():
+def give_up(patch):
+    """Let one of the specimens be given up under the reference."""
     sampled = SpecimenSampler.__call__
 
     def sample(self, data, rng):
@@ -23,8 +24,14 @@ def classes():
         given_up = specimens_of(data)[0] == [GIVEN_UP]
         return replace(draws, standard_error=np.inf) if given_up else draws
 
+    patch.setattr(SpecimenSampler, "__call__", sample)
+
+
+@pytest.fixture(scope="module")
+def classes():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(SpecimenSampler, "__call__", sample)
+        give_up(patch)
+        patch.setattr(SpecimenSampler, "near", lambda self, data, draws, *_: draws)
         with pytest.warns(UserWarning) as said:
             fitted = fit(chains=1)
     assert any(f"{GIVEN_UP!r} was given up after long" in str(w.message) for w in said)
@@ -77,3 +84,15 @@ def test_nothing_is_decided_by_its_class(classes):
 def test_report_says_so(classes, tmp_path):
     ph.report(classes, tmp_path / "report.html")
     assert f"specimen {GIVEN_UP} was given up" in (tmp_path / "report.html").read_text()
+
+
+def test_its_class_may_find_it(monkeypatch):
+    """Sampled again, as one of its class, it is known."""
+    expected = fit(chains=1)
+    give_up(monkeypatch)
+    found = fit(chains=1)
+    assert np.isfinite(found["stiff"]["specimens"]["standard_error"]).all()
+    value, error = ph.log_evidence(found["stiff"])
+    known = ph.log_evidence(expected["stiff"])
+    assert abs(value - known.value) < STANDARD_ERRORS * np.hypot(error, known.standard_error)
+    assert error < 0.1  # nats

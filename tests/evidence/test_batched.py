@@ -2,6 +2,7 @@
 
 import numpy as np
 import pymc as pm
+import pytensor
 import pytensor.tensor as pt
 import pytest
 from pytensor.tensor.blockwise import Blockwise
@@ -130,3 +131,18 @@ def test_mixtures_and_correlated_normals_need_no_loop():
         lower[np.tril_indices(3)] = x[2:]
         normal = stats.multivariate_normal(np.zeros(3), np.eye(3) + lower @ lower.T)
         np.testing.assert_allclose(of_normal, normal.logpdf(z), rtol=ROUNDING)
+
+
+def test_memory_is_that_of_the_data_at_hand():
+    """How many points are scored together does not depend on what was scored before."""
+    data = pytensor.shared(np.zeros(10), shape=(None,))
+    with pm.Model() as model:
+        x = pm.Normal("x")
+        pm.Potential("sum", pt.sum(pt.exp(x * data)))
+    function = BatchedFunction.of_model(model, model.replace_rvs_by_values(model.potentials))
+    few = function.filling(2**24)
+    data.set_value(np.zeros(10_000))
+    many = function.filling(2**24)
+    assert 500 * many < few
+    data.set_value(np.zeros(10))
+    assert function.filling(2**24) == few

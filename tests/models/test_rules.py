@@ -10,10 +10,11 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence import batched
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.mechanics.tube import inferred_geometry
+from pymc_hyperelastic.mechanics.wall import gauss_legendre
 from pymc_hyperelastic.models.forward.collocated import Collocated
 from pymc_hyperelastic.models.forward.direct import Direct, WallVariables
 from pymc_hyperelastic.models.forward.divided import Divided
-from pymc_hyperelastic.models.forward.rules import way_to_integrate
+from pymc_hyperelastic.models.forward.rules import HIGHEST_ORDER, _least_order, way_to_integrate
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import complete_priors
 
@@ -139,6 +140,19 @@ def test_thin_walls_take_fewer_nodes():
     ]
     assert orders[0] < orders[1]
     assert orders[0] <= 16
+
+
+def test_thin_parts_are_held_to_the_whole():
+    """Their own curves may be no more than what rounding leaves of the others."""
+    data, thin = curve(), 1e-7
+
+    def part(order):
+        node, weight = gauss_legendre(order)
+        rounding = 1e-16 * np.sin(order)  # as good as random
+        return [np.full((1, 5), thin * weight @ np.exp(node) + rounding)]
+
+    assert _least_order(part, data) == HIGHEST_ORDER
+    assert _least_order(part, data, [np.ones((1, 5))]) == 6
 
 
 def test_parts_are_the_whole(monkeypatch):
