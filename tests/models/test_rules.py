@@ -3,6 +3,8 @@
 import numpy as np
 import pandas as pd
 import pymc as pm
+import pytensor
+import pytensor.tensor as pt
 import pytest
 from tables import SECTOR
 
@@ -11,6 +13,7 @@ from pymc_hyperelastic.evidence import batched
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.mechanics.tube import inferred_geometry
 from pymc_hyperelastic.mechanics.wall import gauss_legendre
+from pymc_hyperelastic.models.forward import rules
 from pymc_hyperelastic.models.forward.collocated import Collocated
 from pymc_hyperelastic.models.forward.direct import Direct, WallVariables
 from pymc_hyperelastic.models.forward.divided import Divided
@@ -186,3 +189,17 @@ def test_parts_are_the_whole(monkeypatch):
         for part, all_at_once in zip(parts, whole, strict=True):
             assert part.shape == (101,)
             np.testing.assert_allclose(part, all_at_once, rtol=ROUNDING)
+
+
+def test_draws_are_remembered(monkeypatch):
+    """Those of equal distributions are drawn once; of what may change they are drawn anew."""
+    asked = []
+    monkeypatch.setattr(rules, "_drawn_anew", lambda given, *_: asked.append(given) or [1.0])
+    for width in (1.0, 1.0, 2.0):
+        rules._drawn([pt.exp(pm.Normal.dist(0.0, width))], 10, 1)
+    assert len(asked) == 2
+    changed = pytensor.shared(1.0)
+    for value in (1.0, 2.0):
+        changed.set_value(value)
+        rules._drawn([pm.Normal.dist(0.0, changed)], 10, 1)
+    assert len(asked) == 4

@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.distributions.shape_utils import change_dist_size
 from pytensor.graph.basic import Constant, Variable
+from pytensor.graph.fg import FrozenFunctionGraph
 from pytensor.graph.replace import vectorize_graph
-from pytensor.graph.traversal import ancestors
+from pytensor.graph.traversal import ancestors, graph_inputs
 from pytensor.graph.utils import MissingInputError
 from pytensor.tensor.random.op import RandomVariable
+from pytensor.tensor.random.type import RandomType
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import (
@@ -76,6 +78,9 @@ _ROUNDING = 1e-12
 _MOST_POINTS, _MOST_VALUES = 16, 200
 # Draws of the parameters, and corners of the box that holds these.
 _DRAWS, _MOST_CORNERS = 256, 1024
+# Draws of distributions that were asked for before, by their expressions; so many at most.
+_known_draws: dict[tuple, list[Array]] = {}
+_MOST_KNOWN = 64
 # Points of extension tests from which on nodes that a smooth law asks for are worth looking for:
 # quadrature of fewer is soon done.
 _MANY_POINTS = 50
@@ -263,20 +268,28 @@ def _empirical(
 
 def _kinks_in(tubes: KnownTubes, energy: StrainEnergy, values: list[Array]) -> Array:
     """Values of ``ln λθ`` in the walls at which stress is not smooth for some of the parameters."""
-    log_axial = pt.col("log_axial", dtype="float64")
-    entries = [pt.row(name, dtype="float64") for name in energy.entry_names]
-    kinks = energy.kinks(log_axial, **energy.join(entries))
-    if not kinks:
+    function = _kinks_of(energy)
+    if function is None:
         return np.empty(0)
-    function = pytensor.function(
-        [log_axial, *entries], list(kinks), mode="FAST_COMPILE", on_unused_input="ignore"
-    )
     stretches = _some(np.unique(tubes.axial_stretch), _MOST_POINTS)
     with np.errstate(all="ignore"):
         found = function(np.log(stretches)[:, None], *(v[None] for v in values))
     all_kinks = np.concatenate([np.ravel(kink) for kink in found])
     faces = np.array(tubes.log_hoop)
     return all_kinks[(all_kinks > faces.min()) & (all_kinks < faces.max())]
+
+
+@cache
+def _kinks_of(energy: StrainEnergy) -> Callable[..., list[Array]] | None:
+    """Kinks by ``ln λz`` (stretch, 1) and the entries of materials (1, material), if there are."""
+    log_axial = pt.col("log_axial", dtype="float64")
+    entries = [pt.row(name, dtype="float64") for name in energy.entry_names]
+    kinks = energy.kinks(log_axial, **energy.join(entries))
+    if not kinks:
+        return None
+    return pytensor.function(
+        [log_axial, *entries], list(kinks), mode="FAST_COMPILE", on_unused_input="ignore"
+    )
 
 
 def _nodes_for_possible(
@@ -445,8 +458,23 @@ def representative_values(parameters: list[TensorVariable]) -> list[Array] | Non
     return [np.concatenate([d, c]) for d, c in zip(draws, corners, strict=True)]
 
 
-def _drawn(parameters: list[TensorVariable], count: int, seed: int) -> list[Array]:
-    """Draws of the parameters: all at once, unless a distribution depends on what is drawn."""
+def _drawn(parameters: Sequence[TensorVariable], count: int, seed: int) -> list[Array]:
+    """Draws of the parameters: all at once, unless a distribution depends on what is drawn.
+
+    Those of the same distributions are remembered: they take longer to compile than to draw.
+    """
+    inputs = [v for v in graph_inputs(parameters) if not isinstance(v, Constant)]
+    if not all(isinstance(v.type, RandomType) for v in inputs):
+        return _drawn_anew(parameters, count, seed)
+    key = FrozenFunctionGraph.from_io(inputs, parameters), count, seed
+    if key not in _known_draws:
+        if len(_known_draws) >= _MOST_KNOWN:
+            _known_draws.pop(next(iter(_known_draws)))
+        _known_draws[key] = _drawn_anew(parameters, count, seed)
+    return _known_draws[key]
+
+
+def _drawn_anew(parameters: Sequence[TensorVariable], count: int, seed: int) -> list[Array]:
     randoms = [v for v in ancestors(parameters) if _is_random(v)]
     if any(_is_random(v) for rv in randoms for v in ancestors(rv.owner.inputs)):
         return pm.draw(parameters, draws=count, random_seed=seed, mode="FAST_COMPILE")
