@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from numbers import Real
 from typing import Any, NamedTuple
 
@@ -56,7 +57,7 @@ class Population:
     priors: Mapping[str, Any] | None = None
     geometry: Mapping[str, Measured] = field(default_factory=dict)
 
-    @property
+    @cached_property
     def scale(self) -> NaturalScale:
         """Coordinates of the specimens."""
         return NaturalScale(self.energy, self.reference_stress)
