@@ -24,7 +24,7 @@ help:
 	@echo "make docs        the documentation, in docs/_build/html"
 	@echo "make docs-check  look at every page of it in a browser, on narrow and wide screens, light and dark"
 	@echo "make dist        wheel and source distribution in dist/, tried in an empty environment"
-	@echo "make benchmark   time and accuracy against other ways, about 5 minutes"
+	@echo "make benchmark   time and accuracy against other ways, about 7 minutes"
 	@echo "make clean       remove what the other targets made, except $(VENV) and results/"
 
 study: $(VENV)/.ready-study

@@ -22,7 +22,7 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-# The laws miss the control's curve by about 6 mmHg (RMS); σ is √2 standard deviations.
+# The laws miss the control's curve by 5 to 6 mmHg (RMS); σ is √2 standard deviations.
 SIGMA = 8 * ph.mmHg
 GROUPS = ("control", "hypertensive")
 

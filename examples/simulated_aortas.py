@@ -48,7 +48,7 @@ from scipy.special import logsumexp, softmax
 import pymc_hyperelastic as ph
 
 TRAIN, NEW = 8, 200  # specimens a group, and new ones
-POSTERIORS = 200  # of the new ones with a posterior
+POSTERIORS = 100  # of the new ones with a posterior
 MATRIX, DIAGONAL = 0.4, 0.5  # what the treatment leaves of the moduli of matrix and fibres
 DRAWS = 1000  # of a class
 SEED = 1  # of the cohort
