@@ -96,7 +96,7 @@ def draws_of_class(
     the class has it. It is sampled again, under the distributions of a class that was fitted to the
     draws so far.
     """
-    known, close = None, specimens
+    known, close = None, dict(specimens)
     for limit in (_ALIKE, _ANOTHER):
         fit = _Fit(model, close, _IN_CLASS, _PARTICLES, known)
         tree = fit.chains(rng.spawn(1))
@@ -105,15 +105,16 @@ def draws_of_class(
         if sum(variances.values()) < limit**2:
             break
         distributions = distributions_of(tree, _DISTRIBUTIONS)
-        close = {
-            name: sampler.near(part, specimens[name], distributions, rng)
-            for name, part in specimens_apart(data).items()
-        }
+        for name, part in specimens_apart(data).items():
+            found = sampler.near(part, specimens[name], distributions, rng)
+            # One that was given up, and then found, is not lost again.
+            if np.isfinite(found.standard_error):
+                close[name] = found
     for name, draws in close.items():
         if not np.isfinite(draws.standard_error):
             said = (
-                f"specimen {name!r} was given up after long, and its class has no evidence: leave "
-                "it out, or give more informative priors"
+                f"specimen {name!r} was given up after long, or has curves that are wrong, and its "
+                "class has no evidence: leave it out, or give more informative priors"
             )
             warnings.warn(said, skip_file_prefixes=(PACKAGE,))
     return ClassDraws(close, _larger(_IN_CLASS, sum(variances.values())), known)

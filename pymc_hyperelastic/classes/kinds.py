@@ -85,17 +85,18 @@ def kind_of_classes(classes: xr.DataTree, *, whole: bool = True) -> ClassKind:
 
 
 def kind_of_variable_classes(classes: xr.DataTree, why: str) -> Variability:
-    """The kind of classes whose specimens differ, which they have to, and `why`.
+    """The kind of classes whose specimens differ; ValueError, with the reason, for any other.
 
-    A class without a sound evidence is warned of: its distribution is no sounder.
+    Warns of a class without a sound evidence: its distribution is no sounder.
     """
     kind = kind_of_classes(classes)
     if not isinstance(kind, Variability):
         raise ValueError(f"{why}: fit the classes with variability='specimen'")
     for name, fitted in classes.children.items():
         if not np.isfinite(log_evidence(fitted).standard_error):
+            law = read_text(fitted, "strain_energy", "layers")
             warn_user(
-                f"the fit of class {name!r} is not to be trusted, nor is what is said by it: see "
-                "ph.diagnose_evidence, and the warnings of ph.fit_classes"
+                f"the fit of class {name!r} ({law}) is not to be trusted, nor is what follows from "
+                "it: see ph.diagnose_evidence"
             )
     return kind

@@ -55,6 +55,8 @@ def variance_of_specimen(
 
 def variance_of_shares(log_shares: Array, standard_error: float, count: int) -> float:
     """The same by the logarithms of the terms of the sum, (distribution, draw)."""
+    if np.isinf(standard_error):
+        return np.inf
     log_shares = log_shares - logsumexp(log_shares, axis=1, keepdims=True)
     shares = np.exp(log_shares).mean(axis=0)
     known, common = len(shares), standard_error**2

@@ -137,7 +137,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         made exact over the range of the priors.
     ``"specimens"``
         The error of a class's evidence by the draws that stand for its specimens: it is infinite
-        if one of them was given up.
+        if one of them was given up, or has curves that are wrong.
     ``"weights"``
         The Pareto shape of the weights, where the evidence is a mean of them.
 
@@ -177,7 +177,10 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     """
     evidence = _evidence_of(tree)
     if "diagnosis" in tree.children:
-        return _stored_diagnosis(tree)
+        said = _stored_diagnosis(tree)
+        # Older ones do not say so where nothing is known of a specimen.
+        if np.isfinite(evidence.get("specimens_se", 0.0)) or "specimens" in said["check"].values:
+            return said
     values, errors = evidence["log_evidence"].values, evidence["log_evidence_se"].values
     total = combine_chains(values, errors)
     checks = _checks_of_chains(tree, values, errors)
@@ -207,10 +210,13 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         verdict = _BAD if error > CURVES_ERR else _GOOD
         checks.append(_Check("curves", error, CURVES_ERR, verdict, words))
     if "specimens_se" in evidence:
-        error, largest = float(evidence["specimens_se"]), np.finfo(float).max
-        words = "a specimen was given up after long: what is known of it may be wrong"
-        verdict = _GOOD if error <= largest else _BAD
-        checks.append(_Check("specimens", error, largest, verdict, words))
+        error = float(evidence["specimens_se"])
+        words = (
+            "what is known of a specimen may be wrong: it was given up after long, or its curves "
+            "are wrong where its material is"
+        )
+        verdict = _GOOD if error < np.inf else _BAD
+        checks.append(_Check("specimens", error, np.inf, verdict, words))
     if "pareto_k" in evidence and not np.isnan(evidence["pareto_k"]).all():
         shape = float(np.nanmax(evidence["pareto_k"]))
         words = f"a few weights decide: their Pareto shape is {shape:.2f}"
@@ -293,7 +299,9 @@ def _worse(value: float, good: float, bad: float) -> int:
 
 def _as_dataset(checks: list[_Check]) -> xr.Dataset:
     worst = max((check.verdict for check in checks), default=_GOOD)
-    words = "; ".join(check.words for check in checks if check.verdict == worst) + _INSTEAD
+    said = [check for check in checks if check.verdict == worst]
+    instead = "" if [check.name for check in said] == ["specimens"] else _INSTEAD
+    words = "; ".join(check.words for check in said) + instead
     columns = {
         "value": np.array([check.value for check in checks]),
         "limit": np.array([check.limit for check in checks]),

@@ -114,6 +114,7 @@ def by_importance(
         if sure and effective_sample_size(log_weights) > size:
             return _importance(log_value, pareto_k, points, log_weights, size, rng)
     mixture, share = like, PRIOR_SHARE if draw_prior else 0.0
+    first_draws = min(first_draws, _MOST_DRAWS)
     for _ in range(_MOST_ADAPTED):
         mixture = adapted_mixture(score, mixture, rng)
         for draws in (first_draws << i for i in range((_MOST_DRAWS // first_draws).bit_length())):

@@ -154,7 +154,7 @@ def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: Tensor) 
         batches = [x if deep else x[None] for x, deep in zip(variables, depths, strict=True)]
         whole = [x for x in batches if not x.type.broadcastable[0]]
         if whole:
-            # Filled, not allocated: to allocate, PyTensor works out the shape of all that it is of.
+            # To allocate, PyTensor would work out the shapes of the whole graph behind.
             first = whole[0].flatten(2)[:, 0] if whole[0].type.ndim > 1 else whole[0]
             batches = [
                 pt.second(pt.shape_padright(first, x.type.ndim - 1), x)

@@ -49,7 +49,6 @@ _DRAWS: dict[str, tuple[str, ...]] = {
     "scatter": ("coordinate", "particle"),
     "log_weight": ("particle",),
     "tests": (),
-    "standard_error": (),
 }
 
 
@@ -189,8 +188,8 @@ def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr
     draws = stored_draws(tree, specimen)
     if np.isinf(draws.standard_error):
         warn_user(
-            f"specimen {specimen!r} was given up after long when its class was fitted: its draws "
-            "may not be those of its posterior, nor what is said by them"
+            f"specimen {specimen!r} was given up after long when its class was fitted, or has "
+            "curves that are wrong: its draws, and all predictions by them, may be wrong"
         )
     chosen = np.stack(
         [
@@ -238,8 +237,9 @@ def stored_draws(fitted: xr.DataTree, specimen: str) -> SpecimenDraws:
     of_one = read_group(fitted, "specimens").isel(specimen=names.index(specimen))
     where = f" of specimen {specimen!r}"
     for name, dims in _DRAWS.items():
-        # Of a specimen that was given up the error is infinite.
-        check_numbers(fitted, of_one, name, dims, where, finite=name != "standard_error")
+        check_numbers(fitted, of_one, name, dims, where)
+    # Of a specimen that was given up it is infinite.
+    check_numbers(fitted, of_one, "standard_error", (), where, finite=False)
     if not of_one["standard_error"] >= 0:
         raise damaged(fitted, f"the 'standard_error'{where} is {of_one['standard_error'].item()}")
     for name, dim in (("log_sigma", "noise"), ("deviations", "measure")):

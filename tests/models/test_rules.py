@@ -194,6 +194,7 @@ def test_parts_are_the_whole(monkeypatch):
 def test_draws_are_remembered(monkeypatch):
     """Those of equal distributions are drawn once; of what may change they are drawn anew."""
     asked = []
+    monkeypatch.setattr(rules, "_known_draws", {})
     monkeypatch.setattr(rules, "_drawn_anew", lambda given, *_: asked.append(given) or [1.0])
     for width in (1.0, 1.0, 2.0):
         rules._drawn([pt.exp(pm.Normal.dist(0.0, width))], 10, 1)

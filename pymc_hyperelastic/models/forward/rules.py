@@ -467,11 +467,12 @@ def _drawn(parameters: Sequence[TensorVariable], count: int, seed: int) -> list[
     if not all(isinstance(v.type, RandomType) for v in inputs):
         return _drawn_anew(parameters, count, seed)
     key = FrozenFunctionGraph.from_io(inputs, parameters), count, seed
-    if key not in _known_draws:
+    draws = _known_draws.get(key)
+    if draws is None:
         if len(_known_draws) >= _MOST_KNOWN:
             _known_draws.pop(next(iter(_known_draws)))
-        _known_draws[key] = _drawn_anew(parameters, count, seed)
-    return _known_draws[key]
+        draws = _known_draws[key] = _drawn_anew(parameters, count, seed)
+    return draws
 
 
 def _drawn_anew(parameters: Sequence[TensorVariable], count: int, seed: int) -> list[Array]:
