@@ -8,10 +8,10 @@ before and after elastase, was. Every protocol is left out in turn, a law is fit
 and axial forces of the six others, and what was measured in the one left out is predicted for each
 specimen: the outer diameter at its pressures and axial stretches, and the axial force.
 
-**What this can and cannot show.** Five of the seven protocols lie between others, on the same
-specimen: an error says how well a law couples two directions and two signals, not how well it
-speaks of another animal. The comparison needs no material at all: what lies on the straight line
-between the two neighbouring protocols. A law has to earn its place against that.
+**What this can and cannot show.** Three of the seven protocols lie between two of their kind, and
+all are of the same specimen: an error says how well a law couples two directions and two signals,
+not how well it speaks of another animal. The comparison needs no material at all: what lies on the
+straight line through the two neighbouring protocols. A law has to earn its place against that.
 
 **What was found**, by the first two laws: over all seven protocols the median error of the diameter
 is 148 µm for Ogden's solid and 152 µm for the fibres of Holzapfel, Gasser and Ogden, and 24 µm on
@@ -87,8 +87,16 @@ def predicted(tree: xr.DataTree, specimen: str, left_out: pd.DataFrame) -> pd.Da
     }
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*(reach|extrapolat|measured)")
-        tube = ph.tube_properties(tree, **place)
-        force = ph.predict_axial_force(tree, **place)
+        try:
+            tube = ph.tube_properties(tree, **place)
+            force = ph.predict_axial_force(tree, **place)
+        except ValueError as error:
+            if "no draw reaches" not in str(error):
+                raise
+            if len(left_out) == 1:
+                return pd.DataFrame(np.nan, left_out.index, SIGNALS)
+            rows = (left_out.iloc[[row]] for row in range(len(left_out)))
+            return pd.concat([predicted(tree, specimen, row) for row in rows])
     of_draws = 2 * tube["outer_radius"], force["axial_force"]
     medians = [x.median(dim=("chain", "draw")).values for x in of_draws]
     return pd.DataFrame(dict(zip(SIGNALS, medians, strict=True)), left_out.index)
@@ -159,6 +167,7 @@ def fitted_to(energy: ph.StrainEnergy, protocols: list[str]) -> xr.DataTree:
         draws=DRAWS,
         chains=1,
         random_seed=1,
+        store=OUT / f"store of {energy.name}, {' '.join(protocols)}",
         **NOISE,
     )
 
