@@ -72,7 +72,7 @@ specimens = [name for name in geometry["specimen"] if name in set(data["specimen
 INFLATION = ["test1", "test2", "test3"]
 EXTENSION = ["force_length1", "force_length2", "force_length3", "force_length4"]
 PROTOCOLS = INFLATION + EXTENSION
-LAWS = [ph.Ogden(), ph.HolzapfelGasserOgden(), ph.FourFiber()]  # the last takes five minutes a class
+LAWS = [ph.Ogden(), ph.HolzapfelGasserOgden(), ph.FourFiber()]  # the last: 5 minutes a class
 FACTOR_TEN = np.log(10) / 2
 NOISE = {
     "noise_sd": pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
