@@ -328,12 +328,12 @@ def true_tree(place: np.ndarray) -> xr.DataTree:
     return xr.DataTree.from_dict({"posterior": only.assign_coords(chain=[0], draw=[0])})
 
 
-def true_value(quantity: str, group: str) -> float:
-    """A quantity of the material in the middle of a group."""
+def true_values(group: str) -> np.ndarray:
+    """The quantities of the material in the middle of a group."""
     tree = true_tree(GROUPS[group].mean)
     found = ph.tube_properties(tree, [AT], energy=LAW, check="ignore", **TUBE, **WHERE)
-    value = found[quantity.removeprefix("log ")].item()
-    return np.log(value) if quantity.startswith("log ") else value
+    values = {name: found[name.removeprefix("log ")].item() for name in QUANTITIES}
+    return np.array([np.log(v) if n.startswith("log ") else v for n, v in values.items()])
 
 
 compared = ph.compare_classes(fitted, QUANTITIES, pressure=AT, tube=TUBE, **WHERE, random_seed=SEED)
@@ -342,7 +342,7 @@ typical = compared.sel(statistic="typical").squeeze("comparison")
 sides = typical["difference_interval"]
 table = pd.DataFrame(
     {
-        "true": [true_value(q, "treated") - true_value(q, "control") for q in QUANTITIES],
+        "true": true_values("treated") - true_values("control"),
         "difference": typical["difference"],
         "low": sides.sel(bound="low"),
         "high": sides.sel(bound="high"),
