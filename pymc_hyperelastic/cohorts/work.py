@@ -68,7 +68,8 @@ def run_batch(work: Work, token: str, data: xr.Dataset, part: Path) -> list[str]
             _prepared.clear()
             _prepared[token] = work.prepare()
         result = _each_alone_if_needed(_prepared[token], data, work.by)
-        save_result(result, part)
+        # All labels are in a file of their own: to read a part takes as long as it has variables.
+        save_result(result.drop_vars([*labels_of(data, work.by)]), part)
     said = zip(units_of(data, work.by), result["error"].values.tolist(), strict=True)
     return [f"{label}: {error}" for label, error in said if error]
 

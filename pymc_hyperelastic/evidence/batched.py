@@ -84,6 +84,8 @@ class BatchedFunction:
                 on_unused_input="ignore",
                 **compile_kwargs,
             )
+            # NumPy takes whatever comes, and looking at it takes longer than small arrays.
+            _compiled[key].trust_input = compile_kwargs["mode"] is IN_NUMPY
         return cls(_compiled[key], shared, sum(v.size for v in point.values()))
 
     def __call__(self, particles: Array) -> list[Array]:

@@ -106,8 +106,7 @@ def by_importance(
         return Integral(unknown, np.inf, "importance", like.draw(size, rng))
     drawn = _Drawn(score, draw_prior)
     if alike:
-        for proposal, draws in alike:
-            drawn.add(proposal, draws, rng)
+        drawn.add(alike, rng)
         points, log_weights = drawn.weighted()
         log_value, pareto_k = mean_weight(log_weights)
         sure = pareto_k < LARGEST_PARETO_K and log_value.standard_error < _LARGEST_ERROR
@@ -118,7 +117,7 @@ def by_importance(
     for _ in range(_MOST_ADAPTED):
         mixture = adapted_mixture(score, mixture, rng)
         for draws in (first_draws << i for i in range((_MOST_DRAWS // first_draws).bit_length())):
-            drawn.add(Reference(mixture.heavy_tailed(), share), draws, rng)
+            drawn.add([(Reference(mixture.heavy_tailed(), share), draws)], rng)
             points, log_weights = drawn.weighted()
             log_value, pareto_k = mean_weight(log_weights)
             effective = effective_sample_size(log_weights)
@@ -165,10 +164,11 @@ class _Drawn:
         self._proposals: list[tuple[Reference, int]] = []
         self._known: list[tuple[Array, Array, Array]] = []
 
-    def add(self, proposal: Reference, draws: int, rng: np.random.Generator) -> None:
-        """Draw so many from another proposal."""
-        points = proposal.draw(self._draw_prior, draws, rng)
-        self._proposals.append((proposal, draws))
+    def add(self, proposals: Sequence[tuple[Reference, int]], rng: np.random.Generator) -> None:
+        """Draw so many from each of other proposals; all of them are scored together."""
+        drawn = [proposal.draw(self._draw_prior, draws, rng) for proposal, draws in proposals]
+        points = np.concatenate(drawn)
+        self._proposals += proposals
         self._known.append((points, *self._score(points)))
 
     def weighted(self) -> tuple[Array, Array]:
