@@ -1,8 +1,10 @@
 """Keep what an example that takes long prints and draws: ``python docs/store_example.py NAME``.
 
-Its page in the gallery shows that, and the day on which it was run.
+Its page in the gallery shows that, and the day on which it was run. In a folder that is named,
+``--folder FOLDER``, it goes on with what it has kept there.
 """
 
+import argparse
 import datetime
 import os
 import re
@@ -16,10 +18,11 @@ DOCS = Path(__file__).parent
 EXAMPLES = DOCS.parent / "examples"
 
 
-def store(name: str) -> None:
+def store(name: str, place: Path | None) -> None:
     """Run an example, and keep its output and its figures."""
     kept = DOCS / "stored" / name
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as empty:
+        folder = place or Path(empty)
         done = subprocess.run(
             [sys.executable, str(EXAMPLES / f"{name}.py")],
             cwd=folder,
@@ -30,7 +33,7 @@ def store(name: str) -> None:
         )
         shutil.rmtree(kept, ignore_errors=True)
         kept.mkdir(parents=True)
-        for figure in sorted(Path(folder).rglob("*.png")):
+        for figure in sorted(folder.rglob("*.png")):
             shutil.copy(figure, kept)
     day = datetime.date.today()
     bars = re.compile(r"━|─{9}|^ +Progress  |^ +$")  # of progress
@@ -39,5 +42,9 @@ def store(name: str) -> None:
 
 
 if __name__ == "__main__":
-    for example in sys.argv[1:]:
-        store(example)
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("names", nargs="+")
+    options.add_argument("--folder", type=Path)
+    args = options.parse_args()
+    for example in args.names:
+        store(example, args.folder)

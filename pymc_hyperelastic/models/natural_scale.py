@@ -11,6 +11,7 @@ import pymc as pm
 import pytensor
 import pytensor.tensor as pt
 from numpy.typing import NDArray
+from pytensor.graph.fg import FrozenFunctionGraph
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.mechanics.layers import Layer
@@ -24,6 +25,9 @@ from pymc_hyperelastic.models.priors import is_inferred
 from pymc_hyperelastic.models.study import NamedLayer, named_layers
 
 Array = NDArray[np.float64]
+
+# Functions of coordinates in numbers, by their expressions.
+_known_functions: dict[FrozenFunctionGraph, Any] = {}
 
 # Priors of a class's location, each as the median and the standard deviation of a logarithm.
 _REFERENCE_STRAIN = (0.2, 0.7)
@@ -192,7 +196,12 @@ class NaturalScale:
             pt.stack(value, axis=-1) if isinstance(value, tuple) else value
             for value in parameters.values()
         ]
-        return [*parameters], pytensor.function(coordinates, symbols, mode="FAST_COMPILE")
+        # One that was asked for before is remembered: it takes longer to compile than to call.
+        key = FrozenFunctionGraph.from_io(coordinates, symbols)
+        if key not in _known_functions:
+            function = pytensor.function(coordinates, symbols, mode="FAST_COMPILE")
+            _known_functions[key] = function
+        return [*parameters], _known_functions[key]
 
 
 class _Coordinate(NamedTuple):
