@@ -20,7 +20,7 @@ from playwright.async_api import Browser, async_playwright
 
 SITE = Path(__file__).with_name("_build") / "html"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-WIDTHS, SCHEMES, AT_ONCE = (1400, 400), ("light", "dark"), 4
+WIDTHS, SCHEMES, AT_ONCE, TRIES = (1400, 400), ("light", "dark"), 4, 20
 # Colours are another matter in the dark, and nothing else is; what scrolls depends on the width.
 RULES = {
     (1400, "light"): {},
@@ -93,6 +93,18 @@ def broken_links(pages: dict[str, Page]) -> tuple[int, list[str]]:
     return links, broken
 
 
+async def settled(page, script: str, *given) -> list[str]:
+    """What a script finds when nothing is found any more, or after long.
+
+    The theme looks a little later what scrolls now, and a busy computer much later.
+    """
+    for _ in range(TRIES):
+        if not (found := await page.evaluate(script, *given)):
+            break
+        await asyncio.sleep(0.25)
+    return found
+
+
 async def look(browser: Browser, address: str, name: str, wrong: list[str], seen: Counter) -> None:
     """Open a page, in all widths and schemes."""
     page = await browser.new_page(viewport={"width": WIDTHS[0], "height": 900})
@@ -119,13 +131,15 @@ async def look(browser: Browser, address: str, name: str, wrong: list[str], seen
         """Promise.all([...document.images].map(
             e => (e.loading = "eager", e.decode().catch(() => 0))))"""
     )
-    for what in await page.evaluate(UNFINISHED):
+    for what in await settled(page, UNFINISHED):
         add(f"unfinished {what}")
     seen["formulas"] += await page.locator("math").count()
     seen["figures"] += await page.locator("article img").count()
+    # Code looks as it does on the other pages, and is all that there is on these.
+    context = {"exclude": "pre"} if name.startswith("_modules/") else None
     for width in WIDTHS:
         await page.set_viewport_size({"width": width, "height": 900})
-        await asyncio.sleep(0.5)  # the theme looks a little later what scrolls now
+        cut_off = await settled(page, CUT_OFF, width < 1000)
         for scheme in SCHEMES:
             await page.emulate_media(color_scheme=scheme)
             at = f" ({width} px, {scheme})"
@@ -133,11 +147,11 @@ async def look(browser: Browser, address: str, name: str, wrong: list[str], seen
             if scheme == "light":
                 if await page.evaluate(SCROLLS_SIDEWAYS):
                     add("scrolls sideways")
-                for what in await page.evaluate(CUT_OFF, width < 1000):
+                for what in cut_off:
                     add(f"cut off {what}")
             if (width, scheme) in RULES:
                 options = {"resultTypes": ["violations"], "preload": False, **RULES[width, scheme]}
-                found = await Axe().run(page, options=options)
+                found = await Axe().run(page, context=context, options=options)
                 for violation in found.response["violations"]:
                     if violation["impact"] in ("serious", "critical"):
                         for node in violation["nodes"][:3]:
