@@ -38,7 +38,7 @@ without_traces = pytensor.config.change_flags(traceback__limit=0)
 # found out how many one needs.
 _CACHED_BYTES, _MEASURED = 2**22, 16
 # Fewer together than this take longer to call than to score: then they may need so many bytes.
-_FEWEST_TOGETHER, _LARGEST_BYTES = 128, 2**26
+_FEWEST_TOGETHER, _LARGEST_BYTES = 256, 2**26
 
 # Compiled functions by their expressions.
 _compiled: dict[tuple, Any] = {}
