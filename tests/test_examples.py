@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from tiers import long
 
 import pymc_hyperelastic as ph
 
@@ -64,7 +65,10 @@ def test_every_example_is_run():
 @pytest.mark.deep
 @pytest.mark.parametrize(
     ("study", "words"),
-    [("sheep_aorta", "SIMULATED"), ("pulmonary_hypertension", "One mean curve a group")],
+    [
+        ("sheep_aorta", "SIMULATED"),
+        *long([("pulmonary_hypertension", "One mean curve a group")]),
+    ],
 )
 def test_studies_run(study, words, tmp_path):
     """A study prints its tables, says what its data are, and leaves figures and files."""

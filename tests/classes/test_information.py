@@ -13,6 +13,7 @@ import xarray as xr
 from problems import AS_WRITTEN
 from scipy import stats
 from scipy.special import entr, logsumexp, softmax
+from tiers import long
 from variable_classes import NAMES, SIGMA, TRAINING, TUBE, curves, fit, unit_pressure
 
 import pymc_hyperelastic as ph
@@ -285,10 +286,11 @@ OTHERS = {
     "layers": {"energy": two_layers()},
     "two parameters, tests differ": {"energy": ph.Ogden(), "experiment_effect": True},
 }
+*QUICKER, SLOWEST = OTHERS
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.parametrize("name", [*QUICKER, *long([SLOWEST])])
 def test_what_is_told_of_a_class_is_what_becomes_of_it(name):
     """The probability of the true class is, on average, as large as it is said to be.
 

@@ -2,6 +2,7 @@
 
 import pytest
 from evidences import PROBLEMS
+from tiers import long
 
 import pymc_hyperelastic as ph
 
@@ -25,6 +26,8 @@ FAST = [
 TOO_MANY = ["groups_1000"]
 # Of these tails are missed, by less than the tolerance, and by more than the error says.
 TAILS = ["horseshoe"]
+# Half a minute.
+SLOWER = ["many_observations"]
 # Minutes.
 SLOW = ["groups_100", "random_walk", "regression_50", "correlated_normal_50"]
 
@@ -48,7 +51,9 @@ def test_evidence_is_right(name):
 
 @pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:the evidence is doubtful")
-@pytest.mark.parametrize("name", sorted(set(PROBLEMS) - {*FAST, *TOO_MANY, *SLOW}))
+@pytest.mark.parametrize(
+    "name", [*sorted(set(PROBLEMS) - {*FAST, *TOO_MANY, *SLOW, *SLOWER}), *long(SLOWER)]
+)
 def test_evidence_of_the_table_is_right(name):
     """Of every other model, but those that take minutes."""
     assert_right(name)
