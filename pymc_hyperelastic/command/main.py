@@ -13,8 +13,7 @@ def main() -> None:
         if error.name not in ("typer", "jinja2"):
             raise
         sys.exit(
-            f"the command line needs {error.name}, which is not installed: "
-            'pip install "pymc-hyperelastic[cli]"'
+            f"the command line needs {error.name}, which is not installed: pip install typer jinja2"
         )
     warnings.showwarning = _in_one_line  # type: ignore[assignment]
     try:

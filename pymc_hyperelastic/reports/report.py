@@ -76,7 +76,7 @@ def report(
     Raises
     ------
     ImportError
-        If Jinja2 is not installed; it comes with ``pip install "pymc_hyperelastic[cli]"``.
+        If Jinja2 is not installed; it comes with the extra ``cli``.
     TypeError, ValueError
         If something is no result, `path` is a folder, or the unit is unknown.
 
@@ -132,8 +132,7 @@ def _template() -> Any:
         import jinja2
     except ImportError as error:
         raise ImportError(
-            "ph.report needs Jinja2, which is not installed: "
-            'pip install "pymc_hyperelastic[cli]", or pip install jinja2'
+            "ph.report needs Jinja2, which is not installed: pip install jinja2"
         ) from error
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader(__package__, "."),

@@ -442,7 +442,7 @@ group 'control': 1 specimen
 group 'treated': 1 specimen
 no axial_stretch: 1 is taken
 no opening_angle: 0 is taken
-no inner_radius: it follows from the wall, or is not known
+no inner_radius: it follows from wall_volume and length
 not used, without points: specimen 'M3'"""
     )
 
@@ -470,6 +470,23 @@ def written(tmp_path):
         return ph.read_tests(paths, settings)
 
     return write
+
+
+def test_a_tube_of_which_nothing_is_said(written):
+    """Nothing can be fitted to it, and what to give is said, until it is given."""
+    table = f"{HEAD}\n{ROWS}"
+    told = written(table).attrs["understood"]
+    assert (
+        "no inner_radius: no law can be fitted without; give the tables a column of it, the "
+        "settings constants.inner_radius, or a model in Python a prior\nno outer_radius: no law"
+    ) in told
+    told = written(table, toml="[constants]\ninner_radius_mm = 7").attrs["understood"]
+    assert "no inner_radius" not in told and "no outer_radius: no law" in told
+    toml = "[constants]\ninner_radius_mm = 7\nthickness_mm = 2"
+    assert (
+        "no outer_radius: it follows from thickness"
+        in written(table, toml=toml).attrs["understood"]
+    )
 
 
 def says(call, *arguments, **settings) -> str:
@@ -664,8 +681,12 @@ BAD_SETTINGS = {
     ),
     "text for a number": (
         "constants = {thickness = '1 mm'}",
-        "study.toml: constants.thickness is '1 mm'; expected a number, and its unit in its name or "
-        "in units.thickness",
+        "study.toml: constants.thickness is '1 mm'; expected a number, and its unit in its name, "
+        "as in thickness_mm, or in units.thickness",
+    ),
+    "text for a ratio": (
+        "constants = {axial_stretch = 'long'}",
+        "study.toml: constants.axial_stretch is 'long'; expected a number",
     ),
     "a unit in a name": (
         "constants = {thickness_kPa = 62}",

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from pymc_hyperelastic.data.files.headers import KINDS, LABELS, Heading, heading
 from pymc_hyperelastic.data.files.numerals import DECIMALS, LARGEST
-from pymc_hyperelastic.data.files.spellings import Unit, known_unit, units_of
+from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_unit, units_of
 from pymc_hyperelastic.data.files.text import SEPARATORS
 from pymc_hyperelastic.data.inflation import listed
 
@@ -159,9 +159,10 @@ def _constants(where: str, said: Mapping[str, Any]) -> Constants:
         if name in LABELS:
             constants[name] = str(value).strip()
         elif isinstance(value, str) or not abs(value) < LARGEST:
+            unit_of = internal_unit(KINDS[name])
+            of_unit = f", and its unit in its name, as in {name}_{unit_of}, or in units.{name}"
             raise ValueError(
-                f"{where}.{key} is {value!r}; expected a number, and its unit in its name or in "
-                f"units.{name}"
+                f"{where}.{key} is {value!r}; expected a number{of_unit if unit_of else ''}"
             )
         else:
             unit = None if spelling is None else _unit("", f"{where}.{key}", spelling, KINDS[name])

@@ -18,12 +18,8 @@ _FEWEST_ALIKE = 3
 # Digits of a number that remain when it is written in another unit.
 _DIGITS = 9
 # What is taken where a study does not say it.
-_OTHERWISE = {
-    "axial_stretch": "1 is taken",
-    "opening_angle": "0 is taken",
-    "inner_radius": "it follows from the wall, or is not known",
-    "outer_radius": "it follows from the wall, or is not known",
-}
+_OTHERWISE = {"axial_stretch": "1 is taken", "opening_angle": "0 is taken"}
+_RADII = ("inner_radius", "outer_radius")
 
 
 def study_of(
@@ -187,7 +183,7 @@ def _chosen(frame: pd.DataFrame, settings: Settings, files: str) -> tuple[pd.Dat
     if "length" in frame and "wall_volume" not in frame:
         unused["length"] = "of the tube it says nothing without wall_volume"
     frame = frame.drop(columns=list(unused))
-    stated = [name for name in ("inner_radius", "outer_radius", *WALL) if name in frame]
+    stated = [name for name in (*_RADII, *WALL) if name in frame]
     if not frame.columns.intersection(WALL).empty and len(stated) > 2 + ("length" in stated):
         raise ValueError(
             f"{files}: the tube without load is stated by {', '.join(stated)}, which is too much: "
@@ -251,4 +247,17 @@ def _contents(frame: pd.DataFrame) -> list[str]:
         groups = frame.groupby("group", sort=False)["specimen"].nunique()
         words += [f"group {group!r}: {count(n, 'specimen')}" for group, n in groups.items()]
     words += [f"no {name}: {what}" for name, what in _OTHERWISE.items() if name not in frame]
-    return words
+    return [*words, *_without_radii(frame)]
+
+
+def _without_radii(frame: pd.DataFrame) -> list[str]:
+    """What becomes of the radii of the unloaded tube that have no column."""
+    wall = [name for name in WALL if name in frame]
+    lacking = [name for name in _RADII if name not in frame]
+    if wall and len(lacking) == 1:
+        return [f"no {lacking[0]}: it follows from {' and '.join(wall)}"]
+    return [
+        f"no {name}: no law can be fitted without; give the tables a column of it, the settings "
+        f"constants.{name}, or a model in Python a prior"
+        for name in lacking
+    ]

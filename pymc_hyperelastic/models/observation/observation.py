@@ -248,4 +248,5 @@ def _check_geometry(
         )
         check_held(data, then)
     for name in sorted(needed):
-        check_known(data, name, f": give it a prior, geometry={{{name!r}: ...}}")
+        prior = f"give it a prior, geometry={{{name!r}: ...}}"
+        check_known(data, name, f": state it with the data, or {prior}")
