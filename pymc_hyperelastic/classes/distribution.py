@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.many import by_bridge
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.smc import particles_to_tree
+from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, stacked
@@ -128,8 +130,18 @@ class _Fit:
     ) -> None:
         self.model, self.draws, self.size, self.known = model, draws, size, known
         self._mixture: GaussianMixture | None = None
-        few = {name: specimen.first(size) for name, specimen in draws.items()}
-        self.kernel = model.kernel(few, count)
+        self.kernel = self._kernel(size, count)
+
+    def _kernel(self, size: int, count: int) -> BatchedSMC:
+        few = {name: specimen.first(size) for name, specimen in self.draws.items()}
+        return self.model.kernel(few, count)
+
+    @cached_property
+    def _guide(self) -> Target | None:
+        """The class of few draws, whose slopes take a fraction of the time."""
+        if self.size <= _IN_CLASS:
+            return None
+        return self._kernel(_IN_CLASS, self.kernel.draws).target
 
     def variances(self, tree: xr.DataTree) -> dict[str, float]:
         """What the draws of each specimen leave open of the evidence."""
@@ -170,7 +182,7 @@ class _Fit:
         """
         target, count = self.kernel.target, self.kernel.draws
         if target.dimension > MOST_UNKNOWNS:
-            found = by_bridge(target, count, rng, self.known)
+            found = by_bridge(target, count, rng, self.known, self._guide)
             self.known = found.particles
             return found
         found = by_importance(

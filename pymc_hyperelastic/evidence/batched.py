@@ -23,7 +23,7 @@ from pytensor.graph.rewriting.basic import in2out
 from pytensor.graph.traversal import ancestors, graph_inputs
 from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
-from pytensor.tensor.variable import TensorVariable
+from pytensor.tensor.variable import TensorConstant, TensorVariable
 
 from pymc_hyperelastic.evidence.in_numpy import IN_NUMPY
 
@@ -201,6 +201,11 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
             expressions = _of_size(expressions, count)
         inputs = {v: v.type() for v in shared}
         expressions = clone_replace(expressions, inputs)
+        # PyTensor locks constants of which it asks this. A view that was taken before seems to be
+        # open, and SciPy fails to open it.
+        for variable in ancestors(expressions):
+            if isinstance(variable, TensorConstant):
+                variable.unique_value
         _compiled[key] = compile_pymc(
             [count, *inputs.values()], expressions, mode=IN_NUMPY, on_unused_input="ignore"
         )

@@ -18,7 +18,11 @@ _MOST_STAGES, _ALIKE = 10, 2.0
 
 @np.errstate(all="ignore")  # a leap may be so wild that it overflows
 def by_bridge(
-    target: Target, size: int, rng: np.random.Generator, known: Array | None = None
+    target: Target,
+    size: int,
+    rng: np.random.Generator,
+    known: Array | None = None,
+    guide: Target | None = None,
 ) -> Integral:
     """Integral of a smooth target, with so many particles.
 
@@ -30,11 +34,11 @@ def by_bridge(
     """
     if known is None:
         start = target.draw_prior(_PARTICLES, rng)
-        led = Tempering(target, start, rng, max_moves=_MOVES_ON_THE_WAY).run()
+        led = Tempering(target, start, rng, guide=guide, max_moves=_MOVES_ON_THE_WAY).run()
         known = led.visited
     if len(known) > _PARTICLES:
         known = rng.permutation(known)[:_PARTICLES]
-    tempering = Tempering(target, known, rng, arrived=True, max_moves=_MOVES)
+    tempering = Tempering(target, known, rng, guide=guide, arrived=True, max_moves=_MOVES)
 
     def density(points: Array) -> Array:
         flat = np.add(*target.score(points.reshape(-1, target.dimension)))

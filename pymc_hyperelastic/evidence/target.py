@@ -89,7 +89,6 @@ class Target:
         self.effort, self.most_effort = 0.0, np.inf
         self._terms = _scored_terms(model, tempered)
         self._compile_kwargs = compile_kwargs
-        self._score = BatchedFunction.of_model(model, self._terms, compile_kwargs)
 
     def columns(self, points: Mapping[str, Array]) -> Array:
         """Points by the name of the value variable as a matrix, in which each has a row."""
@@ -174,6 +173,10 @@ class Target:
         bad = ~(prior < np.inf) | ~(likelihood < np.inf)
         self.nan_scores += int(bad.sum())
         return np.where(bad, -np.inf, prior), np.where(bad, -np.inf, likelihood)
+
+    @cached_property
+    def _score(self) -> BatchedFunction:
+        return BatchedFunction.of_model(self.model, self._terms, self._compile_kwargs)
 
     @cached_property
     @without_traces

@@ -42,6 +42,10 @@ class Tempering:
     ``a`` is the prior, or a reference if there is one, from which the particles must be drawn;
     unless they have `arrived` at the posterior, or near it.
 
+    A leap may follow the slopes of a `guide`, a cheaper target like this one: where it ends then
+    depends on the guide, and whether it is taken on this one, so that particles are distributed as
+    this one says.
+
     Attributes
     ----------
     particles : array, shape (n, d)
@@ -59,12 +63,14 @@ class Tempering:
         rng: np.random.Generator,
         *,
         reference: Reference | None = None,
+        guide: Target | None = None,
         arrived: bool = False,
         threshold: float = THRESHOLD,
         forget: float = 0.1,
         max_moves: int = 50,
     ) -> None:
         self.target, self.rng, self.reference = target, rng, reference
+        self.guide = guide or target
         self.threshold, self.forget, self.max_moves = threshold, forget, max_moves
         self.particles = particles
         self.draws, self.dimension = particles.shape
@@ -221,7 +227,7 @@ class Tempering:
 
     def _slope(self, points: Array) -> Array:
         """Slope of the log density on the path."""
-        prior, _, of_prior, of_likelihood = self.target.slopes(points)
+        prior, _, of_prior, of_likelihood = self.guide.slopes(points)
         if self.reference is None:
             return of_prior + self.beta * of_likelihood
         _, of_start = self.reference.slope(points, prior, of_prior)

@@ -183,13 +183,22 @@ def density_of_each(x: Array, distributions: ClassDistribution) -> Array:
 def _products(x: Array, covariates: Array | None = None) -> Array:
     """What a normal log density is a sum over, of coordinates ``x`` and covariates ``z``.
 
-    All products of two of ``(x, z)``, these themselves, and 1.
+    All products of two of ``(x, z)``, each once, these themselves, and 1.
     """
     if covariates is not None:
         covariates = np.broadcast_to(covariates, (len(covariates), *x.shape[1:]))
         x = np.concatenate([x, covariates])
-    squares = (x[:, None] * x).reshape(-1, *x.shape[1:])
-    return np.concatenate([squares, x, np.ones_like(x[:1])])
+    rows, columns = np.triu_indices(len(x))
+    return np.concatenate([x[rows] * x[columns], x, np.ones_like(x[:1])])
+
+
+def _of_pairs(size: int) -> Array:
+    """What makes one of both entries of a symmetric matrix, flat, that are of the same pair."""
+    rows, columns = np.triu_indices(size)
+    sums = np.zeros((size, size, len(rows)))
+    sums[rows, columns, np.arange(len(rows))] = 1.0
+    sums[columns, rows, np.arange(len(rows))] = 1.0
+    return sums.reshape(size**2, -1)
 
 
 def _coefficients(xp: ModuleType, distribution: ClassDistribution) -> Any:
@@ -218,6 +227,7 @@ def _coefficients(xp: ModuleType, distribution: ClassDistribution) -> Any:
     constant = log_volume - xp.square(middle).sum(axis=-1) / 2 - size / 2 * np.log(2 * np.pi)
     squares = -(whitening.mT @ whitening) / 2
     squares = squares.reshape((*location.shape[:-1], -1))
+    squares = squares @ _of_pairs(size + len(distribution.effects))
     return xp.concatenate([squares, slope, constant[..., None]], axis=-1)
 
 

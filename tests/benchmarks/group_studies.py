@@ -4,8 +4,9 @@ python group_studies.py --studies 300 --out results/group_studies.csv
 
 Specimens of Ogden's law, six of each group, are inflated once. Groups differ by 0, 0.5 or 1 spread,
 in a direction of the two coordinates that is drawn anew for each study; half of the studies have no
-difference. Each study is fitted, and compared by the logarithm of the compliance. What has been
-simulated is kept: a run that was interrupted goes on.
+difference. Spreads and correlation are the same in all studies, smaller than the prior expects, or
+with ``--spreads prior`` drawn for each. Each study is fitted, and compared by the logarithm of the
+compliance. What has been simulated is kept: a run that was interrupted goes on.
 """
 
 import argparse
@@ -25,13 +26,13 @@ options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 options.add_argument("--studies", type=int, default=300, help="of them (%(default)s)")
 options.add_argument("--first", type=int, default=0, help="number of the first (%(default)s)")
 options.add_argument("--specimens", type=int, default=6, help="of a group (%(default)s)")
+options.add_argument("--spreads", choices=["fixed", "prior"], default="fixed")
 options.add_argument("--out", type=Path, default=Path("results/group_studies.csv"))
 args = options.parse_args()
 
 LAW = ph.Ogden()
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
 LOCATION, SPREAD, CORRELATION = np.array([-1.8, 1.7]), np.array([0.3, 0.25]), -0.4
-ROOT = np.diag(SPREAD) @ np.linalg.cholesky([[1.0, CORRELATION], [CORRELATION, 1.0]])
 PRESSURE, NOISE = np.linspace(1.0, 16.0, 20), 0.3  # kPa
 AT = 13.0
 DISTANCES = [0.0, 0.5, 0.0, 1.0]
@@ -49,13 +50,28 @@ def log_compliance(x: np.ndarray) -> np.ndarray:
     return np.log(found["compliance"].values.ravel())
 
 
-def specimens(rng: np.random.Generator, location: np.ndarray, name: str) -> xr.Dataset:
+def root_of_covariance(rng: np.random.Generator) -> np.ndarray:
+    """Cholesky factor of how specimens differ."""
+    spread, correlation = SPREAD, CORRELATION
+    if args.spreads == "prior":
+        logs, sd_of_logs = SCALE.spread_prior
+        spread = rng.lognormal(logs, sd_of_logs, 2)
+        correlation = 2 * rng.beta(2, 2) - 1
+    return np.diag(spread) @ np.linalg.cholesky([[1.0, correlation], [correlation, 1.0]])
+
+
+def specimens(
+    rng: np.random.Generator, location: np.ndarray, root: np.ndarray, name: str
+) -> xr.Dataset:
     """A group, measured with errors."""
     radius = np.full((args.specimens, len(PRESSURE)), np.nan)
     # One of several hundred has no radius at the highest pressure; another one is taken for it.
     while (lacking := np.isnan(radius).any(axis=1)).any():
-        x = location[:, None] + ROOT @ rng.standard_normal((2, lacking.sum()))
-        found = ph.radius_at_pressure(tree_of(x), PRESSURE, energy=LAW, **TUBE)
+        x = location[:, None] + root @ rng.standard_normal((2, lacking.sum()))
+        try:
+            found = ph.radius_at_pressure(tree_of(x), PRESSURE, energy=LAW, **TUBE)
+        except ValueError:  # none of them reaches any
+            continue
         radius[lacking] = found["radius"].values[0]
     frame = pd.DataFrame(
         {
@@ -73,9 +89,10 @@ def study(number: int) -> dict[str, float]:
     rng = np.random.default_rng([number, args.specimens])
     distance = DISTANCES[number % len(DISTANCES)]
     way = rng.standard_normal(2)
-    step = distance * ROOT @ (way / np.linalg.norm(way))
+    root = root_of_covariance(rng)
+    step = distance * root @ (way / np.linalg.norm(way))
     ends = [LOCATION - step / 2, LOCATION + step / 2]
-    groups = {n: specimens(rng, end, n) for n, end in zip("ab", ends, strict=True)}
+    groups = {n: specimens(rng, end, root, n) for n, end in zip("ab", ends, strict=True)}
     settings = {"random_seed": number, "draws": 2000}
     classes = ph.fit_classes(
         LAW, groups, noise_sd=NOISE, variability="specimen", chains=1, progressbar=False, **settings
@@ -89,6 +106,7 @@ def study(number: int) -> dict[str, float]:
     return {
         "study": number,
         "distance": distance,
+        "spread": float(np.linalg.norm(root, axis=1).mean()),
         "truth": second - first,
         "difference": float(typical["difference"]),
         "low": low,

@@ -11,6 +11,7 @@ from pytensor.tensor.special import xlogy
 from scipy import linalg, special, stats
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.target import Target
 
 SEED = 911
 POINTS = np.random.default_rng(SEED).standard_normal((50, 4))
@@ -146,3 +147,14 @@ def test_memory_is_that_of_the_data_at_hand():
     assert 500 * many < few
     data.set_value(np.zeros(10))
     assert function.filling(2**24) == few
+
+
+def test_the_prior_is_drawn_before_and_after_a_score():
+    """Constants that SciPy's distributions share with the model are locked in between."""
+    with pm.Model() as model:
+        spread = pm.HalfNormal("spread", 1)
+        pm.Normal("y", 0, spread, observed=[0.5, -0.5])
+    target, rng = Target(model), np.random.default_rng(1)
+    assert target.draw_prior(5, rng).shape == (5, 1)
+    assert np.isfinite(target.score(np.zeros((1, 1)))).all()
+    assert target.draw_prior(7, rng).shape == (7, 1)

@@ -54,3 +54,28 @@ def test_evidence(case):
     assert found.particles.shape == (1000, sum(v.size for v in model.initial_point().values()))
     assert error < 0.1
     assert value == pytest.approx(exact, abs=3 * error + 0.05)
+
+
+@pytest.mark.parametrize("wrong", [1.0, 1.5, -1.0])
+def test_a_guide_leads_but_does_not_decide(wrong):
+    """Particles are those of the target, also if the slopes are too steep, or of another sign."""
+
+    class Steeper(Target):
+        def slopes(self, points):
+            return tuple(wrong * values for values in super().slopes(points))
+
+    model, exact = correlated()
+    guide, rng = Steeper(model), np.random.default_rng(2)
+    found = by_bridge(Target(model), 2000, rng, guide=guide)
+    value, error = found.log_value
+    if wrong < 0:
+        assert error > 0.1 or value == pytest.approx(exact, abs=3 * error + 0.05)
+        return
+    assert value == pytest.approx(exact, abs=3 * error + 0.05) and error < 0.1
+    # Means of a normal posterior, against the closed form.
+    design = np.random.default_rng(8).normal(size=(25, 40))
+    y = np.random.default_rng(9).normal(size=25)
+    covariance = np.linalg.inv(design.T @ design / 0.09 + np.eye(40) / 4)
+    mean, sd = covariance @ design.T @ y / 0.09, np.sqrt(np.diag(covariance))
+    assert np.abs((found.particles.mean(axis=0) - mean) / sd).max() < 0.2
+    assert found.particles.std(axis=0) == pytest.approx(sd, rel=0.12)
