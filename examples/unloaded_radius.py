@@ -131,7 +131,7 @@ for energy in LAWS:
 # Evidence, and the unloaded radius
 # ---------------------------------
 # Evidences of one group compare laws: all of them have the same data, errors and tube. A law pays
-# for what its priors admit in vain.
+# for what its priors admit in vain. The verdict says how far an evidence can be trusted.
 rows = []
 for (law, group), tree in fitted.items():
     posterior = tree["posterior"]
@@ -143,6 +143,7 @@ for (law, group), tree in fitted.items():
             "group": group,
             "law": law,
             "log evidence": str(ph.log_evidence(tree)),
+            "verdict": ph.diagnose_evidence(tree).attrs["verdict"],
             "unloaded inner radius, µm": f"{radius.mean():.0f} ± {radius.std():.0f}",
             "95 %": f"{low:.0f} to {high:.0f}",
             "error, mmHg": f"{error.mean():.1f} ± {error.std():.1f}",

@@ -117,6 +117,8 @@ def study(number: int) -> dict[str, float]:
 
 
 def report(table: pd.DataFrame) -> None:
+    # A typical specimen so soft that it bears no such pressure has no compliance there.
+    table = table.dropna(subset="truth")
     inside = table["truth"].between(table["low"], table["high"])
     print("\nShare of 95 % intervals that hold the truth, by distance in spreads")
     print(inside.groupby(table["distance"]).agg(["size", "mean"]).round(3).to_string())
@@ -125,6 +127,9 @@ def report(table: pd.DataFrame) -> None:
     chance = 1 / (1 + np.exp(-table["log_bayes_factor"]))
     bins = pd.cut(chance, [0, 0.1, 0.3, 0.5, 0.7, 0.9, 1])
     differ = table["distance"] > 0
+    if args.spreads == "prior":
+        typical = np.exp(SCALE.spread_prior[0]).mean()
+        print(inside.groupby(table["spread"] > typical).agg(["size", "sum"]).to_string())
     print("\nProbability of a difference, and the share of studies that have one")
     found = pd.DataFrame({"stated": chance, "true": differ}).groupby(bins, observed=True)
     print(
