@@ -39,13 +39,15 @@ Materials = Sequence[Array]
 # What is left of a snapshot that the others do not explain, relative to the largest: less is
 # rounding.
 _INDEPENDENT = 3e-12
-# Places in the walls of a group among which nodes are chosen, at most, and among which snapshots
-# are; random combinations of these by which snapshots are told apart; groups that are looked at.
-_MOST_PLACES, _SOME_PLACES, _COMBINATIONS, _MOST_GROUPS = 4000, 800, 400, 3
+# Places in the walls of a group among which nodes are chosen, at most, and in those of all groups
+# together those among which snapshots are; random combinations of these by which snapshots are told
+# apart; groups that are looked at.
+_MOST_PLACES, _COMBINATIONS, _MOST_GROUPS = 4000, 800, 3
 # What curves may err, relative to their largest value, and how often snapshots are added until
 # they do not. A few materials among those that are tried may err more, but not visibly: fibres that
-# stiffen by orders of magnitude within a hundredth of a wall, which hardly any test shows.
-TOLERANCE, _VISIBLE, _FEW = 1e-9, 1e-3, 1 / 200
+# stiffen by orders of magnitude within a hundredth of a wall, which hardly any test shows. Or more
+# of them, if none errs by more than the last number: there quadrature is no better.
+TOLERANCE, _VISIBLE, _FEW, _ALL = 1e-9, 1e-3, 1 / 200, 1e-7
 _MOST_ROUNDS = 4
 _EVENLY = 2
 _LARGEST = 1e100
@@ -155,7 +157,7 @@ def empirical_nodes(
     """
     some = [groups[i] for i in evenly(len(groups), _MOST_GROUPS)]
     # Of each group those that matter there: beside the stiffest walls all others look alike.
-    places = [[x[None] for x in _places(tubes, group, _SOME_PLACES)] for group in some]
+    places = [[x[None] for x in _places(tubes, group, _MOST_PLACES // len(some))] for group in some]
     kinds = (False, True) if with_force else (False,)
     snapshots = {force: _none(energy) for force in (False, True)}
     known = known or _none(energy)
@@ -172,7 +174,7 @@ def empirical_nodes(
         errors = curve_errors(energy, nodes, tubes, some, others, with_force=with_force)
         wrong, drawn = errors > TOLERANCE, len(errors) - len(known[0])
         few = wrong[:drawn].mean() <= _FEW and errors.max() < _VISIBLE
-        if few and not wrong[drawn:].any():
+        if (few or errors.max() < _ALL) and not wrong[drawn:].any():
             return nodes
         learn_from = [v[wrong] for v in others]
     return None
