@@ -17,7 +17,8 @@ import xarray as xr
 
 import pymc_hyperelastic as ph
 
-# The specimens of a class differ by about 10 mmHg at high pressure; σ is √2 standard deviations.
+# Specimens of a class scatter by some 10 mmHg at high pressure, as a standard deviation; σ is √2 of
+# it.
 SIGMA = 15 * ph.mmHg
 
 DRAWS, CHAINS = 2000, 4  # particles of a chain, and independent runs

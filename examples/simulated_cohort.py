@@ -262,7 +262,8 @@ ph.plot_reliability(reliability).savefig(OUT / "reliability.png", dpi=120)
 # %%
 # Every new specimen: the probability of class A that each scheme gives over the true one. Where the
 # points of classes with variability bend away from the line, one class was learned as wider than
-# the other, and what is far from both is given to the wider one. The pooled scheme says 0 or 1.
+# the other, and what is far from both is given to the wider one. The pooled scheme says 0 or 1 of
+# all but one.
 figure, axes = plt.subplots(1, 2, figsize=(8, 4), sharey=True, layout="constrained")
 for ax, scheme in zip(axes, fitted, strict=True):
     ax.plot([0, 1], [0, 1], color="grey", linewidth=0.8)

@@ -67,7 +67,8 @@ data = ph.inflation_data(
 # The unloaded inner radius may be anything from 0.1 to 0.5 mm; stretched, and without pressure, it
 # was 0.20 to 0.23 mm. The wall keeps its volume: unloaded, its cross-section is 1.4 times that
 # which was measured, with the spread of the three measurements. Errors are of pressure, and their
-# size is inferred; it is mostly the laws' own, for all of them miss the curves by some mmHg.
+# size is inferred; it is mostly the laws' own, which miss the curve of
+# the controls by 2 to 5 mmHg, and the other by 2 or less.
 # Slopes play no part: the points left out would be missed in them.
 #
 # Laws have their default priors but for the fibres' stiffening. It multiplies the fourth power of
