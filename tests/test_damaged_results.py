@@ -614,7 +614,7 @@ def test_without_checksum_older_files_are_read():
 # --- anything may be wrong -----------------------------------------------------------------------
 
 # Damaged results of each kind; each is given to so many functions.
-CASES, AT_ONCE = 12, 3
+CASES, AT_ONCE = 8, 3
 
 
 @pytest.mark.deep
