@@ -26,6 +26,8 @@ The measurements are those of A. R. Akintunde et al., Journal of Biomechanical E
 which has to lie beside this script and says where it looks for the tables.
 """
 
+# sphinx_gallery_thumbnail_path = "stored/before_and_after/the_same_animals.png"
+
 from pathlib import Path
 
 import murine_tables

@@ -21,6 +21,8 @@ The measurements are those of A. R. Akintunde et al., Journal of Biomechanical E
 which has to lie beside this script and says where it looks for the tables.
 """
 
+# sphinx_gallery_thumbnail_path = "stored/leave_one_animal_out/true_class.png"
+
 from pathlib import Path
 
 import matplotlib.pyplot as plt

@@ -33,6 +33,8 @@ The measurements are those of A. R. Akintunde et al., Journal of Biomechanical E
 which has to lie beside this script and says where it looks for the tables.
 """
 
+# sphinx_gallery_thumbnail_path = "stored/seven_protocols/errors.png"
+
 import warnings
 from pathlib import Path
 

@@ -35,6 +35,8 @@ The parameters are those of the repository yale-humphrey-lab/gr-regression
 (single-group/C1041G_ATA_allspec.csv), means and spreads of the seven and the geometry of each.
 """
 
+# sphinx_gallery_thumbnail_path = "stored/simulated_aortas/differences.png"
+
 import warnings
 from pathlib import Path
 

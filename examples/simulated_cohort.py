@@ -17,6 +17,8 @@ The classes overlap: not even who knows all about them can tell every specimen. 
 near is the true model's, not 0.
 """
 
+# sphinx_gallery_thumbnail_path = "stored/simulated_cohort/curves.png"
+
 from pathlib import Path
 
 import matplotlib.pyplot as plt

@@ -22,6 +22,8 @@ The measurements are those of A. R. Akintunde et al., Journal of Biomechanical E
 which has to lie beside this script and says where it looks for the tables.
 """
 
+# sphinx_gallery_thumbnail_path = "stored/three_axial_stretches/middle_stretch.png"
+
 import warnings
 from pathlib import Path
 

@@ -15,6 +15,8 @@ its error says how well a law follows the curve, and nothing about other animals
 between the neighbours is the comparison.
 """
 
+# sphinx_gallery_thumbnail_path = "stored/unloaded_radius/radius.png"
+
 import warnings
 from pathlib import Path
 

@@ -42,3 +42,13 @@ def test_version_is_stated_alike():
     needs = re.search(r"  run:\n((?:    - .+\n)+)", recipe)[1].replace("-base", "")
     needs = [need.removeprefix("    - ").replace(" ", "") for need in needs.splitlines()]
     assert needs == [f"python{PROJECT['requires-python']}", *PROJECT["dependencies"]]
+
+
+@pytest.mark.parametrize(
+    "kept", sorted((ROOT / "docs" / "stored").iterdir()), ids=lambda path: path.name
+)
+def test_an_example_that_is_not_run_has_a_picture(kept):
+    """Sphinx-Gallery has a placeholder for examples that draw nothing in the build."""
+    text = (ROOT / "examples" / f"{kept.name}.py").read_text(encoding="utf-8")
+    (picture,) = re.findall(r'^# sphinx_gallery_thumbnail_path = "(.*)"$', text, re.MULTILINE)
+    assert (ROOT / "docs" / picture).parent == kept and (ROOT / "docs" / picture).exists()
