@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
+from functools import cache, reduce
 from types import ModuleType
 from typing import Any
 
@@ -192,6 +192,7 @@ def _products(x: Array, covariates: Array | None = None) -> Array:
     return np.concatenate([x[rows] * x[columns], x, np.ones_like(x[:1])])
 
 
+@cache
 def _of_pairs(size: int) -> Array:
     """What makes one of both entries of a symmetric matrix, flat, that are of the same pair."""
     rows, columns = np.triu_indices(size)
