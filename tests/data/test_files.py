@@ -870,4 +870,4 @@ def test_page_states_names_and_units():
         assert f"| {kind} | {units_of(kind)} |" in page
     (toml,) = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     settings = settings_of(tomllib.loads(toml), "study.toml")
-    assert settings.columns["ID"].scale == 0.5 and settings.constants["outer_radius"].value == 450.0
+    assert settings.columns["Di"].scale == 0.5 and settings.constants["outer_radius"].value == 450.0
