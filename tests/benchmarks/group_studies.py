@@ -4,9 +4,11 @@ python group_studies.py --studies 300 --out results/group_studies.csv
 
 Specimens of Ogden's law, six of each group, are inflated once. Groups differ by 0, 0.5 or 1 spread,
 in a direction of the two coordinates that is drawn anew for each study; half of the studies have no
-difference. Spreads and correlation are the same in all studies, smaller than the prior expects, or
-with ``--spreads prior`` drawn for each. Each study is fitted, and compared by the logarithm of the
-compliance. What has been simulated is kept: a run that was interrupted goes on.
+difference. Spreads and correlation are the same in all studies and both groups, smaller than the
+prior expects, or with ``--spreads prior`` drawn from it for each group, as the model supposes. Each
+study is fitted, and compared by the logarithm of the compliance. Beside it stands how often an
+interval covers that is known otherwise: of normal values without errors, under the same prior of
+their spread. What has been simulated is kept: a run that was interrupted goes on.
 """
 
 import argparse
@@ -18,6 +20,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 from scipy import stats
+from scipy.special import softmax
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.natural_scale import NaturalScale
@@ -52,14 +55,40 @@ def log_compliance(x: np.ndarray) -> np.ndarray:
     return np.log(found["compliance"].values.ravel())
 
 
-def root_of_covariance(rng: np.random.Generator) -> np.ndarray:
-    """Cholesky factor of how specimens differ."""
-    spread, correlation = SPREAD, CORRELATION
-    if args.spreads == "prior":
-        logs, sd_of_logs = SCALE.spread_prior
-        spread = rng.lognormal(logs, sd_of_logs, 2)
-        correlation = 2 * rng.beta(2, 2) - 1
-    return np.diag(spread) @ np.linalg.cholesky([[1.0, correlation], [correlation, 1.0]])
+def covariances(rng: np.random.Generator) -> list[np.ndarray]:
+    """How specimens of each group differ."""
+    found = []
+    for _ in range(2):
+        spread, correlation = SPREAD, CORRELATION
+        if args.spreads == "prior":
+            spread, correlation = rng.lognormal(*SCALE.spread_prior, 2), 2 * rng.beta(2, 2) - 1
+        found.append(np.outer(spread, spread) * [[1.0, correlation], [correlation, 1.0]])
+    return found
+
+
+def coverage_of_normal_values(rng: np.random.Generator, studies: int = 4000) -> float:
+    """Share of 95 % intervals of a difference of means that hold it, by a grid of spreads.
+
+    Groups are of normal values without errors, and the prior of each spread is that of a class.
+    """
+    (middle, *_), sd_of_logs = SCALE.spread_prior
+    logs = np.linspace(middle - 5 * sd_of_logs, middle + 5 * sd_of_logs, 200)
+    inside = 0
+    for _ in range(studies):
+        means = []
+        for _ in range(2):
+            spread = SPREAD.mean()
+            if args.spreads == "prior":
+                spread = rng.lognormal(middle, sd_of_logs)
+            x = spread * rng.standard_normal(args.specimens)
+            squares = args.specimens * x.var() * np.exp(-2 * logs)
+            weight = stats.norm.logpdf(logs, middle, sd_of_logs)
+            weight = softmax(weight - (args.specimens - 1) * logs - squares / 2)
+            errors = np.exp(rng.choice(logs, 2000, p=weight)) * rng.standard_normal(2000)
+            means.append(x.mean() + errors / np.sqrt(args.specimens))
+        low, high = np.quantile(means[1] - means[0], [0.025, 0.975])
+        inside += low < 0 < high
+    return inside / studies
 
 
 def inflated(material: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -98,10 +127,13 @@ def study(number: int) -> dict[str, float]:
     rng = np.random.default_rng([number, args.specimens])
     distance = DISTANCES[number % len(DISTANCES)]
     way = rng.standard_normal(2)
-    root = root_of_covariance(rng)
-    step = distance * root @ (way / np.linalg.norm(way))
+    both = covariances(rng)
+    step = distance * np.linalg.cholesky(sum(both) / 2) @ (way / np.linalg.norm(way))
     ends = [LOCATION - step / 2, LOCATION + step / 2]
-    groups = {n: specimens(rng, end, root, n) for n, end in zip("ab", ends, strict=True)}
+    groups = {
+        name: specimens(rng, end, np.linalg.cholesky(covariance), name)
+        for name, end, covariance in zip("ab", ends, both, strict=True)
+    }
     settings = {"random_seed": number, "draws": 2000}
     classes = ph.fit_classes(
         LAW, groups, noise_sd=NOISE, variability="specimen", chains=1, progressbar=False, **settings
@@ -115,7 +147,7 @@ def study(number: int) -> dict[str, float]:
     return {
         "study": number,
         "distance": distance,
-        "spread": float(np.linalg.norm(root, axis=1).mean()),
+        "spread": float(np.sqrt([np.diag(covariance) for covariance in both]).mean()),
         "truth": second - first,
         "difference": float(typical["difference"]),
         "low": low,
@@ -133,6 +165,8 @@ def report(table: pd.DataFrame) -> None:
     print(inside.groupby(table["distance"]).agg(["size", "mean"]).round(3).to_string())
     low, high = stats.binomtest(int(inside.sum()), len(inside)).proportion_ci()
     print(f"all: {inside.mean():.3f} ({low:.3f} to {high:.3f} from {len(inside)} studies)")
+    known = coverage_of_normal_values(np.random.default_rng(1))
+    print(f"of normal values without errors: {known:.3f}")
     chance = 1 / (1 + np.exp(-table["log_bayes_factor"]))
     bins = pd.cut(chance, [0, 0.1, 0.3, 0.5, 0.7, 0.9, 1])
     differ = table["distance"] > 0
