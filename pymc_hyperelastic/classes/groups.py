@@ -406,7 +406,7 @@ def _of_pairs(
     powers: Array,
 ) -> _Groups:
     """Both groups of pairs; a specimen of one and of the other are of the same animal."""
-    size = len(middle.factor)
+    size = middle.size
     effects = np.array(middle.effects)[..., 0] if len(middle.effects) else None
     of_middle = coordinates_of(middle, standard[:, :size])
     of_change = coordinates_of(change, standard[:, size:])

@@ -74,13 +74,8 @@ def standard_specimens(size: int, count: int) -> Array:
 
 def coordinates_of(distributions: ClassDistribution, standard: Array) -> Array:
     """Coordinates (coordinate, draw, specimen) of specimens of each of the distributions."""
-    found = []
-    for row, location, spread in zip(
-        distributions.factor, distributions.location, distributions.spread, strict=True
-    ):
-        mixed = sum(np.asarray(a) * z for a, z in zip(row, standard.T, strict=False))
-        found.append(location + spread * mixed)
-    return np.stack(np.broadcast_arrays(*found))
+    mixed = np.moveaxis(np.atleast_3d(distributions.factor @ standard.T), -2, 0)
+    return np.asarray(distributions.location) + distributions.spread * mixed
 
 
 def known_quantities(kind: Variability) -> list[str]:

@@ -15,7 +15,6 @@ from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.specimen_draws import (
     SpecimenDraws,
-    independent,
     log_densities,
     log_density_of_noise,
     mean_density,
@@ -196,4 +195,4 @@ def near_class(distributions: ClassDistribution) -> ClassDistribution:
         logs, spreads = (np.asarray(v)[..., 0] for v in (d.log_sigma, d.noise_spread))
         spread_of = logs.var(axis=1) + (spreads**2).mean(axis=1)
         optional |= {"log_sigma": logs.mean(axis=1), "noise_spread": 1.5 * np.sqrt(spread_of)}
-    return ClassDistribution(mean, wide, independent(len(mean)), **optional)
+    return ClassDistribution(mean, wide, np.eye(len(mean)), **optional)

@@ -47,7 +47,6 @@ from pymc_hyperelastic.models.population import (
 )
 from pymc_hyperelastic.models.specimen_draws import (
     SpecimenDraws,
-    independent,
     log_density,
     mean_density,
     stacked,
@@ -396,7 +395,7 @@ def reference_of(population: Population) -> ClassDistribution:
         logs = np.log(drawn)
         spreads = np.hypot(logs.std(axis=1), 0.5)
         optional |= {"log_sigma": logs.mean(axis=1), "noise_spread": spreads}
-    return ClassDistribution(mean, np.hypot(sd, spread), independent(len(mean)), **optional)
+    return ClassDistribution(mean, np.hypot(sd, spread), np.eye(len(mean)), **optional)
 
 
 def fresh_specimens(
@@ -411,11 +410,10 @@ def fresh_specimens(
     def noise(entries: int = 1) -> Array:
         return rng.standard_normal((count, entries))
 
-    standard = [noise() for _ in names]
-    draws = {}
-    for i, name in enumerate(names):
-        mixed = sum(a * z for a, z in zip(distributions.factor[i], standard, strict=False))
-        draws[name] = distributions.location[i] + distributions.spread[i] * mixed
+    standard = np.stack([noise() for _ in names], axis=1)
+    mixed = (np.asarray(distributions.factor) @ standard).swapaxes(0, 1)
+    coordinates = np.asarray(distributions.location) + distributions.spread * mixed
+    draws = dict(zip(names, coordinates, strict=True))
     if distributions.experiment_spread is not None:
         draws["log_effect"] = distributions.effect_spread * noise()
         for i, name in enumerate(names):

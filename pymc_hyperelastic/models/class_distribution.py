@@ -45,8 +45,8 @@ class ClassDistribution:
     ----------
     location, spread : tensor_like, shape (coordinate)
         Mean and standard deviation of the specimens' coordinates.
-    factor : sequence of sequence
-        Lower Cholesky factor of their correlation matrix, row by row.
+    factor : tensor_like, shape (coordinate, coordinate)
+        Lower Cholesky factor of their correlation matrix; of several, one after the other.
     experiment_spread : tensor_like, shape (coordinate), optional
         Standard deviation by which experiments on a typical specimen differ from it.
     effect_spread : tensor_like, optional
@@ -59,12 +59,17 @@ class ClassDistribution:
 
     location: Any
     spread: Any
-    factor: Sequence[Sequence[Any]]
+    factor: Any
     experiment_spread: Any = None
     effect_spread: Any = None
     log_sigma: Any = None
     noise_spread: Any = None
     effects: Sequence[Any] = ()
+
+    @property
+    def size(self) -> int:
+        """Number of the coordinates."""
+        return getattr(self.factor, "type", self.factor).shape[-1]
 
     def at(self, draws: NDArray[np.intp]) -> "ClassDistribution":
         """Some of the draws, in the order in which they are named; a number is that of all."""
@@ -72,7 +77,7 @@ class ClassDistribution:
         def some(values: Any) -> Any:
             return values if np.ndim(values) < 2 else np.asarray(values)[..., draws, :]
 
-        factor = [[some(entry) for entry in row] for row in self.factor]
+        factor = self.factor if np.ndim(self.factor) < 3 else self.factor[draws]
         effects = [some(effect) for effect in self.effects]
         rest = {n: some(v) for n, v in vars(self).items() if n not in ("factor", "effects")}
         return ClassDistribution(factor=factor, effects=effects, **rest)
@@ -93,21 +98,14 @@ class ClassDistribution:
 
     def _root(self) -> Array:
         """Lower Cholesky factors of them."""
-        size = len(self.factor)
-        spread = np.asarray(self.spread)[..., 0]
-        root = np.zeros((spread.shape[1], size, size))
-        for i, row in enumerate(self.factor):
-            for j, entry in enumerate(row):
-                root[:, i, j] = spread[i] * np.broadcast_to(np.ravel(entry), spread.shape[1])
-        return root
+        return np.asarray(self.spread)[..., 0].T[..., None] * self.factor
 
     def with_covariance(self, covariance: Array, location: Array) -> "ClassDistribution":
         """The same with other covariance matrices, and other locations."""
         root = np.linalg.cholesky(covariance)
         spread = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         factor = root / spread[:, :, None]
-        rows = [[factor[:, i, j, None] for j in range(i + 1)] for i in range(factor.shape[1])]
-        return replace(self, location=location, spread=spread.T[..., None], factor=rows)
+        return replace(self, location=location, spread=spread.T[..., None], factor=factor)
 
 
 def register_class(
@@ -156,30 +154,27 @@ def noises_of(observation: Observation) -> list[str]:
     return [name for name in SPREAD_OF_NOISE if is_inferred(sigmas.get(name))]
 
 
-def correlation_factor(size: int, prefix: str = "") -> list[list[Any]]:
-    """Cholesky factor of a random correlation matrix, entry by entry."""
-    rows: list[list[Any]] = [[np.float64(1.0)]]
+def correlation_factor(size: int, prefix: str = "") -> Any:
+    r"""Cholesky factor of a random correlation matrix.
+
+    With the partial correlations :math:`r_{ij}` of one coordinate and another, given those before
+    both, its entries are :math:`r_{ij} \prod_{k<j} \sqrt{1 - r_{ik}^2}`, and those of its diagonal
+    this without the first factor.
+    """
     if size == 1:
-        return rows
+        return np.ones((1, 1))
     shape = shape_of_partial_correlations(size)
     partial = 2 * pm.Beta(f"{prefix}correlation_unit", shape, shape, shape=len(shape)) - 1
-    place = 0
-    for i in range(1, size):
-        left: Any = np.float64(1.0)
-        row = []
-        for _ in range(i):
-            row.append(partial[place] * left)
-            left = left * pt.sqrt(1 - pt.square(partial[place]))
-            place += 1
-        rows.append([*row, left])
-    correlation = np.full((size, size), pt.as_tensor(1.0), dtype=object)
-    for i in range(size):
-        for j in range(i):
-            correlation[i, j] = sum(a * b for a, b in zip(rows[i], rows[j], strict=False))
-            correlation[j, i] = correlation[i, j]
-    matrix = pt.stack([*correlation.flat]).reshape((size, size))
+    # Few operations on whole matrices, not many on numbers, since each takes time by itself.
+    below, place = np.tril_indices(size, -1), np.zeros((size, size), int)
+    place[below] = np.arange(len(shape))
+    entries = partial[place] * np.tri(size, k=-1)
+    left = pt.exp(pt.log1p(-pt.square(entries)) @ np.triu(np.ones((size, size)), 1) / 2)
+    factor = pt.specify_shape((entries + np.eye(size)) * left, (size, size))
+    off = 1 - np.eye(size)
+    matrix = off * (factor @ factor.T) + np.eye(size)
     pm.Deterministic(f"{prefix}correlation", matrix, dims=("coordinate", "coordinate_2"))
-    return rows
+    return factor
 
 
 def shape_of_partial_correlations(size: int) -> Array:
@@ -263,12 +258,10 @@ def check_class(tree: xr.DataTree, names: Sequence[str], needed: Sequence[str]) 
         )
 
 
-def factor_of(posterior: xr.Dataset, name: str) -> list[list[Array]]:
-    """Cholesky factor of a correlation matrix by sample, row by row, each entry a column."""
-    size = posterior.sizes["coordinate"]
-    factors = np.ones((posterior.sizes["sample"], 1, 1))
-    if size > 1 and name not in posterior:
+def factor_of(posterior: xr.Dataset, name: str) -> Array:
+    """Cholesky factors (sample, coordinate, coordinate) of a correlation matrix by sample."""
+    if posterior.sizes["coordinate"] == 1:
+        return np.ones((posterior.sizes["sample"], 1, 1))
+    if name not in posterior:
         raise damaged(posterior, f"the variable {name!r} of 'posterior' is missing")
-    if size > 1:
-        factors = np.linalg.cholesky(posterior[name].transpose("sample", ...).values)
-    return [[factors[:, i, j, None] for j in range(i + 1)] for i in range(size)]
+    return np.linalg.cholesky(posterior[name].transpose("sample", ...).values)

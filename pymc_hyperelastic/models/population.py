@@ -326,10 +326,11 @@ def register_specimens(
     standard: list[Any] = []
     coordinates = []
     # One coordinate after another, each given those before: no matrix is inverted.
-    for j, (name, row) in enumerate(zip(scale.names, distribution.factor, strict=True)):
-        given = sum(a * z for a, z in zip(row[:-1], standard, strict=True))
-        x = pm.Normal(name, location[j] + spread[j] * given, spread[j] * row[-1], dims="specimen")
-        standard.append(((x - location[j]) / spread[j] - given) / row[-1])
+    for j, name in enumerate(scale.names):
+        given = sum(distribution.factor[j, k] * z for k, z in enumerate(standard))
+        left = distribution.factor[j, j]
+        x = pm.Normal(name, location[j] + spread[j] * given, spread[j] * left, dims="specimen")
+        standard.append(((x - location[j]) / spread[j] - given) / left)
         coordinates.append(x)
     for name, value in scale.parameters(coordinates).items():
         value = pt.stack(value, axis=-1) if isinstance(value, tuple) else value

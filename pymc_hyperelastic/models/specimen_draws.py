@@ -98,11 +98,6 @@ class SpecimenDraws:
         )
 
 
-def independent(size: int) -> list[list[float]]:
-    """Cholesky factor of no correlation, row by row."""
-    return [row[: i + 1] for i, row in enumerate(np.eye(size).tolist())]
-
-
 def stacked(specimens: Sequence[SpecimenDraws]) -> dict[str, Array]:
     """Arrays of several specimens, which follow the coordinates and come before the draws."""
     arrays = {
@@ -212,19 +207,15 @@ def _coefficients(xp: ModuleType, distribution: ClassDistribution) -> Any:
 
     For many draws under many distributions one matrix product is by far the fastest way.
     """
-    size = len(distribution.factor)
+    size, factor = distribution.size, distribution.factor
     location, spread = (
         _side_by_side(xp, values, size) for values in (distribution.location, distribution.spread)
     )
-    rows: list[Any] = []
-    for unit, row in zip(np.eye(size), distribution.factor, strict=True):
-        known = sum(entry * other for entry, other in zip(row[:-1], rows, strict=True))
-        rows.append((unit - known) / row[-1])
-    whitening = xp.stack([row / spread for row in rows], axis=-2)
+    whitening = _inverse(xp, factor) / spread[..., None, :]
     middle = (whitening * location[..., None, :]).sum(axis=-1)
     whitening = _with_effects(xp, whitening, distribution)
     slope = (whitening * middle[..., None]).sum(axis=-2)
-    log_volume = sum(xp.log(rows[i][..., i] / spread[..., i]) for i in range(size))
+    log_volume = -xp.log((factor * np.eye(size)).sum(axis=-1) * spread).sum(axis=-1)
     constant = log_volume - xp.square(middle).sum(axis=-1) / 2 - size / 2 * np.log(2 * np.pi)
     squares = -(whitening.mT @ whitening) / 2
     squares = squares.reshape((*location.shape[:-1], -1))
@@ -232,9 +223,16 @@ def _coefficients(xp: ModuleType, distribution: ClassDistribution) -> Any:
     return xp.concatenate([squares, slope, constant[..., None]], axis=-1)
 
 
+def _inverse(xp: ModuleType, factor: Any) -> Any:
+    """Inverse of a lower triangular matrix."""
+    if isinstance(factor, np.ndarray):
+        return np.linalg.inv(factor)
+    return xp.linalg.solve_triangular(factor, np.eye(factor.type.shape[-1]), lower=True)
+
+
 def _with_effects(xp: ModuleType, matrix: Any, distribution: ClassDistribution) -> Any:
     """A matrix of coordinates, continued by what it makes of covariates."""
-    size = len(distribution.factor)
+    size = distribution.size
     columns = [
         -(matrix * _side_by_side(xp, effect, size)[..., None, :]).sum(axis=-1)[..., None]
         for effect in distribution.effects
@@ -256,7 +254,7 @@ def _log_density_of_tests(
     which is at :math:`u = w/2 - aη^2` with :math:`w + \ln w = \ln(2 η^2 Q) + 2 a η^2`, the Wright
     omega function, and as wide as :math:`η/\sqrt{1 + w}`.
     """
-    size, tests, effect = len(distribution.factor), draws["tests"], distribution.effect_spread
+    size, tests, effect = distribution.size, draws["tests"], distribution.effect_spread
     axes = draws["centre"].ndim - 1
     known = size + len(distribution.effects) + 1
     spread, variances, of_centre = _apart(xp, draws["products"][-known:], distribution)
@@ -316,19 +314,13 @@ def _apart(
     squares : sequence of tensor_like
         Squares of each of :math:`V^T ω^{-1} (\bar x - m)`, of the draws.
     """
-    size = len(distribution.factor)
+    size = distribution.size
     location, spread, within = (
         _side_by_side(xp, values, size)
         for values in (distribution.location, distribution.spread, distribution.experiment_spread)
     )
     ratio = spread / within
-    zero = xp.zeros_like(ratio[..., :1])
-    rows = [
-        [zero + (row[j] if j < len(row) else 0.0) for j in range(size)]
-        for row in distribution.factor
-    ]
-    factor = xp.stack([xp.concatenate(row, axis=-1) for row in rows], axis=-2)
-    factor = ratio[..., None] * factor
+    factor = ratio[..., None] * distribution.factor
     variances, vectors = xp.linalg.eigh(factor @ factor.mT)
     whitening = vectors.mT / within[..., None, :]
     moved = (whitening * location[..., None, :]).sum(axis=-1)

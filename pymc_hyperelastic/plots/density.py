@@ -206,12 +206,9 @@ def _with_new_specimens(tree: xr.DataTree) -> xr.DataTree | None:
     of_class = distributions_of(tree, posterior.sizes["chain"] * posterior.sizes["draw"])
     location, spread = of_class.location[..., 0], of_class.spread[..., 0]
     normal = np.random.default_rng(_SEED).standard_normal(location.shape)
-    correlated = [
-        sum(factor[:, 0] * z for factor, z in zip(row, normal, strict=False))
-        for row in of_class.factor
-    ]
+    correlated = np.einsum("sij,js->is", of_class.factor, normal)
     stacked = posterior["location"].stack(sample=("chain", "draw")).transpose("coordinate", ...)
-    new = stacked.copy(data=location + spread * np.array(correlated)).unstack("sample")
+    new = stacked.copy(data=location + spread * correlated).unstack("sample")
     tree = tree.copy()
     tree["posterior"] = xr.DataTree(posterior.assign(location=new))
     return tree

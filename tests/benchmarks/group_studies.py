@@ -96,8 +96,8 @@ def inflated(material: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     None is left out: of a group without its soft specimens nothing holds that is said of it.
     """
-    pressure = PRESSURE
-    while True:
+    for halvings in range(20):
+        pressure = PRESSURE / 2**halvings
         try:
             found = ph.radius_at_pressure(tree_of(material[:, None]), pressure, energy=LAW, **TUBE)
             radius = found["radius"].values.ravel()
@@ -105,7 +105,7 @@ def inflated(material: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             radius = np.full(len(pressure), np.nan)
         if np.isfinite(radius).sum() >= FEWEST:
             return radius, pressure
-        pressure = pressure / 2
+    raise ValueError(f"a tube of {material} bears no pressure")
 
 
 def specimens(

@@ -156,7 +156,7 @@ def predictive_errors(law, count):
     distribution = ClassDistribution(
         [m * unit for m in law.location],
         [SPREAD * unit for _ in law.location],
-        [[float(i == j) * unit for j in range(i + 1)] for i in range(size)],
+        np.eye(size),
     )
     differences, stated = [], []
     plain = ClassDistribution(law.location, [SPREAD] * size, None)

@@ -38,7 +38,7 @@ def normal_draws(rng, count, width, centre=0.0):
 def normal_classes(location, spread):
     """Distributions of one coordinate, along the first of two axes."""
     location, spread = np.broadcast_arrays(location, spread)
-    return ClassDistribution(location[None, :, None], spread[None, :, None], [[1.0]])
+    return ClassDistribution(location[None, :, None], spread[None, :, None], np.eye(1))
 
 
 @pytest.mark.parametrize("locations", [np.zeros(1), np.linspace(-1, 1, 21)], ids=["one", "many"])

@@ -16,7 +16,7 @@ from pymc_hyperelastic.classes.specimen_evidence import (
     specimen_evidence,
 )
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, independent, log_density
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_density
 
 ROUNDING = 1e-10
 # Nats, of evidences that are means over the same 4000 draws of the specimen.
@@ -59,8 +59,7 @@ def distribution(count=50, **changes):
         "noise_spread": [0.3],
     } | changes
     repeated = {name: np.multiply.outer(v, np.ones((count, 1))) for name, v in numbers.items()}
-    factor = [[np.full((count, 1), entry) for entry in row] for row in independent(2)]
-    return ClassDistribution(factor=factor, **repeated)
+    return ClassDistribution(factor=np.eye(2), **repeated)
 
 
 def specimen(location=(0.1, 0.9), log_sigma=-1.2, apart=0.1):

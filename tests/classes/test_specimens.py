@@ -98,9 +98,8 @@ def test_density_of_a_specimen_whose_experiments_differ(size, tests, noise):
     draws, x = random_draws(rng, size, tests, 5)
     location, spread = rng.normal(0, 0.3, size), rng.uniform(0.2, 0.6, size)
     within, factor = rng.uniform(0.1, 0.3, size), normal_factor(rng, size)
-    rows = [list(factor[i, : i + 1]) for i in range(size)]
     names = {} if noise is None else {"log_sigma": [noise[0]], "noise_spread": [noise[1]]}
-    distribution = ClassDistribution(location, spread, rows, within, 0.7, **names)
+    distribution = ClassDistribution(location, spread, factor, within, 0.7, **names)
     expected = dense_density(x, draws, location, spread, factor, within, 0.7, noise)
     tolerance = QUADRATURE_TOLERANCE if tests > 1 else SINGLE_TEST_TOLERANCE
     np.testing.assert_allclose(
@@ -113,9 +112,8 @@ def test_density_of_a_specimen_of_one_material():
     rng = np.random.default_rng(SEED)
     draws, x = random_draws(rng, 3, 1, 5)
     location, spread, factor = np.zeros(3), np.array([0.5, 0.2, 0.4]), normal_factor(rng, 3)
-    rows = [list(factor[i, : i + 1]) for i in range(3)]
     np.testing.assert_allclose(
-        log_density(np, vars(draws), ClassDistribution(location, spread, rows)),
+        log_density(np, vars(draws), ClassDistribution(location, spread, factor)),
         dense_density(x, draws, location, spread, factor),
         rtol=DENSITY_TOLERANCE,
     )
@@ -178,7 +176,7 @@ def test_an_evidence_says_how_its_draws_were_found(method, shape, expected):
     x = rng.standard_normal((1, 4000))
     zero = np.zeros(4000)
     draws = SpecimenDraws(x, 0 * x, zero[None], zero, 1, 0.0, x.T, x[:0], method, shape)
-    class_of = ClassDistribution(np.zeros((1, 1, 1)), np.full((1, 1, 1), 0.9), [[1.0]])
+    class_of = ClassDistribution(np.zeros((1, 1, 1)), np.full((1, 1, 1), 0.9), np.eye(1))
     evidence = specimen_evidence(draws, class_of)
     alone = specimen_evidence(replace(draws, pareto_k=np.nan), class_of)
     assert evidence.method == expected
@@ -310,7 +308,7 @@ def test_few_draws_of_a_specimen_stand_for_all():
     rng = np.random.default_rng(SEED)
     count, size = 1000, 2000
     location = rng.normal(0, 0.3, (1, count, 1))
-    one = ClassDistribution(location, np.full((1, count, 1), 0.4), [[1.0]])
+    one = ClassDistribution(location, np.full((1, count, 1), 0.4), np.eye(1))
     points = 0.3 + 0.05 * rng.standard_normal((size, 1))
     nothing = np.zeros(size)
     draws = SpecimenDraws(
