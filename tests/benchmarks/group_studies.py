@@ -189,7 +189,11 @@ def main() -> None:
         start = time.perf_counter()
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message=".*(lack|no log compliance|reach)")
-            row = study(number)
+            try:
+                row = study(number)
+            except ValueError as error:  # one of its specimens cannot be inflated
+                print(f"{number} is left out: {error}")
+                row = {"study": number}
         known = pd.concat([known, pd.DataFrame([row])], ignore_index=True)
         known.to_csv(args.out, index=False)
         print(f"{number}: {time.perf_counter() - start:.1f} s", flush=True)
