@@ -20,7 +20,6 @@ from pymc_hyperelastic.classes.joint import Apart, Joint, Unit, unit_of_pair, un
 from pymc_hyperelastic.classes.kinds import kind_of_variable_classes
 from pymc_hyperelastic.classes.quantities import (
     Place,
-    coordinates_of,
     is_logarithm,
     known_quantities,
     place_of,
@@ -338,7 +337,7 @@ class _Study:
             distributions = {g: distributions_of(self.tree[g], count) for g in self.groups}
             effects = None
             powers = np.sum([self._powers(group, count) for group in self.groups], axis=0)
-        coordinates = {g: coordinates_of(d, standard) for g, d in distributions.items()}
+        coordinates = {g: d.coordinates(standard.T) for g, d in distributions.items()}
         return _Groups(distributions, coordinates, powers, effects)
 
     def _powers(self, group: str, count: int) -> Array:
@@ -408,8 +407,8 @@ def _of_pairs(
     """Both groups of pairs; a specimen of one and of the other are of the same animal."""
     size = middle.size
     effects = np.array(middle.effects)[..., 0] if len(middle.effects) else None
-    of_middle = coordinates_of(middle, standard[:, :size])
-    of_change = coordinates_of(change, standard[:, size:])
+    of_middle = middle.coordinates(standard[:, :size].T)
+    of_change = change.coordinates(standard[:, size:].T)
     coordinates = {
         g: of_middle + sign * of_change / 2 for g, sign in zip(groups, (-1, 1), strict=True)
     }

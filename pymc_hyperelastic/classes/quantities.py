@@ -13,7 +13,6 @@ from scipy import linalg, stats
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
-from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.study import inflation_data_of
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
@@ -70,12 +69,6 @@ def standard_specimens(size: int, count: int) -> Array:
         factor = np.linalg.cholesky(np.cov(points.T, ddof=0).reshape(size, size))
         points = linalg.solve_triangular(factor, points.T, lower=True).T
     return np.concatenate([np.zeros((1, size)), points])
-
-
-def coordinates_of(distributions: ClassDistribution, standard: Array) -> Array:
-    """Coordinates (coordinate, draw, specimen) of specimens of each of the distributions."""
-    mixed = np.moveaxis(np.atleast_3d(distributions.factor @ standard.T), -2, 0)
-    return np.asarray(distributions.location) + distributions.spread * mixed
 
 
 def known_quantities(kind: Variability) -> list[str]:

@@ -411,9 +411,7 @@ def fresh_specimens(
         return rng.standard_normal((count, entries))
 
     standard = np.stack([noise() for _ in names], axis=1)
-    mixed = (np.asarray(distributions.factor) @ standard).swapaxes(0, 1)
-    coordinates = np.asarray(distributions.location) + distributions.spread * mixed
-    draws = dict(zip(names, coordinates, strict=True))
+    draws = dict(zip(names, distributions.coordinates(standard), strict=True))
     if distributions.experiment_spread is not None:
         draws["log_effect"] = distributions.effect_spread * noise()
         for i, name in enumerate(names):

@@ -86,6 +86,15 @@ class ClassDistribution:
         """That of specimens whose covariates are all 0."""
         return replace(self, effects=())
 
+    def coordinates(self, standard: Array) -> Array:
+        """Coordinates (coordinate, draw, specimen) of specimens, from standard normal numbers.
+
+        These are (coordinate, specimen) for all draws, or for each (draw, coordinate, specimen).
+        """
+        mixed = self.factor @ standard
+        of_draws = np.moveaxis(mixed.reshape(-1, *mixed.shape[-2:]), 0, 1)
+        return np.asarray(self.location) + np.asarray(self.spread) * of_draws
+
     def covariance(self) -> Array:
         """Covariance matrices (draw, coordinate, coordinate), of numbers."""
         root = self._root()

@@ -204,11 +204,11 @@ def _with_new_specimens(tree: xr.DataTree) -> xr.DataTree | None:
         return None
     posterior = tree["posterior"].to_dataset()
     of_class = distributions_of(tree, posterior.sizes["chain"] * posterior.sizes["draw"])
-    location, spread = of_class.location[..., 0], of_class.spread[..., 0]
-    normal = np.random.default_rng(_SEED).standard_normal(location.shape)
-    correlated = np.einsum("sij,js->is", of_class.factor, normal)
+    shape = of_class.size, of_class.factor.shape[0]
+    normal = np.random.default_rng(_SEED).standard_normal(shape)
+    new_ones = of_class.coordinates(normal.T[..., None])[..., 0]
     stacked = posterior["location"].stack(sample=("chain", "draw")).transpose("coordinate", ...)
-    new = stacked.copy(data=location + spread * correlated).unstack("sample")
+    new = stacked.copy(data=new_ones).unstack("sample")
     tree = tree.copy()
     tree["posterior"] = xr.DataTree(posterior.assign(location=new))
     return tree
