@@ -167,12 +167,13 @@ def report(table: pd.DataFrame) -> None:
     print(f"all: {inside.mean():.3f} ({low:.3f} to {high:.3f} from {len(inside)} studies)")
     known = coverage_of_normal_values(np.random.default_rng(1))
     print(f"of normal values without errors: {known:.3f}")
-    chance = 1 / (1 + np.exp(-table["log_bayes_factor"]))
-    bins = pd.cut(chance, [0, 0.1, 0.3, 0.5, 0.7, 0.9, 1])
-    differ = table["distance"] > 0
     if args.spreads == "prior":
         typical = np.exp(SCALE.spread_prior[0]).mean()
         print(inside.groupby(table["spread"] > typical).agg(["size", "sum"]).to_string())
+        return  # these groups all differ, by their spreads
+    chance = 1 / (1 + np.exp(-table["log_bayes_factor"]))
+    bins = pd.cut(chance, [0, 0.1, 0.3, 0.5, 0.7, 0.9, 1])
+    differ = table["distance"] > 0
     print("\nProbability of a difference, and the share of studies that have one")
     found = pd.DataFrame({"stated": chance, "true": differ}).groupby(bins, observed=True)
     print(
