@@ -59,11 +59,11 @@ known = {
     "C1": ph.select(data, specimen=["S1", "S2"]),
     "C2": ph.select(data, specimen=["S4", "S5"]),
 }
-learned = ph.fit_classes(
-    ph.Ogden(), known, noise_sd=3 * ph.mmHg, slope_weight=0, variability="specimen", **SAMPLING
-)
-new = ph.select(data, specimen="S3")
-answer = ph.classify(new, learned, by="specimen", random_seed=1, progressbar=False)
+# As in the ten lines above the pictures, whose numbers these are.
+settings = {"noise_sd": 3 * ph.mmHg, "variability": "specimen"}
+seed = {"random_seed": 1, "progressbar": False}
+learned = ph.fit_classes(ph.Ogden(), known, **settings, **seed)
+answer = ph.classify(ph.select(data, specimen="S3"), learned, by="specimen", **seed)
 ax = axes("", "probability")
 chance = answer["class_probability"].squeeze().to_series()
 bars = ax.bar(chance.index, chance, color=["C0", "C1"], alpha=0.7, width=0.5)
