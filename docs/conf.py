@@ -121,7 +121,7 @@ ZOO = """# The zoo of strain energies
 These laws come with the package. Each name in the first table leads to the law's equation and
 source. All of them give pressure, stiffness, axial force, models, evidence and classification. How
 their stresses are computed is part of the [theory](theory/laws.md). A law that is not
-here takes [ten lines](guides/own_law.md).
+here takes [a dozen lines](guides/own_law.md).
 
 ```{{eval-rst}}
 .. currentmodule:: pymc_hyperelastic

@@ -433,7 +433,7 @@ points.csv: UTF-8, separated by commas, decimal points, 4 rows
 specimens.csv: UTF-8, separated by semicolons, decimal commas, 3 rows
   'id' is specimen: 3 labels
   'animal' is animal: 3 labels
-  half of 'unloaded outer diameter [mm]' is outer_radius in mm: 0.88 to 0.91
+  half of 'unloaded outer diameter [mm]' is outer_radius in mm: 0.44 to 0.455
   'wall_volume (mm³)' is wall_volume in mm³: 0.45 to 0.5
   'length [mm]' is length in mm: 2.9 to 3.1
   'thickness_sd_um' is thickness_sd in um (1 um is 0.001 mm): 6 to 6.5

@@ -110,7 +110,7 @@ def read_tests(
     curves.csv: UTF-8, separated by semicolons, decimal commas, 2 rows
       'Probe' is specimen: 1 label
       'test' is experiment: 1 label
-      half of 'inner diameter / µm' is radius in µm (1 µm is 0.001 mm): 812.5 to 960
+      half of 'inner diameter / µm' is radius in µm (1 µm is 0.001 mm): 406.25 to 480
       'P (mmHg)' is pressure in mmHg (1 mmHg is 0.133322 kPa): 10 to 60
     the same in all rows of all files: inner_radius 0.4 mm, outer_radius 0.52 mm
     together: 1 specimen, 1 experiment, 2 points

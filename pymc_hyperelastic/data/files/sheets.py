@@ -183,7 +183,7 @@ def _number_in_words(column: Column, unit: Unit | None, numbers: NDArray[np.floa
         if unit.factor != 1:
             one = f"{unit.factor:.6g} {internal_unit(unit.kind)}".strip()
             words += f" (1 {unit.spelling} is {one})"
-    known = numbers[np.isfinite(numbers)]
+    known = column.scale * numbers[np.isfinite(numbers)]
     if known.size:
         ends = dict.fromkeys(f"{end:.6g}" for end in (known.min(), known.max()))
         words += f": {' to '.join(ends)}"
