@@ -61,6 +61,10 @@ numpydoc_show_class_members = False
 # Names in types of parameters lead to their pages. Those of other packages, and where these pages
 # are, stand in a table: no build needs the network for it.
 LINKS = tomllib.loads(Path(__file__).with_name("links.toml").read_text(encoding="utf-8"))
+# What stored figures show, for those who do not see them.
+STORED_ALT = tomllib.loads(
+    Path(__file__).with_name("stored_figures.toml").read_text(encoding="utf-8")
+)
 numpydoc_xref_param_type = True
 numpydoc_xref_ignore = "all"  # but these
 numpydoc_xref_aliases = {name: f":py:obj:`{name}`" for name in LINKS} | {
@@ -226,10 +230,9 @@ def show_stored(app, page, source) -> None:
         ]
         lines += [f"   {line}" for line in printed] + [""]
         for figure in sorted(stored.glob("*.png")):
-            name = figure.stem.replace("_", " ")
             lines += [
                 f".. image:: /stored/{stored.name}/{figure.name}",
-                f"   :alt: Figure {name}.",
+                f"   :alt: {STORED_ALT[stored.name][figure.stem]}",
                 "",
             ]
         text, end, rest = source[0].rpartition("\n.. _sphx_glr_download_")

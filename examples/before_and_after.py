@@ -17,9 +17,10 @@ known far less. A comparison is one of materials, in one tube: if elastase chang
 thickness, that is not part of it. A specimen that was mounted again after the treatment was
 measured twice in every respect, so that differences of set-up are part of the change.
 
-**What was found.** Axial stress, axial stiffness and stored energy fell in most animals; nothing
-around the tube changed. No 95 % interval leaves out zero, and the Bayes factor of "different" over
-"the same" is 1: eight animals leave it open. As if the animals were others, intervals are wider.
+**What was found.** Axial stress, axial stiffness and stored energy fell in most animals; around
+the tube no change was seen, though one of a quarter or more is not excluded. No 95 % interval
+leaves out zero, and the Bayes factor of "different" over "the same" is 1: eight animals leave it
+open. As if the animals were others, intervals are wider.
 
 The measurements are those of A. R. Akintunde et al., Journal of Biomechanical Engineering 141
 (2019) 021011. They are not part of this package. They are read by :download:`murine_tables.py`,

@@ -6,7 +6,7 @@ From the table of a laboratory to a report in three steps: read it, fit a class 
 write what new specimens are. The file that comes with this example, :download:`curves.csv`, has to
 lie beside it and holds the **simulated** sheep aortas. Name your own in its place. Units stand in
 the names of its columns, and a column ``split`` says which rows teach the classes and which are
-new.
+new. Here the new ones are further experiments on the specimens that taught, as a warning says.
 
 The command ``pymc-hyperelastic`` does the same without Python, and takes more options::
 
@@ -45,7 +45,8 @@ result = ph.classify(new, classes, by="specimen", none_below=0.05, random_seed=1
 print(result[["class_probability", "p_value", "decision"]].to_dataframe())
 
 # %%
-# The same in a figure, with the limit below which a specimen is like none of the classes.
+# The same in a figure, with the limit of the p-values (diamonds): where all are below it, a
+# specimen is like none of the classes.
 figure = ph.plot_class_probability(result, none_below=0.05)
 
 # %%

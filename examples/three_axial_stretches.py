@@ -11,8 +11,9 @@ at the one between is predicted.
 measured, on the same specimen: an error says how well a law couples the two directions, not how
 well it speaks of another animal. The two states of an animal are not independent of each other.
 All points of a curve err alike where a law misses its axial stretch, which the likelihood takes for
-chance: the intervals of the two laws with directions are too narrow, and only those of Ogden's
-solid, which fits worst, are wide. And no law follows a tube whose middle curve lies outside the
+chance: over all specimens the intervals of the two laws with directions are too narrow; those of
+Ogden's solid, which fits worst on the whole, are wide, and so are theirs on tubes that they cannot
+follow (elastase4, elastase7). And no law follows a tube whose middle curve lies outside the
 other two, or which widens as it is stretched; some of these do.
 The comparison needs no material at all: at the same pressure, the diameter between those of the
 other two curves.

@@ -74,7 +74,7 @@ data = ph.inflation_data(
 # Slopes play no part: the points left out would be missed in them.
 #
 # Laws have their default priors but for the fibres' stiffening. It multiplies the fourth power of
-# stretches that exceed 2 here: beyond 5 there is nothing to find.
+# stretches that exceed 2 in the control: beyond 5 there is nothing to find.
 LAWS = {
     ph.PowerLawNeoHookean(): {},
     ph.Ogden(): {},

@@ -52,3 +52,5 @@ def test_an_example_that_is_not_run_has_a_picture(kept):
     text = (ROOT / "examples" / f"{kept.name}.py").read_text(encoding="utf-8")
     (picture,) = re.findall(r'^# sphinx_gallery_thumbnail_path = "(.*)"$', text, re.MULTILINE)
     assert (ROOT / "docs" / picture).parent == kept and (ROOT / "docs" / picture).exists()
+    said = tomllib.loads((ROOT / "docs" / "stored_figures.toml").read_text(encoding="utf-8"))
+    assert set(said[kept.name]) == {figure.stem for figure in kept.glob("*.png")}
