@@ -63,7 +63,8 @@ def show_fits(found: Found, page: Page) -> list[Block]:
     trees = by_name(found)
     if not all(map(has_data, trees.values())):
         return [Text("The result holds no data beside which its curves could be shown.")]
-    whose = "the typical specimen" if _differ(trees) else "all specimens together"
+    material = "the typical material in the tube of each specimen"
+    whose = material if _differ(trees) else "all specimens together"
     held = f"median and {100 * PROB:.3g} % of the posterior of {whose}, without error"
     blocks = page.figure(
         plot_pressure_fit,
