@@ -44,6 +44,10 @@ DISTANCES = [0.0, 0.5, 0.0, 1.0]
 SCALE = NaturalScale(LAW)
 
 
+class BearsNothingError(ValueError):
+    """A tube that cannot be inflated."""
+
+
 def tree_of(x: np.ndarray) -> xr.DataTree:
     """Materials (coordinate, draw) in place of a posterior."""
     values = {n: (("chain", "draw"), v[None]) for n, v in SCALE.numbers([*x]).items()}
@@ -105,7 +109,7 @@ def inflated(material: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             radius = np.full(len(pressure), np.nan)
         if np.isfinite(radius).sum() >= FEWEST:
             return radius, pressure
-    raise ValueError(f"a tube of {material} bears no pressure")
+    raise BearsNothingError(f"a tube of {material} bears no pressure")
 
 
 def specimens(
@@ -192,7 +196,7 @@ def main() -> None:
             warnings.filterwarnings("ignore", message=".*(lack|no log compliance|reach)")
             try:
                 row = study(number)
-            except ValueError as error:  # one of its specimens cannot be inflated
+            except BearsNothingError as error:
                 print(f"{number} is left out: {error}")
                 row = {"study": number}
         known = pd.concat([known, pd.DataFrame([row])], ignore_index=True)
