@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.evidence.importance import Integral
 from pymc_hyperelastic.evidence.search import width_of
 from pymc_hyperelastic.evidence.target import Rise, Slope, Target, by_differences, differences
 
@@ -14,6 +15,10 @@ Array = NDArray[np.float64]
 
 # Draws by which it is known how wide the prior is.
 _DRAWS = 1000
+# Draws of the prior by which quicker functions are tried. They may be wrong by this fraction of how
+# deep a draw lies below the highest, and one, in nats; so deep all are alike. Of what is found they
+# may differ by the last number.
+_TRIED, _LARGEST_WRONG, _DEEP, _LARGEST_DIFFERENCE = 400, 0.1, 300.0, 0.003
 
 
 class SpecimenTarget(Target):
@@ -93,6 +98,27 @@ class SpecimenTarget(Target):
     def prior_width(self) -> Array:
         """How wide the prior of the model is, by variable."""
         return width_of(self.draw_prior(_DRAWS, np.random.default_rng(1)))
+
+    def at_best(
+        self, quick: "SpecimenTarget | None", take: Callable[[Target], Integral]
+    ) -> Integral:
+        """An integral of a quicker target, if that is right where there is mass; else of this one.
+
+        It is right if all particles that were found have the same likelihood by both.
+        """
+        if quick is not None and self._is_like(quick):
+            found = take(quick)
+            by_both = [of.score(found.particles)[1] for of in (self, quick)]
+            if np.abs(np.subtract(*by_both)).max() < _LARGEST_DIFFERENCE:
+                return found
+        return take(self)
+
+    def _is_like(self, quick: "SpecimenTarget") -> bool:
+        """Whether draws of the prior have about the same likelihood by a quicker target."""
+        tried = self.draw_prior(_TRIED, np.random.default_rng(2))
+        exact, found = (of.score(tried)[1] for of in (self, quick))
+        depth, by_quick = (np.minimum(exact.max() - x, _DEEP) for x in (exact, found))
+        return bool(np.all(np.abs(by_quick - depth) < _LARGEST_WRONG * (1 + depth)))
 
     def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
         """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""

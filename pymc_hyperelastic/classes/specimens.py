@@ -60,6 +60,8 @@ PARTICLES = 2000
 _KEPT = 0.25
 # Particles whose curves are looked at, and how often these are made right.
 _MATERIALS, _MOST_TRIES = 16, 4
+# Draws of the prior whose curves those of few nodes are made for.
+_LEARNED_FROM = 600
 # Specimens far from what priors expect whose curves are kept.
 _REMEMBERED = 16
 # Spreads of the reference distribution, in medians of a class's.
@@ -128,7 +130,7 @@ class SpecimenSampler:
         """Sample the specimen of these data."""
 
         def take(sampler: SpecimenSampler) -> Integral:
-            return integrate(sampler.target(data), PARTICLES, rng)
+            return sampler._integral(data, None, lambda of: integrate(of, PARTICLES, rng))
 
         sampler, found = self._by_right_curves(data, take)
         draws = sampler._with_misfit(data, self.draws_at(found.particles))
@@ -169,8 +171,10 @@ class SpecimenSampler:
         mixture = GaussianMixture.fit(draws.points, components, rng)
 
         def take(sampler: SpecimenSampler) -> Integral:
-            target = sampler.target(data, log_prior)
-            return by_importance(target.score, mixture, PARTICLES, rng, draw_prior)
+            def of_target(target: Target) -> Integral:
+                return by_importance(target.score, mixture, PARTICLES, rng, draw_prior)
+
+            return sampler._integral(data, log_prior, of_target)
 
         sampler, found = self._by_right_curves(data, take)
         if not found.known:
@@ -230,6 +234,30 @@ class SpecimenSampler:
         of_tests, log_sigma, deviations = np.split(points, ends[:-1], axis=1)
         of_tests = of_tests.reshape(len(points), len(self.scale.names), -1)
         return np.moveaxis(of_tests, 1, 0), log_sigma, deviations
+
+    def _integral(
+        self,
+        data: xr.Dataset,
+        log_prior: Callable[[Array], Array] | None,
+        take: Callable[[Target], Integral],
+    ) -> Integral:
+        """An integral over what the specimen of these data may be, under such a prior.
+
+        Where curves have many nodes it is taken by those of a few, as long as these are right.
+        """
+        target, quick = self.target(data, log_prior), None
+        model = self._model_for(data)
+        functions = model.log_likelihood, model.misfits
+
+        def draw() -> dict[str, Array]:
+            points = target.draw_prior(_LEARNED_FROM, np.random.default_rng(1))
+            return self._parameters(points)
+
+        values = model.forward.nearby(draw, {v for f in functions for v in f.shared})
+        if values:
+            fewer = [f.with_values(values) for f in functions]
+            quick = SpecimenTarget(target.whole, target.places, target.log_prior, *fewer)
+        return target.at_best(quick, take)
 
     def target(
         self, data: xr.Dataset, log_prior: Callable[[Array], Array] | None = None

@@ -1,8 +1,8 @@
 """Functions of a model's variables for many points at once: compiled soon, and only once."""
 
 import tracemalloc
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -101,6 +101,14 @@ class BatchedFunction:
                 for start in range(0, len(particles), at_once)
             ]
         return [np.concatenate(outputs) for outputs in zip(*parts, strict=True)]
+
+    def with_values(self, values: Mapping[SharedVariable, Array]) -> "BatchedFunction":
+        """The same function of other values of some of what it shares."""
+        shared = tuple(
+            pytensor.shared(values[v], name=v.name, shape=v.type.shape) if v in values else v
+            for v in self.shared
+        )
+        return replace(self, shared=shared)
 
     @property
     def at_once(self) -> int:

@@ -15,6 +15,7 @@ Computing 38 (2016) A631.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -51,6 +52,11 @@ TOLERANCE, _VISIBLE, _FEW, _ALL = 1e-9, 1e-3, 1 / 200, 1e-7
 _MOST_ROUNDS = 4
 _EVENLY = 2
 _LARGEST = 1e100
+# The same of materials that are alike, to whose curves it is what they may err. Responses that are
+# so many times the median's are those of none like it.
+_INDEPENDENT_NEAR, _FAR_LARGER = 1e-8, 1e3
+# Walls of which nodes are kept.
+_REMEMBERED = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +78,14 @@ class EmpiricalNodes:
 
     def interpolation(self, tubes: KnownTubes, group: Group) -> "EmpiricalInterpolation":
         """Nodes in the walls of the group."""
-        places = _places(tubes, group, _MOST_PLACES)
-        snapshots = self.responses(*places)[0]
+        log_hoop, log_axial = _places(tubes, group, _MOST_PLACES)
+        return self._at_places(log_hoop.tobytes(), log_axial.tobytes())
+
+    # Curves are asked for, and then how right they are.
+    @lru_cache(maxsize=_REMEMBERED)
+    def _at_places(self, log_hoop: bytes, log_axial: bytes) -> "EmpiricalInterpolation":
+        places = np.frombuffer(log_hoop), np.frombuffer(log_axial)
+        (snapshots,) = self._responses(*places)
         scale = np.abs(snapshots).max(axis=1, keepdims=True)
         known = (scale[:, 0] < _LARGEST) & (scale[:, 0] > 0)
         snapshots, scale = snapshots[known], scale[known]
@@ -92,16 +104,21 @@ class EmpiricalNodes:
 
     def responses(self, log_hoop: Array, log_axial: Array) -> tuple[Array, Array]:
         """All snapshots (snapshot, place), and their slopes by ``ln λθ``."""
+        values, slopes = self._responses(log_hoop, log_axial, slope=True)
+        return values, slopes
+
+    def _responses(self, log_hoop: Array, log_axial: Array, slope: bool = False) -> list[Array]:
+        """Snapshots and, if these are asked for, their slopes."""
         parts = [
-            response_function(self.energy, force, slope=True)(
+            response_function(self.energy, force, slope)(
                 log_hoop[None], log_axial[None], *_columns(materials)
             )
             for force, materials in ((False, self.of_stress), (True, self.of_force))
             if len(materials[0])
         ]
-        values, slopes = (np.concatenate(of_parts) for of_parts in zip(*parts, strict=True))
+        joined = [np.concatenate(of_parts) for of_parts in zip(*parts, strict=True)]
         # Fibres without a modulus bear nothing, also where their exponential overflows.
-        return np.where(np.isnan(values), 0.0, values), np.where(np.isnan(slopes), 0.0, slopes)
+        return [np.where(np.isnan(values), 0.0, values) for values in joined]
 
 
 class EmpiricalInterpolation(NamedTuple):
@@ -138,6 +155,50 @@ class EmpiricalInterpolation(NamedTuple):
 
         values, slopes = map(by_nodes, both)
         return values, slopes
+
+
+def fewer_nodes(
+    energy: StrainEnergy, places: tuple[Array, Array], materials: Materials, *, with_force: bool
+) -> tuple[NDArray[np.intp], Array]:
+    r"""Some of the places by whose responses those at all of them are known, of some materials.
+
+    Of materials that are alike far fewer responses are independent than of all that a law has.
+
+    Parameters
+    ----------
+    energy : StrainEnergy
+        The law.
+    places : tuple of array, shape (place)
+        ``ln λθ`` and ``ln λz``.
+    materials : sequence of array, shape (material)
+        Their entries, in the order of the law. Those whose responses are far larger than most are
+        not learned from.
+    with_force : bool
+        Whether the response of the axial force is to be known, too.
+
+    Returns
+    -------
+    nodes : array of int, shape (node)
+        Which of the places are nodes.
+    weights : array, shape (node, place)
+        :math:`D` by which :math:`g(x) = \sum_k g_k D_k(x)`.
+    """
+    kinds = (False, True) if with_force else (False,)
+    columns = _columns(materials)
+    with np.errstate(all="ignore"):
+        of_kinds = [
+            response_function(energy, force)(places[0][None], places[1][None], *columns)[0]
+            for force in kinds
+        ]
+        size = np.max([np.abs(response).max(axis=1) for response in of_kinds], axis=0)
+        known = (size > 0) & (size < _FAR_LARGER * np.nanmedian(size))
+    responses = np.concatenate([r[known] / size[known, None] for r in of_kinds])
+    triangle, pivots = qr(responses, mode="r", pivoting=True)
+    left = np.abs(np.diag(triangle))
+    count = int(np.sum(left > _INDEPENDENT_NEAR * left[0]))
+    weights = np.empty((count, len(pivots)))
+    weights[:, pivots] = solve_triangular(triangle[:count, :count], triangle[:count])
+    return pivots[:count], weights
 
 
 def empirical_nodes(

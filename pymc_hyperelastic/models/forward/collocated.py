@@ -17,7 +17,7 @@ from pymc_hyperelastic.mechanics.collocation import (
     collocate,
     curve_matrices,
 )
-from pymc_hyperelastic.mechanics.empirical import EmpiricalNodes
+from pymc_hyperelastic.mechanics.empirical import EmpiricalNodes, fewer_nodes
 from pymc_hyperelastic.mechanics.interpolation import (
     Basis,
     Group,
@@ -223,6 +223,34 @@ class Collocated:
             return {"mapped": self._pressure(part, *matrices, wall, entries)[0]}
 
         return self._at_points(inputs, wall, of_groups)["mapped"]
+
+    def nearby_arrays(
+        self, arrays: Arrays, energy: StrainEnergy, materials: Sequence[Array]
+    ) -> Arrays:
+        """Arrays of fewer nodes in place of some of these, right for materials like the given."""
+        nearby: Arrays = {}
+        for prefix in (_EXTENSION, ""):
+            part = {n.removeprefix(prefix): v for n, v in arrays.items() if n.startswith(prefix)}
+            arrays = {n: v for n, v in arrays.items() if not n.startswith(prefix)}
+            if "log_hoop" in part:
+                fewer = self._fewer(part, energy, materials)
+                nearby |= {prefix + name: array for name, array in fewer.items()}
+        return nearby
+
+    def _fewer(self, part: Arrays, energy: StrainEnergy, materials: Sequence[Array]) -> Arrays:
+        """Responses at fewer nodes, and matrices of these."""
+        places = part["log_hoop"], part["log_axial"]
+        fewer = [
+            fewer_nodes(energy, (hoop, axial), materials, with_force=self.with_force)
+            for hoop, axial in zip(*places, strict=True)
+        ]
+        # Groups are padded to the same number, by their first node.
+        most = max(len(nodes) for nodes, _ in fewer)
+        chosen = np.array([np.pad(n, (0, most - len(n)), constant_values=n[0]) for n, _ in fewer])
+        weights = np.array([np.pad(d, [(0, most - len(d)), (0, 0)]) for _, d in fewer])
+        matrices = {n: v @ weights.mT for n, v in part.items() if n.endswith("_matrix")}
+        hoop, axial = (np.take_along_axis(x, chosen, axis=1) for x in places)
+        return matrices | {"log_hoop": hoop, "log_axial": axial}
 
     def _at_points(
         self,

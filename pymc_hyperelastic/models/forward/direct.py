@@ -173,8 +173,11 @@ class ByPoints(ABC):
         """Conditions of there being such a tube, where it depends on what is unknown."""
 
     def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
-        """Arrays by which data and targets, NaN where there are none, enter :meth:`differences`."""
-        arrays = self.curve_arrays(data)
+        """Arrays by which targets, NaN where there are none, enter :meth:`differences`.
+
+        Beside those of the curves.
+        """
+        arrays: Arrays = {}
         for name, target in targets.items():
             rows = np.flatnonzero(np.isfinite(target))
             if name == "force_sum":
@@ -197,12 +200,12 @@ class ByPoints(ABC):
         return response, self.conditions(inputs, wall)
 
     def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
-        """Arrays by which the data, and a linear map of each test, enter :meth:`mapped`."""
+        """Arrays by which a linear map of each test enters :meth:`mapped`, beside the curves'."""
         identity = identity_of_tests(data)
         zero = np.zeros_like(identity)
         of_pressure = block_arrays(data, linear(identity, zero))
         of_slope = block_arrays(data, linear(zero, identity))
-        return self.curve_arrays(data) | {
+        return {
             "of_pressure": of_pressure.pop("blocks"),
             "of_slope": of_slope.pop("blocks"),
             **of_slope,

@@ -1,6 +1,6 @@
 """The forward model of a tube."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence, Set
 from copy import copy
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -25,7 +25,7 @@ from pymc_hyperelastic.mechanics.interpolation import MOST_NODES
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.forward.collocated import Collocated
-from pymc_hyperelastic.models.forward.direct import Direct, WallVariables
+from pymc_hyperelastic.models.forward.direct import ByPoints, Direct, WallVariables
 from pymc_hyperelastic.models.forward.rules import (
     HIGHEST_ORDER,
     Mode,
@@ -41,6 +41,8 @@ Arrays = dict[str, NDArray]
 
 # kPa², or (kPa/mm)²: far beyond any tube; what is made of smaller numbers does not overflow.
 _LARGEST_MISFIT = np.float64(1e60)
+# Nodes of a specimen with which it pays to find few that are right for materials like some.
+_MANY_NODES = 100
 # Radii of a test at which a pressure is seen to rise.
 _RADII_BETWEEN = 20
 
@@ -136,6 +138,28 @@ class ForwardModel:
             other.way = replace(other.way, order=HIGHEST_ORDER)
         other._known, other._shared = known, {}
         return other
+
+    def nearby(
+        self, draw: Callable[[], Mapping[str, Any]], variables: Set[SharedVariable]
+    ) -> dict[SharedVariable, NDArray]:
+        """Values of some of the shared variables that are right for materials like drawn ones.
+
+        By these, whatever is made of pressures and forces takes less time; slopes may be NaN. There
+        are none where curves have few nodes already.
+        """
+        if isinstance(self.way, Direct) or not isinstance(self._wall, StrainEnergy):
+            return {}
+        materials: Sequence[Array] | None = None
+        values: dict[SharedVariable, NDArray] = {}
+        for _, inputs in self._shared.values():
+            arrays = {name: v.get_value(borrow=True) for name, v in inputs.items()}
+            nodes = sum(v.size for name, v in arrays.items() if name.endswith("log_hoop"))
+            if nodes < _MANY_NODES or variables.isdisjoint(inputs.values()):
+                continue
+            materials = materials or self._wall.split(draw())
+            nearby = self.way.nearby_arrays(arrays, self._wall, materials)
+            values |= {inputs[name]: array for name, array in nearby.items()}
+        return values
 
     def by_matrices(self) -> "ForwardModel | None":
         """The same by constant matrices, of as many stretches as there may be; None if none can be.
@@ -265,7 +289,7 @@ class SymbolicTube(NamedTuple):
         ``"force_sum"``, the forces once more, their differences are added up test by test as well.
         """
         way = self.forward.way
-        inputs = self.forward.share(
+        inputs = self._inputs(
             ("misfits", key), lambda data: way.misfit_arrays(data, targets_of(data))
         )
         differences, conditions = way.differences(inputs, self.wall, self.forward.error_in)
@@ -289,10 +313,16 @@ class SymbolicTube(NamedTuple):
         mixes no two tests. Its `key` tells it from other maps of the same data.
         """
         way = self.forward.way
-        inputs = self.forward.share(
+        inputs = self._inputs(
             ("mapped", key), lambda data: way.mapped_arrays(data, linear_of(data))
         )
         return way.mapped(inputs, self.wall)
+
+    def _inputs(self, key: Hashable, arrays_of: Callable[[xr.Dataset], Arrays]) -> dict[str, Any]:
+        """Shared variables of a misfit or a map, with those of curves where it is made of these."""
+        way, own = self.forward.way, self.forward.share(key, arrays_of)
+        by_points = isinstance(way, ByPoints)
+        return self.forward.share("curves", way.curve_arrays) | own if by_points else own
 
 
 def _shared_variable(value: NDArray, name: str) -> Variable:

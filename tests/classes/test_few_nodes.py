@@ -1,0 +1,164 @@
+"""Specimens by curves of few nodes, right for materials like those of the prior, against all."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from tiers import tiers
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.specimens import SpecimenSampler
+from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.evidence.importance import Integral
+from pymc_hyperelastic.models.forward.divided import Divided
+
+SEED = 20261127  # any would do
+# Nats: what may be added to the error of an evidence; this fraction of how deep a draw lies below
+# the highest; and how deep it is no longer looked at.
+TOLERANCE, OF_DEPTH, DEEP = 0.003, 1e-4, 3000.0
+# About the middle of the first coordinate of the draws that are like the data.
+MIDDLE = -2.2
+NOISE = {"noise_sd": 1.0, "force_noise_sd": 2.0, "force_offset_sd": 3.0}
+
+
+def protocols(growth=1.0):
+    """Three inflation tests and two extension tests on an aorta.
+
+    Of a small `growth` a part of the walls is shorter around the tube than unloaded.
+    """
+    tests = [
+        {"radius": growth * np.linspace(0.47, 0.62, 8), "stretch": stretch}
+        for stretch in (1.4, 1.5, 1.6)
+    ]
+    stretch = np.linspace(1.4, 1.6, 8)
+    for radius in (0.5, 0.6):
+        tests.append({"radius": growth * radius - 0.1 * (stretch - 1.4), "stretch": stretch})
+    frame = pd.concat([pd.DataFrame(t).assign(experiment=i) for i, t in enumerate(tests)])
+    frame = frame.assign(specimen="A")
+    frame["pressure"] = 60 * (frame["radius"] / growth - 0.4)
+    frame["axial_force"] = 30 * (frame["stretch"] - 1.2)
+    tube = {"inner_radius": 0.45, "outer_radius": 0.57}
+    return ph.inflation_data(frame, axial_stretch="stretch", check="ignore", **tube)
+
+
+def sampler_of(energy, data, **settings):
+    return Variability.of_settings(energy, **NOISE | settings).sampler(data)
+
+
+def quick_of(sampler, data, monkeypatch):
+    """Target of few nodes, if there is one, and that of all."""
+    found = {}
+
+    def instead(target, quick, take):
+        found["both"] = quick, target
+
+    owner = "pymc_hyperelastic.classes.specimen_target.SpecimenTarget.at_best"
+    with monkeypatch.context() as patched:
+        patched.setattr(owner, instead)
+        sampler._integral(data, None, None)
+    return found["both"]
+
+
+def nodes_of(target, way):
+    """Nodes of a likelihood, those of quadrature of slack parts included."""
+    shared = {v.name: v.get_value() for v in target._score.shared}
+    count = sum(value.size for name, value in shared.items() if name.endswith("log_hoop"))
+    slack = np.sum(shared.get("slack_outer_radius", 0) > shared.get("slack_inner_radius", 0))
+    return count + slack * (way.slack.order if isinstance(way, Divided) else 0)
+
+
+CASES = [
+    ("taut", ph.HolzapfelGasserOgden(), 1.1, {}),
+    ("slack", ph.FourFiber(), 0.93, {}),
+    ("experiments differ", ph.FourFiber(hoop_fibres=False), 1.1, {"experiment_effect": True}),
+    ("slack, experiments differ", ph.FourFiber(), 0.93, {"experiment_effect": True}),
+]
+
+
+@pytest.mark.parametrize(
+    ("energy", "growth", "settings"),
+    tiers([case[1:] for case in CASES], lambda case: case[0].name == "HolzapfelGasserOgden"),
+    ids=[name for name, *_ in CASES],
+)
+def test_few_nodes_say_what_all_of_them_say(energy, growth, settings, monkeypatch):
+    """Likelihoods and errors of draws of the prior that none of the nodes was found by."""
+    data = protocols(growth)
+    sampler = sampler_of(energy, data, **settings)
+    quick, target = quick_of(sampler, data, monkeypatch)
+    assert isinstance(sampler.forward.way, Divided) == (growth < 1)
+    nodes = [nodes_of(of, sampler.forward.way) for of in (quick, target)]
+    tests = data.sizes["test"] if settings else 1
+    assert 5 * tests < nodes[0] < nodes[1]
+    points = target.draw_prior(2000, np.random.default_rng(SEED))
+    exact, found = (of.score(points)[1] for of in (target, quick))
+    near = exact > exact.max() - DEEP
+    assert near.sum() > 100
+    allowed = TOLERANCE + OF_DEPTH * (exact.max() - exact[near])
+    assert np.all(np.abs(found[near] - exact[near]) < allowed)
+    of_misfits = [of.misfits(of.particles(points[near])) for of in (target, quick)]
+    squares = [np.square(errors).sum(axis=1) / 2 for _, errors in of_misfits]
+    assert np.all(np.abs(np.subtract(*squares)) < allowed)
+
+
+@pytest.fixture(scope="module")
+def taut():
+    data = protocols(1.1)
+    return sampler_of(ph.HolzapfelGasserOgden(), data), data
+
+
+def taken(target, quick, found):
+    """Of which targets an integral is taken."""
+    of = []
+
+    def take(one):
+        of.append(one)
+        return Integral(Estimate(0.0, 0.0), 0.0, "importance", found)
+
+    target.at_best(quick, take)
+    return of
+
+
+@pytest.mark.parametrize(
+    ("wrong", "integrals"),
+    [
+        (lambda points, height: height, 1),
+        (lambda points, height: height + 0.01, 2),  # of what is found
+        (lambda points, height: height - 40 * (points[:, 0] > MIDDLE), 2),  # of a half
+        (lambda points, height: np.full_like(height, np.nan), 2),
+    ],
+    ids=["right", "a little", "a part", "no number"],
+)
+def test_a_quicker_target_counts_if_it_is_right(wrong, integrals, taut, monkeypatch):
+    """By what was found, and by draws of the prior; else all is done by the exact one."""
+    sampler, data = taut
+    quick, target = quick_of(sampler, data, monkeypatch)
+    score = quick.score
+    quick.score = lambda points: (score(points)[0], wrong(points, score(points)[1]))
+    points = target.draw_prior(4000, np.random.default_rng(SEED))
+    points = points[np.argsort(-target.score(points)[1])]
+    best = points[points[:, 0] < MIDDLE][:20]
+    of = taken(target, quick, best)
+    assert of[-1] is (quick if integrals == 1 else target)
+    assert of[0] is quick or len(of) == 1
+
+
+@pytest.mark.deep
+def test_slopes_are_scored_by_all_nodes(monkeypatch):
+    """Of slack parts they are not known by a few."""
+    data = protocols(0.93)
+    sampler = sampler_of(ph.HolzapfelGasserOgden(), data, slope_weight=0.1)
+    quick, target = quick_of(sampler, data, monkeypatch)
+    points = target.draw_prior(10, np.random.default_rng(SEED))
+    if quick is not None:
+        assert taken(target, quick, points) == [target]
+
+
+def test_few_nodes_are_not_looked_for_where_there_are_few(monkeypatch):
+    """Of a law whose curves have a handful, nothing is drawn."""
+    data = ph.select(protocols(1.1), experiment=[0])
+    sampler = sampler_of(ph.Ogden(), data)
+    assert isinstance(sampler, SpecimenSampler)
+    quick, _ = quick_of(sampler, data, monkeypatch)
+    assert quick is None
+    # What slopes there are in the model of a specimen does not matter.
+    assert not sampler._model_for(data).forward.nearby(lambda: pytest.fail("drawn"), set())
