@@ -227,14 +227,18 @@ class Collocated:
     def nearby_arrays(
         self, arrays: Arrays, energy: StrainEnergy, materials: Sequence[Array]
     ) -> Arrays:
-        """Arrays of fewer nodes in place of some of these, right for materials like the given."""
+        """Arrays of few nodes in place of some of these, right for materials like the given.
+
+        None if they are more than half as many.
+        """
         nearby: Arrays = {}
         for prefix in (_EXTENSION, ""):
             part = {n.removeprefix(prefix): v for n, v in arrays.items() if n.startswith(prefix)}
             arrays = {n: v for n, v in arrays.items() if not n.startswith(prefix)}
             if "log_hoop" in part:
                 fewer = self._fewer(part, energy, materials)
-                nearby |= {prefix + name: array for name, array in fewer.items()}
+                if 2 * fewer["log_hoop"].size <= part["log_hoop"].size:
+                    nearby |= {prefix + name: array for name, array in fewer.items()}
         return nearby
 
     def _fewer(self, part: Arrays, energy: StrainEnergy, materials: Sequence[Array]) -> Arrays:

@@ -72,6 +72,8 @@ class Divided(ByPoints):
         if not taut or not self.taut.empirical:
             return {}
         nearby = self.taut.nearby_arrays(self._whole(taut, slack), energy, materials)
+        if not nearby:
+            return {}
         # A slack part without thickness stands for all that there were.
         none = {name: slack[name][:1] for name in ("radius", *GEOMETRY, "share", "test", "points")}
         none["outer_radius"] = none["inner_radius"]
