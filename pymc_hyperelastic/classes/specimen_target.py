@@ -99,6 +99,7 @@ class SpecimenTarget(Target):
         """How wide the prior of the model is, by variable."""
         return width_of(self.draw_prior(_DRAWS, np.random.default_rng(1)))
 
+    @np.errstate(invalid="ignore")  # where no draw is possible nothing can be told
     def at_best(
         self, quick: "SpecimenTarget | None", take: Callable[[Target], Integral]
     ) -> Integral:

@@ -52,8 +52,8 @@ TOLERANCE, _VISIBLE, _FEW, _ALL = 1e-9, 1e-3, 1 / 200, 1e-7
 _MOST_ROUNDS = 4
 _EVENLY = 2
 _LARGEST = 1e100
-# The same of materials that are alike, to whose curves it is what they may err. Responses that are
-# so many times the median's are those of none like it.
+# What is left of the response of a material by few nodes, relative to its largest value, is what
+# curves may err by these. Materials whose responses are so many times the median's do not count.
 _INDEPENDENT_NEAR, _FAR_LARGER = 1e-8, 1e3
 # Walls of which nodes are kept.
 _REMEMBERED = 8
@@ -85,7 +85,7 @@ class EmpiricalNodes:
     @lru_cache(maxsize=_REMEMBERED)
     def _at_places(self, log_hoop: bytes, log_axial: bytes) -> "EmpiricalInterpolation":
         places = np.frombuffer(log_hoop), np.frombuffer(log_axial)
-        (snapshots,) = self._responses(*places)
+        (snapshots,) = self.responses(*places)
         scale = np.abs(snapshots).max(axis=1, keepdims=True)
         known = (scale[:, 0] < _LARGEST) & (scale[:, 0] > 0)
         snapshots, scale = snapshots[known], scale[known]
@@ -102,13 +102,8 @@ class EmpiricalNodes:
             triangle[:count, :count],
         )
 
-    def responses(self, log_hoop: Array, log_axial: Array) -> tuple[Array, Array]:
-        """All snapshots (snapshot, place), and their slopes by ``ln λθ``."""
-        values, slopes = self._responses(log_hoop, log_axial, slope=True)
-        return values, slopes
-
-    def _responses(self, log_hoop: Array, log_axial: Array, slope: bool = False) -> list[Array]:
-        """Snapshots and, if these are asked for, their slopes."""
+    def responses(self, log_hoop: Array, log_axial: Array, slope: bool = False) -> list[Array]:
+        """All snapshots (snapshot, place) and, if asked for, their slopes by ``ln λθ``."""
         parts = [
             response_function(self.energy, force, slope)(
                 log_hoop[None], log_axial[None], *_columns(materials)
@@ -144,7 +139,7 @@ class EmpiricalInterpolation(NamedTuple):
             np.where(there, x, known[0])
             for x, known in zip((wall.log_hoop, log_axial), self.places, strict=True)
         )
-        both = self.nodes.responses(log_hoop.ravel(), log_axial.ravel())
+        both = self.nodes.responses(log_hoop.ravel(), log_axial.ravel(), slope=True)
 
         def by_nodes(snapshots: Array) -> Moments:
             weights = solve_triangular(
@@ -162,7 +157,7 @@ def fewer_nodes(
 ) -> tuple[NDArray[np.intp], Array]:
     r"""Some of the places by whose responses those at all of them are known, of some materials.
 
-    Of materials that are alike far fewer responses are independent than of all that a law has.
+    Of the materials of a prior far fewer responses are independent than of all that a law has.
 
     Parameters
     ----------
@@ -191,7 +186,11 @@ def fewer_nodes(
             for force in kinds
         ]
         size = np.max([np.abs(response).max(axis=1) for response in of_kinds], axis=0)
-        known = (size > 0) & (size < _FAR_LARGER * np.nanmedian(size))
+        usual = np.nanmedian(size) if np.isfinite(size).any() else 0.0
+        known = (size > 0) & (size < _FAR_LARGER * usual)
+    if not known.any():
+        # Nothing is learned of responses that all overflow.
+        return np.arange(len(places[0])), np.eye(len(places[0]))
     responses = np.concatenate([r[known] / size[known, None] for r in of_kinds])
     triangle, pivots = qr(responses, mode="r", pivoting=True)
     left = np.abs(np.diag(triangle))

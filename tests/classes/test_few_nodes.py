@@ -10,6 +10,7 @@ from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral
+from pymc_hyperelastic.mechanics.empirical import fewer_nodes
 from pymc_hyperelastic.models.forward.divided import Divided
 
 SEED = 20261127  # any would do
@@ -118,16 +119,17 @@ def taken(target, quick, found):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "integrals"),
+    ("wrong", "tried"),
     [
-        (lambda points, height: height, 1),
-        (lambda points, height: height + 0.01, 2),  # of what is found
-        (lambda points, height: height - 40 * (points[:, 0] > MIDDLE), 2),  # of a half
-        (lambda points, height: np.full_like(height, np.nan), 2),
+        (lambda points, height: height, ["quick"]),
+        (lambda points, height: height + 0.01, ["quick", "exact"]),  # of what is found
+        (lambda points, height: height - 40 * (points[:, 0] > MIDDLE), ["exact"]),  # of a half
+        (lambda points, height: np.full_like(height, np.nan), ["exact"]),
+        (lambda points, height: np.full_like(height, -np.inf), ["exact"]),
     ],
-    ids=["right", "a little", "a part", "no number"],
+    ids=["right", "a little", "a part", "no number", "nothing"],
 )
-def test_a_quicker_target_counts_if_it_is_right(wrong, integrals, taut, monkeypatch):
+def test_a_quicker_target_counts_if_it_is_right(wrong, tried, taut, monkeypatch):
     """By what was found, and by draws of the prior; else all is done by the exact one."""
     sampler, data = taut
     quick, target = quick_of(sampler, data, monkeypatch)
@@ -136,9 +138,11 @@ def test_a_quicker_target_counts_if_it_is_right(wrong, integrals, taut, monkeypa
     points = target.draw_prior(4000, np.random.default_rng(SEED))
     points = points[np.argsort(-target.score(points)[1])]
     best = points[points[:, 0] < MIDDLE][:20]
-    of = taken(target, quick, best)
-    assert of[-1] is (quick if integrals == 1 else target)
-    assert of[0] is quick or len(of) == 1
+    names = {id(quick): "quick", id(target): "exact"}
+    assert [names[id(of)] for of in taken(target, quick, best)] == tried
+    # If nothing is possible by the exact one, nothing is known of the other, and no warning said.
+    target.score = lambda points: (score(points)[0], np.full(len(points), -np.inf))
+    assert taken(target, quick, best) == [target]
 
 
 @pytest.mark.deep
@@ -157,9 +161,8 @@ def test_slopes_are_scored_by_all_nodes(monkeypatch):
     data = protocols(0.93)
     sampler = sampler_of(ph.HolzapfelGasserOgden(), data, slope_weight=0.1)
     quick, target = quick_of(sampler, data, monkeypatch)
-    points = target.draw_prior(10, np.random.default_rng(SEED))
-    if quick is not None:
-        assert taken(target, quick, points) == [target]
+    assert not np.isfinite(quick.score(target.draw_prior(10, np.random.default_rng(SEED)))[1]).any()
+    assert taken(target, quick, None) == [target]
 
 
 def test_few_nodes_are_not_looked_for_where_there_are_few(monkeypatch):
@@ -169,5 +172,23 @@ def test_few_nodes_are_not_looked_for_where_there_are_few(monkeypatch):
     assert isinstance(sampler, SpecimenSampler)
     quick, _ = quick_of(sampler, data, monkeypatch)
     assert quick is None
-    # What slopes there are in the model of a specimen does not matter.
-    assert not sampler._model_for(data).forward.nearby(lambda: pytest.fail("drawn"), set())
+    forward, shared = sampler._model_for(data).forward, set(sampler.target(data)._score.shared)
+    assert not forward.nearby(lambda: pytest.fail("drawn"), shared)
+
+
+def test_of_responses_that_all_overflow_no_node_is_left_out():
+    """Nothing is learned of them; of others, even a few, it is."""
+    places = np.log([1.2, 1.3, 1.4]), np.log([1.5, 1.5, 1.6])
+    law, count = ph.HolzapfelGasserOgden(), 4
+
+    def nodes_of_materials(k2):
+        values = {"c": 10.0, "k1": 5.0, "k2": k2, "beta": 40.0}
+        entries = [np.full(count, v) for v in law.split(values)]
+        return fewer_nodes(law, places, entries, with_force=True)
+
+    nodes, weights = nodes_of_materials(1e6)
+    np.testing.assert_array_equal(nodes, [0, 1, 2])
+    np.testing.assert_array_equal(weights, np.eye(3))
+    nodes, weights = nodes_of_materials(0.4)
+    assert len(nodes) == 2  # one material has two responses
+    np.testing.assert_allclose(weights[:, nodes], np.eye(2), atol=1e-12)
