@@ -36,6 +36,9 @@ Array = NDArray[np.float64]
 # Draws that stand for a specimen in the model of its class, at first: its density, which is mostly
 # far wider than what a specimen's curves leave open, is averaged over them.
 _IN_CLASS = 256
+# A guide has so many times fewer, and so many at least: the evidence of a class of these differs
+# by a fraction of a nat from place to place, and particles mostly stay where it has led them.
+_GUIDE, _IN_GUIDE = 8, 64
 # Nats, of the standard error that these draws leave to a class's evidence. Below the first number
 # the densities of all draws are so alike that none is lacking; above the second so many are that
 # the class of which a specimen was taken was another one. Evidences of classes are compared, and
@@ -139,9 +142,8 @@ class _Fit:
     @cached_property
     def _guide(self) -> Target | None:
         """The class of few draws, whose slopes take a fraction of the time."""
-        if self.size <= _IN_CLASS:
-            return None
-        return self._kernel(_IN_CLASS, self.kernel.draws).target
+        few = max(self.size // _GUIDE, _IN_GUIDE)
+        return self._kernel(few, self.kernel.draws).target if few < self.size else None
 
     def variances(self, tree: xr.DataTree) -> dict[str, float]:
         """What the draws of each specimen leave open of the evidence."""

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.importance import Integral
 from pymc_hyperelastic.evidence.search import width_of
 from pymc_hyperelastic.evidence.target import Rise, Slope, Target, by_differences, differences
 
@@ -99,27 +98,19 @@ class SpecimenTarget(Target):
         """How wide the prior of the model is, by variable."""
         return width_of(self.draw_prior(_DRAWS, np.random.default_rng(1)))
 
+    @np.errstate(invalid="ignore")  # what is impossible by both is not unlike
+    def unlike(self, quick: "SpecimenTarget", points: Array) -> Array:
+        """Those of the points whose likelihood is not that of a quicker target."""
+        exact, found = (of.score(points)[1] for of in (self, quick))
+        return points[~((np.abs(found - exact) < _LARGEST_DIFFERENCE) | (found == exact))]
+
     @np.errstate(invalid="ignore")  # where no draw is possible nothing can be told
-    def at_best(
-        self, quick: "SpecimenTarget | None", take: Callable[[Target], Integral]
-    ) -> Integral:
-        """An integral of a quicker target, if that is right where there is mass; else of this one.
-
-        It is right if all particles that were found have the same likelihood by both.
-        """
-        if quick is not None and self._is_like(quick):
-            found = take(quick)
-            by_both = [of.score(found.particles)[1] for of in (self, quick)]
-            if np.abs(np.subtract(*by_both)).max() < _LARGEST_DIFFERENCE:
-                return found
-        return take(self)
-
-    def _is_like(self, quick: "SpecimenTarget") -> bool:
-        """Whether draws of the prior have about the same likelihood by a quicker target."""
+    def roughly_unlike(self, quick: "SpecimenTarget") -> Array:
+        """Draws of the prior whose likelihood is far from that of a quicker target."""
         tried = self.draw_prior(_TRIED, np.random.default_rng(2))
         exact, found = (of.score(tried)[1] for of in (self, quick))
         depth, by_quick = (np.minimum(exact.max() - x, _DEEP) for x in (exact, found))
-        return bool(np.all(np.abs(by_quick - depth) < _LARGEST_WRONG * (1 + depth)))
+        return tried[~(np.abs(by_quick - depth) < _LARGEST_WRONG * (1 + depth))]
 
     def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
         """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""

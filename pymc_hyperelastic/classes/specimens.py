@@ -245,19 +245,40 @@ class SpecimenSampler:
 
         Where curves have many nodes it is taken by those of a few, as long as these are right.
         """
-        target, quick = self.target(data, log_prior), None
+        target = self.target(data, log_prior)
+        learn_from = np.empty((0, target.dimension))
+        for _ in range(_MOST_TRIES):
+            quick = self._nearby(data, target, learn_from)
+            if quick is None:
+                break
+            unlike = target.roughly_unlike(quick)
+            if not len(unlike):
+                found = take(quick)
+                unlike = target.unlike(quick, found.particles)
+                if not len(unlike):
+                    return found
+            learn_from = np.concatenate([learn_from, unlike[:_LEARNED_FROM]])
+        return take(target)
+
+    def _nearby(
+        self, data: xr.Dataset, target: SpecimenTarget, points: Array
+    ) -> SpecimenTarget | None:
+        """The same by curves of few nodes, right for draws of the prior, and for materials there.
+
+        None where they have few nodes already.
+        """
         model = self._model_for(data)
         functions = model.log_likelihood, model.misfits
 
         def draw() -> dict[str, Array]:
-            points = target.draw_prior(_LEARNED_FROM, np.random.default_rng(1))
-            return self._parameters(points)
+            of_prior = target.draw_prior(_LEARNED_FROM, np.random.default_rng(1))
+            return self._parameters(np.concatenate([of_prior, points]))
 
         values = model.forward.nearby(draw, {v for f in functions for v in f.shared})
-        if values:
-            fewer = [f.with_values(values) for f in functions]
-            quick = SpecimenTarget(target.whole, target.places, target.log_prior, *fewer)
-        return target.at_best(quick, take)
+        if not values:
+            return None
+        fewer = [f.with_values(values) for f in functions]
+        return SpecimenTarget(target.whole, target.places, target.log_prior, *fewer)
 
     def target(
         self, data: xr.Dataset, log_prior: Callable[[Array], Array] | None = None
@@ -387,7 +408,7 @@ class SpecimenSampler:
     def _compressed(self, forward: ForwardModel, specimens: Specimens) -> TensorVariable | None:
         """The paper's log likelihood, where it is the generative one, and is not by points."""
         sigmas = self.population.observation.sigmas
-        if sigmas["slope_weight"] or "diameter_noise_sd" in sigmas:
+        if self.population.observation.with_slopes:
             return None
         own = {name: sigma[0] for name, sigma in specimens.noises.items()}
         tube = tube_of(self.population, forward, specimens)

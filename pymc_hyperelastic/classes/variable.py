@@ -139,9 +139,13 @@ class Variability(Population, ClassKind):
 
     def sampler(self, data: xr.Dataset) -> SpecimenSampler:
         """Sampler of the specimens of these data, each by itself."""
+        return SpecimenSampler(self, self._curves_of_specimens(data), self.reference)
+
+    def _curves_of_specimens(self, data: xr.Dataset) -> ForwardModel:
+        """Forward model of specimens, each by itself."""
         # Without an effect all tests of a specimen share its parameters, and matrices.
-        forward = self.forward_model(data, by_test=bool(self.experiment_effect))
-        return SpecimenSampler(self, forward, self.reference)
+        own = bool(self.experiment_effect)
+        return self.forward_model(data, by_test=own, nearby=not self.observation.with_slopes)
 
     def attrs(self) -> dict[str, str]:
         """The settings as text; ValueError if a prior, or one of the law's, cannot be written."""
@@ -254,7 +258,7 @@ class Variability(Population, ClassKind):
         Constant matrices need not be right for all that priors allow: of that, hardly anything
         could be what was measured.
         """
-        forward = self.forward_model(like, by_test=bool(self.experiment_effect))
+        forward = self._curves_of_specimens(like)
         rng = np.random.default_rng(seed)
         specimens = [self.new_specimens(fitted, rng) for fitted in classes.values()]
         materials = {

@@ -11,6 +11,8 @@ from pymc_hyperelastic.evidence.tempering import Tempering
 
 # Particles, and moves of a stage: on the way from the prior they need not quite follow it.
 _PARTICLES, _MOVES_ON_THE_WAY, _MOVES = 512, 5, 20
+# Draws on the way of particles, of which one is about as good as a draw of the proposal.
+_FOR_ONE = 4
 # Stages at the posterior, at most, until an evidence is like that of the stage before: not further
 # away than so many of their standard errors.
 _MOST_STAGES, _ALIKE = 10, 2.0
@@ -49,7 +51,8 @@ def by_bridge(
         tempering.stay()
         draws, log_density = tempering.paths
         before = estimate
-        estimate, doubts = bridged(density, draws, log_density, rng, "normal", log_density.size)
+        size_of_bridge = log_density.size // _FOR_ONE
+        estimate, doubts = bridged(density, draws, log_density, rng, "normal", size_of_bridge)
         error = np.hypot(estimate.standard_error, before.standard_error)
         if not doubts and abs(estimate.value - before.value) < _ALIKE * error < np.inf:
             break

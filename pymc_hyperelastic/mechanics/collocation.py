@@ -24,9 +24,9 @@ from pytensor.tensor.blockwise import vectorize_node_fallback
 from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.axial_force import force_response
-from pymc_hyperelastic.mechanics.interpolation import Basis, Group, Interpolation
+from pymc_hyperelastic.mechanics.interpolation import Basis, Group, Interpolation, Matrices
 from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
-from pymc_hyperelastic.mechanics.wall import TubeOp, finite_or_zero, wall_rule
+from pymc_hyperelastic.mechanics.wall import TubeOp, finite_or_zero
 
 Array = NDArray[np.float64]
 
@@ -191,7 +191,7 @@ def collocate(
         augmented = {name: np.zeros((0, count + 1)) for name in factors}
         for start in range(0, len(group.points), _CHUNK):
             chunk = group.points[start : start + _CHUNK]
-            matrices = _matrices(tubes.at(chunk), interpolation, count)
+            matrices = _matrices(tubes, chunk, interpolation, count)
             for name, target in targets.items():
                 rows = np.column_stack([matrices[name], target[chunk]])
                 rows = rows[~np.isnan(rows[:, -1])]
@@ -233,7 +233,7 @@ def curve_matrices(
         for start in range(0, len(group.points), _CHUNK):
             chunk = group.points[start : start + _CHUNK]
             rows = slice(start, start + len(chunk))
-            blocks = _matrices(tubes.at(chunk), interpolation, shape[2])
+            blocks = _matrices(tubes, chunk, interpolation, shape[2])
             for name, matrix in matrices.items():
                 matrix[number, rows] = blocks[name]
     return places | {f"{name}_matrix": matrix for name, matrix in matrices.items()}, place
@@ -251,22 +251,9 @@ def _places(interpolations: Sequence[Interpolation]) -> dict[str, Array]:
     return {"log_hoop": log_hoop, "log_axial": log_axial}
 
 
-def _matrices(tubes: KnownTubes, interpolation: Interpolation, count: int) -> dict[str, Array]:
-    """From responses at so many nodes to what is measured at the points: (point, node) each.
-
-    ``"slope"`` is the stiffness by the radius that was measured.
-    """
-    wall = wall_rule(np, *tubes.walls)
-    of_response, of_slope = interpolation.moments(tubes, wall)
-    share = np.reshape(tubes.share, (-1, 1))
-    stiffness = of_slope(wall.stiffness_weight) / 2 - of_response(wall.stiffness_weight)
-    stiffness *= share
-    force_slope = np.pi * share * tubes.radius[:, None] * of_slope(wall.pressure_weight)
-    matrices = {
-        "pressure": of_response(wall.pressure_weight),
-        "stiffness": stiffness,
-        "slope": stiffness * tubes.growth[:, None],
-        "force": of_response(wall.force_weight),
-        "force_slope": force_slope,
-    }
+def _matrices(
+    tubes: KnownTubes, points: NDArray[np.intp], interpolation: Interpolation, count: int
+) -> Matrices:
+    """From responses at so many nodes to what is measured at the points: (point, node) each."""
+    matrices = interpolation.matrices(tubes, points)
     return {n: np.pad(m, [(0, 0), (0, count - m.shape[1])]) for n, m in matrices.items()}

@@ -24,14 +24,16 @@ from scipy.linalg import qr, solve_triangular
 
 from pymc_hyperelastic.mechanics.interpolation import (
     Group,
+    Matrices,
     Moments,
+    by_moments,
     curve_errors,
     evenly,
     response_function,
 )
 from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.wall import WallRule, wall_rule
+from pymc_hyperelastic.mechanics.wall import wall_rule
 
 Array = NDArray[np.float64]
 # Materials, their entries in the order of the law, (material) each.
@@ -130,10 +132,12 @@ class EmpiricalInterpolation(NamedTuple):
     basis: Array
     triangle: Array
 
-    def moments(self, tubes: KnownTubes, wall: WallRule) -> tuple[Moments, Moments]:
+    def matrices(self, tubes: KnownTubes, points: NDArray[np.intp]) -> Matrices:
         """Integrals of the response, and of its slope by ``ln λθ``, by responses at the nodes."""
+        own = tubes.at(points)
+        wall = wall_rule(np, *own.walls)
         there = wall.pressure_weight > 0
-        log_axial = np.broadcast_to(np.log(tubes.axial_stretch)[:, None], wall.log_hoop.shape)
+        log_axial = np.broadcast_to(np.log(own.axial_stretch)[:, None], wall.log_hoop.shape)
         # Parts without thickness are anywhere where responses are known.
         log_hoop, log_axial = (
             np.where(there, x, known[0])
@@ -149,7 +153,7 @@ class EmpiricalInterpolation(NamedTuple):
             return lambda weight: np.einsum("nq,knq->nk", weight, weights)
 
         values, slopes = map(by_nodes, both)
-        return values, slopes
+        return by_moments(own, wall, (values, slopes))
 
 
 def fewer_nodes(

@@ -42,6 +42,8 @@ class Group(NamedTuple):
 
 # From weights of a wall's quadrature (point, node of it) to those of the responses (point, node).
 Moments = Callable[[Array], Array]
+# From responses at the nodes to what is measured at points: (point, node) each.
+Matrices = dict[str, Array]
 
 
 class Interpolation(Protocol):
@@ -51,8 +53,28 @@ class Interpolation(Protocol):
     def places(self) -> tuple[Array, Array]:
         """``ln λθ`` and ``ln λz`` of the nodes."""
 
-    def moments(self, tubes: KnownTubes, wall: WallRule) -> tuple[Moments, Moments]:
-        """Integrals of the response, and of its slope by ``ln λθ``, by responses at the nodes."""
+    def matrices(self, tubes: KnownTubes, points: NDArray[np.intp]) -> Matrices:
+        """What is measured at some points of the group, by responses at the nodes.
+
+        Besides ``"pressure"`` and ``"force"`` there are ``"stiffness"`` and ``"force_slope"``, by
+        the internal radius, and ``"slope"``, by the radius that was measured; these are NaN if
+        slopes are not known by the nodes.
+        """
+
+
+def by_moments(tubes: KnownTubes, wall: WallRule, moments: tuple[Moments, Moments]) -> Matrices:
+    """Matrices by integrals of the response, and of its slope by ``ln λθ``, over walls."""
+    of_response, of_slope = moments
+    share = np.reshape(tubes.share, (-1, 1))
+    stiffness = of_slope(wall.stiffness_weight) / 2 - of_response(wall.stiffness_weight)
+    stiffness *= share
+    return {
+        "pressure": of_response(wall.pressure_weight),
+        "stiffness": stiffness,
+        "slope": stiffness * tubes.growth[:, None],
+        "force": of_response(wall.force_weight),
+        "force_slope": np.pi * share * tubes.radius[:, None] * of_slope(wall.pressure_weight),
+    }
 
 
 class Basis(Protocol):
@@ -87,22 +109,22 @@ class Grid(NamedTuple):
         log_axial = axial + axial_half * chebyshev_nodes(self.nodes.axial)
         return np.tile(log_hoop, self.nodes.axial), np.repeat(log_axial, self.nodes.hoop)
 
-    def moments(self, tubes: KnownTubes, wall: WallRule) -> tuple[Moments, Moments]:
+    def matrices(self, tubes: KnownTubes, points: NDArray[np.intp]) -> Matrices:
         """Integrals by coefficients of Chebyshev polynomials, and by those of their slopes."""
+        own = tubes.at(points)
+        wall = wall_rule(np, *own.walls)
         (centre, half), coefficient = self.group.hoop, value_to_coefficient(self.nodes.hoop)
         vandermonde = chebyshev.chebvander((wall.log_hoop - centre) / half, self.nodes.hoop - 1)
         derivative = np.zeros_like(coefficient)
         derivative[:-1] = chebyshev.chebder(coefficient, axis=0) / half
-        between = self._between(tubes.axial_stretch)
+        between = self._between(own.axial_stretch)
 
         def moments(weight: Array, coefficient: Array) -> Array:
             of_hoop = np.einsum("nq,nqk->nk", weight, vandermonde) @ coefficient
             return (between[:, :, None] * of_hoop[:, None, :]).reshape(len(weight), -1)
 
-        return (
-            partial(moments, coefficient=coefficient),
-            partial(moments, coefficient=derivative),
-        )
+        both = (partial(moments, coefficient=c) for c in (coefficient, derivative))
+        return by_moments(own, wall, tuple(both))
 
     def _between(self, axial_stretch: Array) -> Array:
         """At the axial stretch of its point, a response by those at the axial stretches."""
@@ -209,23 +231,23 @@ def curve_errors(
     entries = [np.reshape(v, (-1, 1)) for v in materials]
     for group in groups:
         interpolation = basis.interpolation(tubes, group)
-        own = tubes.at(group.points[evenly(len(group.points), _TRIED)])
+        points = group.points[evenly(len(group.points), _TRIED)]
+        own, matrices = tubes.at(points), interpolation.matrices(tubes, points)
         # What is integrated need not be smooth.
-        wall, finer = wall_rule(np, *own.walls), wall_rule(np, *own.walls, order=_FINER)
-        moments = interpolation.moments(own, wall)[0]
+        finer = wall_rule(np, *own.walls, order=_FINER)
         log_axial = np.broadcast_to(np.log(own.axial_stretch)[:, None], finer.log_hoop.shape)
         kinds = [
-            (False, wall.pressure_weight, finer.pressure_weight),
-            (True, wall.force_weight, finer.force_weight),
+            (False, matrices["pressure"], finer.pressure_weight),
+            (True, matrices["force"], finer.force_weight),
         ]
         least = np.zeros(1)
-        for force, weight, exact_weight in kinds[: 1 + with_force]:
+        for force, matrix, exact_weight in kinds[: 1 + with_force]:
             exact, there = (
                 response_function(energy, force)(x[None], z[None], *entries)[0]
                 for x, z in ((finer.log_hoop.ravel(), log_axial.ravel()), interpolation.places)
             )
             exact = np.einsum("nq,mnq->mn", exact_weight, exact.reshape(-1, *exact_weight.shape))
-            error = np.abs(there @ moments(weight).T - exact).max(axis=1)
+            error = np.abs(there @ matrix.T - exact).max(axis=1)
             scale = np.maximum(np.abs(exact).max(axis=1), least)
             least = np.pi * own.radius.max() ** 2 * scale
             errors = np.maximum(errors, error / np.where(scale > 0, scale, 1.0))

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import pytensor
 import pytensor.tensor as pt
+from pytensor.graph.fg import FrozenFunctionGraph
+from pytensor.tensor.type import TensorType
 from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
@@ -108,7 +110,20 @@ def _stress_of(
 ) -> Tensor:
     """What the modulus of one place adds to the biaxial stress, by kPa."""
     entries = _with(entries, places, [pt.ones_like(strain) for _ in places])
-    return elementwise_derivative(biaxial_stress(energy, strain, entries), entries[place])
+    given = [strain, *map(pt.as_tensor_variable, entries)]
+    graph = _stress_of_symbols(energy, place, tuple(x.type for x in given))
+    (stress,) = graph.bind(dict(zip(graph.inputs, given, strict=True)))
+    return stress
+
+
+@lru_cache
+def _stress_of_symbols(
+    energy: StrainEnergy, place: int, types: tuple[TensorType, ...]
+) -> FrozenFunctionGraph:
+    """The same of symbols: it is copied far sooner than made."""
+    strain, *entries = symbols = [of_type() for of_type in types]
+    stress = elementwise_derivative(biaxial_stress(energy, strain, entries), entries[place])
+    return FrozenFunctionGraph.from_io(symbols, [stress])
 
 
 def _with(entries: Sequence[Any], places: Sequence[int], values: Sequence[Any]) -> list[Any]:

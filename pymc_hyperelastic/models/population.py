@@ -25,7 +25,7 @@ from pymc_hyperelastic.models.class_distribution import (
     noises_of,
     register_class,
 )
-from pymc_hyperelastic.models.forward import ForwardModel, Mode, SymbolicTube
+from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.geometry import (
     Measured,
     check_geometry,
@@ -119,18 +119,19 @@ class Population:
         return register_class(self.scale, self.observation, self.experiment_effect, self.priors)
 
     def forward_model(
-        self, data: xr.Dataset, *, by_test: bool = True, mode: Mode = "auto"
+        self, data: xr.Dataset, *, by_test: bool = True, **settings: Any
     ) -> ForwardModel:
         """Curves of tests, over the range of the coordinates.
 
         They have parameters of their own unless, `by_test` being false, all are of one specimen.
+        Other settings are those of :class:`ForwardModel`.
         """
         mean, sd = self.scale.location_prior
         reach = _REACH * sd
         coordinates = [pm.Uniform.dist(m - r, m + r) for m, r in zip(mean, reach, strict=True)]
         parameters = self.scale.parameters(coordinates)
         wall = self.scale.wall_of(parameters)
-        settings: dict[str, Any] = {"geometry": self.geometry, "by_test": by_test, "mode": mode}
+        settings |= {"geometry": self.geometry, "by_test": by_test}
         return self.observation.forward_model(wall, data, parameters, **settings)
 
 

@@ -122,7 +122,7 @@ def test_curves_are_those_of_quadrature(law):
     """Of the data for which the nodes were made, in walls where fibres slacken, and elsewhere."""
     way = forward_of(law).way
     taut = way.taut if isinstance(way, Divided) else way
-    assert isinstance(taut, Collocated) and taut.empirical
+    assert isinstance(taut, Collocated) and taut.basis
     assert_alike(*curves_both_ways(law, protocols(specimens=SPECIMENS[law])))
 
 
@@ -147,7 +147,7 @@ def test_the_prior_of_a_class_has_nodes(law):
     tests = protocols(specimens=max(3, SPECIMENS[law]))
     way = class_of(law).forward_model(tests).way
     taut = way.taut if isinstance(way, Divided) else way
-    assert isinstance(taut, Collocated) and taut.empirical
+    assert isinstance(taut, Collocated) and taut.basis
 
 
 def test_larger_tubes_in_place_of_those():

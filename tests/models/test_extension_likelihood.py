@@ -154,7 +154,7 @@ def test_grids_that_do_not_pay_are_not_taken():
     assert isinstance(ways[0], Direct) and isinstance(ways[1], Collocated)
     fibres = ph.HolzapfelGasserOgden()
     way = ForwardModel(fibres, data(), complete_priors(fibres), mode="collocation").way
-    assert way.empirical and not way.grid
+    assert way.basis and not way.grid
 
 
 # --- the likelihood ------------------------------------------------------------------------------

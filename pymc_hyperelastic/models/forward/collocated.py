@@ -17,7 +17,7 @@ from pymc_hyperelastic.mechanics.collocation import (
     collocate,
     curve_matrices,
 )
-from pymc_hyperelastic.mechanics.empirical import EmpiricalNodes, fewer_nodes
+from pymc_hyperelastic.mechanics.empirical import EmpiricalNodes
 from pymc_hyperelastic.mechanics.interpolation import (
     Basis,
     Group,
@@ -28,11 +28,14 @@ from pymc_hyperelastic.mechanics.interpolation import (
 from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
+from pymc_hyperelastic.mechanics.wall_nodes import WallNodes
 from pymc_hyperelastic.models.forward.blocks import positions, table_arrays, table_of
 from pymc_hyperelastic.models.forward.direct import WallVariables
 
 Array = NDArray[np.float64]
 Arrays = dict[str, NDArray]
+# Of places, ``ln λθ`` and ``ln λz``, those that are nodes, and weights: see :func:`fewer_nodes`.
+FewerNodes = Callable[[Array, Array], tuple[NDArray[np.intp], Array]]
 
 # What names the arrays of extension tests.
 _EXTENSION = "extension_"
@@ -70,12 +73,12 @@ def groups_of_specimens(data: xr.Dataset, tubes: KnownTubes, *, by_test: bool) -
 
 @dataclass(frozen=True)
 class Collocated:
-    """Constant matrices of so many Chebyshev stretches, or of nodes that the law asks for.
+    """Constant matrices of so many Chebyshev stretches, or of nodes of another kind.
 
     Those of inflation tests are `nodes`, those of extension tests `grid`: 0, or None, if there are
-    none, and then none may take the place of the data. With `empirical` nodes neither is needed,
-    and tests of both kinds are a group. If only `taut` parts of walls count, these
-    are where ``λθ ≥ 1``. The methods are those of
+    none, and then none may take the place of the data. With a `basis`, of nodes that the law asks
+    for or of all in the walls, neither is needed, and tests of both kinds are a group. If only
+    `taut` parts of walls count, these are where ``λθ ≥ 1``. The methods are those of
     :class:`~pymc_hyperelastic.models.forward.direct.Direct`; geometry is known, and plays no part
     in them.
     """
@@ -85,7 +88,7 @@ class Collocated:
     by_test: bool = False
     grid: Nodes | None = None
     taut: bool = False
-    empirical: EmpiricalNodes | None = None
+    basis: EmpiricalNodes | WallNodes | None = None
 
     def tubes(self, data: xr.Dataset) -> KnownTubes:
         """The walls at all points, or their taut parts."""
@@ -224,37 +227,17 @@ class Collocated:
 
         return self._at_points(inputs, wall, of_groups)["mapped"]
 
-    def nearby_arrays(
-        self, arrays: Arrays, energy: StrainEnergy, materials: Sequence[Array]
-    ) -> Arrays:
-        """Arrays of few nodes in place of some of these, right for materials like the given.
-
-        None if they are more than half as many.
-        """
+    def nearby_arrays(self, arrays: Arrays, fewer: FewerNodes) -> Arrays:
+        """Arrays of few nodes in place of some of these, where there are at most half as many."""
         nearby: Arrays = {}
         for prefix in (_EXTENSION, ""):
             part = {n.removeprefix(prefix): v for n, v in arrays.items() if n.startswith(prefix)}
             arrays = {n: v for n, v in arrays.items() if not n.startswith(prefix)}
             if "log_hoop" in part:
-                fewer = self._fewer(part, energy, materials)
-                if 2 * fewer["log_hoop"].size <= part["log_hoop"].size:
-                    nearby |= {prefix + name: array for name, array in fewer.items()}
+                of_part = _by_fewer(part, fewer)
+                if 2 * of_part["log_hoop"].size <= part["log_hoop"].size:
+                    nearby |= {prefix + name: array for name, array in of_part.items()}
         return nearby
-
-    def _fewer(self, part: Arrays, energy: StrainEnergy, materials: Sequence[Array]) -> Arrays:
-        """Responses at fewer nodes, and matrices of these."""
-        places = part["log_hoop"], part["log_axial"]
-        fewer = [
-            fewer_nodes(energy, (hoop, axial), materials, with_force=self.with_force)
-            for hoop, axial in zip(*places, strict=True)
-        ]
-        # Groups are padded to the same number, by their first node.
-        most = max(len(nodes) for nodes, _ in fewer)
-        chosen = np.array([np.pad(n, (0, most - len(n)), constant_values=n[0]) for n, _ in fewer])
-        weights = np.array([np.pad(d, [(0, most - len(d)), (0, 0)]) for _, d in fewer])
-        matrices = {n: v @ weights.mT for n, v in part.items() if n.endswith("_matrix")}
-        hoop, axial = (np.take_along_axis(x, chosen, axis=1) for x in places)
-        return matrices | {"log_hoop": hoop, "log_axial": axial}
 
     def _at_points(
         self,
@@ -276,8 +259,8 @@ class Collocated:
 
         Where there are no tests of one kind a group without points stands for them.
         """
-        if self.empirical:
-            return {"": (groups_of_specimens(data, tubes, by_test=self.by_test), self.empirical)}
+        if self.basis:
+            return {"": (groups_of_specimens(data, tubes, by_test=self.by_test), self.basis)}
         held, varied = groups_of(data, tubes, by_test=self.by_test)
         for there, stretches, kind in (
             (held, self.nodes, "inflation tests, in which axial_stretch is held"),
@@ -337,6 +320,19 @@ class Collocated:
     ) -> TensorVariable:
         integral = CollocatedAxialForce(strain_energy=wall.energy, per_group=self.by_test)
         return integral(*_stretches(part), matrix, *entries)
+
+
+def _by_fewer(part: Arrays, fewer: FewerNodes) -> Arrays:
+    """Places of fewer nodes in each group, and matrices of the responses there."""
+    places = part["log_hoop"], part["log_axial"]
+    found = [fewer(hoop, axial) for hoop, axial in zip(*places, strict=True)]
+    # Groups are padded to the same number, by their first node.
+    most = max(len(nodes) for nodes, _ in found)
+    chosen = np.array([np.pad(n, (0, most - len(n)), constant_values=n[0]) for n, _ in found])
+    weights = np.array([np.pad(d, [(0, most - len(d)), (0, 0)]) for _, d in found])
+    matrices = {n: v @ weights.mT for n, v in part.items() if n.endswith("_matrix")}
+    hoop, axial = (np.take_along_axis(x, chosen, axis=1) for x in places)
+    return matrices | {"log_hoop": hoop, "log_axial": axial}
 
 
 # One node, where the tube is at rest.

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Hashable, Mapping, Sequence, Set
 from copy import copy
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from pymc_hyperelastic.data.inflation import (
     extension_tests,
     points_of,
 )
+from pymc_hyperelastic.mechanics.empirical import fewer_nodes
 from pymc_hyperelastic.mechanics.interpolation import MOST_NODES
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
@@ -71,6 +73,9 @@ class ForwardModel:
         What was measured with an error, and what a misfit tells.
     by_test : bool
         Whether each test has parameters of its own, vectors of the length of the tests.
+    nearby : bool
+        Whether curves of a specimen are mostly those of :meth:`nearby` materials. All others take
+        long then, and slopes are not known.
     replaceable : bool
         Whether other data may take the place of these. Else what quadrature needs of them alone is
         computed when a function is compiled.
@@ -92,6 +97,7 @@ class ForwardModel:
         with_force: bool = False,
         error_in: str = "pressure",
         by_test: bool = False,
+        nearby: bool = False,
         replaceable: bool = True,
     ) -> None:
         self.data, self.error_in, self._replaceable = data, error_in, replaceable
@@ -101,7 +107,7 @@ class ForwardModel:
         deviations = {name: pm.Normal.dist() for name in measured}
         unknown = priors_of(geometry or {})
         self._stated = WallVariables(wall, self._parameters(parameters), unknown, deviations)
-        settings: dict[str, Any] = {"with_force": with_force, "by_test": by_test}
+        settings: dict[str, Any] = {"with_force": with_force, "by_test": by_test, "nearby": nearby}
         settings["known_radii"] = error_in == "pressure"
         settings["errors"] = {name: value.sd for name, value in measured.items()}
         self._mode, self._settings = mode, settings
@@ -132,7 +138,7 @@ class ForwardModel:
         other, known = copy(self), self._wall.split(parameters)
         if self._known:
             known = [np.concatenate(both) for both in zip(self._known, known, strict=True)]
-        settings = self._settings | {"known": known}
+        settings = self._settings | {"known": known, "nearby": False}
         other.way = way_to_integrate(self._stated, self.data, mode=self._mode, **settings)
         if isinstance(other.way, Direct):
             other.way = replace(other.way, order=HIGHEST_ORDER)
@@ -144,21 +150,28 @@ class ForwardModel:
     ) -> dict[SharedVariable, NDArray]:
         """Values of some of the shared variables that are right for materials like drawn ones.
 
-        By these, whatever is made of pressures and forces takes less time; slopes may be NaN. There
-        are none where curves have few nodes already.
+        By these, whatever is made of curves takes less time. There are none where curves have few
+        nodes already.
         """
-        if isinstance(self.way, Direct) or not isinstance(self._wall, StrainEnergy):
+        if not isinstance(self.way, Collocated) or not isinstance(self._wall, StrainEnergy):
             return {}
-        materials: Sequence[Array] | None = None
+        energy, known, draw = self._wall, {}, cache(draw)
+
+        def fewer(*places: Array) -> tuple[NDArray[np.intp], Array]:
+            # Curves and misfits have the same places.
+            key = tuple(x.tobytes() for x in places)
+            if key not in known:
+                materials = energy.split(draw())
+                known[key] = fewer_nodes(energy, places, materials, with_force=self.way.with_force)
+            return known[key]
+
         values: dict[SharedVariable, NDArray] = {}
         for _, inputs in self._shared.values():
             arrays = {name: v.get_value(borrow=True) for name, v in inputs.items()}
             nodes = sum(v.size for name, v in arrays.items() if name.endswith("log_hoop"))
-            if nodes < _MANY_NODES or variables.isdisjoint(inputs.values()):
-                continue
-            materials = materials or self._wall.split(draw())
-            nearby = self.way.nearby_arrays(arrays, self._wall, materials)
-            values |= {inputs[name]: array for name, array in nearby.items()}
+            if nodes >= _MANY_NODES and not variables.isdisjoint(inputs.values()):
+                nearby = self.way.nearby_arrays(arrays, fewer)
+                values |= {inputs[name]: array for name, array in nearby.items()}
         return values
 
     def by_matrices(self) -> "ForwardModel | None":

@@ -38,6 +38,7 @@ from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
 from pymc_hyperelastic.mechanics.layers import tubes_of
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.wall_nodes import WallNodes
 from pymc_hyperelastic.models.forward.collocated import (
     Collocated,
     groups_of,
@@ -81,6 +82,8 @@ _DRAWS, _MOST_CORNERS = 256, 1024
 # Draws of distributions that were asked for before, by their expressions; so many at most.
 _known_draws: dict[tuple, list[Array]] = {}
 _MOST_KNOWN = 64
+# Points of a specimen up to which all nodes in its walls are candidates for few.
+_MOST_IN_WALLS = 400
 # Points of extension tests from which on nodes that a smooth law asks for are worth looking for:
 # quadrature of fewer is soon done.
 _MANY_POINTS = 50
@@ -98,12 +101,14 @@ def way_to_integrate(
     errors: Mapping[str, float | None] = MappingProxyType({}),
     with_force: bool = False,
     by_test: bool = False,
+    nearby: bool = False,
     known: Sequence[Array] = (),
 ) -> Collocated | Divided | Direct:
     """The cheapest way that is exact, but for rounding, over the range of the parameters.
 
     The `errors` are standard deviations of what was measured of the tube. Of materials that are
-    `known` to matter, entry by entry, curves are right as well.
+    `known` to matter, entry by entry, curves are right as well. If of every specimen those `nearby`
+    are told, see :meth:`ForwardModel.nearby`, nodes for all materials are not looked for.
     """
     if mode not in get_args(Mode):
         raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
@@ -122,7 +127,8 @@ def way_to_integrate(
                 values = [np.concatenate(both) for both in zip(values, known, strict=True)]
             way: Collocated | Divided | None = _collocated(wall.energy, data, values, whole)
             if way is None or not _is_cheap(way, data):
-                way = _divided(wall, data, values, whole, known) or way
+                in_walls = _in_walls(wall.energy, data, values, whole) if nearby else None
+                way = in_walls or _divided(wall, data, values, whole, known) or way
             if way is not None and (mode == "collocation" or _is_cheap(way, data)):
                 return way
         reason = f"the response of {wall.energy.name} over the range of these parameters"
@@ -144,22 +150,26 @@ def errors_of(
 
     Of a tube that is not quite known they are those of the measured one.
     """
-    if isinstance(way, Collocated):
+    if isinstance(way, Collocated) and not isinstance(way.basis, WallNodes):
         return way.errors(energy, data, materials)
     errors, tubes = np.zeros(len(materials[0])), known_tubes(data)
     direct = way.slack if isinstance(way, Divided) else way
-    if isinstance(way, Divided):
-        errors = way.taut.errors(energy, data, materials)
     exact = _curves_of(energy, HIGHEST_ORDER, direct.with_force)(tubes, materials)
     scales = [np.abs(x).max(axis=1, keepdims=True) for x in exact]
     if direct.with_force:
         # Forces may be nil: that of the pressure on the lumen is their measure, too.
         scales[-1] = np.maximum(scales[-1], np.pi * tubes.radius.max() ** 2 * scales[0])
-    if isinstance(way, Divided):
-        slack = tubes.divided()[1]
-        tubes = slack.at(np.flatnonzero(slack.outer_radius > slack.inner_radius))
-        exact = _curves_of(energy, HIGHEST_ORDER, direct.with_force)(tubes, materials)
-    found = _curves_of(energy, direct.order, direct.with_force)(tubes, materials)
+    if isinstance(direct, Collocated):
+        # Of stiffnesses nothing is known.
+        exact, scales = exact[::2], scales[::2]
+        found = direct.basis.curves(energy, tubes, materials, direct.with_force)
+    else:
+        if isinstance(way, Divided):
+            errors = way.taut.errors(energy, data, materials)
+            slack = tubes.divided()[1]
+            tubes = slack.at(np.flatnonzero(slack.outer_radius > slack.inner_radius))
+            exact = _curves_of(energy, HIGHEST_ORDER, direct.with_force)(tubes, materials)
+        found = _curves_of(energy, direct.order, direct.with_force)(tubes, materials)
     with np.errstate(all="ignore"):
         relative = [np.abs(a - b) / s for a, b, s in zip(found, exact, scales, strict=True)]
     return np.max([errors, *(r.max(axis=1, initial=0.0) for r in relative)], axis=0)
@@ -207,7 +217,7 @@ def _divided(
     kinks = _kinks_in(tubes, wall.energy, values)
     if np.any(kinks > _ROUNDING):
         return None
-    whole = replace(whole, taut=kinks.size > 0)
+    whole = replace(whole, taut=bool(np.isfinite(kinks).any()))
     nodes = _nodes_for_possible(wall.energy, data, values, whole)
     collocated = whole
     if nodes is not None:
@@ -217,7 +227,7 @@ def _divided(
         if empirical is None and nodes is None:
             return None
         collocated = empirical or collocated
-    if not kinks.size:
+    if not whole.taut:
         return collocated
     slack = tubes.divided()[1]
     some = _some(np.flatnonzero(slack.outer_radius > slack.inner_radius), _MOST_POINTS)
@@ -231,6 +241,22 @@ def _divided(
     of_walls = _curves_of(wall.energy, HIGHEST_ORDER, whole.with_force)(walls, materials)
     order = _least_order(curves, data, of_walls)
     return Divided(collocated, Direct(order, whole.with_force, whole.by_test))
+
+
+def _in_walls(
+    energy: StrainEnergy, data: xr.Dataset, values: list[Array], whole: Collocated
+) -> Collocated | None:
+    """Constant matrices of all nodes of quadrature; None where stress is not smooth, or if too many.
+
+    Fibres that slacken elsewhere than where walls are divided may do so between nodes.
+    """
+    specimen = np.unique(data["specimen"].values, return_inverse=True)[1]
+    tubes = known_tubes(data)
+    kinks = _kinks_in(tubes, energy, values)
+    many = np.bincount(specimen[data["test"].values]).max() > _MOST_IN_WALLS
+    if many or np.any(kinks > _ROUNDING):
+        return None
+    return replace(whole, basis=WallNodes(_CHEAP_ORDER, bool(np.isfinite(kinks).any())))
 
 
 def _empirical(
@@ -263,20 +289,21 @@ def _empirical(
     groups = groups_of_specimens(data, tubes, by_test=way.by_test)
     settings: dict[str, Any] = {"with_force": way.with_force, "known": known}
     nodes = empirical_nodes(energy, tubes, groups, draw, **settings)
-    return replace(way, empirical=nodes) if nodes else None
+    return replace(way, basis=nodes) if nodes else None
 
 
 def _kinks_in(tubes: KnownTubes, energy: StrainEnergy, values: list[Array]) -> Array:
-    """Values of ``ln λθ`` in the walls at which stress is not smooth for some of the parameters."""
+    """Values of ``ln λθ`` (kink, material) at which stress is not smooth, NaN beyond the walls."""
     function = _kinks_of(energy)
     if function is None:
-        return np.empty(0)
+        return np.empty((0, len(values[0])))
     stretches = _some(np.unique(tubes.axial_stretch), _MOST_POINTS)
     with np.errstate(all="ignore"):
         found = function(np.log(stretches)[:, None], *(v[None] for v in values))
-    all_kinks = np.concatenate([np.ravel(kink) for kink in found])
+    shape = len(stretches), len(values[0])
+    kinks = np.concatenate([np.broadcast_to(kink, shape) for kink in found])
     faces = np.array(tubes.log_hoop)
-    return all_kinks[(all_kinks > faces.min()) & (all_kinks < faces.max())]
+    return np.where((kinks > faces.min()) & (kinks < faces.max()), kinks, np.nan)
 
 
 @cache
@@ -366,7 +393,7 @@ def _ends(data: xr.Dataset) -> list[NDArray[np.intp]]:
 def _is_cheap(way: Collocated | Divided, data: xr.Dataset) -> bool:
     """Whether a grid of stretches is smaller than the walls of the points that it stands for."""
     way = way.taut if isinstance(way, Divided) else way
-    if way.grid is None or way.empirical:
+    if way.grid is None or way.basis:
         return True
     extended = extension_tests(data)
     grids = extended.sum() if way.by_test else 1

@@ -89,6 +89,11 @@ class Observation:
         return "force_sigma" in self.sigmas
 
     @property
+    def with_slopes(self) -> bool:
+        """Whether slopes of the curves play a part: measured, or by what an error moves."""
+        return with_slopes(self.slope_weight) or self.diameter_noise_sd is not None
+
+    @property
     def signals(self) -> tuple[str, ...]:
         """What was measured, as far as it plays a part; slopes are those of the pressures."""
         there = {"slope": with_slopes(self.slope_weight), "force": self.with_force}
