@@ -23,7 +23,7 @@ from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.evidence.importance import MOST_UNKNOWNS, Integral, by_importance
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
-from pymc_hyperelastic.evidence.many import by_bridge
+from pymc_hyperelastic.evidence.many import Led
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.evidence.target import Target
@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 _IN_CLASS = 256
 # A guide has so many times fewer, and so many at least: the evidence of a class of these differs
 # by a fraction of a nat from place to place, and particles mostly stay where it has led them.
-_GUIDE, _IN_GUIDE = 8, 64
+_GUIDE, _IN_GUIDE = 16, 64
 # Nats, of the standard error that these draws leave to a class's evidence. Below the first number
 # the densities of all draws are so alike that none is lacking; above the second so many are that
 # the class of which a specimen was taken was another one. Evidences of classes are compared, and
@@ -133,6 +133,7 @@ class _Fit:
     ) -> None:
         self.model, self.draws, self.size, self.known = model, draws, size, known
         self._mixture: GaussianMixture | None = None
+        self._led: Led | None = None
         self.kernel = self._kernel(size, count)
 
     def _kernel(self, size: int, count: int) -> BatchedSMC:
@@ -184,7 +185,8 @@ class _Fit:
         """
         target, count = self.kernel.target, self.kernel.draws
         if target.dimension > MOST_UNKNOWNS:
-            found = by_bridge(target, count, rng, self.known, self._guide)
+            self._led = self._led or Led(target, rng, self.known, self._guide)
+            found = self._led.integral(count, rng)
             self.known = found.particles
             return found
         found = by_importance(

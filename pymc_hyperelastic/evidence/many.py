@@ -10,23 +10,16 @@ from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.tempering import Tempering
 
 # Particles, and moves of a stage: on the way from the prior they need not quite follow it.
-_PARTICLES, _MOVES_ON_THE_WAY, _MOVES = 512, 5, 20
-# Draws on the way of particles, of which one is about as good as a draw of the proposal.
+_PARTICLES, _MOVES_ON_THE_WAY, _MOVES = 256, 5, 20
+# Draws on the way of particles of which one is worth a draw of the proposal.
 _FOR_ONE = 4
 # Stages at the posterior, at most, until an evidence is like that of the stage before: not further
 # away than so many of their standard errors.
 _MOST_STAGES, _ALIKE = 10, 2.0
 
 
-@np.errstate(all="ignore")  # a leap may be so wild that it overflows
-def by_bridge(
-    target: Target,
-    size: int,
-    rng: np.random.Generator,
-    known: Array | None = None,
-    guide: Target | None = None,
-) -> Integral:
-    """Integral of a smooth target, with so many particles.
+class Led:
+    """Particles that are led to the posterior of a smooth target, and on from there.
 
     Of many unknowns no distribution is known so well that its draws would have even weights, and
     tempering has a long way, of which each stage is to be exact. A bridge needs but draws of the
@@ -34,29 +27,45 @@ def by_bridge(
     the prior in haste, or are `known` from a posterior like this one, lag behind; they move on
     until the evidence from where they are is twice the same.
     """
-    if known is None:
-        start = target.draw_prior(_PARTICLES, rng)
-        led = Tempering(target, start, rng, guide=guide, max_moves=_MOVES_ON_THE_WAY).run()
-        known = led.visited
-    if len(known) > _PARTICLES:
-        known = rng.permutation(known)[:_PARTICLES]
-    tempering = Tempering(target, known, rng, guide=guide, arrived=True, max_moves=_MOVES)
 
-    def density(points: Array) -> Array:
-        flat = np.add(*target.score(points.reshape(-1, target.dimension)))
+    @np.errstate(all="ignore")  # a leap may be so wild that it overflows
+    def __init__(
+        self,
+        target: Target,
+        rng: np.random.Generator,
+        known: Array | None = None,
+        guide: Target | None = None,
+    ) -> None:
+        self._target = target
+        if known is None:
+            start = target.draw_prior(_PARTICLES, rng)
+            led = Tempering(target, start, rng, guide=guide, max_moves=_MOVES_ON_THE_WAY).run()
+            known = led.visited
+        if len(known) > _PARTICLES:
+            known = rng.permutation(known)[:_PARTICLES]
+        self._tempering = Tempering(
+            target, known, rng, guide=guide, arrived=True, max_moves=_MOVES
+        )
+        self._last = Estimate(-np.inf, np.inf)
+
+    @np.errstate(all="ignore")
+    def integral(self, size: int, rng: np.random.Generator) -> Integral:
+        """Integral of the target from where the particles go next, and so many draws of these."""
+        self._tempering.rng = rng
+        for _ in range(_MOST_STAGES):
+            self._tempering.stay()
+            draws, log_density = self._tempering.paths
+            proposed = log_density.size // _FOR_ONE
+            estimate, doubts = bridged(self._density, draws, log_density, rng, "normal", proposed)
+            before, self._last = self._last, estimate
+            error = np.hypot(estimate.standard_error, before.standard_error)
+            if not doubts and abs(estimate.value - before.value) < _ALIKE * error < np.inf:
+                break
+        else:
+            estimate = Estimate(estimate.value, np.inf)
+        particles = rng.permutation(draws.reshape(-1, self._target.dimension))[:size]
+        return Integral(estimate, np.nan, "bridge", particles)
+
+    def _density(self, points: Array) -> Array:
+        flat = np.add(*self._target.score(points.reshape(-1, self._target.dimension)))
         return flat.reshape(points.shape[:-1])
-
-    estimate = Estimate(-np.inf, np.inf)
-    for _ in range(_MOST_STAGES):
-        tempering.stay()
-        draws, log_density = tempering.paths
-        before = estimate
-        size_of_bridge = log_density.size // _FOR_ONE
-        estimate, doubts = bridged(density, draws, log_density, rng, "normal", size_of_bridge)
-        error = np.hypot(estimate.standard_error, before.standard_error)
-        if not doubts and abs(estimate.value - before.value) < _ALIKE * error < np.inf:
-            break
-    else:
-        estimate = Estimate(estimate.value, np.inf)
-    particles = rng.permutation(draws.reshape(-1, target.dimension))[:size]
-    return Integral(estimate, np.nan, "bridge", particles)

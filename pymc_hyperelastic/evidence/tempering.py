@@ -1,7 +1,5 @@
 """A population of particles that is led from where it starts to the posterior."""
 
-from itertools import cycle, islice
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
@@ -25,6 +23,8 @@ _FEWEST_MOVES = 4
 _AHEAD, _SHARE_AHEAD = 0.02, 0.3
 # Points from which a mixture is fitted, if there are so many.
 _TO_LEARN_FROM = 1000
+# Rate of acceptance below which moves to new places do not pay, where slopes lead on.
+_RARELY = 0.1
 # Spread of the lengths of steps, as the sd of their logarithm: what suits the bulk is too long in
 # the neck of a funnel. Rates of acceptance at which they are right.
 _WALKS, _LEAPS = (1.5, 0.3), (1.0, 0.65)
@@ -173,7 +173,7 @@ class Tempering:
         places, _, rise = (np.concatenate(x) for x in zip(*visited, strict=True))
         share = (1 - _SHARE_AHEAD) * _weights(rise, self.beta - beta)
         share += _SHARE_AHEAD * _weights(rise, self.beta - beta + self._step_ahead)
-        size = max(self.draws // 2, min(self.draws, _TO_LEARN_FROM))
+        size = max(self.draws // 2, min(len(places), _TO_LEARN_FROM))
         learn_from = places[systematic(share, size, self.rng)]
         components = components_for(size, self.dimension)
         # The mixture of the stage before is nearly right, unless components have died out.
@@ -196,8 +196,12 @@ class Tempering:
         self._terms = self.mixture.log_density_of_components(origin)
         rates: list[float] = []
         nearby = self._leap if self.target.has_slopes else self._walk
-        for move in islice(cycle((self._move_independently, nearby)), self.max_moves):
-            rates.append(move())
+        alone = False
+        for number in range(self.max_moves):
+            independent = number % 2 == 0 and not alone
+            rates.append(self._move_independently() if independent else nearby())
+            # Of many unknowns hardly any that is drawn anew is accepted.
+            alone |= independent and self.target.has_slopes and rates[-1] < _RARELY
             if self.target.exhausted:
                 self.capped += 1
                 break

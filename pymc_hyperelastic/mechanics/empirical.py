@@ -45,7 +45,7 @@ _INDEPENDENT = 3e-12
 # Places in the walls of a group among which nodes are chosen, at most, and in those of all groups
 # together those among which snapshots are; random combinations of these by which snapshots are told
 # apart; groups that are looked at.
-_MOST_PLACES, _COMBINATIONS, _MOST_GROUPS = 4000, 800, 3
+_MOST_PLACES, _COMBINATIONS, _MOST_GROUPS = 4000, 400, 3
 # What curves may err, relative to their largest value, and how often snapshots are added until
 # they do not. A few materials among those that are tried may err more, but not visibly: fibres that
 # stiffen by orders of magnitude within a hundredth of a wall, which hardly any test shows. Or more
