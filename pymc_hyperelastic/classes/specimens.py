@@ -70,6 +70,10 @@ _EFFECT = 1.0
 _NOISE_DRAWS = 2000
 
 
+# An integral, and by which target it was taken.
+Taken = tuple[Integral, SpecimenTarget]
+
+
 @dataclass(frozen=True)
 class _SpecimenModel:
     """Model of a specimen with so many tests, whose data may be replaced."""
@@ -87,15 +91,6 @@ class _SpecimenModel:
         if total is None:
             total = sum(pt.sum(pm.logp(rv, model.rvs_to_values[rv])) for rv in model.observed_RVs)
         return BatchedFunction.of_model(model, model.replace_rvs_by_values([total]))
-
-    def squares(self, points: Array) -> Array:
-        """Sums of squares of all standard errors, of errors whose size is known."""
-        if self.compressed is None:
-            return np.square(self.misfits(points)[1]).sum(axis=1)
-        # Half of it is what the log likelihood lacks, which is the same everywhere.
-        likelihood, errors = self.misfits(points[:1])
-        lacking = likelihood - self.log_likelihood(points)[0]
-        return np.square(errors).sum() + 2 * lacking
 
     @cached_property
     def misfits(self) -> BatchedFunction:
@@ -129,11 +124,11 @@ class SpecimenSampler:
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data."""
 
-        def take(sampler: SpecimenSampler) -> Integral:
+        def take(sampler: SpecimenSampler) -> Taken:
             return sampler._integral(data, None, lambda of: integrate(of, PARTICLES, rng))
 
-        sampler, found = self._by_right_curves(data, take)
-        draws = sampler._with_misfit(data, self.draws_at(found.particles))
+        found, target = self._by_right_curves(data, take)
+        draws = self._with_misfit(data, self.draws_at(found.particles), target)
         value, error = found.log_value
         return _weighted(draws, self.log_reference(found.particles) - value, error, found)
 
@@ -170,19 +165,19 @@ class SpecimenSampler:
         components = components_for(len(draws.points), dimension)
         mixture = GaussianMixture.fit(draws.points, components, rng)
 
-        def take(sampler: SpecimenSampler) -> Integral:
+        def take(sampler: SpecimenSampler) -> Taken:
             def of_target(target: Target) -> Integral:
                 return by_importance(target.score, mixture, PARTICLES, rng, draw_prior)
 
             return sampler._integral(data, log_prior, of_target)
 
-        sampler, found = self._by_right_curves(data, take)
+        found, target = self._by_right_curves(data, take)
         if not found.known:
             return draws
         count = len(draws.points)
         if np.isinf(draws.standard_error):
             points = found.particles[:count]
-            again = sampler._with_misfit(data, self.draws_at(points))
+            again = self._with_misfit(data, self.draws_at(points), target)
             value, error = found.log_value
             return _weighted(again, log_prior(points) - value, error, found)
         old = round(_KEPT * count)
@@ -198,9 +193,9 @@ class SpecimenSampler:
         return _weighted(again, log_density, float(np.hypot(*errors)), found)
 
     def _by_right_curves(
-        self, data: xr.Dataset, take: Callable[["SpecimenSampler"], Integral]
-    ) -> tuple["SpecimenSampler", Integral]:
-        """An integral over materials whose curves are right, and the sampler that has these.
+        self, data: xr.Dataset, take: Callable[["SpecimenSampler"], Taken]
+    ) -> Taken:
+        """An integral over materials whose curves are right.
 
         They are over the range of the class's default priors. If the data want others, curves are
         made right for these, and the integral is taken again. Other specimens keep their curves.
@@ -208,10 +203,10 @@ class SpecimenSampler:
         (name,) = specimens_of(data)[0]
         sampler = self._right_for.get(name, self)
         for _ in range(_MOST_TRIES):
-            found = take(sampler)
+            found, target = take(sampler)
             parameters = self._parameters(found.particles[:_MATERIALS])
             if sampler.forward.errors(data, parameters).max() <= CURVES_ERR:
-                return sampler, found
+                return found, target
             right = sampler.forward.right_for(parameters)
             sampler = SpecimenSampler(self.population, right, self.reference)
             # It is asked for again when the class is known, and soon.
@@ -221,7 +216,7 @@ class SpecimenSampler:
             "value, and its evidence has no error: its material is far from what priors expect",
             skip_file_prefixes=(PACKAGE,),
         )
-        return sampler, found._replace(log_value=Estimate(found.log_value.value, np.inf))
+        return found._replace(log_value=Estimate(found.log_value.value, np.inf)), target
 
     def _parameters(self, points: Array) -> dict[str, Array]:
         """Material parameters of particles, of all their tests."""
@@ -240,7 +235,7 @@ class SpecimenSampler:
         data: xr.Dataset,
         log_prior: Callable[[Array], Array] | None,
         take: Callable[[Target], Integral],
-    ) -> Integral:
+    ) -> Taken:
         """An integral over what the specimen of these data may be, under such a prior.
 
         Where curves have many nodes it is taken by those of a few, as long as these are right.
@@ -256,9 +251,9 @@ class SpecimenSampler:
                 found = take(quick)
                 unlike = target.unlike(quick, found.particles)
                 if not len(unlike):
-                    return found
+                    return found, quick
             learn_from = np.concatenate([learn_from, unlike[:_LEARNED_FROM]])
-        return take(target)
+        return take(target), target
 
     def _nearby(
         self, data: xr.Dataset, target: SpecimenTarget, points: Array
@@ -362,12 +357,14 @@ class SpecimenSampler:
         known = centre, scatter, log_sigma.T, unweighted, tests, 0.0, points, deviations.T
         return SpecimenDraws(*known)
 
-    def _with_misfit(self, data: xr.Dataset, draws: SpecimenDraws) -> SpecimenDraws:
-        """Draws with their misfit, which is told by errors whose size is known."""
+    def _with_misfit(
+        self, data: xr.Dataset, draws: SpecimenDraws, target: SpecimenTarget
+    ) -> SpecimenDraws:
+        """Draws of a target with their misfit, which is told by errors whose size is known."""
         if not self.population.known_noise:
             return draws
-        model, target = self._model_for(data), self.target(data)
-        squares = model.squares(target.particles(draws.points))
+        compressed = self._model_for(data).compressed is not None
+        squares = target.squares(draws.points, compressed=compressed)
         misfit, freedom = self._misfit(data, squares, target.dimension)
         return replace(draws, misfit=misfit, freedom=freedom)
 
@@ -397,8 +394,10 @@ class SpecimenSampler:
     @without_traces
     def _model(self, data: xr.Dataset, tests: int) -> _SpecimenModel:
         forward = self.forward.with_data(data)
-        coords = {"specimen": [0], "test": np.arange(tests)}
-        with pm.Model(coords=coords, model=None) as model:
+        with pm.Model(model=None) as model:
+            # Lengths that are known take less time to compile for.
+            for name, length in (("specimen", 1), ("test", tests)):
+                model.add_coord(name, np.arange(length), length=pt.constant(length))
             of_test = np.zeros(tests, int)
             specimens = register_specimens(self.population, self.reference, of_test)
             register_curves(self.population, forward, specimens)

@@ -43,9 +43,7 @@ class Led:
             known = led.visited
         if len(known) > _PARTICLES:
             known = rng.permutation(known)[:_PARTICLES]
-        self._tempering = Tempering(
-            target, known, rng, guide=guide, arrived=True, max_moves=_MOVES
-        )
+        self._tempering = Tempering(target, known, rng, guide=guide, arrived=True, max_moves=_MOVES)
         self._last = Estimate(-np.inf, np.inf)
 
     @np.errstate(all="ignore")

@@ -87,7 +87,7 @@ class Target:
         self.dimension = sum(size for _, size in self.var_info.values())
         self.nan_scores = 0
         self.effort, self.most_effort = 0.0, np.inf
-        self._terms = _scored_terms(model, tempered)
+        self._hot = _tempered(model, tempered)
         self._compile_kwargs = compile_kwargs
 
     def columns(self, points: Mapping[str, Array]) -> Array:
@@ -175,6 +175,17 @@ class Target:
         return np.where(bad, -np.inf, prior), np.where(bad, -np.inf, likelihood)
 
     @cached_property
+    @without_traces
+    def _terms(self) -> list[TensorVariable]:
+        """Log density of all that counts as prior, and of all that is tempered."""
+        model, hot = self.model, self._hot
+        others = (term for term in (*model.observed_RVs, *model.potentials) if term not in hot)
+        cold = [*model.free_RVs, *others]
+        logp = model.logp([*cold, *hot], sum=False)
+        groups = logp[: len(cold)], logp[len(cold) :]
+        return [sum(pt.sum(term) for term in group) for group in groups]
+
+    @cached_property
     def _score(self) -> BatchedFunction:
         return BatchedFunction.of_model(self.model, self._terms, self._compile_kwargs)
 
@@ -225,19 +236,14 @@ def differences(points: Array, width: Array) -> tuple[Array, Callable[[Array], A
     return around, change
 
 
-@without_traces
-def _scored_terms(model: pm.Model, tempered: Sequence[str] | None) -> list[TensorVariable]:
-    """Log density of all that counts as prior, and of all that is tempered."""
+def _tempered(model: pm.Model, names: Sequence[str] | None) -> list[TensorVariable]:
+    """Observed variables and Potentials of these names; all when missing."""
     terms = [*model.observed_RVs, *model.potentials]
-    names = [term.name for term in terms]
-    unknown = sorted(set(tempered or ()) - set(names))
+    known = [term.name for term in terms]
+    unknown = sorted(set(names or ()) - set(known))
     if unknown or not terms:
         raise ValueError(
-            f"nothing to temper: the model has the observed variables and Potentials {names}"
+            f"nothing to temper: the model has the observed variables and Potentials {known}"
             + (f", not {unknown}" if unknown else "")
         )
-    hot = [term for term in terms if tempered is None or term.name in tempered]
-    cold = [*model.free_RVs, *(term for term in terms if term not in hot)]
-    logp = model.logp([*cold, *hot], sum=False)
-    groups = logp[: len(cold)], logp[len(cold) :]
-    return [sum(pt.sum(term) for term in group) for group in groups]
+    return [term for term in terms if names is None or term.name in names]

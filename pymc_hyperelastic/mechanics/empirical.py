@@ -43,8 +43,8 @@ Materials = Sequence[Array]
 # rounding.
 _INDEPENDENT = 3e-12
 # Places in the walls of a group among which nodes are chosen, at most, and in those of all groups
-# together those among which snapshots are; random combinations of these by which snapshots are told
-# apart; groups that are looked at.
+# together those among which snapshots are; combinations of as many responses or places by which
+# nodes, or snapshots, are told apart; groups that are looked at.
 _MOST_PLACES, _COMBINATIONS, _MOST_GROUPS = 4000, 400, 3
 # What curves may err, relative to their largest value, and how often snapshots are added until
 # they do not. A few materials among those that are tried may err more, but not visibly: fibres that
@@ -196,7 +196,7 @@ def fewer_nodes(
         # Nothing is learned of responses that all overflow.
         return np.arange(len(places[0])), np.eye(len(places[0]))
     responses = np.concatenate([r[known] / size[known, None] for r in of_kinds])
-    triangle, pivots = qr(responses, mode="r", pivoting=True)
+    triangle, pivots = qr(_mixed(responses), mode="r", pivoting=True)
     left = np.abs(np.diag(triangle))
     count = int(np.sum(left > _INDEPENDENT_NEAR * left[0]))
     weights = np.empty((count, len(pivots)))
@@ -248,19 +248,25 @@ def _independent(
     energy: StrainEnergy, places: Sequence[Array], candidates: Mapping[bool, Materials]
 ) -> dict[bool, Materials]:
     """Materials of whose stresses and axial forces those of all candidates are combinations."""
-    mix = np.random.default_rng(1).standard_normal((_COMBINATIONS, places[0].size))
     of_kinds, columns = [], []
     for force, materials in candidates.items():
         of_all = response_function(energy, force)(*places, *_columns(materials))[0]
         size = np.abs(of_all).max(axis=1)
         known = np.flatnonzero((size < _LARGEST) & (size > 0))
-        columns.append(mix @ (of_all[known] / size[known, None]).T)
+        columns.append(_mixed((of_all[known] / size[known, None]).T))
         of_kinds += [(force, row) for row in known]
     triangle, pivots = qr(np.concatenate(columns, axis=1), mode="r", pivoting=True)
     left = np.abs(np.diag(triangle))
     chosen = [of_kinds[pivot] for pivot in pivots[: np.sum(left > _INDEPENDENT * left[0])]]
     rows = {kind: [row for of, row in chosen if of == kind] for kind in candidates}
     return {kind: [v[rows[kind]] for v in candidates[kind]] for kind in candidates}
+
+
+def _mixed(rows: Array) -> Array:
+    """Random combinations of the rows, by which columns are told apart, if these are fewer."""
+    if len(rows) <= _COMBINATIONS:
+        return rows
+    return np.random.default_rng(1).standard_normal((_COMBINATIONS, len(rows))) @ rows
 
 
 def _spread(materials: Materials) -> Materials:

@@ -123,8 +123,9 @@ class Grid(NamedTuple):
             of_hoop = np.einsum("nq,nqk->nk", weight, vandermonde) @ coefficient
             return (between[:, :, None] * of_hoop[:, None, :]).reshape(len(weight), -1)
 
-        both = (partial(moments, coefficient=c) for c in (coefficient, derivative))
-        return by_moments(own, wall, tuple(both))
+        values = partial(moments, coefficient=coefficient)
+        slopes = partial(moments, coefficient=derivative)
+        return by_moments(own, wall, (values, slopes))
 
     def _between(self, axial_stretch: Array) -> Array:
         """At the axial stretch of its point, a response by those at the axial stretches."""

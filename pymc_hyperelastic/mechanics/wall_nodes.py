@@ -38,7 +38,12 @@ class WallNodes(NamedTuple):
 
     @np.errstate(all="ignore")  # some of the materials may be impossible
     def curves(
-        self, energy: StrainEnergy, tubes: KnownTubes, materials: Sequence[Array], with_force: bool
+        self,
+        energy: StrainEnergy,
+        tubes: KnownTubes,
+        materials: Sequence[Array],
+        *,
+        with_force: bool,
     ) -> list[Array]:
         """Pressures, and axial forces, (material, point) of materials, entry by entry."""
         points = np.arange(len(tubes.radius))
@@ -49,9 +54,9 @@ class WallNodes(NamedTuple):
         for force, weight in enumerate(walls.weights[: 1 + with_force]):
             response = response_function(energy, bool(force))(log_hoop, log_axial, *entries)[0]
             of_walls = (response.reshape(-1, *weight.shape) * weight).sum(axis=2)
-            curve = np.zeros((len(of_walls), len(points)))
-            np.add.at(curve, (slice(None), walls.points), of_walls)
-            curves.append(curve)
+            curve = np.zeros((len(points), len(of_walls)))
+            np.add.at(curve, walls.points, of_walls.T)
+            curves.append(curve.T)
         return curves
 
 

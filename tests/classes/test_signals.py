@@ -300,7 +300,7 @@ def test_noise_that_is_inferred_is_that_of_each_class():
     rng = np.random.default_rng(SEED)
     loud = TRAINING["stiff"].copy()
     loud["pressure"] = loud["pressure"] + 1.0 * rng.standard_normal(loud.sizes["obs"])
-    settings = {"random_seed": SEED, "progressbar": False, "draws": 3000, "chains": 2}
+    settings = {"random_seed": SEED, "progressbar": False, "draws": 6000, "chains": 2}
     classes = ph.fit_classes(
         ph.NeoHookean(),
         {"quiet": TRAINING["middle"], "loud": loud},

@@ -299,7 +299,8 @@ def test_sums_of_squares_say_what_all_points_say(energy, noise, effect):
     # Rounding of sums whose terms are as large as all of it.
     np.testing.assert_allclose(found[known], expected[known], rtol=1e-8)
     if population.known_noise:
-        squares = model.squares(target.particles(points[known]))
+        compressed = model.compressed is not None
+        squares = target.squares(points[known], compressed=compressed)
         np.testing.assert_allclose(squares, np.square(errors[known]).sum(axis=1), rtol=1e-8)
 
 

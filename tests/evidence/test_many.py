@@ -48,7 +48,7 @@ def skewed():
 
 @pytest.mark.parametrize("case", [hierarchy, correlated, skewed])
 def test_evidence(case):
-    """From where particles are when the evidence is twice the same, and where they go from there."""
+    """By particles where the evidence is twice the same, and by where they go from there."""
     model, exact = case()
     rng = np.random.default_rng(1)
     led = Led(Target(model), rng)

@@ -157,11 +157,11 @@ class ForwardModel:
             return {}
         energy, known, draw = self._wall, {}, cache(draw)
 
-        def fewer(*places: Array) -> tuple[NDArray[np.intp], Array]:
+        def fewer(log_hoop: Array, log_axial: Array) -> tuple[NDArray[np.intp], Array]:
             # Curves and misfits have the same places.
-            key = tuple(x.tobytes() for x in places)
+            key = log_hoop.tobytes(), log_axial.tobytes()
             if key not in known:
-                materials = energy.split(draw())
+                places, materials = (log_hoop, log_axial), energy.split(draw())
                 known[key] = fewer_nodes(energy, places, materials, with_force=self.way.with_force)
             return known[key]
 

@@ -150,29 +150,42 @@ def errors_of(
 
     Of a tube that is not quite known they are those of the measured one.
     """
-    if isinstance(way, Collocated) and not isinstance(way.basis, WallNodes):
-        return way.errors(energy, data, materials)
-    errors, tubes = np.zeros(len(materials[0])), known_tubes(data)
+    tubes = known_tubes(data)
+    if isinstance(way, Collocated):
+        if not isinstance(way.basis, WallNodes):
+            return way.errors(energy, data, materials)
+        exact = _curves_of(energy, _USUAL_ORDER, way.with_force)(tubes, materials)
+        scales = _scales(exact, tubes, way.with_force)
+        found = way.basis.curves(energy, tubes, materials, with_force=way.with_force)
+        # Of stiffnesses nothing is known.
+        return _largest(found, exact[::2], scales[::2])
     direct = way.slack if isinstance(way, Divided) else way
-    exact = _curves_of(energy, HIGHEST_ORDER, direct.with_force)(tubes, materials)
-    scales = [np.abs(x).max(axis=1, keepdims=True) for x in exact]
-    if direct.with_force:
+    curves = _curves_of(energy, direct.order, direct.with_force)
+    finer = _curves_of(energy, HIGHEST_ORDER, direct.with_force)
+    exact = finer(tubes, materials)
+    scales = _scales(exact, tubes, direct.with_force)
+    if isinstance(way, Direct):
+        return _largest(curves(tubes, materials), exact, scales)
+    slack = tubes.divided()[1]
+    parts = slack.at(np.flatnonzero(slack.outer_radius > slack.inner_radius))
+    of_parts = _largest(curves(parts, materials), finer(parts, materials), scales)
+    return np.maximum(way.taut.errors(energy, data, materials), of_parts)
+
+
+def _scales(exact: Sequence[Array], tubes: KnownTubes, with_force: bool) -> list[Array]:
+    """The largest value of each curve, with which errors are compared."""
+    scales = [np.abs(curve).max(axis=1, keepdims=True) for curve in exact]
+    if with_force:
         # Forces may be nil: that of the pressure on the lumen is their measure, too.
         scales[-1] = np.maximum(scales[-1], np.pi * tubes.radius.max() ** 2 * scales[0])
-    if isinstance(direct, Collocated):
-        # Of stiffnesses nothing is known.
-        exact, scales = exact[::2], scales[::2]
-        found = direct.basis.curves(energy, tubes, materials, direct.with_force)
-    else:
-        if isinstance(way, Divided):
-            errors = way.taut.errors(energy, data, materials)
-            slack = tubes.divided()[1]
-            tubes = slack.at(np.flatnonzero(slack.outer_radius > slack.inner_radius))
-            exact = _curves_of(energy, HIGHEST_ORDER, direct.with_force)(tubes, materials)
-        found = _curves_of(energy, direct.order, direct.with_force)(tubes, materials)
-    with np.errstate(all="ignore"):
-        relative = [np.abs(a - b) / s for a, b, s in zip(found, exact, scales, strict=True)]
-    return np.max([errors, *(r.max(axis=1, initial=0.0) for r in relative)], axis=0)
+    return scales
+
+
+@np.errstate(all="ignore")  # some of the materials may be impossible
+def _largest(found: Sequence[Array], exact: Sequence[Array], scales: Sequence[Array]) -> Array:
+    """The largest error of each material."""
+    relative = [np.abs(a - b) / s for a, b, s in zip(found, exact, scales, strict=True)]
+    return np.concatenate(relative, axis=1).max(axis=1, initial=0.0)
 
 
 def like_measured(
@@ -246,7 +259,7 @@ def _divided(
 def _in_walls(
     energy: StrainEnergy, data: xr.Dataset, values: list[Array], whole: Collocated
 ) -> Collocated | None:
-    """Constant matrices of all nodes of quadrature; None where stress is not smooth, or if too many.
+    """Constant matrices of all nodes of quadrature; None if too many, or stress is not smooth.
 
     Fibres that slacken elsewhere than where walls are divided may do so between nodes.
     """
