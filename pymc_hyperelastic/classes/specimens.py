@@ -161,8 +161,7 @@ class SpecimenSampler:
             fresh = fresh_specimens(self.population, chosen, data.sizes["test"], rng)
             return self.points_of(fresh)
 
-        dimension = self.target(data, log_prior).dimension
-        components = components_for(len(draws.points), dimension)
+        components = components_for(*draws.points.shape)
         mixture = GaussianMixture.fit(draws.points, components, rng)
 
         def take(sampler: SpecimenSampler) -> Taken:
@@ -201,7 +200,7 @@ class SpecimenSampler:
         made right for these, and the integral is taken again. Other specimens keep their curves.
         """
         (name,) = specimens_of(data)[0]
-        sampler = self._right_for.get(name, self)
+        sampler = self._right_for.get(name, self if self.forward.takes(data) else self._for_many)
         for _ in range(_MOST_TRIES):
             found, target = take(sampler)
             parameters = self._parameters(found.particles[:_MATERIALS])
@@ -217,6 +216,11 @@ class SpecimenSampler:
             skip_file_prefixes=(PACKAGE,),
         )
         return found._replace(log_value=Estimate(found.log_value.value, np.inf)), target
+
+    @cached_property
+    def _for_many(self) -> "SpecimenSampler":
+        """The same for specimens with many points."""
+        return SpecimenSampler(self.population, self.forward.for_many_points(), self.reference)
 
     def _parameters(self, points: Array) -> dict[str, Array]:
         """Material parameters of particles, of all their tests."""
@@ -363,7 +367,7 @@ class SpecimenSampler:
         """Draws of a target with their misfit, which is told by errors whose size is known."""
         if not self.population.known_noise:
             return draws
-        compressed = self._model_for(data).compressed is not None
+        compressed = not self.population.observation.with_slopes
         squares = target.squares(draws.points, compressed=compressed)
         misfit, freedom = self._misfit(data, squares, target.dimension)
         return replace(draws, misfit=misfit, freedom=freedom)

@@ -11,7 +11,9 @@ from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral
 from pymc_hyperelastic.mechanics.empirical import fewer_nodes
+from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.mechanics.wall_nodes import WallNodes
+from pymc_hyperelastic.models.forward.collocated import known_tubes
 from pymc_hyperelastic.models.forward.divided import Divided
 
 SEED = 20261127  # any would do
@@ -60,8 +62,10 @@ def nodes_of(target):
     return sum(value.size for name, value in shared.items() if name.endswith("log_hoop"))
 
 
+# Pressures alone take half of the time to compile.
+NO_FORCES = {"force_noise_sd": None, "force_offset_sd": None}
 CASES = [
-    ("taut", ph.HolzapfelGasserOgden(), 1.1, {}),
+    ("taut", ph.HolzapfelGasserOgden(), 1.1, NO_FORCES),
     ("slack", ph.FourFiber(), 0.93, {}),
     ("experiments differ", ph.FourFiber(hoop_fibres=False), 1.1, {"experiment_effect": True}),
 ]
@@ -74,13 +78,13 @@ CASES = [
 )
 def test_few_nodes_say_what_all_of_them_say(energy, growth, settings):
     """Likelihoods and errors of draws of the prior that none of the nodes was found by."""
+    apart = "experiment_effect" in settings
     # A test by itself needs about as many nodes as all of them.
-    data = protocols(growth, points=24 if settings else 8)
+    data = protocols(growth, points=24 if apart else 8)
     sampler = sampler_of(energy, data, **settings)
     quick, target = quick_of(sampler, data)
     assert isinstance(sampler.forward.way.basis, WallNodes)
-    assert sampler.forward.way.basis.divided == (growth < 1)
-    tests = data.sizes["test"] if settings else 1
+    tests = data.sizes["test"] if apart else 1
     assert 5 * tests < nodes_of(quick) < nodes_of(target) / 2
     points = target.draw_prior(2000, np.random.default_rng(SEED))
     exact, found = (of.score(points)[1] for of in (target, quick))
@@ -96,7 +100,7 @@ def test_few_nodes_say_what_all_of_them_say(energy, growth, settings):
 @pytest.fixture(scope="module")
 def taut():
     data = protocols(1.1)
-    return sampler_of(ph.HolzapfelGasserOgden(), data), data
+    return sampler_of(ph.HolzapfelGasserOgden(), data, **NO_FORCES), data
 
 
 def taken(sampler, data, found, monkeypatch, change):
@@ -175,6 +179,78 @@ def test_slopes_are_scored_by_all_nodes():
     assert isinstance(sampler.forward.way, Divided)
     quick, _ = quick_of(sampler, data)
     assert quick is None
+
+
+@pytest.mark.parametrize(
+    ("law", "growth"),
+    tiers(
+        [("FourFiber", 0.93), ("HolzapfelGasserOgden", 0.93), ("Ogden", 1.1)],
+        lambda case: case[0] == "HolzapfelGasserOgden",
+    ),
+)
+def test_all_nodes_say_what_quadrature_says(law, growth):
+    """Pressures and forces of walls with and without slack parts, by the functions of the package.
+
+    Data in which no fibre is slack were there first.
+    """
+    energy, data = getattr(ph, law)(), protocols(growth)
+    way = sampler_of(energy, protocols(1.1)).forward.way
+    materials = {
+        "FourFiber": [13.0, 3.0, 0.05, 1.0, 0.1, 3.8, 0.4, 39.0],
+        "HolzapfelGasserOgden": [15.0, 5.0, 0.4, 39.0],
+        "Ogden": [20.0, 3.0],
+    }[law]
+    tubes = known_tubes(data)
+    own = [np.array([value, 1.1 * value]) for value in materials]
+    found = way.basis.curves(energy, tubes, own, with_force=True)
+    tube = {name: getattr(tubes, name) for name in GEOMETRY}
+    for i, factor in enumerate((1.0, 1.1)):
+        given = energy.join([factor * value for value in materials])
+        exact = [
+            f(energy, tubes.radius, **tube, **given)
+            for f in (ph.inflation_pressure, ph.axial_force)
+        ]
+        for curves, of_package in zip(found, exact, strict=True):
+            curve = of_package.eval()
+            assert np.abs(curves[i] - curve).max() < 1e-10 * np.abs(curve).max()
+
+
+def of_angles(beta, sampler, data):
+    """Of which nodes the curves were by which materials with such an angle were found."""
+    taken = []
+
+    def take(sampler):
+        target = sampler.target(data)
+        points = target.draw_prior(50, np.random.default_rng(SEED))
+        points[:, sampler.scale.names.index("logit_beta")] = np.log(beta / (90 - beta))
+        taken.append(sampler.forward.way)
+        return Integral(Estimate(0.0, 0.0), 0.0, "importance", points), target
+
+    found, _ = sampler._by_right_curves(data, take)
+    return [isinstance(getattr(way, "basis", None), WallNodes) for way in taken], found
+
+
+@pytest.mark.deep
+def test_fibres_that_slacken_between_nodes():
+    """Their curves are wrong by more than is let pass, and made right."""
+    data = protocols(0.93)
+    sampler = sampler_of(ph.HolzapfelGasserOgden(), data)
+    by_nodes, found = of_angles(39.0, sampler, data)
+    assert by_nodes == [True] and np.isfinite(found.log_value.standard_error)
+    by_nodes, found = of_angles(5.0, sampler, data)
+    assert by_nodes[0] and not any(by_nodes[1:]) and len(by_nodes) > 1
+    assert np.isfinite(found.log_value.standard_error)
+
+
+@pytest.mark.deep
+def test_specimens_with_many_points():
+    """Matrices of all nodes would be too large: nodes are those that the law asks for."""
+    few, many = protocols(1.1), protocols(1.1, points=100)
+    sampler = sampler_of(ph.HolzapfelGasserOgden(), few)
+    assert sampler.forward.takes(few) and not sampler.forward.takes(many)
+    by_nodes, _ = of_angles(39.0, sampler, many)
+    assert by_nodes == [False]
+    assert not sampler._models  # nothing was made of these data
 
 
 def test_few_nodes_are_not_looked_for_where_there_are_few():

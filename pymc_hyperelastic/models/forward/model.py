@@ -26,6 +26,7 @@ from pymc_hyperelastic.mechanics.empirical import fewer_nodes
 from pymc_hyperelastic.mechanics.interpolation import MOST_NODES
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.wall_nodes import WallNodes
 from pymc_hyperelastic.models.forward.collocated import Collocated
 from pymc_hyperelastic.models.forward.direct import ByPoints, Direct, WallVariables
 from pymc_hyperelastic.models.forward.rules import (
@@ -43,6 +44,8 @@ Arrays = dict[str, NDArray]
 
 # kPa², or (kPa/mm)²: far beyond any tube; what is made of smaller numbers does not overflow.
 _LARGEST_MISFIT = np.float64(1e60)
+# Points of a specimen up to which all nodes in its walls are candidates for few.
+_MOST_IN_WALLS = 400
 # Nodes of a specimen with which it pays to find few that are right for materials like some.
 _MANY_NODES = 100
 # Radii of a test at which a pressure is seen to rise.
@@ -135,13 +138,27 @@ class ForwardModel:
         """The same with curves that are right for these materials too."""
         if not isinstance(self._wall, StrainEnergy):
             raise TypeError("layers have no materials that curves are made right for")
-        other, known = copy(self), self._wall.split(parameters)
+        known = self._wall.split(parameters)
         if self._known:
             known = [np.concatenate(both) for both in zip(self._known, known, strict=True)]
-        settings = self._settings | {"known": known, "nearby": False}
-        other.way = way_to_integrate(self._stated, self.data, mode=self._mode, **settings)
+        other = self._made_anew(known=known)
         if isinstance(other.way, Direct):
             other.way = replace(other.way, order=HIGHEST_ORDER)
+        return other
+
+    def takes(self, data: xr.Dataset) -> bool:
+        """Whether matrices of a specimen with these data are of a size that pays."""
+        in_walls = isinstance(self.way, Collocated) and isinstance(self.way.basis, WallNodes)
+        return not in_walls or data.sizes["obs"] <= _MOST_IN_WALLS
+
+    def for_many_points(self) -> "ForwardModel":
+        """The same for specimens with any number of points."""
+        return self._made_anew()
+
+    def _made_anew(self, known: Sequence[Array] = ()) -> "ForwardModel":
+        """The same, right for all materials of the prior and those that are known."""
+        other, settings = copy(self), self._settings | {"known": known, "nearby": False}
+        other.way = way_to_integrate(self._stated, self.data, mode=self._mode, **settings)
         other._known, other._shared = known, {}
         return other
 

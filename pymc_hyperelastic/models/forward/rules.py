@@ -82,8 +82,6 @@ _DRAWS, _MOST_CORNERS = 256, 1024
 # Draws of distributions that were asked for before, by their expressions; so many at most.
 _known_draws: dict[tuple, list[Array]] = {}
 _MOST_KNOWN = 64
-# Points of a specimen up to which all nodes in its walls are candidates for few.
-_MOST_IN_WALLS = 400
 # Points of extension tests from which on nodes that a smooth law asks for are worth looking for:
 # quadrature of fewer is soon done.
 _MANY_POINTS = 50
@@ -259,17 +257,14 @@ def _divided(
 def _in_walls(
     energy: StrainEnergy, data: xr.Dataset, values: list[Array], whole: Collocated
 ) -> Collocated | None:
-    """Constant matrices of all nodes of quadrature; None if too many, or stress is not smooth.
+    """Constant matrices of all nodes of quadrature; None where stress is not smooth.
 
     Fibres that slacken elsewhere than where walls are divided may do so between nodes.
     """
-    specimen = np.unique(data["specimen"].values, return_inverse=True)[1]
-    tubes = known_tubes(data)
-    kinks = _kinks_in(tubes, energy, values)
-    many = np.bincount(specimen[data["test"].values]).max() > _MOST_IN_WALLS
-    if many or np.any(kinks > _ROUNDING):
+    if np.any(_kinks_in(known_tubes(data), energy, values) > _ROUNDING):
         return None
-    return replace(whole, basis=WallNodes(_CHEAP_ORDER, bool(np.isfinite(kinks).any())))
+    # Other walls that take the place of these may have slack parts.
+    return replace(whole, basis=WallNodes(_CHEAP_ORDER, divided=_kinks_of(energy) is not None))
 
 
 def _empirical(
