@@ -23,7 +23,7 @@ _FEWEST_MOVES = 4
 _AHEAD, _SHARE_AHEAD = 0.02, 0.3
 # Points from which a mixture is fitted, if there are so many.
 _TO_LEARN_FROM = 1000
-# Rate of acceptance below which moves to new places do not pay, where slopes lead on.
+# Rate of acceptance below which moves to new places do not pay at the posterior.
 _RARELY = 0.1
 # Spread of the lengths of steps, as the sd of their logarithm: what suits the bulk is too long in
 # the neck of a funnel. Rates of acceptance at which they are right.
@@ -74,7 +74,7 @@ class Tempering:
         self.threshold, self.forget, self.max_moves = threshold, forget, max_moves
         self.particles = particles
         self.draws, self.dimension = particles.shape
-        self.beta, self.moves, self.capped = float(arrived), 0, 0
+        self.beta, self.moves, self.capped, self._arrived = float(arrived), 0, 0, arrived
         self.log_evidence, self.variance = 0.0, 0.0
         self.effective_sample_size, self.acceptance = float(self.draws), 0.0
         self._start, self._rise = self._score(particles)
@@ -200,8 +200,8 @@ class Tempering:
         for number in range(self.max_moves):
             independent = number % 2 == 0 and not alone
             rates.append(self._move_independently() if independent else nearby())
-            # Of many unknowns hardly any that is drawn anew is accepted.
-            alone |= independent and self.target.has_slopes and rates[-1] < _RARELY
+            # Between modes that are yet to be weighed even rare moves count.
+            alone |= self._arrived and independent and rates[-1] < _RARELY
             if self.target.exhausted:
                 self.capped += 1
                 break
