@@ -200,14 +200,17 @@ class SpecimenSampler:
         made right for these, and the integral is taken again. Other specimens keep their curves.
         """
         (name,) = specimens_of(data)[0]
-        sampler = self._right_for.get(name, self if self.forward.takes(data) else self._for_many)
-        for _ in range(_MOST_TRIES):
+        sampler = self._right_for.get(name, self if self.forward.takes(data) else self._for_all)
+        for _ in range(1 + _MOST_TRIES):
             found, target = take(sampler)
             parameters = self._parameters(found.particles[:_MATERIALS])
             if sampler.forward.errors(data, parameters).max() <= CURVES_ERR:
                 return found, target
-            right = sampler.forward.right_for(parameters)
-            sampler = SpecimenSampler(self.population, right, self.reference)
+            if sampler is self and self.forward.in_walls:
+                sampler = self._for_all
+            else:
+                right = sampler.forward.right_for(parameters)
+                sampler = SpecimenSampler(self.population, right, self.reference)
             # It is asked for again when the class is known, and soon.
             self._right_for = {**dict([*self._right_for.items()][1 - _REMEMBERED :]), name: sampler}
         warnings.warn(
@@ -218,9 +221,9 @@ class SpecimenSampler:
         return found._replace(log_value=Estimate(found.log_value.value, np.inf)), target
 
     @cached_property
-    def _for_many(self) -> "SpecimenSampler":
-        """The same for specimens with many points."""
-        return SpecimenSampler(self.population, self.forward.for_many_points(), self.reference)
+    def _for_all(self) -> "SpecimenSampler":
+        """The same by curves for all materials of the priors, at any number of points."""
+        return SpecimenSampler(self.population, self.forward.for_all(), self.reference)
 
     def _parameters(self, points: Array) -> dict[str, Array]:
         """Material parameters of particles, of all their tests."""

@@ -146,17 +146,24 @@ class ForwardModel:
             other.way = replace(other.way, order=HIGHEST_ORDER)
         return other
 
+    @property
+    def in_walls(self) -> bool:
+        """Whether curves are by all nodes in the walls of a specimen."""
+        return isinstance(self.way, Collocated) and isinstance(self.way.basis, WallNodes)
+
     def takes(self, data: xr.Dataset) -> bool:
         """Whether matrices of a specimen with these data are of a size that pays."""
-        in_walls = isinstance(self.way, Collocated) and isinstance(self.way.basis, WallNodes)
-        return not in_walls or data.sizes["obs"] <= _MOST_IN_WALLS
+        return not self.in_walls or data.sizes["obs"] <= _MOST_IN_WALLS
 
-    def for_many_points(self) -> "ForwardModel":
-        """The same for specimens with any number of points."""
+    def for_all(self) -> "ForwardModel":
+        """The same by curves for all materials of the priors, of specimens of any number of points.
+
+        They take long to make.
+        """
         return self._made_anew()
 
     def _made_anew(self, known: Sequence[Array] = ()) -> "ForwardModel":
-        """The same, right for all materials of the prior and those that are known."""
+        """The same for all materials of the priors, and for those that are known."""
         other, settings = copy(self), self._settings | {"known": known, "nearby": False}
         other.way = way_to_integrate(self._stated, self.data, mode=self._mode, **settings)
         other._known, other._shared = known, {}
