@@ -61,8 +61,12 @@ class Led:
                 break
         else:
             estimate = Estimate(estimate.value, np.inf)
-        particles = rng.permutation(draws.reshape(-1, self._target.dimension))[:size]
-        return Integral(estimate, np.nan, "bridge", particles)
+        particles = draws.reshape(-1, self._target.dimension)
+        while len(particles) < size:
+            self._tempering.stay()
+            more = self._tempering.paths[0].reshape(-1, self._target.dimension)
+            particles = np.concatenate([particles, more])
+        return Integral(estimate, np.nan, "bridge", rng.permutation(particles)[:size])
 
     def _density(self, points: Array) -> Array:
         flat = np.add(*self._target.score(points.reshape(-1, self._target.dimension)))
