@@ -259,6 +259,9 @@ class Variability(Population, ClassKind):
         could be what was measured.
         """
         forward = self._curves_of_specimens(like)
+        if forward.in_walls:
+            # Of each specimen these are made right for what it is found to be.
+            return forward
         rng = np.random.default_rng(seed)
         specimens = [self.new_specimens(fitted, rng) for fitted in classes.values()]
         materials = {
