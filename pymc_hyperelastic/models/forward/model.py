@@ -141,7 +141,7 @@ class ForwardModel:
         known = self._wall.split(parameters)
         if self._known:
             known = [np.concatenate(both) for both in zip(self._known, known, strict=True)]
-        other = self._made_anew(known=known)
+        other = self.for_all(known)
         if isinstance(other.way, Direct):
             other.way = replace(other.way, order=HIGHEST_ORDER)
         return other
@@ -155,15 +155,11 @@ class ForwardModel:
         """Whether matrices of a specimen with these data are of a size that pays."""
         return not self.in_walls or data.sizes["obs"] <= _MOST_IN_WALLS
 
-    def for_all(self) -> "ForwardModel":
+    def for_all(self, known: Sequence[Array] = ()) -> "ForwardModel":
         """The same by curves for all materials of the priors, of specimens of any number of points.
 
-        They take long to make.
+        They are right for materials that are `known`, entry by entry, too, and take long to make.
         """
-        return self._made_anew()
-
-    def _made_anew(self, known: Sequence[Array] = ()) -> "ForwardModel":
-        """The same for all materials of the priors, and for those that are known."""
         other, settings = copy(self), self._settings | {"known": known, "nearby": False}
         other.way = way_to_integrate(self._stated, self.data, mode=self._mode, **settings)
         other._known, other._shared = known, {}
