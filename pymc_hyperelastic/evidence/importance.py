@@ -41,7 +41,7 @@ DRAWS, _MOST_DRAWS, _MOST_ADAPTED = 8000, 64000, 2
 PRIOR_SHARE = 0.1
 # Draws of what may be like the posterior already, and the error of a logarithm with which they are
 # enough.
-FIRST_DRAWS, _LARGEST_ERROR = 1500, 0.03
+FIRST_DRAWS, LARGEST_ERROR = 1500, 0.03
 # By how much modes are widened for these, and degrees of freedom of their tails.
 _WIDER, _FREEDOM = 1.1, 4.0
 # Draws of a step of adaptation, for each number that a component has, at least and at most; it goes
@@ -104,14 +104,12 @@ def by_importance(
     if like.means.shape[1] > MOST_UNKNOWNS:
         unknown = Estimate(-np.inf, np.inf)
         return Integral(unknown, np.inf, "importance", like.draw(size, rng))
-    drawn = _Drawn(score, draw_prior)
+    drawn = Drawn(score, draw_prior)
     if alike:
         drawn.add(alike, rng)
         points, log_weights = drawn.weighted()
-        log_value, pareto_k = mean_weight(log_weights)
-        sure = pareto_k < LARGEST_PARETO_K and log_value.standard_error < _LARGEST_ERROR
-        if sure and effective_sample_size(log_weights) > size:
-            return _importance(log_value, pareto_k, points, log_weights, size, rng)
+        if enough(log_weights, size):
+            return integral_of(points, log_weights, size, rng)
     mixture, share = like, PRIOR_SHARE if draw_prior else 0.0
     first_draws = min(first_draws, _MOST_DRAWS)
     for _ in range(_MOST_ADAPTED):
@@ -119,7 +117,7 @@ def by_importance(
         for draws in (first_draws << i for i in range((_MOST_DRAWS // first_draws).bit_length())):
             drawn.add([(Reference(mixture.heavy_tailed(), share), draws)], rng)
             points, log_weights = drawn.weighted()
-            log_value, pareto_k = mean_weight(log_weights)
+            _, pareto_k = mean_weight(log_weights)
             effective = effective_sample_size(log_weights)
             if pareto_k < LARGEST_PARETO_K or not effective:
                 break
@@ -128,18 +126,19 @@ def by_importance(
                 mixture = _fitted(points, log_weights, effective, DRAWS, rng, start=mixture)
         if pareto_k < LARGEST_KNOWN_K or not effective:
             break
-    return _importance(log_value, pareto_k, points, log_weights, size, rng)
+    return integral_of(points, log_weights, size, rng)
 
 
-def _importance(
-    log_value: Estimate,
-    pareto_k: float,
-    points: Array,
-    log_weights: Array,
-    size: int,
-    rng: np.random.Generator,
-) -> Integral:
+def enough(log_weights: Array, size: int) -> bool:
+    """Whether weights have a mean that is known well, and are worth so many particles."""
+    log_value, pareto_k = mean_weight(log_weights)
+    sure = pareto_k < LARGEST_PARETO_K and log_value.standard_error < LARGEST_ERROR
+    return sure and effective_sample_size(log_weights) > size
+
+
+def integral_of(points: Array, log_weights: Array, size: int, rng: np.random.Generator) -> Integral:
     """An integral that is a mean weight, with so many particles of the density."""
+    log_value, pareto_k = mean_weight(log_weights)
     particles = points
     if np.isfinite(log_value.value):
         weights = np.exp(log_weights - log_weights.max())
@@ -152,31 +151,53 @@ def at_modes(modes: GaussianMixture) -> GaussianMixture:
     return modes.widened(_WIDER, freedom=_FREEDOM)
 
 
-class _Drawn:
+class Drawn:
     """All draws so far, from one proposal after another, as if from the mixture of these.
 
     To keep the last draws alone would choose those whose weights look good: the ones that have
     missed what the others have met.
+
     """
+
+    points: Array
+    """Shape (n, d)."""
+    prior: Array
+    """Log prior of each, shape (n,)."""
+    likelihood: Array
+    log_density: Array
+    """Of the mixture, times `n`."""
 
     def __init__(self, score: Score, draw_prior: DrawPrior | None) -> None:
         self._score, self._draw_prior = score, draw_prior
         self._proposals: list[tuple[Reference, int]] = []
-        self._known: list[tuple[Array, Array, Array]] = []
 
     def add(self, proposals: Sequence[tuple[Reference, int]], rng: np.random.Generator) -> None:
         """Draw so many from each of other proposals; all of them are scored together."""
         drawn = [proposal.draw(self._draw_prior, draws, rng) for proposal, draws in proposals]
         points = np.concatenate(drawn)
-        self._proposals += proposals
-        self._known.append((points, *self._score(points)))
+        prior, likelihood = self._score(points)
+        before, self._proposals = self._proposals, [*self._proposals, *proposals]
+        log_density = _log_density(self._proposals, points, prior)
+        if before:
+            known = np.logaddexp(self.log_density, _log_density(proposals, self.points, self.prior))
+            points = np.concatenate([self.points, points])
+            prior = np.concatenate([self.prior, prior])
+            likelihood = np.concatenate([self.likelihood, likelihood])
+            log_density = np.concatenate([known, log_density])
+        self.points, self.prior, self.likelihood = points, prior, likelihood
+        self.log_density = log_density
 
     def weighted(self) -> tuple[Array, Array]:
         """All points, and the logarithms of their weights."""
-        points, prior, likelihood = (np.concatenate(x) for x in zip(*self._known, strict=True))
-        terms = [np.log(n / len(points)) + q.log_density(points, prior) for q, n in self._proposals]
-        log_weights = prior + likelihood - np.logaddexp.reduce(terms)
-        return points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
+        log_weights = self.prior + self.likelihood - self.log_density + np.log(len(self.points))
+        return self.points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
+
+
+def _log_density(
+    proposals: Sequence[tuple[Reference, int]], points: Array, log_prior: Array
+) -> Array:
+    """Of so many draws of each proposal, all together."""
+    return np.logaddexp.reduce([np.log(n) + q.log_density(points, log_prior) for q, n in proposals])
 
 
 def adapted_mixture(

@@ -13,6 +13,7 @@ from pymc_hyperelastic.evidence.importance import (
     by_importance,
     weighted_draws,
 )
+from pymc_hyperelastic.evidence.laplace import by_curvature
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.modes import modes_from
 from pymc_hyperelastic.evidence.reference import Reference
@@ -53,7 +54,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
 
     Posteriors here have few variables and mostly one mode: importance sampling from a mixture that
     starts at the modes and the prior gives them in a tenth of the time of tempering, which is left
-    the others. It is given up where it takes too long: the error is then infinite.
+    the others. Where that takes too long, or its particles are stuck, the error is infinite.
     """
     prior = target.draw_prior(_PRIOR_DRAWS, rng)
     # A posterior that is hardly narrower than the prior is not like its mode.
@@ -66,11 +67,14 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
             joined = like.joined(modes.mixture, _SHARE_OF_MODES)
             if _alike(target, joined, rng):
                 first = _draws_of(modes.mixture, size)
-            else:
+            elif not target.knows_curvature:
                 ridges = along_ridges(target.ascent, modes, width)
                 joined = like.joined(ridges, _SHARE_OF_MODES)
             like = joined
-    quick = by_importance(target.score, like, size, rng, target.draw_prior, alike=first)
+    if target.knows_curvature:
+        quick = by_curvature(target, like, size, rng, first)
+    else:
+        quick = by_importance(target.score, like, size, rng, target.draw_prior, alike=first)
     if quick.known:
         return quick
     allowed = _MOST_EFFORT * max(1.0, target.dimension / _FEW) ** 2
@@ -78,7 +82,9 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     reference = find_reference(target, rng).reference
     particles = reference.draw(target.draw_prior, size, rng)
     sampled = Tempering(target, particles, rng, reference=reference).run()
-    error = np.inf if target.exhausted else float(np.sqrt(sampled.variance))
+    # Particles that do not move lack what they have not met, and know nothing of it.
+    unknown = target.exhausted or sampled.stuck
+    error = np.inf if unknown else float(np.sqrt(sampled.variance))
     if np.isfinite(quick.log_value.standard_error):
         # Two estimates that share nothing: what lies between them is not known.
         error = float(np.hypot(error, sampled.log_evidence - quick.log_value.value))

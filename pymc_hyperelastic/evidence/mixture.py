@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 
 # So many points for each dimension, and one, count as much as the covariance known before.
 _KNOWN = 2.0
+# Components times points whose densities are kept in cache together.
+_AT_ONCE = 20_000
 # Added to each variance, as a fraction of the population's: it keeps a component of coinciding
 # particles a proper distribution, and is too small to blur a mode a millionth as wide as the prior.
 _VARIANCE_FLOOR = 1e-13
@@ -107,10 +109,14 @@ class GaussianMixture:
 
     def log_density_of_components(self, points: Array) -> Array:
         """Logarithm of weight times density of each component, shape (n, K)."""
-        # Points run along the last axis, where NumPy sums over the others are fast.
-        z = self._inverse_factors @ (points.T - self.means[..., None])
+        components, dimension = self.means.shape
+        # One product for all components. Points run along the last axis, where NumPy sums over the
+        # others are fast.
+        z = self._inverse_factors.reshape(-1, dimension) @ points.T
+        z -= (self._inverse_factors @ self.means[..., None]).reshape(-1, 1)
         with np.errstate(over="ignore"):
-            return self._terms_at((z**2).sum(axis=1).T)
+            z *= z
+            return self._terms_at(z.reshape(components, dimension, -1).sum(axis=1).T)
 
     def _terms_at(self, distance: Array) -> Array:
         """Logarithm of weight times density at squared distances, shape (n, K)."""
@@ -121,7 +127,9 @@ class GaussianMixture:
 
     def log_density(self, points: Array) -> Array:
         """Logarithm of the density at each point, shape (n,)."""
-        return log_sum_exp(self.log_density_of_components(points))
+        at_once = max(1, _AT_ONCE // len(self.means))
+        parts = [points[i : i + at_once] for i in range(0, len(points), at_once)] or [points]
+        return np.concatenate([log_sum_exp(self.log_density_of_components(p)) for p in parts])
 
     def responsibilities(self, points: Array) -> Array:
         """Probability with which each component made each point, shape (n, K)."""

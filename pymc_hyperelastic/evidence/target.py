@@ -75,6 +75,9 @@ class Target:
         If the model has discrete variables, or no likelihood.
     """
 
+    # Whether ascents know the curvature wherever they are.
+    knows_curvature = False
+
     def __init__(
         self,
         model: pm.Model,

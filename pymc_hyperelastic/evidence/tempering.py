@@ -75,6 +75,7 @@ class Tempering:
         self.particles = particles
         self.draws, self.dimension = particles.shape
         self.beta, self.moves, self.capped, self._arrived = float(arrived), 0, 0, arrived
+        self.stages = 0
         self.log_evidence, self.variance = 0.0, 0.0
         self.effective_sample_size, self.acceptance = float(self.draws), 0.0
         self._start, self._rise = self._score(particles)
@@ -104,6 +105,11 @@ class Tempering:
         self._last_beta, self._step_ahead = self.beta, 0.0
         self.learn()
         self.move()
+
+    @property
+    def stuck(self) -> bool:
+        """Whether particles remembered their places at the end of most stages."""
+        return self.capped > self.stages / 2
 
     @property
     def mixture(self) -> GaussianMixture:
@@ -215,6 +221,7 @@ class Tempering:
                 break
         else:
             self.capped += 1
+        self.stages += 1
         self.moves = len(rates)
         self.acceptance = float(np.mean(rates))
 

@@ -8,7 +8,7 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import specimens
 from pymc_hyperelastic.classes.specimens import SpecimenSampler
 from pymc_hyperelastic.evidence import integral
-from pymc_hyperelastic.evidence.importance import Integral, by_importance
+from pymc_hyperelastic.evidence.importance import Integral
 
 
 @pytest.fixture(scope="module")
@@ -60,15 +60,27 @@ def test_the_other_class_is_fitted(monkeypatch):
         fit(training={"stiff": TRAINING["stiff"]})
 
 
-def without_importance(*args, **settings):
-    found = by_importance(*args, **settings)
-    return Integral(found.log_value, np.inf, "importance", found.particles)
+def without_importance(monkeypatch):
+    """All that importance sampling finds is not known."""
+
+    def unknown(sample):
+        def sampled(*args, **settings):
+            found = sample(*args, **settings)
+            return Integral(found.log_value, np.inf, "importance", found.particles)
+
+        return sampled
+
+    for module, name in (
+        (integral, "by_curvature"),
+        (integral, "by_importance"),
+        (specimens, "by_importance"),
+    ):
+        monkeypatch.setattr(module, name, unknown(getattr(module, name)))
 
 
 def test_a_specimen_that_takes_too_long_is_given_up(monkeypatch):
     """Its evidence is not known, and says so; so does that of its class."""
-    monkeypatch.setattr(integral, "by_importance", without_importance)
-    monkeypatch.setattr(specimens, "by_importance", without_importance)
+    without_importance(monkeypatch)
     monkeypatch.setattr(integral, "_MOST_EFFORT", 0)
     with pytest.warns(UserWarning, match="was given up after long"):
         classes = fit(training={"soft": TRAINING["soft"]})
@@ -79,7 +91,7 @@ def test_a_specimen_that_takes_too_long_is_given_up(monkeypatch):
 
 def test_tempering_within_the_limit_is_not_given_up(monkeypatch):
     """The limit is far above what an ordinary specimen takes."""
-    monkeypatch.setattr(integral, "by_importance", without_importance)
+    without_importance(monkeypatch)
     found = specimens.integrate
     efforts = []
 
