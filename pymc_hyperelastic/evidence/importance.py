@@ -156,7 +156,6 @@ class Drawn:
 
     To keep the last draws alone would choose those whose weights look good: the ones that have
     missed what the others have met.
-
     """
 
     points: Array
