@@ -59,7 +59,9 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     prior = target.draw_prior(_PRIOR_DRAWS, rng)
     # A posterior that is hardly narrower than the prior is not like its mode.
     like, first = GaussianMixture.fit(prior, 1, rng), []
-    if target.dimension <= MOST_UNKNOWNS:
+    few = target.dimension <= MOST_UNKNOWNS
+    by_curvatures = few and target.knows_curvature
+    if few:
         width = width_of(prior)
         places = places_to_climb_from(prior, np.add(*target.score(prior)))
         modes = modes_from(target.ascent, [next(places)], width, places)
@@ -67,11 +69,11 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
             joined = like.joined(modes.mixture, _SHARE_OF_MODES)
             if _alike(target, joined, rng):
                 first = _draws_of(modes.mixture, size)
-            elif not target.knows_curvature:
+            elif not by_curvatures:
                 ridges = along_ridges(target.ascent, modes, width)
                 joined = like.joined(ridges, _SHARE_OF_MODES)
             like = joined
-    if target.knows_curvature:
+    if by_curvatures:
         quick = by_curvature(target, like, size, rng, first)
     else:
         quick = by_importance(target.score, like, size, rng, target.draw_prior, alike=first)

@@ -5,6 +5,9 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
+from pymc_hyperelastic.evidence import integral
+from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.evidence.importance import Integral
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.laplace import laplace_about
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
@@ -170,3 +173,14 @@ def test_what_overflows_is_as_wide_as_all_draws():
     np.testing.assert_allclose(narrow, 0.8 * np.eye(2))
     assert np.all(np.diagonal(wide) > 3.9)
     np.testing.assert_array_equal(mixture.means, points)
+
+
+def test_many_unknowns_are_not_adapted(monkeypatch):
+    """Of more than two dozen no draw is like the posterior, however much is known of curvatures."""
+
+    def known(*args, **settings):
+        return Integral(Estimate(0.0, 0.1), 0.1, "importance", np.zeros((1, 26)))
+
+    monkeypatch.setattr(integral, "by_importance", known)
+    found = integrate(OfErrors(sharing(1.0, 0.1), 26), 10, np.random.default_rng(1))
+    assert found.log_value == (0.0, 0.1)
