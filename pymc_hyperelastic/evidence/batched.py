@@ -3,6 +3,7 @@
 import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -71,11 +72,14 @@ class BatchedFunction:
         `compile_kwargs` are options of ``pytensor.function``; without a mode NumPy does the work.
         """
         compile_kwargs = {"mode": IN_NUMPY} | (compile_kwargs or {})
-        point = {name: np.zeros(shape) for name, shape in value_shapes(model).items()}
-        outputs, joined = join_nonshared_inputs(point, outputs, model.value_vars)
+        shapes, values = value_shapes(model), model.value_vars
         shared = _shared_inputs(outputs)
-        key = FrozenFunctionGraph.from_io([joined, *shared], outputs), str(compile_kwargs)
+        expressions = FrozenFunctionGraph.from_io([*values, *shared], outputs)
+        key = expressions, *shapes.values(), str(compile_kwargs)
         if key not in _compiled:
+            # To join all variables takes as long as to find out that it was done before.
+            point = {name: np.zeros(shape) for name, shape in shapes.items()}
+            outputs, joined = join_nonshared_inputs(point, outputs, values)
             inputs = {v: v.type() for v in shared}
             batch, outputs = _of_a_batch(joined, outputs)
             _compiled[key] = pytensor.function(
@@ -86,7 +90,7 @@ class BatchedFunction:
             )
             # NumPy takes whatever comes, and looking at it takes longer than small arrays.
             _compiled[key].trust_input = compile_kwargs["mode"] is IN_NUMPY
-        return cls(_compiled[key], shared, sum(v.size for v in point.values()))
+        return cls(_compiled[key], shared, sum(prod(shape) for shape in shapes.values()))
 
     def __call__(self, particles: Array) -> list[Array]:
         """Value of every output at every particle, the particles along the first axis."""

@@ -158,3 +158,20 @@ def test_the_prior_is_drawn_before_and_after_a_score():
     assert target.draw_prior(5, rng).shape == (5, 1)
     assert np.isfinite(target.score(np.zeros((1, 1)))).all()
     assert target.draw_prior(7, rng).shape == (7, 1)
+
+
+def test_expressions_of_other_lengths_are_other_functions():
+    """Of two variables whose types have no length, either may be the longer one."""
+
+    def score(lengths):
+        with pm.Model() as model:
+            x, y = (
+                pm.Normal(name, pt.zeros(pytensor.shared(length)))
+                for name, length in zip("xy", lengths, strict=True)
+            )
+            pm.Potential("p", pt.sum(x) - 2 * pt.sum(y))
+        outputs = model.replace_rvs_by_values([model["p"]])
+        return BatchedFunction.of_model(model, outputs)(np.ones((3, 5)))[0]
+
+    np.testing.assert_array_equal(score((1, 4)), np.full(3, -7.0))
+    np.testing.assert_array_equal(score((4, 1)), np.full(3, 2.0))
