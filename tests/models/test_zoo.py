@@ -92,11 +92,13 @@ def test_evidence_is_that_of_another_way(name):
     """SMC agrees with quadrature, or with a run of twice as many particles and other steps."""
     model, _ = study(name)
     settings = {"chains": 2, "progressbar": False, "var_names": []}
-    value, error = ph.log_evidence(ph.sample_smc(model, 500, random_seed=1, **settings))
+    # Of 500 in several dimensions a few decide at first in one run of six, which then says so.
+    draws = 500 if is_small(name) else 1000
+    value, error = ph.log_evidence(ph.sample_smc(model, draws, random_seed=1, **settings))
     if is_small(name):
         exact, exact_error = ph.log_evidence_by_quadrature(model)
     else:
-        longer = ph.sample_smc(model, 1000, random_seed=2, threshold=0.9, **settings)
+        longer = ph.sample_smc(model, 2 * draws, random_seed=2, threshold=0.9, **settings)
         exact, exact_error = ph.log_evidence(longer)
     assert abs(value - exact) < STANDARD_ERRORS * np.hypot(error, exact_error)
 
