@@ -116,6 +116,7 @@ class SpecimenTarget(Target):
     @np.errstate(invalid="ignore")  # what is impossible by both is not unlike
     def unlike(self, quick: "SpecimenTarget", points: Array) -> Array:
         """Those of the points whose likelihood is not that of a quicker target."""
+        # Particles may be there several times. The first of them are learned from.
         _, first = np.unique(points, axis=0, return_index=True)
         points = points[np.sort(first)]
         exact, found = (of.score(points)[1] for of in (self, quick))

@@ -108,8 +108,9 @@ def by_importance(
     if alike:
         drawn.add(alike, rng)
         points, log_weights = drawn.weighted()
-        if enough(log_weights, size):
-            return integral_of(points, log_weights, size, rng)
+        mean = mean_weight(log_weights)
+        if enough(mean, log_weights, size):
+            return integral_of(mean, points, log_weights, size, rng)
     mixture, share = like, PRIOR_SHARE if draw_prior else 0.0
     first_draws = min(first_draws, _MOST_DRAWS)
     for _ in range(_MOST_ADAPTED):
@@ -117,7 +118,7 @@ def by_importance(
         for draws in (first_draws << i for i in range((_MOST_DRAWS // first_draws).bit_length())):
             drawn.add([(Reference(mixture.heavy_tailed(), share), draws)], rng)
             points, log_weights = drawn.weighted()
-            _, pareto_k = mean_weight(log_weights)
+            mean = _, pareto_k = mean_weight(log_weights)
             effective = effective_sample_size(log_weights)
             if pareto_k < LARGEST_PARETO_K or not effective:
                 break
@@ -126,19 +127,25 @@ def by_importance(
                 mixture = _fitted(points, log_weights, effective, DRAWS, rng, start=mixture)
         if pareto_k < LARGEST_KNOWN_K or not effective:
             break
-    return integral_of(points, log_weights, size, rng)
+    return integral_of(mean, points, log_weights, size, rng)
 
 
-def enough(log_weights: Array, size: int) -> bool:
-    """Whether weights have a mean that is known well, and are worth so many particles."""
-    log_value, pareto_k = mean_weight(log_weights)
+def enough(mean: tuple[Estimate, float], log_weights: Array, size: int) -> bool:
+    """Whether the mean of weights is known well, and they are worth so many particles."""
+    log_value, pareto_k = mean
     sure = pareto_k < LARGEST_PARETO_K and log_value.standard_error < LARGEST_ERROR
     return sure and effective_sample_size(log_weights) > size
 
 
-def integral_of(points: Array, log_weights: Array, size: int, rng: np.random.Generator) -> Integral:
+def integral_of(
+    mean: tuple[Estimate, float],
+    points: Array,
+    log_weights: Array,
+    size: int,
+    rng: np.random.Generator,
+) -> Integral:
     """An integral that is a mean weight, with so many particles of the density."""
-    log_value, pareto_k = mean_weight(log_weights)
+    log_value, pareto_k = mean
     particles = points
     if np.isfinite(log_value.value):
         weights = np.exp(log_weights - log_weights.max())

@@ -12,6 +12,7 @@ from pymc_hyperelastic.evidence.importance import (
     Integral,
     enough,
     integral_of,
+    mean_weight,
 )
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
 from pymc_hyperelastic.evidence.reference import Reference
@@ -56,14 +57,15 @@ def by_curvature(
     if alike:
         pool.add(alike, rng)
         points, log_weights = pool.weighted()
-        if enough(log_weights, size):
-            return integral_of(points, log_weights, size, rng)
+        mean = mean_weight(log_weights)
+        if enough(mean, log_weights, size):
+            return integral_of(mean, points, log_weights, size, rng)
     mixture = _adapted(target, pool, like, rng)
     for i in range(_MOST_MIXTURES):
         fresh = Drawn(target.score, target.draw_prior)
         fresh.add([(_proposal(mixture), _FIRST_DRAWS << i)], rng)
         points, log_weights = fresh.weighted()
-        found = integral_of(points, log_weights, size, rng)
+        found = integral_of(mean_weight(log_weights), points, log_weights, size, rng)
         error_known = found.pareto_k < LARGEST_PARETO_K
         if error_known and found.log_value.standard_error < LARGEST_ERROR:
             break
