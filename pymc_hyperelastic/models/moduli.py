@@ -124,7 +124,7 @@ def _stress_of_symbols(
     """The same of symbols: it is copied far sooner than made, and most of it cancels."""
     strain, *entries = symbols = [of_type() for of_type in types]
     stress = elementwise_derivative(biaxial_stress(energy, strain, entries), entries[place])
-    return FrozenFunctionGraph.from_io(symbols, [rewrite_graph(stress)])
+    return FrozenFunctionGraph.from_io(symbols, [rewrite_graph(stress, clone=True)])
 
 
 def _with(entries: Sequence[Any], places: Sequence[int], values: Sequence[Any]) -> list[Any]:
