@@ -23,8 +23,8 @@ classified by those of the other seven mice.
 standard error of the mean score is printed beside it.
 
 **What was found.** The evidence of the other animals chooses the law with fibres for every one of
-them. Its mean score is −0.55 ± 0.13, a little better than a coin; that of Ogden's solid is
-−0.63 ± 0.18. By inflation tests alone the law that was chosen there, the Criscione-type, had −0.73,
+them. Its mean score is −0.54 ± 0.13, a little better than a coin; that of Ogden's solid is
+−0.63 ± 0.19. By inflation tests alone the law that was chosen there, the Criscione-type, had −0.73,
 and Ogden's −0.68. What that rests on is looked into on the page
 :doc:`/project/probabilities`.
 
