@@ -105,12 +105,8 @@ def by_importance(
         unknown = Estimate(-np.inf, np.inf)
         return Integral(unknown, np.inf, "importance", like.draw(size, rng))
     drawn = Drawn(score, draw_prior)
-    if alike:
-        drawn.add(alike, rng)
-        points, log_weights = drawn.weighted()
-        mean = mean_weight(log_weights)
-        if enough(mean, log_weights, size):
-            return integral_of(mean, points, log_weights, size, rng)
+    if alike and (at_once := by_alike(drawn, alike, size, rng)):
+        return at_once
     mixture, share = like, PRIOR_SHARE if draw_prior else 0.0
     first_draws = min(first_draws, _MOST_DRAWS)
     for _ in range(_MOST_ADAPTED):
@@ -130,11 +126,17 @@ def by_importance(
     return integral_of(mean, points, log_weights, size, rng)
 
 
-def enough(mean: tuple[Estimate, float], log_weights: Array, size: int) -> bool:
-    """Whether the mean of weights is known well, and they are worth so many particles."""
-    log_value, pareto_k = mean
+def by_alike(
+    drawn: "Drawn", alike: Sequence[tuple[Reference, int]], size: int, rng: np.random.Generator
+) -> Integral | None:
+    """The integral by draws of what may be alike; None where they are not worth the particles."""
+    drawn.add(alike, rng)
+    points, log_weights = drawn.weighted()
+    mean = log_value, pareto_k = mean_weight(log_weights)
     sure = pareto_k < LARGEST_PARETO_K and log_value.standard_error < LARGEST_ERROR
-    return sure and effective_sample_size(log_weights) > size
+    if sure and effective_sample_size(log_weights) > size:
+        return integral_of(mean, points, log_weights, size, rng)
+    return None
 
 
 def integral_of(

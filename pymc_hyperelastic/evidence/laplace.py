@@ -10,7 +10,7 @@ from pymc_hyperelastic.evidence.importance import (
     PRIOR_SHARE,
     Drawn,
     Integral,
-    enough,
+    by_alike,
     integral_of,
     mean_weight,
 )
@@ -54,12 +54,8 @@ def by_curvature(
     So many draws of each of some distributions that may be `alike` already are tried first.
     """
     pool = Drawn(target.score, target.draw_prior)
-    if alike:
-        pool.add(alike, rng)
-        points, log_weights = pool.weighted()
-        mean = mean_weight(log_weights)
-        if enough(mean, log_weights, size):
-            return integral_of(mean, points, log_weights, size, rng)
+    if alike and (at_once := by_alike(pool, alike, size, rng)):
+        return at_once
     mixture = _adapted(target, pool, like, rng)
     for i in range(_MOST_MIXTURES):
         fresh = Drawn(target.score, target.draw_prior)

@@ -124,6 +124,7 @@ def _stress_of_symbols(
     """The same of symbols: it is copied far sooner than made, and most of it cancels."""
     strain, *entries = symbols = [of_type() for of_type in types]
     stress = elementwise_derivative(biaxial_stress(energy, strain, entries), entries[place])
+    # A copy is simplified: what a law holds of its own stays as it is.
     return FrozenFunctionGraph.from_io(symbols, [rewrite_graph(stress, clone=True)])
 
 
