@@ -1,5 +1,6 @@
 """Where batches are done: in this process, in others of this machine, or on a cluster."""
 
+import asyncio
 import os
 import pickle
 import subprocess
@@ -7,7 +8,7 @@ import sys
 import tempfile
 import threading
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol
@@ -152,61 +153,98 @@ class Processes:
 
 
 class Cluster:
-    """The workers of a Dask client; the data of a batch go there, and its part is written there."""
+    """The workers of a Dask client; the data of a batch go there, and its part is written there.
+
+    A worker has several batches when it dies. Of which it may have been is noted beside the parts.
+    """
 
     def __init__(self, work: Work, token: str, client: Any) -> None:
         self._client, self._token = client, token
         self.count = max(1, sum(client.nthreads().values()))
-        # What is scattered is gone with its workers; the result of a task is made again.
-        self._work = client.submit(pickle.loads, cloudpickle.dumps(work), pure=False)
-        self._futures: dict[Future, Any] = {}
-        self._seen = time.monotonic()
+        self._pickled = cloudpickle.dumps(work)
+        self._work = self._there()
+        self._futures: set[Any] = set()
+        self._seen, self._news = time.monotonic(), ()
+
+    def _there(self) -> Any:
+        """The work on the cluster.
+
+        What is scattered is gone with its workers; the result of a task is made again.
+        """
+        return self._client.submit(pickle.loads, self._pickled, pure=False)
 
     def submit(self, data: xr.Dataset, part: Path) -> Future:
         """Let a batch be done by some worker."""
-        future: Future = Future()
+        if self._work.status == "error":  # it was being made where a batch killed workers
+            self._work = self._there()
+        _begun(part)  # its note may be of a call before
         on_cluster = self._client.submit(
-            run_batch, self._work, self._token, data, part.absolute(), pure=False
+            _run_noted, self._work, self._token, data, part.absolute(), pure=False
         )
-        self._futures[future] = on_cluster
-        on_cluster.add_done_callback(lambda done: self._finish(future, done))
-        return future
+        self._futures.add(on_cluster)
+        return asyncio.run_coroutine_threadsafe(
+            self._result(on_cluster, part), self._client.loop.asyncio_loop
+        )
 
     def check(self) -> None:
         """Raise if the cluster has had no worker for long."""
         try:
-            there = bool(self._client.nthreads())
+            there, news = bool(self._client.nthreads()), self._client.get_events("all")[-1:]
         except Exception as lost:
             raise ClusterLost(f"the scheduler does not answer: {lost}") from lost
-        if there:
-            self._seen = time.monotonic()
+        # One that a batch kills as soon as it has come is hardly ever there.
+        if there or news != self._news:
+            self._seen, self._news = time.monotonic(), news
         elif time.monotonic() - self._seen > _PATIENCE:
             raise ClusterLost(f"the cluster has had no worker for {_PATIENCE:.0f} s")
 
     def close(self) -> None:
         """Cancel what is not done."""
         with suppress(Exception):
-            self._client.cancel(list(self._futures.values()))
+            self._client.cancel(list(self._futures))
         self._futures.clear()
 
-    def _finish(self, future: Future, done: Any) -> None:
-        """Hand over what became of a batch."""
+    async def _result(self, on_cluster: Any, part: Path) -> list[str]:
+        """What failed in a batch, which is done again if a worker dies that has the answer."""
         from distributed import KilledWorker
+        from distributed.comm import CommClosedError
 
-        self._futures.pop(future, None)
         try:
-            if done.status == "cancelled" or done.status == "lost":
-                raise ClusterLost("the cluster was lost, or its scheduler started again")
-            error = done.exception(timeout=10)
-        except Exception as lost:
-            error = lost if isinstance(lost, ClusterLost) else ClusterLost(str(lost))
-        if isinstance(error, KilledWorker):
-            # A cluster has tried again by itself.
-            error = WorkerDied("workers of the cluster were killed, or ended", DEATHS)
-        if error is None:
-            future.set_result(done.result())
-        else:
-            future.set_exception(error)
+            return await self._client.gather(on_cluster, asynchronous=True)
+        except KilledWorker:
+            # A cluster has tried again by itself. Nothing is there without end: what workers died
+            # of before they began is counted too.
+            deaths = max(1, _begun(part))
+            raise WorkerDied("workers of the cluster were killed, or ended", deaths) from None
+        except (CancelledError, CommClosedError) as lost:
+            raise ClusterLost("the cluster was lost, or its scheduler started again") from lost
+        finally:
+            self._futures.discard(on_cluster)
+
+
+def _note(part: Path) -> Path:
+    """A file as long as the number of times that a batch was begun and did not end."""
+    return part.with_suffix(".begun")
+
+
+def _run_noted(work: Work, token: str, data: xr.Dataset, part: Path) -> list[str]:
+    """Do a batch, and leave a note that it was begun if the process dies."""
+    with suppress(OSError), _note(part).open("a") as note:
+        note.write(".")
+    try:
+        return run_batch(work, token, data, part)
+    finally:
+        _note(part).unlink(missing_ok=True)
+
+
+def _begun(part: Path) -> int:
+    """How often a batch was begun and did not end; its note is taken away."""
+    try:
+        return _note(part).stat().st_size
+    except FileNotFoundError:
+        return 0
+    finally:
+        _note(part).unlink(missing_ok=True)
 
 
 def _stop(process: subprocess.Popen) -> int:

@@ -1,5 +1,7 @@
 """The same work on a cluster, whose workers and scheduler may die."""
 
+import asyncio
+import operator
 import os
 import signal
 import threading
@@ -10,8 +12,9 @@ import pytest
 from chores import Chore
 from test_cohorts import done
 
-from pymc_hyperelastic.cohorts.workers import ClusterLost
+from pymc_hyperelastic.cohorts.workers import Cluster, ClusterLost
 
+dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
 
 # Dask's own connections, and processes that were killed, end in warnings where nobody can catch
@@ -27,13 +30,15 @@ def undisturbed(data, tmp_path_factory):
     return done(Chore(), data, tmp_path_factory.mktemp("undisturbed") / "store")
 
 
-@pytest.fixture
-def cluster():
-    settings = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+@pytest.fixture(params=[2])
+def cluster(request):
+    settings = {"threads_per_worker": 1, "dashboard_address": None}
     here = os.path.dirname(__file__)
     os.environ["PYTHONPATH"] = here + os.pathsep + os.environ.get("PYTHONPATH", "")
-    with distributed.LocalCluster(**settings) as found:
-        yield found
+    # A cluster of this kind gives up a worker that is not there, again, so long after a death.
+    with dask.config.set({"distributed.deploy.lost-worker-timeout": "1 hour"}):
+        with distributed.LocalCluster(n_workers=request.param, **settings) as found:
+            yield found
 
 
 def test_a_cluster_gives_the_same_numbers(cluster, data, undisturbed, tmp_path):
@@ -61,13 +66,48 @@ def test_killed_workers_of_a_cluster_are_replaced(cluster, data, undisturbed, tm
     assert result.identical(undisturbed)
 
 
+@pytest.mark.parametrize("cluster", [1, 2], indirect=True)
 def test_a_specimen_that_kills_workers_stands_alone(cluster, data, undisturbed, tmp_path):
+    """One worker has others too when it dies, which are not to blame."""
     with distributed.Client(cluster) as client:
         chore = Chore(kills=("S5",))
         result = done(chore, data, tmp_path / "store", batch_size=1, client=client)
     assert result["error"].sel(specimen="S5").item().startswith("the process that computed it died")
+    assert not [*(tmp_path / "store").glob("*.begun")]
     others = result["specimen"] != "S5"
     assert result.sel(specimen=others).equals(undisturbed.sel(specimen=others))
+
+
+def test_answers_that_die_with_their_worker_are_made_again(cluster, data, tmp_path, monkeypatch):
+    """Before anybody has fetched them."""
+
+    async def until(true):
+        while not true():
+            await asyncio.sleep(0.01)
+
+    with distributed.Client(cluster) as client:
+        gather = client.gather
+
+        async def gather_late(future, asynchronous):
+            await until(lambda: future.status == "finished")
+            for worker in cluster.workers.values():
+                os.kill(worker.pid, signal.SIGKILL)
+            await until(lambda: future.status != "finished")
+            return await gather(future, asynchronous=asynchronous)
+
+        monkeypatch.setattr(client, "gather", gather_late)
+        workers = Cluster(Chore(raises=("S5",)), "token", client)
+        failed = workers.submit(data, tmp_path / "part.nc").result(timeout=60)
+    assert failed == ["S5: KeyError: 'S5'"]
+
+
+def test_work_that_could_not_be_made_is_made_again(cluster, data, tmp_path):
+    """It may have been made where a batch killed workers."""
+    with distributed.Client(cluster) as client:
+        workers = Cluster(Chore(), "token", client)
+        workers._work = client.submit(operator.truediv, 1, 0)
+        distributed.wait(workers._work)
+        assert workers.submit(data, tmp_path / "part.nc").result(timeout=60) == []
 
 
 def test_without_workers_the_work_stops_with_a_message(data, tmp_path, monkeypatch):
