@@ -155,7 +155,8 @@ class Processes:
 class Cluster:
     """The workers of a Dask client; the data of a batch go there, and its part is written there.
 
-    A worker has several batches when it dies. Of which it may have been is noted beside the parts.
+    A worker may have several batches when it dies. Which of them it had begun stands beside the
+    parts.
     """
 
     def __init__(self, work: Work, token: str, client: Any) -> None:
@@ -212,8 +213,8 @@ class Cluster:
         try:
             return await self._client.gather(on_cluster, asynchronous=True)
         except KilledWorker:
-            # A cluster has tried again by itself. Nothing is there without end: what workers died
-            # of before they began is counted too.
+            # A cluster has tried again by itself. A batch that none of them had begun is counted
+            # once, or it would be tried for ever.
             deaths = max(1, _begun(part))
             raise WorkerDied("workers of the cluster were killed, or ended", deaths) from None
         except (CancelledError, CommClosedError) as lost:
