@@ -11,15 +11,17 @@ extras_docs-check := [docs,browser]
 extras_dist := [release]
 extras_benchmark := [test,jax,benchmark]
 
-.PHONY: help study artery test test-deep test-long test-lowest lint docs docs-check dist benchmark clean
+.PHONY: help study artery test test-all test-second test-long test-lowest golden mutations lint docs docs-check dist benchmark clean
 
 help:
 	@echo "make study       the simulated sheep-aorta study: a table, figures and netCDF files in results/"
 	@echo "make artery      the same for a measured pulmonary artery, control against hypertensive"
-	@echo "make test        the tests of every module and every public name, on two processes, 10 to 15 minutes"
-	@echo "make test-deep   the tests that take longer: slow samplers, other compilers, all digits"
-	@echo "make test-long   those that take minutes each: calibration of whole models; run before a release"
-	@echo "make test-lowest what make test runs, on the oldest versions that pyproject.toml allows"
+	@echo "make test        the first tier of tests: every module and every public name, in minutes"
+	@echo "make test-all    both tiers of tests; the second compiles models as users do and tests them in full"
+	@echo "make test-long   tests that take minutes each: calibration of whole models; run before a release"
+	@echo "make test-lowest the first tier on the oldest versions that pyproject.toml allows"
+	@echo "make golden      compare the package with the numbers stored in tests/golden"
+	@echo "make mutations   measure how many small mistakes in the package the tests find; takes hours"
 	@echo "make lint        ruff and mypy"
 	@echo "make docs        the documentation, in docs/_build/html"
 	@echo "make docs-check  look at every page of it in a browser, on narrow and wide screens, light and dark"
@@ -33,29 +35,34 @@ study: $(VENV)/.ready-study
 artery: $(VENV)/.ready-study
 	$(PY) examples/pulmonary_hypertension.py
 
-# Two processes with one thread each. Tests of one file share its fitted results: a process takes them in a row, and
-# takes some of the other's when it has none left.
-# The plugin of the benchmarks, where it is installed, may warn that it cannot time two processes at once.
-pytest := OMP_NUM_THREADS=1 $(PY) -m pytest -n 2 --dist worksteal -p no:benchmark
+# One process per core, with one thread each. Processes share the stored fits of tests/fits.py.
+# The benchmark plugin, where it is installed, warns that it cannot time several processes at once.
+pytest := OMP_NUM_THREADS=1 $(PY) -m pytest -n auto --dist worksteal -p no:benchmark --durations=20
 
-# The first tier, with the examples of the docstrings. A test of it that takes longer than this many seconds fails.
-LONGEST_TEST ?= 10
+# The first tier, with the docstring examples.
 test: $(VENV)/.ready-test
-	$(pytest) -m "not deep" --longest-test $(LONGEST_TEST) --doctest-modules --ignore=tests/benchmarks tests pymc_hyperelastic
+	$(pytest) $(PYTEST_OPTIONS) -m "not deep" --doctest-modules --ignore=tests/benchmarks tests pymc_hyperelastic
 
-# The second tier, and what the first one runs in Python once more as users have it.
-test-deep: $(VENV)/.ready-test
-	$(pytest) -m "(deep or compiled) and not long" --compiled
-	$(pytest) --compiled --doctest-modules pymc_hyperelastic
+test-all: test test-second
 
-# What takes minutes each: simulation-based calibration and whole models by Hamiltonian Monte Carlo.
+# The second tier, and the docstring examples once more, compiled as users compile.
+test-second: $(VENV)/.ready-test
+	$(pytest) $(PYTEST_OPTIONS) -m "(deep or compiled) and not long" --compiled
+	$(pytest) $(PYTEST_OPTIONS) --compiled --doctest-modules pymc_hyperelastic
+
+# Tests that take minutes each: simulation-based calibration and Hamiltonian Monte Carlo of whole models.
 test-long: $(VENV)/.ready-test
 	$(pytest) -m long --compiled
 
-# The oldest versions that pyproject.toml allows, in an environment within the environment. They interpret three times
-# as slowly, some figures ten times: no test is too long here.
+# The oldest versions that pyproject.toml allows, in an environment within the environment.
 test-lowest: $(VENV)/lowest/.ready-test
-	@$(MAKE) --no-print-directory VENV=$(VENV)/lowest LONGEST_TEST=0 test
+	@$(MAKE) --no-print-directory VENV=$(VENV)/lowest test
+
+golden: $(VENV)/.ready-test
+	OMP_NUM_THREADS=1 $(PY) tests/golden/record.py --compare
+
+mutations: $(VENV)/.ready-test
+	$(PY) tests/mutations.py run
 
 lint: $(VENV)/.ready-lint
 	$(PY) -m ruff check
@@ -90,7 +97,7 @@ benchmark: $(VENV)/.ready-benchmark
 	$(PY) tests/benchmarks/report.py results/benchmark.json
 
 clean:
-	rm -rf docs/_build docs/gallery docs/generated docs/drawings docs/sg_execution_times.rst docs/strain_energies.md examples/report.html dist .pytensor .ci/venv .ci/*.log
+	rm -rf tests/.fits docs/_build docs/gallery docs/generated docs/drawings docs/sg_execution_times.rst docs/strain_energies.md examples/report.html dist .pytensor .ci/venv .ci/*.log
 	rm -rf .pytest_cache .mypy_cache .ruff_cache
 	find pymc_hyperelastic tests examples docs -name __pycache__ -prune -exec rm -rf {} +
 

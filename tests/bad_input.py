@@ -1,4 +1,4 @@
-"""Input that is wrong, and how a test says that it is refused."""
+"""Input that is wrong, and a check that the error says so before any sampler starts."""
 
 from functools import cache
 
@@ -18,12 +18,12 @@ PLACE = "specimen 'S2', experiment 3"
 
 
 def table(rows):
-    """Values and ids for ``pytest.mark.parametrize`` of (what is wrong, call, error, fragments)."""
+    """Parameters for pytest from rows of (name, call, error, fragments of the message)."""
     return [pytest.param(*row[1:], id=row[0]) for row in rows]
 
 
 def assert_refused(call, error, fragments) -> None:
-    """The call raises the error, whose message holds all fragments, and no sampler starts."""
+    """Check that the call raises the error with these fragments, before a sampler starts."""
     with pytest.MonkeyPatch.context() as patch:
         begun = "sampling began before the input was checked"
         patch.setattr(ph.BatchedSMC, "update_beta_and_weights", lambda kernel: pytest.fail(begun))
@@ -42,7 +42,7 @@ def curves(radius=(7.2, 7.6, 8.0, 8.4), pressure=(2.0, 4.0, 7.0, 12.0)) -> xr.Da
 
 
 def unknown_curves(forces=None, **geometry) -> xr.Dataset:
-    """The same test of a tube of which something is not known, perhaps with forces."""
+    """The same test with another geometry, such as an unknown radius, perhaps with forces."""
     frame = pd.DataFrame({"specimen": "S2", "experiment": 3, "radius": [7.2, 7.6, 8.0, 8.4]})
     frame["pressure"] = [2.0, 4.0, 7.0, 12.0]
     if forces is not None:
@@ -70,7 +70,7 @@ def model(data=None, energy=OGDEN, **settings) -> pm.Model:
 
 
 def likelihood(parameters=None, energy=OGDEN, name="curves", data=None, **settings) -> None:
-    """The likelihood inside a model of one's own."""
+    """Add the likelihood to another model."""
     with pm.Model():
         mu = pm.Uniform("mu", 0, 50)
         parameters = {"mu": mu, "alpha": 6.0} if parameters is None else parameters
@@ -79,7 +79,7 @@ def likelihood(parameters=None, energy=OGDEN, name="curves", data=None, **settin
 
 
 def plain_model() -> pm.Model:
-    """The smallest model that can be sampled: it compiles in no time."""
+    """The smallest model that can be sampled; it compiles quickly."""
     with pm.Model() as plain:
         x = pm.Normal("x")
         pm.Potential("likelihood", -(x**2))

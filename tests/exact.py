@@ -23,7 +23,7 @@ from scipy.special import logsumexp
 WALL_ORDER = 64
 # A derivative by a complex step has no error of cancellation, so that the step may be this small.
 COMPLEX_STEP = 1e-30
-# Where the posterior has fallen by this many nats from its peak it is left out: exp(-60) = 1e-26.
+# The integration ends where the density has fallen by this many nats: exp(-60) = 1e-26.
 NEGLIGIBLE = 60.0
 # Two successive refinements have to agree on the log evidence to this.
 QUADRATURE_TOLERANCE = 1e-8
@@ -149,7 +149,7 @@ def parabola(curves, law, exponent, *, sigma, slope_weight):
     constant, linear, curvature = terms / sigma**2
     with np.errstate(divide="ignore", invalid="ignore"):
         peak = np.where(curvature > 0, linear / curvature, 0.0)
-    # What no modulus can mend: computed as such, it would lose digits only for a perfect fit.
+    # The misfit of the best modulus. This difference loses digits only for a perfect fit.
     top = log_normaliser(curves, sigma, slope_weight) - (constant - linear * peak)
     return top, curvature, peak
 

@@ -1,8 +1,8 @@
-"""An interrupt at a chosen place, as by Ctrl-C."""
+"""Interrupt a call of a function, as Ctrl-C does."""
 
 
 def interrupt(monkeypatch, module, name, call):
-    """Make the n-th call of a function meet Ctrl-C."""
+    """Let the n-th call of a function raise KeyboardInterrupt."""
     function, calls = getattr(module, name), []
 
     def interrupted(*args, **kwargs):

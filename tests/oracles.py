@@ -1,10 +1,9 @@
-"""Independent ways to compute what the package computes, which use nothing of it.
+"""Independent ways to compute what the package computes, which use no code of the package.
 
-Everything here is arithmetic of `mpmath` with a hundred digits: an energy comes as its source
-prints it, its derivatives are central differences, and the integral over the wall is taken in the
-reference radius with a Gauss-Legendre rule that doubles its order until its own estimate of the
-error is small.
-Where fibres slacken the wall is divided at places that a scan and bisection find. The package
+The arithmetic is that of `mpmath` with a hundred digits. An energy is written as its source prints
+it, its derivatives are central differences, and the integral over the wall is taken in the
+reference radius by a Gauss-Legendre rule whose order doubles until its error estimate is small. The
+wall is divided where fibres slacken, at radii found by a scan and bisection. The package
 differentiates symbolically, writes hyperbolic functions and integrates in the logarithm of the
 radius with a fixed rule: the two share no formula but the definition of the problem.
 """
@@ -23,7 +22,7 @@ Switches = Callable[..., tuple[mp.mpf, ...]]
 
 
 def no_switches(hoop, axial, **parameters):
-    """Those of a smooth energy."""
+    """Return no strains: the energy is smooth."""
     return ()
 
 
@@ -32,8 +31,8 @@ def no_switches(hoop, axial, **parameters):
 # still leave thirty digits of a hundred.
 DIGITS = 100
 STEP = mp.mpf("1e-15")
-# What the quadrature may say of its own error, relative to the integrand at the ends of the wall.
-# It says the worst and errs by far less. Orders rise until each half of the wall says this.
+# Largest error estimate of the quadrature, relative to the integrand at the ends of the wall. The
+# estimate is pessimistic; the order doubles until each half of the wall is below this limit.
 QUADRATURE_ERROR = mp.mpf("1e-20")
 LARGEST_DEGREE = 5
 # Points of the scan for fibres that slacken, which no strain of the table passes through twice
@@ -41,7 +40,7 @@ LARGEST_DEGREE = 5
 # there, so the integral feels the square of that error.
 SCAN = 24
 HALVINGS = 130
-# A strain below this is rounding: fibres of a tube at rest, or those that inflation leaves alone.
+# A strain below this is rounding: fibres of a tube at rest, or along a tube that is not stretched.
 NO_STRAIN = mp.mpf("1e-80")
 
 
@@ -68,15 +67,15 @@ def axial_response(energy: Energy, hoop, axial, parameters: Mapping[str, float])
     return (reduced(axial + STEP**2) - reduced(axial - STEP**2)) / (2 * STEP**2)
 
 
-# It keeps its nodes. Unlike `mpmath.quad`, which makes use of it, it takes an error to stop at:
-# hundred digits of an integral would cost four times as much and go nowhere.
+# The rule keeps its nodes. Unlike `mpmath.quad`, which uses it, it accepts an error limit: all
+# hundred digits of an integral would take four times as long.
 _RULE = GaussLegendre(mp.mp)
 
 
 def integral(integrand: Callable[[mp.mpf], mp.mpf], low: mp.mpf, high: mp.mpf) -> mp.mpf:
     """Integral by Gauss-Legendre rules of doubling order, up to 48 nodes on each half.
 
-    The order that is reached hardly depends on the integrand, so integrals may be differenced.
+    The final order hardly depends on the integrand, so differences of integrals are accurate.
     """
     # mpmath's estimate of the error holds for integrals of the size of one.
     scale = max(abs(integrand(low)), abs(integrand(high))) or mp.mpf(1)
@@ -94,7 +93,7 @@ def integral(integrand: Callable[[mp.mpf], mp.mpf], low: mp.mpf, high: mp.mpf) -
 
 
 def sign_changes(function: Callable[[mp.mpf], mp.mpf], low: mp.mpf, high: mp.mpf) -> list[mp.mpf]:
-    """Where a function changes its sign: a scan in equal ratios, then bisection."""
+    """Return where a function changes its sign, by a scan in equal ratios and bisection."""
 
     def sign(x):
         value = function(x)
@@ -103,7 +102,7 @@ def sign_changes(function: Callable[[mp.mpf], mp.mpf], low: mp.mpf, high: mp.mpf
     points = [low * (high / low) ** (mp.mpf(i) / SCAN) for i in range(SCAN + 1)]
     points = [(x, sign(x)) for x in points]
     found = []
-    # A point of the scan may be the place itself: it is passed over.
+    # A point of the scan at which the function is zero is left out.
     for (before, sign_before), (after, sign_after) in pairwise([p for p in points if p[1]]):
         if sign_before == sign_after:
             continue
@@ -308,26 +307,6 @@ def tube_derivative(
         return quantity([layer], internal_radius, inner_radius, axial_stretch, opening_angle)
 
     return float(derivative(function, inputs, *by))
-
-
-def pressure_by_stretch_integral(
-    energy: Energy, internal_radius, inner_radius, outer_radius, axial_stretch=1.0
-) -> float:
-    """``p = int_{l_b}^{l_a} W^'(l) / (l^2 l_z - 1) dl``, without opening angle and for ``a > A``.
-
-    The wall is passed through by its hoop stretch, which falls from ``l_a = a/A`` to ``l_b = b/B``.
-    Source: D. M. Haughton and R. W. Ogden, J. Mech. Phys. Solids 27 (1979) 179-212.
-    """
-    with mp.workdps(DIGITS):
-        a, inner, outer, axial = (
-            mp.mpf(x) for x in (internal_radius, inner_radius, outer_radius, axial_stretch)
-        )
-        current_outer = mp.sqrt(a**2 + (outer**2 - inner**2) / axial)
-
-        def integrand(stretch):
-            return hoop_response(energy, stretch, axial, {}) / (stretch**2 * axial - 1)
-
-        return float(integral(integrand, current_outer / outer, a / inner))
 
 
 def neo_hookean_pressure(

@@ -1,9 +1,9 @@
 """A table of inflated tubes with known answers, and the materials that they are made of.
 
-A new strain energy needs one row in `LAWS`: the class, its energy written once more, above the row,
-as its source prints it in the arithmetic of `mpmath`, and parameters. It is then inflated in every
-tube of `TUBES` with its first set of parameters, and in the hard ones with all others, and compared
-with adaptive quadrature in pressure, stiffness, axial force and gradient.
+A new strain energy needs one row in `LAWS`: an instance of its class, its energy as its source
+prints it in the arithmetic of `mpmath`, and sets of parameters. The tests inflate it in every tube
+of `TUBES` with the first set of parameters, and in the hard tubes with all other sets, and compare
+pressure, stiffness, axial force and gradients with adaptive quadrature.
 """
 
 from collections.abc import Mapping
@@ -18,20 +18,16 @@ from pytensor.graph.rewriting.db import RewriteDatabaseQuery
 
 import pymc_hyperelastic as ph
 
+# Evaluates a graph without simplifying it, for graphs that are evaluated a few times: to simplify a
+# graph takes ten times as long. The second tier evaluates simplified and compiled graphs.
 AS_WRITTEN = Mode("py", RewriteDatabaseQuery(include=["minimum_compile", "merge"]))
-"""Compiles a graph as it is, for numbers that are asked for a few times.
 
-To simplify it first, as the default and ``"FAST_COMPILE"`` do, takes ten times as long. That the
-simplified graphs have the same numbers is tested for every law in tests/mechanics/test_pressure.py
-and test_axial_force.py, and for other linkers in test_pressure_places.py.
-"""
-
+# Parameters of a material by name; vectors are tuples.
 Parameters = Mapping[str, float | tuple[float, ...]]
-"""Parameters of a material by name, vectors as tuples."""
 
 
 def entries(parameters: Parameters) -> dict[str, float]:
-    """All entries by name: those of a vector ``mu`` are ``mu_0``, ``mu_1`` and so on."""
+    """Return all entries by name; those of a vector ``mu`` are ``mu_0``, ``mu_1`` and so on."""
     flat = {}
     for name, value in parameters.items():
         if isinstance(value, tuple):
@@ -43,16 +39,16 @@ def entries(parameters: Parameters) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Law:
-    """A strain energy, the oracle that knows its answers, and parameters, each with its reason."""
+    """A strain energy, the same energy for the oracles, and sets of parameters with reasons."""
 
     strain_energy: ph.StrainEnergy
-    energy: oracles.Energy  # its keywords are the entries of the parameters
+    energy: oracles.Energy  # its keyword arguments are the entries of the parameters
     parameters: tuple[tuple[Parameters, str], ...]  # the first set is the ordinary one
     switches: oracles.Switches = oracles.no_switches  # strains of fibres that may slacken
 
     @property
     def slackens(self) -> bool:
-        """Whether it has fibres, so that stress has a kink where they slacken."""
+        """Return True for laws with fibres, whose stress has a kink where they slacken."""
         return self.switches is not oracles.no_switches
 
     @property
@@ -80,7 +76,7 @@ def second(l1, l2, l3):
 
 @cache
 def squared_cosine(degrees):
-    """Asked for thousands of times with the same angle, and always in hundred digits."""
+    """Square of the cosine, in a hundred digits; the oracles need it thousands of times."""
     return mp.cos(degrees * mp.pi / 180) ** 2
 
 
@@ -96,26 +92,16 @@ def fibres(strain, k1, k2):
 
 
 LAWS = {}
-
-
-def neo_hookean_energy(l1, l2, l3, *, mu):
-    """``W = mu/2 (I1 - 3)``."""
-    return mu / 2 * first(l1, l2, l3)
-
-
 LAWS["NeoHookean"] = Law(
-    ph.NeoHookean(), neo_hookean_energy, (({"mu": 20.0}, "its one parameter is a factor"),)
+    ph.NeoHookean(),
+    # W = mu/2 (I1 - 3)
+    lambda l1, l2, l3, *, mu: mu / 2 * first(l1, l2, l3),
+    (({"mu": 20.0}, "its one parameter is a factor"),),
 )
-
-
-def mooney_rivlin_energy(l1, l2, l3, *, c10, c01):
-    """``W = c10 (I1 - 3) + c01 (I2 - 3)``."""
-    return c10 * first(l1, l2, l3) + c01 * second(l1, l2, l3)
-
-
 LAWS["MooneyRivlin"] = Law(
     ph.MooneyRivlin(),
-    mooney_rivlin_energy,
+    # W = c10 (I1 - 3) + c01 (I2 - 3)
+    lambda l1, l2, l3, *, c10, c01: c10 * first(l1, l2, l3) + c01 * second(l1, l2, l3),
     (
         ({"c10": 10.0, "c01": 1.5}, "rubber, with a small part of the second invariant"),
         ({"c10": 0.0, "c01": 10.0}, "end of the prior: the second invariant alone"),
@@ -134,7 +120,6 @@ LAWS["Yeoh"] = Law(
     yeoh_energy,
     (
         ({"c1": 10.0, "c2": 15.0, "c3": 5.0}, "a stiffening artery"),
-        ({"c1": 174.0, "c2": 1881.0, "c3": 0.0}, "Raghavan and Vorp's aneurysm"),
         ({"c1": 1.0, "c2": 0.0, "c3": 1000.0}, "end of the prior: soft, then very steep"),
     ),
 )
@@ -158,53 +143,34 @@ LAWS["ArrudaBoyce"] = Law(
         ({"mu": 20.0, "lock": 1.0}, "end of the prior: chains taut from the start"),
     ),
 )
-
-
-def gent_energy(l1, l2, l3, *, mu, limit):
-    """``W = -mu Jm/2 ln(1 - (I1 - 3)/Jm)``."""
-    return -mu * limit / 2 * mp.log(1 - first(l1, l2, l3) / limit)
-
-
 LAWS["Gent"] = Law(
     ph.Gent(),
-    gent_energy,
+    # W = -mu Jm/2 ln(1 - (I1 - 3)/Jm)
+    lambda l1, l2, l3, *, mu, limit: -mu * limit / 2 * mp.log(1 - first(l1, l2, l3) / limit),
     (
         ({"mu": 15.0, "limit": 60.0}, "rubber"),
         ({"mu": 15.0, "limit": 15.0}, "the extreme tube is two thirds on the way to the end"),
     ),
 )
-
-
-def demiray_energy(l1, l2, l3, *, mu, b):
-    """``W = mu/(2 b) {exp[b (I1 - 3)] - 1}``."""
-    return mu / (2 * b) * (mp.exp(b * first(l1, l2, l3)) - 1)
-
-
 LAWS["Demiray"] = Law(
     ph.Demiray(),
-    demiray_energy,
+    # W = mu/(2 b) {exp[b (I1 - 3)] - 1}
+    lambda l1, l2, l3, *, mu, b: mu / (2 * b) * (mp.exp(b * first(l1, l2, l3)) - 1),
     (
         ({"mu": 20.0, "b": 1.0}, "an artery"),
         ({"mu": 20.0, "b": 1e-12}, "almost 0, where the energy reads 0/0: neo-Hookean"),
         ({"mu": 3.0, "b": 5.0}, "steep: pressures of e^50 mu in the extreme tube"),
     ),
 )
-
-
-def power_law_neo_hookean_energy(l1, l2, l3, *, mu, n):
-    """``W = (mu/2) {[1 + (I1 - 3)/n]^n - 1}``."""
-    return mu / 2 * ((1 + first(l1, l2, l3) / n) ** n - 1)
-
-
 LAWS["PowerLawNeoHookean"] = Law(
     ph.PowerLawNeoHookean(),
-    power_law_neo_hookean_energy,
+    # W = (mu/2) {[1 + (I1 - 3)/n]^n - 1}
+    lambda l1, l2, l3, *, mu, n: mu / 2 * ((1 + first(l1, l2, l3) / n) ** n - 1),
     (
         ({"mu": 20.0, "n": 4.0}, "a stiffening artery"),
         ({"mu": 20.0, "n": 1.0}, "the neo-Hookean solid, which has a closed form"),
         ({"mu": 20.0, "n": 0.3}, "end of the prior: softens, with a falling pressure"),
         ({"mu": 20.0, "n": 30.0}, "end of the prior: almost exponential"),
-        ({"mu": 1e-3, "n": 0.5}, "a solid as soft as jelly, which softens"),
     ),
 )
 
@@ -224,9 +190,7 @@ LAWS["Ogden"] = Law(
         ({"mu": 6.0, "alpha": 8.0}, "an artery"),
         ({"mu": 6.0, "alpha": 0.0}, "the limit of an energy that reads 0/0"),
         ({"mu": 6.0, "alpha": 1e-12}, "almost 0: the printed energy cancels to nothing"),
-        ({"mu": 6.0, "alpha": -1e-12}, "almost 0 from below"),
         ({"mu": 6.0, "alpha": 0.3}, "the series of sinh(x)/x ends within the wall"),
-        ({"mu": 6.0, "alpha": 2.0}, "a Mooney-Rivlin solid"),
         ({"mu": 6.0, "alpha": 25.0}, "steep"),
         ({"mu": 6.0, "alpha": -25.0}, "steep; the energy is even"),
     ),
@@ -266,30 +230,18 @@ LAWS["OgdenSeries(terms=2)"] = Law(
 LAWS["OgdenSeries(terms=3)"] = Law(
     ph.OgdenSeries(terms=3),
     ogden_series_energy,
-    (
-        (OGDEN_1972_RUBBER, "the rubber for which the series was made"),
-        ({"mu": (6.0, 0.5, 0.0), "alpha": (8.0, 20.0, 1.0)}, "an artery; a term without modulus"),
-    ),
+    ((OGDEN_1972_RUBBER, "the rubber for which the series was made"),),
 )
-
-
-def criscione_type_energy(l1, l2, l3, *, a, b):
-    """``W = a cosh(b g3)``, ``g3 = 2 ln(l_theta) + ln(l_z)``."""
-    return a * mp.cosh(b * (2 * mp.log(l2) + mp.log(l3)))
-
-
 LAWS["CriscioneType"] = Law(
     ph.CriscioneType(),
-    criscione_type_energy,
+    # W = a cosh(b g3), g3 = 2 ln(l_theta) + ln(l_z)
+    lambda l1, l2, l3, *, a, b: a * mp.cosh(b * (2 * mp.log(l2) + mp.log(l3))),
     (
         ({"a": 3.0, "b": 4.0}, "an artery"),
         ({"a": 3.0, "b": 0.0}, "no stress at all"),
         ({"a": 3.0, "b": 1e-12}, "almost no stress"),
-        ({"a": 3.0, "b": -1e-12}, "almost no stress, from below"),
         ({"a": 3.0, "b": 20.0}, "end of the prior"),
         ({"a": 3.0, "b": -20.0}, "end of the prior; the energy is even"),
-        ({"a": 3.0, "b": 25.0}, "steeper than the prior allows"),
-        ({"a": 3.0, "b": -25.0}, "steeper than the prior allows"),
     ),
 )
 
@@ -325,14 +277,10 @@ LAWS["HolzapfelGasserOgden"] = Law(
             "media of a rabbit's carotid artery, of the source",
         ),
         (
-            {"c": 0.3, "k1": 0.562, "k2": 0.7112, "beta": 62.0},
-            "adventitia of the same: axial stretch alone keeps the fibres taut",
-        ),
-        (
             {"c": 3.0, "k1": 5.0, "k2": 1e-12, "beta": 0.0},
             "around the tube, slack below a hoop stretch of 1; the energy reads 0/0 at k2 = 0",
         ),
-        ({"c": 3.0, "k1": 5.0, "k2": 1.0, "beta": 90.0}, "along the tube: inflation spares them"),
+        ({"c": 3.0, "k1": 5.0, "k2": 1.0, "beta": 90.0}, "along the tube: without effect"),
     ),
     switches=lambda hoop, axial, *, c, k1, k2, beta: (fibre_strain(hoop, axial, beta),),
 )
@@ -358,7 +306,6 @@ LAWS["GasserOgdenHolzapfel"] = Law(
     gasser_energy,
     (
         ({"c": 3.0, "k1": 4.0, "k2": 0.5, "kappa": 0.1, "beta": 29.0}, "an artery"),
-        ({"c": 3.0, "k1": 4.0, "k2": 0.5, "kappa": 0.0, "beta": 29.0}, "perfectly aligned"),
         (
             {"c": 3.0, "k1": 4.0, "k2": 0.5, "kappa": 1 / 3, "beta": 29.0},
             "isotropic, never slack: the two places where others slacken are one",
@@ -393,29 +340,13 @@ LAWS["FourFiber"] = Law(
     four_fiber_energy,
     (
         (
-            {
-                "c": 10.0,
-                "k1_axial": 8.0,
-                "k2_axial": 0.05,
-                "k1_hoop": 6.0,
-                "k2_hoop": 0.1,
-                "k1_diagonal": 1.0,
-                "k2_diagonal": 0.5,
-                "beta": 40.0,
-            },
+            {"c": 10.0, "k1_axial": 8.0, "k2_axial": 0.05, "k1_hoop": 6.0, "k2_hoop": 0.1}
+            | {"k1_diagonal": 1.0, "k2_diagonal": 0.5, "beta": 40.0},
             "an artery",
         ),
         (
-            {
-                "c": 10.0,
-                "k1_axial": 0.0,
-                "k2_axial": 1.0,
-                "k1_hoop": 6.0,
-                "k2_hoop": 1e-12,
-                "k1_diagonal": 3.0,
-                "k2_diagonal": 1e-12,
-                "beta": 0.0,
-            },
+            {"c": 10.0, "k1_axial": 0.0, "k2_axial": 1.0, "k1_hoop": 6.0, "k2_hoop": 1e-12}
+            | {"k1_diagonal": 3.0, "k2_diagonal": 1e-12, "beta": 0.0},
             "all fibres around the tube: they slacken in one place",
         ),
     ),
@@ -450,7 +381,6 @@ TUBES = (
     Tube("deflated far", 4.2, 7.0, 17.5, 1.0, 0.0, "a = 0.6 A in the thickest wall", hard=True),
     Tube("thin", 0.52, 0.4, 0.42, 1.0, 0.0, "B/A = 1.05, a mouse's vessel"),
     Tube("thick", 1.7, 1.0, 2.5, 1.0, 0.0, "B/A = 2.5, a = 1.7 A", hard=True),
-    Tube("thick, a little", 1.05, 1.0, 2.5, 1.0, 0.0, "B/A = 2.5, a = 1.05 A"),
     Tube("stretched", 0.5, 0.4, 0.5, 1.9, 0.0, "axial stretch 1.9"),
     Tube("stretched, unpressurised", 7.0, 7.0, 9.0, 1.3, 0.0, "axial stretch at a = A"),
     Tube("shortened", 8.0, 7.0, 9.0, 0.8, 0.0, "axial stretch 0.8"),
@@ -466,7 +396,7 @@ TUBES = (
 )
 
 
-# Answers by the problem, and what is asked of it.
+# Exact answers by problem, quantity and derivative.
 _answers: dict[tuple, float] = {}
 
 
@@ -476,14 +406,18 @@ class Problem:
 
     name: str
     law: str
+    tube: str
     parameters: Parameters
     internal_radius: float
     inner_radius: float
     outer_radius: float
     axial_stretch: float
-    opening_angle: float
-    """Degrees, as it is measured."""
-    why: str
+    opening_angle: float  # degrees
+
+    @property
+    def ordinary(self) -> bool:
+        """Return True if the parameters are the first set of the law."""
+        return self.parameters == LAWS[self.law].parameters[0][0]
 
     @property
     def inputs(self) -> dict[str, float]:
@@ -504,26 +438,26 @@ class Problem:
 
     @property
     def slackens(self) -> bool:
-        """Whether fibres slacken somewhere within the wall."""
+        """Return True if fibres slacken somewhere within the wall."""
         law = LAWS[self.law]
         return bool(oracles.slackening_radii(law.energy, self.inputs, law.switches))
 
 
-def _problem(law: str, tube: Tube, parameters: Parameters, why: str) -> Problem:
+def _problem(law: str, tube: Tube, parameters: Parameters) -> Problem:
     values = ", ".join(f"{name} = {value:g}" for name, value in entries(parameters).items())
     return Problem(
         f"{law}, {values}, {tube.name}",
         law,
+        tube.name,
         parameters,
         *(getattr(tube, name) for name in oracles.GEOMETRY),
-        f"{why}; {tube.why}",
     )
 
 
 PROBLEMS = tuple(
-    _problem(name, tube, parameters, why)
+    _problem(name, tube, parameters)
     for name, law in LAWS.items()
-    for i, (parameters, why) in enumerate(law.parameters)
+    for i, (parameters, _) in enumerate(law.parameters)
     for tube in TUBES
     if i == 0 or tube.hard
 )

@@ -1,51 +1,123 @@
-"""Pressures and forces with the errors that they share, written in NumPy without the package.
+"""Pressures, forces and the errors that they share, computed in NumPy without the package.
 
-Laws are of the form ``λ ∂W/∂λ = g(ln λ)``: the integrals are Gauss-Legendre sums in the reference
-radius, slopes are complex-step derivatives by the diameter, and covariances are dense.
+Walls are integrated by Gauss-Legendre quadrature in the reference radius, divided where fibres
+slacken. Slopes are complex-step derivatives, and covariance matrices are dense.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
 import pymc_hyperelastic as ph
 
 WALL_ORDER = 64
 COMPLEX_STEP = 1e-30
-# Tests of the table that may be extension tests: one of all forces but one, and one of all.
+# The tests of `table` that `extended` turns into extension tests: one lacks a force, one has all.
 EXTENDED = (0, 3)
 
 
+class Law(NamedTuple):
+    """A material: ``σθθ − σrr`` and ``σzz − σrr`` as functions of ``ln λθ`` and ``ln λz``."""
+
+    stresses: Callable[[Any, Any], tuple[Any, Any]]
+    kinks: Callable[[Any], list] = lambda axial: []
+    """Values of ``λθ²`` at an axial stretch where the stress is not smooth."""
+
+
+def separable(response):
+    """Law with an energy ``Σ w(ln λ)`` whose derivative ``w'`` is the response."""
+
+    def stresses(log_hoop, log_axial):
+        radial = response(-log_hoop - log_axial)
+        return response(log_hoop) - radial, response(log_axial) - radial
+
+    return Law(stresses)
+
+
 def neo_hookean(mu):
-    return lambda log: mu * np.exp(2 * log)
+    return separable(lambda log: mu * np.exp(2 * log))
 
 
 def ogden(mu, alpha):
-    return lambda log: 4 * mu * np.sinh(alpha * log) / alpha
+    return separable(lambda log: 4 * mu * np.sinh(alpha * log) / alpha)
+
+
+def fibres(c, *families):
+    """Neo-Hookean matrix with fibres (angle in degrees, k1, k2) that bear tension only."""
+
+    def stresses(log_hoop, log_axial):
+        hoop, axial = np.exp(2 * log_hoop), np.exp(2 * log_axial)
+        radial = 1 / (hoop * axial)
+        around, along = c * (hoop - radial), c * (axial - radial)
+        for angle, k1, k2 in families:
+            cosine, sine = np.cos(np.deg2rad(angle)) ** 2, np.sin(np.deg2rad(angle)) ** 2
+            strain = cosine * (hoop - 1) + sine * (axial - 1)
+            strain = np.where(strain.real > 0, strain, 0.0)
+            pull = 2 * k1 * strain * np.exp(k2 * strain**2)
+            around, along = around + pull * cosine * hoop, along + pull * sine * axial
+        return around, along
+
+    def kinks(axial):
+        tangents = {round(abs(angle), 9): np.tan(np.deg2rad(angle)) for angle, *_ in families}
+        return [1 - tangent**2 * (axial**2 - 1) for tangent in tangents.values()]
+
+    return Law(stresses, kinks)
 
 
 def pressure_and_force(layers, radius, inner, axial, k=1.0):
-    """Of a wall of (law, thickness), from the inside out, at (complex) internal radii."""
+    """Pressure and axial force of layers (law, thickness), from inside out, at complex radii."""
     node, weight = np.polynomial.legendre.leggauss(WALL_ORDER)
+    radius, axial, k = (np.reshape(x, (-1, 1)) for x in (radius, axial, k))
     pressure, force, begin = 0.0, 0.0, inner
     for law, thickness in layers:
-        reference = begin + thickness * (node + 1) / 2
-        swelling = (reference**2 - inner**2) / (k * axial[:, None])
-        current = np.sqrt(radius[:, None] ** 2 + swelling)
-        hoop, axially = np.log(k * current / reference), np.log(axial)[:, None]
-        radial = law(-hoop - axially)
-        of_hoop, of_axial = law(hoop) - radial, law(axially) - radial
-        weights = thickness / 2 * weight
-        stretch = axial[:, None] * current * np.exp(hoop)
-        pressure = pressure + (of_hoop / stretch) @ weights
-        force = force + np.pi / (k * axial) * (((2 * of_axial - of_hoop) * reference) @ weights)
+        # Reference radii at which the squared hoop stretch has the values of the kinks.
+        unloaded = k * (k * radius.real**2 - inner**2 / axial)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            squares = [unloaded / (kink - k / axial) for kink in law.kinks(axial)]
+        places = [np.sqrt(np.where(s > 0, s, 0.0)).clip(begin, begin + thickness) for s in squares]
+        ends = [np.full(radius.shape, float(end)) for end in (begin, begin + thickness)]
+        bounds = np.sort(np.concatenate([ends[0], *places, ends[1]], axis=1), axis=1)
+        for low, high in pairwise(bounds.T[:, :, None]):
+            reference = low + (high - low) * (node + 1) / 2
+            current = np.sqrt(radius**2 + (reference**2 - inner**2) / (k * axial))
+            log_hoop = np.log(k * current / reference)
+            around, along = law.stresses(log_hoop, np.log(axial) + 0 * log_hoop)
+            weights = (high - low) / 2 * weight
+            pressure = pressure + (around / (axial * current * np.exp(log_hoop)) * weights).sum(1)
+            of_force = np.pi / (k * axial) * (2 * along - around) * reference
+            force = force + (of_force * weights).sum(1)
         begin = begin + thickness
     return pressure, force
 
 
+def curves_and_slopes(layers, radius, inner, axial, k=1.0):
+    """Pressure, its derivative by the radius, force, and its derivative by the radius."""
+    both = pressure_and_force(layers, np.asarray(radius) + 1j * COMPLEX_STEP, inner, axial, k)
+    return [part for x in both for part in (x.real, x.imag / COMPLEX_STEP)]
+
+
+def paper_log_density(place, pressure, values, sigma, slope_weight):
+    """The paper's log density of pressures at the places where they were measured.
+
+    The imaginary part of the model's pressures is their slope times the complex step.
+    """
+    count, width = len(place), place[2:] - place[:-2]
+    difference, interior = np.zeros((count - 2, count)), np.arange(count - 2)
+    difference[interior, interior], difference[interior, interior + 2] = -1 / width, 1 / width
+    misfit = np.sum((pressure.real - values) ** 2)
+    lack = (pressure.imag / COMPLEX_STEP)[1:-1] - difference @ values
+    misfit += slope_weight * np.sum(lack**2)
+    gram = np.eye(count) + slope_weight * difference.T @ difference
+    return np.linalg.slogdet(gram / (np.pi * sigma**2))[1] / 2 - misfit / sigma**2
+
+
 def table(points=(6, 5, 4, 3, 1), seed=1):
-    """Made-up points of five tests, some of whose forces were not measured, and none of one."""
+    """Invented readings of five tests. One force is missing, or all of a test, or all but one."""
     rng = np.random.default_rng(seed)
     frames = []
     for test, count in enumerate(points):
@@ -70,7 +142,7 @@ def dataset(frame=None, measured="radius", **geometry):
 
 
 def extended(measured="radius"):
-    """The same tests, of which two are extension tests; those of no and of one force are not."""
+    """Data of `table` in which the axial stretch varies within two tests."""
     frame = table()
     for test in EXTENDED:
         own = frame["experiment"] == test
@@ -81,21 +153,22 @@ def extended(measured="radius"):
 
 @dataclass
 class Dense:
-    """The joint normal distribution of all pressures, then of all forces that were measured."""
+    """The joint normal distribution of all pressures, then of all measured forces."""
 
     data: object
     layers: list
     inner: float = 7.0
-    noise: float = 0.4
-    force_noise: float = 3.0
-    offset: float = 0.0
-    diameter: float = 0.0
+    noise_sd: Any = 0.4
+    force_noise_sd: Any = 3.0
+    force_offset_sd: float = 0.0
+    diameter_noise_sd: Any = 0.0
 
     def with_noise(self, **values):
         return replace(self, **values)
 
     @property
     def rows(self):
+        """Points at which a force was measured."""
         return np.flatnonzero(np.isfinite(self.data["axial_force"].values))
 
     @property
@@ -130,19 +203,26 @@ class Dense:
     @property
     def covariance(self):
         points, forces = self.data.sizes["obs"], len(self.rows)
-        sd = np.repeat([self.noise, self.force_noise], [points, forces])
+        sd = np.repeat([self.noise_sd, self.force_noise_sd], [points, forces])
         covariance = np.diag(sd**2)
-        covariance[points:, points:] += self.offset**2 * (self.test[:, None] == self.test)
+        same_test = self.test[:, None] == self.test
+        covariance[points:, points:] += self.force_offset_sd**2 * same_test
         slope = self.curves(1j * COMPLEX_STEP).imag / COMPLEX_STEP
-        # The point of each measurement: those of one share the error of its diameter.
+        # Pressure and force of one point share the error of its diameter.
         point = np.concatenate([np.arange(points), self.rows])
-        shared = point[:, None] == point
-        return covariance + self.diameter**2 * np.outer(slope, slope) * shared
+        same_point = point[:, None] == point
+        return covariance + self.diameter_noise_sd**2 * np.outer(slope, slope) * same_point
+
+    def log_density(self, rows=slice(None)):
+        """Log density of some of the measurements, by default of all."""
+        normal = stats.multivariate_normal(self.mean[rows], self.covariance[rows, rows])
+        return normal.logpdf(self.values[rows])
 
     def offsets(self):
-        """Mean and standard deviation of each test's offset, given all that was measured."""
+        """Mean and standard deviation of each test's offset, given all measurements."""
         members = np.zeros((self.data.sizes["test"], len(self.values)))
-        members[self.test, self.data.sizes["obs"] + np.arange(len(self.rows))] = self.offset**2
+        own = self.data.sizes["obs"] + np.arange(len(self.rows))
+        members[self.test, own] = self.force_offset_sd**2
         inverse = np.linalg.inv(self.covariance)
         mean = members @ inverse @ (self.values - self.mean)
-        return mean, np.sqrt(self.offset**2 - np.diag(members @ inverse @ members.T))
+        return mean, np.sqrt(self.force_offset_sd**2 - np.diag(members @ inverse @ members.T))

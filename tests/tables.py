@@ -1,5 +1,6 @@
-"""A table of measurements that is right, and ways to make it wrong."""
+"""Tables of measurements that are right, and ways to make them wrong."""
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 
@@ -8,6 +9,8 @@ from pymc_hyperelastic.data.table import inflation_data
 GEOMETRY = {"inner_radius": 7.0, "outer_radius": 9.0}
 # The package's own way to state a cut ring.
 SECTOR = {"opening_angle_convention": "whole", "radii_of": "sector"}
+# Axial forces of the six points of good_frame, two of them missing and one as text.
+FORCES = (1.0, np.nan, 3.0, "4.5", None, 6.0)
 
 
 def good_frame() -> pd.DataFrame:
@@ -28,11 +31,19 @@ def good_frame() -> pd.DataFrame:
     )
 
 
-def changed(column: str, row: int, value: object) -> pd.DataFrame:
-    """Build the good frame with one value replaced."""
-    frame = good_frame()
+def curve(radius=None, pressure=None, *, points: int = 9, **columns) -> pd.DataFrame:
+    """One inflation of specimen S1, from 1 to 17 kPa unless other pressures are given."""
+    radius = np.linspace(7.2, 9.6, points) if radius is None else radius
+    pressure = np.linspace(1.0, 17.0, points) if pressure is None else pressure
+    frame = pd.DataFrame({"specimen": "S1", "experiment": 1, "radius": radius})
+    return frame.assign(pressure=pressure).assign(**columns)
+
+
+def changed(column: str, row: int, value: object, **columns) -> pd.DataFrame:
+    """Build the good frame, perhaps with other columns, with one value replaced."""
+    frame = good_frame().assign(**columns)
     frame[column] = frame[column].astype(object)
-    frame.loc[row, column] = value
+    frame.at[row, column] = value
     return frame
 
 

@@ -112,10 +112,20 @@ def fit_classes(
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
     >>> train = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
+    >>> settings = {"draws": 500, "random_seed": 1, "progressbar": False}
+
+    Classes whose specimens share one material:
+
     >>> noise = {"sigma": 5 * ph.mmHg, "slope_weight": 3.0}
-    >>> settings = {"draws": 500, "chains": 2, "random_seed": 1, "progressbar": False}
-    >>> classes = ph.fit_classes(ph.Ogden(), train, **noise, **settings)
-    >>> list(classes.children)
+    >>> pooled = ph.fit_classes(ph.Ogden(), train, chains=2, **noise, **settings)
+    >>> ph.save_result(pooled, "pooled.nc")
+
+    Classes whose specimens differ:
+
+    >>> noise = {"noise_sd": 5 * ph.mmHg, "variability": "specimen"}
+    >>> hierarchical = ph.fit_classes(ph.Ogden(), train, chains=1, **noise, **settings)
+    >>> ph.save_result(hierarchical, "hierarchical.nc")
+    >>> list(hierarchical.children)
     ['C1', 'C2']
     """
     check_classes(classes)

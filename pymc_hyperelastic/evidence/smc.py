@@ -87,6 +87,7 @@ def sample_smc(
     >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
     >>> tree["posterior"].sizes["draw"]
     500
+    >>> ph.save_result(tree, "sampled.nc")
     """
     if model is None:
         model = pm.Model.get_context(error_if_none=False)

@@ -20,7 +20,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "cohorts"))
 
-from chores import Chore, cohort
+from simulated_work import SimulatedWork, cohort
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.cohorts.run import run_cohort
@@ -33,17 +33,18 @@ QUIET = {"progressbar": False, "batch_size": 2}
 DRIVER = """
 import sys
 sys.path[:0] = {paths!r}
-from chores import Chore, cohort
+from simulated_work import SimulatedWork, cohort
 from pymc_hyperelastic.cohorts.run import run_cohort
 print("ready", flush=True)
-run_cohort(Chore(seconds=0.2), cohort(), {folder!r}, cores=2, batch_size=2, progressbar=False)
+work = SimulatedWork(seconds=0.2)
+run_cohort(work, cohort(), {folder!r}, cores=2, batch_size=2, progressbar=False)
 print("done", flush=True)
 """
 
 
 def result(folder: Path):
     """The cohort, done to its end in this process."""
-    run_cohort(Chore(), cohort(), folder, cores=1, **QUIET)
+    run_cohort(SimulatedWork(), cohort(), folder, cores=1, **QUIET)
     return ph.open_cohort(folder).load()
 
 
@@ -145,7 +146,7 @@ def killed_schedulers(folder: Path, rng: np.random.Generator) -> int:
                 moment = rng.uniform(0.5, 8.0)
                 threading.Timer(moment, os.killpg, (scheduler.pid, signal.SIGKILL)).start()
                 try:
-                    run_cohort(Chore(seconds=0.3), cohort(), folder, client=client, **QUIET)
+                    run_cohort(SimulatedWork(seconds=0.3), cohort(), folder, client=client, **QUIET)
                 except ClusterLost as lost:
                     print("  ", str(lost)[:90])
         for part in sorted(folder.glob("0*.nc"))[::2]:

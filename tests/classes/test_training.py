@@ -1,77 +1,63 @@
-"""Data from which a class was learned are refused, and are known again under other names."""
+"""Training data are recognised, and refused as new data."""
 
 import warnings
 
-import numpy as np
+import fits
 import pytest
-import xarray as xr
-from variable_classes import TRAINING, classify, curves, fit
+from variable_classes import TRAINING, classify, curves
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.training import check_left_out
+from pymc_hyperelastic.classes.training import check_left_out, check_new
 
 
-@pytest.fixture(scope="module", params=["none", "specimen"])
-def classes(request, tmp_path_factory):
-    """Classes of either kind, read back from a file."""
-    path = tmp_path_factory.mktemp("classes") / f"{request.param}.nc"
-    with pytest.MonkeyPatch.context() as patch:
-        # A hundred draws are few, and doubted.
-        patch.setattr("pymc_hyperelastic.classes.fit.warn_of_evidence", lambda *_: None)
-        fit(variability=request.param, draws=100, chains=1).to_netcdf(path)
-    return xr.load_datatree(path)
+@pytest.fixture(scope="module")
+def classes():
+    return fits.fit("neo_hookean_classes")
 
 
 def renamed(data, *names):
     return data.assign_coords(specimen=("test", list(names)))
 
 
-@pytest.mark.parametrize("by", ["test", "specimen"])
-def test_training_data_are_refused(classes, by):
-    """The message names the specimen and the class, for one experiment among new ones too."""
-    message = "specimen 'B2', experiment 2: these measurements are in .* class 'stiff'"
-    with pytest.raises(ValueError, match=message):
-        classify(ph.select(TRAINING["stiff"], specimen="B2", experiment=2), classes, by=by)
-    mixed = curves({"N1": [42.0], "N2": [90.0]}, 3).copy(deep=True)
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda data: data,
+        lambda data: renamed(data, "new"),
+        lambda data: data.isel(obs=slice(0, None, 2)),
+        lambda data: data.assign(pressure=data["pressure"] / ph.mmHg * ph.mmHg),
+    ],
+    ids=["as they are", "other name", "every second point", "converted units"],
+)
+def test_training_data_are_recognised(classes, change):
+    seen = ph.select(TRAINING["stiff"], specimen="B2", experiment=2)
+    with pytest.raises(ValueError, match=r"in .* class 'stiff', as specimen 'B2', experiment 2"):
+        check_new(change(seen), classes.children, fresh=True)
+    # A curve with one other point is new.
+    seen["pressure"].values[0] += 0.001
+    check_new(renamed(seen, "new"), classes.children, fresh=True)
+
+
+def test_one_training_experiment_among_new_ones_is_refused(classes):
+    mixed = curves({"N1": [42.0], "N2": [90.0]}, 3)
     mixed["pressure"].values[7:] = TRAINING["stiff"]["pressure"].values[7:14]
     with pytest.raises(ValueError, match=r"specimen 'N2', .* class 'stiff', as specimen 'B2'"):
-        classify(mixed, classes, by=by)
+        classify(mixed, classes)
 
 
-def test_other_names_do_not_hide_them(classes):
-    """Nor does a part of a curve, or mmHg in which it was written."""
-    seen = ph.select(TRAINING["soft"], specimen="A2")
-    with pytest.raises(ValueError, match=r"specimen 'new', .* class 'soft', as specimen 'A2'"):
-        classify(renamed(seen, "new"), classes)
-    with pytest.raises(ValueError, match="specimen 'A2'"):
-        classify(seen.isel(obs=slice(0, None, 2)), classes)
-    converted = seen.assign(pressure=seen["pressure"] / ph.mmHg * ph.mmHg)
-    with pytest.raises(ValueError, match="specimen 'A2'"):
-        classify(converted, classes)
-
-
-def test_averages_over_laws_refuse_them_too(classes):
-    """All laws were fitted to the same data."""
-    with pytest.raises(ValueError, match="training data of class 'soft'"):
-        classify(ph.select(TRAINING["soft"], specimen="A1"), classes, average_over=[classes])
-
-
-def test_other_experiments_on_a_specimen_of_the_class(classes):
-    """They are warned of where a specimen is taken for a new one, and are not where none is."""
+def test_other_experiments_on_a_training_specimen_are_doubtful(classes):
+    """With variability every new specimen counts as a fresh draw from its class."""
     again = curves({"A2": [38.0]}, 3)
-    variable = classes["soft"].attrs.get("variability") == "specimen"
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        result = classify(again, classes)
-    words = [str(w.message) for w in caught if "training data" in str(w.message)]
-    assert len(words) == variable
-    assert all("['A2'] of class 'soft'" in text for text in words)
-    assert all(w.filename == classify.__code__.co_filename for w in caught)
-    assert np.isfinite(result["log_evidence"]).all()
+    with pytest.warns(UserWarning, match=r"\['A2'\] of class 'soft', whose other") as caught:
+        classify(again, classes)
+    assert caught[0].filename == classify.__code__.co_filename
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_new(again, classes.children, fresh=False)
 
 
-def test_copies_of_what_is_left_out_are_refused():
-    """A curve under two names would be learned from and asked for; together they may be left."""
+def test_copies_of_specimens_that_are_left_out_are_refused():
+    """A curve under two names would be in the training data; both may be left out together."""
     data = {"soft": TRAINING["soft"], "stiff": renamed(TRAINING["soft"], "B1", "B2", "B3")}
     with pytest.raises(ValueError, match=r"specimen 'A1', .* under the specimen 'B1' as well"):
         ph.calibration_report(ph.NeoHookean(), data, sigma=1.0)

@@ -1,189 +1,158 @@
-"""Whether a specimen could be one of a class at all."""
+"""P-values: whether a specimen could be one of a class at all."""
 
+from dataclasses import replace
+
+import fits
 import numpy as np
 import pytest
-import xarray as xr
 from scipy import stats
-from variable_classes import NAMES, RADIUS, SEED, classify, curves, fit
+from variable_classes import SEED, classify, curves
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.classification import _decide
-from pymc_hyperelastic.classes.typicality import either, misfit_p_value
+from pymc_hyperelastic.classes.typicality import (
+    either,
+    misfit_p_value,
+    noise_p_value,
+    repeated,
+    typical_p_value,
+)
+from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 
-# One in twenty of a class's own is turned away.
+# Five percent of a class's own specimens are rejected.
 NONE_BELOW = 0.05
-# Chance by which p-values that are uniform are taken for others.
-CHANCE = 1e-3
+# P-values are ranks among 20,000 random specimens, whitened by 4000: 4 sd.
+COUNT, TOLERANCE = 20_000, 0.03
+NOISE = Observation(0.5, likelihood="generative")
+OGDEN = Population(ph.Ogden(), NOISE, False, 20.0)
 
 
-@pytest.fixture(scope="module")
-def classes():
-    return fit()
+def exactly(mean, covariance, count=4000):
+    """Numbers (coordinate, draw) that have exactly this mean and covariance."""
+    z = np.random.default_rng(SEED).standard_normal((len(mean), count))
+    root = np.linalg.cholesky(np.atleast_2d(np.cov(z)))
+    z = np.linalg.solve(root, z - z.mean(axis=1, keepdims=True))
+    return np.array(mean)[:, None] + np.linalg.cholesky(covariance) @ z
 
 
-def with_pressures(change):
-    """A specimen in the middle of the first class, whose measured pressures are changed."""
-    data = curves({"N": [38.0]}, 3).copy(deep=True)
-    data["pressure"].values[:] = change(data["pressure"].values)
-    return data
+def drawn(centre, scatter=None, tests=1, log_sigma=None):
+    """Draws of a specimen."""
+    scatter = np.zeros_like(centre) if scatter is None else scatter
+    noise = centre[:0] if log_sigma is None else log_sigma
+    return SpecimenDraws(centre, scatter, noise, centre[0], tests, 0.0, centre.T, centre[:0])
 
 
-NOISE = np.random.default_rng(SEED).random(RADIUS.size)
-# The class's moduli lie between 30 and 110 kPa.
+@pytest.mark.parametrize(("left", "known"), [((0.05, 0.3), 2), ((0.05, 0.8), 1), ((0.6, 0.7), 0)])
+def test_typical_p_value_of_normal_distributions(left, known):
+    """Directions whose variance the curves do not even halve are left out.
+
+    The posterior mean of a specimen x of the class is normal: around m + A (x - m) with covariance
+    S Aᵀ, where S is the posterior covariance, A = 1 - S Σ⁻¹, and the reference is N(m, Σ).
+    """
+    middle, width = np.array([0.5, -1.0]), np.array([1.5, 0.8])
+    location, spread = np.array([0.2, -0.5]), np.array([0.6, 0.3])
+    factor, turned = np.array([[1, 0], [0.6, 0.8]]), np.array([[0.8, -0.6], [0.6, 0.8]])
+    posterior = np.diag(width) @ turned @ np.diag(left) @ turned.T @ np.diag(width)
+    mean = np.array([1.0, -0.2])
+    found = typical_p_value(
+        drawn(exactly(mean, posterior)),
+        OGDEN,
+        ClassDistribution(middle, width, np.eye(2)),
+        repeated(ClassDistribution(location, spread, factor), COUNT),
+        np.random.default_rng(SEED),
+    )
+    gain, root = np.eye(2) - posterior @ np.diag(width**-2.0), np.diag(spread) @ factor
+    covariance = gain @ root @ root.T @ gain.T + posterior @ gain.T
+    # Along the directions of the whitened posterior that count.
+    whiten = (turned.T / width)[:known]
+    apart = whiten @ (mean - middle - gain @ (location - middle))
+    squared = apart @ np.linalg.solve(whiten @ covariance @ whiten.T, apart)
+    expected = stats.chi2(known).sf(squared) if known else np.nan
+    assert found == pytest.approx(expected, abs=TOLERANCE, nan_ok=True)
+    assert not known or 0.02 < expected < 0.8
+
+
+@pytest.mark.parametrize("ratio", [12.0, 0.01])
+def test_differences_between_experiments_count_too(ratio):
+    """Three tests known exactly: their scatter is ω² χ² of two degrees of freedom."""
+    tests, within, exact = 3, 0.1, exactly([0.0], [[1e-6]])
+    reference = ClassDistribution(np.zeros(1), np.ones(1), np.eye(1), np.full(1, 0.3), 1.0)
+    one = ClassDistribution(np.full(1, 0.5), np.full(1, 0.3), np.eye(1), np.full(1, within))
+    found = typical_p_value(
+        drawn(1 + exact, within**2 * ratio * np.exp(exact), tests),
+        Population(ph.NeoHookean(), NOISE, True, 20.0),
+        reference,
+        replace(repeated(one, COUNT), effect_spread=np.zeros((COUNT, 1))),
+        np.random.default_rng(SEED),
+    )
+    wall = 2 * stats.norm.sf(0.5 / np.sqrt(0.3**2 + within**2 / tests))
+    # The mean of the logarithm of χ², and numbers as far from it on either side.
+    chi2, middle = stats.chi2(2), np.log(2) - np.euler_gamma
+    apart = abs(np.log(ratio) - middle)
+    between = chi2.sf(np.exp(middle + apart)) + chi2.cdf(np.exp(middle - apart))
+    assert found == pytest.approx(1 - (1 - min(wall, between)) ** 2, abs=TOLERANCE)
+
+
+def test_noise_p_value_of_normal_distributions():
+    """One-sided, and of two noises the smaller one counts, corrected for the choice."""
+    prior, width = np.array([-1.0, 0.5]), np.array([0.8, 0.6])
+    means, errors = np.array([-0.9, 0.55]), np.array([0.2, 0.3])
+    location, spread = np.array([-1.3, 0.3]), np.array([0.25, 0.2])
+    reference = ClassDistribution(None, None, None, log_sigma=prior, noise_spread=width)
+    noise = {"log_sigma": location, "noise_spread": spread}
+    numbers = {name: np.multiply.outer(v, np.ones((COUNT, 1))) for name, v in noise.items()}
+    of_class = ClassDistribution(np.zeros((1, COUNT, 1)), None, None, **numbers)
+    draws = drawn(np.zeros((1, 4000)), log_sigma=exactly(means, np.diag(errors**2)))
+    left = (errors / width) ** 2
+    middle = (1 - left) * (location - prior) / width
+    sd = np.sqrt(((1 - left) * spread / width) ** 2 + left * (1 - left))
+    expected = either(*stats.norm.sf(((means - prior) / width - middle) / sd))
+    assert 0.02 < expected < 0.8
+    found = noise_p_value(draws, reference, of_class, np.random.default_rng(SEED))
+    assert found == pytest.approx(expected, abs=TOLERANCE)
+    assert np.isnan([either(np.nan, 0.01), either(0.01, np.nan)]).all()
+
+
+def test_misfit_p_value_is_that_of_the_ratio_of_two_chi_squares():
+    """The class's own misfit counts, unless it is smaller than the noise predicts."""
+    rng = np.random.default_rng(SEED)
+    draws = replace(drawn(np.zeros((1, 1))), misfit=25.0, freedom=10.0)
+    freedom = np.array([20.0, 30.0])
+    ratio = rng.chisquare(10, 200_000) / 10 / (rng.chisquare(50, 200_000) / 50)
+    expected = np.mean(ratio > 25 / 10 / 1.4)
+    assert misfit_p_value(draws, 1.4 * freedom, freedom) == pytest.approx(expected, abs=0.005)
+    as_noise = misfit_p_value(draws, freedom, freedom)
+    assert as_noise == misfit_p_value(draws, freedom / 2, freedom) < expected / 2
+    assert misfit_p_value(replace(draws, misfit=np.inf), freedom, freedom) == 0
+
+
+RANDOM = np.random.default_rng(SEED).random(7)
+# Changes of the pressures of a specimen with a modulus of 38 kPa; classes have 30 to 110 kPa.
 STRANGE = {
     "hundred times too soft": lambda p: p / 100,
-    "twentieth": lambda p: p / 20,
-    "twenty times too stiff": lambda p: 20 * p,
     "falling": lambda p: p[::-1],
+    "twenty times too soft": lambda p: p / 20,
+    "twenty times too stiff": lambda p: 20 * p,
     "flat": lambda p: np.full_like(p, p.mean()),
-    "random": lambda p: NOISE * p.max(),
+    "random": lambda p: RANDOM * p.max(),
     "offset": lambda p: p + 5,
-    "mmHg as kPa": lambda p: p / ph.mmHg,
+    "mmHg instead of kPa": lambda p: p / ph.mmHg,
+    "usual": lambda p: p,
 }
 
 
-@pytest.mark.parametrize("name", STRANGE)
-def test_strangers_are_none_of_these(classes, name):
-    """Soft strangers as well as stiff ones, and curves that no wall follows."""
-    result = classify(with_pressures(STRANGE[name]), classes, none_below=NONE_BELOW)
-    assert result["decision"].item() == "none of these"
-    assert float(result["p_value"].max()) < NONE_BELOW
-
-
-@pytest.mark.filterwarnings("ignore:1 of 1 cannot be judged")
-def test_what_is_strange_is_told(classes):
-    """A soft wall is not typical, but its curves are fitted; falling pressures are not."""
-    soft = classify(with_pressures(STRANGE["hundred times too soft"]), classes)
-    assert float(soft["typical_p_value"].max()) < NONE_BELOW < float(soft["fit_p_value"].min())
-    falling = classify(with_pressures(STRANGE["falling"]), classes)
-    assert float(falling["fit_p_value"].max()) < NONE_BELOW
-
-
-def test_a_misfit_that_the_class_has_too_is_no_stranger():
-    """Misfits are held against the class's own, unless those are smaller than noise would have."""
-    one = np.zeros(1)
-    known = {"misfit": 40.0, "freedom": 10.0}
-    draws = SpecimenDraws(
-        one[None], one[None], one[None], one, 1, 0.0, one[None], one[None], **known
-    )
-    as_noise, as_badly = np.array([10.0] * 50), np.array([40.0] * 50)
-    freedom = np.full(50, 10.0)
-    assert misfit_p_value(draws, as_noise, freedom) < 1e-3
-    assert misfit_p_value(draws, as_badly, freedom) == pytest.approx(0.5, abs=0.1)
-    assert misfit_p_value(draws, as_noise / 4, freedom) == misfit_p_value(draws, as_noise, freedom)
-
-
-def test_the_smaller_of_two_p_values_is_uniform_too():
-    """Of independent ones; what is not known makes both unknown."""
-    p = np.random.default_rng(SEED).random((2000, 2))
-    both = [either(*pair) for pair in p]
-    assert stats.kstest(both, "uniform").pvalue > CHANCE
-    assert np.isnan(either(np.nan, 0.01)) and np.isnan(either(0.01, np.nan))
-
-
-def decided(none_below=0.0, **changes):
-    """Decision where the first class is the more probable one, with something changed."""
-    values = {
-        "log_evidence": [0.0, -5.0],
-        "log_evidence_se": [0.01, 0.01],
-        "class_probability": [0.99, 0.01],
-        "pareto_k": [0.1, np.nan],
-        "p_value": [0.5, 0.5],
-    } | changes
-    result = xr.Dataset(
-        {name: (("specimen", "class_label"), [value]) for name, value in values.items()},
-        {"class_label": list(NAMES)},
-    )
-    result["class_verdict"] = "class_label", ["good", "good"]
-    return _decide(result, np.array([0.5, 0.5]), 0.0, none_below).item()
-
-
-def test_what_cannot_be_judged_is_not_decided():
-    """An evidence that might change the decision has to be known, and a p-value if one is asked."""
-    assert decided() == decided(none_below=NONE_BELOW) == NAMES[0]
-    assert decided(pareto_k=[1.2, 0.1]) == "cannot be judged"
-    assert decided(pareto_k=[0.1, np.inf]) == "cannot be judged"
-    assert decided(pareto_k=[0.1, np.inf], log_evidence=[0.0, -50.0]) == NAMES[0]
-    assert decided(log_evidence_se=[np.inf, 0.1]) == "cannot be judged"
-    assert decided(p_value=[np.nan, 0.5]) == NAMES[0]
-    assert decided(p_value=[np.nan, 0.5], none_below=NONE_BELOW) == "cannot be judged"
-    assert decided(p_value=[0.01, 0.02], none_below=NONE_BELOW) == "none of these"
-    nothing = {"log_evidence": [np.nan] * 2, "class_probability": [np.nan] * 2}
-    assert decided(**nothing, log_evidence_se=[np.nan, np.nan]) == ""
-    assert decided(**nothing, log_evidence_se=[np.inf, np.inf]) == "cannot be judged"
-
-
-# Moduli of specimens, and by what the second experiment on each differs from the first.
-MODULI, APART = (30.0, 38.0, 50.0, 34.0, 44.0), (1.1, 0.92, 1.05, 0.9, 1.2)
-
-
-@pytest.fixture(scope="module")
-def differing():
-    """Classes of specimens with two experiments each, which differ."""
-    soft = {f"A{i}": [mu, mu * x] for i, (mu, x) in enumerate(zip(MODULI, APART, strict=True))}
-    stiff = {f"B{i}": [2 * mu for mu in both] for i, both in enumerate(soft.values())}
-    return fit(
-        training={"soft": curves(soft, 1), "stiff": curves(stiff, 2)}, experiment_effect=True
-    )
-
-
-# Pressures below the noise tell only that a wall is soft, and of few specimens whose experiments
-# differ it is not known how soft they may be.
-SEEN = [name for name in STRANGE if name != "hundred times too soft"]
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("name", SEEN)
-def test_strangers_are_found_where_experiments_differ(differing, name):
-    """How far the tests are apart is asked only where the curves tell it."""
-    data = curves({"N": [38.0, 36.0]}, 3).copy(deep=True)
-    both = data["pressure"].values.reshape(2, -1)
-    data["pressure"].values[:] = np.concatenate([STRANGE[name](p) for p in both])
-    result = classify(data, differing, none_below=NONE_BELOW)
-    assert result["decision"].item() == "none of these"
-
-
-@pytest.mark.long
-@pytest.mark.deep
 @pytest.mark.filterwarnings("ignore:.* cannot be judged")
-def test_p_values_are_uniform_where_experiments_differ(differing):
-    """Of a hundred specimens that the fitted class brings forth, each tested twice."""
-    rng = np.random.default_rng(SEED)
-    posterior = differing["soft"]["posterior"].to_dataset().stack(sample=("chain", "draw"))
-    posterior = posterior.isel(sample=rng.choice(posterior.sizes["sample"], size=100))
-    location, spread, within = (
-        posterior[name].values.ravel() for name in ("location", "spread", "experiment_spread")
-    )
-    within = within * np.exp(posterior["effect_spread"].values * rng.standard_normal(100))
-    own = location + spread * rng.standard_normal(100)
-    strain = np.exp(own + within * rng.standard_normal((2, 100)))
-    moduli = 20.0 / (np.exp(2 * strain) - np.exp(-2 * strain))
-    data = curves({f"N{i}": [*mu] for i, mu in enumerate(moduli.T)}, 5)
-    result = classify(data, differing).sel(class_label="soft")
-    # One in hundreds has experiments that are apart by orders of magnitude: it cannot be judged.
-    judged = result.isel(specimen=np.isfinite(result["typical_p_value"].values))
-    assert judged.sizes["specimen"] >= 98
-    assert stats.kstest(judged["typical_p_value"].values, "uniform").pvalue > CHANCE
-    assert np.mean(result["p_value"].values < NONE_BELOW) < 2 * NONE_BELOW
-
-
-@pytest.mark.long
-@pytest.mark.deep
-@pytest.mark.filterwarnings("ignore:.* cannot be judged")
-def test_p_values_of_the_class_itself_are_uniform(classes):
-    """Of three hundred specimens that the fitted class brings forth."""
-    rng = np.random.default_rng(SEED)
-    posterior = classes["soft"]["posterior"].to_dataset().stack(sample=("chain", "draw"))
-    chosen = rng.choice(posterior.sizes["sample"], size=300)
-    location = posterior["location"].values.ravel()[chosen]
-    spread = posterior["spread"].values.ravel()[chosen]
-    strain = np.exp(location + spread * rng.standard_normal(300))
-    # The reference strain is that at which the wall's stress, e^(2e) - e^(-2e) moduli, is 20 kPa.
-    moduli = 20.0 / (np.exp(2 * strain) - np.exp(-2 * strain))
-    data = curves({f"N{i}": [mu] for i, mu in enumerate(moduli)}, 5)
-    result = classify(data, classes).sel(class_label="soft")
-    assert stats.kstest(result["typical_p_value"].values, "uniform").pvalue > CHANCE
-    # The misfits of its three specimens are what they are, and make those of others look smaller.
-    for name in ("p_value", "fit_p_value"):
-        assert np.mean(result[name].values < NONE_BELOW) < 2 * NONE_BELOW, name
+def test_strange_specimens_are_of_no_class():
+    """Walls that are far too soft or stiff are not typical, and other curves do not fit."""
+    data = curves({name: [38.0] for name in STRANGE}, 3)
+    pressure = data["pressure"].values.reshape(len(STRANGE), -1)
+    data["pressure"][:] = np.ravel([f(p) for f, p in zip(STRANGE.values(), pressure, strict=True)])
+    result = classify(data, fits.fit("neo_hookean_classes"), none_below=NONE_BELOW)
+    expected = ["none of these"] * (len(STRANGE) - 1) + ["soft"]
+    assert result["decision"].values.tolist() == expected
+    typical, fit = (result[f"{name}_p_value"].values for name in ("typical", "fit"))
+    assert typical[0].max() < NONE_BELOW < fit[0].min()
+    assert fit[1].max() < NONE_BELOW
+    np.testing.assert_allclose(result["p_value"], 1 - (1 - np.minimum(typical, fit)) ** 2)

@@ -1,9 +1,15 @@
-"""Specimens by which it is seen how a cohort is done."""
+"""Data that all tests of cohorts share."""
 
 import pytest
-from chores import cohort
+from simulated_work import SimulatedWork, cohort, computed
 
 
 @pytest.fixture(scope="session")
 def data():
     return cohort()
+
+
+@pytest.fixture(scope="session")
+def undisturbed(data, tmp_path_factory):
+    """Return the result of work in one process, which nothing has disturbed."""
+    return computed(SimulatedWork(), data, tmp_path_factory.mktemp("undisturbed") / "store")

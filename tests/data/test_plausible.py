@@ -1,4 +1,4 @@
-"""Numbers that no soft tube has are doubted, with what was probably meant; others are not."""
+"""Sizes beyond the ranges of soft tubes are doubted, with their likely cause."""
 
 import re
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import tables
 import xarray as xr
 
 import pymc_hyperelastic as ph
@@ -13,13 +14,12 @@ from pymc_hyperelastic.data.plausible import RANGES
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "file_format.md"
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
-# Pressures in kPa, that of an aorta.
+# Pressures of an aorta, kPa.
 RADIUS, PRESSURE = np.linspace(7.2, 9.6, 10), np.linspace(1.0, 20.0, 10)
 
 
 def curve(radius=RADIUS, pressure=PRESSURE, **columns) -> pd.DataFrame:
-    frame = pd.DataFrame({"specimen": "S1", "experiment": 1, "radius": radius})
-    return frame.assign(pressure=pressure, **columns)
+    return tables.curve(radius, pressure, **columns)
 
 
 def build(frame=None, **arguments) -> xr.Dataset:
@@ -27,65 +27,31 @@ def build(frame=None, **arguments) -> xr.Dataset:
 
 
 RING = {"radii_of": "ring", "opening_angle_convention": "whole"}
-# What was done wrong, the call, and what the doubt says.
-DOUBTFUL = [
-    ("mmHg as kPa", lambda **c: build(curve(pressure=PRESSURE * 7.5), **c), "150 kPa.*mmHg"),
-    ("Pa as kPa", lambda **c: build(curve(pressure=PRESSURE * 1e3), **c), "20000 kPa.*Pa"),
-    ("MPa as kPa", lambda **c: build(curve(pressure=PRESSURE / 1e3), **c), "0.02 kPa.*MPa"),
-    ("other gauge", lambda **c: build(curve(pressure=PRESSURE - 9), **c), "-8 kPa.*zero"),
-    (
-        "centimetres as mm",
-        lambda **c: build(curve(RADIUS * 50), inner_radius=350.0, outer_radius=450.0, **c),
-        "350 mm; expected at most 30 mm.*radius_unit",
-    ),
-    (
-        "metres as mm",
-        lambda **c: build(curve(RADIUS / 1e3), inner_radius=0.007, outer_radius=0.009, **c),
-        "0.007 mm; expected at least 0.01 mm.*radius_unit",
-    ),
-    ("stretch in per cent", lambda **c: build(axial_stretch=145.0, **c), "145;.*per cent"),
-    ("strain for a stretch", lambda **c: build(axial_stretch=0.45, **c), "0.45;.*strain"),
-    (
-        "measured diameter as radius",
-        lambda **c: build(curve(2 * RADIUS), **c),
-        "is the measured radius a diameter",
-    ),
-    (
-        "measured in um, the tube in mm",
-        lambda **c: build(curve(1e3 * RADIUS), **c),
-        "in another unit than inner_radius",
-    ),
-    (
-        "the tube in mm, measured in um, and radius_unit for both",
+# A call, and a regular expression of its warning.
+DOUBTFUL = {
+    "mmHg as kPa": (lambda **c: build(curve(pressure=PRESSURE * 7.5), **c), "150 kPa.*mmHg"),
+    "stretch in per cent": (lambda **c: build(axial_stretch=145.0, **c), "145;.*per cent"),
+    "strain for a stretch": (lambda **c: build(axial_stretch=0.45, **c), "0.45;.*strain"),
+    "diameter as radius": (lambda **c: build(curve(2 * RADIUS), **c), "measured radius a diameter"),
+    "measured in um, the tube in mm": (
         lambda **c: build(curve(1e3 * RADIUS), radius_unit="um", **c),
         "radius_unit=... is that of every length",
     ),
-    ("outer diameter as radius", lambda **c: build(outer_radius=18.0, **c), "is outer_radius a"),
-    (
-        "diameters as radii of the tube",
-        lambda **c: build(inner_radius=14.0, outer_radius=18.0, **c),
-        "diameters",
-    ),
-    ("thin as foil", lambda **c: build(outer_radius=7.001, **c), "thickness of the wall"),
-    (
-        "radians as degrees",
+    "radians as degrees": (
         lambda **c: build(opening_angle=1.2, angle_unit="deg", **RING, **c),
         r"0.0209\d* rad; expected at least 0.06 rad.*radians",
     ),
-    ("uN as mN", lambda **c: build(curve(axial_force=2e6), **c), "axial force over.*force_unit"),
-]
+}
 
 
-@pytest.mark.parametrize("row", DOUBTFUL, ids=[row[0] for row in DOUBTFUL])
-def test_what_is_doubted(row):
-    """It is warned of with the number and the likely cause, raised, or taken in silence."""
-    _, call, expected = row
+@pytest.mark.parametrize("call, expected", DOUBTFUL.values(), ids=DOUBTFUL)
+def test_doubtful_size_is_warned_of_with_its_likely_cause_raised_or_ignored(call, expected):
     with pytest.warns(UserWarning) as warned:
         call()
-    told = [str(w.message) for w in warned]
-    assert all(t.startswith("specimen 'S1', experiment 1: ") for t in told), told
-    assert any(re.search(expected, t) for t in told), told
-    # It points to the line that gave the number.
+    messages = [str(w.message) for w in warned]
+    assert all(m.startswith("specimen 'S1', experiment 1: ") for m in messages), messages
+    assert any(re.search(expected, m) for m in messages), messages
+    # The warning points to the line that gave the number.
     assert {w.filename for w in warned} == {__file__}
     with pytest.raises(ValueError, match=r"experiment 1: .* expected at"):
         call(check="raise")
@@ -94,10 +60,9 @@ def test_what_is_doubted(row):
 
 @pytest.mark.parametrize(
     ("name", "values", "cut"),
-    [("axial_stretch", [1.2] * 10, {}), ("opening_angle", ["60"] * 9 + [""], RING)],
+    [("axial_stretch", [0.9] * 10, {}), ("opening_angle", ["60"] * 9 + [""], RING)],
 )
-def test_a_column_that_is_not_taken(name, values, cut):
-    """A table that states the stretch or the angle is not taken at 1 or 0 without a word."""
+def test_unused_column_of_the_stretch_or_the_angle_is_doubted(name, values, cut):
     frame = curve(**{name: values})
     doubted = f"column {name!r} with values other than .*say {name}={name!r}"
     with pytest.warns(UserWarning, match=doubted) as warned:
@@ -106,38 +71,87 @@ def test_a_column_that_is_not_taken(name, values, cut):
     with pytest.raises(ValueError, match=doubted):
         build(frame, check="raise")
     build(frame, check="ignore")
-    # Where it is taken, is no number, or says the same, nothing is doubted.
+    # A column that is taken, holds no numbers, or agrees is not doubted.
     build(frame[:5], angle_unit="deg", **{name: name}, **cut)
     build(frame, **{name: None})
     build(curve(**{name: "not written down"}))
     build(curve(**{name: [1.5] * 10}), **{name: 1.5}, **cut)
 
 
-def test_many_experiments_give_one_warning():
-    """The first is named, and the others are counted."""
-    frame = pd.concat([curve(pressure=PRESSURE * 8).assign(experiment=i) for i in range(5)])
-    with pytest.warns(UserWarning, match=r"experiment 0: .*and so are 4 others") as warned:
-        build(frame)
+# Relative distance from the end of a range, well above rounding.
+JUST = 1e-9
+AREA = np.pi * (9.0**2 - 7.0**2)
+
+
+def rising(first, last, **arguments) -> xr.Dataset:
+    return build(curve(np.linspace(first, last, 10)), **arguments)
+
+
+def hoop_stretched(first, last, stretch=1.0, k=1.0, **arguments) -> xr.Dataset:
+    """Build a test with these hoop stretches of the middle of the wall over those without load."""
+    middle = 8.0 * np.array([first, last]) / k / np.sqrt(stretch)
+    ends = np.sqrt(middle**2 - (8.0**2 - 7.0**2) / (k * stretch))
+    return rising(*ends, axial_stretch=stretch, **arguments)
+
+
+# A sector that lacks a third of a circle, of which the opening factor k is 1.5.
+SECTOR = tables.SECTOR | {"opening_angle": 2 * np.pi / 3}
+# A range, one of its ends, and a function of a size that builds a test of this size.
+ENDS = [
+    ("highest_pressure", 0.1, lambda p: build(curve(pressure=np.linspace(p / 2, p, 10)))),
+    ("highest_pressure", 40.0, lambda p: build(curve(pressure=np.linspace(1.0, p, 10)))),
+    ("lowest_pressure", -2.0, lambda p: build(curve(pressure=np.linspace(p, 20.0, 10)))),
+    (
+        "ring_radius",
+        0.01,
+        lambda a: build(curve(RADIUS * a / 7), inner_radius=a, outer_radius=a * 9 / 7),
+    ),
+    ("ring_radius", 30.0, lambda a: rising(30, 39, inner_radius=a, outer_radius=34.0)),
+    ("largest_radius", 40.0, lambda r: rising(29.5, r, inner_radius=29.0, outer_radius=33.0)),
+    ("wall", 0.01, lambda h: build(outer_radius=7 * (2 + h) / (2 - h))),
+    ("wall", 0.8, lambda h: build(inner_radius=9 * (2 - h) / (2 + h))),
+    ("wall", 0.8, lambda h: rising(5.1, 6.7, inner_radius=9 * (3 - h) / (3 + h), **SECTOR)),
+    ("axial_stretch", 0.8, lambda z: build(curve(RADIUS / z**0.5), axial_stretch=z)),
+    ("axial_stretch", 2.5, lambda z: rising(5, 8, axial_stretch=z)),
+    ("opening_angle", 0.06, lambda angle: build(opening_angle=-angle, **RING)),
+    ("first_stretch", 0.75, lambda x: hoop_stretched(x, 2.0)),
+    ("first_stretch", 1.7, lambda x: hoop_stretched(x, 2.0)),
+    (
+        "first_stretch",
+        1.7,
+        lambda x: hoop_stretched(x, 2.0, 1.44, 1.5, **SECTOR),
+    ),
+    ("last_stretch", 0.9, lambda x: hoop_stretched(0.8, x)),
+    ("last_stretch", 2.6, lambda x: hoop_stretched(1.0, x)),
+    ("axial_stress", 2000.0, lambda s: build(curve(axial_force=s * AREA))),
+    ("axial_stress", 2000.0, lambda s: build(curve(axial_force=-s * AREA / 1.5), **SECTOR)),
+]
+
+
+@pytest.mark.parametrize("name, end, of_size", ENDS)
+def test_sizes_are_doubted_beyond_the_ends_of_their_range_only(name, end, of_size):
+    outward = {RANGES[name].low: -1, RANGES[name].high: 1}[end]
+    of_size(end - outward * JUST * abs(end))
+    with pytest.warns(UserWarning, match=re.escape(RANGES[name].what)) as warned:
+        of_size(end + outward * JUST * abs(end))
     assert len(warned) == 1
 
 
-def test_unknown_geometry_is_not_doubted():
-    """What follows from nothing is nothing to doubt."""
-    build(inner_radius=None, outer_radius=None)
-    build(axial_stretch=None)
-
-
-def test_shipped_data_are_plausible():
-    """The package's own data pass."""
-    for name in ph.list_datasets():
-        ph.load_dataset(name)
+def test_hoop_stretches_are_compared_where_the_tube_is_nearly_unloaded_or_inflated():
+    """At pressures from 2 kPa on any first stretch may be right, and below 2 kPa any last one."""
+    above, below = np.linspace(2.0, 20.0, 10), np.linspace(0.5, 2.0, 10)
+    build(curve(np.linspace(14.0, 16.0, 10), above))
+    build(curve(np.linspace(5.0, 5.2, 10), below))
+    with pytest.warns(UserWarning, match=RANGES["first_stretch"].what):
+        build(curve(np.linspace(14.0, 16.0, 10), above - JUST))
+    with pytest.warns(UserWarning, match=RANGES["last_stretch"].what):
+        build(curve(np.linspace(5.0, 5.2, 10), below + JUST))
 
 
 @pytest.mark.parametrize(
     "function", [ph.radius_at_pressure, ph.tube_properties, ph.pulse_wave_velocity, ph.wall_stress]
 )
-def test_pressures_of_predictions(function):
-    """A pressure that was probably given in mmHg is doubted."""
+def test_pressure_of_a_prediction_that_was_probably_in_mmhg_is_doubted(function):
     posterior = xr.Dataset({"mu": (("chain", "draw"), [[700.0, 900.0]])})
     tree = xr.DataTree.from_dict({"posterior": posterior})
     material = {"energy": ph.NeoHookean(), **TUBE}
@@ -153,8 +167,7 @@ def test_pressures_of_predictions(function):
     function(tree, 120 * ph.mmHg, **material)
 
 
-def test_page_states_the_ranges():
-    """The table of the page is that of the code."""
+def test_guide_states_the_ranges():
     page = PAGE.read_text(encoding="utf-8")
     for expected in RANGES.values():
         ends = [f"{x:g}" if np.isfinite(x) and x else "" for x in expected[2:4]]

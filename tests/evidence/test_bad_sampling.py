@@ -1,4 +1,4 @@
-"""Models and settings that cannot be sampled: one error says why, before sampling."""
+"""Models and settings that sample_smc refuses before it samples."""
 
 import numpy as np
 import pymc as pm
@@ -16,7 +16,7 @@ def smc(model=None, **settings) -> xr.DataTree:
 
 
 def model_of(kind: str) -> pm.Model:
-    """A model that SMC cannot sample."""
+    """Return a model that SMC cannot sample."""
     with pm.Model() as other:
         if kind == "discrete":
             count = pm.Poisson("count", 3)
@@ -38,7 +38,13 @@ def model_of(kind: str) -> pm.Model:
     return other
 
 
-# Each row: what is wrong, a call that does it, the error, and fragments that its message must hold.
+def part_of_a_model() -> pm.Model:
+    with pm.Model(), pm.Model(name="part") as part:
+        pm.Normal("x")
+    return part
+
+
+# Each row: a name, a call, the error, and fragments of its message.
 BAD_INPUT = [
     ("data for a model", lambda: smc(xr.Dataset()), TypeError, ["pm.Model", "Dataset"]),
     ("no draws", lambda: smc(draws=0), ValueError, ["draws is 0", "at least"]),
@@ -67,7 +73,7 @@ BAD_INPUT = [
         ["none of 50000 draws", "finite likelihood", "50000 are NaN", "prior", "unit"],
     ),
     (
-        "many unknowns, each density of which takes long",
+        "many unknowns and a slow density",
         lambda: smc(model_of("costly")),
         ValueError,
         ["60 unknowns", "takes so long", "NUTS", "ph.log_evidence_by_bridge"],
@@ -110,15 +116,16 @@ BAD_INPUT = [
         ["start", "['x']", "['y']"],
     ),
     (
-        "evidence of a model",
-        lambda: ph.log_evidence(plain_model()),
-        TypeError,
-        ["ph.sample_smc", "Model"],
+        "modes, but not all terms tempered",
+        lambda: smc(tempered=["likelihood"], from_modes=True),
+        ValueError,
+        ["from_modes is for particles that start from the prior"],
     ),
+    ("part of a model", lambda: smc(part_of_a_model()), ValueError, ["'part'", "`model.root`"]),
+    ("no model", lambda: ph.sample_smc(progressbar=False), TypeError, ["no model is given"]),
 ]
 
 
 @pytest.mark.parametrize(("call", "error", "fragments"), table(BAD_INPUT))
-def test_bad_input(call, error, fragments):
-    """Each kind of bad input raises one error that names the place and what was expected."""
+def test_bad_model_or_setting_is_refused(call, error, fragments):
     assert_refused(call, error, fragments)

@@ -1,7 +1,6 @@
-"""Bridge sampling: evidences from draws of any sampler, against exact ones; and when it doubts."""
+"""log_evidence_by_bridge: evidences from draws of any sampler, against exact ones; warnings."""
 
 import warnings
-from itertools import product
 
 import numpy as np
 import pymc as pm
@@ -16,23 +15,21 @@ from tiers import deep, long
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.proposal import fitted_proposal
 from pymc_hyperelastic.evidence.unconstrained import unconstrained_draws
 
 SEED = 20250
-# Single estimates are held to so many of their standard errors; seeds are fixed.
+# An honest standard error is exceeded fourfold once in 16,000 runs; seeds are fixed.
 STANDARD_ERRORS = 4.0
-# Root mean square of the errors over those that were stated, of a hundred runs: at best 1, and less
-# where doubling the correlation of the parts is too cautious.
+# Root mean square of the errors in units of the stated ones: 1 for honest errors. The stated errors
+# assume the largest possible correlation of the parts, which may be too cautious.
 HONEST = (0.65, 1.4)
-# What a transform and its inverse lose, in logarithms and sums of a few numbers of order one.
+# Rounding of a transform and its inverse, for numbers of order one.
 ROUNDING = 1e-7
 CHAINS, DRAWS = 4, 500
-PROPOSALS = ["normal", "warped", "mixture", "auto"]
 
 
 def as_tree(**variables) -> xr.DataTree:
-    """A result by any sampler: variables by (chain, draw, ...)."""
+    """Return the result of any sampler: variables by (chain, draw, ...)."""
     posterior = {
         name: (("chain", "draw", *(f"{name}_{i}" for i in range(np.ndim(values) - 2))), values)
         for name, values in variables.items()
@@ -40,31 +37,30 @@ def as_tree(**variables) -> xr.DataTree:
     return xr.DataTree.from_dict({"posterior": xr.Dataset(posterior)})
 
 
-def by_chain(values, chains=CHAINS):
-    """Independent draws, dealt to chains."""
-    return np.reshape(values, (chains, -1, *np.shape(values)[1:]))
+def by_chain(values):
+    """Return independent draws as chains."""
+    return np.reshape(values, (CHAINS, -1, *np.shape(values)[1:]))
 
 
-def autoregressive(rng, chains, draws, dimension, phi):
-    """Standard normal chains, of which each draw resembles the one before by `phi`."""
-    noise = rng.standard_normal((chains, draws, dimension))
-    noise[:, 1:] *= np.sqrt(1 - phi**2)
-    for i in range(1, draws):
-        noise[:, i] += phi * noise[:, i - 1]
-    return noise
+def bridge(model, tree, **settings):
+    return ph.log_evidence_by_bridge(model, tree, **{"random_seed": SEED, **settings})
 
 
 def assert_agrees(estimate, exact, at_most):
-    """The estimate is near the exact value by its own standard error, and that is small."""
+    """The stated standard error is small and explains the error."""
     assert estimate.standard_error < at_most
     assert abs(estimate.value - exact) < STANDARD_ERRORS * estimate.standard_error
 
 
-# --- a regression, whose evidence and posterior are known ----------------------------------------
+def assert_doubtful(model, tree, match, **settings):
+    """The warning says why, and the standard error is infinite."""
+    with pytest.warns(UserWarning, match=match):
+        found = bridge(model, tree, **settings)
+    assert found.standard_error == np.inf and np.isfinite(found.value)
 
 
 class Regression:
-    """Correlated coefficients with normal priors, and normal noise that is known."""
+    """Correlated coefficients with known noise: evidence and posterior in closed form."""
 
     def __init__(self, coefficients, seed=SEED, shift=0.0):
         rng = np.random.default_rng(seed)
@@ -81,7 +77,11 @@ class Regression:
         self.log_evidence = stats.multivariate_normal(cov=covariance).logpdf(y)
 
     def draws(self, rng, chains=CHAINS, draws=DRAWS, phi=0.0, width=1.0):
-        standard = autoregressive(rng, chains, draws, len(self.mean), phi)
+        """Return autoregressive chains of the posterior; `phi` is the autocorrelation."""
+        standard = rng.standard_normal((chains, draws, len(self.mean)))
+        standard[:, 1:] *= np.sqrt(1 - phi**2)
+        for i in range(1, draws):
+            standard[:, i] += phi * standard[:, i - 1]
         return as_tree(slope=self.mean + width * standard @ self.factor.T)
 
 
@@ -90,95 +90,47 @@ def regression():
     return Regression(5)
 
 
-@pytest.mark.parametrize("proposal", PROPOSALS)
-def test_evidence_of_a_regression(regression, proposal):
-    """Every proposal gives the closed form, within a hundredth."""
-    tree = regression.draws(np.random.default_rng(SEED))
-    found = ph.log_evidence_by_bridge(regression.model, tree, proposal=proposal, random_seed=SEED)
-    assert_agrees(found, regression.log_evidence, 0.015)
+@pytest.fixture
+def tree(regression):
+    return regression.draws(np.random.default_rng(SEED))
 
 
-def errors_over_stated(dimension, chains, draws, phi, runs):
-    """Errors of many runs over the standard errors that these stated."""
-    regression, rng = Regression(dimension), np.random.default_rng(SEED)
-    found = [
-        ph.log_evidence_by_bridge(
-            regression.model, regression.draws(rng, chains, draws, phi), random_seed=run
-        )
-        for run in range(runs)
-    ]
-    value, error = np.transpose(found)
-    assert np.isfinite(error).all()
-    return (value - regression.log_evidence) / error
+@pytest.mark.parametrize("proposal", ["normal", "warped", "mixture", "auto"])
+def test_evidence_of_a_regression_with_each_proposal(regression, tree, proposal):
+    assert_agrees(bridge(regression.model, tree, proposal=proposal), regression.log_evidence, 0.015)
 
 
 @pytest.mark.parametrize(
     ("dimension", "chains", "draws", "phi", "runs"),
     [
-        (4, 4, 250, 0.0, 40),
-        *deep(
-            [
-                (10, 2, 1000, 0.0, 100),
-                (30, 4, 1000, 0.7, 100),
-            ]
-        ),
-        *long(
-            [
-                (10, 12, 200, 0.0, 100),
-                (10, 1, 2000, 0.0, 100),
-                (10, 4, 1000, 0.0, 100),
-                (10, 4, 1000, 0.7, 100),
-                (30, 4, 1000, 0.0, 100),
-                (50, 4, 1000, 0.0, 100),
-                (50, 4, 1000, 0.7, 100),
-                (150, 4, 1000, 0.0, 50),
-            ]
-        ),
+        (4, 4, 200, 0.5, 30),
+        *deep([(10, 2, 1000, 0.0, 100), (30, 4, 1000, 0.7, 100)]),
+        *long([(10, 1, 2000, 0.0, 100), (10, 12, 200, 0.0, 100), (150, 4, 1000, 0.0, 50)]),
     ],
 )
-def test_stated_errors_are_those_that_are_made(dimension, chains, draws, phi, runs):
-    """Of independent and of autocorrelated draws, with one chain and with several."""
-    ratio = errors_over_stated(dimension, chains, draws, phi, runs)
+def test_stated_errors_are_as_large_as_the_errors(dimension, chains, draws, phi, runs):
+    """For independent and autocorrelated draws, from one chain and from several."""
+    regression, rng = Regression(dimension), np.random.default_rng(SEED)
+    found = [
+        bridge(regression.model, regression.draws(rng, chains, draws, phi), random_seed=run)
+        for run in range(runs)
+    ]
+    value, error = np.transpose(found)
+    ratio = (value - regression.log_evidence) / error
     assert HONEST[0] < np.sqrt(np.mean(ratio**2)) < HONEST[1]
     assert abs(ratio.mean()) < 4 / np.sqrt(runs)
 
 
-def test_autocorrelation_counts(regression):
-    """Where draws resemble those before them, the standard error is larger for it."""
-    rng = np.random.default_rng(SEED)
-    errors = [
-        ph.log_evidence_by_bridge(
-            regression.model, regression.draws(rng, 4, 2000, phi), random_seed=1, proposal="normal"
-        ).standard_error
-        for phi in (0.0, 0.8)
-    ]
-    assert errors[1] > 1.5 * errors[0]
-
-
-def test_one_seed_gives_one_result(regression):
-    """The same seed gives the same estimate, another seed another one."""
-    tree = regression.draws(np.random.default_rng(SEED))
-    first, again, other = (
-        ph.log_evidence_by_bridge(regression.model, tree, random_seed=seed) for seed in (1, 1, 2)
-    )
+def test_same_seed_gives_the_same_estimate(regression, tree):
+    first, again, other = (bridge(regression.model, tree, random_seed=seed) for seed in (1, 1, 2))
     assert first == again != other
 
 
-def test_more_proposal_draws_help(regression):
-    """Their share of the error shrinks."""
-    tree = regression.draws(np.random.default_rng(SEED))
-    few, many = (
-        ph.log_evidence_by_bridge(regression.model, tree, proposal_draws=n, random_seed=1)
-        for n in (400, 40000)
-    )
-    assert many.standard_error < 0.7 * few.standard_error
-
-
 @pytest.mark.parametrize(
-    ("unknowns", "draws", "at_most"), [(200, 1000, 0.1), *deep([(1000, 1500, 0.2)])]
+    ("unknowns", "draws", "at_most"), [(100, 500, 0.1), *deep([(1000, 1500, 0.2)])]
 )
-def test_many_unknowns(unknowns, draws, at_most):
-    """A common mean and hundreds of others, correlated through it."""
+def test_evidence_of_many_unknowns(unknowns, draws, at_most):
+    """A common mean, and group means that are correlated through it."""
     rng = np.random.default_rng(SEED)
     y, noise = rng.normal(1, 1, unknowns - 1), rng.uniform(0.5, 1, unknowns - 1)
     with pm.Model() as model:
@@ -190,89 +142,50 @@ def test_many_unknowns(unknowns, draws, at_most):
     variance = 1 / (np.sum(1 / total) + 1 / 4)
     mu = rng.normal(variance * np.sum(y / total), np.sqrt(variance), (CHAINS, draws, 1))
     weight = 0.7**2 / total
-    group = (
-        mu
-        + weight * (y - mu)
-        + noise * np.sqrt(weight) * rng.normal(size=(CHAINS, draws, unknowns - 1))
-    )
-    found = ph.log_evidence_by_bridge(model, as_tree(mu=mu[..., 0], group=group), random_seed=SEED)
-    assert_agrees(found, exact, at_most)
+    error = noise * np.sqrt(weight) * rng.normal(size=(CHAINS, draws, unknowns - 1))
+    group = mu + weight * (y - mu) + error
+    assert_agrees(bridge(model, as_tree(mu=mu[..., 0], group=group)), exact, at_most)
 
 
-# --- shapes of posteriors, and the scales of variables -------------------------------------------
+def test_potentials_and_missing_data_are_part_of_the_density():
+    with pm.Model() as model:
+        x = pm.Normal("x", 0, 1)
+        with pytest.warns(pm.exceptions.ImputationWarning):
+            pm.Normal("y", x, 1, observed=np.ma.masked_invalid([0.4, np.nan]))
+        pm.Potential("p", -(x**2) / 2 + 3)
+    # Three normal densities of x with precision 1 each; the missing value integrates to 1.
+    rng, exact = np.random.default_rng(SEED), 3 - 0.5 * np.log(2 * np.pi * 3) - 0.4**2 / 3
+    x = rng.normal(0.4 / 3, 1 / np.sqrt(3), (CHAINS, DRAWS))
+    tree = as_tree(x=x, y_unobserved=rng.normal(x, 1)[..., None])
+    assert_agrees(bridge(model, tree), exact, 0.02)
 
-# A model without data has the evidence 1, and independent draws of the prior are its posterior's.
+
+# A model without data has the evidence 1, and its posterior is the prior.
 
 
-def positive():
-    pm.Gamma("x", 0.5, 2.0, shape=3)
-    pm.HalfNormal("y", 3.0)
-    pm.Exponential("z", 0.1)
+def bounded():
+    pm.Gamma("positive", 0.5, 2.0, shape=3)
+    pm.Dirichlet("simplex", np.array([1.0, 2.0, 0.5]))
+    pm.ZeroSumNormal("zero_sum", 2.0, shape=(2, 3))
 
 
-def between():
+def circles_and_bounds_that_depend_on_others():
     a = pm.Uniform("a", -1, 4)
     pm.Uniform("b", a, a + pt.exp(a))
     pm.Beta("c", 0.7, 2.0, shape=2)
     pm.TruncatedNormal("d", a, 1.0, lower=a - 1, upper=a + 0.5)
-
-
-def on_a_simplex():
-    pm.Dirichlet("w", np.array([[1.0, 2.0, 0.5], [3.0, 1.0, 1.0]]))
-
-
-def summing_to_zero():
-    pm.ZeroSumNormal("z", 2.0, shape=(2, 4))
-
-
-def on_a_circle():
     pm.VonMises("angle", [0.0, 2.8], [0.3, 2.0])
 
 
-def heavy_tailed():
-    pm.StudentT("t", nu=3, shape=5)
+def heavy_or_unequal_tails():
+    pm.StudentT("t", nu=3, shape=3)
     pm.Cauchy("c", 0.0, 2.0)
-
-
-def unequal_tails():
     pm.SkewNormal("s", mu=0, sigma=1, alpha=6, shape=3)
-    pm.Gumbel("g", 1.0, 2.0)
     pm.AsymmetricLaplace("a", kappa=3.0, mu=0.0, b=1.0)
-
-
-def banana():
-    x = pm.Normal("x", 0, 2)
-    pm.Normal("y", x**2 / 3, 1)
-
-
-def funnel():
-    v = pm.Normal("v", 0, 3)
-    pm.Normal("x", 0, pt.exp(v / 2), shape=3)
-
-
-def hierarchy():
-    tau = pm.HalfNormal("tau", 1)
-    mu = pm.Normal("mu", 0, 5)
-    pm.Normal("group", mu, tau, shape=(4, 3))
 
 
 def two_modes():
     pm.NormalMixture("x", w=[0.3, 0.7], mu=[-4.0, 4.0], sigma=[1.0, 0.5], shape=2)
-
-
-PRIORS = [
-    positive,
-    between,
-    on_a_simplex,
-    summing_to_zero,
-    on_a_circle,
-    heavy_tailed,
-    unequal_tails,
-    banana,
-    funnel,
-    hierarchy,
-    two_modes,
-]
 
 
 def prior_draws(model, count=CHAINS * DRAWS):
@@ -280,93 +193,47 @@ def prior_draws(model, count=CHAINS * DRAWS):
     return as_tree(**{v.name: by_chain(x) for v, x in zip(model.free_RVs, drawn, strict=True)})
 
 
-@pytest.mark.parametrize("prior", PRIORS, ids=lambda prior: prior.__name__)
-def test_evidence_of_no_data_is_one(prior):
-    """Whatever the variables' scale and shape, bounds that depend on others among them."""
+@pytest.mark.parametrize(
+    "prior",
+    [circles_and_bounds_that_depend_on_others, two_modes, *deep([bounded, heavy_or_unequal_tails])],
+)
+def test_evidence_without_data_is_one(prior):
     with pm.Model() as model:
         prior()
-    found = ph.log_evidence_by_bridge(model, prior_draws(model), random_seed=SEED)
-    assert_agrees(found, 0.0, 0.1)
+    assert_agrees(bridge(model, prior_draws(model)), 0.0, 0.1)
 
 
-def test_ordered_variables():
-    """Three that are ordered are one of six orders."""
+def test_unconstrained_draws_are_recovered_from_stored_ones():
+    """Each transform of PyMC is inverted."""
     with pm.Model() as model:
-        pm.Normal("x", [0.0, 0.0, 0.0], 2.0, transform=transforms.ordered, initval=[-1, 0, 1])
-    x = np.sort(np.random.default_rng(SEED).normal(0, 2, (CHAINS, DRAWS, 3)))
-    found = ph.log_evidence_by_bridge(model, as_tree(x=x), random_seed=SEED)
-    assert_agrees(found, -np.log(6), 0.02)
-
-
-@pytest.mark.skipif(
-    tuple(map(int, pm.__version__.split(".")[:2])) < (6, 4),
-    reason="the density of LKJ did not integrate to one",
-)
-def test_covariances():
-    """A factor of a covariance, whose correlations are drawn by their partial correlations."""
-    with pm.Model() as model:
+        bounded()
+        circles_and_bounds_that_depend_on_others()
         pm.LKJCholeskyCov("factor", n=3, eta=2.0, sd_dist=pm.Exponential.dist(1.0))
-    # Of three variables: Beta(η + 1/2) for two pairs, and Beta(η) for the third, given the first.
-    rng = np.random.default_rng(SEED)
-    r12, r13 = 2 * rng.beta(2.5, 2.5, (2, CHAINS, DRAWS)) - 1
-    r23 = 2 * rng.beta(2, 2, (CHAINS, DRAWS)) - 1
-    rows = np.zeros((CHAINS, DRAWS, 3, 3))
-    rows[..., 0, 0] = 1
-    rows[..., 1, 0], rows[..., 1, 1] = r12, np.sqrt(1 - r12**2)
-    rows[..., 2, 0], rows[..., 2, 1] = r13, r23 * np.sqrt(1 - r13**2)
-    rows[..., 2, 2] = np.sqrt((1 - r23**2) * (1 - r13**2))
-    factor = rng.exponential(size=(CHAINS, DRAWS, 3, 1)) * rows
-    tree = as_tree(factor=factor[..., *np.tril_indices(3)])
-    found = ph.log_evidence_by_bridge(model, tree, random_seed=SEED)
-    assert_agrees(found, 0.0, 0.05)
+        pm.Normal("up", [0.0, 1.0, 2.0], transform=transforms.ordered, initval=[0, 1, 2])
+    stored = model.replace_rvs_by_values(model.free_RVs)
+    constrain = BatchedFunction.of_model(model, stored)
+    moved = np.random.default_rng(SEED).normal(size=(20, constrain.dimension))
+    draws = {v.name: by_chain(x) for v, x in zip(model.free_RVs, constrain(moved), strict=True)}
+    found, names = unconstrained_draws(model, as_tree(**draws))
+    np.testing.assert_allclose(found, by_chain(moved), rtol=ROUNDING, atol=ROUNDING)
+    assert names.count("simplex") == 2 and names.count("factor") == 6
 
 
-def test_potentials_and_missing_data_count():
-    """A potential is part of the density, and a value that was not measured is a variable."""
+def test_draws_at_a_bound_need_the_unconstrained_ones():
     with pm.Model() as model:
-        x = pm.Normal("x", 0, 1)
-        with pytest.warns(pm.exceptions.ImputationWarning):
-            pm.Normal("y", x, 1, observed=np.ma.masked_invalid([0.4, np.nan]))
-        pm.Potential("p", -(x**2) / 2 + 3)
-    # Two densities of x and one of y: precision 3 in all, and y without an observation is free.
-    rng, exact = np.random.default_rng(SEED), 3 - 0.5 * np.log(2 * np.pi * 3) - 0.4**2 / 3
-    x = rng.normal(0.4 / 3, 1 / np.sqrt(3), (CHAINS, DRAWS))
-    tree = as_tree(x=x, y_unobserved=rng.normal(x, 1)[..., None])
-    found = ph.log_evidence_by_bridge(model, tree, random_seed=SEED)
-    assert_agrees(found, exact, 0.02)
-
-
-# --- proposals -----------------------------------------------------------------------------------
-
-
-def test_correlations_are_kept_where_draws_know_them():
-    """Forty independent unknowns keep none of those found, and those of a common factor theirs."""
-    rng = np.random.default_rng(SEED)
-    independent = rng.normal(size=(2, 100, 40))
-    common = 0.1 * independent + rng.normal(size=(2, 100, 1))
-    for draws, least, most in ((independent, -0.01, 0.01), (common, 0.97, 1.0)):
-        factor = fitted_proposal(draws, 200.0, "normal", rng).factors[0]
-        covariance = factor @ factor.T
-        correlation = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
-        assert least < correlation < most
-
-
-def test_auto_takes_what_foretells_other_draws_best():
-    """One normal distribution of normal draws, Student's t of such, and several of two modes."""
-    rng = np.random.default_rng(SEED)
-    normal = rng.normal(size=(4, 500, 3))
-    student = rng.standard_normal((4, 500, 8)) / rng.gamma(2, 0.5, (4, 500, 1))
-    two_modes = rng.normal(size=(4, 500, 2)) + rng.choice([-9, 9], (4, 500, 1))
-    found = [fitted_proposal(draws, 2000.0, "auto", rng) for draws in (normal, student, two_modes)]
-    assert len(found[0].means) == 1 < len(found[2].means)
-    assert [np.isfinite(mixture.freedom) for mixture in found] == [False, True, False]
-
-
-# --- modes ---------------------------------------------------------------------------------------
+        pm.Beta("x", 2, 2)
+    tree = prior_draws(model)
+    logit = np.log(tree["posterior"]["x"] / (1 - tree["posterior"]["x"]))
+    tree["posterior"]["x"][1, 7] = 1.0
+    tree["posterior"]["x"][2, 3] = 0.0
+    with pytest.raises(ValueError, match=r"2 of 2000 draws of 'x', the first of them draw 7 of ch"):
+        bridge(model, tree)
+    tree["unconstrained_posterior"] = xr.DataTree(logit.to_dataset(name="x_logodds__"))
+    assert_agrees(bridge(model, tree), 0.0, 0.02)
 
 
 def chains_in_modes(weights, width=1.0):
-    """Four chains of a mixture, each with its share of the right mode, which is 0.7."""
+    """Return four chains of a mixture, each with its own share of the right mode (truly 0.7)."""
     rng = np.random.default_rng(SEED)
     with pm.Model() as model:
         pm.NormalMixture("x", w=[0.3, 0.7], mu=[-4.0, 4.0], sigma=[width, width / 2])
@@ -375,80 +242,49 @@ def chains_in_modes(weights, width=1.0):
     return model, as_tree(x=x)
 
 
-def test_a_mode_that_no_chain_met_is_missing():
-    """The mass of the others is found: that is all that draws can tell, and the page says so."""
-    found = ph.log_evidence_by_bridge(*chains_in_modes([1, 1, 1, 1]), random_seed=SEED)
-    assert_agrees(found, np.log(0.7), 0.01)
+@pytest.mark.parametrize(("weights", "width"), [([0, 1, 1, 1], 1e-3), ([0.2, 0.9, 0.7, 0.5], 1.0)])
+def test_chains_with_different_shares_of_modes_are_doubted(weights, width):
+    match = r"the chains disagree \(R-hat \d+\.\d\d of x\)"
+    assert_doubtful(*chains_in_modes(weights, width), match)
 
 
-@pytest.mark.parametrize(
-    ("weights", "width"),
-    [([0, 1, 1, 1], 1.0), ([0, 1, 1, 1], 1e-3), ([0.2, 0.9, 0.7, 0.5], 1.0)],
-)
-def test_chains_that_disagree_about_modes_are_not_trusted(weights, width):
-    """Chains in different modes, or with different shares of them, do not know the shares."""
-    with pytest.warns(UserWarning, match=r"the chains disagree \(R-hat \d+\.\d\d of x\)"):
-        found = ph.log_evidence_by_bridge(*chains_in_modes(weights, width), random_seed=SEED)
-    assert found.standard_error == np.inf and np.isfinite(found.value)
-
-
-# --- when it doubts ------------------------------------------------------------------------------
-
-
-def doubtful(model, tree, match, **settings):
-    with pytest.warns(UserWarning, match=match):
-        found = ph.log_evidence_by_bridge(model, tree, random_seed=SEED, **settings)
-    assert found.standard_error == np.inf
-
-
-def test_draws_of_other_data_are_found_out(regression):
-    """Those of a posterior that lies elsewhere, or is wider by a tenth."""
+def test_draws_of_another_posterior_are_doubted(regression):
+    """Its location differs, or its width by a tenth."""
     rng = np.random.default_rng(SEED)
     other = Regression(5, shift=0.3).draws(rng)
-    doubtful(regression.model, other, "not distributed as the posterior", proposal="normal")
+    match = "not distributed as the posterior"
+    assert_doubtful(regression.model, other, match, proposal="normal")
     wide = regression.draws(rng, draws=1000, width=1.1)
-    doubtful(regression.model, wide, "not distributed as the posterior")
+    assert_doubtful(regression.model, wide, match)
 
 
-def test_draws_of_a_chain_that_stands_still(regression):
-    """One chain of four never moved."""
-    tree = regression.draws(np.random.default_rng(SEED))
+def test_chains_that_do_not_mix_are_doubted(regression, tree):
+    """One chain of four does not move, or all move slowly."""
     tree["posterior"]["slope"][0] = tree["posterior"]["slope"].values[0, 0]
-    doubtful(regression.model, tree, "the chains disagree")
+    assert_doubtful(regression.model, tree, "the chains disagree")
+    slow = regression.draws(np.random.default_rng(SEED), phi=0.998)
+    assert_doubtful(regression.model, slow, "the chains disagree|too short")
 
 
-def test_slow_chains(regression):
-    """Chains that took a few hundred steps across the posterior."""
-    tree = regression.draws(np.random.default_rng(SEED), phi=0.998)
-    doubtful(regression.model, tree, "the chains disagree|too short")
+def test_short_chains_are_doubted(regression):
+    """Waves of whole periods: R-hat is 1, but few draws are effective."""
+    phase = 2 * np.pi * np.arange(500)[:, None] * np.arange(1, 6) / 250
+    waves = np.sqrt(2) * np.cos(np.stack([phase, phase + 1]))
+    tree = as_tree(slope=regression.mean + waves @ regression.factor.T)
+    assert_doubtful(regression.model, tree, r"the chains are too short \(\d\d effective draws of ")
 
 
-def test_divergent_transitions(regression):
-    """A few in a thousand, as in the neck of a funnel; one or two in thousands are nothing."""
-    tree = regression.draws(np.random.default_rng(SEED))
+def test_more_than_one_divergence_in_a_thousand_draws_is_doubted(regression, tree):
     diverging = np.zeros((CHAINS, DRAWS), bool)
     diverging[0, :2] = True
     tree["sample_stats"] = xr.DataTree(xr.Dataset({"diverging": (("chain", "draw"), diverging)}))
-    found = ph.log_evidence_by_bridge(regression.model, tree, random_seed=SEED)
-    assert np.isfinite(found.standard_error)
-    tree["sample_stats"]["diverging"][1, :7] = True
-    doubtful(regression.model, tree, "9 of 2000 transitions diverged")
+    assert np.isfinite(bridge(regression.model, tree).standard_error)
+    tree["sample_stats"]["diverging"][1, 0] = True
+    assert_doubtful(regression.model, tree, "3 of 2000 transitions diverged")
 
 
-def test_too_few_draws_for_so_many_correlated_unknowns():
-    """A covariance of eighty unknowns is not known from two hundred draws."""
-    regression = Regression(80)
-    tree = regression.draws(np.random.default_rng(SEED), draws=50)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        found = ph.log_evidence_by_bridge(regression.model, tree, random_seed=SEED)
-    error = abs(found.value - regression.log_evidence)
-    assert caught or error < STANDARD_ERRORS * found.standard_error
-    assert found.standard_error > 0.1
-
-
-def test_a_posterior_where_proposals_are_impossible():
-    """A ridge that hardly any point is on: no proposal meets it, and nothing is known."""
+def test_proposals_without_possible_draws_are_doubted():
+    """The posterior is a ridge that is too thin for any draw of a proposal."""
     rng = np.random.default_rng(SEED)
     with pm.Model() as model:
         x = pm.Normal("x", 0, 1, shape=2)
@@ -457,196 +293,114 @@ def test_a_posterior_where_proposals_are_impossible():
     angle = rng.uniform(0, 2 * np.pi, (CHAINS, DRAWS))
     tree = as_tree(x=np.stack([np.cos(angle), np.sin(angle)], axis=-1))
     with pytest.warns(UserWarning, match="hardly overlap"):
-        found = ph.log_evidence_by_bridge(model, tree, random_seed=SEED)
-    assert found.standard_error == np.inf
+        assert bridge(model, tree).standard_error == np.inf
 
 
-# --- how draws may come --------------------------------------------------------------------------
-
-
-def test_one_chain_or_many_thinned_or_in_single_precision(regression):
-    """All give the evidence; nothing is asked of a tree but its posterior."""
+def test_number_of_chains_thinning_and_precision_do_not_matter(regression, tree):
     rng = np.random.default_rng(SEED)
-    for tree in (
+    for draws in (
         regression.draws(rng, chains=1, draws=1000),
-        regression.draws(rng, chains=2),
         regression.draws(rng, chains=20, draws=50),
         regression.draws(rng, draws=3000, phi=0.7).isel(draw=slice(None, None, 5)),
-        regression.draws(rng, draws=60),
+        regression.draws(rng, draws=50),
+        regression.draws(rng, chains=20, draws=10),
     ):
-        found = ph.log_evidence_by_bridge(regression.model, tree, random_seed=SEED)
-        assert_agrees(found, regression.log_evidence, 0.05)
-    double = regression.draws(rng)
-    single = double.map_over_datasets(lambda group: group.astype("float32"))
-    found, other = (
-        ph.log_evidence_by_bridge(regression.model, tree, random_seed=SEED)
-        for tree in (double, single)
-    )
-    assert found.value == pytest.approx(other.value, abs=1e-4)
+        assert_agrees(bridge(regression.model, draws), regression.log_evidence, 0.06)
+    single = tree.map_over_datasets(lambda group: group.astype("float32"))
+    found = [bridge(regression.model, draws).value for draws in (tree, single)]
+    assert found[0] == pytest.approx(found[1], abs=1e-4)
 
 
-def test_dimensions_in_any_order_and_files(regression, tmp_path):
-    """A tree with labelled dimensions, transposed, and back from a file, gives the same."""
-    tree = regression.draws(np.random.default_rng(SEED))
-    expected = ph.log_evidence_by_bridge(regression.model, tree, random_seed=SEED)
+def test_order_of_dimensions_and_storage_do_not_matter(regression, tree, tmp_path):
+    expected = bridge(regression.model, tree)
     slope = tree["posterior"]["slope"].rename(slope_0="column")
     other = xr.DataTree.from_dict({"posterior": slope.transpose().to_dataset()})
     other.to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
-    for tree in (other, xr.load_datatree(tmp_path / "run.nc", engine="h5netcdf")):
-        assert ph.log_evidence_by_bridge(regression.model, tree, random_seed=SEED) == expected
+    for draws in (other, xr.load_datatree(tmp_path / "run.nc", engine="h5netcdf")):
+        assert bridge(regression.model, draws) == expected
 
 
-def test_transforms_are_inverted():
-    """What a sampler moved is had again from what it stored."""
-    with pm.Model() as model:
-        positive()
-        on_a_simplex()
-        pm.LKJCholeskyCov("factor", n=3, eta=2.0, sd_dist=pm.Exponential.dist(1.0))
-        pm.LKJCorr("correlation", n=3, eta=2.0)
-        pm.ZeroSumNormal("sum", 2.0, shape=(2, 4))
-        pm.Normal("up", [0.0, 1.0, 2.0], transform=transforms.ordered, initval=[0, 1, 2])
-        y = pm.Normal("bound", 0, 1)
-        pm.Uniform("inside", y, y + 1)
-    stored = model.replace_rvs_by_values(model.free_RVs)
-    constrain = BatchedFunction.of_model(model, stored)
-    moved = np.random.default_rng(SEED).normal(size=(20, constrain.dimension))
-    draws = {v.name: by_chain(x) for v, x in zip(model.free_RVs, constrain(moved), strict=True)}
-    found, _ = unconstrained_draws(model, as_tree(**draws))
-    np.testing.assert_allclose(found, by_chain(moved), rtol=ROUNDING, atol=ROUNDING)
+def stuck(tree, chain, half):
+    """Return draws in which one coefficient of a chain does not move for half of the time."""
+    tree["posterior"]["slope"][chain, slice(*half), 1] = 0.3
+    return tree
 
 
-def test_agrees_with_sequential_monte_carlo():
-    """Two ways that share nothing but the model."""
-    with pm.Model() as model:
-        mu = pm.Normal("mu", 0, 5)
-        sigma = pm.HalfNormal("sigma", 2)
-        pm.Normal("y", mu, sigma, observed=[1.2, 0.4, 2.2, 1.9, 0.3])
-    tree = ph.sample_smc(model, 500, 4, random_seed=SEED, progressbar=False)
-    tempered = ph.log_evidence(tree)
-    found = ph.log_evidence_by_bridge(model, tree, random_seed=SEED)
-    assert_agrees(found, ph.log_evidence_by_quadrature(model).value, 0.02)
-    assert abs(found.value - tempered.value) < STANDARD_ERRORS * tempered.standard_error
-
-
-def test_draws_at_a_bound_need_the_unconstrained_ones():
-    """Rounding took them there; if the unconstrained draws were kept, nothing is lost."""
-    with pm.Model() as model:
-        pm.Beta("x", 2, 2)
-    tree = prior_draws(model)
-    logit = np.log(tree["posterior"]["x"] / (1 - tree["posterior"]["x"]))
-    tree["posterior"]["x"][1, 7] = 1.0
-    tree["posterior"]["x"][2, 3] = 0.0
-    with pytest.raises(ValueError, match=r"2 of 2000 draws of 'x', the first of them draw 7 of ch"):
-        ph.log_evidence_by_bridge(model, tree)
-    tree["unconstrained_posterior"] = xr.DataTree(logit.to_dataset(name="x_logodds__"))
-    assert_agrees(ph.log_evidence_by_bridge(model, tree, random_seed=SEED), 0.0, 0.02)
-
-
-# --- what cannot be -------------------------------------------------------------------------------
-
-
-def test_other_objects_are_refused(regression):
-    """A model, a tree, and what they must hold, by name."""
-    tree = regression.draws(np.random.default_rng(SEED))
-    with pytest.raises(TypeError, match=r"expected a pm\.Model, not str"):
-        ph.log_evidence_by_bridge("model", tree)
-    with pytest.raises(TypeError, match=r"expected the DataTree of pm\.sample, .* not Dataset"):
-        ph.log_evidence_by_bridge(regression.model, tree["posterior"].to_dataset())
-    with pytest.raises(ValueError, match=r"no posterior; its groups are \['prior'\]"):
-        ph.log_evidence_by_bridge(
-            regression.model, xr.DataTree.from_dict({"prior": tree["posterior"]})
-        )
-    with pytest.raises(ValueError, match=r"lacks \['slope'\], free variables .* \['slopes'\]"):
-        ph.log_evidence_by_bridge(
-            regression.model, as_tree(slopes=tree["posterior"]["slope"].values)
-        )
-    with pytest.raises(
-        ValueError, match=r"'slope' has the shape \(4,\) in the posterior and \(5,\) in the"
-    ):
-        ph.log_evidence_by_bridge(regression.model, tree.isel(slope_0=slice(4)))
-    with pytest.raises(ValueError, match=r"'slope' has the dimensions \('draw', 'slope_0'\)"):
-        ph.log_evidence_by_bridge(regression.model, tree.isel(chain=0))
-    with pytest.raises(ValueError, match="proposal is 'cauchy'; expected one of"):
-        ph.log_evidence_by_bridge(regression.model, tree, proposal="cauchy")
-    with pytest.raises(ValueError, match="proposal_draws is 10; expected at least 200"):
-        ph.log_evidence_by_bridge(regression.model, tree, proposal_draws=10)
-    with pytest.raises(TypeError, match="random_seed is 'x'"):
-        ph.log_evidence_by_bridge(regression.model, tree, random_seed="x")
-
-
-def test_discrete_variables_are_refused():
-    """There is no density of them, nor is there anything without variables."""
-    with pm.Model() as model:
-        pm.Poisson("count", 3)
-    with pytest.raises(ValueError, match=r"here are discrete: \['count'\]"):
-        ph.log_evidence_by_bridge(model, as_tree(count=np.ones((2, 500))))
-    with pytest.raises(ValueError, match="here are none"):
-        ph.log_evidence_by_bridge(pm.Model(), as_tree(count=np.ones((2, 500))))
-
-
-def test_draws_that_cannot_be_are_refused(regression):
-    """Too few of them, not finite, all the same, or impossible: the first one is named."""
-    rng = np.random.default_rng(SEED)
-    with pytest.raises(ValueError, match=r"4 chain\(s\) of 10 draws are too few for 5 unknown"):
-        ph.log_evidence_by_bridge(regression.model, regression.draws(rng, draws=10))
-    with pytest.raises(ValueError, match=r"of 100 draws are too few for 200 .* must be 404 draws"):
-        many = Regression(200)
-        ph.log_evidence_by_bridge(many.model, many.draws(rng, chains=2, draws=100))
-    tree = regression.draws(rng)
+def with_nan(tree):
     tree["posterior"]["slope"][2, 5, 1] = np.nan
-    with pytest.raises(ValueError, match=r"1 of 2000 draws of 'slope', .* draw 5 of chain 2, are"):
-        ph.log_evidence_by_bridge(regression.model, tree)
-    for chains, stuck in product([1, 2], [slice(None, 250), slice(250, None)]):
-        still = regression.draws(rng, chains=chains)
-        still["posterior"]["slope"][-1, stuck, 1] = 0.3
-        with pytest.raises(ValueError, match=rf"chain {chains - 1} stands .* in \['slope'\], "):
-            ph.log_evidence_by_bridge(regression.model, still)
-    tree["posterior"]["slope"][..., 1] = 0.3
-    with pytest.raises(ValueError, match=r"all draws of \['slope'\] are the same"):
-        ph.log_evidence_by_bridge(regression.model, tree)
+    return tree
+
+
+REFUSED = [
+    (lambda tree: tree["posterior"].to_dataset(), r"expected the DataTree of pm\.sample, .* Data"),
+    (lambda tree: xr.DataTree.from_dict({"prior": tree["posterior"]}), r"no posterior.*\['prior'"),
+    (
+        lambda tree: as_tree(slopes=tree["posterior"]["slope"].values),
+        r"lacks \['slope'\], free variables .* \['slopes'\]",
+    ),
+    (lambda tree: tree.isel(slope_0=slice(4)), r"shape \(4,\) in the posterior and \(5,\) in the"),
+    (lambda tree: tree.isel(chain=0), r"'slope' has the dimensions \('draw', 'slope_0'\)"),
+    (
+        lambda tree: tree.isel(draw=slice(49)),
+        r"4 chain\(s\) of 49 draws are too few for 5 unkn.*200",
+    ),
+    (lambda tree: tree.isel(draw=slice(9)), r"must be 200 draws in all, and 10 of each chain"),
+    (with_nan, r"1 of 2000 draws of 'slope', .* draw 5 of chain 2, are not finite"),
+    (lambda tree: stuck(tree.isel(chain=[0]), 0, (0, 250)), r"chain 0 stands .* in \['slope'\], "),
+    (lambda tree: stuck(tree.isel(chain=[0, 1]), 1, (250, 500)), r"chain 1 stands still for half"),
+    (lambda tree: stuck(tree, slice(None), (0, 500)), r"all draws of \['slope'\] are the same"),
+]
+
+
+@pytest.mark.parametrize(("change", "message"), REFUSED)
+def test_draws_that_cannot_be_used_are_refused(regression, tree, change, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        bridge(regression.model, change(tree))
+
+
+def test_draws_with_a_density_of_zero_are_refused():
     with pm.Model() as model:
         x = pm.Normal("x", 0, 1)
         pm.Uniform("y", x, x + 1, observed=0.5)
-    tree = as_tree(x=rng.uniform(-0.5, 0.6, (CHAINS, DRAWS)))
-    with pytest.raises(
-        ValueError, match=r"of 2000 draws, .* density of zero, or none: are these draws of"
-    ):
-        ph.log_evidence_by_bridge(model, tree)
+    x = np.random.default_rng(SEED).uniform(-0.4, 0.4, (CHAINS, DRAWS))
+    x[1, 3:5] = 0.6
+    match = r"2 of 2000 draws, the first of them draw 3 of chain 1, have a density of zero"
+    with pytest.raises(ValueError, match=match):
+        bridge(model, as_tree(x=x))
 
 
-# --- samplers ------------------------------------------------------------------------------------
+def test_more_than_two_draws_for_each_unknown_are_needed():
+    many = Regression(200)
+    tree = many.draws(np.random.default_rng(SEED), chains=2, draws=201)
+    with pytest.raises(ValueError, match=r"of 201 draws are too few for 200 .* must be 404 draws"):
+        bridge(many.model, tree)
+
+
+def test_wrong_models_and_settings_are_refused(regression, tree):
+    with pytest.raises(TypeError, match=r"expected a pm\.Model, not str"):
+        bridge("model", tree)
+    with pytest.raises(ValueError, match="proposal is 'cauchy'; expected one of"):
+        bridge(regression.model, tree, proposal="cauchy")
+    with pytest.raises(ValueError, match="proposal_draws is 10; expected at least 200"):
+        bridge(regression.model, tree, proposal_draws=10)
+    with pytest.raises(TypeError, match="random_seed is 'x'"):
+        bridge(regression.model, tree, random_seed="x")
+    with pm.Model() as model:
+        pm.Poisson("count", 3)
+    with pytest.raises(ValueError, match=r"here are discrete: \['count'\]"):
+        bridge(model, as_tree(count=np.ones((2, 500))))
 
 
 @pytest.mark.deep
 @pytest.mark.parametrize("sampler", ["pymc", "nutpie"])
-def test_eight_schools_by_nuts(sampler):
-    """Where the coordinates are good, the evidence is; where NUTS diverges, it is not trusted."""
+def test_evidence_from_nuts(sampler):
+    """Draws in good coordinates give the evidence; draws with divergences are doubted."""
     settings = {"chains": 4, "random_seed": SEED, "progressbar": False, "nuts_sampler": sampler}
     problem = PROBLEMS["eight_schools_noncentred"]
-    model = problem.model()
-    with model:
+    with problem.model() as model:
         tree = pm.sample(cores=1, target_accept=0.95, **settings)
-    found = ph.log_evidence_by_bridge(model, tree, random_seed=SEED)
-    assert_agrees(found, problem.log_evidence(), 0.02)
-    model = PROBLEMS["eight_schools"].model()
-    with model, warnings.catch_warnings():
+    assert_agrees(bridge(model, tree), problem.log_evidence(), 0.02)
+    with PROBLEMS["eight_schools"].model() as model, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         tree = pm.sample(cores=1, **settings)
-    doubtful(model, tree, "transitions diverged|the chains disagree")
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("sampler", ["nuts", "metropolis", "smc"])
-def test_draws_of_pymc(regression, sampler):
-    """NUTS, Metropolis and PyMC's own SMC, of the same regression."""
-    settings = {"chains": 4, "cores": 1, "random_seed": SEED, "progressbar": False}
-    with regression.model, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        if sampler == "nuts":
-            tree = pm.sample(**settings)
-        elif sampler == "metropolis":
-            tree = pm.sample(20000, tune=5000, step=pm.DEMetropolisZ(), **settings)
-        else:
-            tree = pm.sample_smc(2000, **settings)
-    found = ph.log_evidence_by_bridge(regression.model, tree, random_seed=SEED)
-    assert_agrees(found, regression.log_evidence, 0.03)
+    assert_doubtful(model, tree, "transitions diverged|the chains disagree")

@@ -1,21 +1,24 @@
-"""The mixture that moves are drawn from: its density, its draws, and how large it is."""
+"""Gaussian and Student-t mixtures: density, gradient, draws and fit."""
 
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.optimize import approx_fprime
 from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for, log_sum_exp
 
 SEED = 20250
-# A test of honesty fails for this fraction of honest mixtures.
+# Significance level of a test of draws; the seed is fixed.
 SIGNIFICANCE = 0.001
-# Sums and logarithms of a few numbers of order one.
+# Rounding of sums and logarithms of a few numbers of order one.
 ROUNDING = 1e-12
+# Finite differences with a step of 1e-6, for gradients of order one.
+DIFFERENCE_TOLERANCE = 1e-4
 
 
 def mixture(dimension: int) -> GaussianMixture:
-    """Three components of unlike weights, with correlated coordinates."""
+    """Three components of unequal weight, with correlated coordinates."""
     rng = np.random.default_rng(SEED)
     factors = np.tril(rng.normal(size=(3, dimension, dimension)))
     factors[:, range(dimension), range(dimension)] = rng.uniform(0.5, 2, (3, dimension))
@@ -23,11 +26,8 @@ def mixture(dimension: int) -> GaussianMixture:
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 5])
-def test_density_of_the_mixture_is_that_of_scipy(dimension):
-    """Normal components, and the same with the heavy tails of proposals.
-
-    These are wider by ``1 + 0.6/d`` and of Student's t with ``max(1, d/2)`` degrees of freedom.
-    """
+def test_density_equals_that_of_scipy(dimension):
+    """The heavy-tailed version is ``1 + 0.6/d`` wider, with ``max(1, d/2)`` degrees of freedom."""
     normal = mixture(dimension)
     points = np.random.default_rng(1).normal(0, 10, (50, dimension))
     covariances = normal.factors @ normal.factors.mT
@@ -41,14 +41,29 @@ def test_density_of_the_mixture_is_that_of_scipy(dimension):
 
     expected = density(stats.multivariate_normal)
     np.testing.assert_allclose(np.exp(normal.log_density(points)), expected, rtol=1e-10)
+    terms = np.exp(normal.log_density_of_components(points))
+    np.testing.assert_allclose(
+        normal.responsibilities(points), terms / expected[:, None], atol=ROUNDING
+    )
     freedom = max(1.0, dimension / 2)
     expected = density(stats.multivariate_t, freedom, widening=1 + 0.6 / dimension)
     heavy = normal.heavy_tailed()
     np.testing.assert_allclose(np.exp(heavy.log_density(points)), expected, rtol=1e-10)
 
 
-def test_draws_of_the_mixture_have_its_density():
-    """Heavy-tailed draws in one dimension against the distribution function of Student's t."""
+@pytest.mark.parametrize("heavy", [False, True])
+def test_gradient_equals_differences_of_the_density(heavy):
+    of = mixture(5).heavy_tailed() if heavy else mixture(2)
+    points = np.random.default_rng(SEED).normal(0, 2, (5, of.means.shape[1]))
+    value, slope = of.slope(points)
+    np.testing.assert_allclose(value, of.log_density(points))
+    for point, of_point in zip(points, slope, strict=True):
+        expected = approx_fprime(point, lambda x: of.log_density(x[None])[0], 1e-6)
+        np.testing.assert_allclose(of_point, expected, atol=DIFFERENCE_TOLERANCE)
+
+
+def test_draws_have_the_density_of_the_mixture():
+    """Heavy-tailed draws in one dimension, by the Kolmogorov-Smirnov test."""
     heavy = mixture(1).heavy_tailed()
     draws = heavy.draw(5000, np.random.default_rng(SEED))[:, 0]
     components = [
@@ -59,8 +74,28 @@ def test_draws_of_the_mixture_have_its_density():
     assert result.pvalue > SIGNIFICANCE
 
 
-def test_components_are_as_many_as_the_points_can_tell():
-    """Ten points for each of ``(d + 1)(d + 2)/2`` parameters, five if there are but two."""
+def test_draws_of_a_component_have_its_covariance():
+    one = mixture(2)
+    steps = one.draw_steps(np.full(20_000, 1), np.random.default_rng(SEED))
+    covariance = one.factors[1] @ one.factors[1].T
+    # The relative standard error of a variance is sqrt(2/20000) = 1 %.
+    np.testing.assert_allclose(np.cov(steps.T), covariance, atol=0.05 * covariance.max())
+    standard = np.array([[0.3, -1.2]])
+    back = one.steps(np.array([1]), standard, transposed=True)[0]
+    np.testing.assert_allclose(back, one.factors[1].T @ standard[0], rtol=ROUNDING)
+
+
+def test_joined_mixture_has_both_densities_in_the_given_shares():
+    first, second = mixture(2), mixture(2).widened(4.0)
+    points = np.random.default_rng(1).normal(0, 5, (20, 2))
+    expected = np.logaddexp(
+        np.log(0.7) + first.log_density(points), np.log(0.3) + second.log_density(points)
+    )
+    np.testing.assert_allclose(first.joined(second, 0.3).log_density(points), expected)
+
+
+def test_number_of_components_grows_with_the_number_of_points():
+    """Ten points for each of ``(d + 1)(d + 2)/2`` parameters; five if there are two components."""
     assert components_for(59, 2) == 1  # 6 parameters
     assert components_for(60, 2) == 2
     assert components_for(179, 2) == 2
@@ -69,14 +104,28 @@ def test_components_are_as_many_as_the_points_can_tell():
     assert components_for(5, 20) == 1
 
 
-def test_log_sum_exp_is_that_of_scipy():
-    """Of terms far below and above where their exponentials would be lost."""
+def test_log_sum_exp_equals_that_of_scipy():
     terms = np.random.default_rng(SEED).normal(0, 50, (4, 3, 5)) + np.array([-1e4, 0, 1e4])[:, None]
     np.testing.assert_allclose(log_sum_exp(terms), logsumexp(terms, axis=-1), rtol=ROUNDING)
 
 
-def test_few_points_leave_a_component_what_is_known_of_it():
-    """A component of hardly more points than unknowns keeps its width; one of many learns it."""
+def test_fit_finds_the_weights_means_and_covariances_of_clusters():
+    rng = np.random.default_rng(SEED)
+    covariance = np.array([[1.0, 0.6], [0.6, 0.5]])
+    centres, sizes = np.array([[-8.0, 0.0], [8.0, 3.0]]), [1500, 500]
+    points = [
+        rng.multivariate_normal(*of) for of in zip(centres, [covariance] * 2, sizes, strict=True)
+    ]
+    fitted = GaussianMixture.fit(np.concatenate(points), 2, rng)
+    order = np.argsort(fitted.means[:, 0])
+    np.testing.assert_allclose(np.exp(fitted.log_weights[order]), [0.75, 0.25], rtol=1e-6)
+    for found, cluster in zip(order, points, strict=True):
+        np.testing.assert_allclose(fitted.means[found], cluster.mean(axis=0), rtol=1e-6)
+        expected = np.cov(cluster.T, ddof=0)
+        np.testing.assert_allclose(fitted.covariances[found], expected, rtol=1e-6)
+
+
+def test_fit_keeps_part_of_the_known_covariance_where_points_are_few():
     rng = np.random.default_rng(SEED)
     means, factors = np.array([[0.0] * 4, [50.0] * 4]), 3 * np.array([np.eye(4)] * 2)
     known = GaussianMixture(np.log([0.5, 0.5]), means, factors)
@@ -84,7 +133,8 @@ def test_few_points_leave_a_component_what_is_known_of_it():
     points = np.concatenate([few, many])
     fitted = GaussianMixture.fit(points, 2, rng, start=known, worth=1.0)
     widths = np.sqrt(np.diagonal(fitted.covariances, axis1=1, axis2=2)).mean(axis=1)
-    alone = GaussianMixture.fit(points, 2, rng, start=known)
+    # The known covariance counts as 2 (d + 1) = 10 points.
     assert widths[0] == pytest.approx(3 * np.sqrt(10 / 18), rel=0.01)
     assert widths[1] == pytest.approx(0.18, rel=0.05)
+    alone = GaussianMixture.fit(points, 2, rng, start=known)
     assert np.sqrt(np.linalg.eigvalsh(alone.covariances[0])).max() < 0.3

@@ -1,4 +1,4 @@
-"""Slopes that particles follow, and the path on which they are led."""
+"""Gradients of models, tempering from the prior or a reference, and many unknowns."""
 
 import numpy as np
 import pymc as pm
@@ -7,22 +7,28 @@ from pytensor.graph.basic import Apply
 from pytensor.graph.op import Op
 from scipy import stats
 from scipy.differentiate import jacobian
-from scipy.optimize import approx_fprime
+from scipy.integrate import quad
+from scipy.optimize import approx_fprime, brentq
+from scipy.special import logsumexp
+from tiers import deep
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.evidence.many import Led
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
-from pymc_hyperelastic.evidence.modes import modes_from
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.search import find_reference
 from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.evidence.tempering import Tempering
 
 SEED = 20250
-# Of differences with a step of 1e-6, relative to slopes of order one.
+# Finite differences with a step of 1e-6, for gradients of order one.
 DIFFERENCE_TOLERANCE = 1e-4
+# Rounding of sums and logarithms of a few numbers of order one.
+ROUNDING = 1e-12
 
 
 class Doubled(Op):
-    """Twice a vector, of which nothing else is known."""
+    """Twice a vector, without a gradient."""
 
     def make_node(self, x):
         return Apply(self, [x], [x.type()])
@@ -31,112 +37,190 @@ class Doubled(Op):
         outputs[0][0] = 2 * inputs[0]
 
 
-def mixture(freedom=np.inf):
-    """Two components of unequal weight, width and direction."""
-    factors = np.array([[[1.0, 0.0], [0.5, 0.3]], [[0.2, 0.0], [-0.4, 0.7]]])
-    means = np.array([[0.0, 1.0], [2.0, -1.0]])
-    return GaussianMixture(np.log([0.3, 0.7]), means, factors, freedom)
-
-
-def model(coefficients=6):
-    """A regression with positive noise, in six coefficients or as many as are asked for."""
-    rng = np.random.default_rng(SEED)
-    design = rng.normal(size=(20, coefficients))
+def normal_means(count=6, op=lambda x: 2 * x):
+    """Return a model whose likelihood is normal in each unknown, and its log evidence."""
+    measured = np.arange(count) / 2
     with pm.Model() as model:
-        slope = pm.Normal("slope", 0, 2, shape=coefficients)
+        x = pm.Normal("x", 0, 1, shape=count)
+        pm.Normal("y", op(x), 1.0, observed=measured)
+    return model, stats.norm(0, np.sqrt(5)).logpdf(measured).sum()
+
+
+def test_gradients_of_prior_and_likelihood_equal_differences():
+    rng = np.random.default_rng(SEED)
+    design = rng.normal(size=(20, 6))
+    with pm.Model() as model:
+        slope = pm.Normal("slope", 0, 2, shape=6)
         sigma = pm.HalfNormal("sigma", 1)
         pm.Normal("y", design @ slope, sigma, observed=design.sum(axis=1) + rng.normal(size=20))
-    return model
+    target, points = Target(model), rng.normal(0, 0.5, (4, 7))
+    assert target.has_slopes and not Target(normal_means(4)[0]).has_slopes
+    found = target.slopes(points)
+    np.testing.assert_allclose(found[:2], target.score(points))
+    for part in (0, 1):
 
+        def height(columns, part=part):
+            return target.score(columns.reshape(7, -1).T)[part].reshape(columns.shape[1:])
 
-@pytest.mark.parametrize("freedom", [np.inf, 3.0])
-def test_slope_of_a_mixture(freedom):
-    """It is that of the log density, by differences."""
-    points = np.random.default_rng(SEED).normal(0, 2, (5, 2))
-    value, slope = mixture(freedom).slope(points)
-    np.testing.assert_allclose(value, mixture(freedom).log_density(points))
-    for point, of_point in zip(points, slope, strict=True):
-        expected = approx_fprime(point, lambda x: mixture(freedom).log_density(x[None])[0], 1e-6)
-        np.testing.assert_allclose(of_point, expected, atol=DIFFERENCE_TOLERANCE)
-
-
-def test_slopes_of_a_model():
-    """Compiled slopes of prior and likelihood are those by differences of their sum."""
-    target = Target(model())
-    points = np.random.default_rng(SEED).normal(0, 0.5, (4, 7))
-    assert target.has_slopes
+        expected = [jacobian(height, point).df for point in points]
+        np.testing.assert_allclose(found[2 + part], expected, rtol=1e-5, atol=1e-5)
     value, slope, _ = target.ascent(np.ones(7))(points)
-    np.testing.assert_allclose(value, sum(target.score(points)))
-
-    def height(columns):
-        return sum(target.score(columns.reshape(7, -1).T)).reshape(columns.shape[1:])
-
-    expected = [jacobian(height, point).df for point in points]
-    np.testing.assert_allclose(slope, expected, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(value, found[0] + found[1])
+    np.testing.assert_allclose(slope, found[2] + found[3])
 
 
-def test_slope_of_a_reference():
-    """It is that of the prior and the mixture in their shares."""
-    prior = stats.norm(0, 3)
-    reference = Reference(mixture(4.0), 0.2)
+def test_reference_is_the_prior_and_a_mixture_in_given_shares():
+    """Its density, gradient and draws; the mixture is far from the prior."""
+    mixture = GaussianMixture(
+        np.log([0.3, 0.7]),
+        np.array([[20.0, 1.0], [22.0, -1.0]]),
+        np.array([[[1.0, 0.0], [0.5, 0.3]], [[0.2, 0.0], [-0.4, 0.7]]]),
+        4.0,
+    )
+    prior, reference = stats.norm(0, 3), Reference(mixture, 0.2)
 
     def log_density(points):
         return reference.log_density(points, prior.logpdf(points).sum(axis=1))
 
-    points = np.random.default_rng(SEED).normal(0, 2, (5, 2))
-    value, slope = reference.slope(points, prior.logpdf(points).sum(axis=1), -points / 9)
-    np.testing.assert_allclose(value, log_density(points))
+    points = np.random.default_rng(SEED).normal(5, 5, (5, 2))
+    log_prior = prior.logpdf(points).sum(axis=1)
+    expected = np.logaddexp(np.log(0.2) + log_prior, np.log(0.8) + mixture.log_density(points))
+    np.testing.assert_allclose(log_density(points), expected)
+    value, slope = reference.slope(points, log_prior, -points / 9)
+    np.testing.assert_allclose(value, expected)
     for point, of_point in zip(points, slope, strict=True):
-        expected = approx_fprime(point, lambda x: log_density(x[None])[0], 1e-6)
-        np.testing.assert_allclose(of_point, expected, atol=DIFFERENCE_TOLERANCE)
+        differences = approx_fprime(point, lambda x: log_density(x[None])[0], 1e-6)
+        np.testing.assert_allclose(of_point, differences, atol=DIFFERENCE_TOLERANCE)
+    drawn = reference.draw(lambda n, rng: np.zeros((n, 2)), 50, np.random.default_rng(SEED))
+    assert np.sum(drawn[:, 0] == 0) == 10
 
 
-def test_few_unknowns_are_climbed_by_differences():
-    """Slopes would take longer to compile; a mode a millionth as wide is found and measured."""
-    with pm.Model() as narrow:
-        x = pm.Normal("x", 0, 1, shape=2)
-        pm.Normal("y", x, 1e-6, observed=[0.3, -0.2])
-    target = Target(narrow)
-    assert not target.has_slopes
-    starts = np.random.default_rng(SEED).standard_normal((3, 2))
-    modes = modes_from(target.ascent, [starts], np.ones(2))
-    np.testing.assert_allclose(modes.mixture.means, [[0.3, -0.2]], atol=1e-7)
-    exact = stats.norm(0, np.hypot(1, 1e-6)).logpdf([0.3, -0.2]).sum()
-    assert modes.log_masses[0] == pytest.approx(exact, abs=0.05)
+def test_first_step_of_tempering():
+    """Temperature, evidence and variance of independent particles follow from their weights."""
+    model, _ = normal_means(3)
+    target, rng = Target(model), np.random.default_rng(SEED)
+    particles = target.draw_prior(400, rng)
+    tempering = Tempering(target, particles, rng, threshold=0.6)
+    _, log_likelihood = target.score(particles)
+
+    def effective(beta):
+        weights = np.exp(beta * (log_likelihood - log_likelihood.max()))
+        return weights.sum() ** 2 / np.sum(weights**2)
+
+    tempering.reweight()
+    exact = brentq(lambda beta: effective(beta) - 0.6 * 400, 1e-6, 1)
+    assert tempering.beta == pytest.approx(exact, rel=0.01)
+    log_weights = tempering.beta * log_likelihood
+    log_mean = logsumexp(log_weights) - np.log(400)
+    assert tempering.log_evidence == pytest.approx(log_mean, rel=ROUNDING)
+    relative = np.exp(log_weights - log_mean)
+    assert tempering.variance == pytest.approx(np.sum((relative - 1) ** 2) / 400**2, rel=1e-9)
+    assert tempering.effective_sample_size == pytest.approx(effective(tempering.beta))
+    tempering.resample()
+    counts = np.bincount(tempering.eve, minlength=400)
+    assert np.all(np.abs(counts - relative) < 1) and tempering.ancestors == np.sum(counts > 0)
 
 
-def test_a_density_without_bound_has_no_mode():
-    """Climbs of a hierarchy whose spread goes to zero are given up, and a reference is found."""
-    with pm.Model() as hierarchy:
-        spread = pm.HalfNormal("spread", 1)
-        x = pm.Normal("x", 0, spread, shape=8)
-        pm.Normal("y", x, 2.0, observed=np.linspace(-1, 1, 8))
-    found = find_reference(Target(hierarchy), np.random.default_rng(SEED))
-    assert found.log_masses.size == 0
-    assert np.isinf(found.at_modes.standard_error) and np.isinf(found.at_modes_k)
-    assert np.all(np.isfinite(found.reference.mixture.means))
+@pytest.mark.parametrize("dimension", [2, 8])
+def test_particles_stay_distributed_as_the_posterior(dimension):
+    """Random walks in few unknowns, Hamiltonian moves in more; step lengths are adapted."""
+    model, _ = normal_means(dimension)
+    rng = np.random.default_rng(SEED)
+    mean, sd = 2 * np.arange(dimension) / 2 / 5, np.sqrt(1 / 5)
+    start = mean + sd * rng.standard_normal((500, dimension))
+    tempering = Tempering(Target(model), start, rng, arrived=True)
+    tempering._walk_length *= 20
+    tempering._leap_length *= 5
+    for _ in range(8):
+        tempering.stay()
+    assert 0.3 < tempering.acceptance < 0.95
+    assert tempering.capped == 0 and not tempering.stuck
+    draws, log_density = tempering.paths
+    assert draws.shape == (500, tempering.moves, dimension)
+    np.testing.assert_allclose(log_density[:, 0], sum(Target(model).score(draws[:, 0])))
+    last = draws[:, -1]
+    assert np.all(np.abs(last.mean(axis=0) - mean) < 4 * sd / np.sqrt(500))
+    # The relative standard error of an sd is 1/sqrt(1000).
+    np.testing.assert_allclose(last.std(axis=0), sd, rtol=4 / np.sqrt(1000))
 
 
-def test_a_model_without_slopes_is_sampled_by_walks():
-    """Operations without a gradient are no obstacle to an exact evidence."""
-    measured = np.arange(6.0)
-    with pm.Model() as model:
-        x = pm.Normal("x", 0, 1, shape=6)
-        pm.Normal("y", Doubled()(x), 1.0, observed=measured)
+def test_tempering_without_effort_left_is_stuck():
+    model, _ = normal_means(3)
+    target, rng = Target(model), np.random.default_rng(SEED)
+    target.most_effort = 0.0
+    tempering = Tempering(target, target.draw_prior(100, rng), rng).run()
+    assert target.exhausted and tempering.stuck and tempering.moves == 1
+
+
+def test_model_without_gradients_is_sampled():
+    model, exact = normal_means(6, Doubled())
     assert not Target(model).has_slopes
-    value, error = ph.log_evidence(
-        ph.sample_smc(model, 500, 2, random_seed=SEED, progressbar=False)
-    )
-    exact = stats.norm(0, np.sqrt(5)).logpdf(measured).sum()
-    assert abs(value - exact) < 3 * error < 0.3
+    tree = ph.sample_smc(model, 300, 2, random_seed=SEED, progressbar=False)
+    value, error = ph.log_evidence(tree)
+    assert abs(value - exact) < 4 * error < 0.4
 
 
-def test_one_unknown_whose_density_is_costly_is_searched():
-    """Points can be scored one at a time only, and there are few to stand out."""
+def test_search_with_a_density_that_takes_one_point_at_a_time():
+    class Costly(Target):
+        at_once = 1
+
+    model, exact = normal_means(1)
+    found = find_reference(Costly(model), np.random.default_rng(SEED))
+    np.testing.assert_allclose(found.log_masses, [exact], atol=0.01)
+
+
+def hierarchy():
+    """Thirty normal means with a common, unknown spread."""
+    y = np.random.default_rng(7).normal(0.0, 1.5, 30)
     with pm.Model() as model:
-        x = pm.Normal("x", 0, 1)
-        pm.Normal("y", x, 1.0, observed=np.random.default_rng(SEED).normal(0.3, 1.0, 100_000))
-    target = Target(model)
-    assert target.at_once <= 2
-    found = find_reference(target, np.random.default_rng(SEED))
-    assert len(found.log_masses) == 1
+        spread = pm.LogNormal("spread", 0.0, 1.0)
+        mean = pm.Normal("mean", 0.0, spread, shape=30)
+        pm.Normal("y", mean, 1.0, observed=y)
+
+    def density(log_spread):
+        sd = np.sqrt(1 + np.exp(2 * log_spread))
+        return np.exp(stats.norm(0, sd).logpdf(y).sum() + 60) * stats.norm.pdf(log_spread)
+
+    return model, np.log(quad(density, -8, 4, epsabs=0, epsrel=1e-10)[0]) - 60
+
+
+def test_bridge_from_tempered_particles():
+    """Each call moves the particles on, and gives another estimate and as many draws as asked."""
+    model, exact = hierarchy()
+    rng = np.random.default_rng(1)
+    led = Led(Target(model), rng)
+    sizes = 1000, 6000
+    found = [led.integral(size, rng) for size in sizes]
+    for size, integral in zip(sizes, found, strict=True):
+        value, error = integral.log_value
+        assert len(integral.particles) == size
+        assert abs(value - exact) < 4 * error < 0.4
+    assert found[0].log_value != found[1].log_value
+
+
+@pytest.mark.parametrize("factor", [1.5, *deep([1.0, -1.0])])
+def test_guide_with_wrong_gradients_leads_to_the_right_distribution(factor):
+    """A normal posterior with strong correlations; gradients are too steep or of another sign."""
+
+    class Wrong(Target):
+        def slopes(self, points):
+            return tuple(factor * values for values in super().slopes(points))
+
+    design, y = (
+        np.random.default_rng(8).normal(size=(25, 40)),
+        np.random.default_rng(9).normal(size=25),
+    )
+    with pm.Model() as model:
+        slopes = pm.Normal("slopes", 0.0, 2.0, shape=40)
+        pm.Normal("y", design @ slopes, 0.3, observed=y)
+    exact = stats.multivariate_normal(cov=4 * design @ design.T + 0.09 * np.eye(25)).logpdf(y)
+    rng = np.random.default_rng(2)
+    found = Led(Target(model), rng, guide=Wrong(model)).integral(2000, rng)
+    value, error = found.log_value
+    assert abs(value - exact) < 4 * error
+    if factor > 0:
+        assert error < 0.1
+        covariance = np.linalg.inv(design.T @ design / 0.09 + np.eye(40) / 4)
+        mean, sd = covariance @ design.T @ y / 0.09, np.sqrt(np.diag(covariance))
+        assert np.abs((found.particles.mean(axis=0) - mean) / sd).max() < 0.2
+        assert found.particles.std(axis=0) == pytest.approx(sd, rel=0.12)

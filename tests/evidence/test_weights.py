@@ -1,7 +1,8 @@
-"""Weights of particles: how many they are worth, how far a step may go, and how they resample."""
+"""Importance weights: effective sample size, tempering step, Pareto shape and resampling."""
 
 import numpy as np
 import pytest
+from arviz_stats.base import array_stats
 
 from pymc_hyperelastic.evidence.weights import (
     effective_sample_size,
@@ -11,12 +12,11 @@ from pymc_hyperelastic.evidence.weights import (
 )
 
 SEED = 20250
-# Sums and logarithms of a few numbers of order one.
+# Rounding of sums and logarithms of a few numbers of order one.
 ROUNDING = 1e-12
 
 
-def test_effective_sample_size_counts_equal_weights():
-    """As many as have equal weights, whatever their size; none where nothing is possible."""
+def test_effective_sample_size_is_the_squared_sum_over_the_sum_of_squares():
     assert effective_sample_size(np.full(7, -1e5)) == pytest.approx(7, rel=ROUNDING)
     assert effective_sample_size(np.array([2.0, -np.inf, 2.0])) == pytest.approx(2, rel=ROUNDING)
     # (1 + 3)^2/(1 + 9)
@@ -24,28 +24,44 @@ def test_effective_sample_size_counts_equal_weights():
     assert effective_sample_size(np.full(4, -np.inf)) == 0
 
 
-def test_pareto_shape_of_weights():
-    """That of Pareto variables is known; equal weights have no tail, and no weights any."""
+def test_pareto_shape_of_pareto_weights():
+    """The logarithm of a Pareto variable is exponential; ArviZ fits the same tail."""
     rng = np.random.default_rng(SEED)
     for shape in (0.3, 0.6):
-        # The logarithm of a Pareto variable is exponential. From so many the shape has an sd of
-        # 0.06, over twenty seeds.
-        assert pareto_shape(shape * rng.exponential(size=20_000)) == pytest.approx(shape, abs=0.2)
-    bounded = 2.0 * rng.exponential(size=2000)
-    bounded = np.minimum(bounded, 3.0 + 1e-3 * rng.random(2000))
-    assert pareto_shape(bounded) < 0.3
-    assert pareto_shape(np.minimum(bounded, 3.0)) < 0.3
+        log_weights = shape * rng.exponential(size=20_000)
+        found = pareto_shape(np.append(log_weights, -np.inf))
+        assert found == pytest.approx(array_stats.psislw(-log_weights)[1], rel=ROUNDING)
+        # The standard deviation of the estimate was 0.06 over twenty seeds.
+        assert found == pytest.approx(shape, abs=0.2)
+
+
+def test_pareto_shape_of_weights_with_a_common_bound():
+    """If the largest weight is below ten times the mean, its logarithm limits the shape."""
+    draws = 2.0 * np.random.default_rng(SEED).exponential(size=2000)
+    above_mean = {}
+    for bound in (1.5, 3.0):
+        bounded = np.minimum(draws, bound - 1e-3 * np.arange(2000) / 2000)
+        above_mean[bound] = bounded.max() - np.log(np.mean(np.exp(bounded)))
+        assert above_mean[bound] < np.log(10)
+        fitted = array_stats.psislw(-bounded)[1]
+        expected = min(fitted, above_mean[bound] / np.log(2000))
+        assert pareto_shape(bounded) == pytest.approx(expected, rel=ROUNDING)
+    # Two of a hundred weights are far above the others, and equal to 40 times the mean.
+    heavy = np.append(np.linspace(-5, -4, 100), [0.0, 0.0])
+    assert pareto_shape(heavy) == pytest.approx(array_stats.psislw(-heavy)[1], rel=ROUNDING)
+
+
+def test_pareto_shape_without_a_tail():
     assert pareto_shape(np.array([-3.0, -np.inf, -3.0])) == -np.inf
     assert pareto_shape(np.full(4, -np.inf)) == np.inf
     assert pareto_shape(np.array([])) == np.inf
 
 
 def test_largest_step_keeps_the_fraction_effective():
-    """Normal scores of any width, some of them impossible: the fraction is of the possible ones.
+    """The fraction refers to the particles of nonzero weight.
 
-    The step is found to a thousandth of itself. The logarithm of the effective size falls as the
-    square of the step, ``-(step sd)^2`` for many normal scores, and thus by two thousandths of
-    what it fell in all.
+    The step is found to one per cent, and the logarithm of the effective size of normal log weights
+    falls with the square of the step.
     """
     rng = np.random.default_rng(SEED)
     for width in (1e-3, 1.0, 1e13):
@@ -57,15 +73,14 @@ def test_largest_step_keeps_the_fraction_effective():
             assert np.log(effective / 900) == pytest.approx(np.log(fraction), rel=4e-3)
 
 
-def test_largest_step_is_all_that_remains_where_that_is_good_enough():
-    """Exactly, so that the last stage ends at a temperature of one."""
+def test_largest_step_is_exactly_what_remains_if_enough_particles_stay_effective():
     logp = np.array([0.0, 0.1, -0.1, 0.05])
     assert largest_step(logp, 0.5, 0.37) == 0.37
     assert largest_step(np.full(5, -3.0), 0.99, 1.0) == 1.0
 
 
-def test_largest_step_is_nothing_where_weights_are_too_bad_already():
-    """Weights from before count, and no step makes up for them that only spreads them further."""
+def test_largest_step_multiplies_the_weights_from_before():
+    """If these are too uneven already, the step is 0."""
     logp = np.linspace(-1, 1, 10)
     before = np.where(np.arange(10) == 9, 0.0, -20.0)
     assert largest_step(logp, 0.5, 1.0, before) == 0.0
@@ -74,13 +89,12 @@ def test_largest_step_is_nothing_where_weights_are_too_bad_already():
     assert effective_sample_size(mild + step * 20 * logp) == pytest.approx(5, rel=4e-3)
 
 
-def test_systematic_resampling_is_even():
-    """Each is chosen as often as it weighs, rounded up or down, and on average exactly so."""
+def test_systematic_resampling_rounds_expected_counts_up_or_down():
     weights = np.array([0.0, 0.5, 1.7, 0.0, 3.1, 0.7, 0.0])
     rng = np.random.default_rng(SEED)
     expected = 11 * weights / weights.sum()
     runs = 4000
     counts = np.array([np.bincount(systematic(weights, 11, rng), minlength=7) for _ in range(runs)])
     assert np.all((counts == np.floor(expected)) | (counts == np.ceil(expected)))
-    # A count that is rounded up with probability p has the variance p (1 - p), 1/4 at most.
+    # A count rounded up with probability p has the variance p (1 - p), which is at most 1/4.
     assert np.all(np.abs(counts.mean(axis=0) - expected) < 4 * 0.5 / np.sqrt(runs))

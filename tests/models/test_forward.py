@@ -1,133 +1,185 @@
-"""The forward model: other data in the place of its own, without compiling again."""
+"""The forward model: curves of every law at every point, and other data in place of its own."""
+
+from functools import cache
 
 import numpy as np
+import oracles
 import pandas as pd
 import pymc as pm
 import pytensor
+import pytensor.tensor as pt
 import pytest
+import shared_errors
+from problems import AS_WRITTEN, LAWS, entries
+from shared_errors import EXTENDED, Dense, extended, ogden
+from tables import SECTOR
+from tiers import tiers
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.data.inflation import at_points
+from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import complete_priors
 
-# The same sums of the same numbers, by another compilation.
-ROUNDING = 1e-12
-# Correlations of so many draws are known to 0.02; those between neighbours of a point are 0.2.
-DRAWS, CORRELATION_TOLERANCE = 3000, 0.08
-FAST = "FAST_COMPILE"
-PARAMETERS = {"mu": 6.0, "alpha": 8.0}
+# Relative to the largest pressure, or force, of a curve.
+CURVE_TOLERANCE = 1e-8
+# Sums of squares of curves that are exact to 1e-12, and one sum in another compilation.
+LIKELIHOOD_TOLERANCE, ROUNDING = 1e-9, 1e-12
+
+INNER, OUTER, ANGLE = 1.0, 1.3, 0.8
+OGDEN = {"mu": 6.0, "alpha": 5.0}
+PRIORS = {"mu": pm.Uniform.dist(1, 20), "alpha": pm.Uniform.dist(2, 8)}
 
 
-def data(points, *, seed=1, tests=2, measured="radius"):
-    """Tests of tubes of different geometry, of so many points the first and more the next."""
-    rng = np.random.default_rng(seed)
-    frames = []
-    for test in range(tests):
-        count = points + 2 * test
-        growth = np.sort(rng.uniform(1.0, 1.4, count))
-        frame = pd.DataFrame({"specimen": "S", "experiment": test, measured: 7.0 * growth})
-        if measured == "outer_diameter":
-            frame[measured] = 18.0 * growth
-        frame["pressure"] = 10 * (growth - 1) + 0.1 * rng.standard_normal(count)
-        frame["axial_force"] = np.where(np.arange(count) % 3, 20.0 * growth, np.nan)
-        frames.append(frame.assign(stretch=1.0 + 0.1 * test))
-    return ph.inflation_data(
-        pd.concat(frames, ignore_index=True),
-        inner_radius=7.0,
-        outer_radius=9.0,
-        axial_stretch="stretch",
-        measured=measured,
-    )
+def evaluated(outputs):
+    return pytensor.function([], outputs, mode=AS_WRITTEN)()
 
 
-OBSERVATIONS = {
-    "pressures": Observation(0.5),
-    "slopes": Observation(0.5, 2.0),
-    "forces": Observation(0.5, 2.0, 3.0),
-}
+def opened_tube(outer=OUTER):
+    """Two points of an inflation test, and two of an extension test, of a tube that was cut."""
+    frame = pd.DataFrame({"specimen": "S", "experiment": [1, 1, 2, 2]})
+    frame = frame.assign(radius=[1.1, 1.25, 1.15, 1.2], stretch=[1.3, 1.3, 1.45, 1.2])
+    frame = frame.assign(pressure=[2.0, 9.0, 4.0, 5.0], axial_force=30.0)
+    tube = {"inner_radius": INNER, "outer_radius": outer, "opening_angle": ANGLE}
+    return ph.inflation_data(frame, axial_stretch="stretch", check="ignore", **tube, **SECTOR)
 
 
-@pytest.mark.parametrize("measured", ["radius", "outer_diameter"])
-@pytest.mark.parametrize("mode", ["collocation", "quadrature"])
-@pytest.mark.parametrize("observation", OBSERVATIONS.values(), ids=OBSERVATIONS)
-def test_other_data_take_the_place_of_these(observation, mode, measured):
-    """A compiled likelihood follows the data, of other lengths too, as one made of them does."""
-    energy = ph.Ogden()
-    first, other = (data(n, seed=n, measured=measured) for n in (6, 9))
-    forward = observation.forward_model(energy, first, complete_priors(energy), mode=mode)
-    tube = forward.tube(PARAMETERS)
-    outputs = [observation.log_likelihood(tube), *tube.curves().values()]
-    function = pytensor.function([], outputs, mode=FAST)
-    before = function()
-    forward.set_data(other)
-    found = function()
-    fresh = forward.with_data(other).tube(PARAMETERS)
-    expected = pytensor.function(
-        [], [observation.log_likelihood(fresh), *fresh.curves().values()], mode=FAST
-    )()
-    for value, exact in zip(found, expected, strict=True):
-        np.testing.assert_allclose(value, exact, rtol=ROUNDING)
-    assert found[0] != before[0]
-    assert len(found[1]) == other.sizes["obs"]
+def around(parameters):
+    """Priors from half of each parameter to one and a half of it."""
+    priors = {}
+    for name, value in parameters.items():
+        ends = np.sort(np.multiply.outer([0.5, 1.5], value), axis=0)
+        priors[name] = pm.Uniform.dist(*ends, shape=np.shape(value) or None)
+    return priors
 
 
-@pytest.mark.parametrize("mode", ["collocation", "quadrature"])
-def test_measurements_that_are_drawn_follow_the_data(mode):
-    """Of the generative likelihood the density follows other data, and so do its draws."""
-    energy, first, other = ph.Ogden(), data(6, seed=6), data(9, seed=9)
-    settings = {"sigma": 0.5, "slope_weight": 2.0, "likelihood": "generative"}
-    observation = Observation(**settings)
-    forward = observation.forward_model(energy, first, complete_priors(energy), mode=mode)
-    with pm.Model() as model:
-        tube = forward.tube(PARAMETERS)
-        observation.register(tube, tube.curves(), dims=None)
-    forward.set_data(other)
-    fixed = {
-        name: pm.Uniform.dist(value - 1e-9, value + 1e-9) for name, value in PARAMETERS.items()
-    }
-    fresh = ph.inflation_model(energy, other, priors=fixed, mode=mode, **settings)
-    density, expected = (
-        m.compile_logp(m.observed_RVs, sum=False, mode=FAST)(m.initial_point())[0]
-        for m in (model, fresh)
-    )
-    # The parameters of the other model are only as fixed as a prior can be.
-    np.testing.assert_allclose(density, expected, rtol=1e-6)
-    drawn, others = (
-        np.corrcoef(pm.draw(m["measured_pressure"], DRAWS, random_seed=3, mode=FAST), rowvar=False)
-        for m in (model, fresh)
-    )
-    assert drawn.shape == (other.sizes["obs"],) * 2
-    np.testing.assert_allclose(drawn, others, atol=CORRELATION_TOLERANCE)
+@cache
+def exact_curves(name, layered):
+    """Pressure and force at the points of the opened tube, by adaptive quadrature."""
+    law, data = LAWS[name], opened_tube()
+    layers = [oracles.Layer(law.energy, entries(law.parameters[0][0]), OUTER, law.switches)]
+    if layered:
+        stiff = LAWS["NeoHookean"]
+        layers.append(oracles.Layer(stiff.energy, {"mu": 12.0}, OUTER + 0.1))
+    tubes = list(zip(data["radius"].values, at_points(data, "axial_stretch"), strict=True))
+    return [
+        [float(integral(layers, radius, INNER, axial, ANGLE)) for radius, axial in tubes]
+        for integral in (oracles.layered_pressure, oracles.layered_force)
+    ]
 
 
-def test_targets_of_one_model_are_kept_apart():
-    """Two observations of one forward model, with slopes of different weights, do not mix."""
-    energy, curves = ph.Ogden(), data(7)
-    one, two = Observation(0.5, 1.0), Observation(0.5, 3.0)
-    forward = one.forward_model(energy, curves, complete_priors(energy))
-    together = [o.log_likelihood(forward.tube(PARAMETERS)) for o in (one, two)]
-    alone = [o.log_likelihood(forward.with_data(curves).tube(PARAMETERS)) for o in (one, two)]
-    found = pytensor.function([], [*together, *alone], mode=FAST)()
-    np.testing.assert_allclose(found[:2], found[2:], rtol=ROUNDING)
-    assert found[0] != found[1]
+# Laws with fibres are in test_integrators.py.
+FIRST = ("Gent", "OgdenSeries(terms=3)", "CriscioneType")
+BY_LAW = tiers(LAWS, lambda name: name in FIRST)
 
 
-def test_constants_are_not_replaced():
-    """A model of which data are constants says so, in place of keeping the old ones."""
-    energy, curves = ph.Ogden(), data(6)
-    forward = Observation(0.5).forward_model(
-        energy, curves, complete_priors(energy), replaceable=False
-    )
+@pytest.mark.parametrize("name", BY_LAW)
+def test_curves_of_every_law_are_those_of_the_stretch_of_each_point(name):
+    """By constant matrices and by quadrature, and as the inner one of two layers."""
+    law = LAWS[name]
+    parameters = {n: np.array(v, float) for n, v in law.parameters[0][0].items()}
+    inner = ph.Layer(law.strain_energy, OUTER - INNER, **parameters)
+    wall = [inner, ph.Layer(ph.NeoHookean(), 0.1, mu=12.0)]
+    found, outputs = [], {}
+    for mode in ("quadrature", "collocation"):
+        settings = {"mode": mode, "with_force": True}
+        priors = around(law.parameters[0][0])
+        forward = ForwardModel(law.strain_energy, opened_tube(), priors, **settings)
+        outputs[mode] = forward.tube(parameters).curves()
+    forward = ForwardModel(wall, opened_tube(None), {}, with_force=True)
+    outputs["layers"] = forward.tube({}).curves()
+    found = evaluated([c[n] for c in outputs.values() for n in ("pressure", "axial_force")])
+    expected = [*exact_curves(name, False) * 2, *exact_curves(name, True)]
+    for curve, exact in zip(found, expected, strict=True):
+        # The energy of one law does not depend on the axial stretch: its force is 0.
+        scale = max(np.abs(exact).max(), 1e-6)
+        np.testing.assert_allclose(curve, exact, rtol=0, atol=CURVE_TOLERANCE * scale)
+
+
+# --- other data ----------------------------------------------------------------------------------
+
+
+SDS = {"noise_sd": 0.4, "force_noise_sd": 3.0}
+OFFSET = SDS | {"force_offset_sd": 25.0}
+DIAMETER = SDS | {"diameter_noise_sd": 0.1}
+
+
+def dense(data, sds):
+    return Dense(data, [(ogden(**OGDEN), 2.0)], **sds)
+
+
+@pytest.mark.parametrize(
+    ("sds", "mode", "measured"),
+    [
+        (SDS, "collocation", "outer_diameter"),
+        (OFFSET, "quadrature", "radius"),
+        (OFFSET, "collocation", "radius"),
+        (DIAMETER, "collocation", "radius"),
+    ],
+)
+def test_a_compiled_likelihood_follows_other_data(sds, mode, measured):
+    """Data of other lengths, with few or no forces, and with inflation or extension tests alone."""
+    observation, first = Observation(**sds), extended(measured)
+    forward = observation.forward_model(ph.Ogden(), first, PRIORS, mode=mode)
+    log_likelihood = observation.log_likelihood(forward.tube(OGDEN))
+    function = pytensor.function([], log_likelihood, mode=AS_WRITTEN)
+    inflated = [test for test in range(5) if test not in EXTENDED]
+    others = [shared_errors.dataset(shared_errors.table((3, 7), seed=2), measured)]
+    others += [ph.select(first, experiment=list(own)) for own in (EXTENDED, inflated)]
+    # With more points than stretches, a part of the misfit is a constant.
+    others.append(shared_errors.dataset(shared_errors.table((100, 60)), measured))
+    without = others[0].copy(deep=True)
+    without["axial_force"][:] = np.nan
+    for data in (*others, without, first):
+        forward.set_data(data)
+        expected = dense(data, sds).log_density()
+        assert function() == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
+    again = observation.log_likelihood(forward.with_data(others[1]).tube(OGDEN))
+    expected = dense(others[1], sds).log_density()
+    assert evaluated([again])[0] == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
+
+
+def test_data_that_cannot_take_the_place_of_the_first_are_refused():
+    """Constants, diameters in place of radii, and tests of a kind for which there are no nodes."""
+    data, other = shared_errors.dataset(), shared_errors.dataset(measured="outer_diameter")
+    fixed = ForwardModel(ph.Ogden(), data, PRIORS, replaceable=False)
     with pytest.raises(TypeError, match="constants"):
-        forward.set_data(data(9))
-
-
-def test_data_of_another_kind_are_refused():
-    """Diameters do not take the place of radii where each is an input of its own."""
-    energy = ph.Ogden()
-    forward = Observation(0.5).forward_model(
-        energy, data(6), complete_priors(energy), mode="quadrature"
-    )
-    forward.tube(PARAMETERS).curves()
+        fixed.set_data(other)
+    direct = ForwardModel(ph.Ogden(), data, PRIORS, mode="quadrature")
+    direct.tube(OGDEN).curves()
     with pytest.raises(ValueError, match=r"another kind.*current_outer_radius"):
-        forward.set_data(data(6, measured="outer_diameter"))
+        direct.set_data(other)
+    both = extended()
+    for tests, lacking in ((EXTENDED, "inflation"), ((1, 2, 4), "extension")):
+        own = ph.select(both, experiment=list(tests))
+        forward = ForwardModel(ph.Ogden(), own, PRIORS, mode="collocation")
+        forward.tube(OGDEN).curves()
+        with pytest.raises(ValueError, match=rf"hold {lacking} tests.*data that hold both"):
+            forward.set_data(both)
+
+
+def test_points_between_those_of_the_data_are_evenly_spread():
+    """Along the radius of an inflation test, and along the stretch of an extension test."""
+    both = extended()
+    between = ForwardModel(ph.Ogden(), both, PRIORS).between().data
+    assert between.sizes["obs"] == 20 * both.sizes["test"]
+    for test in range(4):
+        own, measured = (d.isel(obs=d["test"].values == test) for d in (between, both))
+        along = "axial_stretch" if test in EXTENDED else "radius"
+        ends = measured[along].values.min(), measured[along].values.max()
+        np.testing.assert_allclose(own[along], np.linspace(*ends, 20))
+
+
+def test_a_law_that_cannot_be_collocated_falls_back_to_quadrature():
+    """Near n = 0 the response of this law has a pole."""
+    frame = pd.DataFrame({"specimen": "S", "experiment": 1, "radius": np.linspace(6.4, 10.5, 9)})
+    frame = frame.assign(pressure=2 * (frame["radius"] - 6.0), axial=1.0)
+    data, energy = shared_errors.dataset(frame), ph.PowerLawNeoHookean()
+    priors = complete_priors(energy, {"n": pm.Normal.dist(0, 10)})
+    with pytest.raises(ValueError, match=r"PowerLawNeoHookean.*mode='quadrature'"):
+        ForwardModel(energy, data, priors, mode="collocation")
+    tube = ForwardModel(energy, data, priors).tube({"mu": 20.0, "n": pt.constant(2.0)})
+    pressure = evaluated([tube.curves()["pressure"]])[0]
+    known = {n: at_points(data, n) for n in ("inner_radius", "outer_radius", "axial_stretch")}
+    exact = ph.inflation_pressure(energy, data["radius"].values, mu=20.0, n=2.0, **known)
+    np.testing.assert_allclose(pressure, exact.eval(mode=AS_WRITTEN), rtol=1e-10)

@@ -1,53 +1,52 @@
-"""Figures of differences between groups."""
+"""plot_comparison: effect sizes and curves of groups."""
 
+import fits
 import numpy as np
 import pytest
-from variable_classes import fit
 
 import pymc_hyperelastic as ph
 
-X = "log_reference_strain"
 
-
-@pytest.fixture(scope="module")
-def classes():
-    return fit()
-
-
-def compare(classes, quantity, **settings):
-    settings = {"random_seed": 1, "bayes_factor": False, "draws": 200} | settings
+def compare(quantity, **settings):
+    classes = fits.fit("neo_hookean_classes")
+    settings = {"random_seed": 1, "bayes_factor": False, "draws": 100} | settings
     return ph.compare_classes(classes, quantity, **settings)
 
 
-def test_rows_are_medians_and_intervals(classes):
-    result = compare(classes, ["mu", X])
+@pytest.fixture(scope="module")
+def result():
+    return compare(["mu", "log_reference_strain"])
+
+
+def test_points_and_intervals_are_those_of_the_result(result):
     figure = ph.plot_comparison(result, backend="none")
-    assert list(figure.viz["plot"]["panel"].values) == ["effect_size", "best_accuracy"]
-    for name in ("effect_size", "best_accuracy"):
-        where = {"panel": name, "quantity": "mu", "comparison": "stiff − soft"}
-        point = figure.get_viz("points", **where)
-        assert point["x"] == pytest.approx(result[name].sel(quantity="mu").item())
-        ends = figure.get_viz("interval", **where)["x"]
-        assert ends[0] < point["x"] < ends[1]
+    intervals = {
+        "effect_size": result["effect_size_interval"],
+        # A larger overlap means a smaller accuracy.
+        "best_accuracy": 1 - result["overlap_interval"].isel(bound=[1, 0]) / 2,
+    }
+    assert list(figure.viz["plot"]["panel"].values) == list(intervals)
+    for name, interval in intervals.items():
+        for row, quantity in enumerate(["mu", "log_reference_strain"]):
+            where = {"panel": name, "quantity": quantity, "comparison": "stiff − soft"}
+            point, line = (figure.get_viz(visual, **where) for visual in ("points", "interval"))
+            assert point["x"] == pytest.approx(result[name].sel(quantity=quantity).item())
+            np.testing.assert_allclose(line["x"], interval.sel(quantity=quantity).values.ravel())
+            assert line["x"][0] < point["x"] < line["x"][1]
+            np.testing.assert_array_equal(line["y"], -row)
+    assert [figure.get_viz("nothing", panel=name)["x"] for name in intervals] == [0, 0.5]
 
 
-def test_curves_are_those_of_the_groups(classes):
-    pressure = [0.1, 0.3, 0.5]
-    result = compare(classes, "compliance", pressure=pressure)
+def test_curves_are_those_of_the_groups():
+    pressure = [1.0, 2.0, 3.0]
+    with pytest.warns(UserWarning, match="have no compliance there"):
+        result = compare("compliance", pressure=pressure)
     figure = ph.plot_comparison(result, backend="none", statistic="mean")
-    line = figure.get_viz("median", "compliance", class_label="stiff")
-    found = result["value"].sel(statistic="mean", group="stiff", quantity="compliance")
+    line, band = (
+        figure.get_viz(visual, "compliance", class_label="stiff") for visual in ("median", "band")
+    )
+    found = result.sel(statistic="mean", group="stiff", quantity="compliance")
     np.testing.assert_allclose(line["x"], pressure)
-    np.testing.assert_allclose(line["y"], found)
-
-
-def test_what_cannot_be_drawn(classes):
-    result = compare(classes, "mu")
-    with pytest.raises(TypeError, match=r"expected the result of ph.compare_classes"):
-        ph.plot_comparison(classes)
-    with pytest.raises(ValueError, match="the result lacks 'draws'"):
-        ph.plot_comparison(result.drop_vars("draws"))
-    with pytest.raises(ValueError, match="statistic must be one of"):
-        ph.plot_comparison(result, statistic="median")
-    with pytest.raises(ValueError, match="no visual is called 'bands'"):
-        ph.plot_comparison(result, backend="none", visuals={"bands": False})
+    np.testing.assert_allclose(line["y"], found["value"])
+    for end, bound in (("y_bottom", "low"), ("y_top", "high")):
+        np.testing.assert_allclose(band[end], found["value_interval"].sel(bound=bound))

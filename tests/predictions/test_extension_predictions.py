@@ -4,14 +4,13 @@ from functools import cache
 
 import numpy as np
 import pandas as pd
-import pymc as pm
 import pytensor
 import pytensor.tensor as pt
 import pytest
 import xarray as xr
-from drawn import result
 from problems import AS_WRITTEN
 from scipy.optimize import brentq
+from tube_posteriors import result
 
 import pymc_hyperelastic as ph
 
@@ -93,8 +92,7 @@ def force_at(tree, pressure, **settings):
         (ph.wall_stress, PRESSURES),
     ],
 )
-def test_one_stretch_for_each_point(function, points):
-    """What is said of all is said of each alone, and the stretches are named."""
+def test_one_stretch_per_point_equals_single_calls(function, points):
     found = function(tree(), points, **TUBE, axial_stretch=STRETCHES)
     assert found["axial_stretch"].dims == (found["axial_stretch"].dims[0],)
     np.testing.assert_array_equal(found["axial_stretch"], STRETCHES)
@@ -104,16 +102,14 @@ def test_one_stretch_for_each_point(function, points):
 
 
 @pytest.mark.parametrize("function", [ph.radius_at_pressure, force_at])
-def test_a_held_pressure_at_many_stretches(function):
-    """One pressure is that at all of them."""
+def test_scalar_pressure_applies_to_all_stretches(function):
     found = function(tree(), 2.0, **TUBE, axial_stretch=STRETCHES)
     for name, expected in each(function, [2.0] * 3, STRETCHES).items():
         np.testing.assert_allclose(found[name].values, expected, rtol=ROUNDING, err_msg=name)
     np.testing.assert_array_equal(found["pressure"], 2.0)
 
 
-def test_force_at_a_held_pressure_is_that_of_the_tube_there():
-    """Draw by draw at the radius that bisection finds."""
+def test_force_at_a_pressure_is_the_force_at_its_radius():
     found = force_at(tree(), 2.0, **TUBE, axial_stretch=STRETCHES)
     expected = [
         [force_of(radius_of(2.0, stretch, mu), stretch, mu) for stretch in STRETCHES] for mu in MU
@@ -157,8 +153,7 @@ def test_force_at_a_held_pressure_is_that_of_the_tube_there():
         ),
     ],
 )
-def test_what_is_refused(call, error, expected):
-    """Each says what was expected."""
+def test_inconsistent_stretches_and_pressures_are_refused(call, error, expected):
     with pytest.raises(error, match=expected):
         call()
 
@@ -173,15 +168,13 @@ def fitted(points=None) -> xr.DataTree:
     return found
 
 
-def test_a_stretch_that_varies_has_to_be_said():
-    """The data do not have one."""
+def test_varying_stretch_of_the_data_must_be_given():
     said = r"do not have one axial_stretch \(1\.1, .*\): say which, such as axial_stretch=1\.1"
     with pytest.raises(ValueError, match=said):
         ph.predict_pressure(fitted(), 1.1)
 
 
-def test_between_measured_stretches_nothing_is_extrapolated():
-    """Neither pressures between the held ones at stretches passed through, nor walls between."""
+def test_nothing_is_extrapolated_between_measured_stretches():
     stretches = [1.1, 1.2, 1.33, 1.4]
     found = ph.radius_at_pressure(fitted(), [1.0, 2.0, 2.7, 3.0], axial_stretch=stretches)
     assert not found["extrapolated"].any()
@@ -194,8 +187,7 @@ def test_between_measured_stretches_nothing_is_extrapolated():
     assert curve["extrapolated"].values.tolist() == [False, True]
 
 
-def test_beyond_measured_stretches_it_is_said():
-    """At which points, by which stretches, and what was measured."""
+def test_warning_names_points_beyond_measured_stretches():
     with pytest.warns(UserWarning, match=r"2 of 3 points.*axial stretch 1.05 to 1.5, measured"):
         found = ph.predict_pressure(fitted(), 1.1, axial_stretch=[1.05, 1.2, 1.5])
     assert found["extrapolated"].values.tolist() == [True, False, True]
@@ -206,40 +198,3 @@ def test_beyond_measured_stretches_it_is_said():
     ph.radius_at_pressure(fitted(), 3.5, axial_stretch=1.25)
     with pytest.warns(UserWarning, match="axial stretch 1.5, measured 1.1 to 1.4"):
         ph.radius_at_pressure(fitted(), 2.0, axial_stretch=1.5)
-
-
-def test_one_held_pressure_is_measured():
-    """At its own pressure a single extension test is no extrapolation, though medians differ."""
-    one = ph.select(data(), experiment="at 1 kPa")
-    found = fitted(one)
-    ph.radius_at_pressure(found, 1.0, axial_stretch=STRETCHES)
-    with pytest.warns(UserWarning, match="pressure 1.2 kPa.*measured 1 kPa"):
-        ph.radius_at_pressure(found, 1.2, axial_stretch=1.2)
-
-
-@pytest.mark.parametrize("error_in", ["pressure", "radius"])
-def test_a_fitted_result_survives_a_file(tmp_path, error_in):
-    """Sampled, stored and opened on another day it holds the stretches and predicts the same."""
-    points = data()
-    model = ph.inflation_model(
-        ph.NeoHookean(),
-        points,
-        noise_sd=0.3 if error_in == "pressure" else 0.02,
-        force_noise_sd=1.0,
-        slope_weight=0.0,
-        error_in=error_in,
-        priors={"mu": pm.Uniform.dist(5, 40)},
-    )
-    sampled = ph.sample_smc(model, draws=50, chains=1, random_seed=1, progressbar=False)
-    sampled.to_netcdf(tmp_path / "fit.nc", engine="h5netcdf")
-    with xr.open_datatree(tmp_path / "fit.nc", engine="h5netcdf") as opened:
-        loaded = opened.load()
-    stored = loaded["constant_data"]["axial_stretch"]
-    xr.testing.assert_identical(
-        stored.drop_vars(stored.coords),
-        points["axial_stretch"].drop_vars(points["axial_stretch"].coords),
-    )
-    settings = {"axial_stretch": STRETCHES}
-    first, second = (force_at(t, [1.0, 2.0, 3.0], **settings) for t in (sampled, loaded))
-    xr.testing.assert_identical(first, second)
-    assert abs(float(loaded["posterior"]["mu"].mean()) - 20) < 2

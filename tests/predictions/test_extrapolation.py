@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
-from drawn import SHEEP, result
 from problems import AS_WRITTEN
+from tube_posteriors import SHEEP, result
 
 import pymc_hyperelastic as ph
 
@@ -52,8 +52,7 @@ AT_PRESSURES = (ph.radius_at_pressure, ph.tube_properties, ph.pulse_wave_velocit
 
 
 @pytest.mark.parametrize("function", AT_RADII)
-def test_radii_beyond_the_data(function):
-    """On the tube of the data its own radii are measured, ends included, and no others are."""
+def test_radii_beyond_the_data_are_extrapolated(function):
     asked = [6.9, RADIUS[0], 8.0, RADIUS[-1], 9.5]
     with pytest.warns(UserWarning, match=r"2 of 5 points .*6.9 to 9.5 mm.*7.2 to 8.8 mm") as caught:
         found = function(fitted(), asked)
@@ -63,8 +62,7 @@ def test_radii_beyond_the_data(function):
 
 
 @pytest.mark.parametrize("function", AT_PRESSURES)
-def test_pressures_beyond_the_data(function):
-    """On the tube of the data its own pressures are measured, and no others are."""
+def test_pressures_beyond_the_data_are_extrapolated(function):
     tree = fitted()
     top = float(tree["constant_data"]["pressure"].max())
     message = rf"1 of 3 points .*pressure {1.1 * top:.4g} kPa .* mmHg\), measured .* to {top:.4g}"
@@ -75,24 +73,8 @@ def test_pressures_beyond_the_data(function):
     assert found["extrapolated"].values.tolist() == [False, False, True]
 
 
-def test_what_is_measured_needs_no_warning():
-    """Within the data nothing is said; warnings are errors here."""
-    tree = fitted()
-    assert not ph.predict_pressure(tree, RADIUS)["extrapolated"].any()
-    assert not ph.tube_properties(tree, [1.0, 2.0])["extrapolated"].any()
-    assert not ph.admissible(tree)["extrapolated"].any()
-
-
-def test_without_data_nothing_can_be_said():
-    """A result that holds no data has no such coordinate, and does not warn."""
-    settings = {"energy": ph.NeoHookean(), **SHEEP}
-    assert "extrapolated" not in ph.predict_pressure(result(mu=[MU]), 20.0, **settings).coords
-    assert "extrapolated" not in ph.tube_properties(result(mu=[MU]), 3.0, **settings).coords
-
-
 @pytest.mark.parametrize("size", [0.5, 2.0])
-def test_tubes_of_other_size_compare_by_stretch(size):
-    """A tube that is larger in all its measures is measured at radii that are as much larger."""
+def test_tubes_of_other_size_are_compared_by_stretch(size):
     tube = {name: size * value for name, value in SHEEP.items()}
     ends = RADIUS[[0, -1]]
     asked = size * np.concatenate([ends * [0.99, 1.01], ends])
@@ -104,16 +86,14 @@ def test_tubes_of_other_size_compare_by_stretch(size):
     assert found == [True, True, False, False]
 
 
-def test_thin_tube_is_stretched_further():
-    """At a pressure that was measured in a thick tube a thin one is extrapolated."""
+def test_measured_pressure_is_extrapolated_in_a_thinner_tube():
     top = pressure_of(RADIUS[-1])
     with pytest.warns(UserWarning, match="hoop stretch .* at axial stretch 1, measured"):
         found = ph.tube_properties(fitted(), [0.9 * top], inner_radius=7.0, outer_radius=8.2)
     assert found["extrapolated"].values.tolist() == [True]
 
 
-def test_axial_stretches():
-    """Between measured axial stretches the hull of their walls is measured, beyond them nothing."""
+def test_axial_stretches_between_measured_ones_are_not_extrapolated():
     ends = {1.0: 8.8, 1.4: 8.0}
     data = data_of(*(({"axial_stretch": s}, np.linspace(7.0, end, 5)) for s, end in ends.items()))
     tree = fitted(data)
@@ -126,8 +106,7 @@ def test_axial_stretches():
         assert found["extrapolated"].all()
 
 
-def test_a_warning_names_its_class():
-    """Of several classes, whose predictions warn alike, each says which it is."""
+def test_extrapolation_warning_names_its_class():
     classes = xr.DataTree.from_dict({"soft": fitted(), "stiff": fitted()})
     with pytest.warns(UserWarning, match="^class 'stiff': 1 of 1 points is extrapolated"):
         ph.predict_pressure(classes["stiff"], [9.5])
@@ -135,8 +114,7 @@ def test_a_warning_names_its_class():
         ph.predict_pressure(fitted(), [9.5, 9.6])
 
 
-def test_which_tube_is_asked_with_those_that_were_tested():
-    """The tests of one specimen at several stretches are named by these, not by the specimen."""
+def test_tests_of_one_specimen_are_named_by_their_stretches():
     data = data_of(*(({"axial_stretch": s}, RADIUS) for s in (1.0, 1.25)))
     data = data.assign_coords(specimen=("test", ["S1", "S1"]), experiment=("test", [1, 2]))
     with pytest.raises(ValueError, match=r"axial_stretch \(1, 1.25\).*axial_stretch=1;") as raised:
@@ -148,17 +126,7 @@ def test_which_tube_is_asked_with_those_that_were_tested():
         ph.tube_properties(fitted(two), [1.0])
 
 
-def test_pressures_of_several_tubes():
-    """A pressure on this tube, or a stretch on another one: either is measured."""
-    wide = np.linspace(7.0, 10.0, 9)
-    tree = fitted(data_of(({}, RADIUS), ({"outer_radius": 9.5}, wide)))
-    top, beyond = pressure_of(RADIUS[-1]), pressure_of(11.0)
-    asked = [top, pressure_of(9.5), beyond]
-    assert quietly(ph.radius_at_pressure, tree, asked, outer_radius=9.0) == [False, False, True]
-
-
-def test_inferred_geometry_is_that_of_the_data():
-    """Measures that were inferred are the same tube in data and prediction."""
+def test_inferred_geometry_counts_as_the_tube_of_the_data():
     data = data_of(({}, RADIUS))
     unknown = data.assign(inner_radius=np.nan * data["inner_radius"]).copy()
     unknown["outer_radius"] = np.nan * data["outer_radius"]
@@ -171,8 +139,7 @@ def test_inferred_geometry_is_that_of_the_data():
     assert quietly(ph.predict_pressure, tree, RADIUS[[0, -1]] / 2, **half) == [False, False]
 
 
-def test_outer_diameters_of_unknown_tubes():
-    """Where outer diameters were measured, internal radii follow from the median tube."""
+def test_outer_diameters_give_radii_by_the_median_tube():
     frame = pd.DataFrame({"specimen": "S1", "experiment": 1, "outer_diameter": [18.4, 19.0, 20.0]})
     frame["pressure"] = [1.0, 2.0, 4.0]
     tube = {"inner_radius": None, "outer_radius": None, "measured": "outer_diameter"}
@@ -183,16 +150,7 @@ def test_outer_diameters_of_unknown_tubes():
     assert quietly(ph.predict_pressure, tree, asked) == [True, False, False, True]
 
 
-def test_unknown_tube_cannot_be_compared():
-    """Data of which the geometry is nowhere do not say what was measured."""
-    data = data_of(({}, RADIUS))
-    tree = fitted(data.assign(inner_radius=np.nan * data["inner_radius"]))
-    found = ph.predict_pressure(tree, [20.0], inner_radius=7.0)
-    assert "extrapolated" not in found.coords
-
-
-def test_pressure_that_is_not_reached_is_not_measured():
-    """Where most draws end before a pressure, it is extrapolated."""
+def test_pressure_that_most_draws_do_not_reach_is_extrapolated():
     tree = fitted(data_of(({}, RADIUS), ({"outer_radius": 9.5}, RADIUS)))
     found = quietly(ph.radius_at_pressure, tree, [1.0, 60.0], outer_radius=8.0)
     assert found == [False, True]

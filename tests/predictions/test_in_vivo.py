@@ -4,11 +4,10 @@ import warnings
 
 import numpy as np
 import pandas as pd
-import pymc as pm
 import pytest
 import xarray as xr
-from drawn import SHEEP, one_draw, result
 from scipy.optimize import brentq
+from tube_posteriors import SHEEP, one_draw, result
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.natural_scale import NaturalScale
@@ -42,8 +41,7 @@ def rise_of_force(tree, stretch):
     return force[1] - force[0]
 
 
-def test_force_is_the_same_at_both_pressures():
-    """At the in vivo stretch of each draw, and from falling it turns to rising there."""
+def test_force_is_equal_at_both_pressures_at_the_in_vivo_stretch():
     tree = aortas(c=[15.0, 20.0, 30.0], a2=[0.5, 0.6, 1.0])
     found = ph.tube_properties(tree, 100.0, **LAW, **IN_MMHG)
     stretch = found["in_vivo_axial_stretch"]
@@ -97,8 +95,7 @@ def membrane(stretch, pressure, radius, thickness):
     return 2 * np.pi * a * h * stresses(hoop)[1] - np.pi * a**2 * pressure
 
 
-def test_thin_wall_has_the_stretch_of_a_membrane():
-    """Force and hoop stress of a membrane, in other code, cross at the same stretch."""
+def test_in_vivo_stretch_of_a_thin_wall_is_that_of_a_membrane():
     radius, thickness = 0.495, 0.53e-3
     low, high = (5e-3 * p * ph.mmHg for p in RANGE)  # as thin a wall carries less
 
@@ -114,8 +111,7 @@ def test_thin_wall_has_the_stretch_of_a_membrane():
     assert 1.6 < expected < 1.8  # the source states 1.68
 
 
-def test_change_of_energy_is_that_between_the_pressures():
-    """It is the difference of stored energies at both, at the stretch of the tube."""
+def test_stored_energy_change_is_the_difference_at_both_pressures():
     settings = LAW | {"pressure_unit": "mmHg", "axial_stretch": 1.6}
     found = ph.tube_properties(aortas(c=[15.0, 30.0]), [*RANGE], pressure_range=RANGE, **settings)
     np.testing.assert_allclose(
@@ -126,32 +122,10 @@ def test_change_of_energy_is_that_between_the_pressures():
         np.testing.assert_allclose(ends, np.array(RANGE) * ph.mmHg)
 
 
-def test_stretch_does_not_depend_on_that_of_the_tube():
-    """What axial stretch is given, or how the pressures are asked for, makes no difference."""
-    name = "in_vivo_axial_stretch"
-    first = ph.tube_properties(aortas(), 100.0, **LAW, **IN_MMHG)
-    in_kpa = {"pressure_range": np.array(RANGE) * ph.mmHg, "axial_stretch": 1.4}
-    other = ph.tube_properties(aortas(), [1.0, 2.0], **LAW, **in_kpa)
-    np.testing.assert_allclose(first[name], other[name], rtol=FOUND)
-    assert name not in ph.tube_properties(aortas(), 1.0, **LAW)
-
-
-def test_layers_of_one_material_are_one_wall():
-    """A wall that is divided in thought has the in vivo stretch, and the energy, of the whole."""
-    priors = {n: pm.Uniform.dist(0, 2 * x) for n, x in FUNG.items()}
-    layers = [ph.Layer(ph.FungOrthotropic(), t, **priors) for t in (0.04, 0.066)]
-    names = ("in_vivo_axial_stretch", "stored_energy_change")
-    tree = aortas(c=[15.0, 20.0])
-    whole = ph.tube_properties(tree, 100.0, **LAW, **IN_MMHG)
-    found = ph.tube_properties(tree, 100.0, energy=layers, inner_radius=0.442, **IN_MMHG)
-    for name in names:
-        np.testing.assert_allclose(found[name], whole[name], rtol=FOUND)
-
-
 # --- laws without ------------------------------------------------------------------------------
 
 
-def test_neo_hookean_tube_has_none():
+def test_neo_hookean_tube_has_no_in_vivo_stretch():
     """Its force falls at every length: ``2 λz² − λθ² − λr²`` does when it is inflated."""
     with pytest.warns(UserWarning, match=r"of 2 draws 2 have no .* 0.8 to 2.5, .* 1 and 2 kPa"):
         found = ph.tube_properties(
@@ -166,8 +140,7 @@ def test_neo_hookean_tube_has_none():
     assert np.isfinite(found["stored_energy_change"]).all()
 
 
-def test_a_law_that_says_nothing_of_force_has_none():
-    """Force of the Criscione-type law is 0 at all lengths, or by another formula its rounding."""
+def test_law_without_axial_force_has_no_in_vivo_stretch():
 
     class Criscione(ph.StrainEnergy):
         """The same law, whose derivatives round differently."""
@@ -185,8 +158,7 @@ def test_a_law_that_says_nothing_of_force_has_none():
         assert np.isnan(found["in_vivo_axial_stretch"]).all()
 
 
-def test_some_draws_have_none():
-    """Those without are NaN and counted, and the others as if they were alone."""
+def test_draws_without_in_vivo_stretch_are_nan_and_counted():
     # A wall that stiffens around, and not along, is pushed all the more the longer it is.
     settings = LAW | {"pressure_range": (8.0, 12.0)}
     with pytest.warns(UserWarning, match="of 2 draws 1 have no in vivo axial stretch"):
@@ -226,19 +198,7 @@ def fitted(data, tree=None, **variables):
     return tree
 
 
-def test_within_what_was_measured_nothing_is_said():
-    """Between measured stretches and pressures, with forces, there is no warning."""
-    tree = fitted(data_of({"S1": {}}), aortas(c=[21.0, 22.0]))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        found = ph.tube_properties(tree, 100.0, axial_stretch=1.7, **IN_MMHG)
-    assert found.coords["in_vivo_extrapolated"].item() is False
-    assert found.coords["range_extrapolated"].item() is False
-    assert "comment" not in found["in_vivo_axial_stretch"].attrs
-
-
-def test_beyond_what_was_measured_it_says_so():
-    """In vivo stretches that were not measured, missing forces, pressures beyond the tests."""
+def test_in_vivo_stretch_beyond_the_data_is_extrapolated():
     tree = fitted(data_of({"S1": {}}, (1.2, 1.4)), aortas(c=[21.0, 22.0]))
     with pytest.warns(UserWarning, match=r"in vivo axial stretch is ext.* 1\.\d+, measured 1.2 to"):
         found = ph.tube_properties(tree, 100.0, axial_stretch=1.4, **IN_MMHG)
@@ -256,8 +216,7 @@ def test_beyond_what_was_measured_it_says_so():
     assert not found["extrapolated"].any()
 
 
-def test_unknown_geometry():
-    """Radii and thickness by draw: each has the stretch of its own tube."""
+def test_inferred_geometry_gives_a_stretch_per_draw():
     walls = {"inner_radius": [0.44, 0.44, 0.5], "thickness": [0.1, 0.2, 0.1]}
     tree = aortas(c=[FUNG["c"]] * 3)
     posterior = tree["posterior"].to_dataset()
@@ -273,8 +232,7 @@ def test_unknown_geometry():
     assert np.ptp(found) > 0.01
 
 
-def test_typical_and_measured_specimens():
-    """Where specimens differ there is the typical one, at the location, and each that was held."""
+def test_in_vivo_stretch_of_typical_and_named_specimens():
     names = {"S1": {}, "S2": {"c": 24.0, "a2": 0.7}}
     scale = NaturalScale(ph.FungOrthotropic())
     rng = np.random.default_rng(1)
@@ -317,14 +275,7 @@ def test_typical_and_measured_specimens():
 @pytest.mark.parametrize(
     "pressures", [100.0, [80.0], [120.0, 80.0], [80.0, 80.0], [-5.0, 80.0], [1.0, 2.0, 3.0]]
 )
-def test_impossible_range(pressures):
-    """It is a diastolic and a higher systolic pressure, in the unit that is given."""
+def test_impossible_pressure_range_is_refused(pressures):
     settings = LAW | {"pressure_unit": "mmHg"}
     with pytest.raises(ValueError, match="a diastolic and a higher systolic pressure in mmHg; got"):
         ph.tube_properties(aortas(), 100.0, pressure_range=pressures, **settings)
-
-
-def test_range_in_the_wrong_unit():
-    """Pressures that were probably given in mmHg are doubted, as those of the list are."""
-    with pytest.raises(ValueError, match="a pressure is 80 kPa"):
-        ph.tube_properties(aortas(), 10.0, pressure_range=RANGE, check="raise", **LAW)

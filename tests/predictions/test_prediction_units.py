@@ -2,7 +2,7 @@
 
 import pytest
 import xarray as xr
-from drawn import SHEEP, fitted_tree, result
+from tube_posteriors import SHEEP, fitted_tree, result
 
 import pymc_hyperelastic as ph
 
@@ -13,8 +13,7 @@ ROUNDING = 1e-10  # of conversions, through the inverse of a curve
 
 
 @pytest.mark.parametrize("function", AT_PRESSURES)
-def test_pressures_in_mmhg(function):
-    """Pressures in mmHg, and radii in µm, are what they are in kPa and mm; so is the result."""
+def test_pressures_in_mmhg_and_radii_in_micrometres(function):
     tree = result(mu=[20.0, 30.0])
     expected = function(tree, [1.0, 2.0], **NEO, **SHEEP)
     in_um = {"inner_radius": 7000.0, "outer_radius": 9000.0, "radius_unit": "um"}
@@ -34,15 +33,13 @@ def test_radii_in_centimetres(function):
     xr.testing.assert_allclose(found, expected, rtol=ROUNDING)
 
 
-def test_geometry_of_the_data_has_no_other_unit():
-    """The unit is that of what is given: the data and the posterior are in mm."""
+def test_radius_unit_does_not_apply_to_stored_geometry():
     tree = fitted_tree(mu=[20.0], thickness=[2.0])
     found = ph.predict_pressure(tree, [8000.0], radius_unit="um")
     xr.testing.assert_allclose(found, ph.predict_pressure(tree, [8.0]), rtol=ROUNDING)
 
 
-def test_millimetres_of_mercury_taken_for_kilopascal():
-    """A pressure far beyond the data that would be among them in mmHg was perhaps meant so."""
+def test_pressure_probably_given_in_mmhg_is_a_warning():
     tree = fitted_tree("Ogden", mu=[30.0], alpha=[7.0])
     with pytest.warns(UserWarning, match=r"100 kPa \(750.1 mmHg\).*pressure_unit='mmHg'"):
         ph.tube_properties(tree, 100, check="ignore")
@@ -57,7 +54,6 @@ def test_millimetres_of_mercury_taken_for_kilopascal():
         (lambda tree: ph.wall_stress(tree, "x", pressure_unit="psi"), "pressures in psi"),
     ],
 )
-def test_wrong_units(call, message):
-    """What is no unit of the quantity is refused."""
+def test_wrong_units_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
         call(fitted_tree(mu=[20.0]))

@@ -1,0 +1,189 @@
+"""Averages over strain energies, against direct calculations from evidences and their errors."""
+
+import numpy as np
+from scipy.special import expit, softmax
+from variable_classes import NAMES, classify, curves, fit
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.average import Laws, average, labels_of
+from pymc_hyperelastic.classes.interface import Prediction
+from pymc_hyperelastic.classes.parts import parts_of, with_parts
+from pymc_hyperelastic.classes.variable import Variability
+
+# Relative rounding error of a sum of a few numbers.
+ROUNDING = 1e-10
+# Relative error of a standard error that is a root mean square over two thousand draws: 4 sd.
+OF_DRAWS = 0.06
+
+# Log evidences of new data under two classes (law, class), without errors of their own.
+VALUES = np.array([[-3.0, -5.0], [-4.0, -3.5]])
+EQUAL = np.log([0.5, 0.5])
+# Probability of the first law where its log evidence is higher by one.
+FIRST = expit(1.0)
+
+
+def laws(*evidences, parts=(("all",), ("all",))):
+    return Laws(["one", "two"], [*parts], [ph.Estimate(*e) for e in evidences])
+
+
+def predictions(errors=0.0, values=VALUES):
+    return [
+        [Prediction(ph.Estimate(v, errors), errors, "by hand", 0.1) for v in of_law]
+        for of_law in values
+    ]
+
+
+def test_laws_are_weighted_by_their_evidence():
+    both = laws((-50.0, 0.0), (-51.0, 0.0))
+    both.of_classes["soft"] = [ph.Estimate(-20.0, 0.0), ph.Estimate(-18.0, 0.0)]
+    weights = softmax([-50.0, -51.0])
+    variables = both.as_variables()
+    np.testing.assert_allclose(variables["strain_energy_log_evidence"], [-50, -51])
+    np.testing.assert_allclose(variables["strain_energy_probability"], weights)
+    np.testing.assert_allclose(variables["strain_energy_probability_se"], 0, atol=ROUNDING)
+    of_class = variables["strain_energy_class_probability"].sel(class_label="soft")
+    np.testing.assert_allclose(of_class, softmax([-20.0, -18.0]))
+    known = predictions()
+    p_values = [(0.2, 0.3, 0.4), (0.6, 0.8, 0.9)]
+    for of_law, k, p in zip(known, (0.1, np.nan), p_values, strict=True):
+        of_law[0] = Prediction(*of_law[0][:3], k, *p)
+    found = average(both, known, EQUAL)
+    for i, prediction in enumerate(found):
+        expected = np.log(weights @ np.exp(VALUES[:, i]))
+        np.testing.assert_allclose(prediction.log_evidence.value, expected)
+        np.testing.assert_allclose(prediction.log_evidence.standard_error, 0, atol=ROUNDING)
+        np.testing.assert_allclose(prediction.probability_error, 0, atol=ROUNDING)
+    assert found[0].pareto_k == 0.1
+    np.testing.assert_allclose(found[0][4:7], weights @ p_values)
+    assert average(Laws(["one"], [("all",)], both.evidences[:1]), known[:1], EQUAL) == known[0]
+
+
+def test_small_errors_of_evidences_are_propagated_linearly():
+    """Two laws have dP_1 = P_1 P_2 d(L_1 - L_2), and the chain rule gives all other errors."""
+    both = laws((-50.0, 0.03), (-51.0, 0.04))
+    error = FIRST * (1 - FIRST) * 0.05
+    np.testing.assert_allclose(both.probability_error, [error, error], rtol=OF_DRAWS)
+    evidence = np.exp(VALUES)
+    averaged = FIRST * evidence[0] + (1 - FIRST) * evidence[1]
+    slope = (evidence[0] - evidence[1]) / averaged  # derivative of the log evidence by P_1
+    chance = averaged[0] / averaged.sum()
+    for i, prediction in enumerate(average(both, predictions(), EQUAL)):
+        expected = abs(slope[i]) * error
+        np.testing.assert_allclose(prediction.log_evidence.standard_error, expected, rtol=OF_DRAWS)
+        expected = chance * (1 - chance) * abs(slope[0] - slope[1]) * error
+        np.testing.assert_allclose(prediction.probability_error, expected, rtol=OF_DRAWS)
+    # Errors of the laws' predictions add in squares, each times the share of its law.
+    share = np.array([FIRST, 1 - FIRST]) * evidence[:, 0] / averaged[0]
+    first = average(both, predictions(0.1), EQUAL)[0]
+    np.testing.assert_allclose(first.own_error, 0.1 * np.linalg.norm(share))
+    expected = np.hypot(0.1 * np.linalg.norm(share), abs(slope[0]) * error)
+    np.testing.assert_allclose(first.log_evidence.standard_error, expected, rtol=OF_DRAWS)
+
+
+def test_an_unknown_evidence_makes_every_average_unknown():
+    both = laws((-50.0, 0.1), (-90.0, np.inf))
+    assert np.isinf(both.probability_error).all()
+    for prediction in average(both, predictions(), EQUAL):
+        assert np.isinf([*prediction.log_evidence[1:], prediction.probability_error]).all()
+    alone = Laws(["one"], [("all",)], [ph.Estimate(-50.0, np.inf)])
+    assert alone.probability_error.tolist() == [0.0]
+    # New data that one law cannot predict, however small its share seems.
+    known = predictions()
+    failed = ph.Estimate(-1e5, np.inf)
+    known[1] = [p._replace(log_evidence=failed, own_error=np.inf) for p in known[1]]
+    for prediction in average(laws((-50.0, 0.1), (-51.0, 0.1)), known, EQUAL):
+        assert np.isinf([*prediction.log_evidence[1:], prediction.own_error]).all()
+
+
+def test_parts_of_an_average_are_those_of_averaged_evidences():
+    """One law has two parts, the other one of these: the second part leaves it unchanged."""
+
+    def of_class(own):
+        tables = {0: np.array([[-3.0, -4.5], [-3.5, -5.0]]), 1: np.array([-4.0, -3.5])}
+        return [np.flip(tables[law]) if own else tables[law] for law in (0, 1)]
+
+    known = predictions()
+    for own in (0, 1):
+        for law, table in enumerate(of_class(own)):
+            known[law][own] = known[law][own]._replace(hybrids=lambda _, table=table: table)
+    both = laws((-50.0, 0.0), (-51.0, 0.0), parts=(("material", "noise"), ("material",)))
+    averaged = average(both, known, EQUAL)
+    first, second = with_parts(averaged, both, known, EQUAL)
+    assert parts_of(both) == ["material", "noise"]
+    one, two = (np.exp(table) for table in of_class(0))
+    v = np.log(FIRST * one + (1 - FIRST) * two[:, None])
+    material = (v[0, 0] - v[1, 0] + v[0, 1] - v[1, 1]) / 2
+    noise = (v[0, 0] - v[0, 1] + v[1, 0] - v[1, 1]) / 2
+    np.testing.assert_allclose(first.parts, [material, noise])
+    np.testing.assert_allclose(second.parts, [-material, -noise])
+    log_ratio = averaged[0].log_evidence.value - averaged[1].log_evidence.value
+    np.testing.assert_allclose(sum(first.parts), log_ratio)
+    assert (first.rival, second.rival) == (1, 0)
+
+
+def of_one_law(between):
+    """Predictions of two classes with two parts; one of the mixed evidences is given."""
+    table = np.array([[-3.0, between], [-3.5, -5.0]])
+    tables = [table, np.flip(table)]
+    known = zip(predictions()[0], tables, strict=True)
+    return [p._replace(hybrids=lambda _, t=t: t) for p, t in known]
+
+
+def test_unknown_parts_of_a_negligible_law_are_ignored():
+    """Below a probability and a share of 1e-4 a law is left out; else its NaN makes parts NaN."""
+    parts = (("pressure", "slope"),) * 2
+    known = [of_one_law(-4.5), of_one_law(np.nan)]
+    alone = Laws(["one"], [parts[0]], [ph.Estimate(-50.0, 0.0)])
+    expected = np.array(with_parts(known[0], alone, known[:1], EQUAL)[0].parts)
+
+    def parts_with(second, known=known):
+        both = laws((-50.0, 0.0), (second, 0.0), parts=parts)
+        found = with_parts(average(both, known, EQUAL), both, known, EQUAL)
+        return np.array([prediction.parts for prediction in found])
+
+    for second in (-59.5, -2000.0, -np.inf):  # exp(-9.5) = 0.7e-4
+        np.testing.assert_allclose(parts_with(second), [expected, -expected], atol=1e-3)
+    assert np.isnan(parts_with(-59.0)).all()  # exp(-9) = 1.2e-4
+    # An improbable law that explains the new data best is not negligible.
+    likely = [p._replace(log_evidence=ph.Estimate(p.log_evidence.value + 9, 0.0)) for p in known[1]]
+    assert np.isnan(parts_with(-61.0, [known[0], likely])).all()
+
+
+def test_labels_distinguish_laws_of_the_same_name():
+    """By the settings of the law, the experiment effect, and otherwise by a number."""
+    noise = {"sigma": 1.0}
+    kinds = [
+        Variability.of_settings(ph.Ogden(), **noise),
+        Variability.of_settings(ph.Ogden(), **noise, experiment_effect=True),
+        Variability.of_settings(ph.OgdenSeries(1), **noise),
+        Variability.of_settings(ph.OgdenSeries(2), **noise),
+        Variability.of_settings(ph.NeoHookean(), **noise, experiment_effect=True),
+        Variability.of_settings(ph.Ogden(), sigma=2.0),
+        Variability.of_settings([ph.Layer(ph.NeoHookean(), 1), ph.Layer(ph.Ogden(), 1)], **noise),
+    ]
+    assert labels_of(kinds) == [
+        "Ogden",
+        "Ogden with experiment effect",
+        "OgdenSeries(terms=1)",
+        "OgdenSeries(terms=2)",
+        "NeoHookean",
+        "Ogden (2)",
+        "NeoHookean in Ogden",
+    ]
+
+
+def test_laws_of_fitted_classes_are_averaged():
+    """Probabilities of the laws, and their errors, follow from the evidences of the classes."""
+    settings = {"variability": "none", "draws": 300, "chains": 2}
+    classes, other = fit(**settings), fit(ph.Ogden(), **settings)
+    new = curves({"N1": [42.0], "N2": [90.0]}, 3)
+    result = classify(new, classes, average_over=[other])
+    assert result["decision"].values.tolist() == [*NAMES]
+    evidences = np.array([[ph.log_evidence(tree[n]) for n in NAMES] for tree in (classes, other)])
+    probability = softmax(evidences[:, :, 0].sum(axis=1))
+    np.testing.assert_allclose(result["strain_energy_probability"], probability)
+    expected = np.prod(probability) * np.linalg.norm(evidences[:, :, 1])
+    # Errors of half a nat are not quite propagated linearly.
+    np.testing.assert_allclose(result["strain_energy_probability_se"], expected, rtol=0.3)
+    of_classes = result["strain_energy_class_probability"]
+    np.testing.assert_allclose(of_classes, softmax(evidences[:, :, 0], axis=0))

@@ -1,0 +1,181 @@
+"""Probabilities of new experiments, against quadrature and direct calculations."""
+
+import exact
+import fits
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from interrupts import interrupt
+from pooled_classes import NAMES, SEED, assert_exact, new_data
+from scipy.special import softmax
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes import pooled
+from pymc_hyperelastic.classes.classification import _decide, _tabulate
+from pymc_hyperelastic.classes.interface import Prediction
+from pymc_hyperelastic.classes.pooled import ClassPredictive
+
+
+@pytest.fixture(scope="module")
+def classes():
+    return fits.fit("pooled")
+
+
+def classify(data, classes, **settings):
+    return ph.classify(data, classes, **{"random_seed": SEED, "progressbar": False} | settings)
+
+
+@pytest.fixture(scope="module")
+def by_test(classes):
+    return classify(new_data(), classes)
+
+
+def test_each_experiment_has_the_evidence_of_quadrature(by_test):
+    assert by_test["log_evidence"].dims == ("test", "class_label")
+    assert by_test["specimen"].values.tolist() == ["B", "A", "B", "A"]
+    assert by_test["experiment"].values.tolist() == [1, 1, 2, 2]
+    assert by_test["class_label"].values.tolist() == [*NAMES]
+    assert_exact(by_test[{"test": [0, 1]}], [[c] for c in exact.curves_of(new_data())[:2]])
+    assert by_test["decision"].values.tolist() == ["C2", "C1", "C2", "C1"]
+
+
+def test_experiments_on_a_specimen_share_one_material(classes):
+    """The same seed gives the same result."""
+    by_specimen, again = (classify(new_data(), classes, by="specimen") for _ in range(2))
+    xr.testing.assert_identical(by_specimen, again)
+    assert by_specimen["log_evidence"].dims == ("specimen", "class_label")
+    assert by_specimen["specimen"].values.tolist() == ["B", "A"]
+    curves = exact.curves_of(new_data())
+    assert_exact(by_specimen[{"specimen": [0]}], [curves[::2]])
+
+
+@pytest.fixture(scope="module")
+def three_ways(classes):
+    """A short experiment near the first class; each method is used once those before it fail."""
+    one = ph.select(fits.training()["C1"], specimen="S1", experiment=1)
+    one = one.isel(obs=slice(3, None, 5))
+    rng = np.random.default_rng(SEED)
+    pressure = one["pressure"] + 0.3 * rng.standard_normal(one.sizes["obs"])
+    data = one.assign(pressure=pressure.assign_attrs(one["pressure"].attrs))
+    data = data.assign_coords(specimen=("test", ["new"]))
+    results = {}
+    with pytest.MonkeyPatch.context() as patch:
+        results["class draws"] = classify(data, classes)
+        patch.setattr(ClassPredictive, "_from_class_draws", lambda *_: None)
+        results["adapted draws"] = classify(data, classes)
+        patch.setattr(ClassPredictive, "_from_adapted_draws", lambda *_: None)
+        results["tempering"] = classify(data, classes)
+    return data, results
+
+
+@pytest.mark.parametrize("method", ["class draws", "adapted draws", "tempering"])
+def test_each_method_gives_the_evidence_of_quadrature(three_ways, method):
+    """The cheapest that can be trusted is used; far from a class its draws are of no use."""
+    data, results = three_ways
+    result = results[method]
+    far = "tempering" if method == "tempering" else "adapted draws"
+    assert result["method"].values.tolist() == [[method, far]]
+    shape = result["pareto_k"].values
+    assert np.all(np.isnan(shape) if method == "tempering" else shape < 0.5)
+    assert_exact(result, [exact.curves_of(data)])
+
+
+def test_an_experiment_far_from_all_classes_has_the_evidence_of_quadrature(classes):
+    radius = np.linspace(7.3, 10.2, 20)
+    tube = {"inner_radius": 7.0, "outer_radius": 9.0}
+    unit = exact.Curve(radius, np.zeros(20), *tube.values()).responses("Ogden", 2.0)[0][0]
+    points = {"radius": radius, "pressure": 40.0 * unit + 0.3 * np.sin(3 * np.arange(20))}
+    data = pd.DataFrame(points).assign(specimen="new", experiment=1)
+    data = ph.inflation_data(data, **tube)
+    result = classify(data, classes)
+    assert np.all(result["log_evidence"] < -150)  # nats; that of a good fit is about 0
+    assert_exact(result, [exact.curves_of(data)])
+
+
+def test_class_priors_multiply_the_odds(classes, by_test):
+    one = ph.select(new_data(), specimen="A", experiment=1)
+    prior = {"C2": 0.9, "C1": 0.1}
+    result = classify(one, classes, class_prior=prior)
+    np.testing.assert_allclose(result["log_evidence"][0], by_test["log_evidence"][1])
+    log_odds = result["log_evidence"].values + np.log([0.1, 0.9])
+    np.testing.assert_allclose(result["class_probability"], softmax(log_odds, axis=1))
+    result = classify(one, classes, class_prior={"C1": 0.0, "C2": 1.0})
+    np.testing.assert_array_equal(result["class_probability"], [[0, 1]])
+    assert result["decision"].item() == "C2"
+    np.testing.assert_allclose(result["log_evidence"][0], by_test["log_evidence"][1])
+
+
+def test_errors_of_probabilities_follow_from_those_of_evidences():
+    """To first order, with the part that all classes have in common left out."""
+    values, errors = np.array([-3.0, -4.0, -3.5]), np.array([0.01, 0.02, 0.015])
+    prior = np.array([0.2, 0.5, 0.3])
+    row = [
+        Prediction(ph.Estimate(v, 0.5), e, "by hand", 0.1, probability_error=0.004)
+        for v, e in zip(values, errors, strict=True)
+    ]
+    result = _tabulate([row], prior, "specimen", ["a", "b", "c"])
+    probability = prior * np.exp(values) / np.sum(prior * np.exp(values))
+    np.testing.assert_allclose(result["class_probability"][0], probability)
+    rng = np.random.default_rng(SEED)
+    drawn = values + errors * rng.standard_normal((100_000, 3))
+    spread = softmax(drawn + np.log(prior), axis=1).std(axis=0)
+    found = result["class_probability_se"].values[0]
+    np.testing.assert_allclose(found, np.hypot(spread, 0.004), rtol=0.01)
+    np.testing.assert_array_equal(result["log_evidence_se"], 0.5)
+
+
+def decided(undecided_below=0.0, none_below=0.0, **changes):
+    """Decision where the first class is the more probable one, with something changed."""
+    values = {
+        "log_evidence": [0.0, -5.0],
+        "log_evidence_se": [0.01, 0.01],
+        "class_probability": [0.99, 0.01],
+        "pareto_k": [0.1, np.nan],
+        "p_value": [0.5, 0.5],
+    } | changes
+    result = xr.Dataset(
+        {name: (("specimen", "class_label"), [value]) for name, value in values.items()},
+        {"class_label": list(NAMES)},
+    )
+    result["class_verdict"] = "class_label", ["good", "good"]
+    return _decide(result, np.array([0.5, 0.5]), undecided_below, none_below).item()
+
+
+@pytest.mark.parametrize(
+    ("settings", "decision"),
+    [
+        ({}, "C1"),
+        ({"undecided_below": 0.99}, "C1"),
+        ({"undecided_below": 0.991}, "undecided"),
+        # Pareto shapes from 0.5 on are not to be trusted.
+        ({"pareto_k": [0.499, 0.1]}, "C1"),
+        ({"pareto_k": [0.5, 0.1]}, "cannot be judged"),
+        ({"pareto_k": [0.1, np.inf]}, "cannot be judged"),
+        # Ten nats below the most probable class an evidence does not matter.
+        ({"pareto_k": [0.1, np.inf], "log_evidence": [0.0, -9.9]}, "cannot be judged"),
+        ({"pareto_k": [0.1, np.inf], "log_evidence": [0.0, -10.1]}, "C1"),
+        ({"log_evidence_se": [np.inf, 0.1]}, "cannot be judged"),
+        ({"p_value": [np.nan, 0.5]}, "C1"),
+        ({"p_value": [np.nan, 0.5], "none_below": 0.05}, "cannot be judged"),
+        ({"p_value": [0.049, 0.02], "none_below": 0.05}, "none of these"),
+        ({"p_value": [0.049, 0.05], "none_below": 0.05}, "C1"),
+        ({"log_evidence": [np.nan] * 2, "log_evidence_se": [np.nan] * 2}, ""),
+        ({"log_evidence": [np.nan] * 2, "log_evidence_se": [np.inf] * 2}, "cannot be judged"),
+    ],
+)
+def test_decisions(settings, decision):
+    """The most probable class, unless a limit or an evidence that matters forbids it."""
+    assert decided(**settings) == decision
+
+
+def test_an_interrupt_keeps_what_is_classified(classes, by_test, monkeypatch):
+    """In the second experiment: others are unknown."""
+    interrupt(monkeypatch, pooled.ClassPredictive, "__call__", 4)
+    with pytest.warns(UserWarning, match="NaN"):
+        result = classify(new_data(), classes)
+    assert result.sizes == by_test.sizes
+    first, expected = (x.isel(test=[0]).drop_attrs(deep=False) for x in (result, by_test))
+    xr.testing.assert_identical(first, expected)
+    assert np.isnan(result["log_evidence"].values[1:]).all()
+    assert set(result["decision"].values[1:]) == {""}

@@ -1,0 +1,335 @@
+"""Comparison of groups, against closed forms for the distributions of two classes."""
+
+import json
+import warnings
+
+import arviz_stats
+import fits
+import numpy as np
+import pytest
+import xarray as xr
+from scipy import optimize, special, stats
+from variable_classes import SIGMA, TRAINING, TUBE, UNIT_PRESSURE, curves, fit, unit_pressure
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.groups import _averaged
+from pymc_hyperelastic.classes.kinds import kind_of_classes
+from pymc_hyperelastic.classes.quantities import place_of, standard_specimens
+
+SEED = 913
+X = "log_reference_strain"
+STRESS = 20.0  # kPa, the default stress of reference
+DRAWS = 400
+# The specimens of a draw are evenly spread in probability: means over 128 of them have this error.
+MANY, PRECISE = 128, 0.01
+NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(41)
+WEIGHTS = WEIGHTS / WEIGHTS.sum()
+# Relative rounding errors of closed forms.
+ROUNDING = 1e-8
+
+
+def compare(classes, quantity, **settings):
+    settings = {"random_seed": SEED, "bayes_factor": False} | settings
+    return ph.compare_classes(classes, quantity, **settings)
+
+
+def modulus(x):
+    """Return the modulus of a wall that bears the stress of reference at the strain exp(x)."""
+    with np.errstate(over="ignore"):
+        return STRESS / (2 * np.sinh(2 * np.exp(x)))
+
+
+def coordinate(mu):
+    return np.log(np.arcsinh(STRESS / (2 * mu)) / 2)
+
+
+def measured(group):
+    """Return the coordinate of each specimen by least squares, and its standard error."""
+    found = []
+    for specimen in dict.fromkeys(TRAINING[group]["specimen"].values):
+        own = ph.select(TRAINING[group], specimen=specimen)["pressure"].values.reshape(-1, 7)
+        mu = own.mean(axis=0) @ UNIT_PRESSURE / (UNIT_PRESSURE @ UNIT_PRESSURE)
+        # The error of ln μ is nearly that of the coordinate.
+        error = SIGMA / np.sqrt(2 * len(own) * (UNIT_PRESSURE @ UNIT_PRESSURE)) / mu
+        found.append((coordinate(mu), error))
+    return found
+
+
+@pytest.fixture(scope="module")
+def classes():
+    return fits.fit("neo_hookean_classes")
+
+
+@pytest.fixture(scope="module")
+def result(classes):
+    return compare(classes, [X, "mu"], specimens=MANY, draws=DRAWS)
+
+
+@pytest.fixture(scope="module")
+def distributions(classes):
+    """Return the location and the spread of each group by draw: DRAWS of 1000, evenly spaced."""
+    chosen = np.linspace(0, 999, DRAWS).round().astype(int)
+    found = {}
+    for name in TRAINING:
+        posterior = classes[name]["posterior"].to_dataset()
+        found[name] = [posterior[k].values.ravel()[chosen] for k in ("location", "spread")]
+    return found
+
+
+def test_typical_specimen_mean_and_spread_equal_quadrature(result, distributions):
+    for group, (location, spread) in distributions.items():
+        of_nodes = modulus(location[:, None] + spread[:, None] * NODES)
+        mean = of_nodes @ WEIGHTS
+        expected = {
+            "typical": modulus(location),
+            "mean": mean,
+            "spread": np.sqrt((of_nodes - mean[:, None]) ** 2 @ WEIGHTS),
+        }
+        # The moments of wider distributions depend on a few specimens in a million.
+        narrow = spread < 0.4
+        assert narrow.mean() > 0.5
+        for statistic, values in expected.items():
+            found = result["draws"].sel(group=group, statistic=statistic, quantity="mu")
+            rtol = {"typical": ROUNDING, "mean": PRECISE, "spread": 5 * PRECISE}[statistic]
+            np.testing.assert_allclose(found[narrow], values[narrow], rtol=rtol)
+        own = result["draws"].sel(group=group, quantity=X)
+        np.testing.assert_allclose(own.sel(statistic="typical"), location, rtol=ROUNDING)
+        np.testing.assert_allclose(own.sel(statistic="spread"), spread, rtol=ROUNDING)
+    assert float(result["lacking"].max()) == 0
+    assert result["unit"].values.tolist() == ["1", ""]
+
+
+def test_differences_follow_from_the_draws(result, distributions):
+    found = result.sel(comparison="stiff − soft", statistic="typical")
+    (m1, s1), (m2, s2) = distributions.values()
+    difference = modulus(m2) - modulus(m1)
+    mu, x = found.sel(quantity="mu"), found.sel(quantity=X)
+    assert mu["difference"].item() == pytest.approx(np.median(difference))
+    assert mu["difference_sd"].item() == pytest.approx(np.std(difference, ddof=1))
+    ends = np.quantile(difference, [0.025, 0.975])
+    np.testing.assert_allclose(mu["difference_interval"], ends)
+    assert mu["ratio"].item() == pytest.approx(np.median(modulus(m2) / modulus(m1)))
+    assert mu["probability_of_rise"].item() == np.mean(difference > 0)
+    assert x["probability_of_rise"].item() == np.mean(m2 > m1) < 0.5
+    assert x["probability_of_direction"].item() == np.mean(m2 < m1)
+    assert np.isnan(x["ratio"].item())
+    effect = np.median((m2 - m1) / np.sqrt((s1**2 + s2**2) / 2))
+    assert x["effect_size"].item() == pytest.approx(effect)
+    assert result.attrs["compared"] == 2
+    assert "0.1 of them are expected beyond their 95 % intervals" in result.attrs["words"]
+
+
+def test_overlaps_are_those_of_normal_distributions(result, distributions):
+    """For one coordinate the overlap of the quantity is that of the specimens."""
+    found = result.sel(comparison="stiff − soft")
+    grid = np.linspace(-6, 3, 4001)
+    both = [stats.norm.pdf(grid, m[:, None], s[:, None]) for m, s in distributions.values()]
+    exact = np.median(np.trapezoid(np.minimum(*both), grid, axis=1))
+    for quantity in (X, "mu"):
+        assert found["overlap"].sel(quantity=quantity).item() == pytest.approx(exact, abs=0.015)
+    assert found["overlap_of_specimens"].item() == pytest.approx(exact, abs=0.01)
+    np.testing.assert_allclose(found["best_accuracy"], 1 - found["overlap"] / 2)
+
+
+def test_spreads_are_reported_with_their_prior(classes, result, distributions):
+    found = result.isel(coordinate=0)
+    spread = distributions["soft"][1]
+    assert found["coordinate_spread"].sel(group="soft") == pytest.approx(np.median(spread))
+    (logs,), sd = kind_of_classes(classes).scale.spread_prior
+    assert found["prior_coordinate_spread"] == pytest.approx(np.exp(logs), rel=0.01)
+    ends = np.exp(logs + sd * stats.norm.ppf([0.025, 0.975]))
+    np.testing.assert_allclose(found["prior_coordinate_spread_interval"], ends, rtol=0.01)
+
+
+def test_sensitivities_are_those_of_the_closed_form_of_the_model(classes, result, distributions):
+    """Each specimen is known with a small normal error."""
+    scale = kind_of_classes(classes).scale
+    logs = {"log_prior": 0.0, "log_likelihood": 0.0}
+    for name, (location, spread) in distributions.items():
+        logs["log_prior"] += stats.norm.logpdf(location, *np.ravel(scale.location_prior))
+        median, sd = np.exp(scale.spread_prior[0][0]), scale.spread_prior[1]
+        logs["log_prior"] += stats.lognorm.logpdf(spread, sd, scale=median)
+        for x, error in measured(name):
+            logs["log_likelihood"] += stats.norm.logpdf(x, location, np.hypot(spread, error))
+    logs["posterior"] = distributions["stiff"][0] - distributions["soft"][0]
+    groups = {k: xr.Dataset({"value": (("chain", "draw"), v[None])}) for k, v in logs.items()}
+    tree = xr.DataTree.from_dict(groups)
+    found = result.sel(statistic="typical", quantity=X).squeeze()
+    for group in ("prior", "likelihood"):
+        expected = float(arviz_stats.psense(tree, group=group)["value"])
+        assert found[f"{group}_sensitivity"].item() == pytest.approx(expected, rel=0.05)
+
+
+def test_properties_are_those_of_a_tube(classes):
+    """The pressure of a neo-Hookean tube is proportional to its modulus; soft tubes burst."""
+    pressure = [1.0, 6.0]
+    quantities = ["compliance", "log compliance"]
+    with pytest.warns(UserWarning, match="have no") as warned:
+        result = compare(classes, quantities, pressure=pressure, draws=100, specimens=16)
+    lacking = result["lacking"].sel(quantity="compliance", pressure=6.0)
+    assert lacking.sel(group="soft") > lacking.sel(group="stiff")
+    words = f"class 'soft': {float(lacking.sel(group='soft')):.1%} of its specimens have no compl"
+    assert str(warned[0].message).startswith(words)
+    assert json.loads(result.attrs["tube"]) == TUBE | {"axial_stretch": 1.0, "opening_angle": 0.0}
+    draws = result["draws"].sel(group="stiff", statistic="typical", pressure=1.0)
+    location = classes["stiff"]["posterior"]["location"].values.ravel()
+    mu = modulus(location[np.linspace(0, 999, 100).round().astype(int)])
+    for place in (0, 57):
+
+        def excess(r, mu=mu[place]):
+            return mu * unit_pressure(np.array([r]))[0] - 1.0
+
+        a = optimize.brentq(excess, 6.9, 12)
+        slope = (excess(a + 1e-4) - excess(a - 1e-4)) / 2e-4
+        found = draws.sel(quantity="compliance").values[place]
+        assert found == pytest.approx(2 * np.pi * a / slope, rel=1e-6)
+    logs = draws.sel(quantity="log compliance")
+    np.testing.assert_allclose(np.exp(logs), draws.sel(quantity="compliance"))
+
+
+def test_a_covariate_that_explains_the_specimens_leaves_the_difference(classes):
+    """The coordinates of specimens differ by 0.1 per unit of a covariate, and by their group."""
+    moduli = {"A1": 30.0, "A2": 38.0, "A3": 50.0, "B1": 70.0, "B2": 85.0, "B3": 110.0}
+    x = {name: coordinate(mu) for name, mu in moduli.items()}
+    middle = {group: np.mean([x[f"{group}{i}"] for i in (1, 2, 3)]) for group in "AB"}
+    age = {name: 10 * (value - middle[name[0]]) for name, value in x.items()}
+    settings = {"covariates": {"age": age}, "bayes_factor": True, "draws": DRAWS}
+    found = compare(classes, X, **settings).sel(statistic="typical").squeeze()
+    assert found["covariate_effect"].item() == pytest.approx(0.1, abs=0.02)
+    low, high = found["covariate_effect_interval"].values
+    assert 0 < low < 0.1 < high < 0.2
+    expected = middle["B"] - middle["A"]
+    assert abs(found["difference"] - expected) < 2 * found["difference_sd"]
+    alone = compare(classes, X, draws=DRAWS).sel(statistic="typical").squeeze()
+    assert found["difference_sd"] < 0.8 * alone["difference_sd"]
+    scale = kind_of_classes(classes).scale
+    (mean,), (sd,) = scale.location_prior
+    x, errors = np.array([*measured("soft"), *measured("stiff")]).T
+    sign, ages = np.repeat([-0.5, 0.5], 3), np.array([*age.values()])
+    z = np.linspace(-4, 4, 41)
+
+    def log_evidence(apart):
+        """Sum over spreads, and over their log ratio, whose prior has the sd 0.5."""
+        terms = []
+        for spread in np.exp(scale.spread_prior[0][0] + scale.spread_prior[1] * z):
+            for ratio in 0.5 * z if apart else [0.0]:
+                columns = np.stack([np.full(6, sd), ages / ages.std(), apart * spread * sign])
+                columns[1] *= np.exp(scale.spread_prior[0][0])
+                noise = (spread * np.exp(ratio * sign)) ** 2 + errors**2
+                covariance = np.diag(noise) + columns.T @ columns
+                terms.append(stats.multivariate_normal.logpdf(x, np.full(6, mean), covariance))
+        weights = stats.norm.logpdf(z) + np.log(z[1] - z[0])
+        weights = np.add.outer(weights, weights).ravel() if apart else weights
+        return special.logsumexp(terms + weights)
+
+    expected = log_evidence(True) - log_evidence(False)
+    error = found["log_bayes_factor_se"].item()
+    assert abs(found["log_bayes_factor"].item() - expected) < 3 * error < 0.3
+    odds = special.expit(found["log_bayes_factor"].item())
+    assert found["probability_of_difference"].item() == pytest.approx(odds)
+
+
+def test_the_tube_is_that_of_the_median_specimen(classes):
+    """A specimen counts once, however many tests it has; a given value replaces the median."""
+    changed = classes.copy(deep=True)
+    for name, radii in (("soft", [6.0, 6.5, 7]), ("stiff", [7.5, 8, 8, 8.9])):
+        data = changed[name]["constant_data"].to_dataset().assign(inner_radius=("test", radii))
+        changed[name]["constant_data"] = xr.DataTree(data)
+    place = place_of(changed, [X], None, None, "kPa", 1060.0, {"axial_stretch": 1.5})
+    expected = {"inner_radius": 7.25, "outer_radius": 9.0, "axial_stretch": 1.5}
+    assert place.tube == expected | {"opening_angle": 0.0}
+
+
+def test_pairs_are_known_better_than_groups():
+    """Moduli of animals differ threefold, and all rise by about a fifth."""
+    rng = np.random.default_rng(SEED)
+    moduli = {f"m{i}": np.exp(rng.normal(np.log(60.0), 0.5)) for i in range(4)}
+    rise = {name: np.exp(rng.normal(0.2, 0.05)) for name in moduli}
+    before = curves({name: [mu] for name, mu in moduli.items()}, 5)
+    after = curves({name: [mu * rise[name]] for name, mu in moduli.items()}, 6)
+    tree = fit(training={"before": before, "after": after}, draws=200, chains=1)
+    found = compare(tree, X, pair="specimen", bayes_factor=True, draws=200).squeeze()
+    # The specimens of a draw have exactly the variance of their distribution.
+    spread = found["value"].sel(statistic="spread").values
+    np.testing.assert_allclose(found["coordinate_spread"].values, spread, rtol=1e-6)
+    found = found.sel(statistic="typical")
+    groups = compare(tree, X, draws=200).sel(statistic="typical").squeeze()
+    # A modulus that rises makes the strain of reference fall.
+    changes = [coordinate(mu * rise[n]) - coordinate(mu) for n, mu in moduli.items()]
+    assert found["difference"].item() == pytest.approx(np.mean(changes), abs=0.05)
+    assert found["difference_sd"] < groups["difference_sd"] / 2
+    assert found["probability_of_rise"] < 0.02 < groups["probability_of_rise"]
+    assert found["log_bayes_factor"] > 3 * found["log_bayes_factor_se"]
+    assert found["share_rising"] < 0.2
+    # Four changes say little of their spread, whose prior has a median of some 0.3.
+    assert np.std(changes) < found["spread_of_change"] < 0.3
+    assert found["effect_size_of_change"] < found["effect_size"] < 0
+    before = found["value"].sel(group="before").item()
+    mean = np.mean([coordinate(mu) for mu in moduli.values()])
+    assert before == pytest.approx(mean, abs=groups["difference_sd"].item())
+
+
+def test_bayes_factors_of_laws_are_averaged_by_their_evidence():
+    """The evidence of no difference is that of all laws together, divided by each factor."""
+
+    class Laws:
+        log_probability = np.log([0.7, 0.3])
+
+    found = _averaged([[(2.0, 0.1)], [(-1.0, 0.2)]], Laws())
+    none = 0.7 / np.exp(2.0), 0.3 / np.exp(-1.0)
+    assert found["log_bayes_factor"][1] == pytest.approx([-np.log(sum(none))])
+    error = np.hypot(none[0] * 0.1, none[1] * 0.2) / sum(none)
+    assert found["log_bayes_factor_se"][1] == pytest.approx([error])
+    assert found["probability_of_difference"][1] == pytest.approx([1 / (1 + sum(none))])
+
+
+def test_standard_specimens_have_the_moments_of_a_normal_distribution():
+    for size, count in ((1, 128), (3, 32)):
+        z = standard_specimens(size, count)
+        assert z.shape == (count + 1, size) and not z[0].any()
+        np.testing.assert_allclose(z[1:].mean(axis=0), 0, atol=1e-12)
+        covariance = np.cov(z[1:].T, ddof=0).reshape(size, size)
+        np.testing.assert_allclose(covariance, np.eye(size), atol=1e-9)
+
+
+@pytest.mark.deep
+def test_laws_are_averaged_by_their_probability(classes):
+    """The fixture is compared with Demiray's law, of two parameters."""
+    other = fit(ph.Demiray(), draws=500, chains=1)
+    laws = {"NeoHookean": classes, "Demiray": other}
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=".*have no compliance there")
+        result = compare(laws, "compliance", pressure=1.0, draws=500)
+        alone = [compare(t, "compliance", pressure=1.0, draws=500)["draws"] for t in laws.values()]
+    evidences = [sum(ph.log_evidence(t[g]).value for g in TRAINING) for t in laws.values()]
+    share = 1 / (1 + np.exp(evidences[0] - evidences[1]))
+    chosen = [np.isin(result["draws"].values, d.values).mean() for d in alone]
+    assert chosen[1] == pytest.approx(share, abs=0.09)  # four standard errors
+    assert sum(chosen) == pytest.approx(1.0)
+    assert result.attrs["strain_energy"] == "NeoHookean, Demiray"
+    with pytest.raises(ValueError, match="no quantity is called 'b'; of NeoHookean"):
+        compare(laws, "b")
+
+
+def test_wrong_input_is_named(classes):
+    for quantity, settings, message in (
+        ("stiffnes", {}, "no quantity is called 'stiffnes'; of NeoHookean there are .*'stiffness'"),
+        ([], {}, "one or several different names"),
+        ("compliance", {}, "compliance is that of a tube at a pressure: say pressure="),
+        ("in_vivo_axial_stretch", {"pressure": 2}, "follows from two pressures: say pressure_ran"),
+        (X, {"prob": 95}, "prob must be a probability"),
+        (X, {"draws": 10}, "draws is 10"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            compare(classes, quantity, **settings)
+
+
+def test_groups_that_cannot_be_compared_are_refused(classes):
+    one = xr.DataTree.from_dict({"soft": classes["soft"]})
+    with pytest.raises(ValueError, match=r"two classes or more can be compared; here is \['soft'"):
+        compare(one, X)
+    with pytest.raises(ValueError, match="variability='specimen'"):
+        compare(fits.fit("pooled"), X)
+    alone = {"soft": TRAINING["soft"], "stiff": ph.select(TRAINING["stiff"], specimen="B1")}
+    with pytest.raises(ValueError, match="class 'stiff' has one specimen, 'B1': how far"):
+        compare(fit(training=alone, draws=100, chains=1), X)

@@ -1,0 +1,51 @@
+"""Evidences of a specimen under several classes by few draws, against sums over grids."""
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp, softmax
+from variable_classes import SIGMA, curves, log_evidence_of_specimen
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.few_draws import FewDraws, known_class
+from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.models.class_distribution import ClassDistribution
+
+SEED, DRAWS, STANDARD_ERRORS = 913, 1000, 4
+# Location and spread of the classes: wide, as narrow as the likelihood, and far from the specimen.
+CLASSES = [(-1.7, 0.3), (-2.1, 0.02), (-5.0, 0.1)]
+# How much experiments differ, and the spread of the logarithm of that.
+WITHIN, EFFECT = 0.15, 0.3
+# Effective draws of the first two classes are 1180 and 1440: a tenth less on other machines.
+EFFECTIVE = {False: 1060, True: 1300}
+
+
+@pytest.mark.parametrize("effect", [False, True], ids=["one material", "experiments differ"])
+def test_evidences_are_those_of_a_grid(effect):
+    """Draws are as good as designed: no further round is made for a class that matters."""
+    data = curves({"A": [38.0, 46.0] if effect else [38.0]}, 3)
+    kind = Variability.of_settings(ph.NeoHookean(), sigma=SIGMA, experiment_effect=effect)
+    # Distributions of a class differ in their location.
+    shifts = np.zeros(1) if effect else np.linspace(-0.1, 0.1, 9)
+    rows, more = np.ones((len(shifts), 1)), (WITHIN, EFFECT) if effect else ()
+    optional, known = (WITHIN * rows[None], EFFECT * rows) if effect else (), []
+    for location, spread in CLASSES:
+        location = (location + shifts)[None, :, None]
+        of_class = ClassDistribution(location, spread * rows[None], np.eye(1), *optional)
+        known.append(known_class(of_class, data.sizes["test"], 0))
+    rng, prior = np.random.default_rng(SEED), np.log([0.4, 0.4, 0.2])
+    found = FewDraws(kind.sampler(data), known, prior, data, None, DRAWS, rng)
+    for i, (terms, (location, spread)) in enumerate(
+        zip(found.log_terms[:2], CLASSES, strict=False)
+    ):
+        value = logsumexp(terms) - np.log(len(terms))
+        error = np.sqrt(np.sum(np.exp(2 * (terms - logsumexp(terms)))) - 1 / len(terms))
+        each = [log_evidence_of_specimen(data, location + s, spread, *more) for s in shifts]
+        exact = logsumexp(each) - np.log(len(shifts))
+        assert abs(value - exact) < STANDARD_ERRORS * error
+        assert error < 0.05
+        # The proposal has a component for each distribution; curves are not quite linear.
+        weights = np.exp(found._mixtures[i][0].log_weights)
+        np.testing.assert_allclose(weights, np.sort(softmax(each))[::-1], atol=0.03)
+    assert len(found.points) == len(CLASSES) * DRAWS
+    assert np.all(found.effective[:2] > EFFECTIVE[effect])
+    assert np.isinf(found.effective[2])

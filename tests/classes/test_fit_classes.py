@@ -1,0 +1,81 @@
+"""Classes whose specimens share one material: evidence and posterior against quadrature."""
+
+import fits
+import numpy as np
+import pymc as pm
+import pytest
+import variable_classes
+from interrupts import interrupt
+from pooled_classes import (
+    EVIDENCE_TOLERANCE,
+    NAMES,
+    NOISE,
+    SEED,
+    STANDARD_ERRORS,
+    exact_posterior,
+)
+from scipy import stats
+from scipy.special import logsumexp
+from variable_classes import UNIT_PRESSURE, curves
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes import pooled
+from pymc_hyperelastic.classes.kinds import kind_of_classes
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_evidence_and_posterior_are_those_of_quadrature(name):
+    fitted, truth = fits.fit("pooled")[name], exact_posterior(name)
+    value, error = ph.log_evidence(fitted)
+    assert abs(value - truth.log_evidence) < min(STANDARD_ERRORS * error, 2 * EVIDENCE_TOLERANCE)
+    # The energy is even in alpha, and both signs are equally probable.
+    for variable, nodes in (("mu", truth.modulus), ("alpha", np.abs(truth.exponent))):
+        draws = np.abs(fitted["posterior"][variable].values)
+        # A thousand draws know a mean to 3 % of the sd, and the sd to 2 %.
+        assert abs(draws.mean() - truth.mean(nodes)) < 0.15 * truth.sd(nodes)
+        np.testing.assert_allclose(draws.std(), truth.sd(nodes), rtol=0.15)
+
+
+def test_a_class_keeps_its_data_and_a_seed_of_its_own():
+    """New specimens of a class have the parameters of its posterior."""
+    classes = fits.fit("pooled")
+    for name, data in fits.training().items():
+        fitted = classes[name]
+        np.testing.assert_array_equal(fitted["observed_data"]["pressure"], data["pressure"])
+        posterior = fitted["posterior"]
+        assert posterior.sizes == {"chain": 2, "draw": 500}
+        new = kind_of_classes(classes).new_specimens(fitted, np.random.default_rng(SEED))
+        assert list(new) == list(posterior.data_vars) == ["mu", "alpha"]
+        np.testing.assert_array_equal(new["mu"], posterior["mu"].values.ravel())
+    assert len({classes[name].attrs["random_seed"] for name in NAMES}) == 2
+
+
+def test_an_interrupt_keeps_the_classes_that_are_fitted(monkeypatch):
+    settings = {"draws": 100, "chains": 1, "progressbar": False} | NOISE
+    interrupt(monkeypatch, pooled, "run_smc", 2)
+    with pytest.warns(UserWarning, match=r"only \['C1'\]"):
+        kept = ph.fit_classes(ph.Ogden(), fits.training(), **settings)
+    assert list(kept.children) == ["C1"]
+    interrupt(monkeypatch, pooled, "run_smc", 1)
+    with pytest.raises(KeyboardInterrupt):
+        ph.fit_classes(ph.Ogden(), fits.training(), **settings)
+
+
+def test_new_data_are_predicted_with_the_inferred_noise_of_each_class():
+    """By the mean likelihood of the stored draws; the model of the context does not change."""
+    noise = {"sigma": None, "noise_sd": pm.HalfNormal.dist(5.0)}
+    with pm.Model() as own:
+        pm.Normal("mu")
+        classes = variable_classes.fit(variability="none", **noise)
+        new = curves({"N": [50.0]}, 3)
+        result = variable_classes.classify(new, classes)
+    assert list(own.named_vars) == ["mu"]
+    for i, fitted in enumerate(classes.children.values()):
+        assert "one standard deviation" in fitted.attrs["noise_in_words"]
+        mu, sd = (fitted["posterior"][n].values.reshape(-1, 1) for n in ("mu", "noise_sd"))
+        each = stats.norm(mu * UNIT_PRESSURE, sd).logpdf(new["pressure"].values).sum(axis=1)
+        weights = np.exp(each - logsumexp(each))
+        error = np.hypot(np.linalg.norm(weights), result["log_evidence_se"].values[0, i])
+        expected = logsumexp(each) - np.log(each.size)
+        assert error < 2 * EVIDENCE_TOLERANCE
+        assert abs(result["log_evidence"].values[0, i] - expected) < STANDARD_ERRORS * error

@@ -1,0 +1,138 @@
+"""Scores of class probabilities, and how reliable they are, computed by hand."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import pymc_hyperelastic as ph
+
+# Relative rounding errors of sums and logarithms of a few numbers of order one.
+ROUNDING = 1e-12
+
+
+def classified(probability, **attrs):
+    """Return probabilities in the form in which `classify` gives them."""
+    probability = np.array(probability, dtype=float)
+    return xr.Dataset(
+        {"class_probability": (("test", "class_label"), probability)},
+        {
+            "class_label": [f"C{i + 1}" for i in range(probability.shape[1])],
+            "specimen": ("test", [f"S{i + 1}" for i in range(len(probability))]),
+            "experiment": ("test", [3] * len(probability)),
+        },
+        attrs,
+    )
+
+
+def test_scores_of_two_units_by_hand():
+    """The log scores are ln 0.7 and ln 0.2, the Brier scores 0.14 and 1.04.
+
+    (0.7, 0.1, 0.2) against (1, 0, 0): 0.09 + 0.01 + 0.04. (0.2, 0.2, 0.6) against (0, 1, 0):
+    0.04 + 0.64 + 0.36 = 1.04.
+    """
+    result = classified([[0.7, 0.1, 0.2], [0.2, 0.2, 0.6]], simulated=1, class_prior="equal")
+    scores = ph.score_probabilities(result, ["C1", "C2"])
+    np.testing.assert_allclose(scores["log_score"], np.log([0.7, 0.2]), rtol=ROUNDING)
+    np.testing.assert_allclose(scores["brier_score"], [0.14, 1.04], rtol=ROUNDING)
+    assert scores["correct"].values.tolist() == [True, False]
+    # The standard error of the mean of two values is half their difference.
+    for name, mean, error in (
+        ("mean_log_score", np.log(0.14) / 2, np.log(3.5) / 2),
+        ("mean_brier_score", 0.59, 0.45),
+        ("accuracy", 0.5, 0.5),
+    ):
+        assert scores[name].item() == pytest.approx(mean, rel=ROUNDING)
+        assert scores[f"{name}_se"].item() == pytest.approx(error, rel=ROUNDING)
+    assert scores["specimen"].values.tolist() == ["S1", "S2"]
+    assert scores["truth"].values.tolist() == ["C1", "C2"]
+    assert scores.attrs == {"simulated": 1, "prob": 0.95}
+
+
+def test_a_true_class_that_was_called_impossible_scores_minus_infinity():
+    scores = ph.score_probabilities(classified([[1.0, 0.0], [0.5, 0.5]]), ["C2", "C1"])
+    assert scores["log_score"].values.tolist() == [-np.inf, np.log(0.5)]
+    assert scores["mean_log_score"].item() == -np.inf
+    assert np.isnan(scores["mean_log_score_se"].item())
+    assert scores["brier_score"].values.tolist() == [2.0, 0.5]
+    one = ph.score_probabilities(classified([[0.9, 0.1]]), ["C1"])
+    assert one["accuracy"].item() == 1 and np.isnan(one["accuracy_se"].item())
+
+
+def test_calibration_error_of_two_bins_by_hand():
+    """The upper bin holds 0.6, 0.8, 0.9, two of them right, and the lower one 0.5, which is not.
+
+    The upper bin has the mean 23/30 and the frequency 2/3, an error of 0.1; the lower one 0.5 and
+    0: together 3/4 · 0.1 + 1/4 · 0.5 = 0.2. Of class C1 the lower bin holds 0.2, 0.1 and 0.5, of
+    which the second is C1, and the upper one 0.6, which is.
+    """
+    # A probability that misses the limit between two bins by rounding belongs to the lower bin.
+    result = classified([[0.6, 0.4], [0.2, 0.8], [0.1, 0.9], [0.5 + 1e-15, 0.5 - 1e-15]])
+    scores = ph.score_probabilities(result, ["C1", "C2", "C1", "C2"], bins=2)
+    top = scores.sel(forecast="most probable class")
+    assert top["count"].values.tolist() == [1, 3]
+    np.testing.assert_allclose(top["predicted_probability"], [0.5, 23 / 30], rtol=ROUNDING)
+    np.testing.assert_allclose(top["observed_frequency"], [0, 2 / 3], rtol=ROUNDING)
+    assert top["expected_calibration_error"].item() == pytest.approx(0.2, rel=ROUNDING)
+    first = scores.sel(forecast="C1")
+    assert first["count"].values.tolist() == [3, 1]
+    np.testing.assert_allclose(first["predicted_probability"], [0.8 / 3, 0.6], rtol=ROUNDING)
+    np.testing.assert_allclose(first["observed_frequency"], [1 / 3, 1], rtol=ROUNDING)
+    error = 3 / 4 * (1 / 3 - 0.8 / 3) + 1 / 4 * 0.4
+    assert first["expected_calibration_error"].item() == pytest.approx(error, rel=ROUNDING)
+
+
+def test_empty_bins_are_nan_and_do_not_count():
+    scores = ph.score_probabilities(classified([[1.0, 0.0]] * 3), ["C1"] * 3)
+    top = scores.sel(forecast="most probable class")
+    assert top["count"].values.tolist() == [0] * 9 + [3]
+    assert np.isnan(top["observed_frequency"][:9]).all()
+    assert scores["expected_calibration_error"].values.tolist() == [0, 0, 0]
+    assert scores.sel(forecast="C2")["count"].values.tolist() == [3] + [0] * 9
+    assert scores["bin_left"].values[1] == pytest.approx(0.1) == scores["bin_right"].values[0]
+
+
+def test_intervals_are_those_of_wilson():
+    """8 of 10 with 95 %: from 0.4902 to 0.9433 (Wilson 1927)."""
+    truth = ["C1"] * 8 + ["C2"] * 2
+    p = classified([[0.75, 0.25]] * 10)["class_probability"].T  # dimensions in any order
+    scores = ph.score_probabilities(p, xr.DataArray(truth, dims="test"), prob=0.95)
+    top = scores.sel(forecast="most probable class").isel(bin=7)
+    assert top["frequency_lower"].item() == pytest.approx(0.4902, abs=1e-4)
+    assert top["frequency_upper"].item() == pytest.approx(0.9433, abs=1e-4)
+
+
+HALVES = classified([[0.5, 0.5]])
+
+
+NAMED = xr.DataArray([[0.5, 0.5]] * 2, {"unit": [1, 2], "class_label": ["A", "B"]})
+
+
+def units(probability, classes):
+    return xr.DataArray([probability], {"class_label": classes}, ["unit", "class_label"])
+
+
+def test_wrong_input_is_an_error_that_names_the_unit():
+    for probability, truth, message in (
+        (classified([[0.9, 0.2]]), ["C1"], "specimen 'S1', experiment 3: .*0.2"),
+        (classified([[1.1, -0.1]]), ["C1"], "between 0 and 1 that add up to 1"),
+        (classified([[np.nan] * 2]), ["C1"], "not classified: leave the unit out"),
+        (HALVES, ["control"], r"'S1', .*'control' is not among .*\['C1', 'C2'\]"),
+        (HALVES, ["C1", "C2"], r"for each of 1 unit\(s\)"),
+        (HALVES, "C1", r"for each of 1 unit\(s\); got 'C1'"),
+        (HALVES["class_probability"][0], ["C1"], r"here are \['class_label'\]"),
+        (units([0.4, 0.5], ["A", "B"]), ["A"], "unit 0: the probabilities"),
+        (units([0.5, 0.5], ["A", "A"]), ["A"], "each class once"),
+        (classified(np.empty((0, 2))), [], r"of 0 unit\(s\)"),
+        (
+            NAMED,
+            xr.DataArray(["A", "A"], {"unit": [2, 1]}),
+            "probabilities and truth differ in 'unit'",
+        ),
+    ):
+        with pytest.raises(ValueError, match=message):
+            ph.score_probabilities(probability, truth)
+    with pytest.raises(TypeError, match="DataArray of probabilities, not list"):
+        ph.score_probabilities([[0.9, 0.1]], ["C1"])
+    for settings, message in (({"bins": 0}, "bins is 0"), ({"prob": 94}, "prob must be a prob")):
+        with pytest.raises(ValueError, match=message):
+            ph.score_probabilities(HALVES, ["C1"], **settings)

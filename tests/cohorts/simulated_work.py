@@ -1,0 +1,103 @@
+"""A cohort, and work on it that costs nothing and fails, dies or waits at chosen specimens."""
+
+import os
+import signal
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.cohorts.run import run_cohort
+from pymc_hyperelastic.cohorts.work import Work, labels_of
+from pymc_hyperelastic.data.select import tests_at, units_of
+
+SPECIMENS = 20
+# Seconds between two looks whether a condition holds.
+POLL = 0.01
+
+
+def cohort(specimens: int = SPECIMENS, seed: int = 1) -> xr.Dataset:
+    """Return specimens with two tests each; their curves are those of no material."""
+    rng = np.random.default_rng(seed)
+    radius = np.linspace(7.1, 9.0, 5)
+    frames = []
+    for specimen in range(specimens):
+        for experiment in (1, 2):
+            labels = {"specimen": f"S{specimen}", "experiment": experiment}
+            pressure = (radius - 7) * rng.uniform(4, 6) + 0.1 * rng.standard_normal(5)
+            frames.append(pd.DataFrame(labels | {"radius": radius, "pressure": pressure}))
+    return ph.inflation_data(pd.concat(frames), inner_radius=7.0, outer_radius=9.0, check="ignore")
+
+
+@dataclass(frozen=True)
+class SimulatedWork(Work):
+    """The sum of the pressures of each specimen.
+
+    At a specimen of `raises` the work raises an error, and at one of `kills` its process is killed;
+    at one of `kills_once` only the first time. At one of `waits` it leaves a note in `folder` and
+    waits until its parent process has died.
+    """
+
+    name: ClassVar[str] = "simulated"
+
+    by: str = "specimen"
+    raises: tuple[str, ...] = ()
+    kills: tuple[str, ...] = ()
+    kills_once: tuple[str, ...] = ()
+    waits: tuple[str, ...] = ()
+    folder: Path = Path()
+    factor: float = 1.0
+    seconds: float = 0.0
+    """How long each specimen takes; for benchmarks."""
+
+    def manifest(self):
+        return {"factor": self.factor, "random_seed": 1}
+
+    def prepare(self):
+        return self.run
+
+    def note(self, label: str) -> Path:
+        """Return the file that exists once the work has begun at this specimen."""
+        return self.folder / f"{label}.note"
+
+    def run(self, data):
+        units = units_of(data, self.by)
+        for label in units:
+            first = not self.note(label).exists()
+            if label in self.waits + self.kills_once:
+                self.note(label).touch()
+            if label in self.kills or (label in self.kills_once and first):
+                os.kill(os.getpid(), signal.SIGKILL)
+            if label in self.raises:
+                raise KeyError(label)
+            parent = os.getppid()
+            while label in self.waits and os.getppid() == parent:
+                time.sleep(POLL)
+        time.sleep(self.seconds * len(units))
+        totals = [self.factor * tests_at(data, t)["pressure"].values.sum() for t in units.values()]
+        variables = {
+            "total": (self.by, totals),
+            "text": (self.by, [f"{total:.1f}" for total in totals]),
+            "pair": (("of_two", self.by), np.array([totals, totals]), {"units": "kPa"}),
+            "error": (self.by, [""] * len(units)),
+            "common": ("of_two", [1.0, 2.0]),
+        }
+        return xr.Dataset(variables, labels_of(data, self.by), {"strain_energy": "none"})
+
+
+def computed(work: Work, data: xr.Dataset, folder: Path, **settings) -> xr.Dataset:
+    """Run the work on a cohort in this process, unless settings say otherwise; read the result."""
+    run_cohort(work, data, folder, **{"cores": 1, "progressbar": False} | settings)
+    return ph.open_cohort(folder).load()
+
+
+def wait_for(condition, process) -> None:
+    """Wait, without a limit, until a condition holds; fail if the process ends before."""
+    while not condition():
+        assert process.poll() is None, "the process ended too early"
+        time.sleep(POLL)

@@ -1,0 +1,128 @@
+"""Cohorts on a Dask cluster whose workers and scheduler may die."""
+
+import asyncio
+import operator
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+from simulated_work import POLL, SimulatedWork, computed, wait_for
+
+from pymc_hyperelastic.cohorts.workers import Cluster, ClusterLost
+
+dask = pytest.importorskip("dask")
+distributed = pytest.importorskip("distributed")
+
+# Connections of Dask to processes that were killed end in warnings where no test can catch them.
+pytestmark = [pytest.mark.deep, pytest.mark.filterwarnings("ignore")]
+
+PYTHONPATH = os.path.dirname(__file__) + os.pathsep + os.environ.get("PYTHONPATH", "")
+# A slow computer must not lose a worker that starts again.
+PATIENT = {
+    "distributed.deploy.lost-worker-timeout": "10 days",
+    "distributed.scheduler.worker-ttl": None,
+}
+
+
+@pytest.fixture(params=[2])
+def cluster(request, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", PYTHONPATH)
+    settings = {"threads_per_worker": 1, "dashboard_address": None, "n_workers": request.param}
+    with dask.config.set(PATIENT), distributed.LocalCluster(**settings) as found:
+        yield found
+
+
+@pytest.mark.parametrize("cluster", [1, 2], indirect=True)
+def test_killed_workers_are_replaced(cluster, data, undisturbed, tmp_path):
+    """Two die while they compute a batch; S5 kills every worker, but not its other batches."""
+    work = SimulatedWork(kills_once=("S2", "S11"), kills=("S5",), folder=tmp_path)
+    with distributed.Client(cluster) as client:
+        result = computed(work, data, tmp_path / "store", batch_size=1, client=client)
+    assert work.note("S2").exists() and work.note("S11").exists()
+    assert result["error"].sel(specimen="S5").item().startswith("the process that computed it died")
+    assert not [*(tmp_path / "store").glob("*.begun")]
+    others = result["specimen"] != "S5"
+    assert result.sel(specimen=others).equals(undisturbed.sel(specimen=others))
+
+
+def test_answers_that_die_with_their_worker_are_computed_again(
+    cluster, data, tmp_path, monkeypatch
+):
+    """Work that could not be sent, as to a worker that a batch has killed, is sent again."""
+
+    async def until(condition):
+        while not condition():
+            await asyncio.sleep(POLL)
+
+    with distributed.Client(cluster) as client:
+        gather = client.gather
+
+        async def gather_after_deaths(future, asynchronous):
+            await until(lambda: future.status == "finished")
+            for worker in cluster.workers.values():
+                os.kill(worker.pid, signal.SIGKILL)
+            await until(lambda: future.status != "finished")
+            return await gather(future, asynchronous=asynchronous)
+
+        workers = Cluster(SimulatedWork(raises=("S5",)), "token", client)
+        workers._work = client.submit(operator.truediv, 1, 0)
+        distributed.wait(workers._work)
+        monkeypatch.setattr(client, "gather", gather_after_deaths)
+        failed = workers.submit(data, tmp_path / "part.nc").result()
+    assert failed == ["S5: KeyError: 'S5'"]
+
+
+def test_a_cluster_without_workers_is_an_error(data, tmp_path, monkeypatch):
+    monkeypatch.setattr("pymc_hyperelastic.cohorts.workers._PATIENCE", 1.0)
+    monkeypatch.setattr("pymc_hyperelastic.cohorts.run._LOOK", 0.2)
+    with distributed.LocalCluster(n_workers=0, dashboard_address=None) as nobody:
+        with distributed.Client(nobody) as client:
+            with pytest.raises(ClusterLost, match=r"no worker for 1 s\. What was computed is in"):
+                computed(SimulatedWork(), data, tmp_path / "store", client=client)
+
+
+SCHEDULER = """
+import distributed, time
+if __name__ == "__main__":
+    cluster = distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None)
+    print(cluster.scheduler_address, flush=True)
+    while True:
+        time.sleep(1)
+"""
+
+
+def connected(address):
+    """Return a client, however long the scheduler takes to answer."""
+    while True:
+        try:
+            # A client that has lost its scheduler tries to connect again for as long.
+            return distributed.Client(address, timeout=5)
+        except OSError:
+            continue
+
+
+def test_a_lost_scheduler_is_an_error_that_loses_nothing(data, undisturbed, tmp_path):
+    """The scheduler is killed while specimen S3 is computed."""
+    (tmp_path / "scheduler.py").write_text(SCHEDULER)
+    work = SimulatedWork(waits=("S3",), folder=tmp_path)
+    command = [sys.executable, str(tmp_path / "scheduler.py")]
+    settings = {"stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(
+        command, env=os.environ | {"PYTHONPATH": PYTHONPATH}, **settings
+    ) as scheduler:
+
+        def kill():
+            wait_for(work.note("S3").exists, scheduler)
+            scheduler.kill()
+
+        with connected(scheduler.stdout.readline().strip()) as client:
+            killer = threading.Thread(target=kill)
+            killer.start()
+            with pytest.raises(ClusterLost, match="goes on from there"):
+                computed(work, data, tmp_path / "store", batch_size=1, client=client)
+            killer.join()
+    result = computed(SimulatedWork(), data, tmp_path / "store", batch_size=3)
+    assert result.identical(undisturbed)

@@ -1,0 +1,227 @@
+"""A cohort is computed batch by batch; whatever happens meanwhile, the numbers are the same."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from concurrent.futures import Future
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from simulated_work import SPECIMENS, SimulatedWork, cohort, computed, wait_for
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.cohorts.run import parts_of
+from pymc_hyperelastic.cohorts.workers import ThisProcess, WorkerDied, _how
+
+
+def check_others(result, undisturbed, *failed):
+    """Check that all specimens but those that failed are as without any failure."""
+    others = ~result["specimen"].isin(failed)
+    assert result.sel(specimen=others).equals(undisturbed.sel(specimen=others))
+
+
+@pytest.mark.parametrize("batch_size", [3, 10, 64])
+def test_a_store_holds_the_result_of_the_work_itself(batch_size, data, undisturbed, tmp_path):
+    result = computed(SimulatedWork(), data, tmp_path / "store", batch_size=batch_size)
+    assert result.identical(undisturbed)
+    assert result.equals(SimulatedWork().run(data))
+    assert result.attrs == {"strain_energy": "none"} and result["pair"].attrs == {"units": "kPa"}
+    firsts = range(0, SPECIMENS, batch_size)
+    parts = [(first, min(first + batch_size, SPECIMENS)) for first in firsts]
+    assert parts_of(tmp_path / "store") == parts
+
+
+def test_each_test_may_be_a_unit(data, tmp_path):
+    result = computed(SimulatedWork("test"), data, tmp_path / "store", batch_size=6)
+    assert result.equals(SimulatedWork("test").run(data))
+    assert result["experiment"].values.tolist() == ["1", "2"] * SPECIMENS
+
+
+def test_a_second_call_computes_what_is_missing(data, undisturbed, tmp_path):
+    """Its batches may have another size; existing parts are not touched."""
+    folder = tmp_path / "store"
+    computed(SimulatedWork(), data, folder, batch_size=4)
+    parts = sorted(folder.glob("0*.nc"))
+    for part in parts[1:3]:
+        part.unlink()
+    kept = {part: part.stat().st_mtime_ns for part in parts if part.exists()}
+    with pytest.warns(UserWarning, match="store holds 12 of 20"):
+        partial = ph.open_cohort(folder).load()
+    assert partial["error"].values.tolist() == [""] * 4 + ["not computed yet"] * 8 + [""] * 8
+    assert partial["total"].isnull().sum() == 8
+    assert computed(SimulatedWork(), data, folder, batch_size=3).identical(undisturbed)
+    assert {part: part.stat().st_mtime_ns for part in kept} == kept
+
+
+def test_of_overlapping_parts_the_longest_counts(tmp_path):
+    """A process that outlived its driver may have written what others have computed again."""
+    for first, last in ((0, 2), (0, 4), (2, 4), (4, 6), (5, 8)):
+        (tmp_path / f"{first:09d}-{last:09d}.nc").touch()
+    assert parts_of(tmp_path) == [(0, 4), (4, 6)]
+
+
+def test_a_store_refuses_other_work_or_data(data, tmp_path):
+    folder = tmp_path / "store"
+    computed(SimulatedWork(), data, folder)
+    for work, other, message in (
+        (SimulatedWork(factor=2.0), data, r"factor is 1.0 there and 2.0 here\. "),
+        (SimulatedWork(), cohort(19), "units is 20 there and 19 here; data"),
+        (SimulatedWork(), cohort(seed=2), "data are not the same"),
+    ):
+        with pytest.raises(ValueError, match=f"holds other work: {message}"):
+            computed(work, other, folder)
+
+
+def test_a_specimen_that_fails_becomes_a_row_with_its_message(data, undisturbed, tmp_path):
+    """The other specimens, also those of its batch, are as without it."""
+    with pytest.warns(UserWarning, match="2 of 20 failed.* the first is S3: KeyError: 'S3'"):
+        work = SimulatedWork(raises=("S3", "S19"))
+        result = computed(work, data, tmp_path / "store", batch_size=8)
+    failed = result.sel(specimen=["S3", "S19"])
+    assert failed["error"].values.tolist() == ["KeyError: 'S3'", "KeyError: 'S19'"]
+    assert failed["total"].isnull().all() and failed["text"].values.tolist() == ["", ""]
+    check_others(result, undisturbed, "S3", "S19")
+    everyone = tuple(f"S{i}" for i in range(SPECIMENS))
+    with pytest.warns(UserWarning, match="20 of 20 failed"):
+        result = computed(SimulatedWork(raises=everyone), data, tmp_path / "all", batch_size=8)
+    assert set(result.data_vars) == {"error"}
+
+
+def test_a_batch_is_retried_and_halved_until_the_specimen_at_fault_is_alone(
+    data, undisturbed, tmp_path, monkeypatch
+):
+    """A batch is tried three times; the next call tries the specimen at fault again."""
+    attempts = []
+
+    class Dying(ThisProcess):
+        def submit(self, data, part):
+            names = list(dict.fromkeys(data["specimen"].values.tolist()))
+            if "S5" not in names:
+                return super().submit(data, part)
+            attempts.append(names)
+            future = Future()
+            future.set_exception(WorkerDied(_how(-9)))
+            return future
+
+    workers = "pymc_hyperelastic.cohorts.run.workers_for"
+    monkeypatch.setattr(workers, lambda work, token, *_: Dying(work, token))
+    with pytest.warns(UserWarning, match="1 of 20 failed.* S5: the process that computed it died"):
+        result = computed(SimulatedWork(), data, tmp_path / "store", batch_size=4)
+    assert attempts == [["S4", "S5", "S6", "S7"]] * 3 + [["S4", "S5"]] * 3 + [["S5"]] * 3
+    words = "the process that computed it died 3 times: it was killed by signal 9, perhaps for its "
+    assert result["error"].sel(specimen="S5").item() == f"{words}memory"
+    check_others(result, undisturbed, "S5")
+    monkeypatch.undo()
+    assert computed(SimulatedWork(), data, tmp_path / "store").identical(undisturbed)
+    assert _how(3) == "it ended with exit code 3"
+
+
+def test_a_damaged_part_is_named_and_computed_again(data, undisturbed, tmp_path):
+    folder = tmp_path / "store"
+    computed(SimulatedWork(), data, folder, batch_size=4)
+    part = folder / "000000004-000000008.nc"
+    edited = xr.load_dataset(part, engine="h5netcdf")
+    edited["total"].values[1] += 1e-9
+    edited.to_netcdf(part, engine="h5netcdf")
+    with pytest.raises(ValueError, match=part.name):
+        ph.open_cohort(folder)["total"].load()
+    with pytest.warns(UserWarning, match=f"{part.name}.* It is computed again"):
+        assert computed(SimulatedWork(), data, folder).identical(undisturbed)
+
+
+def test_a_specimen_is_read_without_the_parts_of_others(data, undisturbed, tmp_path):
+    """Any selection is the same as from the result in memory."""
+    folder = tmp_path / "store"
+    computed(SimulatedWork(), data, folder, batch_size=4)
+    lazy = ph.open_cohort(folder)
+    for part in sorted(folder.glob("0*.nc"))[2:]:
+        part.unlink()
+    for pick in (6, slice(1, 7, 2), slice(7, 0, -3), [6, 0, 6], []):
+        for name in ("total", "text", "pair"):
+            found = lazy[name].isel(specimen=pick).values
+            assert np.array_equal(found, undisturbed[name].isel(specimen=pick).values), pick
+    for both in ({"specimen": [5, 2], "of_two": 1}, {"specimen": 3, "of_two": [1, 0]}):
+        assert np.array_equal(lazy["pair"].isel(both), undisturbed["pair"].isel(both))
+
+
+def test_open_cohort_refuses_what_is_no_store(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"is no store: it has no manifest\.json"):
+        ph.open_cohort(tmp_path)
+    intact = {"format": 1, "by": "specimen", "units": 20}
+    for damage in ({"by": "animal"}, {"units": "20"}, {"units": True}, {"units": 0}):
+        (tmp_path / "manifest.json").write_text(json.dumps(intact | damage))
+        with pytest.raises(ValueError, match=r"the manifest of .* says .* it is damaged"):
+            ph.open_cohort(tmp_path)
+
+
+def test_wrong_settings_are_refused_before_anything_is_written(data, tmp_path):
+    for wrong in ({"batch_size": 0}, {"batch_size": 2.5}, {"cores": 0}, {"cores": "two"}):
+        with pytest.raises((TypeError, ValueError), match=next(iter(wrong))):
+            computed(SimulatedWork(), data, tmp_path / "store", **wrong)
+    assert not (tmp_path / "store").exists()
+
+
+def test_a_full_disk_or_an_interrupt_loses_nothing(data, undisturbed, tmp_path, monkeypatch):
+    class Interrupted(SimulatedWork):
+        def run(self, data):
+            if "S9" in data["specimen"].values:
+                raise KeyboardInterrupt
+            return super().run(data)
+
+    replace, count = os.replace, iter(range(100))
+
+    def full(source, target):
+        if next(count) > 3:
+            raise OSError(28, "No space left on device", str(target))
+        replace(source, target)
+
+    folders = tmp_path / "interrupted", tmp_path / "full"
+    with pytest.raises(KeyboardInterrupt), pytest.warns(UserWarning, match="goes on from there"):
+        computed(Interrupted(), data, folders[0], batch_size=4)
+    monkeypatch.setattr("pymc_hyperelastic.files.whole.os.replace", full)
+    with pytest.raises(OSError, match=r"No space left.*What was computed is in .*goes on from"):
+        computed(SimulatedWork(), data, folders[1], batch_size=4)
+    monkeypatch.undo()
+    for folder in folders:
+        assert parts_of(folder) == [(0, 4), (4, 8)] and not list(folder.glob(".*"))
+        assert computed(SimulatedWork(), data, folder, batch_size=4).identical(undisturbed)
+
+
+@pytest.mark.deep
+def test_killed_processes_are_replaced(data, undisturbed, tmp_path):
+    """Two processes die while they compute a batch; S5 kills every process that computes it."""
+    work = SimulatedWork(kills_once=("S2", "S11"), kills=("S5",), folder=tmp_path)
+    with pytest.warns(UserWarning, match="1 of 20 failed.* S5: the process that computed it died"):
+        result = computed(work, data, tmp_path / "store", batch_size=1, cores=2)
+    assert work.note("S2").exists() and work.note("S11").exists()
+    assert "3 times: it was killed by signal 9" in result["error"].sel(specimen="S5").item()
+    check_others(result, undisturbed, "S5")
+
+
+DRIVER = """
+import sys
+sys.path[:0] = {paths!r}
+from pathlib import Path
+from simulated_work import SimulatedWork, cohort, computed
+work = SimulatedWork(waits=("S7",), folder=Path({folder!r}))
+computed(work, cohort(), work.folder / "store", cores={cores}, batch_size=2)
+"""
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("cores", [1, 2])
+def test_a_killed_driver_loses_nothing(cores, data, undisturbed, tmp_path):
+    """It is killed while specimen S7 is computed; with two cores a process outlives it."""
+    here = [str(Path(__file__).parent)]
+    code = DRIVER.format(paths=here, folder=str(tmp_path), cores=cores)
+    with subprocess.Popen([sys.executable, "-c", code]) as process:
+        wait_for(SimulatedWork(folder=tmp_path).note("S7").exists, process)
+        process.send_signal(signal.SIGKILL)
+    if cores == 1:
+        assert parts_of(tmp_path / "store") == [(0, 2), (2, 4), (4, 6)]
+    result = computed(SimulatedWork(), data, tmp_path / "store", batch_size=2)
+    assert result.identical(undisturbed)

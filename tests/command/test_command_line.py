@@ -1,0 +1,136 @@
+"""The command line: from tables to a report, and one message for each mistake."""
+
+import shutil
+import sys
+from pathlib import Path
+
+import fits
+import numpy as np
+import pandas as pd
+import pytest
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.command.commands import _errors, _size
+from pymc_hyperelastic.command.main import main
+
+MESSY = Path(__file__).parents[1] / "data" / "messy"
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Return a function that runs a command in this process and returns what it printed."""
+
+    def command(*words):
+        monkeypatch.setattr(sys, "argv", ["pymc-hyperelastic", *map(str, words)])
+        # The command prints warnings as lines; here they stay warnings.
+        monkeypatch.setattr("warnings.showwarning", None)
+        try:
+            main()
+        except SystemExit as end:
+            if end.code not in (None, 0):
+                raise
+        return capsys.readouterr().out
+
+    return command
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    """The simulated sheep aortas in a table of a laboratory, with pressures in mmHg."""
+    data = ph.load_dataset("simulated_sheep_aorta")
+    test = data["test"].values
+    frame = pd.DataFrame({"radius [mm]": data["radius"].values})
+    frame["pressure [mmHg]"] = data["pressure"].values / ph.mmHg
+    for name in ("specimen", "experiment", "group"):
+        frame[name] = data[name].values[test]
+    for name in ("inner_radius", "outer_radius"):
+        frame[f"{name} [mm]"] = data[name].values[test]
+    frame["split"] = ["new" if experiment == 3 else "train" for experiment in frame["experiment"]]
+    path = tmp_path_factory.mktemp("table") / "aortas.csv"
+    frame.to_csv(path, index=False)
+    return path
+
+
+def test_check_prints_what_it_understands_and_draws_the_curves(run, table, tmp_path):
+    printed = run("check", table, "--figure", tmp_path / "curves.png")
+    assert "mmHg" in printed
+    assert (tmp_path / "curves.png").stat().st_size > 10_000
+
+
+def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
+    study = tmp_path / "study"
+    pooled = ["--variability", "none", "--noise", "5 mmHg", "--law", "NeoHookean"]
+    printed = run(
+        "fit", table, *pooled, "--draws", "100", "--chains", "1", "--quiet", "--out", study
+    )
+    classes = ph.open_result(study / "classes-NeoHookean.nc")
+    assert f"NeoHookean, group C1: log evidence {ph.log_evidence(classes['C1'])}" in printed
+    # Fits use the rows that are marked "train".
+    train = ph.select(ph.load_dataset("simulated_sheep_aorta"), group="C1", experiment=[1, 2])
+    assert classes["C1"]["observed_data"]["pressure"].size == train.sizes["obs"]
+    (study / "classes-NeoHookean.nc").unlink()
+    shutil.copy(fits.stored("pooled"), study / "classes-Ogden.nc")
+    printed = run("classify", table, "--out", study, "--cores", 1, "--quiet")
+    found = pd.read_csv(study / "classified.csv")
+    assert found["specimen"].tolist() == ["S1", "S2", "S3", "S4", "S5"]
+    assert found["decision"].tolist() == found["group"].tolist()
+    result = ph.open_cohort(study / "classified")
+    np.testing.assert_allclose(found["P(C2)"], result["class_probability"].sel(class_label="C2"))
+    assert "P(C1)" in printed
+    run("report", study, "--title", "Sheep <aortas>")
+    page = (study / "report.html").read_text(encoding="utf-8")
+    assert "<h1>Sheep &lt;aortas&gt;</h1>" in page and "New specimens" in page
+
+
+# Some draws of these small classes have walls that cannot bear the pressure.
+@pytest.mark.filterwarnings("ignore:.*of its specimens have no")
+@pytest.mark.deep
+def test_compare_reports_differences_of_groups(run, table, tmp_path):
+    """By default specimens of a class differ, and the noise is inferred."""
+    study = tmp_path / "study"
+    run("fit", table, "--draws", "500", "--chains", "1", "--quiet", "--out", study)
+    between = ["--pressure-range", "80-120 mmHg", "--quantity", "stored_energy_change"]
+    printed = run("compare", "--out", study, *between, "--quantity", "log compliance")
+    assert "log compliance" in printed
+    found = ph.open_result(study / "comparison-groups.nc")
+    assert found["pressure"].item() == pytest.approx(100 * ph.mmHg)
+    run("report", study)
+    assert "Differences" in (study / "report.html").read_text(encoding="utf-8")
+
+
+def test_sizes_of_errors_are_converted_to_units_of_the_package():
+    assert _size("noise", "2 mmHg", "pressure") == pytest.approx(2 * ph.mmHg)
+    assert _size("diameter_noise", " 5e1 um ", "length") == pytest.approx(0.05)
+    errors = _errors("unknown", "0.5 mN", "5 um")
+    assert errors["force_noise_sd"] == 0.5
+    assert errors["diameter_noise_sd"] == pytest.approx(0.005)
+    assert errors["noise_sd"].owner.op.name == "halfnormal"
+    assert set(_errors("1 kPa", None, None)) == {"noise_sd"}
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["check", MESSY / "text_in_numbers.csv"], "text_in_numbers.csv, line"),
+        (["check", "nothing.csv"], "nothing.csv"),
+        (["fit", "FILE", "--noise", "5"], "--noise is '5'; expected a number and its unit"),
+        (["fit", "FILE", "--noise", "0 mmHg"], "--noise is '0 mmHg'; expected a positive"),
+        (["fit", "FILE", "--noise", "1 mm"], "--noise='mm' does not measure pressure"),
+        (["classify", "FILE", "--out", "OUT"], "holds no classes: make them with"),
+        (["report", "OUT"], "holds no classes: make them with 'pymc-hyperelastic fit'"),
+        (["compare", "--out", "OUT"], "holds no classes"),
+    ],
+)
+def test_a_mistake_is_one_message_that_names_it(words, message, run, table, tmp_path):
+    names = {"FILE": table, "OUT": tmp_path / "out"}
+    with pytest.raises(SystemExit) as ended:
+        run(*(names.get(word, word) for word in words))
+    assert str(ended.value).startswith("error: ")
+    assert message in str(ended.value)
+
+
+def test_an_unknown_command_is_reported_on_stderr(run, capsys):
+    with pytest.raises(SystemExit) as ended:
+        run("chekc")
+    assert ended.value.code == 2
+    assert "No such command" in capsys.readouterr().err

@@ -1,0 +1,211 @@
+"""inflation_data builds a checked Dataset from a table of measured points."""
+
+import decimal
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from tables import FORCES, SECTOR, build, by_diameter, curve, good_frame, with_diameters
+
+from pymc_hyperelastic.data.inflation import (
+    COORDINATES,
+    OPTIONAL,
+    VARIABLES,
+    at_points,
+    check_inflation_data,
+    describe_test,
+    held_stretches,
+    measured_radius,
+    points_of,
+)
+from pymc_hyperelastic.data.units import mmHg
+
+ROUNDING = 1e-14  # a few products and quotients
+SINGLE = 1e-6  # numbers that were stored in single precision
+GEOMETRY_NAMES = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
+SCATTERED = [14, 10, 12, 11, 15, 13]
+
+
+def saved_and_loaded(data: xr.Dataset, folder) -> xr.Dataset:
+    data.to_netcdf(folder / "data.nc", engine="h5netcdf")
+    return xr.load_dataset(folder / "data.nc", engine="h5netcdf")
+
+
+def test_dataset_has_the_documented_variables_units_and_labels():
+    data = build(pressure_unit="mmHg")
+    assert dict(data.sizes) == {"obs": 6, "test": 3}
+    assert set(data.data_vars) == set(VARIABLES)
+    assert set(data.coords) == set(COORDINATES)
+    for name, (dimension, units, long_name) in {**VARIABLES, **COORDINATES}.items():
+        assert data[name].dims == (dimension,)
+        assert data[name].attrs == {"units": units, "long_name": long_name}
+    assert data["specimen"].values.tolist() == ["S1", "S1", "S2"]
+    assert data["experiment"].values.tolist() == [1, 2, 1]
+    assert data["group"].values.tolist() == ["C1", "C1", "C2"]
+    assert data["row"].values.tolist() == list(range(10, 16))
+    assert data["radius"].values.tolist() == [7.2, 8.0, 7.3, 8.1, 7.1, 7.6]
+    np.testing.assert_allclose(data["pressure"], good_frame()["pressure"] * mmHg, rtol=ROUNDING)
+    tube = [data[name].values.tolist() for name in GEOMETRY_NAMES]
+    assert tube == [[7.0] * 3, [9.0] * 3, [1.0] * 3, [0.0] * 3]
+
+
+def test_units_apply_to_columns_and_numbers_of_the_geometry():
+    frame = good_frame()
+    frame[["radius", "A", "B"]] *= 1000
+    columns = {"inner_radius": "A", "outer_radius": "B", "axial_stretch": "stretch"}
+    units = {"radius_unit": "um", "angle_unit": "deg"}
+    from_columns = build(frame, **columns, **units, opening_angle="angle", **SECTOR)
+    from_numbers = build(axial_stretch=1.2, opening_angle=np.pi / 3, **SECTOR)
+    xr.testing.assert_allclose(from_columns, from_numbers, rtol=ROUNDING)
+
+
+def test_points_of_scattered_rows_are_gathered_with_all_that_was_measured_at_them():
+    frame = with_diameters(axial_force=FORCES).loc[SCATTERED]
+    data = by_diameter(frame, force_unit="uN")
+    assert data["specimen"].values.tolist() == ["S2", "S1", "S1"]
+    assert data["row"].values.tolist() == [14, 15, 10, 11, 12, 13]
+    assert data["test"].values.tolist() == [0, 0, 1, 1, 2, 2]
+    assert data["pressure"].values.tolist() == [1.1, 9.0, 1.0, 6.0, 1.2, 6.5]
+    assert data["outer_diameter"].values.tolist() == [19.8, 21.0, 20.0, 22.0, 20.4, 22.4]
+    forces = np.array([np.nan, 6.0, 1.0, np.nan, 3.0, 4.5]) / 1000
+    np.testing.assert_allclose(data["axial_force"], forces, rtol=ROUNDING)
+    for name in ("outer_diameter", "axial_force"):
+        dimension, unit, long_name = OPTIONAL[name]
+        assert data[name].dims == (dimension,)
+        assert data[name].attrs == {"units": unit, "long_name": long_name}
+
+
+def test_integer_labels_of_experiments_stay_integers_and_specimens_become_text():
+    frame = good_frame().drop(columns="group")
+    frame["specimen"] = [7, 7, 7, 7, 8, 8]
+    frame["experiment"] = frame["experiment"].astype(float)
+    data = build(frame)
+    assert data["specimen"].values.tolist() == ["7", "7", "8"]
+    assert data["experiment"].dtype.kind == "i"
+    assert data["group"].values.tolist() == ["all"] * 3
+    frame["experiment"] = ["low", "low", "high", "high", "low", "low"]
+    data = build(frame.set_index(pd.Index(list("abcdef"))))
+    assert data["experiment"].values.tolist() == ["low", "high", "low"]
+    assert data["row"].values.tolist() == list("abcdef")
+    # A file holds integers of 64 bits.
+    for label in (-(2**63), 2**63 - 1):
+        assert build(curve(experiment=label))["experiment"].dtype.kind == "i"
+    for label in (2**63, -(2**63) - 1, True, 1.5):
+        assert build(curve(experiment=label))["experiment"].dtype.kind == "U"
+
+
+def test_internal_radius_leaves_the_wall_its_volume_under_a_measured_outer_diameter():
+    frame = with_diameters(np.array([20.0, 22.0, 20.4, 22.4, 19.8, 21.0]) * 1000)
+    tube = {"inner_radius": 7000.0, "outer_radius": 9000.0, "axial_stretch": "stretch"}
+    units = {"radius_unit": "um", "angle_unit": "deg"}
+    data = by_diameter(frame, **tube, **units, opening_angle="angle", **SECTOR)
+    assert set(data.data_vars) == {*VARIABLES, "outer_diameter"}
+    np.testing.assert_allclose(data["outer_diameter"], frame["outer_diameter"] / 1000)
+    np.testing.assert_array_equal(measured_radius(data), data["outer_diameter"] / 2)
+    # The wall is stretched by 1.2, and the sector lacks 60 degrees of a circle.
+    wall = data["outer_diameter"] ** 2 / 4 - data["radius"] ** 2
+    np.testing.assert_allclose(1.2 * wall, 300 / 360 * (9.0**2 - 7.0**2), rtol=ROUNDING)
+    radius = build(good_frame().assign(outer_diameter="ignored"))
+    assert not {"outer_diameter", "axial_force"} & set(radius)
+    np.testing.assert_array_equal(measured_radius(radius), radius["radius"])
+
+
+@pytest.mark.parametrize("name", GEOMETRY_NAMES)
+def test_unknown_geometry_is_nan_and_so_are_the_radii_that_depend_on_it(name, tmp_path):
+    data = by_diameter(with_diameters(axial_force=FORCES), **{name: None})
+    check_inflation_data(data)
+    assert np.isnan(data[name]).all() and np.isnan(data["radius"]).all()
+    assert np.isfinite(data["outer_diameter"]).all()
+    others = [other for other in GEOMETRY_NAMES if other != name]
+    assert all(np.isfinite(data[other]).all() for other in others)
+    xr.testing.assert_identical(saved_and_loaded(data, tmp_path), data)
+    radius = build(**{name: None})
+    check_inflation_data(radius)
+    np.testing.assert_array_equal(radius["radius"], good_frame()["radius"])
+
+
+def test_errors_of_the_tube_are_converted_as_the_tube_is():
+    frame = good_frame().assign(error=[0.1, 0.1, 0.2, 0.2, 0.3, 0.3])
+    frame["radius"] *= 1000
+    ring = {"radii_of": "ring", "opening_angle_convention": "fung", "angle_unit": "deg"}
+    ring |= {"inner_radius": 7000.0, "outer_radius": 9000.0, "opening_angle": 30.0}
+    errors = {"thickness": 50.0, "wall_area": 2e5, "axial_stretch": "error", "opening_angle": 3}
+    data = build(frame, **ring, radius_unit="um", geometry_sd=errors)
+    for name, expected in {
+        "thickness_sd": [0.05] * 3,
+        "wall_area_sd": [0.2] * 3,
+        "axial_stretch_sd": [0.1, 0.2, 0.3],
+        "opening_angle_sd": [np.pi / 30] * 3,  # the whole angle is twice Fung's
+    }.items():
+        np.testing.assert_allclose(data[name], expected, rtol=ROUNDING)
+        assert data[name].attrs["units"] == OPTIONAL[name][1]
+    data = build(opening_angle=0.5, **SECTOR, geometry_sd={"opening_angle": 0.1, "inner_radius": 0})
+    assert data["opening_angle_sd"].values.tolist() == [0.1] * 3
+    assert data["inner_radius_sd"].values.tolist() == [0.0] * 3
+
+
+def test_a_test_has_a_name_a_slice_of_points_and_a_held_stretch():
+    frame = good_frame().assign(A=[7.0, 7.0, 6.5, 6.5, 7.1, 7.1])
+    data = build(frame, axial_stretch=1.2, inner_radius="A")
+    assert describe_test(data, 2) == "specimen 'S2', experiment 1"
+    assert [points_of(data, i) for i in range(3)] == [slice(0, 2), slice(2, 4), slice(4, 6)]
+    with pytest.raises(IndexError, match="no test 3"):
+        points_of(data, 3)
+    assert held_stretches(data).tolist() == [1.2] * 3
+    assert at_points(data, "inner_radius").tolist() == frame["A"].tolist()
+
+
+# --- odd, but right ------------------------------------------------------------------------------
+
+RADIUS, PRESSURE = curve()["radius"].to_numpy(), curve()["pressure"].to_numpy()
+MICROMETRES = {"inner_radius": 7e3, "outer_radius": 9e3, "radius_unit": "um"}
+# The same curve in another form, with the arguments that it needs.
+SAME_CURVE = {
+    "numbers as text": (curve().astype({"pressure": str}), {}),
+    "exponents as text": (curve(pressure=[f"{p:e}" for p in PRESSURE]), {}),
+    "decimals": (curve(pressure=[decimal.Decimal(str(p)) for p in PRESSURE]), {}),
+    "single precision": (curve(radius=RADIUS.astype(np.float32)), {}),
+    "nullable": (curve().astype({"pressure": "Float64"}), {}),
+    "other columns": (curve(note=None, **{"pressure (mmHg)": "x"}), {}),
+    "micrometres": (curve(radius=RADIUS * 1e3), MICROMETRES),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", SAME_CURVE)
+def test_numbers_do_not_depend_on_the_form_of_the_table(form):
+    frame, arguments = SAME_CURVE[form]
+    data, expected = build(frame, **arguments), build(curve())
+    for name in VARIABLES:
+        np.testing.assert_allclose(data[name], expected[name], rtol=SINGLE, err_msg=name)
+    assert describe_test(data, 0) == "specimen 'S1', experiment 1"
+
+
+def indexed(index) -> pd.DataFrame:
+    return curve().set_index(pd.Index(index))
+
+
+ODD = {
+    "huge specimen": curve(specimen=10**30),
+    "huge row labels": indexed(pd.Index([2**70 + i for i in range(9)], dtype=object)),
+    "labels of both kinds": pd.concat([curve(), curve(experiment="b")], ignore_index=True),
+    "dates as rows": indexed(pd.date_range("2024-05-01", periods=9, freq="s")),
+    "radius read twice": curve(radius=RADIUS.round(0) + 0.4),
+    "held pressure": curve(pressure=13.0),
+    "forces with gaps": curve(axial_force=[1.0, None, np.nan, 4, 5, 6, 7, 8, "9"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", ODD)
+def test_odd_but_right_tables_are_taken_without_a_warning_and_survive_a_file(form, tmp_path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        data = build(ODD[form])
+    check_inflation_data(data)
+    assert data.sizes["obs"] == len(ODD[form])
+    np.testing.assert_array_equal(data["pressure"], ODD[form]["pressure"])
+    np.testing.assert_array_equal(data["radius"], ODD[form]["radius"])
+    loaded = saved_and_loaded(data, tmp_path)
+    check_inflation_data(loaded)
+    xr.testing.assert_identical(loaded, data)

@@ -1,0 +1,347 @@
+"""read_tests understands the files of laboratories, or refuses them with all that is wrong.
+
+The files are in ``messy/``. Their numbers in kPa and mm are written out here by hand.
+"""
+
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from written import HEAD, KPA_10, KPA_45, ROUNDING, ROWS, message_of, write_tables
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.data.files.headers import DIAMETERS, KINDS, LABELS, names_of
+from pymc_hyperelastic.data.files.settings import settings_of
+from pymc_hyperelastic.data.files.spellings import units_of
+from pymc_hyperelastic.data.inflation import check_inflation_data
+
+PAGE = Path(__file__).parents[2] / "docs" / "guides" / "file_format.md"
+MESSY = Path(__file__).parent / "messy"
+
+
+def read(files: str, settings: dict | None = None, **arguments) -> xr.Dataset:
+    return ph.read_tests([MESSY / name for name in files.split()], settings, **arguments)
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write tables, and read them."""
+    return write_tables(tmp_path)
+
+
+NAN = np.nan
+GERMAN = {"specimen": "Probe", "experiment": "Versuch", "group": "Gruppe"}
+GERMAN |= {"inner_diameter": "Innendurchmesser"}
+# The ring of M1, of radii 0.3875 and 0.45 mm, opens by 180° as a whole: k = 2, and the radii of the
+# sector are larger by that of the wall's middle, 0.41875. r² = 0.52525² - (b² - a²) / 1.5
+M1_WALL, M2_WALL = 0.05234375 / 1.5, 0.0504 / 1.5
+M2_SHIFT = 161 / 199 * 0.42
+# Files, settings, and the variables and labels that are in them.
+UNDERSTOOD = {
+    "units in names": ("units_in_names.csv", {}, {
+        "radius": [7.2, 8.0], "pressure": [KPA_10, KPA_45], "inner_radius": [7.0],
+        "outer_radius": [9.0], "axial_stretch": [1.2], "opening_angle": [0.0], "group": ["all"],
+    }),
+    "decimal commas in Latin-1, with settings": ("decimal_comma.csv decimal_comma.toml", None, {
+        "specimen": ["M1", "M2"],
+        "outer_diameter": [1.0505, 1.16, 1.02, 1.1405],
+        "pressure": [KPA_10, 6 * KPA_10, 1.25 * KPA_10, 6.5 * KPA_10],
+        "inner_radius": [0.80625, 0.39 + M2_SHIFT], "outer_radius": [0.86875, 0.45 + M2_SHIFT],
+        "radius": [
+            (0.2758875625 - M1_WALL) ** 0.5, (0.3364 - M1_WALL) ** 0.5,
+            (0.2601 - M2_WALL) ** 0.5, (0.3251850625 - M2_WALL) ** 0.5,
+        ],
+        "axial_stretch": [1.5, 1.5], "opening_angle": [np.pi, 161 / 180 * np.pi],
+    }),
+    "minus signs": ("negative_pressures.csv", {}, {"pressure": [-0.4, -0.1, 6.5, 11.0]}),
+    "labels of integers": ("integer_labels.csv", {}, {"specimen": ["1", "01", "1.0"]}),
+    "letters of other languages": ("unicode.csv", {"columns": GERMAN}, {
+        "specimen": ["Aorta Müller"], "experiment": ["Anfang"], "group": ["Kontrolle α"],
+        "radius": [0.405, 0.48], "pressure": [KPA_10, 6 * KPA_10], "axial_stretch": [1.45],
+        "inner_radius": [NAN],
+    }),
+    "spaces, capitals, blank lines, comments, line ends of Windows": ("spaces.csv", {}, {
+        "specimen": ["S1"], "radius": [7.2, 8.0], "pressure": [KPA_10, KPA_45],
+        "row": ["spaces.csv, line 4", "spaces.csv, line 7"],
+    }),
+    "other units in another file": ("monday.csv tuesday.csv", {}, {
+        "specimen": ["S1", "S2"], "radius": [7.2, 8.0, 7.25, 8.05],
+        "pressure": [KPA_10, KPA_45, 1.5, 6.25], "inner_radius": [7.0, 7.0],
+    }),
+    # r² = 5.10025² - (5² - 4²), 5.5² - 9
+    "tabs, and commas between thousands": ("thousands.txt", {}, {
+        "outer_diameter": [10.2005, 11.0], "radius": [17.0125500625**0.5, 21.25**0.5],
+        "pressure": [1.2345, 12.0],
+    }),
+    "units in a line of their own, a force not measured": ("two_line_header.tsv", {}, {
+        "radius": [7.2, 8.0], "pressure": [KPA_10, KPA_45], "axial_force": [NAN, 12.5],
+    }),
+    "decimal commas": ("commas_either.txt", {"decimal": ","}, {"radius": [7.25, 8.125]}),
+    "ignored column": ("column_twice.csv", {"ignore": ["P"]}, {"pressure": [KPA_10]}),
+    # (0.45² - 0.5 / 3 / π)^½, (0.44² - 0.45 / 2.9 / π)^½
+    "a table of points and one of specimens": ("points.csv specimens.csv", {}, {
+        "specimen": ["M1", "M2"], "group": ["control", "treated"], "animal": ["a1", "a2"],
+        "outer_radius": [0.45, 0.44], "thickness_sd": [0.0065, 0.006],
+        "inner_radius": [(0.2025 - 0.5 / 3 / np.pi) ** 0.5, (0.1936 - 0.45 / 2.9 / np.pi) ** 0.5],
+    }),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("files, settings, expected", UNDERSTOOD.values(), ids=UNDERSTOOD)
+def test_files_are_understood_without_a_warning(files, settings, expected, tmp_path):
+    data = read(files, settings)
+    check_inflation_data(data)
+    for name, values in expected.items():
+        if isinstance(values[0], float):
+            np.testing.assert_allclose(data[name], values, rtol=ROUNDING, err_msg=name)
+        else:
+            assert data[name].values.tolist() == values
+    data.to_netcdf(tmp_path / "data.nc", engine="h5netcdf")
+    xr.testing.assert_identical(xr.load_dataset(tmp_path / "data.nc", engine="h5netcdf"), data)
+
+
+COPIED = r"1 \(copied_a.csv, line 2\) and .* 4 \(copied_b.csv, line 2\).* 3 points"
+EITHER = r"is '{}', either {} or {}: write it without"
+# Files, and for each problem a regular expression of its line in the message.
+REFUSED = {
+    "loading and unloading": ("up_and_down.csv", [
+        r"^- specimen 'S1', experiment 1, up_and_down\.csv, line 6: radius turns back .*sort them$",
+        r"^- specimen 'S2', experiment 1, up_and_down\.csv, line 13: radius turns back",
+    ]),
+    "missing cells": ("missing_cells.csv", [
+        "line 6: 'specimen' is missing", "lines 7, 8: 'group' is missing",
+        "line 3: 'radius_mm' is missing: ", r"line 5: 'pressure_kPa' is missing \('n/a'\)",
+        r"line 7: 'pressure_kPa' is missing \('-'\)", r"line 8: 'pressure_kPa' is missing \('NaN'",
+        "line 8: 'outer_radius_mm' is missing",
+    ]),
+    "a specimen under two names": ("copied_a.csv copied_b.csv", [COPIED]),
+    "unknown names": ("unicode.csv", [
+        r"^unicode\.csv has 'Probe', .*'λz', and no column specimen, no column experiment, "
+        r"no column radius or outer_diameter: .*columns\.specimen .*\(specimen may be called",
+    ]),
+    "no names": ("no_names.csv", ["has 'S1', '1', '7.2', '1.5', and no .*, no column pressure: "]),
+    "commas that may be either": ("commas_either.txt", [
+        "'7,250', and whatever else has a comma, may have a decimal comma or thousands",
+    ]),
+    "thousands that may be decimals": ("thousands_either.txt", [
+        "line 2: .*" + EITHER.format("1,234", "1234", "1.234"),
+        "line 3: .*" + EITHER.format("6,500", "6500", "6.500"),
+    ]),
+    "names and units only": ("header_only_units.csv", ["ends with the names .* line 2; expected"]),
+    "nothing": ("empty.csv", [r"^empty\.csv is empty; expected a line with the names of columns"]),
+    "no text": ("binary.csv", [r"^binary\.csv is not a text file"]),
+    "a spreadsheet": ("by_mistake.xlsx", [r"is a spreadsheet \(.xlsx or .ods\).*export .*CSV"]),
+    "two names": ("column_twice.csv", [r"1: 'pressure \[mmHg\]' and 'P \(kPa\)' are both"]),
+    "two units": ("two_units.csv", ["1: 'pressure' has .* mmHg in lines 2, 3, kPa in lines 4, 5"]),
+    "text": ("text_in_numbers.csv", [
+        r"line 3: 'radius_mm' is '8\.0 \?', not a number", "line 4: 'radius_mm' is '#DIV/0!', not",
+        "line 2: 'pressure_kPa' is 'low', not a number",
+        "line 5: 'pressure_kPa' is '11,0', not a number with decimal points",
+        "line 6: 'pressure_kPa' is '1e15', larger than any measurement",
+    ]),
+    "dates": ("dates.csv", [
+        f"line {i}: 'radius_mm' is '{cell}', a date"
+        for i, cell in enumerate(["07. Feb", r"08\.01\.2024", "Sep 03", "2024-03-09"], start=2)
+    ]),
+    "cells": ("too_many_cells.csv", ["line 2: there are 6 cells, and 4 names of .* in line 1"]),
+    "quotation mark": ("quotation.csv", ["line 2: a quotation mark opens .* closed in line 3, if"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("files, problems", REFUSED.values(), ids=REFUSED)
+def test_message_lists_every_problem_with_file_line_column_and_cell(files, problems):
+    settings = {"radius_unit": "mm"} if files == "no_names.csv" else None
+    lines = message_of(read, files, settings).splitlines()
+    if len(problems) > 1:
+        assert lines.pop(0) == f"{len(problems)} problems:"
+    assert len(lines) == len(problems)
+    for line, problem in zip(lines, problems, strict=True):
+        assert re.search(problem, line), line
+        assert any(file in line for file in files.split())
+
+
+DOUBTED = {
+    "shuffled rows": (
+        "unsorted.csv",
+        r"^specimen 'S1', experiment 1, unsorted\.csv, line 4: radius turns back here.*sorted by",
+    ),
+    "mmHg called kPa": (
+        "mmHg_as_kPa.csv",
+        r"^mmHg_as_kPa\.csv: specimen 'S1', experiment 1: the highest pressure is 120 kPa; "
+        r".*mmHg.*\('pressure_kPa' of mmHg_as_kPa\.csv was taken in kPa\)$",
+    ),
+    "kPa called mmHg": ("kPa_as_mmHg.csv", r"0\.0799934 kPa; .*'pressure_mmHg' of .* was taken in"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("file, doubt", DOUBTED.values(), ids=DOUBTED)
+def test_doubts_are_warned_of_raised_or_ignored(file, doubt):
+    with pytest.warns(UserWarning, match=doubt) as warned:
+        data = read(file)
+    assert len(warned) == 1 and warned[0].filename == __file__
+    assert re.search(doubt, message_of(read, file, check="raise"))
+    xr.testing.assert_identical(read(file, check="ignore"), data)
+
+
+def test_report_says_what_each_file_and_column_was_taken_for():
+    data = read("points.csv specimens.csv")
+    lines = data.attrs["understood"].splitlines()
+    # The form of the report is in the docstring of read_tests.
+    for line in (
+        "points.csv: UTF-8, separated by commas, decimal points, 4 rows",
+        "  'outer_diameter_um' is outer_diameter in um (1 um is 0.001 mm): 1020 to 1160",
+        "  half of 'unloaded outer diameter [mm]' is outer_radius in mm: 0.44 to 0.455",
+        "together: 2 specimens, 2 experiments, 4 points",
+        "group 'treated': 1 specimen",
+        "no inner_radius: it follows from wall_volume and length",
+        "not used, without points: specimen 'M3'",
+    ):
+        assert line in lines
+
+
+def test_units_that_are_in_some_cells_only_or_unknown_are_refused(written):
+    table = "specimen,experiment,radius_mm,pressure\nS1,1,7.2,10 mmHg\nS1,1,8.0,45\n"
+    expected = "a.csv, line 1: 'pressure' is in mmHg in line 2, and has no unit in line 3: "
+    assert message_of(written, table).startswith(expected)
+    table = f"{HEAD.replace('pressure_kPa', 'pressure (raw)')}\n{ROWS}"
+    expected = "a.csv, line 1: 'pressure (raw)' is pressure, and 'raw' is no unit of pressure"
+    assert message_of(written, table).startswith(expected)
+    # Megapascals and millipascals differ by their first letter alone.
+    assert "'MPA' is no unit" in message_of(written, f"{HEAD.replace('kPa', '[MPA]')}\n{ROWS}")
+
+
+def test_the_same_points_are_refused_in_two_experiments_and_taken_in_two_cycles(written):
+    head = "id,test,cycle,radius_mm,p_kPa\n"
+    one = "S1,1,{},7.2,1\nS1,1,{},7.8,3\nS1,1,{},8.4,6\n"
+    data = written(head + one.format(1, 1, 1) + one.format(2, 2, 2))
+    assert data["cycle"].values.tolist() == [2]
+    assert data.attrs["understood"].endswith("of these the last cycle of each, 3 points, is taken")
+    data = read("copied_a.csv copied_b.csv", check="ignore")
+    assert data["specimen"].values.tolist() == ["S1", "S2", "T7"]
+    # Two points may agree by chance, and a third differs in its last digit.
+    rows = [f"S{i},1,7.2,1\nS{i},1,7.8,3\nS{i},1,8.400{i},6\n" for i in (1, 2)]
+    assert written(f"{HEAD}\n{''.join(rows)}").sizes["test"] == 2
+    rows = [row[: row.rindex("S")] for row in rows]
+    assert written(f"{HEAD}\n{''.join(rows)}").sizes["test"] == 2
+
+
+def test_message_has_at_most_twenty_problems(written):
+    for count, shown in ((20, 20), (21, 20), (30, 20)):
+        rows = "".join(f"S1,1,{7 + i / 100},x{i}\n" for i in range(count))
+        lines = message_of(written, f"{HEAD}\n{rows}").splitlines()
+        assert lines[0] == f"{count} problems:" and len(lines) == 1 + shown + (count > shown)
+        assert lines[-1] == (f"- and {count - shown} more" if count > shown else lines[-1])
+
+
+def test_an_experiment_may_not_be_divided_between_files(written):
+    assert message_of(written, f"{HEAD}\n{ROWS}", f"{HEAD}\nS1,1,9.0,11\n").startswith(
+        "a.csv, line 2 and b.csv, line 2: specimen 'S1', experiment 1 begins in several files: "
+    )
+
+
+def test_tables_of_specimens_are_joined_by_equal_labels(written):
+    points = "id,test,group,radius_mm,p_kPa\nS1,1,C1,7.2,1\nS1,1,C1,8.4,6.5\n"
+    data = written(points, "id,test,stretch\nS1,1,1.2\n", "id,inner_radius_mm\nS1,7\n")
+    assert data["axial_stretch"].item() == 1.2 and data["inner_radius"].item() == 7.0
+    for expected, *tables in (
+        ("^a.csv, line 2: specimen 'S1' has no row .*, which has 's1'", "id,thickness_mm\ns1,2\n"),
+        ("^c.csv, line 2: .*'S1' stands here and in b.csv, l", *["id,thickness_mm\nS1,2\n"] * 2),
+        ("^2 problems:\n- a.csv, line 2: group is 'C1', and 'C2' in b", "id,group\nS1,C2\n"),
+        ("these are no points, with pressures, and no specimens", "thickness_mm,note\n2,x\n"),
+    ):
+        assert re.search(expected, message_of(written, points, *tables))
+
+
+def test_columns_that_state_the_same_twice_are_refused_until_one_is_ignored(written):
+    table = "id,test,radius_mm,p_kPa,inner_radius_mm,outer_radius_mm,thickness_mm,length_mm\n"
+    table += "S1,1,7.2,1,7,9,2,30\n"
+    expected = "a.csv: the tube without load is stated by inner_radius, outer_radius, thickness, wh"
+    assert message_of(written, table).startswith(expected)
+    data = written(table, settings={"ignore": ["thickness"]})
+    assert data["outer_radius"].item() == 9.0
+    assert "not used: length, since of the tube it says nothing" in data.attrs["understood"]
+    table = "id,test,radius_mm,outer_diameter_mm,p_kPa\nS1,1,7.2,18.2,1\nS1,1,8.4,19,6.5\n"
+    expected = "a.csv: radius and outer_diameter have columns: say which was measured"
+    assert message_of(written, table).startswith(expected)
+    data = written(table, settings={"measured": "outer_diameter"})
+    assert data["outer_diameter"].values.tolist() == [18.2, 19.0]
+    assert "outer_diameter" not in written(table, settings={"measured": "radius"})
+
+
+def test_animal_and_split_are_labels_of_tests(written):
+    head = "id,test,cycle,animal,split,radius_mm,p_kPa\n"
+    rows = [f"S1,a,{cycle},m1,train,{7.2 + cycle / 100},{cycle}\n" for cycle in (2, 10, 9)]
+    data = written(head + "".join(rows))
+    assert data["cycle"].values.tolist() == [10] and data["animal"].values.tolist() == ["m1"]
+    assert data["split"].values.tolist() == ["train"] and data["row"].values == "a.csv, line 3"
+    message = message_of(written, head + "S1,a,1,m1,new,7,1\nS1,a,1,m2,new,8,2\n")
+    expected = "specimen 'S1', experiment 'a', cycle 1, a.csv, line 3: animal is 'm2', but 'm1' in"
+    assert message.startswith(expected)
+
+
+ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "latin-1", "cp1252"]
+FORMS = list(zip(ENCODINGS, ",;\t;,", ["\n", "\r\n", "\r", "\n", "\r\n"], strict=True))
+
+
+@pytest.mark.parametrize("encoding, separator, end", FORMS, ids=ENCODINGS)
+def test_encoding_separator_and_line_ends_change_nothing(encoding, separator, end, tmp_path):
+    lines = ["# 37 °C", "id,test,radius (µm),p [mmHg],Öffnung", "Ü1,1,7200,10,x"]
+    lines += ["", "Ü1,1,8e3,45,"]
+    path = tmp_path / "a.txt"
+    path.write_bytes(end.join(lines).replace(",", separator).encode(encoding))
+    data = ph.read_tests(path)
+    assert data["specimen"].item() == "Ü1"
+    np.testing.assert_allclose(data["radius"], [7.2, 8.0], rtol=ROUNDING)
+    assert data["row"].values.tolist() == ["a.txt, line 3", "a.txt, line 5"]
+
+
+def test_lines_and_marks_that_spreadsheets_write(written):
+    data = written("sep=;\nid;test;radius, mm;p, kPa\nS1;1;7,2;1,5\n")
+    assert data["radius"].item() == 7.2 and data["row"].item() == "a.csv, line 3"
+    # A vertical tab is a blank line, and a nought before a comma is no thousand.
+    assert message_of(written, "\x0b").startswith("a.csv is empty")
+    data = written(f"{HEAD}\nS1,1,0.750,1.000\n".replace(",", "\t").replace(".", ","))
+    assert data["radius"].item() == 0.75 and data["pressure"].item() == 1.0
+    # The sign # before a separator is a name, and a last column without a name is not used.
+    data = written(f"#,{HEAD},\n# 37 degrees\n1,S1,1,7.2,1.0,\n2,S1,1,8.4,6.5,leaks\n")
+    assert data["row"].values.tolist() == ["a.csv, line 3", "a.csv, line 4"]
+    assert "  not used: '#', a column without a name\n" in data.attrs["understood"]
+
+
+def test_paths_are_given_once(tmp_path):
+    table, toml = tmp_path / "a.csv", tmp_path / "study.toml"
+    table.write_text(f"{HEAD}\n{ROWS}")
+    toml.write_text("")
+    for files in (str(table), (table, toml), tmp_path.glob("*.csv")):
+        assert dict(ph.read_tests(files).sizes) == {"obs": 2, "test": 1}
+    nothing, again = tmp_path / "nothing.csv", tmp_path / "." / "a.csv"
+    for error, message, *arguments in (
+        (FileNotFoundError, r"nothing\.csv", nothing),
+        (TypeError, "files are 3; expected a path or a list of paths", 3),
+        (TypeError, "settings are 3; expected a path, a dict or None", table, 3),
+        (ValueError, "no tables are given", [toml]),
+        (ValueError, r"a\.csv is given twice: its points would count twice", [table, again]),
+        (ValueError, r"settings are given twice, in .*study\.toml", [table, toml], {}),
+    ):
+        with pytest.raises(error, match=message):
+            ph.read_tests(*arguments)
+    with pytest.raises(ValueError, match="check is 'no'"):
+        ph.read_tests(table, check="no")
+
+
+def test_guide_states_all_names_and_units_and_its_settings_are_right():
+    page = PAGE.read_text(encoding="utf-8")
+    for name in (*LABELS, *KINDS):
+        if name.endswith("_sd"):
+            continue
+        halves = [other.replace("_", " ") for other in DIAMETERS.get(name, "").split()]
+        others = [o for o in names_of(name)[1:] if o not in halves and o != "λ z"]
+        assert f"| `{name}` | {', '.join(others)} | {', '.join(halves)} |" in page
+    for kind in ("pressure", "length", "force", "angle", "ratio"):
+        assert f"| {kind} | {units_of(kind)} |" in page
+    (toml,) = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
+    settings = settings_of(tomllib.loads(toml), "study.toml")
+    assert settings.columns["Di"].scale == 0.5 and settings.constants["outer_radius"].value == 450.0

@@ -1,0 +1,74 @@
+"""select keeps the tests of inflation data that have the given labels."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from tables import build, by_diameter, good_frame
+
+from pymc_hyperelastic.data import select as selecting
+from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.select import select
+
+
+def test_selected_tests_keep_their_order_and_points_and_are_counted_anew():
+    data = by_diameter()
+    chosen = select(data, specimen=["S2", "S1"], experiment=1)
+    check_inflation_data(chosen)
+    assert chosen["specimen"].values.tolist() == ["S1", "S2"]
+    assert chosen["row"].values.tolist() == [10, 11, 14, 15]
+    assert chosen["test"].values.tolist() == [0, 0, 1, 1]
+    assert chosen["outer_diameter"].values.tolist() == [20.0, 22.0, 19.8, 21.0]
+    assert chosen["test"].attrs == data["test"].attrs
+    assert data["test"].values.tolist() == [0, 0, 1, 1, 2, 2]
+    xr.testing.assert_identical(select(data), data)
+
+
+def test_labels_are_compared_as_text():
+    data = build(good_frame().assign(specimen=[7, 7, 7, 7, 8, 8]))
+    assert select(data, specimen=7).sizes["test"] == 2
+    xr.testing.assert_identical(select(data, experiment=np.int64(2)), select(data, experiment="2"))
+
+
+def test_tests_have_to_satisfy_all_that_is_asked_for():
+    data = build().assign_coords(split=("test", ["old", "new", "new"]))
+    assert select(data, split="new", group="C1")["row"].values.tolist() == [12, 13]
+    assert select(data, split="new")["row"].values.tolist() == [12, 13, 14, 15]
+
+
+UNKNOWN = {
+    "specimen": ({"specimen": "S9"}, "no specimen 'S9' in the data; there are 'S1', 'S2'$"),
+    "experiment": ({"experiment": [1, 7]}, "no experiment 7 in the data; there are 1, 2$"),
+    "phase": ({"phase": "loading"}, "do not name a phase"),
+    "label of points": ({"row": 10}, "do not name a row"),
+    "none": ({"specimen": []}, r"no test with specimen=\[\]"),
+    "both": (
+        {"specimen": "S1", "group": "C2"},
+        r"no test with specimen=\['S1'\], group=\['C2'\] in the data; there are "
+        "group 'C1', specimen 'S1', experiment 1, 2; group 'C2', specimen 'S2', experiment 1$",
+    ),
+}
+
+
+@pytest.mark.parametrize("labels, message", UNKNOWN.values(), ids=UNKNOWN)
+def test_unknown_labels_are_refused_with_those_that_exist(labels, message):
+    with pytest.raises(ValueError, match=message):
+        select(build(), **labels)
+
+
+@pytest.mark.parametrize("positions", [[0, 2], [1], [0, 1, 2]])
+def test_few_tests_of_many_are_found_by_position(positions):
+    data = build()
+    found = selecting.tests_of_many(data, positions)
+    xr.testing.assert_identical(found, selecting.tests_at(data, positions))
+    rows = {0: [10, 11], 1: [12, 13], 2: [14, 15]}
+    assert found["row"].values.tolist() == [row for i in positions for row in rows[i]]
+
+
+def test_specimens_are_taken_apart_and_left_out():
+    data = build()
+    names, of_test = selecting.specimens_of(data)
+    assert names == ["S1", "S2"] and of_test.tolist() == [0, 0, 1]
+    apart = selecting.specimens_apart(data)
+    assert [own["row"].values.tolist() for own in apart.values()] == [[10, 11, 12, 13], [14, 15]]
+    assert list(selecting.specimens_apart(data, ["S2", "S3"])) == ["S2"]
+    xr.testing.assert_identical(selecting.without_specimens(data, ["S1"]), apart["S2"])

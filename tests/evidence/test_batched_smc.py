@@ -1,0 +1,266 @@
+"""The kernel BatchedSMC: evidences, posteriors and error bars against exact ones."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pymc as pm
+import pytensor.tensor as pt
+import pytest
+from scipy import integrate, stats
+from scipy.special import gammaln, logsumexp
+from tiers import deep
+
+import pymc_hyperelastic as ph
+
+SEED = 20250
+# An honest error bar is exceeded fourfold once in 16,000 runs; seeds are fixed.
+STANDARD_ERRORS = 4
+# Nats. Errors of this size change the odds of two models by a sixth.
+EVIDENCE_TOLERANCE = 0.15
+# Largest error of a posterior mean or sd, in posterior sds, for 4000 resampled particles.
+PARTICLE_TOLERANCE = 0.15
+# Significance level on either side of a test of error bars.
+SIGNIFICANCE = 0.001
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A model, its exact log evidence, and exact posterior means and sds of variables."""
+
+    build: Callable[[], pm.Model]
+    log_evidence: float
+    moments: Mapping[str, tuple[np.ndarray, np.ndarray]]
+
+
+def gaussian(dimension: int) -> Problem:
+    """Normal prior and one normal measurement of each variable, of unequal precision."""
+    noise = np.linspace(0.1, 1.0, dimension)
+    measured = np.linspace(-2.0, 2.0, dimension)
+
+    def build():
+        with pm.Model() as model:
+            x = pm.Normal("x", 0, 1, shape=dimension)
+            pm.Normal("y", x, noise, observed=measured)
+        return model
+
+    shrink = 1 / (1 + noise**2)
+    evidence = stats.norm.logpdf(measured, 0, np.sqrt(1 + noise**2)).sum()
+    return Problem(build, evidence, {"x": (shrink * measured, noise * np.sqrt(shrink))})
+
+
+def two_modes() -> Problem:
+    """Two narrow peaks in the plane, of unequal weight and width, far apart in a wide prior."""
+    weight = np.array([0.3, 0.7])
+    centre = np.array([[-6.0, 2.0], [4.0, -3.0]])
+    width, prior = np.array([0.3, 0.15]), 10.0
+
+    def build():
+        with pm.Model() as model:
+            x = pm.Normal("x", 0, prior, shape=2)
+            peaks = pm.logp(pm.Normal.dist(centre, width[:, None]), x).sum(axis=-1)
+            pm.Potential("peaks", pt.logsumexp(np.log(weight) + peaks))
+        return model
+
+    total = np.sqrt(prior**2 + width**2)[:, None]
+    parts = np.log(weight) + stats.norm.logpdf(centre, 0, total).sum(axis=1)
+    evidence = logsumexp(parts)
+    share = np.exp(parts - evidence)[:, None]
+    mean = centre * (prior / total) ** 2
+    variance = (width[:, None] * prior / total) ** 2
+    average = (share * mean).sum(axis=0)
+    sd = np.sqrt((share * (variance + (mean - average) ** 2)).sum(axis=0))
+    return Problem(build, float(evidence), {"x": (average, sd)})
+
+
+def regression() -> Problem:
+    """Linear regression with correlated coefficients: a scalar and a vector."""
+    rng = np.random.default_rng(3)
+    design = np.column_stack([np.ones(30), rng.uniform(2, 4, (30, 2))])
+    noise, prior = 0.5, np.array([10.0, 2.0, 2.0])
+    response = design @ [1.0, -0.7, 1.2] + noise * rng.standard_normal(30)
+
+    def build():
+        with pm.Model() as model:
+            intercept = pm.Normal("intercept", 0, prior[0])
+            slope = pm.Normal("slope", 0, prior[1:], shape=2)
+            pm.Normal("y", intercept + design[:, 1:] @ slope, noise, observed=response)
+        return model
+
+    precision = np.diag(prior**-2) + design.T @ design / noise**2
+    mean = np.linalg.solve(precision, design.T @ response / noise**2)
+    sd = np.sqrt(np.diag(np.linalg.inv(precision)))
+    covariance = noise**2 * np.eye(30) + (design * prior**2) @ design.T
+    evidence = stats.multivariate_normal.logpdf(response, np.zeros(30), covariance)
+    moments = {"intercept": (mean[0], sd[0]), "slope": (mean[1:], sd[1:])}
+    return Problem(build, float(evidence), moments)
+
+
+def counts() -> Problem:
+    """Dirichlet prior of category shares, and gamma priors of a matrix of rates."""
+    alpha, seen = np.array([1.0, 2.0, 3.0, 0.5]), np.array([12, 3, 30, 1])
+    shape, rate = 2.0, 0.5
+    counted = np.array([[[3, 0, 12], [7, 1, 2]], [[4, 1, 9], [5, 2, 2]]])
+
+    def build():
+        with pm.Model() as model:
+            share = pm.Dirichlet("share", alpha)
+            pm.Multinomial("seen", seen.sum(), share, observed=seen)
+            rates = pm.Gamma("rates", shape, rate, shape=counted.shape[1:])
+            pm.Poisson("counted", rates, observed=counted)
+        return model
+
+    total = shape + counted.sum(axis=0)
+    evidence = shape * np.log(rate) - gammaln(shape) + gammaln(total) - total * np.log(rate + 2)
+    evidence = evidence.sum() - gammaln(counted + 1).sum()
+    evidence += stats.dirichlet_multinomial.logpmf(seen, alpha, seen.sum())
+    after, every = alpha + seen, (alpha + seen).sum()
+    moments = {
+        "share": (after / every, np.sqrt(after * (every - after) / every**2 / (every + 1))),
+        "rates": (total / (rate + 2), np.sqrt(total) / (rate + 2)),
+    }
+    return Problem(build, float(evidence), moments)
+
+
+def hierarchy() -> Problem:
+    """Four measured effects with one unknown scale: normal, given the log scale."""
+    measured, noise, prior = np.array([-2.0, 0.3, 1.0, 3.0]), 0.5, 2.0
+
+    def build():
+        with pm.Model() as model:
+            v = pm.Normal("v", 0, prior)
+            x = pm.Normal("x", 0, pt.exp(v / 2), shape=4)
+            pm.Normal("y", x, noise, observed=measured)
+        return model
+
+    def density(v):
+        likelihood = stats.norm.pdf(measured, 0, np.sqrt(np.exp(v) + noise**2))
+        return stats.norm.pdf(v, 0, prior) * np.prod(likelihood)
+
+    # Outside of these bounds the prior is below exp(-50).
+    moments = [
+        integrate.quad(lambda v, k=k: v**k * density(v), -20, 20, epsabs=0, limit=200)[0]
+        for k in range(3)
+    ]
+    mean, square = np.divide(moments[1:], moments[0])
+    return Problem(build, float(np.log(moments[0])), {"v": (mean, np.sqrt(square - mean**2))})
+
+
+PROBLEMS = {
+    "Gaussian in 20 dimensions": gaussian(20),
+    "two modes": two_modes(),
+    "regression": regression(),
+    "counts": counts(),
+    "hierarchy": hierarchy(),
+}
+
+
+def sampled(model, draws=1000, chains=4, **settings):
+    settings = {"random_seed": SEED, "progressbar": False} | settings
+    return ph.sample_smc(model, draws, chains, **settings)
+
+
+def assert_evidence(tree, exact):
+    value, error = ph.log_evidence(tree)
+    assert abs(value - exact) < min(STANDARD_ERRORS * error, EVIDENCE_TOLERANCE)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_evidence_and_posterior_moments_are_exact(name):
+    problem = PROBLEMS[name]
+    tree = sampled(problem.build())
+    assert_evidence(tree, problem.log_evidence)
+    for variable, (mean, sd) in problem.moments.items():
+        particles = tree["posterior"][variable].values
+        assert particles.shape == (4, 1000, *np.shape(mean))
+        off = np.abs(particles.mean(axis=(0, 1)) - mean)
+        np.testing.assert_array_less(off, PARTICLE_TOLERANCE * sd)
+        relative = np.abs(particles.std(axis=(0, 1)) / sd - 1)
+        np.testing.assert_array_less(relative, PARTICLE_TOLERANCE)
+
+
+@pytest.mark.parametrize(
+    ("name", "from_modes"), [("regression", False), *deep([("two modes", None), ("counts", None)])]
+)
+def test_error_bars_are_as_wide_as_the_errors(name, from_modes):
+    """Squared errors in units of the error bars of single chains have a chi-squared distribution.
+
+    An honest kernel fails at either end once in a thousand times.
+    """
+    problem, chains = PROBLEMS[name], 24
+    tree = sampled(problem.build(), 300, chains, from_modes=from_modes)
+    evidence = tree["evidence"]
+    relative = np.exp(evidence["log_evidence"].values - problem.log_evidence) - 1
+    squares = np.sum((relative / evidence["log_evidence_se"].values) ** 2)
+    low, high = stats.chi2.ppf([SIGNIFICANCE, 1 - SIGNIFICANCE], chains)
+    assert low < squares < high
+
+
+def test_sampler_of_pymc_takes_the_kernel():
+    """Its result has the same kind of evidence, with a diagnosis."""
+    problem = regression()
+    with problem.build():
+        settings = {"cores": 1, "random_seed": SEED, "progressbar": False, "threshold": 0.6}
+        tree = pm.sample_smc(1000, kernel=ph.BatchedSMC, chains=2, **settings)
+    assert_evidence(tree, problem.log_evidence)
+    mean, sd = problem.moments["slope"]
+    found = tree["posterior"]["slope"].mean(("chain", "draw")).values
+    np.testing.assert_array_less(np.abs(found - mean), PARTICLE_TOLERANCE * sd)
+    checks = set(ph.diagnose_evidence(tree)["check"].values)
+    assert checks == {"chains", "moves", "ancestors"}
+
+
+def test_threshold_is_the_effective_fraction_of_the_first_stage():
+    """The defaults are 0.8 for particles of the prior, and 0.5 in one or two dimensions."""
+    runs = [(regression(), 0.3, 0.3), (regression(), None, 0.8), (two_modes(), None, 0.5)]
+    for problem, threshold, expected in runs:
+        kernel = ph.BatchedSMC(500, model=problem.build(), threshold=threshold, from_modes=False)
+        kernel.initialize(None, np.random.default_rng(SEED))
+        kernel.update_beta_and_weights()
+        # The step is found to one per cent, which changes the fraction by less.
+        found = kernel.sample_stats()["effective_sample_size"]
+        assert found == pytest.approx(expected * 500, rel=4e-3)
+
+
+def test_likelihood_that_is_nan_counts_as_zero_and_is_reported():
+    with pm.Model() as model:
+        x = pm.Normal("x", 0, 1)
+        pm.Potential("root", -25 * (pt.sqrt(x) - 1) ** 2)
+    exact, _ = integrate.quad(
+        lambda x: stats.norm.pdf(x) * np.exp(-25 * (np.sqrt(x) - 1) ** 2), 0, 10, points=[1]
+    )
+    tree = sampled(model)
+    assert_evidence(tree, np.log(exact))
+    assert np.all(tree["posterior"]["x"] > 0) and np.isfinite(tree["posterior"]["x"]).all()
+    assert tree["sample_stats"]["nan_scores"].sum() > 0
+
+
+def test_impossible_parameters_of_a_distribution_exclude_a_particle_and_no_other_one():
+    """A negative standard deviation has the likelihood 0."""
+    measured = 1.3
+    with pm.Model() as model:
+        scale = pm.Normal("scale", 0, 1)
+        pm.Normal("y", 0, scale, observed=measured)
+    exact, _ = integrate.quad(
+        lambda s: stats.norm.pdf(s) * stats.norm.pdf(measured, 0, s), 0, np.inf
+    )
+    tree = sampled(model)
+    assert_evidence(tree, np.log(exact))
+    assert np.all(tree["posterior"]["scale"] > 0)
+
+
+def test_likelihood_with_a_sharp_edge():
+    """A quarter of a uniform prior is possible; the Potential has single precision."""
+    with pm.Model() as model:
+        x = pm.Uniform("x", 0, 10)
+        pm.Potential("edge", pt.switch(x < 2.5, 0.0, -np.inf))
+    assert_evidence(sampled(model), np.log(0.25))
+
+
+def test_overflow_of_a_likelihood_is_no_warning():
+    with pm.Model() as model:
+        x = pm.Normal("x", 0, 30, shape=2)
+        response = pt.exp(x**2) @ np.array([[1.0, -1.0], [0.0, 1.0]])
+        pm.Potential("misfit", pt.switch(pt.all(response < 1e30), -pt.sum(x**2) / 2, -np.inf))
+    # |x| stays below sqrt(ln 1e30) = 8.3, where the Gaussian is negligible.
+    assert_evidence(sampled(model), -np.log(1 + 30**2))

@@ -1,0 +1,186 @@
+"""Diagnosis of evidences: the limit of each check, and the verdict that follows."""
+
+import numpy as np
+import pymc as pm
+import pytest
+import xarray as xr
+from arviz_stats.base import array_stats
+from scipy import stats
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.evidence.diagnosis import (
+    warn_of_evidence,
+    with_diagnosis,
+    worst_of,
+    worst_verdict,
+)
+
+SEED = 20250
+GOOD, DOUBTFUL, BAD = "good", "doubtful", "not to be trusted"
+DRAWS = np.random.default_rng(SEED).standard_normal((4, 500))
+
+
+def result(log_evidence=(-10.0, -10.02, -9.99, -10.01), se=0.02, draws=DRAWS, **evidence):
+    """Return the stored evidence of four chains; without changes its verdict is "good"."""
+    found = {"moves": 0.0, "ancestors": 0.5, "pareto_k": 0.1} | evidence
+    chains = {"log_evidence": np.array(log_evidence), "log_evidence_se": np.full(4, se)}
+    chains |= {name: np.full(4, found.pop(name)) for name in ("moves", "ancestors", "pareto_k")}
+    return xr.DataTree.from_dict(
+        {
+            "evidence": xr.Dataset({k: ("chain", v) for k, v in chains.items()}).assign(found),
+            "unconstrained_posterior": xr.Dataset({"x": (("chain", "draw"), draws)}),
+        }
+    )
+
+
+def draws_of_rhat(value):
+    """Return draws of four chains, one of them shifted, whose R-hat has this value."""
+
+    def rhat(shift):
+        return float(array_stats.rhat(DRAWS + shift * np.eye(4)[0][:, None]))
+
+    return DRAWS + brentq(lambda shift: rhat(shift) - value, 0.1, 9) * np.eye(4)[0][:, None]
+
+
+def largest_spread_by_chance(se):
+    """Return the sd of four log evidences that chance exceeds once in a thousand times."""
+    return se * np.sqrt(stats.chi2.isf(1e-3, 3) / 3)
+
+
+def chains_of_spread(sd):
+    """Return four log evidences with this standard deviation."""
+    values = np.array([-1.0, 0.5, 0.25, 0.25])
+    return -10 + values * sd / values.std(ddof=1)
+
+
+def test_result_without_faults_is_good():
+    diagnosis = ph.diagnose_evidence(result(forward=-10.5, forward_se=0.1, curve_error=1e-8))
+    assert diagnosis.attrs == {"verdict": GOOD, "words": "nothing is against it"}
+    names = ["chains", "R-hat", "moves", "ancestors", "prior's side", "curves", "weights"]
+    assert diagnosis["check"].values.tolist() == names
+    assert np.all(diagnosis["verdict"] == GOOD)
+    value, error = ph.log_evidence(result())
+    assert value == pytest.approx(-10.005, abs=1e-3)
+    assert error == pytest.approx(0.01, abs=1e-3)
+
+
+# Values on both sides of each limit. Two evidences may differ by 0.3 nats, or four standard errors.
+# The standard error of the mean of four chains with 0.02 each is 0.01: 4 hypot(0.2, 0.01) = 0.801.
+LIMITS = [
+    ("chains", {"log_evidence": chains_of_spread(0.99 * largest_spread_by_chance(0.02))}, GOOD),
+    ("chains", {"log_evidence": chains_of_spread(1.01 * largest_spread_by_chance(0.02))}, DOUBTFUL),
+    ("chains", {"log_evidence": chains_of_spread(0.299)}, DOUBTFUL),
+    ("chains", {"log_evidence": chains_of_spread(0.301)}, BAD),
+    ("chains", {"log_evidence": (-10.0, -np.inf, -10.0, -10.0)}, BAD),
+    ("chains", {"se": np.nan}, BAD),
+    ("R-hat", {"draws": draws_of_rhat(1.049)}, GOOD),
+    ("R-hat", {"draws": draws_of_rhat(1.051)}, DOUBTFUL),
+    ("R-hat", {"draws": draws_of_rhat(1.199)}, DOUBTFUL),
+    ("R-hat", {"draws": draws_of_rhat(1.201)}, BAD),
+    ("moves", {"moves": 0.49, "ancestors": 0.149}, GOOD),
+    ("moves", {"moves": 0.51, "ancestors": 0.149}, DOUBTFUL),
+    ("moves", {"moves": 1.0, "ancestors": 0.151}, GOOD),
+    ("ancestors", {"ancestors": 0.031}, GOOD),
+    ("ancestors", {"ancestors": 0.029}, DOUBTFUL),
+    ("ancestors", {"ancestors": 0.0101}, DOUBTFUL),
+    ("ancestors", {"ancestors": 0.0099}, BAD),
+    ("prior's side", {"forward": -10.005 + 0.29, "forward_se": 0.05}, GOOD),
+    ("prior's side", {"forward": -10.005 + 0.31, "forward_se": 0.05}, BAD),
+    ("prior's side", {"forward": -10.005 + 0.79, "forward_se": 0.2}, GOOD),
+    ("prior's side", {"forward": -10.005 + 0.81, "forward_se": 0.2}, BAD),
+    ("prior's side", {"forward": -300.0, "forward_se": 0.05}, GOOD),
+    ("prior's side", {"forward": -9.0, "forward_se": np.inf}, GOOD),
+    ("modes", {"at_modes": -10.005 + 0.31, "at_modes_se": 0.05}, BAD),
+    ("modes", {"at_modes": -12.0, "at_modes_se": 0.05}, GOOD),
+    ("curves", {"curve_error": 0.9e-6}, GOOD),
+    ("curves", {"curve_error": 1.1e-6}, BAD),
+    ("specimens", {"specimens_se": 0.5}, GOOD),
+    ("specimens", {"specimens_se": np.inf}, BAD),
+    ("weights", {"pareto_k": 0.69}, GOOD),
+    ("weights", {"pareto_k": 0.71}, DOUBTFUL),
+]
+
+
+@pytest.mark.parametrize(("check", "changed", "verdict"), LIMITS)
+def test_verdict_on_each_side_of_a_limit(check, changed, verdict):
+    """A fault is named, and an evidence that cannot be trusted has an infinite error."""
+    tree = result(**changed)
+    diagnosis = ph.diagnose_evidence(tree)
+    wrong = diagnosis["check"].values[diagnosis["verdict"] != GOOD].tolist()
+    assert wrong == ([] if verdict == GOOD else [check])
+    assert diagnosis.attrs["verdict"] == verdict
+    if wrong:
+        assert diagnosis["words"].sel(check=check).item() in diagnosis.attrs["words"]
+        assert ("NUTS" in diagnosis.attrs["words"]) == (check != "specimens")
+    assert np.isinf(ph.log_evidence(tree).standard_error) == (verdict == BAD)
+
+
+def test_worst_chain_decides_about_ancestors_and_weights_and_the_mean_about_moves():
+    tree = result()
+    tree["evidence"]["ancestors"][2] = 0.02
+    tree["evidence"]["pareto_k"][1] = 0.8
+    tree["evidence"]["moves"][:] = [1.0, 0.2, 0.0, 0.0]
+    value = ph.diagnose_evidence(tree)["value"]
+    found = [float(value.sel(check=check)) for check in ("ancestors", "weights", "moves")]
+    assert found == pytest.approx([0.02, 0.8, 0.3])
+
+
+def test_verdict_is_stored_and_the_warning_says_why(tmp_path):
+    tree = with_diagnosis(result(ancestors=0.005))
+    with pytest.warns(UserWarning, match=r"class 'C1': the evidence is not .* come from 0\.5%"):
+        warn_of_evidence(tree, "class 'C1': ")
+    tree.to_netcdf(tmp_path / "tree.nc")
+    loaded = xr.load_datatree(tmp_path / "tree.nc")
+    xr.testing.assert_identical(ph.diagnose_evidence(loaded), ph.diagnose_evidence(tree))
+    assert np.isinf(ph.log_evidence(loaded).standard_error)
+    assert worst_verdict([result(), tree]) == BAD
+    assert worst_of(["", GOOD]) == GOOD
+
+
+def test_result_of_the_sampler_of_pymc_is_read_from_its_stages():
+    """The last finite number of each chain counts, and the share of stages with all moves made."""
+    stages = {
+        "log_marginal_likelihood": [[-9.0, -4.0], [-8.0, -4.1, np.nan]],
+        "log_evidence_variance": [[0.5, 0.09], [0.5, 0.16, np.nan]],
+        "ancestors": [[100.0, 50.0], [100.0, 20.0, np.nan]],
+        "moves": [[49, 50], [30, 7, 50]],
+    }
+    columns = {}
+    for name, chains in stages.items():
+        columns[name] = ("chain", np.empty(2, object))
+        columns[name][1][:] = chains
+    group = xr.Dataset(columns, attrs={"max_moves": 50, "_n_draws": 200})
+    tree = xr.DataTree.from_dict({"sample_stats": group})
+    value, error = ph.log_evidence(tree)
+    assert value == pytest.approx(np.logaddexp(-4.0, -4.1) - np.log(2))
+    assert error == pytest.approx(0.25)
+    found = ph.diagnose_evidence(tree)["value"]
+    assert float(found.sel(check="ancestors")) == pytest.approx(0.1)
+    assert float(found.sel(check="moves")) == pytest.approx(0.4)
+
+
+def test_particles_that_miss_a_sudden_transition_are_noticed():
+    """Tempering from the prior with few moves prefers a large noise; the true noise is small."""
+    rng = np.random.default_rng(SEED)
+    design = rng.normal(size=(30, 6))
+    measured = design @ rng.normal(size=6) + 1e-3 * rng.standard_normal(30)
+    with pm.Model() as model:
+        slope = pm.Normal("slope", 0, 1, shape=6)
+        sigma = pm.HalfNormal("sigma", 1)
+        pm.Normal("y", design @ slope, sigma, observed=measured)
+
+    def density(log_sigma):
+        covariance = design @ design.T + np.exp(2 * log_sigma) * np.eye(30)
+        fit = stats.multivariate_normal(np.zeros(30), covariance).logpdf(measured)
+        return np.exp(fit - 90 + stats.halfnorm.logpdf(np.exp(log_sigma)) + log_sigma)
+
+    exact = 90 + np.log(quad(density, np.log(3e-4), np.log(3e-3), epsabs=0)[0])
+    with pytest.warns(UserWarning, match="the evidence is"):
+        tree = ph.sample_smc(
+            model, 300, 2, random_seed=SEED, progressbar=False, from_modes=False, max_moves=2
+        )
+    assert ph.log_evidence(tree).value < exact - 1
+    assert np.all(tree["evidence"]["moves"] == 1)
+    assert ph.diagnose_evidence(tree).attrs["verdict"] != GOOD

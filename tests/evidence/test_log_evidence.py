@@ -1,0 +1,78 @@
+"""Evidence of several chains with its standard error, against formulas."""
+
+import numpy as np
+import pymc as pm
+import pytest
+import xarray as xr
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.evidence.estimate import combine_chains
+
+# Rounding of sums and logarithms of a few numbers of order one.
+ROUNDING = 1e-12
+
+
+def test_evidences_and_not_their_logarithms_are_averaged():
+    value, _ = combine_chains(np.log([1.0, 3.0]), np.array([0.01, 0.01]))
+    assert value == pytest.approx(np.log(2.0), rel=ROUNDING)
+    assert combine_chains(np.array([-7.0]), np.array([0.3])) == pytest.approx((-7.0, 0.3))
+
+
+def test_variances_within_chains_are_averaged():
+    """Equal chains with the errors 0.3 and 0.4: half of the mean square, 0.125/2, is 1/16."""
+    assert combine_chains(np.zeros(2), np.array([0.3, 0.4])) == pytest.approx((0.0, 0.25))
+
+
+def test_spread_of_chains_counts_if_it_is_significant_at_one_per_cent():
+    """The spread replaces the errors where chance explains it less than once in a hundred times.
+
+    The critical ratio of variances of ``n`` chains is ``chi2(0.99; n - 1)/(n - 1)``: 6.6349 for two
+    chains, 11.3449/3 for four. Two chains with evidences 1 and 3 are 1/2 and 3/2 of their mean, a
+    variance of 1/2: the critical standard error is sqrt(0.5/6.6349) = 0.27452. Four chains with
+    0.8, 1.2, 0.8, 1.2 of their mean have the variance 0.16/3: it is sqrt(0.16/11.3449) = 0.118757.
+    """
+    two, four = np.log([1.0, 3.0]), np.log([0.8, 1.2, 0.8, 1.2])
+    for evidences, critical, spread in ((two, 0.27452, 1 / 2), (four, 0.118757, 0.16 / 3)):
+        chains = len(evidences)
+        for shift in (0.0, -500.0):
+            _, error = combine_chains(evidences + shift, np.full(chains, 0.9999 * critical))
+            assert error == pytest.approx(np.sqrt(spread / chains), rel=1e-9)
+            _, error = combine_chains(evidences + shift, np.full(chains, 1.0001 * critical))
+            assert error == pytest.approx(1.0001 * critical / np.sqrt(chains), rel=1e-9)
+
+
+def test_spread_of_logarithms_counts_if_chains_are_far_apart():
+    """Chains more than 1.2 nats apart say nothing about each other's relative errors."""
+    for apart, scale in ((1.19, "evidence"), (1.21, "logarithm")):
+        log_evidences = np.array([0.0, apart])
+        value, error = combine_chains(log_evidences, np.full(2, 0.01))
+        chains = np.exp(log_evidences - value) if scale == "evidence" else log_evidences
+        spread = max(np.var(np.exp(log_evidences - value), ddof=1), np.var(chains, ddof=1))
+        assert error == pytest.approx(np.sqrt(spread / 2), rel=1e-9)
+    assert combine_chains(np.array([-100.0, -370, -370, -370]), np.full(4, 0.3))[1] > 50
+
+
+def test_error_is_infinite_if_a_chain_failed():
+    assert combine_chains(np.array([-100.0, -np.inf]), np.full(2, 0.3))[1] == np.inf
+    assert combine_chains(np.array([-100.0, -100.0]), np.array([0.3, np.nan]))[1] == np.inf
+
+
+def test_error_of_specimens_is_common_to_all_chains():
+    """It is added to the error of the mean of the chains, and is not divided by their number."""
+    evidence = {"log_evidence": ("chain", [-3.0, -3.0]), "log_evidence_se": ("chain", [0.3, 0.4])}
+    tree = xr.DataTree.from_dict({"evidence": xr.Dataset(evidence).assign(specimens_se=0.6)})
+    assert ph.log_evidence(tree) == pytest.approx((-3.0, 0.65))
+
+
+def test_estimate_is_a_number_and_text():
+    estimate = ph.Estimate(-41.2704, 0.0312)
+    assert (float(estimate), str(estimate)) == (-41.2704, "-41.270 ± 0.031")
+
+
+def test_results_without_evidence_are_refused():
+    """The error names the groups, or the type that was expected."""
+    draws = xr.Dataset({"x": (("chain", "draw"), np.zeros((2, 3)))})
+    with pytest.raises(ValueError, match=r"no evidence; its groups are \['posterior'\]"):
+        ph.log_evidence(xr.DataTree.from_dict({"posterior": draws}))
+    with pytest.raises(TypeError, match=r"ph\.sample_smc.* not Model"):
+        ph.log_evidence(pm.Model())

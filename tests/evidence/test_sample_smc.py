@@ -1,0 +1,157 @@
+"""Runs of sample_smc: seeds, stored groups, files, interrupts and settings."""
+
+import json
+
+import numpy as np
+import pymc as pm
+import pytest
+import xarray as xr
+
+import pymc_hyperelastic as ph
+
+SEED = 20250
+RUN = {"draws": 300, "chains": 3, "random_seed": SEED, "progressbar": False}
+
+
+@pytest.fixture(scope="module")
+def model():
+    """A regression with a vector, a positive variable and a deterministic."""
+    design = np.array([[0.1, 2.0], [0.9, 1.4], [1.6, 0.3], [2.2, 2.5], [3.1, 1.1]])
+    with pm.Model() as model:
+        scale = pm.Gamma("scale", 2, 2)
+        slope = pm.Normal("slope", 0, 2, shape=2)
+        pm.Deterministic("steepness", (slope**2).sum())
+        pm.Normal("y", scale + (design * slope).sum(axis=-1), 0.5, observed=[0.4, 1.2, 2.9, 1, 3.8])
+    return model
+
+
+@pytest.fixture(scope="module")
+def tree(model):
+    return ph.sample_smc(model, **RUN)
+
+
+def test_same_seed_gives_the_same_result_and_another_seed_another_one(model, tree):
+    again = ph.sample_smc(model, **RUN)
+    xr.testing.assert_equal(again["posterior"].to_dataset(), tree["posterior"].to_dataset())
+    assert ph.log_evidence(again) == ph.log_evidence(tree)
+    other = ph.sample_smc(model, **RUN | {"random_seed": SEED + 1})
+    assert ph.log_evidence(other) != ph.log_evidence(tree)
+
+
+def test_result_records_a_seed_that_repeats_it(model):
+    """Without a seed one is chosen; from a generator one is drawn, another one for each call."""
+    few = RUN | {"draws": 50, "chains": 1, "from_modes": False}
+    rng = np.random.default_rng(SEED)
+    runs = [ph.sample_smc(model, **few | {"random_seed": seed}) for seed in (None, rng, rng)]
+    for run in runs:
+        seed = json.loads(run.attrs["random_seed"])
+        again = ph.sample_smc(model, **few | {"random_seed": seed})
+        assert ph.log_evidence(again) == ph.log_evidence(run)
+    assert len({run.attrs["random_seed"] for run in runs}) == 3
+
+
+def test_chains_share_no_particles(tree):
+    slope = tree["posterior"]["slope"].values
+    assert not any(np.isin(slope[i], slope[j]).any() for i in range(3) for j in range(i))
+
+
+def test_stages_are_padded_with_nan_and_end_at_the_posterior(tree):
+    stages = tree["sample_stats"].to_dataset()
+    assert {v.dims for v in stages.data_vars.values()} == {("chain", "stage")}
+    for beta in stages["beta"].values:
+        known = beta[np.isfinite(beta)]
+        assert known[-1] == 1 and np.all(np.diff(known) > 0) and known[0] > 0
+        assert np.isfinite(beta[: len(known)]).all()
+
+
+def test_evidence_group_summarises_the_stages(tree):
+    stages, evidence = tree["sample_stats"], tree["evidence"]
+
+    def last(name):
+        return [row[np.isfinite(row)][-1] for row in stages[name].values]
+
+    np.testing.assert_array_equal(evidence["log_evidence"], last("log_marginal_likelihood"))
+    np.testing.assert_allclose(evidence["log_evidence_se"], np.sqrt(last("log_evidence_variance")))
+    np.testing.assert_allclose(evidence["ancestors"], np.array(last("ancestors")) / 300)
+    np.testing.assert_array_equal(evidence["pareto_k"], last("pareto_k"))
+    moves = stages["moves"].values
+    capped = [np.mean(row[np.isfinite(row)] >= 50) for row in moves]
+    np.testing.assert_array_equal(evidence["moves"], capped)
+    assert tree["diagnosis"].attrs["verdict"] == "good"
+    checks = {"chains", "R-hat", "moves", "ancestors", "weights"}
+    assert checks <= set(tree["diagnosis"]["check"].values)
+
+
+def test_variables_are_stored_on_both_scales(tree):
+    posterior, unconstrained = tree["posterior"], tree["unconstrained_posterior"]
+    np.testing.assert_allclose(np.log(posterior["scale"]), unconstrained["scale_log__"])
+    np.testing.assert_array_equal(posterior["slope"].values, unconstrained["slope"].values)
+    np.testing.assert_allclose(
+        posterior["steepness"].values, (posterior["slope"].values ** 2).sum(axis=-1)
+    )
+    assert tree["observed_data"]["y"].values.tolist() == [0.4, 1.2, 2.9, 1.0, 3.8]
+
+
+def test_file_holds_the_whole_result(tree, tmp_path):
+    tree.to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
+    loaded = xr.load_datatree(tmp_path / "run.nc", engine="h5netcdf")
+    for group in tree.children:
+        xr.testing.assert_equal(loaded[group].to_dataset(), tree[group].to_dataset())
+    assert ph.log_evidence(loaded) == ph.log_evidence(tree)
+    assert loaded.attrs == tree.attrs
+
+
+def test_var_names_chooses_the_stored_variables(model):
+    few = RUN | {"draws": 50, "chains": 1, "from_modes": False}
+    kept = ph.sample_smc(model, **few, var_names=["steepness"])
+    assert list(kept["posterior"].data_vars) == ["steepness"]
+
+
+def test_only_tempered_terms_enter_the_evidence():
+    """Other terms count as prior; the particles of `start` are drawn from their posterior."""
+    noise, first, second = 0.5, 0.8, -0.4
+    with pm.Model() as model:
+        x = pm.Normal("x", 0, 1)
+        pm.Normal("first", x, noise, observed=first)
+        pm.Normal("second", x, noise, observed=second)
+    variance = 1 / (1 + noise**-2)
+    mean = variance * first / noise**2
+    rng = np.random.default_rng(SEED)
+    start = [{"x": rng.normal(mean, np.sqrt(variance), 2000)} for _ in range(2)]
+    settings = RUN | {"draws": 2000, "chains": 2}
+    value, error = ph.log_evidence(
+        ph.sample_smc(model, **settings, start=start, tempered=["second"])
+    )
+    exact = (second - mean) ** 2 / (variance + noise**2)
+    exact = -0.5 * (np.log(2 * np.pi * (variance + noise**2)) + exact)
+    assert abs(value - exact) < 3 * error < 0.1
+
+
+def interrupt_at(monkeypatch, call):
+    """Raise KeyboardInterrupt in the n-th stage of moves."""
+    mutate, calls = ph.BatchedSMC.mutate, []
+
+    def interrupted(self):
+        calls.append(1)
+        if len(calls) == call:
+            raise KeyboardInterrupt
+        mutate(self)
+
+    monkeypatch.setattr(ph.BatchedSMC, "mutate", interrupted)
+
+
+def test_interrupt_keeps_complete_chains(model, tree, monkeypatch):
+    stages = int(np.isfinite(tree["sample_stats"]["beta"].values[0]).sum())
+    interrupt_at(monkeypatch, stages + 1)
+    with pytest.warns(UserWarning, match="1 of 3 chains are complete") as caught:
+        kept = ph.sample_smc(model, **RUN)
+    np.testing.assert_array_equal(kept["posterior"]["slope"], tree["posterior"]["slope"][:1])
+    assert kept["evidence"].sizes["chain"] == 1
+    assert caught[0].filename == __file__
+    assert np.isfinite(ph.log_evidence(kept)).all()
+
+
+def test_interrupt_before_the_first_chain_is_complete_is_raised(model, monkeypatch):
+    interrupt_at(monkeypatch, 1)
+    with pytest.raises(KeyboardInterrupt):
+        ph.sample_smc(model, **RUN | {"from_modes": False})

@@ -1,0 +1,55 @@
+"""The sampler with its default settings on the table of models with known evidences."""
+
+import pytest
+from evidences import PROBLEMS
+from tiers import long
+
+import pymc_hyperelastic as ph
+
+SEED = 20250
+# Largest error of the mean of four chains, in nats, up to thirty unknowns and for more.
+TOLERANCE, TOLERANCE_OF_MANY = 0.1, 0.3
+# An honest standard error is exceeded fourfold once in 16,000 runs; seeds are fixed.
+STANDARD_ERRORS = 4
+# Models of different kinds for which tempering from the prior alone fails: a sudden transition,
+# modes of unequal width, an unbounded density, a prior that is mostly impossible.
+FAST = ["regression_10_small_noise", "narrow_and_wide", "funnel_4", "half_space"]
+# More unknowns than the sampler takes.
+TOO_MANY = ["groups_1000"]
+# Models whose stated error is too small, because draws miss part of heavy tails.
+TAILS = ["horseshoe"]
+# Models that take minutes.
+SLOW = ["groups_100", "random_walk", "regression_50", "correlated_normal_50"]
+DEEP = sorted(set(PROBLEMS) - {*FAST, *TOO_MANY, *SLOW})
+
+
+def assert_right(name, **settings):
+    """Check the evidence against the exact one, and the verdict."""
+    problem = PROBLEMS[name]
+    tree = ph.sample_smc(problem.model(), random_seed=SEED, progressbar=False, **settings)
+    value, error = ph.log_evidence(tree)
+    off = abs(value - problem.log_evidence())
+    assert off < (TOLERANCE if problem.unknowns <= 30 else TOLERANCE_OF_MANY)
+    assert name in TAILS or off < STANDARD_ERRORS * error
+    assert ph.diagnose_evidence(tree).attrs["verdict"] != "not to be trusted"
+    return tree
+
+
+@pytest.mark.parametrize("name", FAST)
+def test_evidence_equals_the_known_one(name):
+    tree = assert_right(name, draws=1000, chains=2)
+    assert tree["sample_stats"].attrs["from_modes"] == 1
+
+
+@pytest.mark.deep
+@pytest.mark.filterwarnings("ignore:the evidence is doubtful")
+@pytest.mark.parametrize("name", [*DEEP, *long(SLOW)])
+def test_evidence_of_every_other_model_equals_the_known_one(name):
+    assert_right(name)
+
+
+@pytest.mark.parametrize("name", TOO_MANY)
+def test_too_many_unknowns_are_refused(name):
+    """The error comes before sampling, and names the alternative."""
+    with pytest.raises(ValueError, match=r"1000 unknowns.* NUTS .*ph\.log_evidence_by_bridge"):
+        ph.sample_smc(PROBLEMS[name].model(), progressbar=False)

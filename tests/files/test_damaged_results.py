@@ -1,0 +1,379 @@
+"""Damaged results are refused with the name of the damaged part, or give the same numbers."""
+
+import json
+import re
+import warnings
+from collections.abc import Callable, Iterator
+from functools import cache
+
+import fits
+import numpy as np
+import pytensor
+import pytest
+import variable_classes
+import xarray as xr
+from tiers import deep
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.models.priors import prior_from_record
+
+# Words of Python's own errors, which do not help a user.
+BARE = re.compile(
+    r"subscriptable|NoneType|could not convert|not iterable|zip\(\)|broadcast|unhashable|ufunc|"
+    r"invalid literal|truth value|unexpected keyword|unsupported operand|out of bounds|singular|"
+    r"not supported between|must be real number|positional argument|has no attribute|same kind|"
+    r"object is not|need at least one|zero-size|conflicting sizes|shape mismatch|too many values"
+)
+TUBE = {"inner_radius": 7.0, "outer_radius": 9.0, "axial_stretch": 1.0, "opening_angle": 0.0}
+FEW = {"specimens": 10, "draws": 32, "random_seed": 1}
+Groups = dict[str, xr.Dataset]
+Result = xr.DataTree | xr.Dataset
+
+
+def classify(tree: xr.DataTree) -> xr.Dataset:
+    if "stiff" in tree.children:
+        return variable_classes.classify(variable_classes.curves({"N1": [40.0]}, 7), tree)
+    data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1", experiment=3)
+    return ph.classify(data, tree, random_seed=1, progressbar=False)
+
+
+def compare(tree: xr.DataTree) -> xr.Dataset:
+    settings = {"bayes_factor": False, "draws": 100, "random_seed": 1}
+    return ph.compare_classes(tree, "compliance", pressure=[1.0, 2.0], **settings)
+
+
+def inform(tree: xr.DataTree) -> xr.Dataset:
+    return ph.expected_information(tree, {"one": {"radius": 8.0, "points": 1}}, **FEW)
+
+
+MAKE = {
+    "sampled": lambda: fits.fit("sampled"),
+    "pooled": lambda: fits.fit("pooled"),
+    "variable": lambda: fits.fit("neo_hookean_classes"),
+    "classified": lambda: classify(result("pooled")),
+}
+
+
+@cache
+def result(kind: str) -> Result:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return MAKE[kind]()
+
+
+def one(tree: xr.DataTree) -> xr.DataTree:
+    """Return the first class of classes, or a sampled model as it is."""
+    groups = {"posterior", "evidence", "constant_data"}
+    return tree if groups & set(tree.children) else next(iter(tree.children.values()), tree)
+
+
+OF_ONE = {
+    "log_evidence": lambda tree: ph.log_evidence(one(tree)),
+    "diagnose_evidence": lambda tree: ph.diagnose_evidence(one(tree)),
+    "predict_pressure": lambda tree: ph.predict_pressure(one(tree), [8.0, 8.5], **TUBE),
+    "radius_at_pressure": lambda tree: ph.radius_at_pressure(one(tree), [2.0], **TUBE),
+    "tube_properties": lambda tree: ph.tube_properties(one(tree), [2.0], **TUBE),
+    "wall_stress": lambda tree: ph.wall_stress(one(tree), [2.0], **TUBE),
+    "admissible": lambda tree: ph.admissible(one(tree), [8.0], **TUBE),
+    "material_card": lambda tree: ph.material_card(one(tree), "febio"),
+}
+OF_CLASSES = {
+    "pooled": {
+        "classify": classify,
+        "kl_divergence": lambda tree: ph.kl_divergence(tree, "C1", "C2"),
+    },
+    "variable": {
+        "classify": classify,
+        "compare_classes": compare,
+        "expected_information": inform,
+        "plan_study": lambda tree: ph.plan_study(
+            tree, "compliance", (4,), pressure=2.0, studies=10, draws=50, random_seed=1
+        ),
+        "of a specimen": lambda tree: ph.predict_pressure(one(tree), [8.0], specimen="A1"),
+    },
+    "sampled": {},
+}  # fmt: skip
+CALLS = {kind: OF_ONE | own for kind, own in OF_CLASSES.items()}
+FIGURES = {
+    "sampled": lambda tree: ph.plot_parameter_density(tree, backend="none"),
+    "classified": lambda table: ph.plot_class_probability(table, backend="none"),
+}
+
+
+def refusal(call: Callable[[Result], object], damaged: Result) -> str:
+    """Return the message by which a call refuses a result, or nothing if it does not."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            call(damaged)
+        except (TypeError, ValueError) as error:
+            assert str(error) and not BARE.search(str(error)), error
+            return str(error)
+    return ""
+
+
+# --- damage --------------------------------------------------------------------------------------
+
+
+def groups_of(whole: Result) -> Groups:
+    """Return the groups by path, without the checksums, which older files do not have."""
+    nodes = {".": whole}
+    if isinstance(whole, xr.DataTree):
+        nodes = {n.relative_to(whole): n.to_dataset(inherit=False) for n in whole.subtree}
+    groups = {path: data.assign_attrs({}) for path, data in nodes.items()}
+    for data in groups.values():
+        data.attrs = {name: value for name, value in data.attrs.items() if name != "checksum"}
+    return groups
+
+
+def together(groups: Groups, kind: str) -> Result:
+    if isinstance(result(kind), xr.Dataset):
+        return groups["."]
+    return xr.DataTree.from_dict({"/" if path == "." else path: g for path, g in groups.items()})
+
+
+def altered(kind: str, change: Callable[[Groups], None]) -> Result:
+    groups = groups_of(result(kind))
+    change(groups)
+    return together(groups, kind)
+
+
+def attribute(name: str, value=None, only: str | None = None):
+    """Replace an attribute in all groups that have it, or in one; None leaves it out."""
+
+    def change(groups):
+        for path, data in groups.items():
+            if name in data.attrs and only in (None, path):
+                del data.attrs[name]
+                if value is not None:
+                    data.attrs[name] = value
+
+    return change
+
+
+def within(name: str, *place, value):
+    """Replace something in the JSON of an attribute."""
+
+    def change(groups):
+        for data in groups.values():
+            if name in data.attrs:
+                whole = part = json.loads(data.attrs[name])
+                for key in place[:-1]:
+                    part = part[key]
+                part[place[-1]] = value
+                data.attrs[name] = json.dumps(whole)
+
+    return change
+
+
+def group(path: str, alter: Callable[[xr.Dataset], xr.Dataset | None]):
+    """Replace a group by what a function makes of it; None leaves it out."""
+
+    def change(groups):
+        groups[path] = alter(groups[path])
+        if groups[path] is None:
+            del groups[path]
+
+    return change
+
+
+def gone(data):
+    return None
+
+
+def holding(name: str, value):
+    """Replace the first number of a variable."""
+
+    def alter(data):
+        values = data[name].values.copy()
+        values.flat[0] = value
+        return data.assign({name: (data[name].dims, values)})
+
+    return alter
+
+
+def texts(name: str):
+    return lambda data: data.assign({name: (data[name].dims, data[name].values.astype(str))})
+
+
+def lacking(name: str):
+    return lambda data: data.drop_vars(name)
+
+
+def none_along(dim: str):
+    return lambda data: data.isel({dim: []})
+
+
+# --- messages about damage -----------------------------------------------------------------------
+
+BLAME = "it was not written by pymc_hyperelastic, or is damaged"
+SETTINGS = "variability_settings"
+# A kind of result, its damage, a call, and a regular expression of the message.
+DAMAGE = {
+    # Attributes.
+    "no noise": ("pooled", attribute("noise"), "classify", "class 'C1'.*'noise' is missing"),
+    "half an attribute": ("pooled", attribute("priors", "{"), "classify", "'priors'.*JSON"),
+    "negative noise": ("pooled", within("noise", "sigma", value=-1), "classify", "sigma.*-1"),
+    "a function of PyMC": (
+        "pooled", within("priors", "mu", value=["sample", [1]]), "classify",
+        "class 'C1'.*'mu'.*'sample'.*'Uniform'",
+    ),
+    "no priors": ("pooled", attribute("priors", "{}"), "classify", "'priors' lacks.*'mu'"),
+    "unknown law": ("pooled", attribute("strain_energy", "Own"), "classify", "'Own'.*import"),
+    "variability": (
+        "variable", attribute("variability", "cloud"), "classify", "'cloud'.*'specimen'",
+    ),
+    "units in a list": ("sampled", attribute("units", "[1]"), "figure", "units"),
+    # Groups and variables.
+    "no posterior": ("sampled", group("posterior", gone), "predict_pressure", "no posterior"),
+    "NaN": (
+        "sampled", group("posterior", holding("mu", np.nan)), "tube_properties",
+        "1 of 1000 numbers of 'mu'.*NaN",
+    ),
+    "geometry of text": (
+        "sampled", group("constant_data", texts("inner_radius")), "tube_properties",
+        "'inner_radius' must hold numbers.*<U",
+    ),
+    "negative spread": (
+        "variable", group("stiff/posterior", holding("spread", -1.0)), "compare_classes",
+        "class 'stiff'.*'spread'.*not positive",
+    ),
+    "unknown verdict": (
+        "sampled", attribute("verdict", "splendid"), "log_evidence", "'splendid'.*'doubtful'",
+    ),
+    # Figures.
+    "probabilities of text": (
+        "classified", group(".", texts("class_probability")), "figure",
+        "'class_probability'.*expected numbers",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind, change, call, message", DAMAGE.values(), ids=DAMAGE)
+def test_message_names_what_is_damaged_and_what_was_expected(kind, change, call, message):
+    function = FIGURES[kind] if call == "figure" else CALLS[kind][call]
+    found = refusal(function, altered(kind, change))
+    assert re.search(message, found, re.DOTALL), found or "it was accepted"
+
+
+@pytest.mark.parametrize("call", [*OF_CLASSES["variable"]][:-1])
+def test_change_of_one_digit_of_stored_classes_is_noticed_by_their_checksum(call):
+    classes = result("variable").copy(deep=True)
+    location = classes["stiff/posterior"]["location"].values
+    location.flat[0] = np.nextafter(location.flat[0], np.inf)
+    message = refusal(CALLS["variable"][call], classes)
+    assert re.search("class 'stiff'.* is not what was computed", message), message
+
+
+def test_message_names_the_file_of_the_result(tmp_path):
+    ph.save_result(result("pooled"), tmp_path / "classes.nc")
+    classes = ph.open_result(tmp_path / "classes.nc")
+    for fitted_class in classes.children.values():
+        del fitted_class.attrs["checksum"], fitted_class.attrs["noise"]
+    assert refusal(classify, classes) == (
+        f"class 'C1' of {tmp_path / 'classes.nc'}: its attribute 'noise' is missing; {BLAME}"
+    )
+
+
+@pytest.mark.parametrize("name", ["sample", "os.system", "__class__", "Mixture"])
+def test_names_of_priors_in_a_file_are_looked_up_in_a_table(name):
+    with pytest.raises(ValueError, match="is no distribution that is stored with results"):
+        prior_from_record([name, [0.0, 1.0]], "mu")
+
+
+# --- whatever is damaged -------------------------------------------------------------------------
+
+CARD_COMMENT = re.compile("<!--.*?-->", re.DOTALL)
+# Free text about the data, which nothing can check.
+FREE_TEXT = {"title", "description", "source", "simulated"}
+# Words that name a part of a result besides its own name.
+OTHER_NAMES = {
+    "strain_energy": ["strain energy"],
+    "observed_data": ["pressure"],
+    "constant_data": ["inner_radius", "test"],
+    "variability": ["priors"],
+    "variability_settings": ["reference_stress", "class"],
+}
+# Results of older versions have no misfits of their specimens, by which fits are judged.
+MAY_DIFFER = {"fit_p_value"}
+# The first tier tries every ninth damage, and by the quick calls only.
+EVERY = 9
+
+
+def damages(kind: str) -> Iterator[tuple[str, list[str], Callable[[Groups], None]]]:
+    """Yield each damage of the first class: its description, names of the part, and the change."""
+    first = {"sampled": ".", "pooled": "C1", "variable": "soft"}[kind]
+    for path, data in groups_of(result(kind)).items():
+        # A diagnosis is shown as it is stored.
+        own = path.split("/")[-1]
+        if own == "diagnosis" or (first != "." and path.split("/")[0] not in (".", first)):
+            continue
+        for name in sorted(set(data.attrs) - FREE_TEXT):
+            for value in (None, "{", -1.5):
+                yield f"attribute {path} {name} {value}", [name], attribute(name, value, path)
+        if path in (".", first):
+            continue
+        changes = [("no", path, gone), ("empty", path, lambda d: xr.Dataset(attrs=d.attrs))]
+        for name in map(str, data.data_vars):
+            changes += [("no", name, lacking(name)), ("dates", name, dates(name))]
+            if data[name].dtype.kind in "fi":
+                changes += [("text", name, texts(name))]
+            if data[name].dtype.kind == "f" and data[name].size:
+                changes += [("NaN", name, holding(name, np.nan))]
+        for dim in map(str, data.sizes):
+            changes += [("none of", dim, none_along(dim)), ("renamed", dim, renamed(dim))]
+        for what, name, change in changes:
+            yield f"{what} {name} in {path}", [own, name], group(path, change)
+
+
+def dates(name: str):
+    day = np.datetime64("2020-01-01", "ns")
+    return lambda data: data.assign({name: (data[name].dims, np.full(data[name].shape, day))})
+
+
+def renamed(dim: str):
+    return lambda data: data.drop_vars(dim, errors="ignore").rename_dims({dim: "stranger"})
+
+
+def same_numbers(found, expected) -> bool:
+    """Return whether no number is another one; fewer numbers, NaN or an infinite error may be."""
+    if isinstance(found, xr.Dataset):
+        pairs = [(found[n].values, expected[n].values) for n in {*found.data_vars} - MAY_DIFFER]
+        return all(np.all((a == b) | (a != a)) for a, b in pairs)
+    if isinstance(found, str):  # comments of a card describe the data
+        return CARD_COMMENT.sub("", found) == CARD_COMMENT.sub("", expected)
+    errors = (expected.standard_error, np.inf)
+    return found.value == expected.value and found.standard_error in errors
+
+
+@pytest.mark.parametrize(
+    "kind, every", [*((kind, EVERY) for kind in CALLS), *deep((kind, 1) for kind in CALLS)]
+)
+# Nearly every case makes a model of its own, which is evaluated a few times.
+@pytensor.config.change_flags(mode="FAST_COMPILE", traceback__limit=0)
+def test_each_damage_is_refused_by_its_name_or_changes_no_number(kind, every):
+    """The calls take turns."""
+    calls = list((CALLS[kind] if every == 1 else OF_ONE).items())
+    refused, wrong = 0, []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        whole = altered(kind, lambda groups: None)
+        expected = {name: call(whole) for name, call in calls}
+        for i, (what, names, change) in enumerate(list(damages(kind))[::every]):
+            name, call = calls[i % len(calls)]
+            names = [*names, *(other for n in names for other in OTHER_NAMES.get(n, []))]
+            try:
+                damaged = altered(kind, change)
+            except ValueError:  # groups that do not fit together make no tree
+                continue
+            try:
+                found = call(damaged)
+            except (TypeError, ValueError) as error:
+                refused += 1
+                if BARE.search(str(error)) or not any(part in str(error) for part in names):
+                    wrong.append(f"{name}, {what}: {error}")
+            else:
+                if not same_numbers(found, expected[name]):
+                    wrong.append(f"{name}, {what}: other numbers")
+    assert not wrong, "\n".join(wrong)
+    assert refused, "no damage was refused: the search is broken"

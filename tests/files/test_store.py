@@ -1,0 +1,83 @@
+"""The folder that keeps the parts of a long computation."""
+
+import json
+
+import pytest
+import xarray as xr
+
+from pymc_hyperelastic.files.store import Store, named, remembering, seed_in
+
+RESULT = xr.Dataset({"number": ("x", [1.5, 2.5]), "text": ("x", ["a", "ü"])}, attrs={"a": [1, 2]})
+
+
+def result():
+    return RESULT
+
+
+def test_a_part_is_computed_once(tmp_path):
+    calls = []
+
+    def compute():
+        calls.append(1)
+        return RESULT
+
+    for _ in range(2):
+        manifest = {"what": "../../etc/passwd", "settings": {"a": 1, "b": (1, 2)}}
+        remember = named("law-0", remembering(tmp_path / "store", lambda m=manifest: m))
+        assert remember("fold", compute).equals(RESULT)
+    assert calls == [1]
+    found = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*"))
+    assert found == ["store/law-0-fold.nc", "store/manifest.json"]
+    remembering(None, dict)("fold", compute)
+    assert calls == [1, 1]
+
+
+def test_a_damaged_part_is_named_and_computed_again(tmp_path):
+    store = Store(tmp_path / "store", {"what": "test"})
+    store.remember("one", result)
+    store.part("one").write_bytes(store.part("one").read_bytes()[:-50])
+    with pytest.warns(UserWarning, match=r"one\.nc .* It is computed again"):
+        assert store.remember("one", result).equals(RESULT)
+    assert store.kept("one").equals(RESULT) and store.kept("two") is None
+
+
+def test_a_store_refuses_other_work_and_says_what_differs(tmp_path):
+    manifest = {"what": "test", "settings": {"a": 1, "b": None}, "data": {"sha256": "0a"}}
+    Store(tmp_path / "store", manifest)
+    other = {"what": "test", "settings": {"a": 2, "b": None}, "data": {"sha256": "0b"}}
+    with pytest.raises(ValueError) as refused:
+        Store(tmp_path / "store", other)
+    assert str(refused.value) == (
+        f"the store {tmp_path / 'store'} holds other work: settings, a is 1 there and 2 here; "
+        "data are not the same. Give another folder, or ask for what it holds"
+    )
+
+
+def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
+    (tmp_path / "thesis.tex").write_text("")
+    for folder, error, message in (
+        (tmp_path, ValueError, "is no store, and not empty: it holds thesis.tex"),
+        (tmp_path / "thesis.tex", ValueError, "must be a folder, and it is a file"),
+        (tmp_path / "thesis.tex" / "store", OSError, "the store .* cannot be made: "),
+    ):
+        with pytest.raises(error, match=message):
+            Store(folder, {})
+    store = Store(tmp_path / "store", {})
+    for text in ("", "null", "[1]", '{"format": 99}'):
+        (store.folder / "manifest.json").write_text(text)
+        with pytest.raises(ValueError, match=r"manifest\.json"):
+            Store(store.folder, {})
+    for name in ("", "..", "../part", "/etc/passwd", "a/b", "a\\b", ".part"):
+        with pytest.raises(ValueError, match="expected letters, and no path"):
+            store.remember(name, result)
+
+
+def test_the_seed_of_a_store_is_that_of_its_manifest(tmp_path):
+    assert seed_in(None) is None and seed_in(tmp_path / "store") is None
+    for seed in (0, 7, [1, 2], -1, 1.5, "x", [1, "x"]):
+        (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "random_seed": seed}))
+        if seed in (0, 7, [1, 2]):
+            assert seed_in(tmp_path) == seed
+            continue
+        with pytest.raises(ValueError, match=r"has the random_seed .*it is damaged"):
+            seed_in(tmp_path)

@@ -1,0 +1,241 @@
+"""Pressure and stiffness of inflated tubes: `inflation_pressure`, `inflation_stiffness`."""
+
+import numpy as np
+import oracles
+import pytensor
+import pytensor.tensor as pt
+import pytest
+from problems import AS_WRITTEN, LAWS, PROBLEMS
+from pytensor.graph.replace import vectorize_graph
+from pytensor.graph.traversal import ancestors
+from pytensor.tensor.blockwise import Blockwise
+from wall_integrals import (
+    SIMPLIFIED,
+    compiled_gradient,
+    has_stiffness,
+    problems_of,
+    response,
+)
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic import PressureIntegral, inflation_pressure, inflation_stiffness
+
+# The documented accuracy of 32 nodes, against adaptive quadrature: for compressed walls, and for
+# inflated ones, with a margin for the rounding of exponents up to 60. Pressures of laws with fibres
+# are above a thousand moduli in the extreme tubes, where the documentation promises less.
+TOLERANCE = 1e-10
+INFLATED_TOLERANCE = 5e-12
+EXTREME_TOLERANCE = 1e-9
+# At zero pressure a relative error has no meaning. The error allowed there is that of a relative
+# error of 1e-12 in the radius. The oracle, with differences of step 1e-15, cannot distinguish a
+# pressure below 1e-25 of that scale from 0.
+ZERO_PRESSURE_RADIUS_ERROR = 1e-12
+ORACLE_RESOLUTION = 1e-25
+# Two formulas with the same nodes: rounding, with exponents up to 60.
+IDENTITY_TOLERANCE = 1e-12
+# The tubes of the first tier: for the ordinary parameters, and for all others.
+FIRST_TUBES = ("just inflated", "deflated far", "extreme")
+FIRST_OTHERS = ("in vivo",)
+
+
+def is_first(problem):
+    if problem.tube == "slackening":
+        return problem.ordinary and LAWS[problem.law].slackens
+    return problem.tube in (FIRST_TUBES if problem.ordinary else FIRST_OTHERS)
+
+
+def assert_equals_quadrature(law, mode, chosen):
+    """Compare pressure and stiffness of problems, also where the pressure is almost zero."""
+    values, _ = response(law, mode=mode)
+    for problem, (pressure, stiffness) in zip(problems_of(law), values.T, strict=True):
+        if not chosen(problem):
+            continue
+        exact, exact_stiffness = problem.exact(), problem.exact("internal_radius")
+        scale = abs(exact_stiffness) * problem.inner_radius
+        # At a kink the oracle's difference errs by its step, not by the square of the step.
+        at_zero = abs(exact) <= ORACLE_RESOLUTION * scale or not has_stiffness(problem)
+        inflated = problem.internal_radius >= problem.inner_radius
+        relative = INFLATED_TOLERANCE if inflated else TOLERANCE
+        if LAWS[law].slackens and problem.tube.startswith("extreme"):
+            relative = EXTREME_TOLERANCE
+        allowed = ZERO_PRESSURE_RADIUS_ERROR * scale if at_zero else relative * abs(exact)
+        assert abs(pressure - exact) <= allowed, problem.name
+        if has_stiffness(problem):
+            error = abs(stiffness - exact_stiffness)
+            assert error <= relative * abs(exact_stiffness), problem.name
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_pressure_and_stiffness_equal_adaptive_quadrature(law):
+    assert_equals_quadrature(law, AS_WRITTEN, is_first)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("law", LAWS)
+def test_pressure_and_stiffness_of_all_problems_equal_adaptive_quadrature(law):
+    assert_equals_quadrature(law, SIMPLIFIED, lambda problem: True)
+
+
+def test_table_of_problems_covers_the_documented_range():
+    zoo = {name for name in ph.strain_energy.__all__ if name in ph.list_strain_energies()}
+    assert zoo == {law.strain_energy.name for law in LAWS.values()}
+    assert len({problem.name for problem in PROBLEMS}) == len(PROBLEMS)
+    for law in LAWS:
+        table = problems_of(law)
+        growth = {round(p.internal_radius / p.inner_radius, 12) for p in table}
+        assert {0.6, 1.0, 1 + 1e-9, 1 - 1e-9, 1.7} <= growth
+        assert {0.8, 1.0, 1.9} <= {p.axial_stretch for p in table}
+        assert {0.0, 160.0} <= {p.opening_angle for p in table}
+        assert {1.05, 2.5} <= {round(p.outer_radius / p.inner_radius, 12) for p in table}
+        if LAWS[law].slackens:
+            assert problems_of(law, "slackening, shortened", ordinary=True)[0].slackens
+
+
+def test_tube_at_rest_has_exactly_zero_pressure():
+    for law in LAWS:
+        at_rest = [problem.tube == "at rest" for problem in problems_of(law)]
+        assert sum(at_rest) == 1
+        assert (response(law)[0][0, at_rest] == 0).all()
+
+
+def test_neo_hookean_tube_has_its_closed_form():
+    """Also the power law with n = 1."""
+    for law in ("NeoHookean", "PowerLawNeoHookean"):
+        for problem, (pressure, stiffness) in zip(
+            problems_of(law), response(law)[0].T, strict=True
+        ):
+            if problem.parameters.get("n", 1) == 1:
+                geometry = list(problem.inputs.values())[:5]
+                exact = oracles.neo_hookean_pressure(problem.parameters["mu"], *geometry)
+                rounding = ZERO_PRESSURE_RADIUS_ERROR * abs(stiffness) * problem.inner_radius
+                assert abs(pressure - exact) <= TOLERANCE * abs(exact) + rounding
+
+
+def test_order_is_the_number_of_nodes():
+    """With two nodes, all three quantities are those of the two-point rule in ln R."""
+    a, inner, outer, axial, mu = 1.4, 1.0, 2.0, 1.2, 10.0
+    log_ratio = np.log(outer / inner)
+    reference = inner * np.exp(log_ratio * (1 + np.array([-1, 1]) / np.sqrt(3)) / 2)
+
+    def pressure_of(a):
+        current = np.sqrt(a**2 + (reference**2 - inner**2) / axial)
+        hoop = current / reference
+        stress = mu * (hoop**2 - 1 / (hoop * axial) ** 2)
+        return (stress / (hoop**2 * axial)).sum() * log_ratio / 2, hoop
+
+    pressure, hoop = pressure_of(a)
+    stiffness = pressure_of(a + 1e-30j)[0].imag / 1e-30
+    radial = 1 / (hoop * axial)
+    response = mu * (2 * (axial**2 - radial**2) - (hoop**2 - radial**2))
+    force = np.pi / axial * (response * reference**2).sum() * log_ratio / 2
+    tube = {"inner_radius": inner, "outer_radius": outer, "axial_stretch": axial}
+    functions = inflation_pressure, inflation_stiffness, ph.axial_force
+    for function, expected in zip(functions, (pressure, stiffness, force), strict=True):
+        value = function(ph.NeoHookean(), a, **tube, order=2, mu=mu).eval(mode=AS_WRITTEN)
+        np.testing.assert_allclose(value, expected, rtol=IDENTITY_TOLERANCE)
+
+
+# --- shapes and graphs ----------------------------------------------------------------------------
+
+
+def operations(*variables):
+    return [v.owner.op for v in ancestors(variables) if v.owner is not None]
+
+
+def test_vectorised_value_and_gradient_equal_a_loop_without_containing_one():
+    """The batch is one of parameters and of radii."""
+    mu, alpha, radius = pt.dscalars("mu", "alpha", "radius")
+    op = PressureIntegral(strain_energy=ph.Ogden())
+    pressure, stiffness = op(radius, [7.0, 6.5], 9.0, 1.1, 0.3, mu, alpha)
+    gradient = pytensor.grad((pressure**2 + stiffness**2).sum(), [mu, alpha, radius])
+    outputs = [pressure, stiffness, *gradient]
+    symbols = {scalar: pt.dvector(scalar.name) for scalar in (mu, alpha, radius)}
+    vectorised = vectorize_graph(outputs, symbols)
+    assert any(isinstance(op, PressureIntegral) for op in operations(*vectorised))
+    assert not any(isinstance(op, Blockwise) for op in operations(*vectorised))
+    batch = np.array([2.0, 6.0, 9.0]), np.array([0.0, 8.0, -15.0]), np.array([6.5, 8.0, 9.9])
+    loop = pytensor.function([mu, alpha, radius], outputs, mode=AS_WRITTEN)
+    together = pytensor.function([*symbols.values()], vectorised, mode=AS_WRITTEN)
+    rows = zip(*(loop(*row) for row in zip(*batch, strict=True)), strict=True)
+    for value, expected in zip(together(*batch), rows, strict=True):
+        np.testing.assert_allclose(value, np.stack(expected), rtol=IDENTITY_TOLERANCE)
+
+
+def test_numbers_arrays_and_variables_broadcast_in_double_precision():
+    """PyTensor would store integers and short decimals in single precision."""
+    mu, alpha = np.array([[2.0], [6.0], [9.1]]), pt.dscalar("alpha")
+    radii = np.linspace(6.5, 10.0, 4)
+    pressure = inflation_pressure(
+        ph.Ogden(), radii, inner_radius=7, outer_radius=[8, 9, 9, 10.1], mu=mu, alpha=alpha
+    )
+    assert pressure.type.shape == (3, 4) and pressure.dtype == "float64"
+    value = pressure.eval({alpha: 8.0}, mode=AS_WRITTEN)
+    np.testing.assert_allclose(value, mu * value[:1] / mu[0], rtol=IDENTITY_TOLERANCE)
+    inputs = dict(zip(oracles.GEOMETRY, (10.0, 7, 10.1, 1.0, 0.0), strict=True))
+    exact = LAWS["Ogden"].exact({**inputs, "mu": 9.1, "alpha": 8})
+    np.testing.assert_allclose(value[-1, -1], exact, rtol=IDENTITY_TOLERANCE)
+
+
+def test_equal_integrals_are_one_op_and_merge():
+    """Inputs of the same types share an Op; pressure and stiffness share an integral."""
+    tube = {"inner_radius": 7.0, "outer_radius": 9.0, "mu": pt.dscalar(), "alpha": 8.0}
+    functions = inflation_pressure, inflation_stiffness
+    outputs = [function(ph.Ogden(), 8.0, **tube) for function in functions]
+    assert outputs[0].owner.op is outputs[1].owner.op
+    graph = pytensor.graph.FunctionGraph([tube["mu"]], outputs, clone=False)
+    pytensor.graph.rewriting.basic.MergeOptimizer().rewrite(graph)
+    assert sum(isinstance(node.op, PressureIntegral) for node in graph.apply_nodes) == 1
+    settings = {"order": 12, "name": "artery", "inline": False}
+    op = PressureIntegral(strain_energy=ph.NeoHookean(), **settings)
+    op = op(8.0, 7.0, 9.0, 1.0, 0.0, 10.0)[0].owner.op
+    assert (op.order, op.name, op.is_inline) == (12, "artery", False)
+    assert "PressureIntegral{strain_energy=Ogden(), order=32}" in pytensor.dprint(
+        outputs, file="str"
+    )
+
+
+# --- impossible parameters ------------------------------------------------------------------------
+
+
+def value_and_gradients(law, inputs):
+    """Return pressure, stiffness and the gradients of both, of one tube."""
+    columns = [np.array([value]) for value in inputs]
+    with np.errstate(all="ignore"):
+        results = [compiled_gradient(law, "pressure")(*columns, weights) for weights in np.eye(2)]
+    return *results[0][:2], np.array([result[-1] for result in results])
+
+
+@pytest.mark.parametrize(
+    ("law", "parameters"),
+    [("Ogden", (6.0, -1e5)), ("CriscioneType", (3.0, 1e5)), ("PowerLawNeoHookean", (20.0, 1e9))],
+)
+def test_pressure_that_overflows_is_infinite_with_gradient_zero(law, parameters):
+    """A likelihood then rejects the parameters, and no gradient is NaN."""
+    # The power law overflows only in a tube that is inflated thirtyfold.
+    radius = 240.0 if law == "PowerLawNeoHookean" else 11.9
+    pressure, stiffness, gradients = value_and_gradients(
+        law, (radius, 7.0, 9.0, 1.0, 0.0, *parameters)
+    )
+    assert pressure == np.inf
+    assert not np.isfinite(stiffness)
+    assert (gradients == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("tube", "limit", "expected", "everywhere"),
+    [
+        ("inflated far", 0.1, np.inf, True),
+        ("deflated far", 0.5, -np.inf, False),
+        # This wall has parts in tension and in compression: the two infinities have no sum.
+        ("slackening, shortened", 1e-3, np.nan, True),
+    ],
+)
+def test_gent_wall_beyond_its_limit_has_no_finite_pressure(tube, limit, expected, everywhere):
+    """Gradients are finite, and zero if all of the wall is beyond its limit."""
+    (problem,) = problems_of("Gent", tube, ordinary=True)
+    inputs = {**problem.inputs, "limit": limit}.values()
+    pressure, stiffness, gradients = value_and_gradients("Gent", inputs)
+    np.testing.assert_array_equal(pressure, [expected])
+    assert not np.isfinite(stiffness)
+    assert np.isfinite(gradients).all()
+    assert [(gradient == 0).all() for gradient in gradients] == [everywhere] * 2

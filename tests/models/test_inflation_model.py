@@ -1,0 +1,240 @@
+"""Models of tubes for users of PyMC: by themselves, in other models, observed, set and copied."""
+
+import copy
+import json
+
+import cloudpickle
+import fits
+import numpy as np
+import pandas as pd
+import pymc as pm
+import pytest
+import xarray as xr
+from bad_input import curves, unknown_curves
+from problems import AS_WRITTEN
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.data.inflation import at_points
+from pymc_hyperelastic.evidence.results import sampling_tree, study_of
+from pymc_hyperelastic.models.study import inflation_data_of, model_settings_of
+
+OGDEN, POINT = ph.Ogden(), {"mu": 6.0, "alpha": 8.0}
+NOISE = {"noise_sd": 0.5, "slope_weight": 0.0}
+# One expression twice, and sums of squares by two rules of different order.
+ROUNDING, SAME_LIKELIHOOD = 1e-12, 1e-9
+GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
+
+
+@pytest.fixture(scope="module")
+def data():
+    return ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=["S1", "S4"], experiment=1)
+
+
+def at(model, names, values):
+    """Variables of a model at values of its free random variables."""
+    inputs, outputs = [model[name] for name in values], [model[name] for name in names]
+    settings = {"mode": AS_WRITTEN, "on_unused_input": "ignore"}
+    return pm.compile(inputs, outputs, **settings)(*values.values())
+
+
+def log_density(model, **point):
+    return float(model.compile_logp(mode=AS_WRITTEN)(point))
+
+
+def test_variables_are_named_and_have_the_curves_of_the_tube(data):
+    model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=1.0)
+    assert [rv.name for rv in model.free_RVs] == ["mu", "alpha"]
+    assert [v.name for v in model.deterministics] == ["pressure", "stiffness"]
+    assert [v.name for v in model.potentials] == ["likelihood"]
+    assert model.named_vars_to_dims == {"pressure": ("obs",), "stiffness": ("obs",)}
+    tests = ["specimen 'S1', experiment 1", "specimen 'S4', experiment 1"]
+    assert list(model.coords["test"]) == tests
+    assert len(model.coords["obs"]) == data.sizes["obs"]
+    tube = {name: at_points(data, name) for name in GEOMETRY}
+    found = at(model, ["pressure", "stiffness"], POINT)
+    exact = (ph.inflation_pressure, ph.inflation_stiffness)
+    for values, function in zip(found, exact, strict=True):
+        expected = function(OGDEN, data["radius"].values, **tube, **POINT)
+        np.testing.assert_allclose(values, expected.eval(mode=AS_WRITTEN), rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("factory", "energy"),
+    [
+        (ph.power_law_neo_hookean_model, ph.PowerLawNeoHookean()),
+        (ph.ogden_model, ph.Ogden()),
+        (ph.criscione_model, ph.CriscioneType()),
+    ],
+)
+def test_factories_make_the_model_of_their_law_with_all_settings(data, factory, energy):
+    last = energy.parameter_names[-1]
+    settings = {**NOISE, "priors": {last: pm.Uniform.dist(1, 9)}, "mode": "quadrature"}
+    special, general = factory(data, **settings), ph.inflation_model(energy, data, **settings)
+    assert special.study.energy == energy
+    assert special.study.attrs() == general.study.attrs()
+    assert json.loads(special.study.attrs()["priors"])[last] == ["Uniform", [1.0, 9.0]]
+
+
+def test_vector_parameters_have_their_entries_in_order(data):
+    """The terms of a series add up; pairs of entries may change places."""
+    model = ph.inflation_model(ph.OgdenSeries(terms=2), data, sigma=0.7, slope_weight=1.0)
+    assert {rv.name: rv.type.shape for rv in model.free_RVs} == {"mu": (2,), "alpha": (2,)}
+    point = {"mu": np.array([4.0, 1.0]), "alpha": np.array([3.0, 9.0])}
+    pressure, found = at(model, ["pressure", "likelihood"], point)
+    tube, term = {name: at_points(data, name) for name in GEOMETRY}, ph.OgdenSeries(terms=1)
+    expected = sum(
+        ph.inflation_pressure(term, data["radius"].values, **tube, mu=[mu], alpha=[alpha]).eval(
+            mode=AS_WRITTEN
+        )
+        for mu, alpha in zip(*point.values(), strict=True)
+    )
+    np.testing.assert_allclose(pressure, expected, rtol=SAME_LIKELIHOOD)
+    (crossed,) = at(model, ["likelihood"], point | {"mu": point["mu"][::-1]})
+    assert abs(crossed - found) > 1
+
+
+def test_a_prior_of_rising_pressures_integrates_to_1():
+    """It is 0 where the pressure falls, and elsewhere larger by the share of the others."""
+    radius = np.linspace(7.2, 12.0, 6)
+    frame = {"specimen": "A", "experiment": 1, "radius": radius, "pressure": radius - 7}
+    tube = {"inner_radius": 7.0, "outer_radius": 9.0}
+    data = ph.inflation_data(pd.DataFrame(frame), **tube)
+    settings = {**NOISE, "priors": {"n": pm.Uniform.dist(0.3, 5.0)}, "rising": True}
+    model = ph.power_law_neo_hookean_model(data, **settings)
+    # The modulus is a factor, and does not change the sign of the stiffness.
+    exponents, between = np.linspace(0.3, 5.0, 401), np.linspace(*radius[[0, -1]], 200)[:, None]
+    known = {**tube, "mu": 1.0, "n": exponents}
+    stiffness = ph.inflation_stiffness(ph.PowerLawNeoHookean(), between, **known)
+    share = np.mean(np.all(stiffness.eval(mode=AS_WRITTEN) > 0, axis=0))
+    assert 0.5 < share < 0.99
+    assert at(model, ["rising"], {"mu": 20.0, "n": 0.35}) == [-np.inf]
+    (found,) = at(model, ["rising"], {"mu": 20.0, "n": 4.0})
+    assert np.abs(found + np.log(share)) < 0.02  # the share among 20000 draws from the prior
+    with pytest.raises(ValueError, match=r"have a pressure that rises.*do not contradict"):
+        ph.power_law_neo_hookean_model(
+            data, **settings | {"priors": {"n": pm.Uniform.dist(0.3, 0.31)}}
+        )
+
+
+# --- in the context of another model -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("likelihood", ["paper", "generative"])
+def test_tubes_in_one_model_have_prefixes_and_add_up(likelihood):
+    """Different data and laws, dimensions included; a context without a prefix works as well."""
+    short = curves((7.2, 7.6, 8.0), (2.0, 4.0, 7.0))
+    forces = unknown_curves([30.0, np.nan, 40.0, 50.0])
+    settings = NOISE | {"likelihood": likelihood}
+    with pm.Model() as own:
+        x = pm.Normal("x")
+        part = ph.inflation_model(OGDEN, short, **settings)
+        ph.inflation_model(ph.Demiray(), forces, **settings, force_noise_sd=3.0, name="two")
+    assert part.root is own
+    assert [rv.name for rv in own.free_RVs] == ["x", "mu", "alpha", "two::mu", "two::b"]
+    assert own.named_vars_to_dims["two::pressure"] == ("two::obs",)
+    assert len(own.coords["obs"]) == 3 and len(own.coords["two::obs"]) == 4
+    if likelihood == "generative":
+        assert own.named_vars_to_dims["two::measured_axial_force"] == ("two::force_obs",)
+    one = ph.inflation_model(OGDEN, short, **settings)
+    two = ph.inflation_model(ph.Demiray(), forces, **settings, force_noise_sd=3.0)
+    points = one.initial_point(), two.initial_point()
+    expected = log_density(one, **points[0]) + log_density(two, **points[1])
+    expected += pm.logp(x, 0.0).eval(mode=AS_WRITTEN)
+    point = points[0] | {f"two::{name}": value for name, value in points[1].items()}
+    assert log_density(own, **point, x=0.0) == pytest.approx(expected, rel=ROUNDING)
+
+
+def test_parameters_noise_and_geometry_may_be_variables_of_the_context():
+    """Random variables, and expressions of them, are registered once."""
+    with pm.Model() as own:
+        log_mu, alpha = pm.Normal("log_mu", 1, 0.3), pm.Uniform("alpha", 0, 20)
+        sd, radius = pm.HalfNormal("sd"), pm.Uniform("unloaded", 6.9, 7.1)
+        settings = {"priors": {"mu": pm.math.exp(log_mu), "alpha": alpha}, "slope_weight": 0}
+        settings |= {"noise_sd": sd, "geometry": {"inner_radius": radius}, "mode": "quadrature"}
+        part = ph.inflation_model(OGDEN, curves(), **settings)
+        layers = [ph.Layer(ph.Demiray(), 1.0, b=alpha), ph.Layer(ph.Demiray(), 1.0, b=alpha)]
+        thick = unknown_curves(outer_radius=None)
+        ph.inflation_model(layers, thick, **NOISE, name="wall", mode="quadrature")
+    names = ["log_mu", "alpha", "sd", "unloaded", "wall::mu_1", "wall::mu_2"]
+    assert [rv.name for rv in own.free_RVs] == names and not list(part.free_RVs)
+    values = {"log_mu": np.log(6.0), "alpha": 8.0, "sd": 0.4, "unloaded": 7.0}
+    (found,) = at(own, ["likelihood"], values)
+    known = ph.inflation_model(OGDEN, curves(), noise_sd=0.4, slope_weight=0)
+    (expected,) = at(known, ["likelihood"], POINT)
+    assert found == pytest.approx(float(expected), rel=SAME_LIKELIHOOD)
+
+
+# --- results and copies ---------------------------------------------------------------------------
+
+
+def result_of(model):
+    """The result that a model would have after sampling, with three draws."""
+    names = ("beta", "log_marginal_likelihood", "log_evidence_variance")
+    posterior = {"anything": np.ones((1, 3))}
+    return sampling_tree(model, posterior, {}, [{name: [1.0] for name in names}], {}, 1)
+
+
+def test_a_result_holds_what_is_needed_to_make_the_model_again(tmp_path):
+    """The data, the law, its priors and the noise, with their units, through a file."""
+    tree = fits.fit("sampled")
+    tree.to_netcdf(tmp_path / "result.nc", engine="h5netcdf")
+    tree = xr.load_datatree(tmp_path / "result.nc", engine="h5netcdf")
+    data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
+    xr.testing.assert_identical(inflation_data_of(tree), data)
+    first = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
+    again = ph.inflation_model(data=inflation_data_of(tree), **model_settings_of(tree))
+    assert again.study.attrs() == first.study.attrs()
+    for draw in (0, 250):
+        particles = tree["unconstrained_posterior"].to_dataset().isel(chain=0, draw=draw)
+        point = {name: value.values for name, value in particles.data_vars.items()}
+        assert log_density(again, **point) == pytest.approx(log_density(first, **point), ROUNDING)
+    units = {"sigma": "kPa", "slope_weight": "mm2", "mu": "kPa", "alpha": ""}
+    assert json.loads(tree.attrs["units"]) == units
+    assert json.loads(tree.attrs["versions"])["pymc"] == pm.__version__
+    assert tree["posterior"]["pressure"].dims == ("chain", "draw", "obs")
+
+
+FORMS = {
+    "paper": lambda: ph.ogden_model(curves(), **NOISE),
+    "generative": lambda: ph.ogden_model(curves(), **NOISE, likelihood="generative"),
+    "population": lambda: ph.population_model(OGDEN, curves(), noise_sd=0.5),
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_copies_know_what_they_were_made_from(form):
+    model = FORMS[form]()
+    expected = result_of(model)
+    assert "noise_in_words" in expected.attrs
+    for other in (copy.copy(copy.deepcopy(model)), cloudpickle.loads(cloudpickle.dumps(model))):
+        found = result_of(other)
+        assert found.attrs == expected.attrs
+        for group in ("observed_data", "constant_data"):
+            xr.testing.assert_identical(found[group].to_dataset(), expected[group].to_dataset())
+
+
+@pytest.mark.parametrize(
+    ("change", "group", "likelihood"),
+    [(pm.observe, "observed_data", "paper"), (pm.do, "constant_data", "generative")],
+)
+def test_a_model_that_was_observed_or_set_keeps_its_data_but_not_its_priors(
+    change, group, likelihood
+):
+    model = ph.ogden_model(curves(), **NOISE, likelihood=likelihood)
+    changed = change(model, {"alpha": 8.0})
+    assert [rv.name for rv in changed.free_RVs] == ["mu"]
+    assert study_of(changed).data is model.study.data
+    tree = result_of(changed)
+    assert tree[group]["alpha"].item() == 8.0 and tree.attrs["strain_energy"] == "Ogden"
+    xr.testing.assert_equal(inflation_data_of(tree)["pressure"], curves()["pressure"])
+    with pytest.raises(ValueError, match="does not say from which model"):
+        model_settings_of(tree)
+
+
+def test_the_error_of_curves_is_stated_for_the_draws_of_a_posterior(data):
+    """The error is negligible for materials within the priors, and large far from them."""
+    priors = {"mu": pm.Uniform.dist(20, 50), "alpha": pm.Uniform.dist(3, 10)}
+    study = ph.ogden_model(data, **NOISE, priors=priors).study
+    assert study.curve_error({"mu": np.full((1, 9), 30.0), "alpha": np.full((1, 9), 7.0)}) < 1e-9
+    assert study.curve_error({"mu": np.full((1, 9), 30.0), "alpha": np.full((1, 9), 400.0)}) > 1e-6
+    assert np.isnan(study.curve_error({"mu": np.full((1, 9), 30.0)}))

@@ -1,0 +1,300 @@
+"""Curves, forces and slopes of every integrator against independent quadrature of the wall.
+
+Walls in which fibres slacken, grids of both stretches, layers, unknown tubes, and materials far
+from the priors: whatever integrator a model chooses, its numbers are those of
+:func:`shared_errors.pressure_and_force`.
+"""
+
+import numpy as np
+import pandas as pd
+import pymc as pm
+import pytensor
+import pytensor.tensor as pt
+import pytest
+from problems import AS_WRITTEN
+from shared_errors import curves_and_slopes, fibres, neo_hookean, ogden
+from tables import SECTOR
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.data.inflation import at_points
+from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.priors import complete_priors
+
+SEED = 20261123
+# Relative to the largest value of a curve: constant matrices are chosen to be exact to 1e-9.
+CURVE_TOLERANCE = 1e-9
+# The same for slopes, which are not considered when nodes are chosen.
+SLOPE_TOLERANCE = 1e-8
+# 1/mm. Stiff axial fibres bear a force that hardly depends on the radius, so that its slope is
+# known to the rounding of the force, divided by the hundredth of a millimetre over which it varies.
+SHORTEST = 100.0
+# Nodes are chosen for materials whose pressures are below this multiple of the measured ones.
+BEYOND = 10
+WITH_FORCE = Observation(noise_sd=0.3, force_noise_sd=1.0)
+NAMES = ("pressure", "stiffness", "axial_force", "slope of pressure", "slope of axial_force")
+
+
+def stiff_fibres(c, k1, k2, beta):
+    return fibres(c, (beta, k1, k2), (-beta, k1, k2))
+
+
+def four_fibres(c, k1_axial, k2_axial, k1_hoop, k2_hoop, k1_diagonal, k2_diagonal, beta):
+    diagonal = (k1_diagonal, k2_diagonal)
+    # A hair from 90 degrees, where the tangent is not a number.
+    families = (90 - 1e-7, k1_axial, k2_axial), (0, k1_hoop, k2_hoop)
+    return fibres(c, *families, (beta, *diagonal), (-beta, *diagonal))
+
+
+LAWS = {
+    "Ogden": (ph.Ogden(), ogden),
+    "HolzapfelGasserOgden": (ph.HolzapfelGasserOgden(), stiff_fibres),
+    "FourFiber": (ph.FourFiber(), four_fibres),
+}
+FIBRES = ("HolzapfelGasserOgden", "FourFiber")
+RANGES = {"c": (1.0, 40.0), "k1": (0.0, 50.0), "k2": (0.0, 2.0), "mu": (0.1, 20.0)}
+RANGES |= {"alpha": (1.0, 6.0), "beta": (20.0, 50.0)}
+OPENED = {"inner_radius": 1.0, "outer_radius": 1.3, "opening_angle": 2.3}
+MOUSE = {"inner_radius": 0.38, "outer_radius": 0.48, "opening_angle": 0.0}
+
+
+def dataset(tests, tube):
+    """Data of tests (radius, stretch), with pressures and forces of the usual size."""
+    frames = [pd.DataFrame({"experiment": i, **test}) for i, test in enumerate(tests)]
+    frame = pd.concat(frames, ignore_index=True)
+    frame = frame.assign(specimen=frame.get("specimen", "S"))
+    frame["angle"] = frame.get("angle", pd.Series(np.nan, frame.index)).fillna(
+        tube["opening_angle"]
+    )
+    frame["pressure"] = 40 * (frame["radius"] / tube["inner_radius"] - 0.5)
+    frame["axial_force"] = 60 * (frame["stretch"] - 0.5)
+    tube = tube | {"opening_angle": "angle", "axial_stretch": "stretch"}
+    return ph.inflation_data(frame, check="ignore", **tube, **SECTOR)
+
+
+def opened_tube(growth=1.0):
+    """Inflation tests and an extension test in which the inner part of the wall is shortened.
+
+    In a last test, without opening angle, it is the outer part. With `growth` 1.4 none is.
+    """
+    extended = np.linspace(1.1, 1.25, 7)
+    tests = [{"radius": growth * np.linspace(0.55, 0.68, 5), "stretch": s} for s in (1.1, 1.25)]
+    tests.append({"radius": growth * (0.75 - 0.12 * extended), "stretch": extended})
+    tests.append({"radius": growth * np.linspace(1.01, 1.06, 4), "stretch": 1.25, "angle": 0.0})
+    return dataset(tests, OPENED)
+
+
+def mouse_aortas(specimens=1, points=6, growth=1.0):
+    """Three inflation tests and four extension tests of each specimen: a grid of both stretches."""
+    tests = []
+    for specimen in range(specimens):
+        size = growth * (1 + 0.05 * specimen)
+        for stretch in (1.5, 1.6, 1.7):
+            radius = size * np.linspace(0.42, 0.62, points)
+            tests.append({"radius": radius, "stretch": stretch, "specimen": specimen})
+        for radius in (0.45, 0.5, 0.55, 0.6):
+            stretch = np.linspace(1.4, 1.7, points)
+            radius = size * radius - 0.1 * (stretch - 1.4)
+            tests.append({"radius": radius, "stretch": stretch, "specimen": specimen})
+    return dataset(tests, MOUSE)
+
+
+def priors_of(energy):
+    ranges = {name: RANGES[name.split("_")[0]] for name in energy.parameter_names}
+    return complete_priors(energy, {n: pm.Uniform.dist(*ends) for n, ends in ranges.items()})
+
+
+def materials_of(energy, count, shares=(0.0, 0.5)):
+    """Materials from the lower part of each range, beyond which tubes are too stiff for data."""
+    share = np.random.default_rng(SEED).uniform(*shares, (len(energy.parameter_names), count))
+    ends = np.array([RANGES[name.split("_")[0]] for name in energy.parameter_names])
+    values = ends[:, :1] + np.ptp(ends, axis=1)[:, None] * share
+    return dict(zip(energy.parameter_names, values, strict=True))
+
+
+def shown_by(forward, materials):
+    """Curves (material, point) of materials by a forward model."""
+    with pm.Model() as model:
+        shape = (forward.data.sizes["test"],) if forward.by_test else ()
+        tube = forward.tube({name: pm.Flat(name, shape=shape) for name in materials})
+        outputs = [*tube.curves().values(), *tube.slopes().values()]
+    outputs = model.replace_rvs_by_values(outputs)
+    function = BatchedFunction.of_model(model, outputs, {"mode": "FAST_COMPILE"})
+    values = [np.reshape(v, (len(v), -1)) for v in materials.values()]
+    repeats = shape[0] if shape else 1
+    return function(np.concatenate([np.repeat(v, repeats, axis=1) for v in values], axis=1))
+
+
+def opening_factor(angle):
+    return 2 * np.pi / (2 * np.pi - angle)
+
+
+def exact_curves(law, data, materials):
+    """The same by independent quadrature."""
+    inner, outer = (float(data[name][0]) for name in ("inner_radius", "outer_radius"))
+    axial, curves = at_points(data, "axial_stretch"), []
+    for values in zip(*materials.values(), strict=True):
+        layers = [(law(**dict(zip(materials, values, strict=True))), outer - inner)]
+        radius, k = data["radius"].values, opening_factor(at_points(data, "opening_angle"))
+        curves.append(curves_and_slopes(layers, radius, inner, axial, k))
+    pressure, stiffness, force, force_slope = np.swapaxes(curves, 0, 1)
+    # Radii were measured: slopes by the measured radius are those by the internal one.
+    return [pressure, stiffness, force, stiffness, force_slope]
+
+
+def assert_exact(forward, law, materials, tolerance=CURVE_TOLERANCE):
+    data = forward.data
+    exact = exact_curves(law, data, materials)
+    possible = np.abs(exact[0]).max(axis=1) < BEYOND * np.abs(data["pressure"].values).max()
+    assert possible.sum() >= 8
+    scales = [np.abs(curve).max(axis=1, keepdims=True) for curve in exact]
+    scales[-1] = np.hypot(scales[-1], SHORTEST * scales[2])
+    looser = SLOPE_TOLERANCE / CURVE_TOLERANCE
+    found = shown_by(forward, materials)
+    for name, curve, expected, scale in zip(NAMES, found, exact, scales, strict=True):
+        error = np.abs((curve - expected) / scale)[possible].max()
+        allowed = tolerance * (1 if name in ("pressure", "axial_force") else looser)
+        assert error <= allowed, (name, error)
+
+
+@pytest.mark.parametrize(
+    ("law", "growth", "mode"),
+    [
+        ("HolzapfelGasserOgden", 1.0, "collocation"),
+        pytest.param("HolzapfelGasserOgden", 1.4, "collocation", marks=pytest.mark.deep),
+        *(
+            pytest.param("FourFiber", growth, "collocation", marks=pytest.mark.deep)
+            for growth in (1.0, 1.4)
+        ),
+        *(pytest.param(law, 1.0, "quadrature", marks=pytest.mark.deep) for law in FIBRES),
+    ],
+)
+def test_curves_of_slack_and_of_taut_fibres_are_exact(law, growth, mode):
+    energy, exact = LAWS[law]
+    data = opened_tube(growth)
+    forward = WITH_FORCE.forward_model(energy, data, priors_of(energy), mode=mode)
+    assert_exact(forward, exact, materials_of(energy, 20))
+
+
+@pytest.mark.parametrize(
+    "law", ["HolzapfelGasserOgden", "Ogden", pytest.param("FourFiber", marks=pytest.mark.deep)]
+)
+def test_curves_on_a_grid_of_stretches_are_exact(law):
+    """For the data of the model, and for other data that replace them.
+
+    Tubes that are larger by a twentieth have stretches beyond those of the model: two digits less.
+    """
+    energy, exact = LAWS[law]
+    specimens = {"FourFiber": 2, "Ogden": 3}.get(law, 1)
+    data, materials = mouse_aortas(specimens), materials_of(energy, 20)
+    forward = WITH_FORCE.forward_model(energy, data, priors_of(energy), mode="collocation")
+    assert_exact(forward, exact, materials)
+    other = mouse_aortas(points=5)
+    assert_exact(forward.with_data(other), exact, materials)
+    assert_exact(forward.with_data(ph.select(other, experiment=1)), exact, materials)
+    if law == "HolzapfelGasserOgden":
+        larger = forward.with_data(mouse_aortas(growth=1.08))
+        assert_exact(larger, exact, materials, tolerance=1e-6)
+
+
+@pytest.mark.parametrize("law", ["Ogden", pytest.param("FourFiber", marks=pytest.mark.deep)])
+def test_tests_may_have_parameters_of_their_own(law):
+    energy, exact = LAWS[law]
+    settings = {"by_test": True, "mode": "collocation"}
+    forward = WITH_FORCE.forward_model(energy, mouse_aortas(3), priors_of(energy), **settings)
+    assert_exact(forward.with_data(mouse_aortas(points=5)), exact, materials_of(energy, 15))
+
+
+# Fibres that are slack at first and stiffen all the more, and an exponent far beyond its prior.
+FAR = {
+    "HolzapfelGasserOgden": {"c": [10.0, 12.0], "k1": [1e-6, 1e-5], "k2": [9.0, 7.0]},
+    "Ogden": {"mu": [1e-5, 1e-4], "alpha": [30.0, 25.0]},
+}
+FAR["HolzapfelGasserOgden"]["beta"] = [40.0, 35.0]
+
+
+@pytest.mark.parametrize(
+    "law", ["HolzapfelGasserOgden", pytest.param("Ogden", marks=pytest.mark.deep)]
+)
+def test_errors_of_materials_far_from_the_priors_are_stated_and_can_be_removed(law):
+    energy, exact = LAWS[law]
+    data = mouse_aortas()
+    far = {name: np.array(values) for name, values in FAR[law].items()}
+    forward = WITH_FORCE.forward_model(energy, data, priors_of(energy))
+    curves = exact_curves(exact, data, far)
+
+    def errors(forward):
+        both = zip(shown_by(forward, far)[:3:2], curves[:3:2], strict=True)
+        return np.max([np.abs(a - b).max(1) / np.abs(b).max(1) for a, b in both], axis=0)
+
+    stated = forward.errors(data, far)
+    assert stated.max() > 1e-6
+    # Stated relative to the curves of groups of tests, of which not all are as large.
+    np.testing.assert_allclose(np.log(stated / errors(forward)), 0, atol=np.log(3))
+    right = forward.right_for(far)
+    assert right.errors(data, far).max() < 1e-8 and errors(right).max() < 1e-8
+
+
+# --- integrators that choose the order of quadrature ---------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("outer", "radius"), [(2.5, 1.02), pytest.param(1.4, 0.97, marks=pytest.mark.deep)]
+)
+def test_likelihood_of_an_unknown_tube_is_exact(outer, radius):
+    stretch = np.linspace(1.1, 1.4, 5)
+    tube = {"inner_radius": 1.0, "outer_radius": outer, "opening_angle": 0.8}
+    data = dataset([{"radius": stretch, "stretch": 1.2}], tube)
+    priors = {"mu": pm.Uniform.dist(1, 20), "alpha": pm.Uniform.dist(1, 10)}
+    unknown = {"inner_radius": pm.Uniform.dist(0.9, 1.05)}
+    forward = WITH_FORCE.forward_model(ph.Ogden(), data, priors, unknown)
+    tube = forward.tube({"mu": 6.0, "alpha": 7.0}, {"inner_radius": radius})
+    found = pytensor.function([], [*tube.curves().values()], mode=AS_WRITTEN)()
+    k = opening_factor(0.8)
+    layers = [(ogden(6.0, 7.0), outer - radius)]
+    pressure, stiffness, force, _ = curves_and_slopes(layers, stretch, radius, np.full(5, 1.2), k)
+    for curve, expected in zip(found, (pressure, stiffness, force), strict=True):
+        np.testing.assert_allclose(curve, expected, atol=1e-10 * np.abs(expected).max())
+
+
+def test_layers_in_which_fibres_slacken_are_exact():
+    data = opened_tube().assign(outer_radius=("test", np.full(4, np.nan)))
+    values = {"c": 3.0, "k1": 8.0, "k2": 0.8, "beta": 29.0}
+    wall = [
+        ph.Layer(ph.HolzapfelGasserOgden(), 0.2, **values),
+        ph.Layer(ph.NeoHookean(), 0.1, mu=12.0),
+    ]
+    tube = WITH_FORCE.forward_model(wall, data, {}).tube({})
+    outputs = [*tube.curves().values(), *tube.slopes().values()]
+    found = pytensor.function([], outputs, mode=AS_WRITTEN)()
+    layers = [(stiff_fibres(**values), 0.2), (neo_hookean(12.0), 0.1)]
+    axial, k = at_points(data, "axial_stretch"), opening_factor(at_points(data, "opening_angle"))
+    exact = curves_and_slopes(layers, data["radius"].values, 1.0, axial, k)
+    for curve, expected in zip(found, [*exact[:3], exact[1], exact[3]], strict=True):
+        np.testing.assert_allclose(curve, expected, atol=CURVE_TOLERANCE * np.abs(expected).max())
+
+
+class Recruited(ph.StrainEnergy):
+    """Fibres that are wavy up to a hoop stretch of 1.05, a kink that the law may state."""
+
+    parameters = (ph.Parameter("mu", r"\mu", "kPa", (0.0, 50.0), "modulus"),)
+
+    def __init__(self, stated):
+        self.stated = stated
+
+    def energy(self, radial, hoop, axial, *, mu):
+        taut = pt.maximum(hoop - 1.05, 0.0)
+        return mu * (radial**2 + hoop**2 + axial**2 - 3 + taut**2)
+
+    def kinks(self, log_axial, *, mu):
+        return [pt.log(1.05) + pt.zeros_like(log_axial + mu)] if self.stated else []
+
+
+@pytest.mark.parametrize("energy", [Recruited(True), Recruited(False), ph.HolzapfelGasserOgden()])
+def test_kinks_at_any_stretch_are_not_collocated(energy):
+    """Those of other laws, and those of fibres in a tube that is compressed along its axis."""
+    data = opened_tube()
+    if energy.name == "HolzapfelGasserOgden":
+        data = dataset([{"radius": np.linspace(0.55, 0.68, 5), "stretch": 0.8}], OPENED)
+    with pytest.raises(ValueError, match=rf"{energy.name}.*mode='quadrature'"):
+        WITH_FORCE.forward_model(energy, data, complete_priors(energy), mode="collocation")

@@ -1,0 +1,220 @@
+"""Tubes that are inferred, or that were measured with an error."""
+
+import numpy as np
+import pandas as pd
+import pymc as pm
+import pytensor
+import pytest
+from problems import AS_WRITTEN
+from scipy import stats
+from shared_errors import COMPLEX_STEP, ogden, paper_log_density, pressure_and_force
+from tables import SECTOR
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.mechanics.tube import opened_sector
+
+# Sums of squares by two rules of different order.
+LIKELIHOOD_TOLERANCE = 1e-9
+# Central differences with this step, relative to the largest derivative by a logarithm.
+STEP, GRADIENT_TOLERANCE = 1e-5, 1e-6
+
+# --- one tube that is inferred -------------------------------------------------------------------
+
+TUBE = {"inner_radius": 1.0, "outer_radius": 1.4, "axial_stretch": 1.2, "opening_angle": 0.7}
+OGDEN = {"mu": 6.0, "alpha": 8.0}
+SIGMA, FORCE_SIGMA, SLOPE_WEIGHT = 5 * ph.mmHg, 3.0, 1.0
+RADIUS = np.array([1.05, 1.1, 1.2, 1.3])
+OUTER = np.sqrt(RADIUS**2 + (1.4**2 - 1.0) * (2 * np.pi - 0.7) / (2 * np.pi) / 1.2)
+PRESSURE, FORCE = np.array([2.0, 3.0, 6.0, 11.0]), np.array([12.0, 13.0, np.nan, 19.0])
+# Inferred measures and values near those of the tube; impossible values of each.
+UNKNOWN = {
+    ("inner_radius", "outer_radius"): ((0.97, 1.42), [(1.0, 0.9), (1.0, 1.0), (-1.0, 1.4)]),
+    ("outer_radius",): ((1.43,), [(0.9,), (-1.5,), (0.0,)]),
+    ("inner_radius", "thickness"): ((1.02, 0.37), [(1.0, -0.1), (-3.0, 1.0), (-3.0, 5.0)]),
+    ("inner_radius", "wall_area"): ((1.02, 2.7), [(1.0, -1.0), (1.0, 0.0), (1.0, -1e3)]),
+    ("inner_radius", "wall_area", "opening_angle"): (
+        (1.02, 2.7, 0.8),
+        [(1.0, -1e3, 0.5), (1.0, 2.5, 7.0), (1.0, 2.5, -7.0)],
+    ),
+    ("axial_stretch", "opening_angle"): ((1.15, 0.75), [(-1.0, 0.5), (1.2, 6.5), (1.2, -6.5)]),
+}
+NO_ROOM = {("inner_radius", "thickness"): [(1.0, 3.0), (1e4, 1e4)], ("outer_radius",): [(50.0,)]}
+
+
+def tube_data(measured, **geometry):
+    """One curve of a stretched, opened tube, with axial forces."""
+    frame = pd.DataFrame({"specimen": "S", "experiment": 3, "radius": RADIUS, "pressure": PRESSURE})
+    frame = frame.assign(outer_diameter=2 * OUTER, axial_force=FORCE)
+    return ph.inflation_data(frame, **TUBE | geometry, **SECTOR, measured=measured)
+
+
+def exact_likelihood(measured, values, mu, alpha):
+    """Pressures, slopes and forces of a tube with these measures, by independent quadrature."""
+    tube = TUBE | {k: v for k, v in values.items() if k in TUBE}
+    inner, axial, angle = tube["inner_radius"], tube["axial_stretch"], tube["opening_angle"]
+    outer, k = tube["outer_radius"], 2 * np.pi / (2 * np.pi - angle)
+    if "thickness" in values:
+        outer = inner + values["thickness"]
+    if "wall_area" in values:
+        # The cross-section of the ring is that of the sector that was cut from it.
+        outer = np.sqrt(inner**2 + 2 * values["wall_area"] / (2 * np.pi - angle))
+    place, radius = RADIUS, RADIUS + 1j * COMPLEX_STEP
+    if measured == "outer_diameter":
+        place, area = OUTER, (outer**2 - inner**2) / (k * axial)
+        radius = np.sqrt((OUTER + 1j * COMPLEX_STEP) ** 2 - area)
+    layers = [(ogden(mu, alpha), outer - inner)]
+    pressure, force = pressure_and_force(layers, radius, inner, np.full(4, axial), k)
+    of_pressure = paper_log_density(place, pressure, PRESSURE, SIGMA, SLOPE_WEIGHT)
+    error = (force.real - FORCE)[np.isfinite(FORCE)]
+    of_force = np.sum(error**2) / FORCE_SIGMA**2 + 1.5 * np.log(np.pi * FORCE_SIGMA**2)
+    return of_pressure - of_force
+
+
+@pytest.mark.parametrize(
+    ("measured", "names"),
+    [(("radius", "outer_diameter")[n in NO_ROOM or "opening_angle" in n], n) for n in UNKNOWN],
+)
+def test_likelihood_of_an_inferred_tube_is_exact_or_nil_if_it_is_impossible(names, measured):
+    """Gradients agree with differences, and are finite where there is no such tube."""
+    values, impossible = UNKNOWN[names]
+    missing = {name: None for name in names if name in TUBE}
+    noise = {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT, "force_sigma": FORCE_SIGMA}
+    unknown = {name: pm.Normal.dist(1.0, 50.0) for name in [*OGDEN, *names]}
+    priors = {name: unknown.pop(name) for name in OGDEN}
+    data = tube_data(measured, **missing)
+    model = ph.ogden_model(data, **noise, priors=priors, geometry=unknown, mode="quadrature")
+    (value,) = model.replace_rvs_by_values([model["likelihood"]])
+    outputs = [value, *pytensor.grad(value, model.value_vars)]
+    function = pytensor.function(model.value_vars, outputs, mode=AS_WRITTEN)
+    point = np.array([*OGDEN.values(), *values])
+    found, *gradient = function(*point)
+    expected = exact_likelihood(measured, dict(zip(names, values, strict=True)), **OGDEN)
+    np.testing.assert_allclose(found, expected, rtol=LIKELIHOOD_TOLERANCE)
+    differences = [
+        (function(*point + step)[0] - function(*point - step)[0]) / (2 * STEP)
+        for step in np.diag(STEP * point)
+    ]
+    atol = GRADIENT_TOLERANCE * np.abs(differences).max()
+    np.testing.assert_allclose(gradient * point, differences, rtol=0, atol=atol)
+    with np.errstate(all="ignore"):
+        no_room = NO_ROOM.get(names, []) if measured == "outer_diameter" else []
+        steep = [(6.0, alpha, *values) for alpha in (1e4, 1e6)]
+        for bad in [*((*OGDEN.values(), *tube) for tube in impossible + no_room), *steep]:
+            found, *gradient = function(*bad)
+            assert found == -np.inf, bad
+            assert np.all(np.isfinite(gradient)), bad
+
+
+# --- tubes of specimens that were measured with an error -----------------------------------------
+
+RING_ANGLE = 1.1
+NOISE = {"noise_sd": 0.4, "force_noise_sd": 2.0, "slope_weight": 0.0}
+
+
+def table():
+    """Two specimens, the second of a thicker wall, with two tests each."""
+    rows = [
+        {"specimen": name, "experiment": test, "radius": r, "outer": outer, "pressure": 60 * r - 25}
+        | {"axial_force": 20.0 + r, "outer_diameter": 2 * r + 0.2, "stretch": 1.3 + 0.1 * test}
+        for name, outer in (("S1", 0.6), ("S2", 0.63))
+        for test in (0, 1)
+        for r in (0.55, 0.6, 0.66, 0.7)
+    ]
+    return pd.DataFrame(rows)
+
+
+def ring_data(measured="radius", **settings):
+    known = {"inner_radius": 0.5, "outer_radius": "outer", "axial_stretch": "stretch"}
+    known |= {"opening_angle": RING_ANGLE, "radii_of": "ring", "check": "ignore"}
+    known |= {"opening_angle_convention": "whole"}
+    return ph.inflation_data(table(), measured=measured, **known | settings)
+
+
+def log_density(model, **point):
+    start = model.initial_point() | {k: np.asarray(v, float) for k, v in point.items()}
+    return float(model.compile_logp(sum=True, mode=AS_WRITTEN)(start))
+
+
+def changed(data, name, z, sd):
+    """The data with a measure that deviates by `z` standard deviations from its value."""
+    of_test = np.repeat(z, 2)
+    inner, outer, angle = (
+        data[k].values for k in ("inner_radius", "outer_radius", "opening_angle")
+    )
+    if name == "thickness":
+        h = outer - inner
+        return data.assign(outer_radius=("test", inner + h * np.exp(of_test * sd / h)))
+    if name in ("inner_radius", "axial_stretch"):
+        value = data[name].values
+        return data.assign({name: ("test", value * np.exp(of_test * sd / value))})
+    if name == "wall_area":
+        k = 2 * np.pi / (2 * np.pi - angle)
+        area = np.pi * (outer**2 - inner**2) / k
+        square = inner**2 + k / np.pi * area * np.exp(of_test * sd / area)
+        return data.assign(outer_radius=("test", np.sqrt(square)))
+    other = angle + of_test * sd
+    sector = opened_sector(0.5, np.array([0.6, 0.6, 0.63, 0.63]), opening_angle=other)
+    names = ("inner_radius", "outer_radius", "opening_angle")
+    values = zip(names, (*sector, other), strict=True)
+    return data.assign({name: ("test", value) for name, value in values})
+
+
+def with_radii(data):
+    """The same with internal radii that belong to the outer diameters."""
+    if "outer_diameter" not in data:
+        return data
+    k = 2 * np.pi / (2 * np.pi - data["opening_angle"].values)
+    excess = (data["outer_radius"].values ** 2 - data["inner_radius"].values ** 2) / k
+    at_points = (excess / data["axial_stretch"].values)[data["test"].values]
+    return data.assign(
+        radius=("obs", np.sqrt((data["outer_diameter"].values / 2) ** 2 - at_points))
+    )
+
+
+Z = np.array([0.7, -1.2])
+
+
+@pytest.mark.parametrize(
+    ("name", "sd", "measured"),
+    [
+        ("thickness", 0.02, "outer_diameter"),
+        ("wall_area", 0.03, "radius"),
+        ("opening_angle", 0.2, "outer_diameter"),
+        ("inner_radius", 0.01, "outer_diameter"),
+        ("axial_stretch", 0.05, "outer_diameter"),
+    ],
+)
+def test_a_deviation_gives_the_density_of_the_other_tube(name, sd, measured):
+    """The likelihood is that of data with the deviating tube; the prior is standard normal."""
+    data, settings = ring_data(measured), NOISE | {"mode": "quadrature"}
+    geometry = {name: ph.Measured(sd)}
+    model = ph.inflation_model(ph.Ogden(), data, **settings, geometry=geometry)
+    other = with_radii(changed(data, name, Z, sd))
+    expected = log_density(ph.inflation_model(ph.Ogden(), other, **settings))
+    expected += stats.norm.logpdf(Z).sum()
+    found = log_density(model, **{f"{name}_deviation": Z})
+    assert found == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
+
+
+def test_two_deviations_belong_to_one_tube():
+    """The ring opens by another angle, and has another thickness."""
+    data = ring_data(geometry_sd={"thickness": 0.02, "opening_angle": 0.2})
+    geometry = {"thickness": ph.Measured(), "opening_angle": ph.Measured()}
+    y = np.array([-0.4, 0.3])
+    other = changed(changed(data, "opening_angle", y, 0.2), "thickness", Z, 0.02)
+    settings = NOISE | {"mode": "quadrature"}
+    model = ph.inflation_model(ph.Ogden(), data, **settings, geometry=geometry)
+    expected = log_density(ph.inflation_model(ph.Ogden(), other, **settings))
+    expected += stats.norm.logpdf([Z, y]).sum()
+    deviations = {"thickness_deviation": Z, "opening_angle_deviation": y}
+    found = log_density(model, **deviations)
+    assert found == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
+
+    names = ["inner_radius", "outer_radius", "thickness", "opening_angle"]
+    outputs = model.replace_rvs_by_values([model[name] for name in names])
+    point = model.initial_point() | deviations
+    function = model.compile_fn(outputs, inputs=model.value_vars, on_unused_input="ignore")
+    tube = dict(zip(names, function(point), strict=True))
+    for name in ("inner_radius", "outer_radius", "opening_angle"):
+        np.testing.assert_allclose(tube[name], other[name].values[::2])
+    np.testing.assert_allclose(tube["thickness"], tube["outer_radius"] - tube["inner_radius"])

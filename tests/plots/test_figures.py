@@ -1,0 +1,85 @@
+"""Properties of all figures: titles, labels, colours, legends, settings, errors."""
+
+import pytest
+import xarray as xr
+from figures import DATA, STRETCHES, elements, legend_texts, straight_lines, texts
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.plots.style import PALETTE
+
+MEASURED = ph.load_dataset("murine_pulmonary_artery")
+
+
+def test_titles_name_the_data_and_say_whether_they_are_simulated(classes):
+    simulated = DATA.assign_attrs(title="Aortas")
+    measured = simulated.assign_attrs(simulated=0)
+    for figure, title in (
+        (ph.plot_inflation(simulated, backend="none"), "Aortas, SIMULATED data"),
+        (ph.plot_inflation(measured, backend="none"), "Aortas"),
+        (ph.plot_inflation(DATA, backend="none"), DATA.attrs["title"]),  # "SIMULATED sheep aorta"
+        # The posterior of simulated data is simulated, too.
+        (
+            ph.plot_pressure_fit(classes["C1"], measured, backend="none"),
+            "Ogden, Aortas, SIMULATED data",
+        ),
+    ):
+        assert figure.get_viz("figure_title")["string"] == title
+
+
+def test_axis_labels_name_quantity_and_unit(classes, result):
+    inflation = ph.plot_inflation(DATA, backend="none", pressure_unit="kPa")
+    assert set(texts(inflation, "xlabel")) == {"internal radius $a$ (mm)"}
+    assert texts(inflation, "ylabel") == ["pressure (kPa)"]
+    density = ph.plot_parameter_density(classes, backend="none")
+    assert texts(density, "xlabel") == [r"$\mu$ (kPa)"]
+    assert texts(density, "ylabel") == [r"$\alpha$"] * 2
+    fit = ph.plot_pressure_fit(classes, backend="none")
+    assert set(texts(fit, "xlabel")) == {"internal radius $a$ (mm)"}
+    assert texts(fit, "ylabel") == ["pressure (mmHg)", "stiffness d$p$/d$a$ (mmHg/mm)"]
+    assert texts(fit, "title") == ["class C1", "class C2"]
+    # A class has the same colour in each figure.
+    for figure in (density, fit):
+        assert figure.aes["color"]["mapping"].values.tolist() == PALETTE[:2]
+    probability = ph.plot_class_probability(result, backend="none")
+    assert texts(probability, "xlabel") == ["class (Ogden)"]
+    assert texts(probability, "ylabel") == ["probability"] * 3
+
+
+def test_users_set_sizes_colours_and_visuals():
+    figure = ph.plot_inflation(straight_lines(), figure_kwargs={"figsize": (9, 3)})
+    assert figure.get_viz("figure").get_size_inches().tolist() == [9, 3]
+    visuals, data = {"line": False, "points": {"size": 3}}, straight_lines(2, STRETCHES)
+    figure = ph.plot_inflation(data, backend="none", visuals=visuals, color=["k"])
+    assert not elements(figure, "line")
+    assert {(e["size"], e["facecolor"]) for e in elements(figure, "scatter")} == {(3, "k")}
+    assert not legend_texts(ph.plot_inflation(data, visuals={"legend": False}))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda c, r: ph.plot_inflation(DATA, group_by="sex"), "group_by must be one"),
+        (lambda c, r: ph.plot_inflation(DATA, backend="tv"), "backend must be"),
+        (lambda c, r: ph.plot_inflation(DATA, visuals={"dot": {}}), "no visual.*'dot'"),
+        (lambda c, r: ph.plot_parameter_density(xr.DataTree()), "no posterior"),
+        (lambda c, r: ph.plot_parameter_density(c, var_names=["mu", "mu"]), "two different"),
+        (lambda c, r: ph.plot_parameter_density(c, probs=[1.0]), "between 0 and 1"),
+        (lambda c, r: ph.plot_pressure_fit(c, prob=94), "between 0 and 1"),
+        (lambda c, r: ph.plot_pressure_fit(c, {"C1": DATA}), "nothing for class 'C2'"),
+        (
+            lambda c, r: ph.plot_pressure_fit(c["C1"].filter(lambda n: n.name == "posterior")),
+            "no inflation data",
+        ),
+        (lambda c, r: ph.plot_class_probability(DATA), "lacks 'class_probability'"),
+        (lambda c, r: ph.plot_comparison(DATA), "lacks 'draws'"),
+        (lambda c, r: ph.plot_reliability(DATA), "lacks 'observed_frequency'"),
+        (
+            lambda c, r: ph.plot_class_probability({"A": r, "B": r.isel(test=[0])}),
+            "differ in their experiments",
+        ),
+        (lambda c, r: ph.plot_class_probability(r, none_below=1), "none_below is 1; expected"),
+    ],
+)
+def test_wrong_input_is_refused(classes, result, call, message):
+    with pytest.raises(ValueError, match=message):
+        call(classes, result)

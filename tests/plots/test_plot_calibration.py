@@ -1,0 +1,98 @@
+"""plot_calibration_ranks and plot_reliability."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from figures import texts
+from scipy.stats import binom
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.plots.calibration import _simultaneous_band
+
+SEED = 20260  # any would do
+# Sums and logarithms of a few numbers of order one.
+ROUNDING = 1e-12
+
+
+@pytest.fixture(scope="module")
+def ranks():
+    """Five parameters, of which one is ranked at 0 and 99 only."""
+    rng = np.random.default_rng(SEED)
+    rank = rng.integers(0, 100, (200, 5))
+    rank[:, 2] = 99 * (rank[:, 2] > 49)
+    p_value = [0.5, 1e-9, np.nan, 0.25, 0.001]
+    return xr.Dataset(
+        {"rank": (("simulation", "parameter"), rank), "p_value": ("parameter", p_value)},
+        {"parameter": [f"k[{i}]" for i in range(5)]},
+        {"ranked_draws": 99, "bins": 20},
+    )
+
+
+@pytest.fixture(scope="module")
+def scores():
+    probability = [[0.95, 0.05], [0.15, 0.85], [0.9, 0.1], [0.35, 0.65]]
+    result = xr.Dataset(
+        {"class_probability": (("test", "class_label"), probability)},
+        {"class_label": ["C1", "C2"]},
+        {"simulated": 1},
+    )
+    return ph.score_probabilities(result, ["C1", "C2", "C2", "C2"])
+
+
+def test_line_is_the_ecdf_minus_the_uniform_one(ranks):
+    figure = ph.plot_calibration_ranks(ranks, backend="none")
+    for i, name in enumerate(ranks["parameter"].values):
+        line = figure.get_viz("line", parameter=name)
+        np.testing.assert_allclose(line["x"], np.arange(101) / 100, rtol=ROUNDING)
+        below = [np.mean(ranks["rank"].values[:, i] < k) - k / 100 for k in range(101)]
+        np.testing.assert_allclose(line["y"], below, atol=ROUNDING)
+    p_values = ["$p$ = 0.500", "$p$ < 0.001", "not tested", "$p$ = 0.250", "$p$ = 0.001"]
+    assert texts(figure, "title") == [f"k[{i}]\n({p})" for i, p in enumerate(p_values)]
+    assert texts(figure, "xlabel") == ["rank / $(L+1)$"] * 4
+    assert "200 simulations, 95 % simultaneous" in figure.get_viz("figure_title")["string"]
+    one = ph.plot_calibration_ranks(ranks.sel(parameter="k[1]"), backend="none")
+    assert dict(one.viz["plot"].sizes) == {"parameter": 1}
+
+
+def test_simultaneous_band_holds_its_share_of_uniform_ranks():
+    x, low, high = _simultaneous_band(200, 100, 0.9)
+    assert x[0] == low[0] == high[0] == low[-1] == high[-1] == 0 and x[-1] == 1
+    rank = np.random.default_rng(SEED).integers(0, 100, (1000, 200))
+    below = np.stack([np.bincount(r, minlength=100).cumsum() for r in rank])[:, :-1] / 200
+    line = below - x[1:-1]
+    inside = ((line >= low[1:-1] - ROUNDING) & (line <= high[1:-1] + ROUNDING)).all(axis=1)
+    # A thousand lines and a thousand for the band have standard errors of 1 % each.
+    assert abs(inside.mean() - 0.9) < 0.04
+
+
+def test_histogram_bars_are_counts(ranks):
+    figure = ph.plot_calibration_ranks(ranks, kind="histogram", prob=0.5, backend="none")
+    bar = figure.get_viz("bar", parameter="k[2]")
+    high = int((ranks["rank"].values[:, 2] == 99).sum())
+    assert np.asarray(bar["y"]).tolist() == [200 - high] + [0] * 18 + [high]
+    assert texts(figure, "ylabel") == ["simulations"] * 2
+    band = figure.get_viz("band", parameter="k[0]")
+    ends = binom.ppf([0.25, 0.75], 200, 1 / 20)
+    assert [band["y_bottom"][0], band["y_top"][0]] == ends.tolist()
+    assert figure.get_viz("reference", parameter="k[0]")["y"].tolist() == [10, 10]
+
+
+def test_reliability_points_intervals_and_bars_are_those_of_the_table(scores):
+    figure = ph.plot_reliability(scores, backend="none")
+    assert dict(figure.viz["plot"].sizes) == {"part": 2, "forecast": 3}
+    for name in ("most probable class", "C1", "C2"):
+        table = scores.sel(forecast=name)
+        points, bars = (figure.get_viz(v, forecast=name) for v in ("points", "bar"))
+        np.testing.assert_array_equal(points["x"], table["predicted_probability"])
+        np.testing.assert_array_equal(points["y"], table["observed_frequency"])
+        np.testing.assert_array_equal(bars["y"], table["count"])
+        interval = figure.get_viz("interval", forecast=name)
+        np.testing.assert_array_equal(interval["y_bottom"], table["frequency_lower"])
+        np.testing.assert_array_equal(interval["y_top"], table["frequency_upper"])
+    error = scores["expected_calibration_error"].values[0]
+    assert texts(figure, "title")[0] == f"most probable class\n(ECE = {error:.3f})"
+    assert texts(figure, "ylabel") == ["observed frequency", "count"]
+    title = figure.get_viz("figure_title")["string"]
+    assert title == "reliability of class probabilities, 95 % intervals, SIMULATED data"
+    one = ph.plot_reliability(scores.sel(forecast="C1"), backend="none")
+    assert one.viz["plot"].sizes["forecast"] == 1

@@ -1,0 +1,74 @@
+"""plot_elastic_properties and plot_wall_stress."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from figures import TUBE, assert_band, fitted, legend_texts, straight_lines, texts
+
+import pymc_hyperelastic as ph
+
+HERE = {"class_label": "posterior"}
+PRESSURE = [10.0, 20.0]
+
+
+@pytest.fixture(scope="module")
+def tree():
+    return fitted(straight_lines(2))
+
+
+def test_bands_are_quantiles_of_the_predictions(tree):
+    table = ph.tube_properties(tree, PRESSURE, pressure_unit="mmHg")
+    figure = ph.plot_elastic_properties(tree, PRESSURE, prob=0.8, backend="none")
+    assert len(figure.viz["plot"].data_vars) == 5
+    for name in figure.viz["plot"].data_vars:
+        assert_band(figure, name, table[name], 0.8, **HERE)
+        np.testing.assert_allclose(figure.get_viz("band", name, **HERE)["x"], PRESSURE)
+    of_the_wall = ["axial_stress", "circumferential_material_stiffness", "stored_energy"]
+    figure = ph.plot_elastic_properties(tree, PRESSURE, var_names=of_the_wall, backend="none")
+    for name in of_the_wall:
+        assert_band(figure, name, table[name], 0.95, **HERE)
+    labels = texts(figure, "ylabel")
+    assert [label.split("(")[1] for label in labels] == ["kPa)", "kPa)", "kJ/m³)"]
+
+
+def test_wall_stresses_have_a_line_for_each_pressure(tree):
+    figure = ph.plot_wall_stress(tree, PRESSURE, backend="none")
+    table = ph.wall_stress(tree, PRESSURE, pressure_unit="mmHg")
+    for name in ("sigma_rr", "sigma_tt", "sigma_zz"):
+        for i, label in enumerate(("10 mmHg", "20 mmHg")):
+            assert_band(figure, name, table[name].isel(pressure=i), 0.95, pressure=label, **HERE)
+    x = figure.get_viz("median", name, pressure=label)["x"]
+    np.testing.assert_allclose(x, table["position"])
+    assert texts(figure, "title") == ["radial stress", "hoop stress", "axial stress"]
+    alone = ph.plot_wall_stress(tree, 20.0, backend="none")
+    assert "20 mmHg" in alone.get_viz("figure_title")["string"]
+    assert legend_texts(ph.plot_wall_stress(tree, PRESSURE)) == ["10 mmHg", "20 mmHg"]
+
+
+def test_extrapolated_values_are_dashed(tree):
+    pressure = [0.5 * float(tree["observed_data"]["pressure"].min()) / ph.mmHg, *PRESSURE]
+    with pytest.warns(UserWarning, match="1 of 3 points is extrapolated"):
+        figure = ph.plot_elastic_properties(tree, pressure, backend="none")
+    solid, dashed = (figure.get_viz(n, "compliance", **HERE) for n in ("median", "extrapolated"))
+    assert np.isfinite(solid["y"]).tolist() == [False, True, True]
+    assert np.isfinite(dashed["y"]).tolist() == [True, True, False]
+    assert dashed["linestyle"] == "--"
+    with pytest.warns(UserWarning, match="extrapolated"):
+        figure = ph.plot_wall_stress(tree, pressure, backend="none")
+    lines = figure.viz["extrapolated"]["sigma_tt"].sel(HERE).values
+    assert [line is not None for line in lines] == [True, False, False]
+
+
+def test_line_ends_at_pressures_that_no_draw_reaches():
+    tube = {"energy": ph.NeoHookean(), **TUBE}
+    posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
+    tree = xr.DataTree.from_dict({"posterior": posterior})
+    with pytest.warns(UserWarning, match="do not reach"):
+        figure = ph.plot_elastic_properties(tree, [20.0, 300.0], tube=tube, backend="none")
+    line = figure.get_viz("median", "compliance", **HERE)
+    assert np.isfinite(line["y"]).tolist() == [True, False]
+
+
+def test_wrong_input_is_refused(tree):
+    with pytest.raises(TypeError, match=r"tube=\{'axial_stretch': 1.2\}"):
+        ph.plot_wall_stress(tree, [10.0], axial_stretch=1.2)

@@ -1,0 +1,88 @@
+"""plot_inflation: every measured point, its colour, marker and label."""
+
+import numpy as np
+import pytest
+from extension_figures import LABELS, both_kinds, measured, points_of
+from figures import DATA, STRETCHES, elements, fitted, legend_texts, straight_lines, texts
+
+import pymc_hyperelastic as ph
+
+
+@pytest.mark.parametrize(
+    ("group_by", "panels"), [("group", 2), ("specimen", 5), ("experiment", 3), (None, 1)]
+)
+def test_every_measured_point_is_drawn_once(group_by, panels):
+    figure = ph.plot_inflation(DATA, group_by=group_by, backend="none")
+    assert figure.viz["plot"].size == panels
+    assert len(elements(figure, "line")) == DATA.sizes["test"]
+    expected = np.stack([DATA["radius"].values, DATA["pressure"].values / ph.mmHg])
+    expected = expected[:, np.lexsort(expected)]
+    np.testing.assert_allclose(points_of(figure), expected, rtol=1e-12)
+
+
+def test_legend_has_specimens_by_colour_and_experiments_by_marker():
+    names = [f"specimen S{i}" for i in range(1, 6)] + [f"experiment {i}" for i in range(1, 4)]
+    assert legend_texts(ph.plot_inflation(DATA)) == names
+    assert legend_texts(ph.plot_inflation(ph.select(DATA, specimen="S1", experiment=1))) == []
+
+
+def test_every_specimen_and_cycle_has_a_look_of_its_own():
+    data = straight_lines(40)
+    # Two cycles with equal labels are both drawn.
+    data["specimen"][1] = data["specimen"][0]
+    figure = ph.plot_inflation(data, backend="none")
+    lines = [(e["color"], e["linestyle"]) for e in elements(figure, "line")]
+    dots = [e["marker"] for e in elements(figure, "scatter")]
+    assert len(lines) == 40
+    assert len(set(zip(lines, dots, strict=True))) == 39
+    assert len(set(lines[:22])) == 21  # seven colours, three line styles
+
+
+def test_axial_stretches_differ_by_marker_or_colour():
+    names = [f"axial stretch {s:g}" for s in STRETCHES]
+    data = straight_lines(4, STRETCHES)
+    figure = ph.plot_inflation(data, backend="none")
+    assert len({e["marker"] for e in elements(figure, "scatter")}) == len(STRETCHES)
+    assert legend_texts(ph.plot_inflation(data))[-3:] == names
+    one = straight_lines(1, STRETCHES)
+    assert len({e["color"] for e in elements(ph.plot_inflation(one, backend="none"), "line")}) == 3
+    assert legend_texts(ph.plot_inflation(one)) == names
+    figure = ph.plot_inflation(data, group_by="axial_stretch", backend="none")
+    assert texts(figure, "title") == names
+    # Each specimen has its own stretches.
+    data["axial_stretch"] = data["axial_stretch"] + 0.001 * np.arange(12)
+    assert legend_texts(ph.plot_inflation(data))[-3:] == [f"experiment {i}" for i in (1, 2, 3)]
+
+
+def test_measured_outer_diameters_are_labelled_as_diameters():
+    data = straight_lines(2, STRETCHES, of_diameter=True)
+    figure = ph.plot_inflation(data, backend="none")
+    assert set(texts(figure, "xlabel")) == {"outer diameter $d_o$ (mm)"}
+    x = np.concatenate([e["x"] for e in elements(figure, "scatter")])
+    np.testing.assert_array_equal(np.sort(x), np.sort(data["outer_diameter"].values))
+    (label,) = set(texts(ph.plot_pressure_fit(fitted(data), backend="none"), "xlabel"))
+    assert label == "internal radius $a$ (mm)\nfrom the measured outer diameter"
+
+
+@pytest.mark.parametrize("group_by", [None, "axial_stretch"])
+def test_inflation_and_extension_points_are_drawn_in_their_own_panels(group_by):
+    data = both_kinds()
+    figure = ph.plot_inflation(data, group_by=group_by, pressure_unit="kPa", backend="none")
+    for variable, x, y, kind in (
+        ("pressure", "radius", "pressure", "at"),
+        ("axial_force", "axial_stretch", "axial_force", "held"),
+    ):
+        expected = measured(data, x, y, kind)
+        np.testing.assert_array_equal(points_of(figure, variable), expected)
+    assert len(elements(figure, "line")) == 4
+    labels = {e["string"] for e in elements(figure, "xlabel", "axial_force")}
+    assert labels == {"axial stretch $\\lambda_z$"}
+    # Each panel has the name of its group once.
+    assert len(elements(figure, "title")) == (4 if group_by else 0)
+
+
+def test_extension_tests_without_forces_show_radii():
+    data = both_kinds(force=False)
+    assert legend_texts(ph.plot_inflation(data)) == LABELS
+    points = points_of(ph.plot_inflation(data, backend="none"), "radius")
+    np.testing.assert_array_equal(points, measured(data, "axial_stretch", "radius", "held"))

@@ -1,0 +1,155 @@
+"""plot_pressure_fit: bands, data, slopes, axes."""
+
+import numpy as np
+import pytest
+from extension_figures import (
+    HELD,
+    HELD_STRETCHES,
+    MU,
+    VARIED,
+    both_kinds,
+    curve_at,
+    drifting,
+    fitted_to,
+)
+from figures import DATA, assert_band, elements, fitted, legend_texts, straight_lines
+
+import pymc_hyperelastic as ph
+
+# Medians of the figure and of the predictions are the same numbers.
+ROUNDING = 1e-10
+HERE = {"class_label": "posterior"}
+
+
+def test_band_and_median_are_quantiles_of_the_prediction():
+    tree = fitted(straight_lines(2))
+    figure = ph.plot_pressure_fit(tree, prob=0.8, pressure_unit="kPa", backend="none")
+    for variable in ("pressure", "stiffness"):
+        x = figure.get_viz("median", variable, tube=0, **HERE)["x"]
+        curve = ph.predict_pressure(tree, x)[variable]
+        assert_band(figure, variable, curve, 0.8, tube=0, **HERE)
+    radius = tree["constant_data"]["radius"]
+    assert x[[0, -1]].tolist() == [radius.min(), radius.max()]
+
+
+def test_training_data_and_their_slopes_are_shown(classes):
+    figure = ph.plot_pressure_fit(classes, backend="none")
+    training = ph.select(DATA, group="C2", experiment=[1, 2])
+    points = figure.get_viz("points", "pressure", class_label="C2")
+    known = ~np.isnan(points["x"])
+    np.testing.assert_allclose(points["y"][known], training["pressure"].values / ph.mmHg, rtol=1e-6)
+    slopes = figure.get_viz("points", "stiffness", class_label="C2")["y"]
+    expected = []
+    for test in range(training.sizes["test"]):
+        r, p = (training[n].values[training["test"].values == test] for n in ("radius", "pressure"))
+        expected += ((p[2:] - p[:-2]) / (r[2:] - r[:-2]) / ph.mmHg).tolist()
+    np.testing.assert_allclose(slopes[~np.isnan(slopes)], expected)
+
+
+def test_each_tube_of_new_data_has_a_band(classes):
+    new = ph.select(DATA, experiment=3)
+    outer = new["outer_radius"].copy()
+    outer[0] = 9.5
+    figure = ph.plot_pressure_fit(classes["C1"], new.assign(outer_radius=outer), backend="none")
+    bands = figure.viz["band"]["pressure"]
+    assert bands["specimen"].values.tolist() == ["S1", "S2 and 3 more"]
+    drawn = [b for b in bands.values.ravel() if b is not None and np.isfinite(b["x"]).any()]
+    for band, b in zip(drawn, (9.5, 9.0), strict=True):
+        predicted = ph.predict_pressure(classes["C1"], band["x"], outer_radius=b)["pressure"]
+        top = predicted.quantile(0.975, ["chain", "draw"]) / ph.mmHg
+        np.testing.assert_allclose(band["y_top"], top, rtol=ROUNDING)
+
+
+def test_median_is_dashed_beyond_the_training_data(classes):
+    low, high = (float(f(classes["C1"]["constant_data"]["radius"])) for f in (np.min, np.max))
+    new = ph.select(DATA, group="C1", experiment=3).copy(deep=True)
+    new["radius"] = new["radius"] + (high - new["radius"].max()) + 0.5
+    figure = ph.plot_pressure_fit(classes["C1"], new, backend="none")
+    where = {"class_label": "C1", "tube": 0}
+    for variable in ("pressure", "stiffness"):
+        solid, dashed = (figure.get_viz(n, variable, **where) for n in ("median", "extrapolated"))
+        known = np.isfinite(solid["y"])
+        assert np.array_equal(known, (solid["x"] >= low) & (solid["x"] <= high))
+        assert known[0] and not known[-1]
+        # The dashed line begins where the solid one ends.
+        assert np.isfinite(dashed["y"]).sum() == (~known).sum() + 1
+        assert dashed["linestyle"] == "--"
+
+
+def test_outlying_slopes_are_arrowheads_at_the_axis():
+    data = straight_lines(2)
+    plain = ph.plot_pressure_fit(fitted(data))
+    ends = plain.get_viz("plot", "stiffness", **HERE).get_ylim()
+    data["radius"][14] = data["radius"][12]  # no slope
+    data["radius"][5] = data["radius"][3] + 1e-5
+    data["radius"][4] = data["radius"][3] + 5e-6
+    data["radius"][11] = data["radius"][9] - 1e-5
+    figure = ph.plot_pressure_fit(fitted(data))
+    low, high = figure.get_viz("plot", "stiffness", **HERE).get_ylim()
+    assert high - low < 5 * (ends[1] - ends[0])
+    counts = [text for text in legend_texts(figure) if "slopes" in text]
+    assert counts == [f"1 of 11 slopes {name} the axis" for name in ("above", "below")]
+    figure = ph.plot_pressure_fit(fitted(data), backend="none")
+    for name, end in (("above", high), ("below", low)):
+        arrow = figure.get_viz(name, "stiffness", **HERE)
+        assert np.nanmax(arrow["y"]) == np.nanmin(arrow["y"]) == pytest.approx(end)
+
+
+def test_axis_reaches_twice_the_largest_datum_beyond_the_data():
+    data = straight_lines(2)
+    stiff = fitted(data, mu=np.array([[2.9e4, 3e4, 3.1e4]]))
+    data["axial_force"] = ("obs", 1e3 * data["pressure"].values, {"units": "mN"})
+    figure = ph.plot_pressure_fit(stiff, data)
+    pressure = data["pressure"].values / ph.mmHg
+    margin = 0.06 * (3 * pressure.max() - pressure.min())
+    ends = figure.get_viz("plot", "pressure", **HERE).get_ylim()
+    assert ends == pytest.approx((pressure.min() - margin, 3 * pressure.max() + margin))
+    assert "bands go on beyond the axis" in legend_texts(figure)
+    figure = ph.plot_axial_force(stiff, data)
+    assert "bands go on beyond the axis" in legend_texts(figure)
+    ends = figure.get_viz("plot", "axial_force", **HERE).get_ylim()
+    assert np.abs(ends).max() < 4 * data["axial_force"].max()
+    # The axis fits the band if there are no data.
+    figure = ph.plot_axial_force(stiff)
+    assert "bands go on beyond the axis" not in legend_texts(figure)
+
+
+@pytest.mark.parametrize(
+    ("plot", "name", "variable"),
+    [
+        (ph.plot_axial_force, "axial_force", "extension_force"),
+        (ph.plot_pressure_fit, "radius", "extension_radius"),
+    ],
+)
+def test_bands_of_extension_tests_are_medians_of_the_prediction(plot, name, variable):
+    data = both_kinds()
+    figure = plot(fitted_to(data, 0.9 * MU, MU, 1.1 * MU), backend="none")
+    for i, held in enumerate(HELD):
+        where = {"axial_stretch": VARIED[i], **HERE}
+        median = figure.get_viz("median", variable, **where, tube=0)
+        known = np.isfinite(median["x"])
+        stretch = median["x"][known]
+        np.testing.assert_allclose(stretch[[0, -1]], [1.1, 1.4], rtol=ROUNDING)
+        exact = curve_at(drifting(held, stretch), stretch, 0.9 * MU, MU, 1.1 * MU)
+        expected = exact[name].median(["chain", "draw"])
+        np.testing.assert_allclose(median["y"][known], expected, rtol=ROUNDING)
+        dots = figure.get_viz("points", variable, **where)
+        assert dots["facecolor"] == median["color"]
+        known = np.isfinite(dots["x"])
+        own = data["experiment"].values[data["test"].values] == f"held {held:g}"
+        np.testing.assert_array_equal(dots["x"][known], data["axial_stretch"].values[own])
+        np.testing.assert_array_equal(dots["y"][known], data[name].values[own])
+    if plot is ph.plot_pressure_fit:  # extension tests have no slopes
+        slopes = elements(figure, "scatter", "stiffness")
+        assert sum(np.isfinite(e["y"]).sum() for e in slopes) == len(HELD_STRETCHES) * 4
+
+
+def test_draws_that_do_not_reach_a_pressure_are_counted_in_a_warning():
+    data = both_kinds(kinds=("extension",))
+    with pytest.warns(UserWarning, match="1 do not reach the pressure at 24 of 24 axial stretches"):
+        figure = ph.plot_axial_force(fitted_to(data, 0.1 * MU, MU), backend="none")
+    median = figure.get_viz("median", "extension_force", axial_stretch=VARIED[1], tube=0, **HERE)
+    known = np.isfinite(median["x"])
+    stretch = median["x"][known]
+    exact = curve_at(drifting(HELD[1], stretch), stretch)["axial_force"].values[0, 0]
+    np.testing.assert_allclose(median["y"][known], exact, rtol=ROUNDING)

@@ -1,0 +1,361 @@
+"""Predictions of every kind of result: models, layers, classes, populations."""
+
+import warnings
+
+import fits
+import numpy as np
+import pandas as pd
+import pymc as pm
+import pytest
+import xarray as xr
+from problems import AS_WRITTEN
+from tube_posteriors import SHEEP
+from variable_classes import SIGMA, TRAINING, classify, fit
+
+import pymc_hyperelastic as ph
+
+SEED = 733
+# The same integral by the same rule, and through the inverse of a curve.
+ROUNDING, INVERSE = 1e-12, 1e-10
+NOISE = {"sigma": SIGMA, "slope_weight": 0.0}
+LAYERS = [ph.Layer(ph.NeoHookean(), 1.2), ph.Layer(ph.Demiray(), pm.Uniform.dist(0.5, 1.0))]
+LAYER_DRAWS = {"mu_1": (30.0, 3.0), "mu_2": (20.0, 2.0), "b_2": (2.0, 0.1)}
+UNKNOWN_TUBE = {"inner_radius": pm.Uniform.dist(6, 8), "thickness": pm.Uniform.dist(1, 3)}
+
+
+def as_sampled(model: pm.Model, **draws) -> xr.DataTree:
+    """Return a result of `sample_smc` with normal draws in place of sampled ones."""
+    rng = np.random.default_rng(SEED)
+    posterior = {
+        name: (("chain", "draw"), mean + sd * rng.standard_normal((2, 50)))
+        for name, (mean, sd) in draws.items()
+    }
+    coords = {"chain": range(2), "draw": range(50)}
+    groups = model.study.result_groups(model) | {"posterior": xr.Dataset(posterior, coords)}
+    tree = xr.DataTree.from_dict(groups)
+    tree.attrs = model.study.result_attrs(model)
+    return tree
+
+
+def measured(**tube) -> xr.Dataset:
+    """Return the data of the soft specimens with another reference geometry."""
+    data = TRAINING["soft"]
+    points = {name: data[name].values for name in ("radius", "pressure")}
+    of_points = {
+        name: data[name].values[data["test"].values] for name in ("specimen", "experiment")
+    }
+    return ph.inflation_data(pd.DataFrame(points | of_points), **SHEEP | tube)
+
+
+def sampled(energy=None, tube=None, geometry=None, **draws) -> xr.DataTree:
+    data = measured(**(tube or {}))
+    model = ph.inflation_model(energy or ph.NeoHookean(), data, geometry=geometry, **NOISE)
+    return as_sampled(model, **draws)
+
+
+def population() -> xr.DataTree:
+    model = ph.population_model(ph.NeoHookean(), TRAINING["soft"], sigma=SIGMA)
+    tree = as_sampled(model, mu=(40.0, 4.0))
+    posterior = tree["posterior"].to_dataset()
+    of_specimens = posterior["mu"] * xr.DataArray(
+        [0.8, 1.0, 1.3], {"specimen": ["A1", "A2", "A3"]}, "specimen"
+    )
+    strain = (np.log(0.25) + 0 * posterior["mu"]).expand_dims(coordinate=["log_reference_strain"])
+    tree["posterior"] = xr.DataTree(xr.Dataset({"mu": of_specimens, "location": strain}))
+    return tree
+
+
+@pytest.fixture(scope="module")
+def results() -> dict[str, xr.DataTree]:
+    """Return one result of each kind."""
+    tube = {"inner_radius": (7.0, 0.05), "thickness": (2.0, 0.05)}
+    no_outer = {"outer_radius": None}
+    no_tube = {"inner_radius": None, "outer_radius": None}
+    in_layers = LAYER_DRAWS | {"thickness_2": (0.8, 0.02)}
+    settings = {"draws": 100, "chains": 2, "training": {"soft": TRAINING["soft"]}}
+    return {
+        "inflation_model": sampled(mu=(40.0, 2.0)),
+        "inferred geometry": sampled(tube=no_tube, geometry=UNKNOWN_TUBE, mu=(40.0, 2.0), **tube),
+        "layers": sampled(LAYERS, no_outer, **in_layers),
+        "layers, inferred geometry": sampled(
+            LAYERS,
+            no_tube,
+            {"inner_radius": pm.Uniform.dist(6, 8)},
+            inner_radius=(7.0, 0.05),
+            **in_layers,
+        ),
+        "pooled class": fit(variability="none", **settings)["soft"],
+        "variable class": fits.fit("neo_hookean_classes")["soft"],
+        "population_model": population(),
+    }
+
+
+KINDS = (
+    "inflation_model",
+    "inferred geometry",
+    "layers",
+    "layers, inferred geometry",
+    "pooled class",
+    "variable class",
+    "population_model",
+)
+DIFFER = ("variable class", "population_model")
+PREDICTIONS = {
+    "predict_pressure": (ph.predict_pressure, [8.0, 8.5]),
+    "predict_axial_force": (ph.predict_axial_force, [8.0, 8.5]),
+    "radius_at_pressure": (ph.radius_at_pressure, [2.0, 3.0]),
+    "tube_properties": (ph.tube_properties, [2.0, 3.0]),
+    "pulse_wave_velocity": (ph.pulse_wave_velocity, [2.0, 3.0]),
+    "wall_stress": (ph.wall_stress, [2.0, 3.0]),
+    "admissible": (ph.admissible, None),
+}
+
+
+# Each kind twice, with and without a specimen, and each prediction twice.
+PAIRS = [
+    (kind, question, specimen)
+    for shift, specimen in ((0, None), (3, "A2"))
+    for kind, question in zip(KINDS, np.roll(list(PREDICTIONS), shift).tolist(), strict=True)
+]
+
+
+ALTERNATING = list(zip(KINDS, [None, "A2"] * 4, strict=False))
+
+
+@pytest.mark.parametrize(("kind", "question", "specimen"), PAIRS)
+def test_prediction_is_finite_and_names_its_specimen(results, kind, question, specimen):
+    function, at = PREDICTIONS[question]
+    tree = results[kind]
+    found = function(tree, at, specimen=specimen)
+    for name in found:
+        assert found[name].sizes["chain"] == 2
+        assert found[name].sizes["draw"] == tree["posterior"].sizes["draw"]
+        assert np.isfinite(found[name]).all()
+    typical = "typical" if kind in DIFFER else None
+    assert found.attrs.get("specimen") == (specimen or typical)
+    assert not found["extrapolated"].any()
+
+
+@pytest.mark.parametrize(("kind", "specimen"), ALTERNATING)
+def test_stored_energy_change_is_the_difference_of_two_pressures(results, kind, specimen):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = ph.tube_properties(
+            results[kind], [2.0, 3.0], pressure_range=(2.0, 3.0), specimen=specimen
+        )
+    change = found["stored_energy"].diff("pressure").squeeze("pressure", drop=True)
+    xr.testing.assert_allclose(found["stored_energy_change"], change.rename(None), rtol=INVERSE)
+    stretch = found["in_vivo_axial_stretch"]
+    assert stretch.attrs["draws_without"] == np.isnan(stretch).sum()
+    # Without forces, either no draw has an in vivo stretch, or the law alone determines it.
+    finite = bool(np.isfinite(stretch).any())
+    warning = "rests on the law" if finite else "have no in vivo axial stretch"
+    assert any(warning in str(w.message) for w in caught)
+    assert ("in_vivo_extrapolated" in found.coords) == finite
+    assert not found.coords["range_extrapolated"]
+
+
+@pytest.mark.parametrize(("kind", "specimen"), ALTERNATING)
+def test_fit_is_drawn_with_the_data_of_the_specimen(results, kind, specimen):
+    figure = ph.plot_pressure_fit(results[kind], specimen=specimen, backend="none")
+    assert "extrapolated" not in figure.viz
+    title = figure.get_viz("figure_title")["string"] if "figure_title" in figure.viz else ""
+    assert ("typical specimen" in title) == (kind in DIFFER and specimen is None)
+    (of_class,) = figure.viz["points"]["pressure"].values.ravel()
+    tests = np.char.find(TRAINING["soft"]["specimen"].values.astype(str), specimen or "") == 0
+    assert np.isfinite(of_class["x"]).sum() == 7 * tests.sum()
+
+
+# --- the numbers ---------------------------------------------------------------------------------
+
+
+def test_curves_of_layers_are_those_of_each_draw(results):
+    """Curves of each draw are those of the layers with its numbers, in the tube of its data."""
+    tree, radius = results["layers"], [8.0, 8.5]
+    functions = {
+        "pressure": (ph.predict_pressure, ph.inflation_pressure),
+        "stiffness": (ph.predict_pressure, ph.inflation_stiffness),
+        "axial_force": (ph.predict_axial_force, ph.axial_force),
+    }
+    for name, (predict, function) in functions.items():
+        found = predict(tree, radius)[name]
+        given = predict(tree, radius, energy=LAYERS)[name]
+        xr.testing.assert_identical(found, given)
+        for draw in (0, 7):
+            at = {k: float(v[1, draw]) for k, v in tree["posterior"].data_vars.items()}
+            media = ph.Layer(ph.NeoHookean(), 1.2, mu=at["mu_1"])
+            outside = ph.Layer(ph.Demiray(), at["thickness_2"], mu=at["mu_2"], b=at["b_2"])
+            expected = function([media, outside], radius, inner_radius=7.0).eval(mode=AS_WRITTEN)
+            np.testing.assert_allclose(found[1, draw], expected, rtol=ROUNDING)
+
+
+def test_layers_of_one_material_predict_like_one_wall():
+    """A wall that is divided in thought has the properties, stresses and verdict of the whole."""
+    data = measured(outer_radius=None)
+    mu = pm.Uniform.dist(0, 100)
+    layers = [ph.Layer(ph.NeoHookean(), t, mu=mu) for t in (0.5, 1.2, 0.3)]
+    divided = as_sampled(ph.inflation_model(layers, data, **NOISE), mu=(40.0, 2.0))
+    whole = sampled(mu=(40.0, 2.0))
+    for question, (function, at) in PREDICTIONS.items():
+        found, expected = function(divided, at), function(whole, at)
+        xr.testing.assert_allclose(found, expected, rtol=INVERSE), question
+    points = np.array([0.0, 0.1, 0.25, 0.5, 0.85, 0.9, 1.0])
+    found, expected = (ph.wall_stress(t, [2.0, 4.0], points=points) for t in (divided, whole))
+    for name in found:
+        np.testing.assert_allclose(found[name], expected[name], rtol=INVERSE, atol=1e-12)
+
+
+def test_stresses_of_layers_balance_the_pressure(results):
+    """``∫ σθθ dr = p a`` through layers of different laws, and the radial stress is continuous."""
+    tree = results["layers"]
+    points = np.linspace(0, 1, 4001)
+    stress = ph.wall_stress(tree, [4.0], points=points).isel(chain=0, draw=3, pressure=0)
+    a = ph.radius_at_pressure(tree, [4.0])["radius"][0, 3, 0].item()
+    hoop = np.trapezoid(stress["sigma_tt"], stress["current_radius"])
+    np.testing.assert_allclose(hoop, 4.0 * a, rtol=1e-4)  # of one jump between nodes
+    np.testing.assert_allclose(stress["sigma_rr"][[0, -1]], [-4.0, 0.0], atol=1e-9)
+    assert np.abs(np.diff(stress["sigma_rr"])).max() < 0.01
+    jump = np.abs(np.diff(stress["sigma_tt"]))
+    assert jump.max() > 100 * np.median(jump)
+
+
+def test_typical_specimen_has_the_parameters_of_the_location(results):
+    """A neo-Hookean solid has ``T = μ (λ² − λ⁻²)`` of 20 kPa at the reference strain."""
+    unit = ph.predict_pressure(sampled(mu=(1.0, 0.0)), [8.0])["pressure"].values[0, 0, 0]
+    for kind in DIFFER:
+        location = results[kind]["posterior"]["location"].squeeze("coordinate")
+        strain = np.exp(location.transpose("chain", "draw").values)
+        found = ph.predict_pressure(results[kind], [8.0])["pressure"].values[..., 0]
+        np.testing.assert_allclose(found, 20 / (2 * np.sinh(2 * strain)) * unit, rtol=INVERSE)
+
+
+def test_specimen_of_a_class_has_the_modulus_of_its_curves(results):
+    """Each has the modulus of its own curves, which tell of it more than its class does."""
+    unit = ph.predict_pressure(sampled(mu=(1.0, 0.0)), [8.0])["pressure"].values[0, 0, 0]
+    for specimen, mu in {"A1": 30.0, "A2": 38.0, "A3": 50.0}.items():
+        found = ph.predict_pressure(results["variable class"], [8.0], specimen=specimen)
+        moduli = found["pressure"].values / unit
+        assert moduli.std() < 2.0
+        assert abs(moduli.mean() - mu) < 4 * moduli.std()
+        again = ph.predict_pressure(results["variable class"], [8.0], specimen=specimen)
+        xr.testing.assert_identical(found, again)
+        of_population = ph.predict_pressure(results["population_model"], [8.0], specimen=specimen)
+        expected = results["population_model"]["posterior"]["mu"].sel(specimen=specimen) * unit
+        np.testing.assert_allclose(of_population["pressure"][..., 0], expected)
+
+
+def test_naming_a_specimen_gives_its_tube():
+    """Where tubes differ, naming a specimen is enough; all share what is known of the material."""
+    frame = pd.DataFrame({"specimen": ["S1"] * 3 + ["S2"] * 3, "experiment": 1})
+    frame["radius"], frame["pressure"] = [7.2, 7.6, 8.0, 7.2, 7.6, 9.0], [2.0, 4.0, 7.0] * 2
+    frame["B"] = [9.0] * 3 + [9.5] * 3
+    data = ph.inflation_data(frame, inner_radius=7.0, outer_radius="B")
+    tree = as_sampled(ph.inflation_model(ph.NeoHookean(), data, **NOISE), mu=(40.0, 1.0))
+    with pytest.raises(ValueError, match=r"outer_radius=.*specimen="):
+        ph.predict_pressure(tree, [7.5])
+    found = ph.predict_pressure(tree, [7.5, 8.5], specimen="S1")
+    expected = ph.predict_pressure(tree, [7.5, 8.5], outer_radius=9.0)
+    np.testing.assert_array_equal(found["pressure"], expected["pressure"])
+    assert not found["extrapolated"].any()  # the other specimen was inflated further
+
+
+def test_measured_range_of_a_specimen_is_its_own(results):
+    """Where specimens differ, what another one was inflated to says nothing of this one."""
+    tree = results["variable class"].copy(deep=True)
+    data = tree["constant_data"].to_dataset()
+    keep = ~((data["test"].values == 0) & (data["radius"].values > 8.0))
+    for group in ("constant_data", "observed_data"):
+        tree[group] = xr.DataTree(tree[group].to_dataset().isel(obs=keep))
+    with pytest.warns(UserWarning, match="8.5 mm, measured 7.3 to"):
+        assert ph.predict_pressure(tree, [8.5], specimen="A1")["extrapolated"].all()
+    assert not ph.predict_pressure(tree, [8.5], specimen="A2")["extrapolated"].any()
+    assert not ph.predict_pressure(tree, [8.5])["extrapolated"].any()
+
+
+# --- unsupported ----------------------------------------------------------------------------------
+
+
+def with_experiment_effect(results):
+    tree = results["variable class"].copy()
+    posterior = tree["posterior"].to_dataset()
+    tree["posterior"] = xr.DataTree(posterior.assign(experiment_spread=posterior["spread"]))
+    return tree
+
+
+def without_attrs(tree):
+    tree = tree.copy()
+    tree.attrs = {"strain_energy": "NeoHookean"}
+    return tree
+
+
+NOT_OFFERED = {
+    "classes of layers": (
+        lambda r: fit(LAYERS, {"C": measured(outer_radius=None)}, variability="none"),
+        ["do not make a class", "ph.inflation_model"],
+    ),
+    "classification by layers": (
+        lambda r: classify(TRAINING["soft"], r["layers"]),
+        ["ph.fit_classes"],
+    ),
+    "classification by a population": (
+        lambda r: classify(TRAINING["soft"], xr.DataTree(children={"C": r["population_model"]})),
+        ["ph.fit_classes"],
+    ),
+    "unknown specimen": (
+        lambda r: ph.predict_pressure(r["variable class"], 8.0, specimen="A9"),
+        ["no specimen 'A9'", "['A1', 'A2', 'A3']"],
+    ),
+    "specimen of no data": (
+        lambda r: ph.predict_pressure(
+            r["inflation_model"].filter(lambda n: n.name == "posterior"),
+            8.0,
+            energy=ph.NeoHookean(),
+            specimen="A1",
+        ),
+        ["holds no data"],
+    ),
+    "specimen whose experiments differ": (
+        lambda r: ph.predict_pressure(with_experiment_effect(r), 8.0, specimen="A1"),
+        ["experiment_effect", "typical specimen", "ph.population_model"],
+    ),
+    "typical specimen without a scale": (
+        lambda r: ph.predict_pressure(without_attrs(r["population_model"]), 8.0),
+        ["reference_stress", "specimen='"],
+    ),
+    "another law": (
+        lambda r: ph.predict_pressure(r["variable class"], 8.0, energy=ph.Ogden()),
+        ["log_alpha", "leave energy out"],
+    ),
+    "outer radius of layers": (
+        lambda r: ph.predict_pressure(r["layers"], 8.0, outer_radius=9.0),
+        ["outer_radius", "layers"],
+    ),
+    "layers of a class": (
+        lambda r: ph.predict_pressure(r["variable class"], 8.0, energy=LAYERS),
+        ["one strain energy", "leave energy out"],
+    ),
+    "nameless layers": (
+        lambda r: ph.predict_pressure(unnamed(r), 8.0),
+        ["energy=[ph.Layer(...), ...]"],
+    ),
+    "density of one posterior by specimen": (
+        lambda r: ph.plot_parameter_density(r["pooled class"], specimen="A1"),
+        ["all specimens", "share"],
+    ),
+}
+
+
+def unnamed(results):
+    tree = results["layers"].copy()
+    tree.attrs = {}
+    return tree
+
+
+@pytest.mark.parametrize(("call", "fragments"), NOT_OFFERED.values(), ids=NOT_OFFERED)
+def test_unsupported_prediction_is_refused(results, call, fragments):
+    """One error, with what would do."""
+    with pytest.raises((TypeError, ValueError)) as raised, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        call(results)
+    missing = [fragment for fragment in fragments if fragment not in str(raised.value)]
+    assert not missing, str(raised.value)

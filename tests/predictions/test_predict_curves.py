@@ -1,0 +1,109 @@
+"""predict_pressure and predict_axial_force."""
+
+import numpy as np
+import oracles
+import pytest
+import xarray as xr
+from problems import AS_WRITTEN
+from tube_posteriors import SHEEP, TUBES, fitted_tree, result
+
+import pymc_hyperelastic as ph
+
+pytestmark = pytest.mark.compiled  # in both tiers: predictions are compiled for each law
+
+# Another formula, or another compiled function, for the same number.
+ROUNDING = 1e-12
+# The inverse of a curve has a few digits less than the curve.
+INVERSE = 1e-10
+INNER, THICKNESS = np.array([6.8, 7.0, 7.2]), np.array([1.9, 2.0, 2.2])
+
+
+@pytest.mark.parametrize(
+    ("predict", "name", "function"),
+    [
+        (ph.predict_pressure, "pressure", ph.inflation_pressure),
+        (ph.predict_pressure, "stiffness", ph.inflation_stiffness),
+        (ph.predict_axial_force, "axial_force", ph.axial_force),
+    ],
+    ids=["pressure", "stiffness", "axial force"],
+)
+def test_each_draw_has_the_curve_of_its_parameters(predict, name, function):
+    tree = result(mu=[4.0, 6.0, 5.0], alpha=[8.0, 12.0, -3.0])
+    tube, radius = TUBES["in vivo"], [0.3, 0.5]
+    found = predict(tree, radius, energy=ph.Ogden(), **tube)[name]
+    assert found.dims == ("chain", "draw", "radius")
+    assert found.attrs["units"] == {"pressure": "kPa", "stiffness": "kPa/mm"}.get(name, "mN")
+    for draw in range(3):
+        at = {n: float(tree["posterior"][n][0, draw]) for n in ("mu", "alpha")}
+        expected = function(ph.Ogden(), radius, **tube, **at).eval(mode=AS_WRITTEN)
+        np.testing.assert_allclose(found[0, draw], expected, rtol=ROUNDING)
+
+
+@pytest.mark.parametrize("predict", [ph.predict_pressure, ph.predict_axial_force])
+def test_vector_parameters_are_read_by_entry(predict):
+    """The series ``(2μ/α, α), (−2μ/α, −α)`` is the Ogden solid: vectors are read by entry."""
+    mu, alpha = np.array([4.0, 6.0, 5.0]), np.array([8.0, 12.0, 3.0])
+    signs = np.array([1.0, -1.0])
+    series = result(mu=(2 * mu / alpha)[:, None] * signs, alpha=alpha[:, None] * signs)
+    tube = TUBES["in vivo"]
+    expected = predict(result(mu=mu, alpha=alpha), [0.3, 0.5], energy=ph.Ogden(), **tube)
+    found = predict(series, [0.3, 0.5], energy=ph.OgdenSeries(2), **tube)
+    xr.testing.assert_allclose(found, expected, rtol=1e-10)  # the series cancels some digits
+
+
+def test_order_of_dimensions_does_not_matter():
+    tree = result(mu=[4.0, 6.0, 5.0], alpha=[8.0, 12.0, 3.0])
+    turned = xr.DataTree.from_dict({"posterior": tree["posterior"].to_dataset().transpose()})
+    found, expected = (
+        ph.predict_pressure(t, [7.0, 8.0], energy=ph.Ogden(), **SHEEP) for t in (turned, tree)
+    )
+    xr.testing.assert_identical(found, expected)
+
+
+INFERRED = {
+    "outer radius": {"outer_radius": INNER + THICKNESS},
+    "thickness": {"thickness": THICKNESS},
+    # What is cut open is a sector of the ring, and has its area.
+    "wall area": {"wall_area": (1 - 0.3 / np.pi) * np.pi * ((INNER + THICKNESS) ** 2 - INNER**2)},
+}
+
+
+@pytest.mark.parametrize("wall", INFERRED.values(), ids=INFERRED)
+def test_inferred_geometry_is_that_of_each_draw(wall):
+    axial, angle = np.array([1.1, 1.2, 1.3]), np.full(3, 0.6)
+    tree = result(
+        mu=np.full(3, 20.0), inner_radius=INNER, axial_stretch=axial, opening_angle=angle, **wall
+    )
+    functions = (ph.predict_pressure, ph.predict_axial_force, ph.radius_at_pressure, ph.wall_stress)
+    arguments = ([7.5, 8.0], [7.5, 8.0], [1.0, 2.0], [1.0, 2.0])
+    for function, argument in zip(functions, arguments, strict=True):
+        found = function(tree, argument, energy=ph.NeoHookean())
+        for draw in range(3):
+            tube = {
+                "inner_radius": INNER[draw],
+                "outer_radius": INNER[draw] + THICKNESS[draw],
+                "axial_stretch": axial[draw],
+                "opening_angle": angle[draw],
+            }
+            alone = function(result(mu=[20.0]), argument, energy=ph.NeoHookean(), **tube)
+            for name in alone:
+                np.testing.assert_allclose(
+                    found[name][:, [draw]], alone[name], rtol=1e-10, atol=1e-12
+                )
+
+
+@pytest.mark.parametrize(
+    ("given", "inferred", "outer"),
+    [
+        ({}, {}, 9.0),
+        ({}, {"outer_radius": [8.5]}, 8.5),
+        ({}, {"thickness": [1.0]}, 8.0),
+        ({}, {"outer_radius": [8.5], "thickness": [1.0]}, 8.5),
+        ({"outer_radius": 8.2}, {"thickness": [1.0]}, 8.2),
+        ({"outer_radius": 8.2}, {"outer_radius": [8.5]}, 8.2),
+    ],
+)
+def test_keyword_precedes_posterior_precedes_data(given, inferred, outer):
+    found = ph.predict_pressure(fitted_tree(mu=[20.0], **inferred), [8.0], **given)
+    expected = oracles.neo_hookean_pressure(20.0, 8.0, 7.0, outer)
+    np.testing.assert_allclose(found["pressure"].item(), expected, rtol=ROUNDING)

@@ -1,0 +1,129 @@
+"""radius_at_pressure: the inverse of the pressure, and pressures that no radius has."""
+
+import numpy as np
+import oracles
+import pytest
+from problems import OGDEN_1972_RUBBER
+from scipy.optimize import brentq
+from tube_posteriors import (
+    SHEEP,
+    SOFTENING,
+    TUBES,
+    curve,
+    every_tube_and_law,
+    maximum_of_softening,
+    one_draw,
+    radii_of,
+    result,
+)
+
+import pymc_hyperelastic as ph
+
+pytestmark = pytest.mark.compiled  # in both tiers: predictions are compiled for each law
+
+INVERSE = 1e-10  # relative error that the package allows for its inverse
+
+
+@every_tube_and_law
+def test_radius_is_the_inverse_of_pressure(energy, parameters, tube):
+    radius = radii_of(tube)
+    pressure = curve(energy, parameters, radius, tube)
+    tube = {**tube, "energy": energy, "check": "ignore"}
+    found = ph.radius_at_pressure(one_draw(parameters), pressure, **tube)["radius"]
+    assert found.dims == ("chain", "draw", "pressure")
+    np.testing.assert_allclose(found[0, 0], radius, rtol=INVERSE)
+
+
+@pytest.mark.parametrize("tube", [TUBES["in vivo"], TUBES["thick, opened the other way"]])
+def test_radius_solves_the_neo_hookean_closed_form(tube):
+    geometry = tuple(tube.values())
+    tree = result(mu=[20.0, 35.0])
+    top = min(oracles.neo_hookean_pressure(20.0, radii_of(tube)[-1], *geometry), 4.0)
+    pressure = np.array([0.1, 0.5, 1.0]) * top
+    found = ph.radius_at_pressure(tree, pressure, energy=ph.NeoHookean(), **tube)["radius"]
+    for draw, mu in enumerate((20.0, 35.0)):
+        for p, a in zip(pressure, found[0, draw].values, strict=True):
+
+            def excess(x, mu=mu, p=p):
+                return oracles.neo_hookean_pressure(mu, x, *geometry) - p
+
+            expected = brentq(excess, a * 0.9, a * 1.1, xtol=1e-14, rtol=1e-14)
+            np.testing.assert_allclose(a, expected, rtol=INVERSE)
+
+
+def test_radius_at_zero_pressure_is_exact():
+    """An isotropic tube without opening angle carries nothing at ``A/√λz``."""
+    a = ph.radius_at_pressure(result(mu=[20.0]), 0.0, energy=ph.NeoHookean(), **SHEEP)
+    assert a["radius"].item() == 7.0
+
+
+def test_softening_curve_is_inverted_on_its_rising_branch():
+    top_radius, top = maximum_of_softening()
+    share = np.array([0.1, 0.5, 0.9, 0.999, 1 - 1e-8])
+    found = ph.radius_at_pressure(
+        one_draw(SOFTENING), share * top, energy=ph.PowerLawNeoHookean(), **SHEEP
+    )["radius"][0, 0]
+    assert np.all(np.diff(found) > 0)
+    assert float(found[-1]) < top_radius
+    again = curve(ph.PowerLawNeoHookean(), SOFTENING, found.values, SHEEP)
+    np.testing.assert_allclose(again, share * top, rtol=INVERSE)
+
+
+def test_pressure_that_is_not_reached_is_nan_and_counted():
+    _, top = maximum_of_softening()
+    tree = result(mu=[20.0, 40.0, 10.0], n=[0.3, 0.3, 0.3])
+    settings = {"energy": ph.PowerLawNeoHookean(), **SHEEP}
+    with pytest.warns(
+        UserWarning, match=r"of 3 draws 1 do not reach .* mmHg.*, 2 do not"
+    ) as caught:
+        found = ph.radius_at_pressure(tree, [0.1, 0.9 * top, 1.1 * top], **settings)["radius"][0]
+    assert caught[0].filename == __file__
+    np.testing.assert_array_equal(
+        np.isnan(found), [[False, False, True], [False] * 3, [False, True, True]]
+    )
+    with pytest.raises(ValueError, match=r"no draw reaches .* 100 kPa \(750.1 mmHg\), 200 kPa"):
+        ph.radius_at_pressure(tree, [100.0, 200.0], check="ignore", **settings)
+    with pytest.warns(UserWarning, match="2 do not reach"):
+        properties = ph.tube_properties(tree, [1.1 * top], **settings)
+    with pytest.warns(UserWarning, match="2 do not reach"):
+        stress = ph.wall_stress(tree, [1.1 * top], **settings)
+    for values in (*properties.values(), *stress.values()):
+        np.testing.assert_array_equal(
+            np.isnan(values[0]).any(axis=(1, 2)[: values.ndim - 2]), [True, False, True]
+        )
+
+
+def test_pressure_beyond_an_asymptote_is_not_reached():
+    """A neo-Hookean tube carries ``μ k/λz ln(B/A)`` when it is infinitely wide, and no more."""
+    limit = 20.0 * np.log(9 / 7)
+    settings = {"energy": ph.NeoHookean(), **SHEEP}
+    with pytest.warns(UserWarning, match="1 do not reach"):
+        found = ph.radius_at_pressure(result(mu=[20.0]), [0.999 * limit, limit], **settings)
+    assert np.isfinite(found["radius"][0, 0, 0])
+
+
+def test_second_rising_branch_is_not_taken():
+    tube = {"inner_radius": 1.0, "outer_radius": 1.05}
+    energy = ph.OgdenSeries(3)
+    radius = np.linspace(1.0, 8.0, 1000)
+    pressure = curve(energy, OGDEN_1972_RUBBER, radius, tube)
+    top = int(np.argmax(np.diff(pressure) < 0))
+    assert pressure.max() > 1.2 * pressure[top] > 1.2 * pressure[top + 50], "it is no such curve"
+    with pytest.warns(UserWarning, match="1 do not reach"):
+        found = ph.radius_at_pressure(
+            one_draw(OGDEN_1972_RUBBER),
+            float(pressure[top]) * np.array([0.99, 1.1]),
+            energy=energy,
+            **tube,
+        )["radius"][0, 0]
+    assert found[0] < radius[top]
+    assert np.isnan(found[1])
+
+
+def test_overflowing_stress_is_a_pressure_beyond_the_radius():
+    tree = result(mu=[20.0], limit=[0.5])
+    settings = {"energy": ph.Gent(), "check": "ignore", **SHEEP}
+    found = ph.radius_at_pressure(tree, [1.0, 10.0, 1000.0], **settings)["radius"][0, 0]
+    assert np.all(np.diff(found) > 0)
+    back = curve(ph.Gent(), {"mu": 20.0, "limit": 0.5}, found.values, SHEEP)
+    np.testing.assert_allclose(back, [1.0, 10.0, 1000.0], rtol=1e-6)  # ill-conditioned near the end

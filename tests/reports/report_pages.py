@@ -1,0 +1,109 @@
+"""Read a report as HTML: its elements, headings, text and tables."""
+
+import itertools
+from html.parser import HTMLParser
+
+VOID = {"meta", "br", "hr", "img", "input", "link", "area", "base", "col", "wbr"}
+
+
+class Page(HTMLParser):
+    """Elements, names, text and tables of a page."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.source = path.read_text(encoding="utf-8")
+        self.open, self.wrong = [], []
+        self.elements, self.texts, self.headings, self.tables = [], [], [], {}
+        self.numbers = []
+        """Each number of a table, and the text that shows it."""
+        self._rows = self._caption = None
+        self.feed(self.source)
+        self.close()
+        self.wrong += self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag in ("h1", "h2", "h3"):
+            self.headings.append([tag, ""])
+        elif tag == "table":
+            self._rows, self._caption = [], ""
+        elif tag == "tr":
+            self._rows.append([])
+        elif tag in ("td", "th"):
+            self._rows[-1].append("")
+        elif tag == "data":
+            self._rows[-1][-1] = float(dict(attrs)["value"])
+            self.numbers.append([self._rows[-1][-1], ""])
+
+    def handle_startendtag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append(tag)
+        if tag == "table":
+            self.tables[self._caption.strip()] = self._rows
+            self._rows = self._caption = None
+
+    def handle_data(self, data):
+        if self.open[-1:] != ["style"]:
+            self.texts.append(data)
+        if self.open and self.open[-1] in ("h1", "h2", "h3"):
+            self.headings[-1][1] += data
+        if "caption" in self.open:
+            self._caption += data
+        elif self.open[-1:] == ["data"]:
+            self.numbers[-1][1] += data
+        elif self.open and self.open[-1] in ("td", "th"):
+            self._rows[-1][-1] += data
+
+    @property
+    def text(self):
+        return " ".join(" ".join(self.texts).split())
+
+    @property
+    def chapters(self):
+        return [text for tag, text in self.headings if tag == "h2"]
+
+    @property
+    def warnings(self):
+        """The text before the contents."""
+        return self.text.split(" Contents ")[0]
+
+    @property
+    def methods(self):
+        return self.text.split("Methods, to be pasted")[-1].split("Software, and how")[0].strip()
+
+    def table(self, start):
+        """Headings and rows of the table whose caption begins like this."""
+        (found,) = [rows for caption, rows in self.tables.items() if caption.startswith(start)]
+        return found[0], found[1:]
+
+    def column(self, start, heading):
+        headings, rows = self.table(start)
+        return [row[headings.index(heading)] for row in rows]
+
+
+def assert_sound(page):
+    """Assert that a page is well formed, loads nothing, and has headings in order."""
+    assert page.wrong == []
+    ids = [attrs["id"] for _, attrs in page.elements if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    for tag, attrs in page.elements:
+        assert tag not in ("script", "link", "iframe", "object", "embed")
+        assert not [name for name in attrs if name.startswith("on")]
+        for name in ("href", "src"):
+            if name in attrs:
+                target = attrs[name]
+                assert (target.startswith("#") and target[1:] in ids) or target.startswith("data:")
+        if tag == "th":
+            assert attrs["scope"] in ("col", "row")
+    for reference in page.source.split("url(#")[1:]:
+        assert reference.split(")")[0] in ids
+    assert "http://" not in page.source and "https://" not in page.source
+    levels = [int(tag[1]) for tag, _ in page.headings]
+    assert levels[0] == 1 and levels.count(1) == 1
+    assert all(after <= before + 1 for before, after in itertools.pairwise(levels))
+    assert page.chapters[:2] == ["Warnings and diagnoses", "Contents"]

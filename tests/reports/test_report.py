@@ -1,0 +1,171 @@
+"""The page of a report: its chapters, tables and figures, and names that contain markup."""
+
+import os
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from report_pages import Page, assert_sound
+from stored_results import DATA, classified, fitted_classes
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.reports import blocks
+
+NASTY = [
+    "<script>alert(1)</script>",
+    '"><img src=x onerror=alert(1)>',
+    "动脉 ß “ü” </svg></table>",
+    "a" * 300,
+    "{{ 7 * 7 }} & co",
+    "$\\alpha$ {% raw %}",
+]
+THIRD = ph.select(DATA, experiment=3)
+ANCHORS = "warnings trust data fits posteriors classes properties settings methods software".split()
+
+
+def curves(names, group="C1"):
+    """Return inflation data of these specimens on a straight line."""
+    radius = np.linspace(7.2, 9.0, 6)
+    points = {"radius": radius, "pressure": 6 * (radius - 7.0)}
+    tables = [
+        pd.DataFrame({"specimen": name, "experiment": 1, "group": group} | points) for name in names
+    ]
+    frame = pd.concat(tables, ignore_index=True)
+    return ph.inflation_data(frame, inner_radius=7.0, outer_radius=9.0, check="ignore")
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    """Return the report of two classes and of a classification."""
+    results = {"Classes": fitted_classes(), "New": classified()}
+    folder = tmp_path_factory.mktemp("report")
+    return Page(ph.report(results, folder / "report.html", data={"Third": THIRD}))
+
+
+def test_chapters_are_in_order_on_a_page_that_loads_nothing(page):
+    assert_sound(page)
+    links = [a["href"] for tag, a in page.elements if tag == "a"]
+    assert links[1:] == [f"#{name}" for name in ANCHORS]
+    assert sum(tag == "svg" for tag, _ in page.elements) == 7  # three of data
+    assert "cannot be shown" not in page.text
+
+
+def test_posterior_table_holds_the_numbers_of_the_result(page):
+    headings, rows = page.table("Posterior of the parameters")
+    assert headings[3:7] == ["mean", "sd", "2.5 %", "97.5 %"]
+    for row, tree in zip(rows[::2], fitted_classes().children.values(), strict=True):
+        draws = tree["posterior"]["mu"].values
+        assert row[:3] == ["mu", tree.name, "kPa"]
+        expected = [draws.mean(), draws.std(ddof=1), *np.quantile(draws, [0.025, 0.975])]
+        np.testing.assert_allclose(row[3:7], expected, rtol=1e-12)
+        assert row[headings.index("R-hat")] < 1.05
+
+
+def test_decision_table_holds_the_numbers_of_the_result(page):
+    result = classified()
+    headings, rows = page.table("Decisions and probabilities")
+    assert [row[0] + row[2] + row[3] for row in rows] == ["S1C1C1", "S1C1C2", "S2C2C1", "S2C2C2"]
+    names = "class_probability class_probability_se log_evidence log_evidence_se pareto_k"
+    expected = np.stack([result[name].values.ravel() for name in names.split()], axis=1)
+    assert [row[4:9] for row in rows] == expected.tolist()
+    assert headings[4:7] == ["probability", "its standard error", "log evidence"]
+    _, rows = page.table("Evidence: Classes")
+    for row, (name, tree) in zip(rows, fitted_classes().children.items(), strict=True):
+        assert row == [name, *ph.log_evidence(tree), "good"]
+
+
+def test_specimen_table_counts_points_and_gives_ranges(page):
+    headings, rows = page.table("Specimens: Third")
+    assert [row[0] for row in rows] == ["S1", "S2", "S3", "S4", "S5"]
+    own = ph.select(THIRD, specimen="S4")
+    assert rows[3][1:4] == ["C2", 1.0, 20.0]
+    pressure = own["pressure"].values / ph.mmHg
+    ranges = {"internal radius (mm)": own["radius"].values, "pressure (mmHg)": pressure}
+    for heading, of in ranges.items():
+        text = rows[3][headings.index(heading)].split()
+        assert text == [f"{of.min():.4g}", "to", f"{of.max():.4g}"]
+    assert rows[3][headings.index("outer radius at rest (mm)")] == 9.0
+
+
+def test_property_table_holds_the_numbers_of_tube_properties(page):
+    _, rows = page.table("Elastic properties")
+    tree = fitted_classes()["C2"]
+    for row in rows[-5:]:
+        properties = ph.tube_properties(tree, row[2], pressure_unit="mmHg")
+        values = properties[row[0].replace("Peterson's", "peterson").replace(" ", "_")].values
+        ends = np.quantile(values, [0.025, 0.975]).tolist()
+        np.testing.assert_allclose(row[4:], [np.median(values), *ends], rtol=1e-12)
+    # Every experiment reached these pressures.
+    training = ph.select(DATA, experiment=[1, 2])
+    tests = [test for _, test in training["pressure"].groupby(training["test"])]
+    ends = max(float(t.min()) for t in tests), min(float(t.max()) for t in tests)
+    at = np.unique([row[2] for row in rows])
+    np.testing.assert_allclose(at * ph.mmHg, np.linspace(*ends, 3))
+    assert {row[3] for row in rows} == {"mm²/kPa", "1/kPa", "kPa", "m/s"}
+
+
+def test_names_with_markup_stay_text(write):
+    data = curves(NASTY, group=NASTY[0])
+    data.attrs = {"title": NASTY[0], "description": NASTY[1], "source": NASTY[2]}
+    result = classified(NASTY[:2]).assign_coords(class_label=[NASTY[1], NASTY[2]])
+    result["decision"] = "specimen", [NASTY[1], "cannot be judged"]
+    page = write({NASTY[1]: result, NASTY[2]: data}, title=NASTY[4])
+    assert_sound(page)
+    assert not [a for tag, a in page.elements if tag == "img" or "onerror" in a]
+    assert "<script>alert" not in page.source and 'x onerror=alert(1)>"' not in page.source
+    assert page.headings[0][1] == NASTY[4]
+    assert page.column("Decisions", "specimen")[::2] == NASTY[:2]
+    assert page.column("Specimens", "specimen") == NASTY
+    assert sum(tag == "svg" for tag, _ in page.elements) == 2
+    for name in NASTY[:5]:  # mathematics is drawn as such
+        assert f"specimen {name}" in "".join(page.texts)
+
+
+def test_titles_come_from_dict_keys_or_kinds(write_words):
+    page = write_words([THIRD, curves(["A"]), classified()], title="Mine")
+    assert [text for tag, text in page.headings if tag == "h3"] == ["Data", "Data 2"]
+    assert page.headings[0][1] == "Mine"
+    assert "Data (data); Data 2 (data); Classified (classified)" in page.text
+    assert write_words(curves(["A"])).headings[0][1] == "Report of a study"
+
+
+def test_properties_are_shown_at_the_given_pressures(write_words):
+    page = write_words(fitted_classes()["C1"], pressure=[10.0, 12.0], pressure_unit="kPa")
+    assert set(page.column("Elastic properties", "pressure (kPa)")) == {10.0, 12.0}
+    assert "pressure (kPa)" in page.table("Specimens")[0]
+
+
+@pytest.mark.parametrize(
+    ("result", "settings", "message"),
+    [
+        ([], {}, "no results"),
+        ([THIRD, xr.Dataset({"x": 1})], {}, r"a Dataset of \['x'\]"),
+        (THIRD, {"pressure_unit": "mm"}, "pressure_unit"),
+        (THIRD, {"pressure": [-1.0]}, "pressure must be a number"),
+        (THIRD, {"path": os.curdir}, "is a folder: name a file in it"),
+    ],
+)
+def test_wrong_input_is_refused_before_a_file_is_written(tmp_path, result, settings, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        ph.report(result, **{"path": tmp_path / "report.html"} | settings)
+    assert not list(tmp_path.iterdir())
+
+
+def test_same_results_give_the_same_file_and_leave_matplotlib_as_it_was(write, monkeypatch):
+    from matplotlib import pyplot as plt
+
+    plt.close("all")
+    mine, before, data = plt.figure(), dict(plt.rcParams), curves(["A"])
+    first = write(data)
+    assert write(data).source == first.source
+    assert plt.get_fignums() == [mine.number]
+    assert dict(plt.rcParams) == before
+    plt.close(mine)
+    # Many points become one image.
+    monkeypatch.setattr(blocks, "_MOST_SHAPES", 5)
+    page = write(data)
+    assert_sound(page)
+    images = [attrs["href"] for tag, attrs in page.elements if tag == "image"]
+    assert images and all(image.startswith("data:image/png;base64,") for image in images)
+    assert page.source.count("<use") < first.source.count("<use")

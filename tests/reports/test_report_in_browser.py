@@ -1,0 +1,153 @@
+"""Reports in a browser: on narrow and wide screens, light and dark, and on paper."""
+
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from stored_results import classified, fitted_classes
+from variable_classes import classify, curves, fit
+
+import pymc_hyperelastic as ph
+
+pytestmark = pytest.mark.deep
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+QUIET = [
+    *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+]
+LONG = "specimen_" + "with_a_name_that_does_not_end_" * 6
+
+# Elements whose content overflows. Regions that scroll, and the link that is hidden until it has
+# the focus, are excluded.
+OVERFLOWS = """() => [...document.querySelectorAll("body *")].filter(e => {
+    if (e.closest("svg") || e.matches(".skip")) return false;
+    const wide = e.scrollWidth > e.clientWidth + 1;
+    if (e.closest(".scroll")) return e.matches("td, th, caption") && wide;
+    const box = e.getBoundingClientRect();
+    return box.right > innerWidth + 1 || box.left < -1
+        || wide && getComputedStyle(e).display !== "inline";
+}).map(e => e.outerHTML.slice(0, 120))"""
+# Regions that scroll sideways have to be reached by keys, and have a name.
+SCROLLED = """() => [...document.querySelectorAll(".scroll")]
+    .filter(e => e.scrollWidth > e.clientWidth)
+    .filter(e => e.tabIndex !== 0 || !document.getElementById(e.getAttribute("aria-labelledby")))
+    .length"""
+# Text of a figure that is outside of its drawing, or too small to be read.
+CUT_OFF = """() => [...document.querySelectorAll("svg text")].filter(e => {
+    const box = e.getBoundingClientRect(), frame = e.closest("svg").getBoundingClientRect();
+    return box.left < frame.left - 2 || box.right > frame.right + 2 || box.top < frame.top - 2
+        || box.bottom > frame.bottom + 2;
+}).map(e => e.textContent)"""
+
+
+def study():
+    """Return hierarchical classes, a classification and a comparison."""
+    classes = fit(draws=200)
+    new = curves({"N1": [60.0], "N2": [300.0]}, 5)
+    compared = ph.compare_classes(classes, ["mu", "log_reference_strain"], random_seed=1)
+    return [classes, classify(new, classes), compared], {"data": new}
+
+
+def doubtful():
+    """Return results with many warnings, of specimens with long names."""
+    radius = np.linspace(7.2, 9.0, 6)
+    frames = [
+        pd.DataFrame({"specimen": name, "radius": radius, "pressure": 6 * (radius - 7.0)})
+        for name in (LONG, "S2")
+    ]
+    frame = pd.concat(frames, ignore_index=True).assign(experiment=1)
+    data = ph.inflation_data(frame, inner_radius=7.0, outer_radius=9.0, check="ignore")
+    result = classified(
+        [LONG, "S2"],
+        [[0.5, 0.5], [0.9, 0.1]],
+        decision=np.array(["cannot be judged", "undecided"]),
+        class_probability_se=np.array([[np.inf] * 2, [0.1] * 2]),
+    )
+    return {"Classes": fitted_classes(), LONG: result, "Data": data}, {}
+
+
+STUDIES = {"study": study, "doubtful": doubtful}
+
+
+@pytest.fixture(scope="module", params=STUDIES)
+def path(request, tmp_path_factory):
+    result, settings = STUDIES[request.param]()
+    return ph.report(result, tmp_path_factory.mktemp("report") / "report.html", **settings)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("there is no chromium: apt-get install chromium")
+    with playwright.sync_playwright() as started:
+        chromium = started.chromium.launch(executable_path=CHROMIUM, args=QUIET)
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(params=[(400, "light"), (400, "dark"), (1400, "light"), (1400, "dark")])
+def opened(request, browser, path):
+    """Return a page, the addresses it requested, and its console messages."""
+    width, scheme = request.param
+    screen = {"viewport": {"width": width, "height": 900}, "color_scheme": scheme}
+    context = browser.new_context(**screen)
+    page, asked, said = context.new_page(), [], []
+    page.on("request", lambda asking: asked.append(asking.url))
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.goto(path.as_uri())
+    yield page, asked, said
+    context.close()
+
+
+def test_page_loads_nothing_and_logs_nothing(opened, path):
+    _, asked, said = opened
+    assert asked == [path.as_uri()]
+    assert said == []
+
+
+def test_no_content_overflows(opened):
+    page, *_ = opened
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert page.evaluate(OVERFLOWS) == []
+    assert page.evaluate(SCROLLED) == 0
+    assert page.evaluate(CUT_OFF) == []
+
+
+def test_axe_finds_no_serious_violation(opened):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright")
+    page, *_ = opened
+    found = axe.Axe().run(page).response["violations"]
+    grave = [
+        (v["id"], [node["html"][:150] for node in v["nodes"]][:3])
+        for v in found
+        if v["impact"] in ("serious", "critical")
+    ]
+    assert grave == []
+
+
+def test_contents_link_to_their_chapters(opened):
+    page, *_ = opened
+    for link in page.query_selector_all("nav a"):
+        target = page.query_selector(link.get_attribute("href"))
+        assert target.query_selector("h2").inner_text() == link.inner_text()
+
+
+def test_page_prints_dark_on_white(browser, path, tmp_path):
+    context = browser.new_context(viewport={"width": 680, "height": 900}, color_scheme="dark")
+    page = context.new_page()
+    page.goto(path.as_uri())
+    page.emulate_media(media="print", color_scheme="dark")
+    ground, ink = (
+        page.evaluate(f"getComputedStyle(document.body).{name}")
+        for name in ("backgroundColor", "color")
+    )
+    assert ground == "rgb(255, 255, 255)" and ink == "rgb(26, 29, 33)"
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    file = tmp_path / "report.pdf"
+    page.pdf(path=file, format="A4")
+    assert file.stat().st_size > 20_000
+    context.close()

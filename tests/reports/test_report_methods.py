@@ -1,0 +1,100 @@
+"""The methods paragraph and the settings table of a report."""
+
+import json
+
+import numpy as np
+import pytest
+from stored_results import DATA, classified, fitted_class, fitted_classes
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.reports.blocks import Found
+from pymc_hyperelastic.reports.decisions import classified_sentences
+from pymc_hyperelastic.reports.laws import in_text
+from pymc_hyperelastic.reports.methods import fit_sentences
+from pymc_hyperelastic.reports.settings import settings_of, settings_rows
+
+ONE = ph.select(DATA, specimen="S1", experiment=1)
+
+
+def methods(tree):
+    return " ".join(fit_sentences(Found("Fit", tree)))
+
+
+def test_methods_name_data_model_errors_priors_and_sampler():
+    assert methods(fitted_classes()) == (
+        "The simulated inflation curves of 5 specimens (3 in C1 and 2 in C2) were analysed: "
+        "10 experiments with 200 points. Each vessel was modelled as a thick-walled, "
+        "incompressible, hyperelastic tube with the strain energy Demiray, "
+        "W = (μ/(2 b)) (e^(b (I₁ − 3)) − 1). All specimens that were fitted together shared one "
+        "set of parameters. Errors of pressures were taken as normal, with a standard deviation of "
+        "1.414 kPa. Priors were Uniform(0, 200) kPa for mu and Uniform(0, 20) for b. Posteriors "
+        "were sampled by sequential Monte Carlo in 2 independent chains of 100 draws each, which "
+        "also gives the evidence and its standard error."
+    )
+
+
+def test_methods_use_the_singular_for_one():
+    said = methods(fitted_class(ONE, energy="NeoHookean", chains=1))
+    assert "curves of 1 specimen were analysed: 1 experiment with 20 points." in said
+    assert "The prior was Uniform(0, 200) kPa for mu." in said
+    assert "in 1 independent chain of 100 draws, which" in said
+    assert "shared one set" not in said
+
+
+SD = "with a standard deviation"
+
+
+@pytest.mark.parametrize(
+    ("noise", "sentence"),
+    [
+        ({"noise_sd": ["HalfNormal", [0.0, 1.0]]}, f"{SD} that was inferred, with the prior Half"),
+        ({"sigma": ["HalfNormal", [0.0, 1.0]]}, f"{SD} times √2 that was inferred, with the prior"),
+        ({"sigma": 2.0, "slope_weight": 3.0}, "curves counted too, with a weight of 3 mm²."),
+        ({"slope_weight": ["Gamma", [2.0, 0.5]]}, "a weight of prior Gamma(2, 0.5) mm²."),
+        ({"force_sigma": 1.0}, f"Errors of axial forces were taken as normal, {SD} of 0.7071 mN."),
+        ({"force_offset_sd": 3.0}, f"offset of the force transducer, normal {SD} of 3 mN."),
+        ({"diameter_noise_sd": 0.01}, f"Errors of diameters were taken as normal, {SD} of 0.01"),
+    ],
+)
+def test_methods_state_the_size_of_each_error(noise, sentence):
+    found = methods(fitted_class(ONE, noise=json.dumps(noise)))
+    assert sentence in found
+    assert ("Slopes" in found) == ("slope_weight" in noise)
+
+
+def test_latex_fractions_powers_and_indices_become_text():
+    assert in_text(r"\frac{a + b}{c} x^{2} - \frac{1}{2}") == "((a + b)/c) x² − (1/2)"
+    assert in_text(r"\sum_{i=1}^4 k_2^i \ln\left(λ_θ\right)") == "Σ_(i=1)⁴ k₂ⁱ ln(λ_θ)"
+
+
+def test_methods_state_class_priors_and_decision_limits():
+    said = " ".join(classified_sentences(Found("New", classified())))
+    assert said.startswith("The curves of 2 specimens were held against the classes C1 and C2 by")
+    assert "All classes were equally probable beforehand." in said
+    assert "undecided" not in said and "none of these" not in said
+    prior = json.dumps({"C1": 0.8, "C2": 0.2})
+    limits = {"class_prior": prior, "undecided_below": 0.9, "none_below": 0.05}
+    result = classified(["S1"], [[0.9, 0.1]]).assign_attrs(limits)
+    said = " ".join(classified_sentences(Found("New", result)))
+    assert "The probabilities beforehand were 0.8 of C1 and 0.2 of C2." in said
+    assert "left undecided where the most probable class had a probability below 0.9." in said
+    assert "p-value of every class was below 0.05" in said
+
+
+def test_settings_table_holds_the_stored_settings():
+    rows = {row[0]: row[1] for row in settings_rows(settings_of(fitted_classes()))}
+    assert rows["strain energy"] == "Demiray"
+    assert rows["prior of mu"] == "Uniform(0, 200) kPa"
+    assert rows["errors"].startswith("sigma = 2 kPa (a standard deviation of 1.41421 kPa)")
+    assert rows["draws of a chain"] == 100 and rows["chains"] == 2 and rows["random seed"] == "7"
+
+
+def test_versions_of_fit_and_report_are_shown(write_words):
+    page = write_words(fitted_classes())
+    rows = {row[0]: row[1:] for row in page.table("Versions")[1]}
+    assert rows["pymc-hyperelastic"] == ["0.0.9", ph.__version__]
+    assert rows["numpy"] == ["not told", np.__version__]
+    assert page.methods.endswith(
+        f"All was computed with pymc_hyperelastic 0.0.9 on PyMC 6.1.0, PyTensor "
+        f"{rows['pytensor'][1]} and NumPy {np.__version__}."
+    )

@@ -1,0 +1,111 @@
+"""Reports of cohorts, small and large."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from stored_results import classified
+
+import pymc_hyperelastic as ph
+
+NAMES = ["S1", "S2", "S3", "S4", "S5"]
+
+
+@pytest.fixture
+def cohort():
+    """Return a cohort of five specimens as ph.open_cohort gives it, without sampling."""
+    rng = np.random.default_rng(20261127)
+    evidence = {"error": np.array([""] * 5, dtype="<U40"), "log_evidence": np.full(5, -20.0)}
+    evidence |= {"log_evidence_se": np.full(5, 0.1), "pareto_k": np.full(5, 0.2)}
+    evidence["method"] = np.array(["importance"] * 4 + ["smc"])
+    specimen, dims = {"specimen": NAMES}, ("specimen", "chain", "draw")
+    compliance = rng.random((5, 2, 3)).cumsum(axis=2), {"units": "mm²/kPa"}
+    properties = {"compliance": (("specimen", "pressure", "interval"), *compliance)}
+    return xr.DataTree.from_dict(
+        {
+            "posterior": xr.Dataset({"mu": (dims, rng.lognormal(size=(5, 1, 40)))}, specimen),
+            "evidence": xr.Dataset({k: ("specimen", v) for k, v in evidence.items()}, specimen),
+            "properties": xr.Dataset(properties, {"pressure": [80, 120]}),
+        }
+    )
+
+
+def test_cohort_tables_summarise_its_specimens(write_words, cohort):
+    page = write_words({"Cohort": cohort})
+    _, rows = page.table("How specimens were sampled: Cohort")
+    assert rows == [["not sampled", 0.0], ["importance", 4.0], ["smc", 1.0]]
+    _, (row,) = page.table("Posterior medians of the parameters")
+    draws = cohort["posterior"]["mu"]
+    medians, sd = (f(["chain", "draw"]).values for f in (draws.median, draws.std))
+    expected = [*np.quantile(medians, [0.025, 0.5, 0.975]), np.median(sd)]
+    np.testing.assert_allclose(row[1:], expected)
+    _, rows = page.table("Elastic properties (posterior medians)")
+    compliance = cohort["properties"]["compliance"].values
+    for i, row in enumerate(rows):
+        assert row[:3] == ["compliance", "mm²/kPa", [80, 120][i]]
+        low, middle, high = compliance[:, i].T
+        expected = [*np.quantile(middle, [0.025, 0.5, 0.975]), np.median(high - low)]
+        np.testing.assert_allclose(row[3:], expected)
+    assert "The posteriors of 5 specimens were sampled, each by itself." in page.methods
+
+
+def test_failed_specimens_of_a_cohort_are_named_with_their_messages(write_words, cohort):
+    own = cohort["posterior"]["mu"].median(["chain", "draw"]).values[2:]
+    evidence = cohort["evidence"]
+    evidence["error"].values[:2] = "the wall has no strength"
+    evidence["pareto_k"].values[2:4] = 0.49, 0.5
+    evidence["log_evidence_se"].values[4] = np.inf
+    cohort["posterior"]["mu"].values[:2] = np.nan
+    page = write_words({"Cohort": cohort})
+    assert "Cohort: S1 and S2: the wall has no strength." in page.warnings
+    assert "a few weights decide a posterior (Pareto shape from 0.5 on): S4." in page.warnings
+    assert "an evidence has an infinite error: S5." in page.warnings
+    assert page.table("How specimens were sampled: Cohort")[1][0] == ["not sampled", 2.0]
+    _, rows = page.table("Posterior medians of the parameters")
+    np.testing.assert_allclose(rows[0][2], np.median(own))
+    assert "3 specimens were sampled, each by itself; 2 others could not be." in page.methods
+
+
+@pytest.mark.deep
+def test_report_of_a_fitted_cohort(write, tmp_path):
+    data = ph.load_dataset("simulated_sheep_aorta")
+    settings = {"noise_sd": 0.4, "slope_weight": 0.0, "random_seed": 1, "cores": 1, "draws": 100}
+    properties = {"pressure": [80, 120], "pressure_unit": "mmHg"}
+    ph.fit_cohort(ph.Ogden(), data, tmp_path / "s", properties=properties, **settings)
+    page = write({"Cohort": ph.open_cohort(tmp_path / "s").load()})
+    assert page.column("Posterior medians", "parameter") == ["mu", "alpha"]
+    assert "compliance" in page.column("Elastic properties (posterior", "property")
+    assert "cannot be shown" not in page.text
+
+
+def many(clear, unclear, failed):
+    """Return a classification with given numbers of clear, unclear and failed specimens."""
+    probability = [(0.95, 0.05)] * clear + [(0.94, 0.06)] * unclear + [(np.nan, np.nan)] * failed
+    names = [f"N{i}" for i in range(len(probability))]
+    found = classified(names, probability)
+    sane = np.arange(len(names)) < clear + unclear
+    decision = np.where(sane, found["decision"].values, "")
+    errors = np.where(sane, "", "no convergence.")
+    return found.assign(decision=("specimen", decision), error=("specimen", errors))
+
+
+def test_only_unclear_specimens_of_a_large_cohort_are_shown_one_by_one(write_words):
+    page = write_words({"New": many(300, 20, 3)})
+    assert page.table("Decisions: New")[1] == [["not classified", 3, 0], ["C1", 320, 300]]
+    assert "Of 323 specimens 300 have a class with a probability from 0.95 on." in page.text
+    assert "Of the other 23, the 23 whose class is least clear are shown" in page.text
+    names = {row[0] for row in page.table("Decisions and probabilities")[1]}
+    assert names == {f"N{i}" for i in range(300, 323)}
+    assert "New: N320, N321 and N322: no convergence." in page.warnings
+    assert "New: the classes have no variability" in page.warnings
+    page = write_words({"New": many(10, 500, 0)})
+    assert "Of the other 500, the 200 whose class is least clear are shown" in page.text
+    page = write_words({"New": many(400, 0, 0)})
+    assert not [c for c in page.tables if c.startswith("Decisions and probabilities")]
+
+
+def test_only_the_first_ten_failure_messages_are_shown(write_words):
+    found = many(0, 2, 15)
+    errors = ["", "", *(f"reason {i:02}" for i in range(15))]
+    page = write_words({"New": found.assign(error=("specimen", errors))})
+    assert "N11: reason 09." in page.warnings and "reason 10" not in page.warnings
+    assert "N12, N13, N14, N15 and N16 failed for other reasons." in page.warnings

@@ -1,0 +1,244 @@
+"""Reports of studies that hold results of every kind."""
+
+import fits
+import numpy as np
+import pandas as pd
+import pymc as pm
+import pytest
+import xarray as xr
+from report_pages import Page, assert_sound
+from scipy.stats import chi2
+from stored_results import classified, fitted_class, fitted_classes
+from variable_classes import TRAINING, TUBE, classify, curves
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.kinds import kind_of_settings
+from pymc_hyperelastic.reports.settings import priors_of_class
+
+QUICK = {"draws": 100, "chains": 2, "random_seed": 1, "progressbar": False}
+NEW = curves({"N1": [60.0], "N2": [300.0]}, 5)
+
+
+@pytest.fixture(scope="module")
+def results():
+    """Return all results of a study: classes, classification, comparisons, cross-validation."""
+    variable, few = fits.fit("neo_hookean_classes"), {"draws": 100, "random_seed": 1}
+    at = {"pressure": [1.0, 2.0, 3.0, 4.0], "bayes_factor": False}
+    with pytest.warns(UserWarning, match="have no compliance there"):
+        compliance = ph.compare_classes(variable, "compliance", **at, **few)
+    compared = ph.compare_classes(variable, "mu", **few)
+    results = {"Classes": variable, "New": classify(NEW, variable), "Left out": left_out()}
+    return results | {"Compared": compared, "Curves": compliance}
+
+
+@pytest.fixture(scope="module")
+def page(results, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    return Page(ph.report(results, folder / "report.html", data=NEW))
+
+
+def left_out():
+    """Return a stored result of ph.calibration_report."""
+    dims = ("strain_energy", "specimen", "class_label")
+    tables = {
+        "class_probability": [[[0.9, 0.1], [0.2, 0.8], [np.nan, np.nan]]],
+        "verdict": [["good", "not to be trusted", ""]],
+        "log_score": np.log([[0.9, 0.8, np.nan]]),
+        "brier_score": [[0.02, 0.08, np.nan]],
+    }
+    of_specimens = {"true_class": ["soft", "stiff", "stiff"], "left_out": ["A", "B", "B"]}
+    return xr.Dataset(
+        {name: (dims[: np.ndim(table)], table) for name, table in tables.items()},
+        {"strain_energy": ["NeoHookean"], "specimen": ["A1", "B1", "B2"]}
+        | {"class_label": ["soft", "stiff"]}
+        | {name: ("specimen", values) for name, values in of_specimens.items()},
+    )
+
+
+def test_report_of_a_study_has_all_chapters(page):
+    assert_sound(page)
+    chapters = ["Data", "Fits", "Posteriors", "Classes and decisions", "Differences between groups"]
+    assert page.chapters[3:-4] == chapters
+    assert "cannot be shown" not in page.text
+    assert sum(tag == "svg" for tag, _ in page.elements) == 10
+    assert "Left out, NeoHookean: not known of B2." in page.warnings
+    assert "Left out, NeoHookean: not to be trusted without B1." in page.warnings
+    _, rows = page.table("Specimens that were left out")
+    assert rows[1][2:7] == ["stiff", 0.2, 0.8, np.log(0.8), 0.08]
+    assert "the classes have no variability" not in page.warnings
+
+
+def test_fit_tables_hold_the_numbers_of_specimens_and_classes(page, results):
+    variable = results["Classes"]
+    headings, rows = page.table("Posterior of the parameters")
+    spread = variable["soft"]["posterior"]["spread"].values[..., 0]
+    (row,) = [r for r in rows if r[:2] == ["spread[log_reference_strain]", "soft"]]
+    assert row[headings.index("mean")] == pytest.approx(spread.mean())
+    of_class = [f"{name}[log_reference_strain]" for name in ("location", "spread")]
+    assert [r[0] for r in rows[:3]] == ["mu", *of_class]
+    _, rows = page.table("How well the best curve of each specimen")
+    assert [row[:2] for row in rows[:3]] == [["A1", "soft"], ["A2", "soft"], ["A3", "soft"]]
+    for place, name in enumerate(["misfit", "freedom", "pareto_k", "standard_error"], start=2):
+        expected = np.concatenate([t["specimens"][name].values for t in variable.children.values()])
+        np.testing.assert_array_equal([row[place] for row in rows], expected)
+
+
+def test_difference_table_holds_the_numbers_of_compare_classes(page, results):
+    result = results["Compared"].sel(quantity="mu").isel(comparison=0)
+    headings, (row,) = page.table("Differences of the typical specimens: Compared")
+    typical = result.sel(statistic="typical")
+    interval = typical["difference_interval"].values.tolist()
+    assert row[2:5] == [float(typical["difference"]), *interval]
+    assert row[headings.index("probability of a rise")] == float(typical["probability_of_rise"])
+    assert row[headings.index("effect size")] == float(result["effect_size"])
+    assert row[headings.index("best accuracy")] == float(result["best_accuracy"])
+    _, (row,) = page.table("Whether groups differ at all")
+    names = ("log_bayes_factor", "log_bayes_factor_se", "probability_of_difference")
+    assert row[1:] == [float(result[name]) for name in names]
+    _, rows = page.table("Values of the groups: Compared")
+    of_one = result.sel(group="stiff", statistic="mean")
+    (row,) = [r for r in rows if r[2:4] == ["stiff", "mean"]]
+    numbers = [float(of_one["value"]), float(of_one["value_sd"])]
+    assert row[4:] == [*numbers, *of_one["value_interval"].values.tolist()]
+    pressures = page.column("Differences of the typical specimens: Curves", "pressure (kPa)")
+    assert pressures[0] == 1.0 and pressures[-1] == 4.0
+
+
+def test_methods_have_a_sentence_for_each_step(page):
+    methods = page.methods
+    assert "inflation curves of 6 specimens (3 in soft and 3 in stiff) were analysed" in methods
+    assert "The curves of 2 specimens were held against the classes soft and stiff" in methods
+    assert "each of 3 specimens, in 2 groups that belong together, was left out" in methods
+    assert "Bayes factor of different against equal distributions" in methods
+    assert "compliance at pressures from 1 to 4 kPa" in methods
+
+
+def test_planned_tests_are_ranked_by_information(write, write_words):
+    planned = {"point": {"pressure": 0.5, "points": 1}, "curve": {"pressure": (1, 6)}}
+    settings = {"specimens": 20, "draws": 32, "stop_below": 0.1, "random_seed": 1}
+    designs = ph.expected_information(fits.fit("neo_hookean_classes"), planned, **settings)
+    near = designs.assign(difference_se=("design", [0.0, 10.0]), lacking=("design", [0.0, 0.07]))
+    page = write({"Tests": near})
+    assert "cannot be shown" not in page.text
+    assert page.chapters[2:-2] == ["What to measure next"]
+    _, rows = page.table("Expected information of planned tests about the class")
+    assert [row[0] for row in rows] == ["curve", "point"]
+    names = ("information", "difference", "change_by_half")
+    expected = [near[name + end].values for name in names for end in ("", "_se")]
+    np.testing.assert_array_equal([row[2:] for row in rows], np.stack(expected, axis=1))
+    assert "All that can be told of the class are 0.6931 nats." in page.text
+    assert f"Tests: {designs.attrs['words']}." in page.warnings
+    assert "Tests: point may be as good as curve: the difference is within" in page.warnings
+    assert "Tests, point: 7.0% of the specimens cannot be tested so" in page.warnings
+    far = designs.assign(difference=("design", [0.0, -1.0]), difference_se=("design", [0.0, 0.49]))
+    assert "may be as good as curve" not in write_words(far).warnings
+
+
+def test_planned_studies_have_the_numbers_of_plan_study(write_words):
+    settings = {"studies": 20, "draws": 50, "random_seed": 1}
+    plan = ph.plan_study(fits.fit("neo_hookean_classes"), ["mu", "log mu"], (4, 12), **settings)
+    page = write_words({"Plan": plan})
+    _, rows = page.table("What studies would find of differences: Plan")
+    assert [row[0] for row in rows] == ["mu", "mu", "log mu", "log mu"]
+    assert [row[3] for row in rows] == [4, 12] * 2
+    own = plan.isel(comparison=0).transpose("quantity", "specimens", ...)
+    for place, name in ((4, "width"), (5, "width_se"), (8, "decided"), (10, "wrong")):
+        np.testing.assert_array_equal([row[place] for row in rows], own[name].values.ravel())
+    _, rows = page.table("How well studies would classify new specimens: Plan")
+    np.testing.assert_array_equal([row[1] for row in rows], plan["log_score"])
+    assert "20 simulated studies" in page.warnings
+    assert "simulated studies of 4 and 12 specimens a group" in page.methods
+
+
+def test_report_of_forces_and_extension_tests(write):
+    radius, stretch = np.linspace(7.3, 9.0, 6), np.linspace(1.1, 1.4, 6)
+    pressure = 3 * (radius - 7.1)
+    tables = [
+        pd.DataFrame({"experiment": "in", "radius": radius, "stretch": 1.2, "pressure": pressure}),
+        pd.DataFrame({"experiment": "drawn", "radius": 7.5, "stretch": stretch, "pressure": 3.0}),
+    ]
+    frame = pd.concat(tables, ignore_index=True).assign(specimen="S1", axial_force=900.0)
+    data = ph.inflation_data(frame, **TUBE, axial_stretch="stretch", check="ignore")
+    page = write({"Model": fitted_class(data, "NeoHookean", 20)})
+    assert "cannot be shown" not in page.text
+    labels = [a["aria-label"] for tag, a in page.elements if tag == "svg"]
+    assert "Fit of the axial force: Model" in labels
+    assert "1 specimen, 2 experiments (1 of them an extension test), 12 points" in page.text
+    assert "inflation and extension curves of 1 specimen" in page.methods
+    assert "Axial forces were measured too." in page.methods
+
+
+def test_report_of_an_average_over_laws(write_words):
+    laws = ("NeoHookean", "Demiray")
+    fitted = [fitted_classes(energy=law) for law in laws]
+    of_laws = {"log_evidence": [-30.0, -3.0], "log_evidence_se": [0.1, 0.2]}
+    of_laws |= {"probability": [0.25, 0.75], "probability_se": [0.05, 0.06]}
+    result = classified().assign_coords(strain_energy=list(laws))
+    for name, values in of_laws.items():
+        result[f"strain_energy_{name}"] = "strain_energy", values
+    page = write_words([*fitted, result])
+    _, rows = page.table("Strain energies over which was averaged")
+    assert rows == [["NeoHookean", 0.25, 0.05, -30.0, 0.1], ["Demiray", 0.75, 0.06, -3.0, 0.2]]
+    assert "averaged over the strain energies NeoHookean and Demiray" in page.methods
+    # What both fits have in common is said once.
+    assert page.methods.count("10 experiments with 200 points") == 1
+    first, second = page.methods.split("Each vessel was also modelled as")
+    assert "tube with the strain energy NeoHookean, W" in first
+    assert "tube with the strain energy Demiray, W" in second
+
+
+def test_settings_list_the_priors_of_hierarchical_classes():
+    priors = {"effect_spread": pm.LogNormal.dist(-1.0, 0.25)}
+    settings = {"noise_sd": pm.LogNormal.dist(0.0, 1.0), "experiment_effect": True}
+    found = priors_of_class(kind_of_settings("specimen", ph.Ogden(), {}, priors=priors, **settings))
+    expected = {
+        "location[log_alpha]": "Normal(1.897, 1.2)",
+        "effect_spread": "LogNormal(−1, 0.25)",
+        "noise_sd": "LogNormal(0, 1) kPa",
+        "noise_spread": "LogNormal(−1.204, 0.5)",
+        "the correlations": "the determinant of their matrix",
+    }
+    assert found | expected == found
+    assert "experiment_spread[log_reference_strain]" in found
+
+
+def test_specimens_with_large_misfit_or_shape_are_named(write_words):
+    classes = xr.DataTree.from_dict({"soft": fits.fit("neo_hookean_classes")["soft"]})
+    specimens = classes["soft"]["specimens"]
+    freedom = specimens["freedom"].values
+    misfit = [chi2.isf(0.00099, freedom[0]), chi2.isf(0.00101, freedom[1]), 1.0]
+    specimens["misfit"].values[:] = misfit
+    specimens["pareto_k"].values[:] = 0.1, 0.49, 0.5
+    classes["soft"].attrs.pop("checksum", None)
+    warnings = write_words(classes).warnings
+    assert "the best curve of specimen A1 is further from its data" in warnings
+    assert f"squared misfit {misfit[0]:.4g} with {freedom[0]:.4g} degrees" in warnings
+    assert "best curve of specimen A2" not in warnings
+    assert "a few weights decide what is said of specimen A3: their Pareto shape is 0.5" in warnings
+    assert "said of specimen A2" not in warnings
+
+
+@pytest.mark.deep
+@pytest.mark.filterwarnings("ignore::UserWarning")  # draws are few
+def test_reports_of_sampled_models_of_other_kinds(write_words):
+    data, noise = TRAINING["soft"], {"noise_sd": 0.4}
+    layers = [ph.Layer(ph.NeoHookean(), 1.2, mu=20.0), ph.Layer(ph.Demiray(), 0.8, b=0.5)]
+    layered = data.assign(outer_radius=data["outer_radius"].where(False))
+    with pm.Model() as own:
+        pm.Normal("y", pm.Normal("x", 0, 1), 1, observed=[1.0, 2.0])
+    models = {
+        "Layers": ph.inflation_model(layers, layered, **noise, slope_weight=0.0),
+        "Population": ph.population_model(ph.NeoHookean(), data, **noise),
+        "My own": own,
+    }
+    pages = {n: write_words({n: ph.sample_smc(model, **QUICK)}) for n, model in models.items()}
+    for page in pages.values():
+        assert_sound(page)
+        assert "cannot be shown" not in page.text
+    settings = pages["Layers"].column("Settings", "setting")
+    assert "strain energy of layer 2, from inside" in settings
+    assert "of 2 layers, from the inside out of the strain energ" in pages["Layers"].methods
+    assert "mu_2" in pages["Layers"].column("Posterior of the parameters", "parameter")
+    assert "Each specimen had parameters of its own" in pages["Population"].methods
+    assert "log_reference_strain[A2]" in pages["Population"].column("Posterior", "parameter")
+    assert pages["My own"].methods.startswith("The result does not say which model it is of.")

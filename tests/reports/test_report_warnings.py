@@ -1,0 +1,101 @@
+"""Warnings at the top of a report, or the list of checks if there are none."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from stored_results import DATA, classified, fitted_class, fitted_classes
+
+import pymc_hyperelastic as ph
+
+MEASURED = ph.load_dataset("murine_pulmonary_artery")
+NOTHING = "Nothing was found that speaks against the results."
+
+
+def test_report_without_warnings_says_what_was_checked(write_words):
+    page = write_words({"Artery": fitted_class(ph.select(MEASURED, group="control"))})
+    assert NOTHING in page.warnings
+    assert "Caution" not in page.warnings and "Not to be trusted" not in page.warnings
+    for checked in ("whether data are simulated", "by ph.diagnose_evidence", "R-hat of each"):
+        assert checked in page.warnings
+    assert "simulated, and nothing was measured" not in page.warnings
+
+
+@pytest.mark.parametrize(
+    ("verdict", "level"), [("doubtful", "Caution."), ("not to be trusted", "Not to be trusted.")]
+)
+def test_verdict_of_an_evidence_is_a_warning(write_words, verdict, level):
+    tree, words = fitted_class(MEASURED), "chains are 9 nats apart"
+    diagnosis = tree["diagnosis"].to_dataset().assign_attrs(verdict=verdict, words=words)
+    tree["diagnosis"] = xr.DataTree(diagnosis.assign(verdict=("check", [verdict])))
+    page = write_words({"Artery": tree})
+    assert f"{level} Artery: the evidence is {verdict}: {words}." in page.warnings
+    assert NOTHING not in page.warnings
+    assert page.column("Evidence", "verdict") == [verdict]
+    if verdict == "not to be trusted":
+        assert page.column("Evidence", "standard error") == [np.inf]
+
+
+def test_large_rhat_is_a_warning(write_words):
+    page = write_words({"Artery": fitted_class(MEASURED, shift=20.0)})
+    assert "Caution. Artery: chains met different parts of the posterior: R-hat of" in page.warnings
+    assert "there is one chain" in write_words(fitted_class(MEASURED, chains=1)).warnings
+
+
+def test_result_without_evidence(write_words):
+    """Draws of another sampler have no verdict, which is said; transitions that diverge are."""
+    tree = fitted_class(MEASURED).filter(
+        lambda node: node.name in ("posterior", "observed_data", "constant_data")
+    )
+    diverging = np.zeros((2, 100), bool)
+    diverging[0, :50] = True
+    tree["sample_stats"] = xr.Dataset({"diverging": (("chain", "draw"), diverging)})
+    page = write_words({"NUTS": tree})
+    assert "NUTS: the result holds no evidence, so that none was judged." in page.warnings
+    assert "50 of 200 transitions diverged" in page.warnings
+    assert "Evidence and its diagnosis" not in page.chapters
+    assert "sequential Monte Carlo" not in page.methods
+
+
+def test_each_doubt_about_a_decision_names_its_specimens(write_words):
+    result = classified(
+        list("ABCDE"),
+        [[0.5, 0.5], [0.9, 0.1], [np.nan, np.nan], [0.6, 0.4], [0.8, 0.2]],
+        decision=np.array(["cannot be judged", "none of these", "", "undecided", "C1"]),
+        class_probability_se=np.repeat([[np.inf], [0.1], [np.nan], [0.1], [0.1]], 2, axis=1),
+        pareto_k=np.array([[0.1] * 2, [0.1] * 2, [np.nan] * 2, [0.49] * 2, [0.1, 0.5]]),
+        p_value=np.array([[0.5] * 2, [0.01, 0.049], [np.nan] * 2, [0.5] * 2, [0.05, 0.01]]),
+    ).assign(class_verdict=("class_label", ["good", "doubtful"]))
+    page = write_words({"New": result})
+    for said in (
+        "Not to be trusted. New: cannot be judged: A.",
+        "Not to be trusted. New: a probability or an evidence has an infinite error: A.",
+        "Caution. New: looks like none of the classes: B.",
+        "Caution. New: strange to every class (all p-values below 0.05): B.",
+        "Caution. New: not classified, as after an interrupt: C.",
+        "Caution. New: undecided: D.",
+        "Caution. New: a few weights decide an evidence (Pareto shape from 0.5 on): E.",
+        "Caution. New: the fit of class C2 is doubtful.",
+    ):
+        assert said in page.warnings
+    assert page.warnings.index("Caution") > page.warnings.rindex("Not to be trusted")
+    assert page.column("Decisions", "decision")[4:6] == ["not classified"] * 2
+    assert np.isnan(page.column("Decisions", "probability")[4])
+    assert page.column("Decisions", "its standard error")[0] == np.inf
+
+
+def test_pooled_specimens_are_a_warning(write_words):
+    assert "specimens that were fitted together share" in write_words(fitted_classes()).warnings
+    one = fitted_class(ph.select(DATA, specimen="S1"))
+    warnings = write_words([one, DATA]).warnings
+    assert "specimens that were fitted together share" not in warnings
+    assert warnings.count("The data are simulated, and nothing was measured") == 1
+
+
+def test_unknown_law_and_invalid_data_are_warnings(write_words):
+    tree = fitted_class(MEASURED)
+    tree.attrs["strain_energy"] = "OfAnotherDay"
+    data = DATA.assign(pressure=DATA["pressure"].where(DATA["pressure"] > 2.0))
+    page = write_words({"Artery": tree, "Data": data})
+    assert "OfAnotherDay" in page.warnings and "run or import its class first" in page.warnings
+    assert "Posterior of the parameters: Artery" in page.text
+    assert "pressure is nan kPa; expected a finite number" in page.warnings
