@@ -28,6 +28,9 @@ _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
 _FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
 # Nats: an evidence that is not to be trusted, and so much lower, would not change a decision.
 _FAR_BELOW = 10.0
+# Digits to which probabilities and p-values are rounded before they are compared, so that rounding
+# errors do not decide.
+_DIGITS = 9
 
 
 class Classification:
@@ -221,20 +224,23 @@ def _labelled(result: xr.Dataset, data: xr.Dataset, by: str) -> xr.Dataset:
 def _decide(
     result: xr.Dataset, prior: np.ndarray, undecided_below: float, none_below: float
 ) -> xr.DataArray:
-    """The most probable class, unless a limit says otherwise; empty where nothing is known."""
-    probability = result["class_probability"]
+    """The most probable class, unless a limit says otherwise; empty where nothing is known.
+
+    The first of several equally probable classes is taken.
+    """
+    probability = result["class_probability"].values.round(_DIGITS)
     names = result["class_label"].values.tolist()
-    decision = np.array([names[j] for j in probability.values.argmax(axis=1)], dtype=object)
-    decision[~(probability.values.max(axis=1) >= undecided_below)] = "undecided"
+    decision = np.array([names[j] for j in probability.argmax(axis=1)], dtype=object)
+    decision[~(probability.max(axis=1) >= undecided_below)] = "undecided"
     decision[_in_doubt(result, prior)] = "cannot be judged"
     if "p_value" in result and none_below:
-        p_value = result["p_value"].values
+        p_value = result["p_value"].values.round(_DIGITS)
         decision[np.isnan(p_value).any(axis=1)] = "cannot be judged"
         decision[(p_value < none_below).all(axis=1)] = "none of these"
     decision[np.isnan(result["log_evidence"].values).any(axis=1)] = "cannot be judged"
     # What failed has an infinite error, and what was not tried has none.
     decision[np.isnan(result["log_evidence_se"].values).any(axis=1)] = ""
-    return xr.DataArray(decision.astype(str), dims=probability.dims[:1])
+    return xr.DataArray(decision.astype(str), dims=result["class_probability"].dims[:1])
 
 
 def _in_doubt(result: xr.Dataset, prior: np.ndarray) -> np.ndarray:

@@ -155,10 +155,7 @@ def classify(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> train = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
-    >>> noise = {"sigma": 5 * ph.mmHg, "slope_weight": 3.0}
-    >>> settings = {"draws": 500, "chains": 2, "random_seed": 1, "progressbar": False}
-    >>> classes = ph.fit_classes(ph.Ogden(), train, **noise, **settings)
+    >>> classes = ph.open_result("pooled.nc")  # saved from the example of fit_classes
     >>> new = ph.select(data, specimen="S4", experiment=3)
     >>> result = ph.classify(new, classes, random_seed=2, progressbar=False)
     >>> result["class_probability"].idxmax("class_label").item()

@@ -17,6 +17,12 @@ from pymc_hyperelastic.predictions.members import names_of_specimens
 Array = NDArray[np.float64]
 # By group, then by specimen.
 OfSpecimens = dict[str, dict[str, Any]]
+# Standard deviation of a covariate, relative to its largest value, up to which it is constant but
+# for rounding errors.
+_CONSTANT = 1e-12
+# Singular value of the matrix of groups and covariates, relative to the largest, up to which its
+# columns are linearly dependent but for rounding errors.
+_DEPENDENT = 1e-9
 
 
 def pairs_of(tree: xr.DataTree, pair: Any) -> list[tuple[Hashable, str, str]]:
@@ -74,8 +80,9 @@ class Covariates:
         table = np.array([[columns[n][g][s] for n in columns] for g, s in places], float)
         table = table.reshape(len(places), len(columns))
         self.middle, self.scale = table.mean(axis=0), table.std(axis=0)
-        for name, sd in zip(self.names, self.scale, strict=True):
-            if not sd > 0:
+        largest = np.abs(table).max(axis=0, initial=0.0)
+        for name, sd, size in zip(self.names, self.scale, largest, strict=True):
+            if not sd > _CONSTANT * size:
                 raise ValueError(f"covariate {name!r} is the same for all specimens")
         standard = (table - self.middle) / self.scale
         self._rows = dict(zip(places, standard, strict=True))
@@ -89,7 +96,7 @@ class Covariates:
         """Say so if covariates and groups cannot be told apart."""
         indicators = np.eye(max(group) + 1)[group]
         both = np.concatenate([indicators, table], axis=1)
-        if np.linalg.matrix_rank(both) < both.shape[1]:
+        if np.linalg.matrix_rank(both, rtol=_DEPENDENT) < both.shape[1]:
             warn_user(
                 f"the groups, and the covariates {self.names}, cannot be told apart: what is said "
                 "of either rests on their priors"

@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 
 _POINTS = 20
 _SETTINGS = ("pressure", "radius", "axial_stretch", "points", "force")
+# kPa: a pressure that is not larger is 0 but for rounding errors. A tube without pressure is not
+# held at a radius.
+_NO_PRESSURE = 1e-9
 
 
 class PlannedTest(NamedTuple):
@@ -146,7 +149,7 @@ def radii_of(
             found.append(drawn.tube.radius_at(test.held)[0])
         else:
             pressure = drawn.tube.pressure(test.held)[0][0]
-            found.append(np.where(pressure > 0, test.held, np.nan))
+            found.append(np.where(pressure > _NO_PRESSURE, test.held, np.nan))
     return np.concatenate(found, axis=1)
 
 

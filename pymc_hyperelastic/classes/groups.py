@@ -234,10 +234,7 @@ def compare_classes(
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> train = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
-    >>> settings = {"noise_sd": 5 * ph.mmHg, "variability": "specimen", "draws": 500, "chains": 1}
-    >>> classes = ph.fit_classes(ph.Ogden(), train, random_seed=1, progressbar=False, **settings)
+    >>> classes = ph.open_result("hierarchical.nc")  # saved from an example of fit_classes
     >>> result = ph.compare_classes(classes, "log_alpha", bayes_factor=False, random_seed=1)
     >>> result["comparison"].values.tolist()
     ['C2 − C1']

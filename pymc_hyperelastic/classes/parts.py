@@ -15,6 +15,9 @@ Array = NDArray[np.float64]
 
 # Share of an average over laws below which a law changes no digit that is told of a part.
 _NEGLIGIBLE = 1e-4
+# Digits to which log probabilities of classes are rounded before they are compared, so that
+# rounding errors do not decide.
+_DIGITS = 9
 
 
 def parts_of(laws: Laws) -> list[str]:
@@ -36,6 +39,7 @@ def with_parts(
     if len(averaged) < 2:
         return [prediction._replace(hybrids=None) for prediction in averaged]
     chances = np.nan_to_num([p.log_evidence.value for p in averaged], nan=-np.inf) + log_prior
+    chances = chances.round(_DIGITS)
     known: dict[tuple[int, int], Array] = {}
     result = []
     for own, prediction in enumerate(averaged):

@@ -156,10 +156,7 @@ def plan_study(
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> train = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
-    >>> settings = {"noise_sd": 5 * ph.mmHg, "variability": "specimen", "draws": 500, "chains": 1}
-    >>> pilot = ph.fit_classes(ph.Ogden(), train, random_seed=1, progressbar=False, **settings)
+    >>> pilot = ph.open_result("hierarchical.nc")  # saved from an example of fit_classes
     >>> plan = ph.plan_study(pilot, "log_alpha", (4, 20), studies=20, random_seed=1)
     >>> few, many = plan["width"].squeeze().values
     >>> bool(few > many)

@@ -13,6 +13,9 @@ Array = NDArray[np.float64]
 
 # By how much probabilities of classes that were rounded may miss a sum of 1.
 _SUM_TOLERANCE = 1e-6
+# Digits to which probabilities and the limits of bins are rounded before they are compared, so that
+# rounding errors do not decide.
+_DIGITS = 9
 
 # What the forecast of the most probable class is called.
 TOP_CLASS = "most probable class"
@@ -114,7 +117,8 @@ def score_probabilities(
     with np.errstate(divide="ignore"):
         log_score = np.log(p[rows, true])
     brier_score = np.sum((p - np.eye(len(classes))[true]) ** 2, axis=1)
-    top = p.argmax(axis=1)
+    # The first of several equally probable classes.
+    top = p.round(_DIGITS).argmax(axis=1)
     forecasts = {TOP_CLASS: (p[rows, top], top == true)}
     forecasts |= {str(name): (p[:, c], true == c) for c, name in enumerate(classes)}
     scores = {"log_score": log_score, "brier_score": brier_score, "correct": top == true}
@@ -216,7 +220,7 @@ def _mean(values: Array) -> tuple[float, float]:
 
 def _reliability(p: Array, came_true: NDArray[np.bool_], edges: Array, prob: float) -> xr.Dataset:
     """Predicted and observed frequencies of one forecast, by bin."""
-    place = np.searchsorted(edges[1:-1], p)
+    place = np.searchsorted(edges[1:-1].round(_DIGITS), p.round(_DIGITS))
     count, hits = (np.bincount(place, w, len(edges) - 1).astype(int) for w in (None, came_true))
     total = np.bincount(place, p, len(edges) - 1)
     interval = np.full((len(count), 2), np.nan)

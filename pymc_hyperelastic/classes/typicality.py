@@ -66,7 +66,9 @@ def _share_as_far(here: Array, reference: Array, others: Array, rng: np.random.G
         return np.nan
     left, directions = left[told], directions[:, told]
     mean, others = here.mean(axis=0) @ directions, others @ directions * (1 - left)
-    others = others + np.sqrt(left * (1 - left)) * rng.standard_normal(others.shape)
+    # Drawn in all coordinates: the sign of an eigenvector then does not change the p-value.
+    noise = rng.standard_normal((len(others), len(directions))) @ directions
+    others = others + np.sqrt(left * (1 - left)) * noise
     origin, whiten = _whitening(others)
     distance = np.sum(((mean - origin) @ whiten) ** 2)
     return _rank(np.sum(((others - origin) @ whiten) ** 2, axis=1), distance)

@@ -100,10 +100,8 @@ def classify_cohort(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> train = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
-    >>> noise = {"sigma": 5 * ph.mmHg, "slope_weight": 3.0}
+    >>> classes = ph.open_result("pooled.nc")  # saved from the example of fit_classes
     >>> settings = {"random_seed": 1, "progressbar": False}
-    >>> classes = ph.fit_classes(ph.Ogden(), train, **noise, draws=500, chains=2, **settings)
     >>> new = ph.select(data, experiment=3)
     >>> ph.classify_cohort(new, classes, "classified", cores=1, **settings)
     >>> ph.open_cohort("classified")["decision"].sel(specimen="S4").item()

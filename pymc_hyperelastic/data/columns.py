@@ -12,6 +12,9 @@ import pandas as pd
 
 from pymc_hyperelastic.data.inflation import listed
 
+# Relative difference up to which two numbers of a table are equal: lengths in mm that are converted
+# from different units differ by rounding errors.
+_ROUNDING = 1e-9
 # Labels that together name a test; a table may lack the last two.
 LABELS = ("specimen", "experiment", "cycle", "phase")
 
@@ -107,7 +110,7 @@ class Rows:
         """One value a test, or an error at the first row that differs from its test's first."""
         of_test = values[self.first]
         expected = of_test[self.test]
-        varying = np.flatnonzero(values != expected)
+        varying = np.flatnonzero(differ(values, expected))
         if varying.size:
             i = varying[0]
             raise ValueError(
@@ -116,6 +119,20 @@ class Rows:
                 "give the rows another experiment label"
             )
         return of_test
+
+
+def differ(values: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Return True where values differ; numbers must differ by more than rounding errors.
+
+    Examples
+    --------
+    >>> differ(np.array([6.9, 7.0]), np.array([0.0069 * 1000, 7.1])).tolist()
+    [False, True]
+    """
+    different = values != others
+    if values.dtype.kind == "f" == others.dtype.kind:
+        different &= ~np.isclose(values, others, rtol=_ROUNDING, atol=0)
+    return different
 
 
 def rows_of(frame: pd.DataFrame) -> Rows:

@@ -14,6 +14,9 @@ from pymc_hyperelastic.data.inflation import varies
 _LEAST_EXTENSION = 0.01
 # The part of the rows of an extension test that have one and the same stretch, at most.
 _MOST_ALIKE = 0.5
+# Digits to which stretches are rounded before they are compared, so that rounding errors do not
+# decide.
+_DIGITS = 9
 
 
 def clearly_extended(stretch: NDArray[np.float64]) -> bool:
@@ -57,7 +60,7 @@ def doubtful_stretches(
         own = stretch[points]
         usual, alike = _alike(own)
         if alike:
-            other = points[np.flatnonzero(own != usual)[0]]
+            other = points[np.flatnonzero(own.round(_DIGITS) != usual)[0]]
             doubts.append(
                 f"{rows.place(other)}: axial_stretch is {stretch[other]:.6g} here and {usual:.6g} "
                 f"in {alike} of the {points.size} rows of this experiment. Where it varies the "
@@ -78,7 +81,7 @@ def _held(stretch: NDArray[np.float64]) -> bool:
 
 def _alike(stretch: NDArray[np.float64]) -> tuple[float, int]:
     """The stretch of most rows, and of how many if that is too many for an extension test."""
-    values, count = np.unique(stretch, return_counts=True)
+    values, count = np.unique(stretch.round(_DIGITS), return_counts=True)
     often = int(count.max())
     too_many = often > _MOST_ALIKE * stretch.size and stretch.size > 2
     return float(values[np.argmax(count)]), often if too_many else 0

@@ -17,6 +17,8 @@ Cycles = Literal["last", "all"]
 
 # A curve that falls back by less of its range is one that rises with errors of measurement.
 _FALL = 0.1
+# Relative tolerance of that fall: exactly a tenth does not count, in any unit of pressure.
+_ROUNDING = 1e-9
 # Legs of a cycle have at least so many rows on average; those of shuffled rows have 1.5.
 _LEG = 4
 
@@ -134,7 +136,7 @@ def _first_turn(x: NDArray[np.float64]) -> int:
 
 def _turns(x: NDArray[np.float64]) -> int:
     """How often a curve turns back by more than a part of its range."""
-    fall = _FALL * np.ptp(x)
+    fall = _FALL * np.ptp(x) * (1 + _ROUNDING)
     turns, way, high, low = 0, 0, x[0], x[0]
     for value in x[1:]:
         high, low = max(high, value), min(low, value)

@@ -170,15 +170,15 @@ def _quantities(data: xr.Dataset) -> dict[str, Array]:
         )
         return k * r / middle * np.sqrt(stretch)
 
-    # Of stretches that vary the one that is further from 1.
-    furthest = _extreme(np.argmax, np.abs(np.log(np.maximum(axial, np.finfo(float).tiny))), test)
+    shortest, longest = (axial[_extreme(f, axial, test)] for f in (np.argmin, np.argmax))
     quantities = {
         "highest_pressure": pressure[highest],
         "lowest_pressure": pressure[lowest],
         "ring_radius": middle / k - (outer - inner) / 2,
         "largest_radius": radius[_extreme(np.argmax, radius, test)],
         "wall": k * (outer - inner) / middle,
-        "axial_stretch": axial[furthest],
+        # The shortest of stretches that vary if it is implausible, else the longest.
+        "axial_stretch": np.where(shortest < RANGES["axial_stretch"].low, shortest, longest),
         "opening_angle": np.where(angle == 0, np.nan, np.abs(angle)),
         "first_stretch": np.where(pressure[lowest] < _UNLOADED, hoop_stretch(lowest), np.nan),
         "last_stretch": np.where(pressure[highest] > _UNLOADED, hoop_stretch(highest), np.nan),

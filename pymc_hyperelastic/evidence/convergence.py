@@ -11,6 +11,9 @@ from pymc_hyperelastic.evidence.mixture import Array
 # Chains that agree have a smaller split R-hat, and of ESS, in the bulk and in the tails, more: a
 # mode that is seldom met is a tail.
 LARGEST_RHAT, _FEWEST_EFFECTIVE, _TAILS = 1.05, 40, (0.05, 0.95)
+# Digits to which R-hat and effective sample sizes are rounded before the worst unknown is named, so
+# that the first of several equal ones is named.
+DIGITS = 6
 # With somewhat more divergent transitions, or many more, NUTS missed a fifth of the mass in the
 # neck of a hierarchy; with fewer nothing was missing.
 _MOST_DIVERGENT = 0.001
@@ -33,14 +36,16 @@ def disagreement(names: Sequence[str], draws: Array, log_density: Array) -> list
     effective = np.nan_to_num(np.minimum(bulk, tail))
     names = [*names, "the log density"]
     if rhat.max() > LARGEST_RHAT:
+        worst = names[rhat.round(DIGITS).argmax()]
         return [
-            f"the chains disagree (R-hat {rhat.max():.2f} of {names[rhat.argmax()]}): they have "
+            f"the chains disagree (R-hat {rhat.max():.2f} of {worst}): they have "
             "not met the same parts of the posterior, or are too short"
         ]
     if effective.min() < _FEWEST_EFFECTIVE:
+        worst = names[effective.round(DIGITS).argmin()]
         return [
-            f"the chains are too short ({effective.min():.0f} effective draws of "
-            f"{names[effective.argmin()]}, in the bulk or the tails)"
+            f"the chains are too short ({effective.min():.0f} effective draws of {worst}, "
+            "in the bulk or the tails)"
         ]
     return []
 

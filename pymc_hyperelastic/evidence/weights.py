@@ -11,6 +11,9 @@ Array = NDArray[np.float64]
 
 # Logarithm of the largest weight over the mean one below which no weight decides.
 _FAR_ABOVE = np.log(10)
+# Range of the logarithms of the largest weights up to which all of them are equal: log densities
+# have rounding errors up to about 1e-9, to which a distribution must not be fitted.
+_EQUAL = 1e-6
 
 
 def largest_step(logp: Array, fraction: float, largest: float, log_weights: Any = 0.0) -> float:
@@ -59,9 +62,9 @@ def pareto_shape(log_weights: Array) -> float:
     finite = log_weights[np.isfinite(log_weights)]
     if finite.size == 0:
         return np.inf
-    # As many as ArviZ fits; equal ones have no tail.
+    # As many as ArviZ fits. Equal weights have no tail.
     in_tail = int(np.ceil(min(finite.size / 5, 3 * np.sqrt(finite.size))))
-    if np.ptp(np.sort(finite)[-in_tail:]) == 0:
+    if np.ptp(np.sort(finite)[-in_tail:]) <= _EQUAL:
         return -np.inf
     # The weights that it smooths on the way, which are not needed, may overflow.
     with np.errstate(over="ignore"):

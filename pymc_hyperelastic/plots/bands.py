@@ -41,6 +41,8 @@ from pymc_hyperelastic.predictions.draws import Draws, GivenTube, draws_of
 from pymc_hyperelastic.predictions.measured import typical_tests
 from pymc_hyperelastic.predictions.members import specimens_differ, tests_of
 
+# Digits, in mm and radians, to which measures of tubes are rounded before they are compared.
+_DIGITS = 9
 # From draws and radii, curves in the units that are drawn, with the coordinate "extrapolated".
 Curve = Callable[[Draws, NDArray[np.float64]], xr.Dataset]
 # From tests, what was measured of these curves: by (plot_axis, point).
@@ -277,7 +279,9 @@ def _tubes(data: xr.Dataset) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
     geometry = np.stack([tubes[name] for name in GEOMETRY], axis=1)
     # NaN are not equal to each other, infinities are.
     known = np.where(np.isnan(geometry), np.inf, geometry)
-    return np.unique(known, axis=0, return_inverse=True)
+    # Measures that differ by rounding errors are of one tube.
+    _, first, tube = np.unique(known.round(_DIGITS), axis=0, return_index=True, return_inverse=True)
+    return known[first], tube
 
 
 def _owners(data: xr.Dataset, told: str | None) -> list[str]:

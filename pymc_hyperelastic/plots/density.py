@@ -111,9 +111,7 @@ def plot_parameter_density(
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
-    >>> model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
-    >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
+    >>> tree = ph.open_result("sampled.nc")  # saved from the example of sample_smc
     >>> figure = ph.plot_parameter_density(tree, backend="none")
     >>> figure.viz["plot"].sizes["y_part"]  # one for each sign of alpha
     2

@@ -110,8 +110,7 @@ def plot_pressure_fit(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
-    >>> model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
-    >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
+    >>> tree = ph.open_result("sampled.nc")  # saved from the example of sample_smc
     >>> figure = ph.plot_pressure_fit(tree, data, backend="none")
     >>> list(figure.viz["plot"].data_vars)
     ['pressure', 'stiffness']

@@ -72,10 +72,7 @@ def plot_information(
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> train = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
-    >>> settings = {"noise_sd": 5 * ph.mmHg, "variability": "specimen", "draws": 500, "chains": 1}
-    >>> classes = ph.fit_classes(ph.Ogden(), train, random_seed=1, progressbar=False, **settings)
+    >>> classes = ph.open_result("hierarchical.nc")  # saved from an example of fit_classes
     >>> designs = {"low": {"pressure": (10, 40)}, "high": {"pressure": (100, 140)}}
     >>> found = ph.expected_information(
     ...     classes, designs, pressure_unit="mmHg", specimens=20, draws=64, random_seed=1

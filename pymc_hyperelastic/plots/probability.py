@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 
 _MOST_ROWS = 8  # of panels, where there is one result
+# Tolerance for equal room above and below a bar, where the number stands above.
+_ROUNDING = 1e-9
 
 
 def plot_class_probability(
@@ -204,7 +206,7 @@ def _written(
     values: xr.DataArray, x: xr.DataArray, low: xr.DataArray, high: xr.DataArray
 ) -> dict[str, Any]:
     """Numbers where the axis has more room: above what is drawn from low to high, or below."""
-    above = 1 - high >= low
+    above = 1 - high >= low - _ROUNDING
     return {
         "data": values.to_dataset(name="class_probability"),
         "text": rounded_probability,

@@ -87,9 +87,7 @@ def predict_pressure(
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
-    >>> model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
-    >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
+    >>> tree = ph.open_result("sampled.nc")  # saved from the example of sample_smc
     >>> curve = ph.predict_pressure(tree, [8.0, 9.0])
     >>> curve["pressure"].dims
     ('chain', 'draw', 'radius')

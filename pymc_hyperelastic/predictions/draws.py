@@ -17,6 +17,7 @@ from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
 from pymc_hyperelastic.models.forward import LayerNumbers, TubeNumbers
 from pymc_hyperelastic.models.study import NamedLayer
 from pymc_hyperelastic.predictions.measured import (
+    ROUNDING,
     Extrapolated,
     Measured,
     measured_by,
@@ -290,7 +291,9 @@ def _not_one_tube(data: xr.Dataset | None, unknown: list[str]) -> str:
     """What is not known of a tube, or differs between tests, and how to say which is meant."""
     none = np.array([])
     tubes = {name: none if data is None else np.unique(data[name].values) for name in unknown}
-    measured = {k: [f"{x:.6g}" for x in v if np.isfinite(x)] for k, v in tubes.items()}
+    measured = {
+        k: list(dict.fromkeys(f"{x:.6g}" for x in v if np.isfinite(x))) for k, v in tubes.items()
+    }
     found = [
         f"{k} ({', '.join(v[:4] + ['...'] * (len(v) > 4)) or 'unknown'})"
         for k, v in measured.items()
@@ -305,15 +308,17 @@ def _not_one_tube(data: xr.Dataset | None, unknown: list[str]) -> str:
 
 
 def _common_geometry(data: xr.Dataset | None) -> dict[str, Any]:
-    """Geometry that all tests of the data share; None where they differ."""
+    """Geometry that all tests of the data share, up to rounding errors; None where they differ."""
     default: dict[str, Any] = dict.fromkeys(GEOMETRY)
     default |= {"axial_stretch": 1.0, "opening_angle": 0.0}
     if data is None:
         return default
-    values = {name: np.unique(data[name].values) for name in default}
+    values = {name: data[name].values.ravel() for name in default}
     return {
-        name: float(value[0]) if value.size == 1 and np.isfinite(value[0]) else None
-        for name, value in values.items()
+        name: float(v[0])
+        if np.isfinite(v[0]) and np.isclose(v, v[0], rtol=ROUNDING, atol=0).all()
+        else None
+        for name, v in values.items()
     }
 
 

@@ -36,7 +36,9 @@ from pymc_hyperelastic.mechanics.tube import (
 Array = NDArray[np.float64]
 
 # Relative: what was measured is within, however it was rounded.
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
+# Digits to which axial stretches are rounded before they are compared.
+_DIGITS = 9
 
 
 class Extrapolated(NamedTuple):
@@ -106,7 +108,7 @@ class Measured(NamedTuple):
     def _on(self, tube: Mapping[str, Any], stretch: float) -> NDArray[np.bool_]:
         """Which tests are on this tube, and have, or pass through, this axial stretch."""
         unloaded = [name for name in GEOMETRY if name != "axial_stretch"]
-        same = [np.isclose(self.tubes[n], tube[n], rtol=_ROUNDING, atol=0) for n in unloaded]
+        same = [np.isclose(self.tubes[n], tube[n], rtol=ROUNDING, atol=0) for n in unloaded]
         return np.all([*same, _between(stretch, *self.axial)], axis=0)
 
     def _beyond_stretches(self, radius: Array, tube: Mapping[str, Any]) -> Extrapolated:
@@ -196,6 +198,8 @@ def _hoop_stretches(radius: Array, tube: Mapping[str, Array | float]) -> Array:
 
 def _upper_hull(at: Array, x: Array, y: Array) -> Array:
     """Height of the convex hull of points (x, y) at places between them."""
+    # Stretches that differ by rounding errors are one.
+    at, x = at.round(_DIGITS), x.round(_DIGITS)
     hull: list[tuple[float, float]] = []
     for place in np.unique(x):
         point = place, y[x == place].max()
@@ -211,7 +215,7 @@ def _turns_left(a: tuple[float, float], b: tuple[float, float], c: tuple[float, 
 
 
 def _between(x: Array | float, low: Array | float, high: Array | float) -> NDArray[np.bool_]:
-    margin = _ROUNDING * np.maximum(np.abs(low), np.abs(high))
+    margin = ROUNDING * np.maximum(np.abs(low), np.abs(high))
     return np.logical_and(x >= low - margin, x <= high + margin)
 
 

@@ -37,6 +37,9 @@ _MOST_ALONE = 200
 _MOST_MESSAGES = 10
 # A decision with less than this probability is not clear.
 _CLEAR = 0.95
+# Digits to which probabilities are rounded before they are compared, so that rounding errors do not
+# decide.
+_DIGITS = 9
 
 
 def is_classified(result: Any) -> bool:
@@ -189,7 +192,7 @@ def show_classified(found: Found, page: Page) -> list[Block]:
 
 def _probable(result: xr.Dataset) -> Any:
     """Probability of the most probable class; 0 of what was not, or could not be, classified."""
-    probability = result["class_probability"].max("class_label").fillna(0.0).values
+    probability = result["class_probability"].max("class_label").fillna(0.0).values.round(_DIGITS)
     if "decision" in result:
         labels = result["class_label"].values.astype(str)
         probability = np.where(np.isin(result["decision"].values, labels), probability, 0.0)

@@ -26,6 +26,8 @@ PROB = 0.95
 _REGIONS = (0.5, PROB)
 # Of both signs are draws of which more than this share have the rarer one.
 _BOTH_SIGNS = 0.01
+# Range of draws, relative to the largest, up to which they are constant but for rounding errors.
+_CONSTANT = 1e-12
 
 
 def are_fits(result: Any) -> bool:
@@ -186,7 +188,7 @@ def ends() -> list[str]:
 
 def _convergence(draws: Array) -> tuple[float, float]:
     """R-hat of several chains, and effective draws."""
-    if not np.isfinite(draws).all() or np.ptp(draws) == 0:
+    if not np.isfinite(draws).all() or np.ptp(draws) <= _CONSTANT * np.abs(draws).max():
         return np.nan, np.nan
     rhat = float(array_stats.rhat(draws)) if len(draws) > 1 else np.nan
     return rhat, float(array_stats.ess(draws))

@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from scipy.stats import chi2
 
-from pymc_hyperelastic.evidence.convergence import LARGEST_RHAT, divergence
+from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT, divergence
 from pymc_hyperelastic.evidence.diagnosis import VERDICTS, diagnose_evidence, log_evidence
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.models.study import inflation_data_of
@@ -56,7 +56,7 @@ def _check_chains(of: str, tree: xr.DataTree, page: Page) -> None:
     rhat = {row.name: row.rhat for row in rows if np.isfinite(row.rhat)}
     if rhat:
         page.check(f"R-hat of each parameter, up to {LARGEST_RHAT}")
-        worst = max(rhat, key=rhat.__getitem__)
+        worst = max(rhat, key=lambda name: round(rhat[name], DIGITS))
         if rhat[worst] > LARGEST_RHAT:
             page.notice(
                 CAUTION,

@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from pymc_hyperelastic.data.columns import differ
 from pymc_hyperelastic.data.doubt import refuse
 from pymc_hyperelastic.data.inflation import listed
 
@@ -69,7 +70,7 @@ def _with_column(frame: pd.DataFrame, name: str, told: pd.Series) -> pd.DataFram
             [
                 f"{frame.index[i]}: {name} is {own[i]!r}, and {values[i]!r} in {told.index[i]}: "
                 "correct one, or name the column of one in the list ignore of the settings"
-                for i in np.flatnonzero(own != values)
+                for i in np.flatnonzero(differ(own, values))
             ]
         )
     return frame.assign(**{name: values})

@@ -23,6 +23,8 @@ _STEP, _FARTHEST = 0.05, np.log(20.0)
 # Newton's method squares its error: a step of this size leaves one below rounding. An interval that
 # is shorter than the second number without such a step holds the end of the branch.
 _NEWTON_STEP, _NO_LENGTH = 1e-9, 1e-13
+# Relative distance beyond the outer radius of a layer up to which a circle is at the interface.
+_AT_INTERFACE = 1e-12
 # Points that are integrated together: their arrays stay in the processor's cache.
 _PIECE = 4096
 
@@ -162,7 +164,8 @@ class TubeNumbers(NamedTuple):
             own = self.current(begin, radius)
             load = load + self._integrate(PressureIntegral, layer, own, begin)[0]
             circles = self.circles(layer, radius, reference)
-            here = np.isnan(hoop) & (last | (reference <= layer.outer_radius))
+            outermost = layer.outer_radius * (1 + _AT_INTERFACE)
+            here = np.isnan(hoop) & (last | (reference <= outermost))
             hoop = np.where(here, circles.hoop_difference, hoop)
             axial = np.where(here, circles.axial_difference, axial)
         return Stresses(current, -load, hoop - load, axial - load)

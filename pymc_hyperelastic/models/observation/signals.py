@@ -89,8 +89,9 @@ def signals_of(
     if force is None:
         return Signals(pressure, pt.sqrt(total), force, force_sd)
     shift, of_force, of_pressure = shift[rows], shifts["axial_force"][rows], total[rows]
-    # What the pressure leaves open of the shift.
-    open_share, by_pressure = pt.square(pressure_sd) / of_pressure, shift * of_force / of_pressure
+    # Fraction of the variance of the diameter error that the measured pressure leaves.
+    known_sd = pressure_sd[rows] if pressure_sd.ndim else pressure_sd
+    open_share, by_pressure = pt.square(known_sd) / of_pressure, shift * of_force / of_pressure
     if pressure_known is not None:
         open_share = pt.where(pressure_known, open_share, 1.0)
         by_pressure = pt.where(pressure_known, by_pressure, 0.0)

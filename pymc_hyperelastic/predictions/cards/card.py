@@ -59,7 +59,7 @@ def material_card(
 
     The mean of draws of correlated parameters need not lie in their posterior: along a bent ridge
     of ``k1`` and ``k2`` it is a stiffer or softer material than any that fits the data. The default
-    is therefore a draw, that nearest the mean, whose parameters go together.
+    is therefore the draw nearest the mean.
 
     The package's walls are incompressible. Here ``W`` is that of a deformation without its change
     of volume, :math:`\bar F = J^{-1/3} F`, beside an energy of the volume with the bulk modulus
@@ -119,9 +119,11 @@ def material_card(
     energy : StrainEnergy or list of Layer, optional
         The material, or the layers, if the result does not name them.
     point : {"draw", "mean", "median"}
-        The material that stands for the posterior: the draw nearest the mean, by the Mahalanobis
-        distance in the logarithms of parameters that are positive or whose sign makes no
-        difference; or the mean or the median of each parameter by itself.
+        The material that stands for the posterior: the draw nearest the mean, or the mean or the
+        median of each parameter by itself. For the distance, each parameter is divided by its
+        standard deviation; parameters that are positive, or whose sign makes no difference, are
+        replaced by their logarithms. Draws whose distances differ by less than a millionth of a
+        standard deviation are equally near, and the first of them is taken.
     draws : int, default 0
         Number of further materials, draws of the posterior at equal distances along its chains.
     unit : {"kPa", "MPa"}

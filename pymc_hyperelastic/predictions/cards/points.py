@@ -15,14 +15,22 @@ Array = NDArray[np.float64]
 
 Point = Literal["draw", "mean", "median"]
 
-_SCALES = "(logarithms of parameters without sign, distances by their covariance)"
+_RULE = (
+    "in logarithms of the parameters that are positive or whose sign makes no difference, each "
+    "divided by its standard deviation; the first of equally near draws"
+)
 _WORDS = {
-    "draw": f"the draw of the posterior nearest its mean {_SCALES}",
+    "draw": f"the draw of the posterior nearest its mean ({_RULE})",
     "mean": "the mean of each parameter by itself, which need not be likely with the others",
     "median": "the median of each parameter by itself, which need not be likely with the others",
 }
-# Directions in which draws vary by less than rounding have no say.
-_VARIES = 1e-10
+# Standard deviation of a parameter, or of its logarithm, below which it is constant, relative to
+# its largest value or to 1 if that is larger: relative rounding errors of 1e-14 then change no
+# distance by more than _EQUALLY_NEAR.
+_CONSTANT = 1e-8
+# Difference of two distances from the mean, in standard deviations, below which both draws are
+# equally near. Distances differ by their rounding errors between computers.
+_EQUALLY_NEAR = 1e-6
 _THICKNESS = Parameter("thickness", "t", "mm", (0.0, 10.0), "thickness of a layer")
 
 
@@ -112,7 +120,11 @@ def _which(posterior: xr.Dataset, place: int) -> str:
 
 
 def _nearest_the_mean(wall: Sequence[NamedLayer], flat: list[dict[str, Array]]) -> int:
-    """Place of the draw with the least Mahalanobis distance from the mean."""
+    """Index of the draw nearest the mean; the first one of equally near draws.
+
+    Each parameter is divided by its standard deviation. The covariance is not used: with fewer
+    draws than parameters, all draws have the same Mahalanobis distance from their mean.
+    """
     columns = [
         _coordinate(_parameter(layer, name), column)
         for layer, of_layer in zip(wall, flat, strict=True)
@@ -120,11 +132,11 @@ def _nearest_the_mean(wall: Sequence[NamedLayer], flat: list[dict[str, Array]]) 
         for column in values.reshape(len(values), -1).T
     ]
     x = np.stack(columns, axis=1)
-    x = x - x.mean(axis=0)
-    spread = x.std(axis=0)
-    x /= np.where(spread > 0, spread, 1.0)
-    precision = np.linalg.pinv(x.T @ x / len(x), rcond=_VARIES, hermitian=True)
-    return int(np.argmin(np.einsum("ni,ij,nj->n", x, precision, x)))
+    sd = x.std(axis=0)
+    varies = sd > _CONSTANT * np.abs(x).max(axis=0, initial=1.0)
+    standard = (x - x.mean(axis=0))[:, varies] / sd[varies]
+    distance = np.sqrt(np.square(standard).sum(axis=1))
+    return int(np.argmax(distance <= distance.min() + _EQUALLY_NEAR))
 
 
 def _parameter(layer: NamedLayer, name: str) -> Parameter:
