@@ -2,9 +2,9 @@
 
 ``python tests/mutations.py list`` prints mutations of the package, drawn with a fixed seed and
 spread over its folders and over five kinds of mistakes. ``python tests/mutations.py run`` makes
-each in a copy of the package, runs the first tier until a test fails, then the second tier for
-those that survive, and writes a table to ``results/mutations.json``. A run that was interrupted
-goes on where it stopped. This takes one to three hours; run it before a release.
+each in a copy of the package and runs the first tier until a test fails. For each mutation that
+survives, it runs the second tier. The table is written to ``results/mutations.json``; an
+interrupted run continues. This takes one to three hours; run it before a release.
 """
 
 import argparse
@@ -44,7 +44,7 @@ SURVIVED = (0, 5)
 
 @dataclass(frozen=True)
 class Mutation:
-    """A piece of source code and what stands in its place."""
+    """A piece of source code and its replacement."""
 
     kind: str
     path: str

@@ -1,7 +1,6 @@
 """The problem that every peer solves: the evidence of six inflation curves, stated in NumPy alone.
 
-The data are those of ``known_data`` in ``tests/test_evidence.py``, written down a second time so
-that a peer that needs nothing but NumPy or JAX does not pay for importing PyMC.
+A peer that needs only NumPy or JAX then does not pay for importing PyMC.
 """
 
 from types import SimpleNamespace

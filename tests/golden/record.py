@@ -112,17 +112,10 @@ def entry(case, stored=None, seed=SEED):
         # Warnings have their own tests.
         warnings.simplefilter("ignore")
         if case in cases.DENSITIES:
-            return plain(density_entry(case, stored))
-        return plain(cases.SAMPLES[case](seed) if case in cases.SAMPLES else cases.NUMBERS[case]())
-
-
-def plain(value):
-    """Dicts, lists and floats."""
-    if isinstance(value, dict):
-        return {name: plain(x) for name, x in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(x) for x in value]
-    return np.asarray(value, float).tolist()
+            found = density_entry(case, stored)
+        else:
+            found = cases.SAMPLES[case](seed) if case in cases.SAMPLES else cases.NUMBERS[case]()
+    return json.loads(json.dumps(found, default=np.ndarray.tolist))
 
 
 def flat(value, name=""):

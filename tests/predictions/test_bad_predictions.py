@@ -1,4 +1,4 @@
-"""Predictions that cannot be made: each error says what was expected."""
+"""Impossible predictions: each error names the problem and the expected input."""
 
 import numpy as np
 import pytest
@@ -91,7 +91,7 @@ def predict(tree=None, radius=(8.0, 9.0), **settings) -> xr.Dataset:
     return ph.predict_pressure(fitted()["C1"] if tree is None else tree, radius, **settings)
 
 
-# What is wrong, a call that does it, the error, and parts of its message.
+# Name of the mistake, a call that makes it, the error, and parts of its message.
 BAD_INPUT = [
     (
         "result without a law",

@@ -63,7 +63,7 @@ def radius_of(pressure, stretch, mu=20.0):
 
 
 def each(function, points, stretches, **settings):
-    """What single calls say at each axial stretch."""
+    """Return the results of single calls, one for each axial stretch."""
     found = [
         function(tree(), point, **TUBE, axial_stretch=stretch, **settings)
         for point, stretch in zip(points, stretches, strict=True)
@@ -162,7 +162,7 @@ def test_inconsistent_stretches_and_pressures_are_refused(call, error, expected)
 
 
 def fitted(points=None) -> xr.DataTree:
-    """What sampling stores, with draws around the true modulus."""
+    """Return a fitted result with draws around the true modulus."""
     found = tree()
     found["constant_data"] = xr.DataTree(data() if points is None else points)
     return found
@@ -180,7 +180,7 @@ def test_nothing_is_extrapolated_between_measured_stretches():
     assert not found["extrapolated"].any()
     curve = ph.predict_pressure(fitted(), 1.1, axial_stretch=[1.15, 1.35])
     assert not curve["extrapolated"].any()
-    # What was measured at one end of an extension test was not at the other.
+    # A radius that was measured at one end of an extension test was not measured at the other.
     widest = ph.select(data(), experiment="at 3 kPa")["radius"].values[0]
     with pytest.warns(UserWarning, match=r"1 of 2 points.*hoop stretch"):
         curve = ph.predict_pressure(fitted(), widest, axial_stretch=STRETCHES[[0, 2]])

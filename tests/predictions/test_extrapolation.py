@@ -1,4 +1,4 @@
-"""Predictions say where they leave what was measured, by the rule of `predictions/measured.py`."""
+"""Predictions beyond the measured range are marked as extrapolated (`predictions/measured.py`)."""
 
 import warnings
 
@@ -32,7 +32,7 @@ def data_of(*tubes) -> xr.Dataset:
 
 
 def fitted(data=None, **variables) -> xr.DataTree:
-    """What sampling stores, with draws around the true modulus."""
+    """Return a fitted result with draws around the true modulus."""
     data = data_of(({}, RADIUS)) if data is None else data
     tree = result(mu=[0.9 * MU, MU, 1.1 * MU], **variables)
     tree["constant_data"] = xr.DataTree(data)
@@ -41,7 +41,7 @@ def fitted(data=None, **variables) -> xr.DataTree:
 
 
 def quietly(function, *arguments, **settings) -> list[bool]:
-    """Where a prediction is extrapolated; that it warns is another matter."""
+    """Return the mark of extrapolation, without warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return function(*arguments, **settings)["extrapolated"].values.tolist()

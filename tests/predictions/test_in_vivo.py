@@ -1,4 +1,4 @@
-"""What two pressures tell of a tube: where its force does not change, and what energy is stored."""
+"""Quantities between two pressures: in vivo axial stretch and change of stored energy."""
 
 import warnings
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.compiled  # predictions are compiled for each law
 
 RANGE = (80.0, 120.0)  # mmHg
 IN_MMHG = {"pressure_unit": "mmHg", "pressure_range": RANGE}
-# Of the search, relative.
+# Relative error of the search.
 FOUND = 1e-8
 # Thin walls differ from membranes by their thickness over the radius.
 THIN = 1e-3
@@ -191,7 +191,7 @@ def data_of(specimens, stretches=(1.4, 1.7, 2.0), with_force=True):
 
 
 def fitted(data, tree=None, **variables):
-    """What sampling stores of a model."""
+    """Return a fitted result of a model."""
     tree = result(**variables) if tree is None else tree
     tree["constant_data"] = xr.DataTree(data)
     tree.attrs["strain_energy"] = "FungOrthotropic"

@@ -230,7 +230,7 @@ def test_typical_specimen_has_the_parameters_of_the_location(results):
 
 
 def test_specimen_of_a_class_has_the_modulus_of_its_curves(results):
-    """Each has the modulus of its own curves, which tell of it more than its class does."""
+    """The curves of a specimen determine its modulus more than its class does."""
     unit = ph.predict_pressure(sampled(mu=(1.0, 0.0)), [8.0])["pressure"].values[0, 0, 0]
     for specimen, mu in {"A1": 30.0, "A2": 38.0, "A3": 50.0}.items():
         found = ph.predict_pressure(results["variable class"], [8.0], specimen=specimen)
@@ -245,7 +245,7 @@ def test_specimen_of_a_class_has_the_modulus_of_its_curves(results):
 
 
 def test_naming_a_specimen_gives_its_tube():
-    """Where tubes differ, naming a specimen is enough; all share what is known of the material."""
+    """If tubes differ, the name of a specimen determines the tube; the material is shared."""
     frame = pd.DataFrame({"specimen": ["S1"] * 3 + ["S2"] * 3, "experiment": 1})
     frame["radius"], frame["pressure"] = [7.2, 7.6, 8.0, 7.2, 7.6, 9.0], [2.0, 4.0, 7.0] * 2
     frame["B"] = [9.0] * 3 + [9.5] * 3
@@ -260,7 +260,7 @@ def test_naming_a_specimen_gives_its_tube():
 
 
 def test_measured_range_of_a_specimen_is_its_own(results):
-    """Where specimens differ, what another one was inflated to says nothing of this one."""
+    """The range of another specimen does not count."""
     tree = results["variable class"].copy(deep=True)
     data = tree["constant_data"].to_dataset()
     keep = ~((data["test"].values == 0) & (data["radius"].values > 8.0))

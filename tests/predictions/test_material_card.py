@@ -24,7 +24,7 @@ from pymc_hyperelastic.models.study import named_layers
 ROUNDING = 1e-12
 SEED = 5
 CODES = ("febio", "abaqus")
-# Of each law the ordinary parameters of the table of problems.
+# The ordinary parameters of each law in the table of problems.
 ORDINARY = {name: (law.strain_energy, law.parameters[0][0]) for name, law in LAWS.items()}
 NONE = {
     "febio": {"CriscioneType", "FungOrthotropic"},
@@ -181,7 +181,7 @@ def abaqus_options(card):
 
 
 def abaqus_materials(card):
-    """Of each material its option, and the orientation that belongs to its name."""
+    """Return the option and the orientation of each material."""
     options, materials, axes, name = abaqus_options(card), {}, {}, None
     for option in options:
         if option[0] == "ORIENTATION":
@@ -616,7 +616,7 @@ BAD_INPUT = [
 
 @pytest.mark.parametrize(("call", "error", "fragments"), table(BAD_INPUT))
 def test_wrong_input_is_refused(call, error, fragments):
-    """What is wrong, and what was expected."""
+    """Each error names the mistake and the expected input."""
     assert_refused(call, error, fragments)
 
 

@@ -63,7 +63,7 @@ def test_order_of_dimensions_does_not_matter():
 INFERRED = {
     "outer radius": {"outer_radius": INNER + THICKNESS},
     "thickness": {"thickness": THICKNESS},
-    # What is cut open is a sector of the ring, and has its area.
+    # The opened sector has the area of the ring.
     "wall area": {"wall_area": (1 - 0.3 / np.pi) * np.pi * ((INNER + THICKNESS) ** 2 - INNER**2)},
 }
 

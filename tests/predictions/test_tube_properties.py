@@ -247,7 +247,7 @@ def test_properties_of_two_layers_are_means_over_both():
 
 
 def test_stresses_of_a_thin_tube_are_laplaces():
-    """Of a thin wall the hoop stress is ``σθθ − σrr``, and the closed end pulls half as much."""
+    """In a thin wall the hoop stress is ``σθθ − σrr``; the axial stress is half of it."""
     tube = {"inner_radius": 7.0, "outer_radius": 7.0007}
     found = ph.tube_properties(result(mu=[2e5]), 3.0, energy=ph.NeoHookean(), **tube).squeeze()
     hoop = found["radius"] / 7.0
