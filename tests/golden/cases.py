@@ -4,8 +4,8 @@ Every call of the package is in this file, uses public names only, and is mostly
 functions. When the public interface changes, adapt the builders and keep the rows: the recorded
 numbers must stay the same.
 
-A row is a name and a function: of nothing in `DENSITIES`, which returns a PyMC model, and in
-`NUMBERS`, which returns deterministic numbers by name; of a seed in `SAMPLES`, which returns
+A row is a name and a function. A function of `DENSITIES` returns a PyMC model. A function of
+`NUMBERS` returns deterministic numbers by name. A function of `SAMPLES` takes a seed and returns
 random numbers by name, each with its standard error.
 """
 
@@ -129,12 +129,12 @@ def inflation(energy, data=None, /, **settings):
 
 
 def slopes(energy, data=None, /, **settings):
-    """The same with slopes in the likelihood."""
+    """Model of `inflation` with slopes in the likelihood."""
     return inflation(energy, data, **{"slope_weight": 1.5} | settings)
 
 
 def forces(energy, data=None, /, **settings):
-    """The same for an artery with axial forces that have errors of 5 mN."""
+    """Model of `inflation` for an artery with axial forces that have errors of 5 mN."""
     data = artery() if data is None else data
     return inflation(energy, data, **FORCE | settings)
 
@@ -390,7 +390,8 @@ def predicted(name, seed):
     return moments(ph.predict_pressure(tree, [8, 9])) | moments(properties)
 
 
-# Two specimens teach each class. These errors (kPa) leave the class of a third one open.
+# Two training specimens for each class, and a new specimen. Errors (kPa) are chosen so that the
+# class of the new specimen stays uncertain.
 TRAINING, NEW = {"C1": ["S1", "S2"], "C2": ["S4", "S5"]}, "S3"
 POOLED = {"noise_sd": 8.0, "slope_weight": 0.0}
 SPECIMENS = {"noise_sd": 0.5, "variability": "specimen"}
@@ -408,7 +409,7 @@ def classified(kind, seed):
     """Log evidences of the classes, and log evidences and probabilities of them for new data."""
     fitted = classes(kind, seed)
     result = {name: Sampled(*ph.log_evidence(fitted[name])) for name in TRAINING}
-    # Where specimens differ, standard errors are 0.04 nats with any number of draws of the class.
+    # With variability the standard errors are 0.04 nats, however many draws the class has.
     unit = 1.0 if kind == "pooled" else np.inf
     settings = {"random_seed": seed, "progressbar": False}
     for by in ("test", "specimen"):

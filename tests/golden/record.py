@@ -44,8 +44,8 @@ STANDARD_ERRORS, UNITS = 4.0, 0.1
 # Any seed.
 SEED = 20260
 
-# Points of a density lie below its mode by at most so many nats: near it priors and normalisers
-# show, and far from it the misfit of the curves.
+# Largest distance of each point below the mode of the density, in nats. Near the mode priors and
+# normalisers determine the density, and far from it the misfit of the curves does.
 DEPTHS = (3.0, 30.0, 1000.0)
 # Search of the mode on the unconstrained scale, on which uniform priors have a standard deviation
 # of 1.8: number of random starts, their spread, largest distance from the initial point, number of
@@ -143,7 +143,7 @@ def differences(case, old, new, exact=False):
 
 
 def is_close(old, new, limit):
-    """Whether two numbers are equal, also if not finite, or differ by at most the limit."""
+    """Return True if two numbers are equal or both NaN, or differ by at most the limit."""
     return old == new or abs(old - new) <= limit < np.inf or (np.isnan(old) and np.isnan(new))
 
 
@@ -171,13 +171,18 @@ def main():
     arguments = parser.parse_args()
     recorded, start = read(), time.process_time()
     chosen = [case for case in CASES if re.search(arguments.only, case)]
-    found = {case: entry(case, recorded.get(case), arguments.seed) for case in chosen}
+    found, rows = {}, []
+    for case in chosen:
+        try:
+            found[case] = entry(case, recorded.get(case), arguments.seed)
+        except Exception as error:
+            rows.append((case, repr(error)))
     print(f"{len(chosen)} cases in {time.process_time() - start:.0f} s of the processor")
     if not arguments.compare:
         write(recorded | found)
-        return 0
-    known = [case for case in chosen if case in recorded]
-    rows = [(case, "not recorded") for case in chosen if case not in recorded]
+        recorded |= found
+    rows += [(case, "not recorded") for case in found if case not in recorded]
+    known = [case for case in found if case in recorded]
     for case in known:
         different = differences(case, recorded[case], found[case], arguments.exact)
         rows += [(case, *row) for row in different]
