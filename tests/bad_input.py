@@ -33,21 +33,21 @@ def assert_refused(call, error, fragments) -> None:
     assert not [fragment for fragment in fragments if fragment not in message], message
 
 
-def curves(radius=(7.2, 7.6, 8.0, 8.4), pressure=(2.0, 4.0, 7.0, 12.0)) -> xr.Dataset:
+def curves(
+    radius=(7.2, 7.6, 8.0, 8.4), pressure=(2.0, 4.0, 7.0, 12.0), forces=None, **geometry
+) -> xr.Dataset:
     """One test of specimen S2, experiment 3, whose rows are labelled from 41."""
     frame = pd.DataFrame({"specimen": "S2", "experiment": 3, "radius": radius})
     frame["pressure"] = pressure
+    if forces is not None:
+        frame["axial_force"] = forces
     frame.index += 41
-    return ph.inflation_data(frame, **TUBE)
+    return ph.inflation_data(frame, **TUBE | geometry)
 
 
 def unknown_curves(forces=None, **geometry) -> xr.Dataset:
     """The same test with another geometry, such as an unknown radius, perhaps with forces."""
-    frame = pd.DataFrame({"specimen": "S2", "experiment": 3, "radius": [7.2, 7.6, 8.0, 8.4]})
-    frame["pressure"] = [2.0, 4.0, 7.0, 12.0]
-    if forces is not None:
-        frame["axial_force"] = forces
-    return ph.inflation_data(frame, **TUBE | geometry)
+    return curves(forces=forces, **geometry)
 
 
 def with_nan() -> xr.Dataset:

@@ -10,7 +10,7 @@ exponent, the log-likelihood is therefore a parabola in the modulus, and the two
 integrals of an evidence cost one row of responses for each value of the exponent.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -196,14 +196,9 @@ def posterior(
     sigma: float,
     slope_weight: float,
     box: Box,
-    log_prior: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
 ) -> Posterior:
-    """Posterior and evidence under a prior on a box: uniform, or with the given log density."""
-    if log_prior is None:
-        log_area = sum(np.log(high - low) for low, high in box)
-
-        def log_prior(modulus, exponent):
-            return np.full(np.broadcast_shapes(modulus.shape, exponent.shape), -log_area)
+    """Posterior and evidence under a uniform prior on a box."""
+    log_area = sum(np.log(high - low) for low, high in box)
 
     def rows(exponent, panels=4):
         """Nodes of the modulus and log (density times weight) there, a row for each exponent."""
@@ -217,8 +212,7 @@ def posterior(
         low, high = np.clip(peak - reach, *box[0]), np.clip(peak + reach, *box[0])
         node, weight = _panels(low, high, panels)
         fall = curvature[:, None] * (node - peak[:, None]) ** 2
-        log_density = top[:, None] - fall + log_prior(node, exponent[:, None])
-        return node, log_density + np.log(weight)
+        return node, top[:, None] - fall - log_area + np.log(weight)
 
     def marginal(exponent):
         return logsumexp(rows(np.asarray(exponent, float))[1], axis=1)
@@ -244,11 +238,9 @@ def posterior(
         panels, previous = 2 * panels, log_evidence
 
 
-def log_evidence_2d(data: xr.Dataset, law: str, *, sigma, slope_weight, box, log_prior=None):
-    """Exact log evidence of inflation data."""
-    return posterior(
-        curves_of(data), law, sigma=sigma, slope_weight=slope_weight, box=box, log_prior=log_prior
-    ).log_evidence
+def log_evidence_2d(data: xr.Dataset, law: str, **settings) -> float:
+    """Exact log evidence of inflation data; settings are those of `posterior`."""
+    return posterior(curves_of(data), law, **settings).log_evidence
 
 
 def _panels(low: np.ndarray, high: np.ndarray, panels: int, order: int = 12):

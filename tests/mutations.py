@@ -183,7 +183,8 @@ def is_found(mutation: Mutation, tier: str) -> str:
         environment = os.environ | {"PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1"}
         # The tests of the same folder first: they find most mistakes.
         own = Path("tests") / mutation.folder
-        rest = ["tests", f"--ignore={own}", "--ignore=tests/benchmarks", "--ignore=tests/golden"]
+        rest = ["--doctest-modules", "tests", PACKAGE.name, f"--ignore={own}"]
+        rest += ["--ignore=tests/benchmarks"]
         for paths in ([str(own)] if (copy / own).is_dir() else [], rest):
             if not paths:
                 continue

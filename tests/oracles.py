@@ -181,24 +181,18 @@ def _switch_radii(layer: Layer, current, axial, k, low, high) -> list[mp.mpf]:
     return [x for i, x in enumerate(found) if i == 0 or x - found[i - 1] > STEP * x]
 
 
-def layered_pressure(
-    layers: Sequence[Layer], internal_radius, inner_radius, axial_stretch, opening_angle
-) -> mp.mpf:
-    """``p(a) = int_A^B (dW^/dl_theta) / (l_z r) dR`` by adaptive quadrature; angle in radians."""
+def layered_pressure(layers: Sequence[Layer], *tube) -> mp.mpf:
+    """``p(a) = int_A^B (dW^/dl_theta) / (l_z r) dR``; `tube` is that of `wall_integral`."""
 
     def density(layer, reference, current, axial, k):
         response = hoop_response(layer.energy, k * current / reference, axial, layer.parameters)
         return response / (axial * current)
 
-    return wall_integral(
-        density, layers, internal_radius, inner_radius, axial_stretch, opening_angle
-    )
+    return wall_integral(density, layers, *tube)
 
 
-def layered_force(
-    layers: Sequence[Layer], internal_radius, inner_radius, axial_stretch, opening_angle
-) -> mp.mpf:
-    """Axial force less the thrust of the pressure, by adaptive quadrature; angle in radians.
+def layered_force(layers: Sequence[Layer], *tube) -> mp.mpf:
+    """Axial force less the thrust of the pressure.
 
     ``F = pi/(k l_z) int_A^B (2 l_z dW^/dl_z - l_theta dW^/dl_theta) R dR``.
     """
@@ -209,15 +203,11 @@ def layered_force(
         around = hoop * hoop_response(layer.energy, hoop, axial, layer.parameters)
         return mp.pi / (k * axial) * (2 * along - around) * reference
 
-    return wall_integral(
-        density, layers, internal_radius, inner_radius, axial_stretch, opening_angle
-    )
+    return wall_integral(density, layers, *tube)
 
 
-def layered_material(
-    layers: Sequence[Layer], internal_radius, inner_radius, axial_stretch, opening_angle
-) -> tuple[mp.mpf, mp.mpf, mp.mpf]:
-    """Means over the wall of stored energy, and of two moduli, by adaptive quadrature.
+def layered_material(layers: Sequence[Layer], *tube) -> tuple[mp.mpf, mp.mpf, mp.mpf]:
+    """Means over the wall of stored energy, and of two moduli.
 
     The moduli are differences of the Cauchy stresses ``s_t - s_r`` and ``s_z - s_r`` between two
     states of each circle, stretched further by ``e^+-h`` around or along and thinned as much.
@@ -228,52 +218,27 @@ def layered_material(
             hoop = k * current / reference
             return of_circle(layer.energy, hoop, axial, layer.parameters) * reference
 
-        total = wall_integral(
-            density, layers, internal_radius, inner_radius, axial_stretch, opening_angle
-        )
-        return 2 * total / (mp.mpf(layers[-1].outer_radius) ** 2 - mp.mpf(inner_radius) ** 2)
+        outer, inner = mp.mpf(layers[-1].outer_radius), mp.mpf(tube[1])
+        return 2 * wall_integral(density, layers, *tube) / (outer**2 - inner**2)
 
     def stored(energy, hoop, axial, parameters):
         one = mp.mpf(1)
         at_rest = energy(one, one, one, **parameters)
         return energy(1 / (hoop * axial), hoop, axial, **parameters) - at_rest
 
+    def slope(stress):
+        return (stress(mp.exp(STEP)) - stress(mp.exp(-STEP))) / (2 * STEP)
+
     def around(energy, hoop, axial, parameters):
-        stress = [
-            hoop * grown * hoop_response(energy, hoop * grown, axial, parameters)
-            for grown in (mp.exp(STEP), mp.exp(-STEP))
-        ]
-        return (stress[0] - stress[1]) / (2 * STEP)
+        return slope(lambda g: hoop * g * hoop_response(energy, hoop * g, axial, parameters))
 
     def along(energy, hoop, axial, parameters):
-        stress = [
-            axial * grown * axial_response(energy, hoop, axial * grown, parameters)
-            for grown in (mp.exp(STEP), mp.exp(-STEP))
-        ]
-        return (stress[0] - stress[1]) / (2 * STEP)
+        return slope(lambda g: axial * g * axial_response(energy, hoop, axial * g, parameters))
 
     return mean(stored), mean(around), mean(along)
 
 
 GEOMETRY = ("internal_radius", "inner_radius", "outer_radius", "axial_stretch", "opening_angle")
-
-
-def slackening_radii(
-    energy: Energy, inputs: Mapping[str, float], switches: Switches
-) -> list[mp.mpf]:
-    """Reference radii within the wall of a tube at which a fibre strain changes its sign."""
-    with mp.workdps(DIGITS):
-        a, inner, outer, axial, angle = (mp.mpf(inputs[name]) for name in GEOMETRY)
-        k = 2 * mp.pi / (2 * mp.pi - angle)
-        parameters = {name: mp.mpf(x) for name, x in inputs.items() if name not in GEOMETRY}
-        return _switch_radii(
-            Layer(energy, parameters, outer, switches),
-            lambda reference: mp.sqrt(a**2 + (reference**2 - inner**2) / (k * axial)),
-            axial,
-            k,
-            inner,
-            outer,
-        )
 
 
 def derivative(function: Callable[..., mp.mpf], inputs: Mapping[str, float], *by: str) -> mp.mpf:
@@ -327,17 +292,8 @@ def neo_hookean_pressure(
     deformations", Dover 1997, section 5.3).
     """
     with mp.workdps(DIGITS):
-        mu, a, inner, outer, axial, angle = (
-            mp.mpf(x)
-            for x in (
-                mu,
-                internal_radius,
-                inner_radius,
-                outer_radius,
-                axial_stretch,
-                opening_angle,
-            )
-        )
+        tube = internal_radius, inner_radius, outer_radius, axial_stretch, opening_angle
+        mu, a, inner, outer, axial, angle = map(mp.mpf, (mu, *tube))
         k = 2 * mp.pi / (2 * mp.pi - angle)
         b = mp.sqrt(a**2 + (outer**2 - inner**2) / (k * axial))
         return float(

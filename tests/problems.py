@@ -436,12 +436,6 @@ class Problem:
             _answers[key] = LAWS[self.law].exact(self.inputs, *by, **settings)
         return _answers[key]
 
-    @property
-    def slackens(self) -> bool:
-        """Return True if fibres slacken somewhere within the wall."""
-        law = LAWS[self.law]
-        return bool(oracles.slackening_radii(law.energy, self.inputs, law.switches))
-
 
 def _problem(law: str, tube: Tube, parameters: Parameters) -> Problem:
     values = ", ".join(f"{name} = {value:g}" for name, value in entries(parameters).items())

@@ -1,10 +1,16 @@
 """Posteriors of tubes made by hand: draws of parameters, and their curves."""
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
 import pymc_hyperelastic as ph
+
+# Relative tolerances of another formula for the same number, and of the inverse of a curve.
+ROUNDING, INVERSE = 1e-12, 1e-10
+# Central differences with a relative step of 1e-4.
+DIFFERENCE = 1e-6
 
 SHEEP = {"inner_radius": 7.0, "outer_radius": 9.0}
 TUBES = {
@@ -60,9 +66,14 @@ def one_draw(parameters: dict) -> xr.DataTree:
     return result(**{name: [value] for name, value in parameters.items()})
 
 
+def closing(tube: dict) -> float:
+    """Return the factor by which angles grow when the opened sector is closed."""
+    return 2 * np.pi / (2 * np.pi - tube["opening_angle"])
+
+
 def radii_of(tube: dict) -> np.ndarray:
     """Return radii from a collapsing to a far inflated tube."""
-    stretch = tube["axial_stretch"] * 2 * np.pi / (2 * np.pi - tube["opening_angle"])
+    stretch = tube["axial_stretch"] * closing(tube)
     return tube["inner_radius"] / np.sqrt(stretch) * np.array([0.8, 1.0, 1.01, 1.3, 1.6])
 
 
@@ -81,16 +92,35 @@ def fitted_tree(energy: str = "NeoHookean", **variables) -> xr.DataTree:
     return tree
 
 
+def fitted_to(data: xr.Dataset, energy: str, tree: xr.DataTree) -> xr.DataTree:
+    """Return a posterior with the data that it was inferred from and the name of its law."""
+    tree["constant_data"] = xr.DataTree(data)
+    tree.attrs["strain_energy"] = energy
+    return tree
+
+
+def exact_points(energy, parameters: dict, tests: dict, tube: dict) -> pd.DataFrame:
+    """Return the points of tests without errors; each test has pressures and axial stretches."""
+    tables = []
+    for experiment, given in tests.items():
+        pressure, stretch = np.broadcast_arrays(*given)
+        at = {"energy": energy, "pressure": pressure, "axial_stretch": stretch, **tube}
+        curve = ph.predict_axial_force(one_draw(parameters), **at)
+        numbers = {name: curve[name].values[0, 0] for name in ("radius", "axial_force")}
+        numbers |= {"pressure": pressure, "stretch": stretch}
+        tables.append(pd.DataFrame({"specimen": "S1", "experiment": experiment} | numbers))
+    return pd.concat(tables, ignore_index=True)
+
+
 SOFTENING = {"mu": 20.0, "n": 0.3}
 
 
 def maximum_of_softening() -> tuple[float, float]:
     """Return radius and pressure of the maximum of the softening curve."""
-    radius = np.linspace(7.0, 30.0, 200)
-    pressure = curve(ph.PowerLawNeoHookean(), SOFTENING, radius, SHEEP)
-    i = int(pressure.argmax())
-    for _ in range(4):
-        radius = np.linspace(radius[max(i - 1, 0)], radius[i + 1], 200)
+    low, high = 7.0, 30.0
+    for _ in range(5):
+        radius = np.linspace(low, high, 200)
         pressure = curve(ph.PowerLawNeoHookean(), SOFTENING, radius, SHEEP)
         i = int(pressure.argmax())
+        low, high = radius[max(i - 1, 0)], radius[i + 1]
     return radius[i], float(pressure[i])

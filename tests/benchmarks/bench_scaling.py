@@ -1,24 +1,73 @@
-"""How the cost grows with the number of points, of particles and of new experiments."""
+"""Time and accuracy of the evidence, peer by peer, and how the cost of this package grows.
 
+Costs grow with the number of points, of particles and of new experiments.
+"""
+
+import json
+import os
+import subprocess
+import sys
 from functools import cache
 from itertools import count
+from pathlib import Path
 
 import numpy as np
 import peers
 import pymc as pm
 import pytest
 from known_problem import ALPHA, LOG_EVIDENCE, MU, SIGMA, SLOPE_WEIGHT, simulate
+from peers import CHAINS, DRAWS, PEERS, Evidence
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 
 SEED = 100
+# Nats. A peer with a larger error does not solve the problem, and its time means nothing.
+TOLERANCE = 1.0
+# Particles of a run that is there to compile.
+FEW = 100
 POINTS = (60, 600, 6_000, 60_000)
 PARTICLES = (500, 1000, 2000, 4000, 8000)
 NEW_EXPERIMENTS = (10, 100, 1000)
 NOISE = {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT}
-# Modulus and exponent of two classes that one curve mostly tells apart.
+# Modulus and exponent of two classes that differ enough to classify most curves.
 CLASSES = {"soft": (45.0, 7.5), "stiff": (60.0, 8.0)}
+
+
+def report(benchmark, peer, evidences):
+    """Check that the peer solves the problem, and store how accurate it is."""
+    add_accuracy(benchmark, evidences)
+    assert max(map(abs, benchmark.extra_info["error"])) < TOLERANCE
+    benchmark.extra_info["title"] = peer.title
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_warm(benchmark, name):
+    """In a session in which the same has been run before."""
+    peer = PEERS[name]
+    peer.run(draws=DRAWS if peer.compiled_for_size else FEW, chains=1, seed=0)
+    seeds, evidences = count(1), []
+    benchmark.group = "warm"
+    benchmark.pedantic(
+        lambda: evidences.append(peer.run(draws=DRAWS, chains=CHAINS, seed=next(seeds))),
+        rounds=peer.rounds,
+    )
+    report(benchmark, peer, evidences)
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_cold(benchmark, name, tmp_path):
+    """A whole process, from the start of Python, with nothing compiled beforehand."""
+    environment = os.environ | {"PYTENSOR_FLAGS": f"base_compiledir={tmp_path}"}
+    command = [sys.executable, Path(peers.__file__), name, "--seed", "11"]
+    benchmark.group = "cold"
+    done = benchmark.pedantic(
+        lambda: subprocess.run(
+            command, env=environment, check=True, capture_output=True, text=True
+        ),
+        rounds=1,
+    )
+    report(benchmark, PEERS[name], [Evidence(*json.loads(done.stdout))])
 
 
 def priors():
@@ -28,15 +77,8 @@ def priors():
 @cache
 def data_of(points):
     """Six experiments of many points; slopes of dense noisy points would drown in noise."""
-    curves = simulate(
-        np.random.default_rng(SEED),
-        45.0,
-        7.5,
-        specimens=3,
-        experiments=2,
-        points=points // 6,
-        noise=0.0,
-    )
+    rng = np.random.default_rng(SEED)
+    curves = simulate(rng, 45.0, 7.5, specimens=3, experiments=2, points=points // 6, noise=0.0)
     return peers.as_inflation_data(curves)
 
 
@@ -102,7 +144,11 @@ def sample(model, draws, seed):
 
 
 def add_evidences(benchmark, trees, truth):
-    estimates = [ph.log_evidence(tree) for tree in trees]
+    add_accuracy(benchmark, [ph.log_evidence(tree) for tree in trees], truth)
+
+
+def add_accuracy(benchmark, estimates, truth=LOG_EVIDENCE):
+    """Put the accuracy beside the time."""
     benchmark.extra_info |= {
         "log_evidence": [estimate.value for estimate in estimates],
         "standard_error": [estimate.standard_error for estimate in estimates],
@@ -117,29 +163,20 @@ def fitted_classes():
         name: peers.as_inflation_data(simulate(rng, *center, specimens=3, experiments=2))
         for name, center in CLASSES.items()
     }
-    return ph.fit_classes(
-        ph.Ogden(),
-        training,
-        priors=priors(),
-        draws=2000,
-        chains=2,
-        random_seed=SEED,
-        progressbar=False,
-        **NOISE,
-    )
+    settings = {"draws": 2000, "chains": 2, "random_seed": SEED, "progressbar": False}
+    return ph.fit_classes(ph.Ogden(), training, priors=priors(), **settings, **NOISE)
 
 
 @pytest.mark.parametrize("experiments", NEW_EXPERIMENTS)
 def test_classification(benchmark, experiments, fitted_classes):
     """Classify new experiments, half from each class, against 2 chains of 2000 particles."""
     rng = np.random.default_rng(SEED + 1)
-    new = peers.as_inflation_data(
-        [
-            curve
-            for center in CLASSES.values()
-            for curve in simulate(rng, *center, specimens=experiments // 2, experiments=1)
-        ]
-    )
+    curves = [
+        curve
+        for center in CLASSES.values()
+        for curve in simulate(rng, *center, specimens=experiments // 2, experiments=1)
+    ]
+    new = peers.as_inflation_data(curves)
     ph.classify(ph.select(new, specimen="S0"), fitted_classes, random_seed=0, progressbar=False)
     benchmark.group = "classification"
     result = benchmark.pedantic(

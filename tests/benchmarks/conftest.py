@@ -1,4 +1,4 @@
-"""What all benchmarks share: one core, and the machine and versions in the file of results."""
+"""Settings of all benchmarks: one core, and the machine and versions in the file of results."""
 
 import os
 from importlib.metadata import version
@@ -25,7 +25,7 @@ def pytest_benchmark_update_machine_info(config, machine_info):
 
 @pytest.fixture(scope="session", autouse=True)
 def one_core():
-    """Pin this process and those that it starts to one core: some peers would take all."""
+    """Pin this process and its children to one core: some peers would use all cores."""
     # Only Linux can.
     if not hasattr(os, "sched_setaffinity"):
         yield

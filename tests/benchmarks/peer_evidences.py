@@ -1,7 +1,7 @@
 """Evidences of the general models of tests/evidence, by this package and by other libraries.
 
-``python peer_evidences.py results/peer_evidences.jsonl`` runs every sampler that is installed on
-every problem, writes a line of JSON for each run, if there is none yet, and writes all of them as
+``python peer_evidences.py results/peer_evidences.jsonl`` runs every installed sampler on every
+problem, writes a line of JSON for each new run, and writes the results of all runs as
 the table of their documentation page. Time is that of a user who has the model: compilation counts,
 imports do not.
 """
@@ -19,21 +19,25 @@ from pathlib import Path
 
 import numpy as np
 import pymc as pm
-from prior_cube import on_cube
+import pytensor
+import pytensor.tensor as pt
+from peers import log_mean
+from pymc.model.transform.conditioning import remove_value_transforms
+from pytensor.graph.replace import clone_replace
+from report import DOCS, table
 from scipy.special import logsumexp
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.target import Target
 
 sys.path.append(str(Path(__file__).parents[1] / "evidence"))
-DOCS = Path(__file__).parents[2] / "docs" / "project"
 
 
 @dataclass(frozen=True)
 class Peer:
     """A sampler: it takes a model and a seed, and gives a log evidence with its standard error.
 
-    A third value is what it says itself of how far these can be trusted.
+    A third value, if there is one, is the sampler's own verdict on its accuracy.
     """
 
     title: str
@@ -52,8 +56,49 @@ def pymc(model, seed):
     tree = pm.sample_smc(model=model, chains=4, cores=1, random_seed=seed, progressbar=False)
     stages = tree["sample_stats"]["log_marginal_likelihood"].values
     chains = np.array([np.asarray(chain, float)[-1] for chain in stages])
-    value = logsumexp(chains) - np.log(len(chains))
+    value = log_mean(chains)
     return value, np.exp(chains - value).std(ddof=1) / np.sqrt(len(chains))
+
+
+def on_cube(model):
+    """Return the log likelihood as a function of independent uniform variables, and their number.
+
+    The prior becomes a map of the unit cube: each variable, in the order of the model, is its
+    inverse distribution function given its parents. Other distributions raise an error.
+    """
+    natural = remove_value_transforms(model)
+    u, used, values = pt.vector("u"), 0, {}
+    for rv in natural.free_RVs:
+        value, size = from_uniform(rv, u[used:])
+        # Parents come first: their values are known.
+        values[rv] = clone_replace(value, values)
+        used += size
+    logp = natural.logp([*natural.observed_RVs, *natural.potentials])
+    at = {natural.rvs_to_values[rv]: value for rv, value in values.items()}
+    # Values have known shapes, which parts of a vector have not.
+    logp = clone_replace(logp, {v: v.type.filter_variable(value) for v, value in at.items()})
+    return pytensor.function([u], logp, trust_input=True), used
+
+
+def from_uniform(rv, u):
+    """Value of a variable at the beginning of a vector of uniform ones, and how many it takes."""
+    parameters, shape = rv.owner.op.dist_params(rv.owner), tuple(rv.shape.eval())
+    size = int(np.prod(shape))
+    match type(rv.owner.op).__name__:
+        case "DirichletRV":
+            alpha = parameters[0]
+            later = pt.cumsum(alpha[::-1])[::-1][1:]
+            part = pm.icdf(pm.Beta.dist(alpha[:-1], later), u[: size - 1])
+            left = pt.concatenate([[1.0], pt.cumprod(1 - part)])
+            return left * pt.concatenate([part, [1.0]]), size - 1
+        case "RandomWalkRV":
+            first, step = pm.icdf(parameters[0], u[:1]), pm.icdf(parameters[1], u[1:size])
+            return pt.cumsum(pt.concatenate([first, step])), size
+        case "_LKJCholeskyCovRV":  # of two variables
+            eta, sd = parameters[1], pm.icdf(parameters[2], u[:2])
+            z = 2 * pm.icdf(pm.Beta.dist(eta, eta), u[2]) - 1
+            return pt.stack([sd[0], z * sd[1], pt.sqrt(1 - z**2) * sd[1]]), size
+    return pm.icdf(rv, u[:size].reshape(shape)), size
 
 
 def dynesty(model, seed):
@@ -144,7 +189,7 @@ def measure(problem, name, seed):
 
 
 def measure_apart(problem, name, seed, limit):
-    """The same in a process of its own, which may fail, and is ended after so many seconds."""
+    """Measure in a process of its own, which may fail and ends after `limit` seconds."""
     row = {"problem": problem, "peer": name, "seed": seed}
     with multiprocessing.get_context("fork").Pool(1) as pool:
         try:
@@ -155,18 +200,16 @@ def measure_apart(problem, name, seed, limit):
             return row | {"note": f"{type(error).__name__}: {error}".splitlines()[0]}
 
 
-def table(rows, problems):
+def table_of(rows, problems):
     """Markdown of all rows: the package's own errors first, and how right those are."""
-    peers = list(PEERS)
+    peers, lines = list(PEERS), []
     header = ["model", "unknowns", PEERS[peers[0]].title, "error/stated", "flagged"]
-    lines = [header + [PEERS[name].title for name in peers[1:]]]
-    lines.append(["---"] + ["---:"] * (len(lines[0]) - 1))
     for p in problems:
         own, *others = (
             [r for r in rows if (r["problem"], r["peer"]) == (p.name, n)] for n in peers
         )
         lines.append([p.name, p.unknowns, cell(own), *honesty(own), *map(cell, others)])
-    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
+    return table(header + [PEERS[name].title for name in peers[1:]], lines)
 
 
 def cell(runs):
@@ -217,4 +260,4 @@ if __name__ == "__main__":
             if run not in known and problem.unknowns <= PEERS[name].most_unknowns:
                 rows.append(measure_apart(*run, given.limit))
                 file.write(json.dumps(rows[-1]) + "\n")
-    given.out.write_text(table(rows, chosen) + "\n", encoding="utf-8")
+    given.out.write_text(table_of(rows, chosen) + "\n", encoding="utf-8")

@@ -8,6 +8,7 @@ import argparse
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,7 +49,7 @@ class Peer:
     rounds: int = 5
     """How often it is run."""
     compiled_for_size: bool = False
-    """Whether another number of draws would be compiled anew."""
+    """True if another number of draws needs another compilation."""
 
 
 # --- this package --------------------------------------------------------------------------------
@@ -86,21 +87,13 @@ def as_inflation_data(curves):
     )
 
 
-def package(draws, chains, seed):
-    """Keep the parameters alone, as all other peers do."""
-    return _package(draws, chains, seed, var_names=["mu", "alpha"])
-
-
-def package_with_curves(draws, chains, seed):
-    """Keep the pressure and stiffness of every particle at every point, too."""
-    return _package(draws, chains, seed, var_names=None)
-
-
-def _package(draws, chains, seed, var_names):
+def package(draws, chains, seed, var_names=("mu", "alpha")):
+    """Keep the parameters alone, as all other peers do, or with None the curves too."""
     import pymc_hyperelastic as ph
 
+    keep = None if var_names is None else list(var_names)
     tree = ph.sample_smc(
-        known_model(), draws, chains, random_seed=seed, progressbar=False, var_names=var_names
+        known_model(), draws, chains, random_seed=seed, progressbar=False, var_names=keep
     )
     return Evidence(*ph.log_evidence(tree))
 
@@ -127,7 +120,7 @@ def pymc_by_hand(draws, chains, seed):
 
 
 def pymc_on_our_model(draws, chains, seed):
-    """Keep the curves, too: stock SMC cannot be told to leave them out."""
+    """Keep the curves too: stock SMC has no option to leave them out."""
     return _stock_smc(known_model(), draws, chains, seed)
 
 
@@ -152,21 +145,8 @@ def _stock_smc(model, draws, chains, seed):
 # --- JAX -----------------------------------------------------------------------------------------
 
 
-def jax_by_hand(draws, chains, seed):
-    return _jax_smc(draws, chains, seed)
-
-
-def jax_with_two_exponentials(draws, chains, seed):
-    """Know that ``jnp.sinh`` takes six times as long on a CPU; digits near 0 do not matter here."""
-    return _jax_smc(draws, chains, seed, fast_sinh=True)
-
-
-def jax_by_hand_on_one_grid(draws, chains, seed):
-    """Use that these six experiments were simulated at the same radii."""
-    return _jax_smc(draws, chains, seed, fast_sinh=True, one_grid=True)
-
-
-def _jax_smc(draws, chains, seed, **tricks):
+def jax_by_hand(draws, chains, seed, **tricks):
+    """Write SMC in JAX; the tricks are those of `_jax_chain`."""
     import jax
 
     jax.config.update("jax_enable_x64", True)
@@ -189,6 +169,9 @@ def _jax_chain(draws, *, fast_sinh=False, one_grid=False):
     Particles live in the unit square, so that the prior is 1. They move by random walks along
     differences of pairs of the resampled particles: these have the shape of each mirrored mode,
     and now and then lead from one to the other.
+
+    Two tricks: ``jnp.sinh`` takes six times as long on a CPU as two exponentials, whose digits near
+    0 do not matter here, and these six experiments were simulated at the same radii.
     """
     import jax
     import jax.numpy as jnp
@@ -264,16 +247,8 @@ def _jax_chain(draws, *, fast_sinh=False, one_grid=False):
 # --- nested sampling -----------------------------------------------------------------------------
 
 
-def dynesty_as_it_comes(draws, chains, seed):
-    """Default settings: one run, of as many live points as dynesty thinks right."""
-    return _dynesty(seed)
-
-
-def dynesty_with_live_points(draws, chains, seed):
-    return _dynesty(seed, nlive=draws)
-
-
-def _dynesty(seed, **settings):
+def dynesty(draws, chains, seed, as_many_live_points=False):
+    """Run once, with as many live points as dynesty thinks right or as there are draws."""
     import dynesty
 
     data = constants(known_curves())
@@ -283,7 +258,7 @@ def _dynesty(seed, **settings):
         lambda u: low + width * u,
         ndim=2,
         rstate=np.random.default_rng(seed),
-        **settings,
+        **({"nlive": draws} if as_many_live_points else {}),
     )
     sampler.run_nested(print_progress=False)
     return Evidence(float(sampler.results.logz[-1]), float(sampler.results.logzerr[-1]))
@@ -295,20 +270,26 @@ def _dynesty(seed, **settings):
 PEERS = {
     # Over as long a time as its slowest peer: machines change their speed.
     "package": Peer("`ph.sample_smc`, parameters kept", package, rounds=60),
-    "package_with_curves": Peer("`ph.sample_smc`, curves kept too", package_with_curves),
+    "package_with_curves": Peer(
+        "`ph.sample_smc`, curves kept too", partial(package, var_names=None)
+    ),
     "package_by_quadrature": Peer("`ph.log_evidence_by_quadrature`", package_by_quadrature),
     "pymc_by_hand": Peer("`pm.sample_smc`, model written by hand", pymc_by_hand, rounds=2),
     "pymc_on_our_model": Peer("`pm.sample_smc`, our model", pymc_on_our_model, rounds=2),
     "jax_by_hand": Peer("SMC written in JAX", jax_by_hand, compiled_for_size=True),
     "jax_with_two_exponentials": Peer(
-        "the same, sinh as two exponentials", jax_with_two_exponentials, compiled_for_size=True
+        "the same, sinh as two exponentials",
+        partial(jax_by_hand, fast_sinh=True),
+        compiled_for_size=True,
     ),
     "jax_by_hand_on_one_grid": Peer(
-        "that, knowing the common radii", jax_by_hand_on_one_grid, compiled_for_size=True
+        "that, knowing the common radii",
+        partial(jax_by_hand, fast_sinh=True, one_grid=True),
+        compiled_for_size=True,
     ),
-    "dynesty": Peer("dynesty, default settings", dynesty_as_it_comes),
+    "dynesty": Peer("dynesty, default settings", dynesty),
     "dynesty_with_live_points": Peer(
-        "dynesty, 2000 live points", dynesty_with_live_points, rounds=2
+        "dynesty, 2000 live points", partial(dynesty, as_many_live_points=True), rounds=2
     ),
 }
 """All of them; the first is the one to which others are compared."""

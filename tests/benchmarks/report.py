@@ -14,7 +14,7 @@ DASH = "–"
 
 
 def tables(results):
-    """Markdown of all tables, under a line that says on what they were measured."""
+    """Return the Markdown of all tables, under a line that names the machine."""
     groups = {}
     for benchmark in results["benchmarks"]:
         groups.setdefault(benchmark["group"], {})[benchmark["param"]] = benchmark

@@ -12,7 +12,7 @@ from pymc_hyperelastic.classes.variable import Variability
 
 # Relative rounding error of a sum of a few numbers.
 ROUNDING = 1e-10
-# Relative error of a standard error that is a root mean square over two thousand draws: 4 sd.
+# Relative error of a root mean square over two thousand draws: 4 sd.
 OF_DRAWS = 0.06
 
 # Log evidences of new data under two classes (law, class), without errors of their own.
@@ -102,10 +102,10 @@ def test_parts_of_an_average_are_those_of_averaged_evidences():
         tables = {0: np.array([[-3.0, -4.5], [-3.5, -5.0]]), 1: np.array([-4.0, -3.5])}
         return [np.flip(tables[law]) if own else tables[law] for law in (0, 1)]
 
-    known = predictions()
-    for own in (0, 1):
-        for law, table in enumerate(of_class(own)):
-            known[law][own] = known[law][own]._replace(hybrids=lambda _, table=table: table)
+    known = [
+        [p._replace(hybrids=lambda _, t=of_class(own)[law]: t) for own, p in enumerate(of_law)]
+        for law, of_law in enumerate(predictions())
+    ]
     both = laws((-50.0, 0.0), (-51.0, 0.0), parts=(("material", "noise"), ("material",)))
     averaged = average(both, known, EQUAL)
     first, second = with_parts(averaged, both, known, EQUAL)
@@ -151,34 +151,27 @@ def test_unknown_parts_of_a_negligible_law_are_ignored():
 
 def test_labels_distinguish_laws_of_the_same_name():
     """By the settings of the law, the experiment effect, and otherwise by a number."""
-    noise = {"sigma": 1.0}
-    kinds = [
-        Variability.of_settings(ph.Ogden(), **noise),
-        Variability.of_settings(ph.Ogden(), **noise, experiment_effect=True),
-        Variability.of_settings(ph.OgdenSeries(1), **noise),
-        Variability.of_settings(ph.OgdenSeries(2), **noise),
-        Variability.of_settings(ph.NeoHookean(), **noise, experiment_effect=True),
-        Variability.of_settings(ph.Ogden(), sigma=2.0),
-        Variability.of_settings([ph.Layer(ph.NeoHookean(), 1), ph.Layer(ph.Ogden(), 1)], **noise),
-    ]
-    assert labels_of(kinds) == [
-        "Ogden",
-        "Ogden with experiment effect",
-        "OgdenSeries(terms=1)",
-        "OgdenSeries(terms=2)",
-        "NeoHookean",
-        "Ogden (2)",
-        "NeoHookean in Ogden",
-    ]
+    layers = [ph.Layer(ph.NeoHookean(), 1), ph.Layer(ph.Ogden(), 1)]
+    labels = {
+        "Ogden": Variability.of_settings(ph.Ogden(), sigma=1.0),
+        "Ogden with experiment effect": Variability.of_settings(
+            ph.Ogden(), sigma=1.0, experiment_effect=True
+        ),
+        "OgdenSeries(terms=1)": Variability.of_settings(ph.OgdenSeries(1), sigma=1.0),
+        "OgdenSeries(terms=2)": Variability.of_settings(ph.OgdenSeries(2), sigma=1.0),
+        "NeoHookean": Variability.of_settings(ph.NeoHookean(), sigma=1.0, experiment_effect=True),
+        "Ogden (2)": Variability.of_settings(ph.Ogden(), sigma=2.0),
+        "NeoHookean in Ogden": Variability.of_settings(layers, sigma=1.0),
+    }
+    assert labels_of([*labels.values()]) == [*labels]
 
 
 def test_laws_of_fitted_classes_are_averaged():
     """Probabilities of the laws, and their errors, follow from the evidences of the classes."""
     settings = {"variability": "none", "draws": 300, "chains": 2}
     classes, other = fit(**settings), fit(ph.Ogden(), **settings)
-    new = curves({"N1": [42.0], "N2": [90.0]}, 3)
-    result = classify(new, classes, average_over=[other])
-    assert result["decision"].values.tolist() == [*NAMES]
+    result = classify(curves({"N1": [42.0]}, 3), classes, average_over=[other])
+    assert result["decision"].item() == "soft"
     evidences = np.array([[ph.log_evidence(tree[n]) for n in NAMES] for tree in (classes, other)])
     probability = softmax(evidences[:, :, 0].sum(axis=1))
     np.testing.assert_allclose(result["strain_energy_probability"], probability)

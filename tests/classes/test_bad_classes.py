@@ -2,7 +2,6 @@
 
 import json
 
-import pandas as pd
 import pymc as pm
 import pytest
 import xarray as xr
@@ -10,7 +9,6 @@ from bad_input import PLACE, assert_refused, curves, fit, fitted, with_nan, with
 
 import pymc_hyperelastic as ph
 
-SHORT = [7.2, 7.6], [2.0, 4.0]
 HALF_NORMAL = pm.HalfNormal.dist()
 CUSTOM = pm.CustomDist.dist(1.0, logp=lambda x, m: -((x - m) ** 2))
 
@@ -51,29 +49,23 @@ def divergence(classes, second="C2"):
 # Each row: a call, the error, and fragments that its message must hold.
 BAD_INPUT = [
     (lambda: fit({}), ValueError, "classes", "dict", "{}"),
-    (lambda: fit([curves()]), TypeError, "classes", "dict", "list"),
     (lambda: fit(curves()), TypeError, "classes", "dict", "Dataset"),
     (lambda: fit({"": curves()}), ValueError, "class", "text", "''"),
-    (lambda: fit({1: curves()}), ValueError, "class", "text", "got 1"),
     (lambda: fit({"C/1": curves()}), ValueError, "'/'", "'C/1'"),
     (lambda: fit(slope_weight=None), TypeError, "slope_weight is not", "balanced_slope_weight"),
     (lambda: fit({"C1": curves(), "C2": with_nan()}), ValueError, "class 'C2'", PLACE, "row 43"),
     (lambda: fit({"C1": curves(), "C2": None}), TypeError, "class 'C2'", "inflation_data("),
-    (lambda: fit({"C1": curves(), "C2": curves(*SHORT)}), ValueError, "class 'C2'", "at least 3"),
     (lambda: fit(priors={"mu": CUSTOM}), ValueError, "'mu'", "cannot be stored"),
-    (lambda: fit(sigma=CUSTOM), ValueError, "'sigma'", "cannot be stored"),
     (lambda: fit(experiment_effect=True), ValueError, "experiment_effect is True", "only with"),
     (lambda: fit(reference_stress=30.0), ValueError, "reference_stress is 30.0", "only with"),
     (lambda: fit(geometry={"thickness": 1}), ValueError, "geometry is", "only with"),
     (lambda: fit(draws=0), ValueError, "draws is 0", "at least"),
-    (lambda: fit(random_seed="x"), TypeError, "random_seed", "'x'"),
     (lambda: fit(radius_sd=1.0), TypeError, "'radius_sd' is no setting"),
     (lambda: fit(variability="specimens"), ValueError, "'none' or 'specimen'", "'specimens'"),
     (lambda: variable(slope_weight=HALF_NORMAL), ValueError, "slope_weight must be a number"),
     (lambda: variable(force_sigma=3.0), ValueError, "force_sigma is given", "no axial forces"),
     (lambda: variable(reference_stress=-1.0), ValueError, "'C1': reference_stress is -1.0"),
     (lambda: variable(draws=99), ValueError, "draws is 99", "at least 100"),
-    (lambda: variable(chains=0), ValueError, "chains is 0", "at least 1"),
     (lambda: ph.log_evidence(without("evidence")), ValueError, "no evidence", "ph.sample_smc"),
     (lambda: ph.log_evidence(fitted()), ValueError, "['C1', 'C2']", "(classes['C1'])"),
     (lambda: classify(classes={"C1": 1}), TypeError, "ph.fit_classes", "dict"),
@@ -83,24 +75,18 @@ BAD_INPUT = [
     (lambda: classify(class_prior={"C3": 1}), ValueError, "['C3']", "['C1', 'C2']"),
     (lambda: classify(**prior(1.0, 1.0)), ValueError, "add up to 1", "'C2': 1.0"),
     (lambda: classify(**prior(1.5, -0.5)), ValueError, "probabilities", "'C2': -0.5"),
-    (lambda: classify(**prior("half", "half")), ValueError, "probabilities", "'C1': 'half'"),
     (lambda: classify(class_prior=[0.5, 0.5]), TypeError, "class_prior", "dict", "[0.5, 0.5]"),
     (lambda: classify(with_nan()), ValueError, PLACE, "row 43", "pressure is nan kPa"),
-    (lambda: classify(curves(*SHORT)), ValueError, PLACE, "at least 3"),
-    (lambda: classify(pd.DataFrame()), TypeError, "inflation_data("),
     (lambda: classify(classes=altered("priors", "{}", "C2")), ValueError, "'C2'", "priors {}"),
     (lambda: classify(classes=other_noise("C2")), ValueError, "class 'C2'", "one noise"),
     (lambda: classify(classes=altered("variability", "x", "C1")), ValueError, "'x'", "['none',"),
     (lambda: classify(average_over=[other_noise("C1", "C2")]), ValueError, "do not compare"),
     (lambda: classify(average_over=fitted()), TypeError, "average_over must be a list"),
     (lambda: classify(none_below=0.05), ValueError, "none_below needs", "variability='specimen'"),
-    (lambda: classify(none_below="half"), ValueError, "none_below is 'half'", "from 0 to 1"),
     (lambda: classify(undecided_below=-0.1), ValueError, "undecided_below is -0.1", "from 0 to 1"),
     (lambda: classify(undecided_below=1.0), ValueError, "undecided_below is 1.0", "from 0 to 1"),
-    (lambda: classify(random_seed=0.5), TypeError, "random_seed"),
     (lambda: divergence(altered("strain_energy", "Fung", "C2")), ValueError, "class 'C2'", "Fung"),
     (lambda: divergence(fitted(), "C3"), ValueError, "no class 'C3'", "['C1', 'C2']"),
-    (lambda: divergence({"C1": 1, "C2": 2}), TypeError, "ph.fit_classes", "dict"),
 ]
 
 

@@ -9,7 +9,7 @@ from interrupts import interrupt
 from scipy import stats
 from scipy.special import logsumexp, softmax
 from tiers import deep
-from variable_classes import NAMES, SEED, SIGMA, UNIT_PRESSURE, classify, curves, fit
+from variable_classes import SEED, SIGMA, UNIT_PRESSURE, classify, curves, fit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import pooled
@@ -21,12 +21,13 @@ SMALL = {
     "soft": curves({"A1": [30.0], "A2": [38.0], "A3": [50.0]}, 5),
     "stiff": curves({"B1": [95.0], "B2": [120.0], "B3": [150.0]}, 6),
 }
-ANIMALS = dict(zip(SPECIMENS, ["x", "y", "z", "x", "y", "z"], strict=True))
-# Two specimens of each class. Their moduli, as measured, differ by less than twice their errors.
+ANIMALS = dict(zip(SPECIMENS, "xyyxyy", strict=True))
 FEW = {
-    "soft": curves({"1": [30.0], "2": [30.1]}, 12),
-    "stiff": curves({"3": [30.4], "4": [30.5]}, 9),
+    "soft": curves({"1": [30.0], "2": [30.1]}, 5),
+    "stiff": curves({"3": [30.4], "4": [30.5]}, 6),
 }
+# These are left out together; the report has two folds of two specimens and two classes.
+PAIRS, POOLED_DRAWS = {1: "a", 2: "b", 3: "a", 4: "b"}, 500
 
 
 class FixedExponent(ph.StrainEnergy):
@@ -47,9 +48,19 @@ def report_of(energy=None, classes=SMALL, **settings):
     return ph.calibration_report(energy or ph.NeoHookean(), classes, **defaults | settings)
 
 
-def report_of_pooled(classes=FEW, **settings):
-    settings = {"variability": "none", "draws": 100} | settings
-    return report_of(FixedExponent(2.0), classes, **settings)
+def report_of_pooled():
+    """Names that are numbers, in the data and in `leave_out`, are text in the report."""
+    numbered = {
+        name: data.assign_coords(specimen=data["specimen"].astype(int))
+        for name, data in FEW.items()
+    }
+    settings = {"variability": "none", "draws": POOLED_DRAWS, "chains": 2}
+    return report_of(FixedExponent(2.0), numbered, leave_out=PAIRS, **settings)
+
+
+@pytest.fixture(scope="module")
+def pooled_report():
+    return report_of_pooled()
 
 
 @pytest.fixture(scope="module")
@@ -69,14 +80,11 @@ def test_a_report_has_a_row_for_each_law_and_their_average(report):
     np.testing.assert_allclose(probability, softmax(report["log_evidence"], axis=2), rtol=1e-9)
     p_value = report["p_value"].values
     assert np.all((p_value > 0) & (p_value <= 1))
-    right = probability.sel(class_label=report["true_class"]).sel(strain_energy=labels[0])
-    assert right.mean() > 0.5
-    for law in range(3):
-        for i, name in enumerate(report["true_class"].values.tolist()):
-            p, k = probability.values[law, i], NAMES.index(name)
-            np.testing.assert_allclose(report["log_score"].values[law, i], np.log(p[k]))
-            brier = (p[k] - 1) ** 2 + p[1 - k] ** 2
-            np.testing.assert_allclose(report["brier_score"].values[law, i], brier)
+    right = probability.sel(class_label=report["true_class"])
+    np.testing.assert_allclose(report["log_score"], np.log(right))
+    # The errors of the probabilities of two classes are equal.
+    np.testing.assert_allclose(report["brier_score"], 2 * (1 - right) ** 2)
+    assert right[0].mean() > 0.5
 
 
 def test_laws_are_averaged_by_the_evidence_of_what_is_not_left_out(report):
@@ -100,85 +108,80 @@ def test_laws_are_averaged_by_the_evidence_of_what_is_not_left_out(report):
 def test_a_specimen_left_out_is_classified_as_a_new_one(report):
     """A fit to all other animals gives the same evidences and p-values."""
     train = {
-        name: ph.select(data, specimen=[s for s in np.unique(data["specimen"]) if s[1] != "2"])
+        name: ph.select(data, specimen=[s for s in np.unique(data["specimen"]) if s[1] != "1"])
         for name, data in SMALL.items()
     }
     classes = fit(FixedExponent(2.0), train, draws=300)
-    for name, specimen in (("soft", "A2"), ("stiff", "B2")):
-        result = classify(ph.select(SMALL[name], specimen=specimen), classes)
+    for name, specimen in (("soft", "A1"), ("stiff", "B1")):
+        result = classify(ph.select(SMALL[name], specimen=specimen), classes).squeeze()
         mine = report.isel(strain_energy=0).sel(specimen=specimen)
-        # The report has 200 draws of the spread of three specimens, the fit has 600.
-        np.testing.assert_allclose(mine["log_evidence"], result["log_evidence"].values[0], atol=0.3)
-        np.testing.assert_allclose(mine["p_value"], result["p_value"].values[0], atol=0.1)
+        # The report has 200 draws, a third of the fit's: its standard error is √3 times as large,
+        # and that of the difference 2 times; three of them.
+        error = np.abs(mine["log_evidence"] - result["log_evidence"])
+        assert np.all(error < 3 * 2 * result["log_evidence_se"])
+        # P-values are 1 - (1 - s)², where s is the share of one random specimen for each draw:
+        # three binomial standard errors.
+        share = 1 - np.sqrt(1 - result["p_value"])
+        error = 2 * (1 - share) * np.sqrt(share * (1 - share) * (1 / 200 + 1 / 600))
+        assert np.all(np.abs(mine["p_value"] - result["p_value"]) < 3 * error)
 
 
-def test_pooled_classes_equal_quadrature_over_the_modulus():
-    """Names that are numbers, in the data and in `leave_out`, are text in the report."""
-    numbered = {
-        name: data.assign_coords(specimen=data["specimen"].astype(int))
-        for name, data in FEW.items()
-    }
-    pairs = {1: "a", 2: "b", 3: "a", 4: "b"}
-    report = report_of_pooled(numbered, leave_out=pairs, draws=500, chains=2)
-    assert report["specimen"].values.tolist() == ["1", "2", "3", "4"]
-    assert "p_value" not in report and report.sizes["strain_energy"] == 1
-    assert report.attrs["variability"] == "none"
-    assert json.loads(report.attrs["random_seed"]) == SEED
-    mu = np.linspace(25, 36, 20001)
-
-    def log_likelihood(specimen):
-        data = next(d for d in FEW.values() if specimen in d["specimen"])
-        pressure = ph.select(data, specimen=specimen)["pressure"].values
-        # The parameter sigma is √2 times the standard deviation.
-        residual = pressure - mu[:, None] * UNIT_PRESSURE
-        return stats.norm.logpdf(residual, scale=SIGMA / np.sqrt(2)).sum(axis=1)
-
-    for name, pair in zip("1234", pairs.values(), strict=True):
-        expected = []
-        for data in FEW.values():
-            known = [s for s in data["specimen"].values if pairs[int(s)] != pair]
-            training = sum(map(log_likelihood, known))
-            expected.append(logsumexp(training + log_likelihood(name)) - logsumexp(training))
-        found = report["log_evidence"].sel(specimen=name).values.ravel()
-        # Means over 1000 draws of a density that varies by half: four standard errors.
-        np.testing.assert_allclose(found, expected, atol=0.06)
+def test_pooled_classes_equal_quadrature_over_the_modulus(pooled_report):
+    assert pooled_report["specimen"].values.tolist() == ["1", "2", "3", "4"]
+    assert "p_value" not in pooled_report and pooled_report.sizes["strain_energy"] == 1
+    assert pooled_report.attrs["variability"] == "none"
+    assert json.loads(pooled_report.attrs["random_seed"]) == SEED
+    mu, likelihoods, of_class = np.linspace(25, 36, 20001), {}, {}
+    for name, data in FEW.items():
+        for specimen in data["specimen"].values.tolist():
+            pressure = ph.select(data, specimen=specimen)["pressure"].values
+            # The parameter sigma is √2 times the standard deviation.
+            normal = stats.norm(mu[:, None] * UNIT_PRESSURE, SIGMA / np.sqrt(2))
+            likelihoods[specimen] = normal.logpdf(pressure).sum(axis=1)
+            of_class[specimen] = name
+    for specimen, likelihood in likelihoods.items():
+        found = pooled_report["log_evidence"].isel(strain_energy=0).sel(specimen=specimen)
+        pair = PAIRS[int(specimen)]
+        for name in FEW:
+            # One specimen of each class is not left out.
+            (other,) = (s for s in of_class if of_class[s] == name and PAIRS[int(s)] != pair)
+            posterior = likelihoods[other] - logsumexp(likelihoods[other])
+            expected = logsumexp(posterior + likelihood)
+            # Four standard errors of a mean over 1000 draws of the posterior.
+            variance = np.exp(logsumexp(posterior + 2 * likelihood) - 2 * expected) - 1
+            error = abs(found.sel(class_label=name).item() - expected)
+            assert error < 4 * np.sqrt(variance / (2 * POOLED_DRAWS)) < 0.15
 
 
-# The interrupted function, its call that belongs to the second specimen left out, and chains.
-INTERRUPTS = [(pooled, "run_smc", 4, 1), *deep([(smc, "_temper", 6, 2)])]
-INTERRUPTS += deep([(pooled.ClassPredictive, "__call__", 3, 1)])
+# The interrupted function, and its call that belongs to the second fold.
+INTERRUPTS = [(pooled, "run_smc", 4), *deep([(smc, "_temper", 6)])]
+INTERRUPTS += deep([(pooled.ClassPredictive, "__call__", 5)])
 
 
-@pytest.mark.parametrize(("module", "name", "call", "chains"), INTERRUPTS)
+@pytest.mark.parametrize(("module", "name", "call"), INTERRUPTS)
 def test_after_an_interrupt_only_complete_results_are_reported(
-    monkeypatch, module, name, call, chains
+    pooled_report, monkeypatch, module, name, call
 ):
-    complete = report_of_pooled(chains=chains)
     interrupt(monkeypatch, module, name, call)
     with pytest.warns(UserWarning, match="interrupted"):
-        report = report_of_pooled(chains=chains)
-    xr.testing.assert_identical(report.isel(specimen=[0]), complete.isel(specimen=[0]))
+        report = report_of_pooled()
+    first = {"specimen": [0, 2]}
+    xr.testing.assert_identical(report.isel(first), pooled_report.isel(first))
     for value in ("class_probability", "log_evidence", "log_score", "brier_score"):
-        assert np.isnan(report[value].values[:, 1:]).all()
+        assert np.isnan(report[value].values[:, [1, 3]]).all()
 
 
 def test_wrong_input_is_named_before_anything_is_sampled():
     third = {"third": curves({"C1": [30.0]}, 7)}
     for settings, error, message in (
         ({"energy": ph.Ogden}, TypeError, r"such as ph\.Ogden\(\) is needed.*call the class"),
-        ({"energy": [ph.Ogden]}, TypeError, "call the class"),
         ({"energy": ()}, ValueError, "energy holds no strain energy"),
         ({"variability": "none", "experiment_effect": True}, ValueError, "variability='specimen'"),
         ({"leave_out": SPECIMENS}, TypeError, "leave_out must be a dict .*not list"),
         ({"leave_out": {"A1": "x"}}, ValueError, "leave_out does not say .* 'A2' belongs"),
         ({"leave_out": dict.fromkeys(SPECIMENS, "x")}, ValueError, "'soft' has no specimen left"),
-        ({"classes": SMALL | third}, ValueError, "class 'third' has no specimen left without 'C1'"),
-        (
-            {"classes": SMALL | {"b": SMALL["soft"]}},
-            ValueError,
-            "'A1' stands in the classes 'soft'",
-        ),
-        ({"classes": SMALL["soft"]}, TypeError, "classes must be a dict .* not Dataset"),
+        ({"classes": SMALL | third}, ValueError, "'third' has no specimen left without 'C1'"),
+        ({"classes": SMALL | {"b": SMALL["soft"]}}, ValueError, "'A1' stands in the classes"),
         ({"sigma": -1.0}, ValueError, "class 'soft': sigma is -1.0"),
     ):
         arguments = {"energy": ph.NeoHookean(), "classes": SMALL, "sigma": SIGMA} | settings

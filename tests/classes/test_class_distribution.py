@@ -106,21 +106,16 @@ def test_the_reference_is_wider_than_every_class():
 
 def test_draws_of_a_class_are_those_of_its_posterior():
     """A class of two coordinates and an inferred standard deviation; unsound draws are refused."""
-    rng, sample = np.random.default_rng(SEED), (3, 40)
-    by_coordinate = ("chain", "draw", "coordinate")
-    posterior = xr.Dataset(
-        {
-            "location": (by_coordinate, rng.standard_normal((*sample, 2))),
-            "spread": (by_coordinate, rng.uniform(1, 2, (*sample, 2))),
-            "correlation": (
-                (*by_coordinate, "coordinate_2"),
-                np.tile(CORRELATION, (*sample, 1, 1)),
-            ),
-            "noise_sd": (("chain", "draw"), rng.uniform(1, 2, sample)),
-            "noise_spread": (("chain", "draw"), rng.uniform(1, 2, sample)),
-        },
-        {"coordinate": ["a", "b"]},
-    )
+    rng, dims = np.random.default_rng(SEED), ("chain", "draw", "coordinate", "coordinate_2")
+    values = {
+        "location": rng.standard_normal((3, 40, 2)),
+        "spread": rng.uniform(1, 2, (3, 40, 2)),
+        "correlation": np.tile(CORRELATION, (3, 40, 1, 1)),
+        "noise_sd": rng.uniform(1, 2, (3, 40)),
+        "noise_spread": rng.uniform(1, 2, (3, 40)),
+    }
+    posterior = xr.Dataset({name: (dims[: v.ndim], v) for name, v in values.items()})
+    posterior = posterior.assign_coords(coordinate=["a", "b"])
     found = distributions_of(xr.DataTree.from_dict({"posterior": posterior}))
     for name in ("location", "spread"):
         expected = posterior[name].values.reshape(-1, 2).T

@@ -28,82 +28,67 @@ def classify(data, classes, **settings):
 
 @pytest.fixture(scope="module")
 def by_test(classes):
-    return classify(new_data(), classes)
+    return classify(ph.select(new_data(), experiment=1), classes)
 
 
 def test_each_experiment_has_the_evidence_of_quadrature(by_test):
     assert by_test["log_evidence"].dims == ("test", "class_label")
-    assert by_test["specimen"].values.tolist() == ["B", "A", "B", "A"]
-    assert by_test["experiment"].values.tolist() == [1, 1, 2, 2]
+    assert by_test["specimen"].values.tolist() == ["B", "A"]
+    assert by_test["experiment"].values.tolist() == [1, 1]
     assert by_test["class_label"].values.tolist() == [*NAMES]
-    assert_exact(by_test[{"test": [0, 1]}], [[c] for c in exact.curves_of(new_data())[:2]])
-    assert by_test["decision"].values.tolist() == ["C2", "C1", "C2", "C1"]
+    assert_exact(by_test[{"test": [0]}], [exact.curves_of(new_data())[:1]])
+    assert by_test["decision"].values.tolist() == ["C2", "C1"]
 
 
 def test_experiments_on_a_specimen_share_one_material(classes):
-    """The same seed gives the same result."""
-    by_specimen, again = (classify(new_data(), classes, by="specimen") for _ in range(2))
-    xr.testing.assert_identical(by_specimen, again)
+    by_specimen = classify(new_data(), classes, by="specimen")
     assert by_specimen["log_evidence"].dims == ("specimen", "class_label")
     assert by_specimen["specimen"].values.tolist() == ["B", "A"]
     curves = exact.curves_of(new_data())
     assert_exact(by_specimen[{"specimen": [0]}], [curves[::2]])
 
 
-@pytest.fixture(scope="module")
-def three_ways(classes):
-    """A short experiment near the first class; each method is used once those before it fail."""
+def test_each_method_gives_the_evidence_of_quadrature(classes, monkeypatch):
+    """A short experiment near the first class: draws of the second, far from it, are of no use."""
     one = ph.select(fits.training()["C1"], specimen="S1", experiment=1)
     one = one.isel(obs=slice(3, None, 5))
     rng = np.random.default_rng(SEED)
     pressure = one["pressure"] + 0.3 * rng.standard_normal(one.sizes["obs"])
     data = one.assign(pressure=pressure.assign_attrs(one["pressure"].attrs))
     data = data.assign_coords(specimen=("test", ["new"]))
-    results = {}
-    with pytest.MonkeyPatch.context() as patch:
-        results["class draws"] = classify(data, classes)
-        patch.setattr(ClassPredictive, "_from_class_draws", lambda *_: None)
-        results["adapted draws"] = classify(data, classes)
-        patch.setattr(ClassPredictive, "_from_adapted_draws", lambda *_: None)
-        results["tempering"] = classify(data, classes)
-    return data, results
+    for methods in (["class draws", "adapted draws"], ["tempering"] * 2):
+        result = classify(data, classes)
+        assert result["method"].values.tolist() == [methods]
+        shape = result["pareto_k"].values
+        assert np.all(np.isnan(shape) if methods[0] == "tempering" else shape < 0.5)
+        assert_exact(result, [exact.curves_of(data)])
+        # Each method is used only where those before it fail.
+        for name in ("_from_class_draws", "_from_adapted_draws"):
+            monkeypatch.setattr(ClassPredictive, name, lambda *_: None)
 
 
-@pytest.mark.parametrize("method", ["class draws", "adapted draws", "tempering"])
-def test_each_method_gives_the_evidence_of_quadrature(three_ways, method):
-    """The cheapest that can be trusted is used; far from a class its draws are of no use."""
-    data, results = three_ways
-    result = results[method]
-    far = "tempering" if method == "tempering" else "adapted draws"
-    assert result["method"].values.tolist() == [[method, far]]
-    shape = result["pareto_k"].values
-    assert np.all(np.isnan(shape) if method == "tempering" else shape < 0.5)
-    assert_exact(result, [exact.curves_of(data)])
-
-
+@pytest.mark.deep
 def test_an_experiment_far_from_all_classes_has_the_evidence_of_quadrature(classes):
     radius = np.linspace(7.3, 10.2, 20)
     tube = {"inner_radius": 7.0, "outer_radius": 9.0}
     unit = exact.Curve(radius, np.zeros(20), *tube.values()).responses("Ogden", 2.0)[0][0]
     points = {"radius": radius, "pressure": 40.0 * unit + 0.3 * np.sin(3 * np.arange(20))}
-    data = pd.DataFrame(points).assign(specimen="new", experiment=1)
-    data = ph.inflation_data(data, **tube)
+    data = ph.inflation_data(pd.DataFrame(points).assign(specimen="new", experiment=1), **tube)
     result = classify(data, classes)
     assert np.all(result["log_evidence"] < -150)  # nats; that of a good fit is about 0
     assert_exact(result, [exact.curves_of(data)])
 
 
 def test_class_priors_multiply_the_odds(classes, by_test):
+    """Evidences do not change, since the same seed gives the same draws."""
     one = ph.select(new_data(), specimen="A", experiment=1)
-    prior = {"C2": 0.9, "C1": 0.1}
-    result = classify(one, classes, class_prior=prior)
+    result = classify(one, classes, class_prior={"C2": 0.9, "C1": 0.1})
     np.testing.assert_allclose(result["log_evidence"][0], by_test["log_evidence"][1])
     log_odds = result["log_evidence"].values + np.log([0.1, 0.9])
     np.testing.assert_allclose(result["class_probability"], softmax(log_odds, axis=1))
     result = classify(one, classes, class_prior={"C1": 0.0, "C2": 1.0})
     np.testing.assert_array_equal(result["class_probability"], [[0, 1]])
     assert result["decision"].item() == "C2"
-    np.testing.assert_allclose(result["log_evidence"][0], by_test["log_evidence"][1])
 
 
 def test_errors_of_probabilities_follow_from_those_of_evidences():
@@ -173,7 +158,7 @@ def test_an_interrupt_keeps_what_is_classified(classes, by_test, monkeypatch):
     """In the second experiment: others are unknown."""
     interrupt(monkeypatch, pooled.ClassPredictive, "__call__", 4)
     with pytest.warns(UserWarning, match="NaN"):
-        result = classify(new_data(), classes)
+        result = classify(ph.select(new_data(), experiment=1), classes)
     assert result.sizes == by_test.sizes
     first, expected = (x.isel(test=[0]).drop_attrs(deep=False) for x in (result, by_test))
     xr.testing.assert_identical(first, expected)

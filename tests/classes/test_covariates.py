@@ -1,6 +1,5 @@
 """Covariates of specimens, and pairs of specimens of the same animal."""
 
-import fits
 import numpy as np
 import pytest
 import xarray as xr
@@ -10,17 +9,12 @@ from pymc_hyperelastic.classes.covariates import Covariates, pairs_of
 NAMES = ("A1", "A2", "A3", "B1", "B2", "B3")
 
 
-@pytest.fixture(scope="module")
-def classes():
-    return fits.fit("neo_hookean_classes")
-
-
 def by_name(*values):
     return dict(zip(NAMES, values, strict=True))
 
 
 def with_animals(classes, soft, stiff):
-    """Return classes whose data have a variable "animal" by test; B2 has two tests."""
+    """Add a variable "animal" by test; B2 has two tests."""
     changed = classes.copy(deep=True)
     for name, animals in (("soft", soft), ("stiff", stiff)):
         data = changed[name]["constant_data"].to_dataset()

@@ -6,12 +6,7 @@ from scipy import stats
 from variable_classes import SIGMA, TRAINING, fit, known_specimen
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.distribution import (
-    ClassDraws,
-    ClassModel,
-    _larger,
-    fit_distribution,
-)
+from pymc_hyperelastic.classes.distribution import ClassDraws, ClassModel, _larger, fit_distribution
 from pymc_hyperelastic.classes.variable import Variability
 
 SEED = 911

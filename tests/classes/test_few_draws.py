@@ -34,9 +34,10 @@ def test_evidences_are_those_of_a_grid(effect):
         known.append(known_class(of_class, data.sizes["test"], 0))
     rng, prior = np.random.default_rng(SEED), np.log([0.4, 0.4, 0.2])
     found = FewDraws(kind.sampler(data), known, prior, data, None, DRAWS, rng)
-    for i, (terms, (location, spread)) in enumerate(
-        zip(found.log_terms[:2], CLASSES, strict=False)
-    ):
+    # A sum over how much experiments differ takes seconds.
+    compared = CLASSES[:1] if effect else CLASSES[:2]
+    for i, (location, spread) in enumerate(compared):
+        terms = found.log_terms[i]
         value = logsumexp(terms) - np.log(len(terms))
         error = np.sqrt(np.sum(np.exp(2 * (terms - logsumexp(terms)))) - 1 / len(terms))
         each = [log_evidence_of_specimen(data, location + s, spread, *more) for s in shifts]

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from tiers import tiers
+from tiers import deep
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.variable import Variability
@@ -51,14 +51,12 @@ def nodes_of(target):
 
 @pytest.mark.parametrize(
     ("law", "growth", "settings"),
-    tiers(
-        [("HolzapfelGasserOgden", 1.1, {}), ("FourFiber", 0.93, FORCES)], lambda case: not case[2]
-    ),
+    [(ph.HolzapfelGasserOgden(), 1.1, {}), *deep([(ph.FourFiber(), 0.93, FORCES)])],
 )
 def test_few_nodes_give_the_likelihood_of_all(law, growth, settings):
     """At draws of the prior that were not used to choose the nodes."""
     data = protocols(growth)
-    sampler = sampler_of(getattr(ph, law)(), data, **settings)
+    sampler = sampler_of(law, data, **settings)
     quick, target = quick_of(sampler, data)
     assert isinstance(sampler.forward.way.basis, WallNodes)
     assert 5 < nodes_of(quick) < nodes_of(target) / 2

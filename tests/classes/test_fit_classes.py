@@ -6,14 +6,7 @@ import pymc as pm
 import pytest
 import variable_classes
 from interrupts import interrupt
-from pooled_classes import (
-    EVIDENCE_TOLERANCE,
-    NAMES,
-    NOISE,
-    SEED,
-    STANDARD_ERRORS,
-    exact_posterior,
-)
+from pooled_classes import EVIDENCE_TOLERANCE, NAMES, NOISE, SEED, STANDARD_ERRORS, exact_posterior
 from scipy import stats
 from scipy.special import logsumexp
 from variable_classes import UNIT_PRESSURE, curves

@@ -2,27 +2,20 @@
 
 from dataclasses import replace
 
-import fits
 import numpy as np
 import pymc as pm
 import pytest
 import xarray as xr
 from scipy import stats
-from variable_classes import fit, with_distribution
+from variable_classes import fit, known_specimen, with_distribution
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.normal_groups import NormalGroups
 from pymc_hyperelastic.classes.planning import _error, _Pilot, _result, _scores
 from pymc_hyperelastic.models.class_distribution import distributions_of
-from pymc_hyperelastic.predictions.members import stored_draws
 
 SEED = 915
 X = "log_reference_strain"
-
-
-@pytest.fixture(scope="module")
-def pilot():
-    return fits.fit("neo_hookean_classes")
 
 
 def plan(pilot, quantity=X, specimens=(4, 12), **settings):
@@ -30,30 +23,17 @@ def plan(pilot, quantity=X, specimens=(4, 12), **settings):
     return ph.plan_study(pilot, quantity, specimens, **settings)
 
 
-def test_the_error_of_a_specimen_is_that_of_its_curves(pilot):
-    """Least squares: the pressure is linear in the modulus. Differences of tests add to it."""
-    fitted = pilot["stiff"]
-    draws, distributions = stored_draws(fitted, "B1"), distributions_of(fitted)
-    error = _error(draws, distributions)
-    weights = np.exp(draws.log_weight - draws.log_weight.max())
-    assert error[0, 0] == pytest.approx(np.cov(draws.centre, aweights=weights), rel=0.1)
+def test_the_error_of_a_specimen_excludes_its_class(classes):
+    """Curves that say little of a specimen say little of it under a wide class too."""
+    rng, error, fitted = np.random.default_rng(SEED), 0.6, classes["stiff"]
+    draws, distributions = known_specimen(rng, -1.8, error, 20_000), distributions_of(fitted)
+    assert _error(draws, distributions)[0, 0] == pytest.approx(error**2, rel=0.1)
+    # Differences of tests add to it.
     spread = np.full_like(np.asarray(distributions.spread), 0.3)
     effect = np.zeros((1, *spread.shape[1:]))
     differing = replace(distributions, experiment_spread=spread, effect_spread=effect)
-    more = _error(replace(draws, tests=2), differing)
-    assert (more - error)[0, 0] == pytest.approx(0.3**2 / 2)
-
-
-def test_the_error_of_a_specimen_excludes_its_class(pilot):
-    """Curves that say little of a specimen say little of it under a wide class too."""
-    rng, count, error = np.random.default_rng(SEED), 20000, 0.6
-    fitted = pilot["stiff"]
-    x = -1.8 + 2 * error * rng.standard_normal(count)
-    log_weight = stats.norm.logpdf(x, -1.8, error) - stats.norm.logpdf(x, -1.8, 2 * error)
-    zero = np.zeros((1, count))
-    changed = {"centre": x[None], "scatter": zero, "log_weight": log_weight, "log_sigma": zero[:0]}
-    draws = replace(stored_draws(fitted, "B1"), **changed, deviations=zero[:0])
-    assert _error(draws, distributions_of(fitted))[0, 0] == pytest.approx(error**2, rel=0.1)
+    more = _error(replace(draws, tests=2), differing) - _error(draws, distributions)
+    assert more[0, 0] == pytest.approx(0.3**2 / 2)
 
 
 def test_log_scores_of_new_specimens_equal_quadrature():
@@ -74,8 +54,8 @@ def test_log_scores_of_new_specimens_equal_quadrature():
         assert abs(found[name].item() - expected) < limit
 
 
-def test_intervals_of_studies_hold_the_truth(pilot, tmp_path):
-    found = plan(pilot, [X, "log mu"], draws=100).squeeze("comparison")
+def test_intervals_of_studies_hold_the_truth(classes, tmp_path):
+    found = plan(classes, [X, "log mu"], draws=100).squeeze("comparison")
     # Three binomial standard errors, and the error of quantiles of 100 draws.
     assert (abs(found["covered"] - 0.95) < 3 * np.sqrt(0.95 * 0.05 / 200) + 0.01).all()
     few, many = (found.sel(specimens=n) for n in (4, 12))
@@ -84,15 +64,15 @@ def test_intervals_of_studies_hold_the_truth(pilot, tmp_path):
     assert few["log_score"] < many["log_score"] < found["best_log_score"] + 0.01
     assert (found["wrong"] < 0.025).all()
     # The same seed gives the same plan, which can be saved.
-    once, again = (plan(pilot, studies=10, draws=50) for _ in range(2))
+    once, again = (plan(classes, studies=10, draws=50) for _ in range(2))
     xr.testing.assert_identical(once, again)
     once.to_netcdf(tmp_path / "plan.nc")
     xr.testing.assert_allclose(xr.load_dataset(tmp_path / "plan.nc"), once)
 
 
-def test_with_many_specimens_the_difference_is_that_of_two_means(pilot):
+def test_with_many_specimens_the_difference_is_that_of_two_means(classes):
     places = {"soft": (-1.5, 0.25), "stiff": (-2.0, 0.4)}
-    pilot = with_distribution(pilot, places)
+    pilot = with_distribution(classes, places)
     found = plan(pilot, specimens=200, studies=40, relevant=0.3, draws=100).squeeze()
     width = 2 * stats.norm.ppf(0.975) * np.sqrt((0.25**2 + 0.4**2) / 200)
     # Widths by quantiles of 100 draws are known to 15 %, their median over 40 studies to 3 %.
@@ -101,12 +81,6 @@ def test_with_many_specimens_the_difference_is_that_of_two_means(pilot):
     middles = found["study_difference"]
     assert abs(middles.mean() + 0.5) < 4 * middles.std() / np.sqrt(40)
     assert middles.std() == pytest.approx(width / (2 * 1.96), rel=0.4)
-    x = np.linspace(-5, 1, 4001)
-    p = np.array([stats.norm.pdf(x, *place) for place in places.values()])
-    score = np.sum(p * np.log(p / p.sum(axis=0))) * (x[1] - x[0]) / 2
-    error = found["log_score_se"].item()
-    assert abs(found["best_log_score"].item() - score) < 4 * error
-    assert abs(found["log_score"].item() - score) < 4 * error + 0.01
     assert found["decided"] == 1 and found["wrong"] == 0
 
 
@@ -128,19 +102,18 @@ def test_decisions_of_studies_by_hand():
     assert found["width_interval"].values == pytest.approx([0.5, 2.5], rel=1e-6)
 
 
-def test_wrong_settings_and_pilots_are_named(pilot):
+def test_wrong_settings_and_pilots_are_named(classes):
     for settings, message in (
         ({"quantity": "strength"}, "no quantity is called 'strength'"),
         ({"quantity": "compliance", "pressure": [1, 2]}, r"for one pressure; got \[1.0, 2.0\]"),
         ({"specimens": (1, 4)}, r"whole numbers, each 2 or more; got \(1, 4\)"),
-        ({"specimens": (4.5,)}, r"whole numbers, each 2 or more; got \(4.5,\)"),
         ({"relevant": -1.0}, "relevant is -1.0; expected a difference, 0 or more"),
         ({"studies": 2}, "studies is 2; expected at least 10"),
     ):
         with pytest.raises(ValueError, match=message):
-            plan(pilot, **settings)
+            plan(classes, **settings)
     with pytest.raises(TypeError, match=r"classes must be a result of ph.fit_classes, the pilot"):
-        plan([pilot])
+        plan([classes])
     own = {"spread": pm.LogNormal.dist(-1.0, 0.5, shape=1)}
     with pytest.raises(ValueError, match=r"priors of their own, of \['spread'\]"):
         plan(fit(priors=own, draws=100, chains=1))

@@ -1,10 +1,6 @@
-"""Parts of the measured signals in the log ratio of pooled classes, against closed forms.
-
-Curves are proportional to the modulus, whose prior is normal: all evidences are Gaussian integrals.
-"""
+"""Parts of the signals in the log ratio of classes, against Gaussian integrals over the modulus."""
 
 import itertools
-from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -13,6 +9,7 @@ import pytest
 from problems import AS_WRITTEN
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.parts import shapley
 from pymc_hyperelastic.classes.pooled import ClassPredictive
 
 SEED = 9140
@@ -31,10 +28,7 @@ UNIT[1] = UNIT[1][1:-1]
 
 
 def tubes(specimens, seed):
-    """Data of specimens: the modulus of their pressures, an offset, and the modulus of the force.
-
-    An offset makes pressures those of another modulus, and changes no slope.
-    """
+    """Data of specimens: modulus of the pressures, an offset, and modulus of the force."""
     rng, tables = np.random.default_rng(seed), []
     for name, (mu, offset, mu_of_force) in specimens.items():
         noise = rng.standard_normal((2, RADIUS.size))
@@ -71,14 +65,10 @@ def classify(data, classes, **settings):
 
 def measured(data):
     """Pressures, their central differences, and forces of each test."""
-    tests = []
+    names = "pressure", "radius", "axial_force"
     for test in range(data.sizes["test"]):
-        p, r, f = (
-            data[n].values[data["test"].values == test]
-            for n in ("pressure", "radius", "axial_force")
-        )
-        tests.append((p, (p[2:] - p[:-2]) / (r[2:] - r[:-2]), f))
-    return tests
+        p, r, f = (data[name].values[data["test"].values == test] for name in names)
+        yield p, (p[2:] - p[:-2]) / (r[2:] - r[:-2]), f
 
 
 def log_integral(tests):
@@ -88,46 +78,22 @@ def log_integral(tests):
     for test, signals in tests:
         for name, y, g, w in zip(SIGNALS, test, UNIT, WEIGHTS, strict=True):
             if name in signals:
-                seen = np.isfinite(y)
-                p, b, c = (
-                    p + w * g[seen] @ g[seen],
-                    b + w * g[seen] @ y[seen],
-                    c + w * y[seen] @ y[seen],
-                )
+                g, y = g[np.isfinite(y)], y[np.isfinite(y)]
+                p, b, c = p + w * g @ g, b + w * g @ y, c + w * y @ y
     return (b**2 / p - c - np.log(p)) / 2
 
 
-def evidence(name, new, signals, fitted=SIGNALS):
-    """Log evidence of some signals of a test, by a class that was fitted to `fitted`."""
-    training = [(test, fitted) for test in measured(TRAINING[name])]
-    return log_integral([*training, (new, signals)]) - log_integral(training)
+def evidence(name, test, signals):
+    """Log evidence of some signals of a test under a class."""
+    training = [(known, SIGNALS) for known in measured(TRAINING[name])]
+    return log_integral([*training, (test, signals)]) - log_integral(training)
 
 
-def shapley(log_ratio, signals=SIGNALS):
-    """Mean of what each signal adds to a log ratio, over all orders of the signals."""
-    orders = [*itertools.permutations(signals)]
-    parts = dict.fromkeys(signals, 0.0)
-    for order in orders:
-        for i, name in enumerate(order):
-            parts[name] += (log_ratio(order[: i + 1]) - log_ratio(order[:i])) / len(orders)
-    return np.array([parts[name] for name in signals])
-
-
-def expected_parts(result, new, signals=SIGNALS):
-    """Parts of each specimen, class by class, against the rival that the result names."""
-
-    def log_ratio(own, rival, test, some):
-        return np.subtract(*(evidence(name, test, some, signals) for name in (own, rival)))
-
-    rows = zip(measured(new), result["rival"].values.tolist(), strict=True)
-    names = result["class_label"].values.tolist()
-    return [
-        [
-            shapley(partial(log_ratio, own, rival, test), signals)
-            for own, rival in zip(names, rivals)
-        ]
-        for test, rivals in rows
-    ]
+def expected_parts(own, rival, test):
+    """Shapley values, which test_parts compares with means over all orders of the signals."""
+    used = [list(itertools.compress(SIGNALS, on)) for on in itertools.product((1, 0), repeat=3)]
+    ratios = [evidence(own, test, some) - evidence(rival, test, some) for some in used]
+    return shapley(np.reshape(ratios, (2, 2, 2)))
 
 
 @pytest.fixture(scope="module")
@@ -140,22 +106,17 @@ def result(classes):
     return classify(NEW, classes)
 
 
-def test_three_signals_have_the_parts_of_closed_forms(result):
+def test_signals_have_the_parts_of_closed_forms(result):
     """Each of three classes against its most probable rival; missing forces have no part."""
     assert result["part"].values.tolist() == [*SIGNALS]
-    assert len({tuple(row) for row in result["rival"].values.tolist()}) > 1
+    names, rivals = result["class_label"].values, result["rival"].values
+    assert len({*map(tuple, rivals)}) > 1
     found = result["log_ratio_part"]
-    np.testing.assert_allclose(found, expected_parts(result, NEW), atol=TOLERANCE)
+    for i, test in enumerate(measured(NEW)):
+        expected = [expected_parts(*both, test) for both in zip(names, rivals[i], strict=True)]
+        np.testing.assert_allclose(found[i], expected, atol=TOLERANCE)
     assert np.abs(found).max() > 1
     np.testing.assert_array_equal(found.sel(part="force")[2], 0)
-
-
-def test_two_signals_have_the_parts_of_closed_forms():
-    new, signals = ph.select(NEW, specimen=["N1", "N2"]), SIGNALS[:2]
-    found = classify(new, fit(force_sigma=None), by="test")
-    assert found["part"].values.tolist() == [*signals]
-    expected = expected_parts(found, new, signals)
-    np.testing.assert_allclose(found["log_ratio_part"], expected, atol=TOLERANCE)
 
 
 def test_one_signal_is_never_divided(monkeypatch):

@@ -66,7 +66,7 @@ def test_evidence_posterior_and_misfit_are_those_of_a_grid():
     least = np.sum((pressure - best * unit) ** 2) / (SIGMA**2 / 2)
     np.testing.assert_allclose(draws.misfit, least, atol=0.2)
     np.testing.assert_allclose(draws.freedom, pressure.size - 1, atol=0.15)
-    # With so much noise that the curves hardly determine the parameter: half the variance.
+    # The noise hides the parameter: half the variance of the squares is lost.
     draws = sampler_of(data, sigma=40.0)(data, np.random.default_rng(SEED))
     squares = np.square(pressure - modulus(draws.centre.T) * unit).sum(axis=1) / (40.0**2 / 2)
     lost = squares.var() / 2
@@ -76,19 +76,13 @@ def test_evidence_posterior_and_misfit_are_those_of_a_grid():
 
 
 def test_evidence_of_tests_that_differ_is_the_integral_over_all_that_is_unknown():
-    """Under the reference, and under a class nearby."""
     data = curves({"A": [38.0, 52.0]}, SEED)
     sampler = sampler_of(data, effect=True)
     draws, r = sampler(data, np.random.default_rng(SEED)), sampler.reference
     assert draws.method == "importance" and draws.tests == 2 and draws.pareto_k < 0.5
-    near = -1.7, 0.3, 0.2, 0.5
-    location, spread, within = (np.full(1, x) for x in near[:3])
-    distribution = ClassDistribution(location, spread, np.eye(1), within, near[3])
     given = r.location[0], r.spread[0], r.experiment_spread[0], r.effect_spread
     error = np.hypot(STANDARD_ERRORS * draws.standard_error, QUADRATURE_TOLERANCE)
     assert abs(log_evidence_of(draws, r) - log_evidence_of_specimen(data, *given)) < error < ENOUGH
-    exact = log_evidence_of_specimen(data, *near)
-    assert abs(log_evidence_of(draws, distribution) - exact) < ENOUGH
 
 
 def test_draws_near_a_class_replace_others():
@@ -145,8 +139,8 @@ def test_curvature_is_the_second_derivative_where_curves_fit_exactly():
 
 @pytest.mark.parametrize(
     ("noise", "effect"),
-    [({}, True), ({"sigma": pm.HalfNormal.dist(1.0)}, False), ({"slope_weight": 0.2}, False)],
-    ids=["experiments differ", "unknown noise", "slopes"],
+    [({"slope_weight": 0.2}, True), ({"sigma": pm.HalfNormal.dist(1.0)}, False)],
+    ids=["experiments differ", "unknown noise"],
 )
 def test_sums_of_squares_equal_those_over_all_points(noise, effect):
     """Log likelihood and squares of two tests on one specimen, of draws from near and far."""
@@ -171,13 +165,10 @@ def test_likelihood_of_forces_with_offsets_and_an_uncertain_thickness():
     """An inflation test and an extension test: normal errors, and one offset for each test."""
     rng, offset, thickness_sd = np.random.default_rng(SEED), 30.0, 0.1
     radius, stretch = np.linspace(7.3, 9.0, 5), np.linspace(1.0, 1.3, 5)
-    tests = [{"radius": radius, "stretch": 1.1}, {"radius": 8.0, "stretch": stretch}]
-    frame = pd.concat(
-        [pd.DataFrame(t, index=range(5)).assign(experiment=i) for i, t in enumerate(tests)]
-    )
-    frame = frame.assign(
-        specimen="A", pressure=rng.uniform(1, 9, 10), axial_force=rng.normal(0, 90, 10)
-    )
+    frame = pd.DataFrame({"specimen": "A", "experiment": np.repeat([0, 1], 5)})
+    frame["radius"] = np.r_[radius, np.full(5, 8.0)]
+    frame["stretch"] = np.r_[np.full(5, 1.1), stretch]
+    frame["pressure"], frame["axial_force"] = rng.uniform(1, 9, 10), rng.normal(0, 90, 10)
     given = {"geometry_sd": {"thickness": thickness_sd}, "check": "ignore"}
     data = ph.inflation_data(frame, **TUBE, axial_stretch="stretch", **given)
     noise = {"force_noise_sd": 12.0, "force_offset_sd": offset}
@@ -187,11 +178,10 @@ def test_likelihood_of_forces_with_offsets_and_an_uncertain_thickness():
     mu, outer = modulus(point[0]), 7.0 + 2.0 * np.exp(point[1] * thickness_sd / 2.0)
     tube = {"inner_radius": 7.0, "outer_radius": outer, "mu": mu}
     tube["axial_stretch"] = frame["stretch"].to_numpy()
-    curves_of = (ph.inflation_pressure, ph.axial_force)
-    pressure, force = (
-        f(ph.NeoHookean(), frame["radius"].to_numpy(), **tube).eval(mode=AS_WRITTEN)
-        for f in curves_of
-    )
+    radius = frame["radius"].to_numpy()
+    functions = ph.inflation_pressure, ph.axial_force
+    both = (f(ph.NeoHookean(), radius, **tube).eval(mode=AS_WRITTEN) for f in functions)
+    pressure, force = both
     of_pressure = stats.norm(pressure, SIGMA / np.sqrt(2)).logpdf(frame["pressure"]).sum()
     covariance = 12.0**2 * np.eye(10) + offset**2 * np.kron(np.eye(2), np.ones((5, 5)))
     of_force = stats.multivariate_normal(force, covariance).logpdf(frame["axial_force"])

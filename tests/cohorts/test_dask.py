@@ -27,15 +27,14 @@ PATIENT = {
 }
 
 
-@pytest.fixture(params=[2])
-def cluster(request, monkeypatch):
+@pytest.fixture
+def cluster(monkeypatch):
     monkeypatch.setenv("PYTHONPATH", PYTHONPATH)
-    settings = {"threads_per_worker": 1, "dashboard_address": None, "n_workers": request.param}
+    settings = {"threads_per_worker": 1, "dashboard_address": None, "n_workers": 2}
     with dask.config.set(PATIENT), distributed.LocalCluster(**settings) as found:
         yield found
 
 
-@pytest.mark.parametrize("cluster", [1, 2], indirect=True)
 def test_killed_workers_are_replaced(cluster, data, undisturbed, tmp_path):
     """Two die while they compute a batch; S5 kills every worker, but not its other batches."""
     work = SimulatedWork(kills_once=("S2", "S11"), kills=("S5",), folder=tmp_path)

@@ -1,10 +1,9 @@
 """The command line: from tables to a report, and one message for each mistake."""
 
-import shutil
+import runpy
 import sys
 from pathlib import Path
 
-import fits
 import numpy as np
 import pandas as pd
 import pytest
@@ -18,7 +17,7 @@ MESSY = Path(__file__).parents[1] / "data" / "messy"
 
 @pytest.fixture
 def run(monkeypatch, capsys):
-    """Return a function that runs a command in this process and returns what it printed."""
+    """Return a function that runs a command in this process and returns its output."""
 
     def command(*words):
         monkeypatch.setattr(sys, "argv", ["pymc-hyperelastic", *map(str, words)])
@@ -68,8 +67,6 @@ def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     # Fits use the rows that are marked "train".
     train = ph.select(ph.load_dataset("simulated_sheep_aorta"), group="C1", experiment=[1, 2])
     assert classes["C1"]["observed_data"]["pressure"].size == train.sizes["obs"]
-    (study / "classes-NeoHookean.nc").unlink()
-    shutil.copy(fits.stored("pooled"), study / "classes-Ogden.nc")
     printed = run("classify", table, "--out", study, "--cores", 1, "--quiet")
     found = pd.read_csv(study / "classified.csv")
     assert found["specimen"].tolist() == ["S1", "S2", "S3", "S4", "S5"]
@@ -127,6 +124,13 @@ def test_a_mistake_is_one_message_that_names_it(words, message, run, table, tmp_
         run(*(names.get(word, word) for word in words))
     assert str(ended.value).startswith("error: ")
     assert message in str(ended.value)
+
+
+def test_python_m_runs_the_command(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["pymc-hyperelastic", "--help"])
+    monkeypatch.setattr("warnings.showwarning", None)
+    runpy.run_module("pymc_hyperelastic", run_name="__main__")
+    assert "classify" in capsys.readouterr().out
 
 
 def test_an_unknown_command_is_reported_on_stderr(run, capsys):

@@ -32,30 +32,22 @@ def cell(column: str, row: int, value: object, **arguments):
 BAD_TABLE = {
     # Columns.
     "no radius column": (lambda: renamed(radius="r"), "no column 'radius'; it has .*'r', 'pres"),
-    "several missing": (
-        lambda: renamed(experiment="x", pressure="y"),
-        r"no column 'experiment' and no column 'pressure'.*rename\(columns=",
-    ),
+    "two missing": (lambda: renamed(experiment="x", pressure="y"), "'experiment' and no column"),
     "diameter for radius": (lambda: build(with_diameters()), "'radius'.*measured='outer_diameter'"),
     "column twice": (lambda: renamed(A="pressure"), "more than one column 'pressure'"),
     "no rows": (lambda: build(good_frame().iloc[:0]), "no rows"),
     "measured": (lambda: build(measured="diameter"), "'diameter'.*'radius', 'outer_diameter'"),
     # Labels.
-    "no specimen": (lambda: cell("specimen", 12, None), "row 12: specimen is missing"),
-    "no group": (lambda: cell("group", 13, np.nan), "row 13: group is missing"),
-    "no phase": (lambda: cell("phase", 12, pd.NA), "row 12: phase is missing"),
+    "no specimen": (lambda: cell("specimen", 12, pd.NA), "row 12: specimen is missing"),
     "group changes": (lambda: cell("group", 13, "C2"), f"{S1E2}.* 13: group is 'C2', but 'C1'"),
     # Numbers.
-    "gap": (lambda: cell("radius", 13, np.nan), f"{S1E2}.*, row 13: radius is missing"),
-    "no pressure": (lambda: cell("pressure", 12, pd.NA), f"{S1E2}.*, row 12: pressure is missing"),
+    "gap": (lambda: cell("radius", 13, pd.NA), f"{S1E2}.*, row 13: radius is missing"),
     "minus infinity": (lambda: cell("pressure", 12, -np.inf), "row 12: pressure is -inf"),
     "decimal comma": (lambda: cell("pressure", 12, "12,5"), "'12,5', not a number.*decimal points"),
-    "unit in a cell": (lambda: cell("radius", 10, "7.2 mm"), f"{S1E1}.*, row 10.*'7.2 mm', not a"),
     "truth value": (lambda: cell("radius", 10, True), "row 10: radius is True, not a number"),
     "date": (lambda: cell("pressure", 10, pd.Timestamp(0)), "row 10: pressure is Timestamp.*not a"),
     "beyond floats": (lambda: cell("pressure", 12, 10**400), "row 12: pressure is 1000*, not a"),
     "zero radius": (lambda: cell("radius", 13, 0.0), f"{S1E2}.*, row 13: radius is 0 mm.*positive"),
-    "text in force": (lambda: cell("axial_force", 12, "3 mN"), f"{S1E2}.*'3 mN', not a number"),
     "infinite force": (lambda: cell("axial_force", 12, np.inf), "axial_force is inf.*finite"),
     "negative diameter": (lambda: diameters(2, -20.4), f"{S1E2}, row 12: .*-20.4 mm.*positive"),
     # The wall alone fills a diameter of 2 (9² − 7²)^½ = 11.314 mm.
@@ -63,29 +55,19 @@ BAD_TABLE = {
     # The tube.
     "no inner radius": (lambda: build(inner_radius=0), f"{S1E1}: inner_radius is 0 mm.*positive"),
     "nan for a number": (lambda: build(inner_radius=np.nan), "inner_radius is nan.*give None"),
-    "no wall": (lambda: build(outer_radius=7.0), "outer_radius is 7 mm.*more than inner_radius"),
     "inside out in one test": (
         lambda: build(good_frame().assign(B=[9.0, 9.0, 6.0, 6.0, 9.0, 9.0]), outer_radius="B"),
         f"{S1E2}: outer_radius is 6 mm.*more than inner_radius.*exchanged",
     ),
     "no stretch": (lambda: build(axial_stretch=0.0), "axial_stretch is 0;.*positive"),
     "degrees": (lambda: build(opening_angle="angle", **SECTOR), '60 rad.*angle_unit="deg"'),
-    "full turn": (lambda: build(opening_angle=-2 * np.pi, **SECTOR), "opening_angle is -6.28319"),
     "no such column": (lambda: build(inner_radius="a0"), "='a0'.*no such column.*'A', 'B'"),
     "gap in a column": (lambda: cell("A", 13, None, inner_radius="A"), "row 13: A is missing"),
-    "radius changes": (
-        lambda: cell("A", 13, 7.5, inner_radius="A"),
-        f"{S1E2}.*, row 13: inner_radius is 7.5, but 7.0.*experiment label",
-    ),
+    "radius changes": (lambda: cell("A", 13, 7.5, inner_radius="A"), "row 13: .* 7.5, but 7.0"),
     "no such error": (lambda: build(geometry_sd={"weight": 1.0}), "'weight'; expected some of"),
     "negative error": (lambda: build(geometry_sd={"thickness": -1.0}), f"{S1E1}: .*is -1; exp"),
     # Units.
     "radius in kPa": (lambda: build(radius_unit="kPa"), "radius_unit='kPa' does not measure le"),
-    "angle in mm": (lambda: build(angle_unit="mm"), "angle_unit='mm' does not measure angle"),
-    "force in kPa": (
-        lambda: build(good_frame().assign(axial_force=1.0), force_unit="kPa"),
-        "force_unit='kPa' does not measure force",
-    ),
 }  # fmt: skip
 
 
@@ -95,53 +77,34 @@ def test_bad_table_is_refused_with_place_and_value(call, message):
         call()
 
 
-WRONG_TYPE = {
-    "list for a frame": (lambda: build([1, 2]), "pandas DataFrame, not list"),
-    "truth for a number": (lambda: build(axial_stretch=True), "axial_stretch is True.*a number"),
-    "number for errors": (lambda: build(geometry_sd=0.1), "geometry_sd must be a dict.*not float"),
-    "frame for data": (lambda: check_inflation_data(good_frame()), r"inflation_data\(frame"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("call, message", WRONG_TYPE.values(), ids=WRONG_TYPE)
-def test_other_types_are_refused(call, message):
-    with pytest.raises(TypeError, match=message):
-        call()
+def test_other_types_are_refused():
+    for call, message in (
+        (lambda: build([1, 2]), "pandas DataFrame, not list"),
+        (lambda: build(axial_stretch=True), "axial_stretch is True.*a number"),
+        (lambda: build(geometry_sd=0.1), "geometry_sd must be a dict.*not float"),
+        (lambda: check_inflation_data(good_frame()), r"inflation_data\(frame"),
+    ):
+        with pytest.raises(TypeError, match=message):
+            call()
 
 
 NAN = np.nan
 IN_MMHG = build()["pressure"].assign_attrs(units="mmHg")
-PARTLY_KNOWN = {
-    "inner_radius": ("test", [7.0, 7.0, NAN]),
-    "radius": ("obs", [8.2, 9.3, NAN, 9.5, NAN, NAN]),
-}
 # A Dataset that was changed by hand, and a regular expression of its ValueError.
 BAD_DATASET = {
     "variable dropped": (build().drop_vars("opening_angle"), "lack 'opening_angle'.*'test'"),
-    "other dimension": (
-        build().assign(inner_radius=("obs", [7.0] * 6)),
-        r"'inner_radius' has dimensions \('obs',\); expected \('test',\)",
-    ),
+    "dimension": (build().assign(inner_radius=("obs", [7.0] * 6)), "'inner_radius' has dimensions"),
     "other unit": (build().assign(pressure=IN_MMHG), "'pressure' is in 'mmHg'; expected 'kPa'"),
     "text": (with_values("radius", ["7"] * 6), "'radius' must hold numbers, not <U"),
     "nan": (with_values("pressure", [1, 2, 3, NAN, 5, 6]), f"{S1E2}, row 13: pressure is nan kPa"),
-    "no rows named": (
-        with_values("pressure", [1, 2, NAN, 4, 5, 6]).drop_vars("row"),
-        f"{S1E2}, point 2: pressure is nan kPa; expected a finite",
-    ),
     "radius unknown": (with_values("radius", [7, 8, NAN, 8, 7, 8]), "row 12: radius is nan mm"),
     "scattered": (with_values("test", [0, 0, 1, 2, 1, 2]), f"{S1E2}, row 14: .*stand together"),
     "empty test": (with_values("test", [0, 0, 0, 0, 2, 2]), rf"{S1E2} has no points.*select\(\)"),
-    "fourth test": (with_values("test", [0, 0, 1, 1, 2, 3]), "from 0 to 3, but there are 3 tests"),
     "test -1": (with_values("test", [-1, 0, 1, 1, 2, 2]), "from -1 to 2"),
     "no points": (build().isel(obs=slice(0, 0)), "no points"),
     "negative error": (
         build(geometry_sd={"wall_area": 0.0}).assign(wall_area_sd=("test", [0.0, -1e-9, 0.0])),
         f"{S1E2}: wall_area_sd is -1e-09 mm2; expected a standard deviation",
-    ),
-    "no room for a wall that is known, beside one that is not": (
-        by_diameter().assign(PARTLY_KNOWN),
-        f"{S1E2}, row 12: .*in which the wall has room",
     ),
 }  # fmt: skip
 

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 from pymc_hyperelastic.data.datasets import list_datasets, load_dataset
-from pymc_hyperelastic.data.inflation import check_inflation_data, points_of
+from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.units import mmHg
 
@@ -28,21 +28,14 @@ OUTER_DIAMETER = {
 }
 WALL_AREA = {"control": 58530.0, "hypertensive": 87048.1}
 
-# Inner radii (µm) at 0, 25 and 50 mmHg, derived elsewhere and given to three decimals.
-INNER_RADIUS = {
-    "control": [227.377, 522.62, 577.437],
-    "hypertensive": [201.808, 358.489, 412.425],
-}
-THREE_DECIMALS = 5.1e-4  # half a unit of the last decimal, and a rounding
-
 ROUNDING = 1e-14  # a few operations
 WALL_AREA_ROUNDING = 1e-12  # a difference of squares that are up to 20 times as large
 # Units of the last decimals of the file: another mathematical library may round the other way.
 LAST_DECIMAL = {"radius_mm": 1.01e-3, "pressure_mmHg": 0.101}
 
 
-def csv(name: str) -> pd.DataFrame:
-    return pd.read_csv(str(files("pymc_hyperelastic.data.datasets") / f"{name}.csv"), comment="#")
+GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
+SHIPPED = files("pymc_hyperelastic.data.datasets") / "simulated_sheep_aorta.csv"
 
 
 def test_unknown_dataset_is_refused_with_the_known_names():
@@ -59,8 +52,6 @@ def test_shipped_data_are_sound_and_survive_a_file(name, tmp_path):
     simulated = name.startswith("simulated")
     assert data.attrs["simulated"] == simulated
     assert all(text and text.startswith("SIMULATED") == simulated for text in texts)
-    for i in range(data.sizes["test"]):
-        assert np.all(np.diff(data["radius"].values[points_of(data, i)]) > 0)
     data.to_netcdf(tmp_path / "data.nc", engine="h5netcdf")
     loaded = xr.load_dataset(tmp_path / "data.nc", engine="h5netcdf")
     xr.testing.assert_identical(loaded, data)
@@ -68,7 +59,9 @@ def test_shipped_data_are_sound_and_survive_a_file(name, tmp_path):
 
 def test_script_reproduces_the_numbers_of_the_file():
     written = pd.read_csv(io.StringIO(simulate_sheep_aorta.csv_text()), comment="#")
-    shipped = csv("simulated_sheep_aorta")
+    shipped = pd.read_csv(str(SHIPPED), comment="#")
+    data = load_dataset("simulated_sheep_aorta")
+    np.testing.assert_allclose(data["pressure"], shipped["pressure_mmHg"] * mmHg, rtol=ROUNDING)
     for name in shipped.columns:
         if name in LAST_DECIMAL:
             np.testing.assert_allclose(shipped[name], written[name], atol=LAST_DECIMAL[name])
@@ -83,28 +76,17 @@ def test_simulated_study_has_five_specimens_of_three_experiments_of_20_points():
         chosen = select(data, group=group)
         assert chosen["specimen"].values.tolist() == list(np.repeat(specimens, 3))
         assert chosen["experiment"].values.tolist() == [1, 2, 3] * len(specimens)
-    readings = csv("simulated_sheep_aorta")["pressure_mmHg"]
-    np.testing.assert_allclose(data["pressure"], readings * mmHg, rtol=ROUNDING)
 
 
 @pytest.mark.parametrize("group", ["control", "hypertensive"])
-def test_murine_file_holds_the_published_numbers(group):
-    frame = csv("murine_pulmonary_artery").query("group == @group")
-    assert frame["pressure_mmHg"].tolist() == list(range(0, 55, 5))
-    assert frame["outer_diameter_um"].tolist() == OUTER_DIAMETER[group]
-    assert frame["wall_area_um2"].unique().tolist() == [WALL_AREA[group]]
-
-
-@pytest.mark.parametrize("group", ["control", "hypertensive"])
-def test_murine_reference_is_the_tube_at_no_pressure_and_the_wall_keeps_its_area(group):
+def test_murine_data_are_the_published_numbers_of_a_wall_that_keeps_its_area(group):
     data = select(load_dataset("murine_pulmonary_artery"), group=group)
-    radius, inner, outer = (
-        data[name].values for name in ("radius", "inner_radius", "outer_radius")
-    )
-    np.testing.assert_allclose(radius[[0, 5, 10]] * 1e3, INNER_RADIUS[group], atol=THREE_DECIMALS)
-    np.testing.assert_allclose(radius[0], inner[0], rtol=ROUNDING)
-    np.testing.assert_allclose(outer, OUTER_DIAMETER[group][0] / 2000, rtol=ROUNDING)
-    area = np.pi * ((np.array(OUTER_DIAMETER[group]) / 2) ** 2 - (radius * 1e3) ** 2)
+    readings = np.arange(0, 55, 5) * mmHg
+    np.testing.assert_allclose(data["pressure"], readings, rtol=ROUNDING)
+    radius, diameter = data["radius"].values * 1e3, np.array(OUTER_DIAMETER[group])
+    area = np.pi * ((diameter / 2) ** 2 - radius**2)
     np.testing.assert_allclose(area, WALL_AREA[group], rtol=WALL_AREA_ROUNDING)
-    assert data["axial_stretch"].item() == 1.0
-    assert data["opening_angle"].item() == 0.0
+    # The tube without load is that of the first reading.
+    tube = [data[name].item() for name in GEOMETRY]
+    expected = [radius[0] / 1e3, diameter[0] / 2000, 1.0, 0.0]
+    np.testing.assert_allclose(tube, expected, rtol=ROUNDING)

@@ -5,11 +5,7 @@ import pytest
 from scipy.optimize import brentq
 from tables import build, good_frame
 
-from pymc_hyperelastic.mechanics.tube import (
-    current_radius,
-    opened_sector,
-    opening_factor,
-)
+from pymc_hyperelastic.mechanics.tube import current_radius, opened_sector, opening_factor
 
 ROUNDING = 1e-12
 # Relative error of the middle line of a ring: at most a sixth of (thickness/radius)².
@@ -21,19 +17,18 @@ OPENED = {"inner_radius": 8.6, "outer_radius": 10.6, "radii_of": "sector"}
 WHOLE = {"opening_angle": 60.0, "opening_angle_convention": "whole", "angle_unit": "deg"}
 FUNG = {"opening_angle": 30.0, "opening_angle_convention": "fung", "angle_unit": "deg"}
 AREA = np.pi * (9.0**2 - 7.0**2)
+MICROMETRES = {"radius_unit": "um", "inner_radius": None, "outer_radius": 9e3}
+MICROMETRES["wall_area"] = AREA * 1e6
 STATED = {
     "sector, whole": OPENED | WHOLE,
     "sector, Fung": OPENED | FUNG,
-    "sector by thickness": OPENED | WHOLE | {"inner_radius": None, "thickness": 2.0},
     "sector by area": OPENED | FUNG | {"outer_radius": None, "wall_area": AREA},
     "ring, whole": RING | WHOLE,
     "ring, Fung": RING | FUNG,
     "ring by thickness": RING | FUNG | {"outer_radius": None, "thickness": 2.0},
     "ring by area": RING | FUNG | {"inner_radius": None, "wall_area": AREA},
     "ring by volume": RING | WHOLE | {"outer_radius": None, "wall_volume": 5 * AREA, "length": 5.0},
-    "micrometres": RING
-    | FUNG
-    | {"inner_radius": None, "outer_radius": 9e3, "wall_area": AREA * 1e6, "radius_unit": "um"},
+    "micrometres": RING | FUNG | MICROMETRES,
 }
 
 
@@ -61,9 +56,7 @@ def test_columns_may_state_a_ring_of_each_test():
     assert data["inner_radius"].values[1] == 7.0 and data["outer_radius"].values[1] == 9.0
 
 
-@pytest.mark.parametrize(
-    ("thickness", "angle"), [(0.1, -60.0), (0.2, 60.0), (0.35, 140.0), (0.5, 200.0)]
-)
+@pytest.mark.parametrize(("thickness", "angle"), [(0.1, -60.0), (0.5, 200.0)])
 def test_neo_hookean_sector_closes_to_the_ring_within_second_order_of_thickness(thickness, angle):
     tube = {"opening_angle": np.deg2rad(angle)}
     ring = np.array([1 - thickness / 2, 1 + thickness / 2])
@@ -79,15 +72,6 @@ def test_neo_hookean_sector_closes_to_the_ring_within_second_order_of_thickness(
     assert abs(closed - ring[0]) < MIDDLE_LINE * thickness**2 * abs(angle) / 200
 
 
-def test_fung_angle_is_half_of_the_missing_angle():
-    """It is seen from the middle of the inner side of the sector between its ends."""
-    missing, radius = np.deg2rad(140.0), 3.0
-    ends = radius * np.exp(1j * np.array([-1, 1]) * (np.pi - missing / 2))
-    fung = abs(np.angle((ends - radius)[0] / (ends - radius)[1]))
-    data = build(**OPENED | {"opening_angle": fung, "opening_angle_convention": "fung"})
-    np.testing.assert_allclose(data["opening_angle"], missing, rtol=ROUNDING)
-
-
 S1E1 = "specimen 'S1', experiment 1: "
 NO_INNER, NO_OUTER = {"inner_radius": None}, {"outer_radius": None}
 # Arguments, and a regular expression of the ValueError.
@@ -95,30 +79,18 @@ NO_TUBE = {
     "no convention": ({"opening_angle": 1.0}, f'{S1E1}.*is 1 rad.*="whole".*"fung".*radii_of='),
     "no reference": (FUNG | {"opening_angle": 1.0}, f'{S1E1}.*radii_of="ring".*"sector"'),
     "convention": (FUNG | {"opening_angle_convention": "half"}, "'half'.*'whole', 'fung'"),
-    "reference": (FUNG | {"radii_of": "tube"}, "'tube'.*'sector', 'ring'"),
     "ring of unknown angle": (RING | {"opening_angle": None}, f"{S1E1}.*without its opening_angle"),
     "half a ring": (RING | FUNG | NO_INNER, f"{S1E1}.*one radius is not known"),
     "ring without a wall": (RING | FUNG | {"outer_radius": 7.0}, f"{S1E1}outer_radius of .* 7 mm"),
     "ring of no radius": (RING | FUNG | {"inner_radius": 0.0}, f"{S1E1}inner_radius is 0 mm"),
-    "a full turn": (
-        RING | FUNG | {"opening_angle": 180.0},
-        f'{S1E1}.*6.28319 rad as a whole.*angle_unit="deg"',
-    ),
+    "a full turn": (RING | FUNG | {"opening_angle": 180.0}, f"{S1E1}.*6.28319 rad as a whole"),
     "bent back": (RING | WHOLE | {"opening_angle": -350.0, "inner_radius": 0.5}, "inside out"),
     "two of the wall": ({"thickness": 2.0, "wall_area": 9.0}, "thickness, wall_area are given"),
     "no length": ({"wall_volume": 2.0}, "wall_volume is given; .*with length"),
-    "both radii and a wall": ({"thickness": 2.0}, "thickness is given with both"),
-    "no thickness": ({"thickness": 0.0} | NO_INNER, f"{S1E1}thickness is 0; .*positive"),
     "too much wall": ({"wall_area": 300.0} | NO_INNER, f"{S1E1}.*300 mm² does not fit"),
     "too thick": ({"thickness": 9.5} | NO_INNER, f"{S1E1}inner_radius is -0.5 mm"),
-    "sector of unknown angle": (
-        {"wall_area": 30.0, "opening_angle": None} | NO_OUTER,
-        f"{S1E1}opening_angle is not known.*wall_area",
-    ),
-    "error of a ring": (
-        RING | FUNG | {"geometry_sd": {"outer_radius": 0.1}},
-        "'outer_radius'.*radii are those of the ring",
-    ),
+    "unknown angle": ({"wall_area": 30.0, "opening_angle": None} | NO_OUTER, "angle is not known"),
+    "error of a ring": (RING | FUNG | {"geometry_sd": {"outer_radius": 0.1}}, "those of the ring"),
     "error of any angle": ({"geometry_sd": {"opening_angle": 0.1}}, "error of the opening angle"),
 }  # fmt: skip
 

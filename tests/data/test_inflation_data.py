@@ -16,7 +16,6 @@ from pymc_hyperelastic.data.inflation import (
     at_points,
     check_inflation_data,
     describe_test,
-    held_stretches,
     measured_radius,
     points_of,
 )
@@ -28,19 +27,13 @@ GEOMETRY_NAMES = ("inner_radius", "outer_radius", "axial_stretch", "opening_angl
 SCATTERED = [14, 10, 12, 11, 15, 13]
 
 
-def saved_and_loaded(data: xr.Dataset, folder) -> xr.Dataset:
-    data.to_netcdf(folder / "data.nc", engine="h5netcdf")
-    return xr.load_dataset(folder / "data.nc", engine="h5netcdf")
-
-
 def test_dataset_has_the_documented_variables_units_and_labels():
     data = build(pressure_unit="mmHg")
     assert dict(data.sizes) == {"obs": 6, "test": 3}
     assert set(data.data_vars) == set(VARIABLES)
     assert set(data.coords) == set(COORDINATES)
-    for name, (dimension, units, long_name) in {**VARIABLES, **COORDINATES}.items():
-        assert data[name].dims == (dimension,)
-        assert data[name].attrs == {"units": units, "long_name": long_name}
+    for name, expected in {**VARIABLES, **COORDINATES}.items():
+        assert [data[name].dims[0], *data[name].attrs.values()] == [*expected]
     assert data["specimen"].values.tolist() == ["S1", "S1", "S2"]
     assert data["experiment"].values.tolist() == [1, 2, 1]
     assert data["group"].values.tolist() == ["C1", "C1", "C2"]
@@ -72,9 +65,7 @@ def test_points_of_scattered_rows_are_gathered_with_all_that_was_measured_at_the
     forces = np.array([np.nan, 6.0, 1.0, np.nan, 3.0, 4.5]) / 1000
     np.testing.assert_allclose(data["axial_force"], forces, rtol=ROUNDING)
     for name in ("outer_diameter", "axial_force"):
-        dimension, unit, long_name = OPTIONAL[name]
-        assert data[name].dims == (dimension,)
-        assert data[name].attrs == {"units": unit, "long_name": long_name}
+        assert [data[name].dims[0], *data[name].attrs.values()] == [*OPTIONAL[name]]
 
 
 def test_integer_labels_of_experiments_stay_integers_and_specimens_become_text():
@@ -90,10 +81,9 @@ def test_integer_labels_of_experiments_stay_integers_and_specimens_become_text()
     assert data["experiment"].values.tolist() == ["low", "high", "low"]
     assert data["row"].values.tolist() == list("abcdef")
     # A file holds integers of 64 bits.
-    for label in (-(2**63), 2**63 - 1):
-        assert build(curve(experiment=label))["experiment"].dtype.kind == "i"
-    for label in (2**63, -(2**63) - 1, True, 1.5):
-        assert build(curve(experiment=label))["experiment"].dtype.kind == "U"
+    labels = {-(2**63): "i", 2**63 - 1: "i", 2**63: "U", -(2**63) - 1: "U", True: "U", 1.5: "U"}
+    for label, kind in labels.items():
+        assert build(curve(experiment=label))["experiment"].dtype.kind == kind
 
 
 def test_internal_radius_leaves_the_wall_its_volume_under_a_measured_outer_diameter():
@@ -113,14 +103,12 @@ def test_internal_radius_leaves_the_wall_its_volume_under_a_measured_outer_diame
 
 
 @pytest.mark.parametrize("name", GEOMETRY_NAMES)
-def test_unknown_geometry_is_nan_and_so_are_the_radii_that_depend_on_it(name, tmp_path):
+def test_unknown_geometry_is_nan_and_so_are_the_radii_that_depend_on_it(name):
     data = by_diameter(with_diameters(axial_force=FORCES), **{name: None})
     check_inflation_data(data)
     assert np.isnan(data[name]).all() and np.isnan(data["radius"]).all()
-    assert np.isfinite(data["outer_diameter"]).all()
-    others = [other for other in GEOMETRY_NAMES if other != name]
+    others = ["outer_diameter", *(other for other in GEOMETRY_NAMES if other != name)]
     assert all(np.isfinite(data[other]).all() for other in others)
-    xr.testing.assert_identical(saved_and_loaded(data, tmp_path), data)
     radius = build(**{name: None})
     check_inflation_data(radius)
     np.testing.assert_array_equal(radius["radius"], good_frame()["radius"])
@@ -141,58 +129,40 @@ def test_errors_of_the_tube_are_converted_as_the_tube_is():
     }.items():
         np.testing.assert_allclose(data[name], expected, rtol=ROUNDING)
         assert data[name].attrs["units"] == OPTIONAL[name][1]
-    data = build(opening_angle=0.5, **SECTOR, geometry_sd={"opening_angle": 0.1, "inner_radius": 0})
+    data = build(opening_angle=0.5, **SECTOR, geometry_sd={"opening_angle": 0.1})
     assert data["opening_angle_sd"].values.tolist() == [0.1] * 3
-    assert data["inner_radius_sd"].values.tolist() == [0.0] * 3
 
 
-def test_a_test_has_a_name_a_slice_of_points_and_a_held_stretch():
+def test_values_of_tests_are_repeated_at_their_points():
     frame = good_frame().assign(A=[7.0, 7.0, 6.5, 6.5, 7.1, 7.1])
-    data = build(frame, axial_stretch=1.2, inner_radius="A")
-    assert describe_test(data, 2) == "specimen 'S2', experiment 1"
-    assert [points_of(data, i) for i in range(3)] == [slice(0, 2), slice(2, 4), slice(4, 6)]
+    data = build(frame, inner_radius="A")
+    assert at_points(data, "inner_radius").tolist() == frame["A"].tolist()
+    assert points_of(data, 1) == slice(2, 4)
     with pytest.raises(IndexError, match="no test 3"):
         points_of(data, 3)
-    assert held_stretches(data).tolist() == [1.2] * 3
-    assert at_points(data, "inner_radius").tolist() == frame["A"].tolist()
 
-
-# --- odd, but right ------------------------------------------------------------------------------
 
 RADIUS, PRESSURE = curve()["radius"].to_numpy(), curve()["pressure"].to_numpy()
-MICROMETRES = {"inner_radius": 7e3, "outer_radius": 9e3, "radius_unit": "um"}
-# The same curve in another form, with the arguments that it needs.
 SAME_CURVE = {
-    "numbers as text": (curve().astype({"pressure": str}), {}),
-    "exponents as text": (curve(pressure=[f"{p:e}" for p in PRESSURE]), {}),
-    "decimals": (curve(pressure=[decimal.Decimal(str(p)) for p in PRESSURE]), {}),
-    "single precision": (curve(radius=RADIUS.astype(np.float32)), {}),
-    "nullable": (curve().astype({"pressure": "Float64"}), {}),
-    "other columns": (curve(note=None, **{"pressure (mmHg)": "x"}), {}),
-    "micrometres": (curve(radius=RADIUS * 1e3), MICROMETRES),
-}  # fmt: skip
+    "exponents as text": curve(pressure=[f"{p:e}" for p in PRESSURE]),
+    "decimals": curve(pressure=[decimal.Decimal(str(p)) for p in PRESSURE]),
+    "single precision": curve(radius=RADIUS.astype(np.float32)),
+    "nullable": curve().astype({"pressure": "Float64"}),
+}
 
 
 @pytest.mark.parametrize("form", SAME_CURVE)
 def test_numbers_do_not_depend_on_the_form_of_the_table(form):
-    frame, arguments = SAME_CURVE[form]
-    data, expected = build(frame, **arguments), build(curve())
+    data, expected = build(SAME_CURVE[form]), build(curve())
     for name in VARIABLES:
         np.testing.assert_allclose(data[name], expected[name], rtol=SINGLE, err_msg=name)
     assert describe_test(data, 0) == "specimen 'S1', experiment 1"
 
 
-def indexed(index) -> pd.DataFrame:
-    return curve().set_index(pd.Index(index))
-
-
 ODD = {
     "huge specimen": curve(specimen=10**30),
-    "huge row labels": indexed(pd.Index([2**70 + i for i in range(9)], dtype=object)),
+    "huge row labels": curve().set_index(pd.Index([2**70 + i for i in range(9)], dtype=object)),
     "labels of both kinds": pd.concat([curve(), curve(experiment="b")], ignore_index=True),
-    "dates as rows": indexed(pd.date_range("2024-05-01", periods=9, freq="s")),
-    "radius read twice": curve(radius=RADIUS.round(0) + 0.4),
-    "held pressure": curve(pressure=13.0),
     "forces with gaps": curve(axial_force=[1.0, None, np.nan, 4, 5, 6, 7, 8, "9"]),
 }  # fmt: skip
 
@@ -206,6 +176,7 @@ def test_odd_but_right_tables_are_taken_without_a_warning_and_survive_a_file(for
     assert data.sizes["obs"] == len(ODD[form])
     np.testing.assert_array_equal(data["pressure"], ODD[form]["pressure"])
     np.testing.assert_array_equal(data["radius"], ODD[form]["radius"])
-    loaded = saved_and_loaded(data, tmp_path)
+    data.to_netcdf(tmp_path / "data.nc", engine="h5netcdf")
+    loaded = xr.load_dataset(tmp_path / "data.nc", engine="h5netcdf")
     check_inflation_data(loaded)
     xr.testing.assert_identical(loaded, data)

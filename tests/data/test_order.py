@@ -8,7 +8,6 @@ from tables import build, curve
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
-from pymc_hyperelastic.models.observation.slopes import measured_slopes
 
 RADIUS = np.linspace(7.2, 9.4, 12)
 PRESSURE = np.exp(RADIUS - 7.0)  # kPa
@@ -25,29 +24,20 @@ def cycle(hysteresis=1.0) -> pd.DataFrame:
     return pd.concat([loading(phase="loading"), back.assign(phase="unloading")], ignore_index=True)
 
 
-def shuffled(frame: pd.DataFrame, seed: int) -> pd.DataFrame:
-    return frame.sample(frac=1, random_state=seed)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_shuffled_rows_are_sorted_with_a_warning(seed):
-    with pytest.warns(UserWarning, match=rf"{S1E1}, row \d+: radius turns.*sorted"):
-        data = build(shuffled(loading(), seed))
-    xr.testing.assert_identical(data, build(loading()))
-
-
-def test_warning_names_the_row_where_the_curve_turns_first():
-    frame = loading(RADIUS[:6], PRESSURE[:6]).loc[[1, 2, 4, 0, 5, 3]]
-    with pytest.warns(UserWarning, match=rf"{S1E1}, row 0: radius turns"):
-        build(frame)
+def test_shuffled_rows_are_sorted_with_a_warning_that_names_where_the_curve_turns_first():
+    frame = loading(RADIUS[:6], PRESSURE[:6])
+    with pytest.warns(UserWarning, match=rf"{S1E1}, row 0: radius turns.*sorted"):
+        data = build(frame.loc[[1, 2, 4, 0, 5, 3]])
+    xr.testing.assert_identical(data, build(frame))
 
 
 def test_each_test_is_sorted_by_itself():
     tests = [loading(experiment=i, axial_force=PRESSURE * i) for i in (1, 2, 3)]
     with pytest.warns(UserWarning, match="and so are 2 others"):
-        data = build(shuffled(pd.concat(tests, ignore_index=True), 1))
+        data = build(pd.concat(tests, ignore_index=True).sample(frac=1, random_state=1))
     with pytest.warns(UserWarning, match="outer_diameter turns back"):
-        build(shuffled(loading(outer_diameter=3 * RADIUS), 2), measured="outer_diameter")
+        frame = loading(outer_diameter=3 * RADIUS).sample(frac=1, random_state=2)
+        build(frame, measured="outer_diameter")
     for i in range(3):
         own = data.isel(obs=data["test"] == i)
         np.testing.assert_array_equal(own["radius"], RADIUS)
@@ -93,23 +83,14 @@ def test_loading_and_unloading_in_one_test_are_refused(frame):
         build(frame)
 
 
-def test_phases_are_tests_of_their_own(tmp_path):
-    with pytest.raises(ValueError, match=rf"{S1E1}, row 12: radius turns back here, as if"):
-        build(cycle().drop(columns="phase"))
-    data = build(cycle().assign(cycle=3))
-    data.to_netcdf(tmp_path / "data.nc", engine="h5netcdf")
-    loaded = xr.load_dataset(tmp_path / "data.nc", engine="h5netcdf")
-    check_inflation_data(loaded)
-    xr.testing.assert_identical(loaded, data)
+def test_phases_are_tests_of_their_own():
     data = build(cycle())
+    check_inflation_data(data)
     assert data["phase"].values.tolist() == ["loading", "unloading"]
     assert describe_test(data, 1) == f"{S1E1}, phase 'unloading'"
     up = ph.select(data, phase="loading")
     xr.testing.assert_identical(up.drop_vars("phase"), build(loading()))
     assert ph.select(data, phase="unloading")["row"].values.tolist() == list(range(12, 23))
-    np.testing.assert_array_equal(measured_slopes(up), measured_slopes(build(loading())))
-    with pytest.raises(ValueError, match=r"no phase 'rest'.*'loading', 'unloading'"):
-        ph.select(data, phase="rest")
 
 
 def test_last_cycle_of_each_experiment_is_taken():
@@ -125,8 +106,6 @@ def test_last_cycle_of_each_experiment_is_taken():
     xr.testing.assert_equal(ph.select(whole, cycle=10), ph.select(data, cycle=10))
     named = frame.assign(cycle=frame["cycle"].map({1: "pre", 2: "more", 10: "last"}))
     assert set(build(named)["cycle"].values) == {"last", "pre"}
-    with pytest.raises(ValueError, match="cycles is 'first'"):
-        build(frame, cycles="first")
 
 
 @pytest.mark.parametrize("force", [{}, {"axial_force": np.nan}, {"axial_force": 1.0}])

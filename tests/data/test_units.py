@@ -13,10 +13,9 @@ ROUNDING = 1e-14
     ("value", "unit", "quantity", "expected"),
     [
         (100.0, "mmHg", "pressure", 13.3322387415),
+        (1.0, "mmHg", "pressure", mmHg),
         (0.002, "MPa", "pressure", 2.0),
         (227.377, "µm", "length", 0.227377),
-        (1.0, "inch", "length", 25.4),
-        (2.5, "N", "force", 2500.0),
         (1.0, "gram_force", "force", 9.80665),
         (90.0, "deg", "angle", np.pi / 2),
     ],
@@ -31,20 +30,14 @@ def test_values_in_internal_units_keep_every_bit_and_their_shape():
         np.testing.assert_array_equal(to_internal(values, unit, quantity), values)
 
 
-def test_public_mmhg_is_that_of_the_registry():
-    np.testing.assert_allclose(to_internal(1.0, "mmHg", "pressure"), mmHg, rtol=ROUNDING)
-
-
 @pytest.mark.parametrize(
     ("unit", "quantity", "complaint"),
     [
         ("mmhg", "pressure", "not a known unit"),
         ("5 kPa", "pressure", "not a known unit"),
-        (None, "length", "not a known unit"),
         ("mm**2", "length", "does not measure length"),
-        # To pint these two have the dimension of an angle: none.
+        # To pint it has the dimension of an angle: none.
         ("percent", "angle", "does not measure angle"),
-        ("", "angle", "does not measure angle"),
     ],
 )
 def test_wrong_units_are_refused_with_keyword_and_examples(unit, quantity, complaint):

@@ -1,18 +1,17 @@
-"""A table of models that have nothing to do with tubes, with evidences that are known otherwise.
+"""A table of models that have nothing to do with tubes, with their exact evidences.
 
-Each is an ordinary PyMC model under proper priors. Its evidence comes from a closed form, a sum or
-a quadrature over what no formula integrates, in NumPy and SciPy alone; test_evidences.py confirms
-each one a second time from PyMC's own density. Scales, weights and data are unequal on purpose:
-what holds for a standard normal density only is not worth holding.
+Each is an ordinary PyMC model under proper priors. Its evidence is a closed form, a sum or a
+quadrature in NumPy and SciPy alone; a comment says which, and cites the model's source. Scales,
+weights and data are unequal on purpose: no evidence is right for a standard normal density only.
 
-An evidence is the density of the observed data with all its constants; where a model has a
-`pm.Potential`, of which the source speaks, it is the prior's mean of that potential's exponential.
+An evidence is the density of the observed data with all its constants; if the model has a
+`pm.Potential`, it is the prior mean of the exponential of that potential.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise, product
-from typing import Literal
 
 import numpy as np
 import pymc as pm
@@ -33,10 +32,13 @@ class Problem:
 
     name: str
     unknowns: int  # scalars on the unconstrained scale
-    model: Callable[[], pm.Model]
+    variables: Callable[[], None]  # adds the variables to the model in context
     log_evidence: Callable[[], float]
-    source: str  # how the value is had, and where the model is from
-    modes: Literal["one", "several"] = "one"
+
+    def model(self) -> pm.Model:
+        with pm.Model() as model:
+            self.variables()
+        return model
 
 
 # --- integrals -----------------------------------------------------------------------------------
@@ -102,47 +104,25 @@ def regression_data(coefficients, rows, noise, seed):
     return columns, scale, y
 
 
-def regression(coefficients, rows, noise, seed):
-    """Regression with known noise."""
+def regression(name, coefficients, rows, noise, seed, *, known_noise=False):
+    """Regression with known or unknown noise; small noise is far below that of the prior."""
     columns, scale, y = regression_data(coefficients, rows, noise, seed)
 
-    def model():
-        with pm.Model() as model:
-            slope = pm.Normal("slope", 0, scale)
-            pm.Normal("y", pt.dot(columns, slope), noise, observed=y)
-        return model
-
-    return Problem(
-        f"regression_{coefficients}",
-        coefficients,
-        model,
-        lambda: float(linear_evidence(y, columns * scale, noise)),
-        "closed form, normal",
-    )
-
-
-def regression_unknown_noise(name, coefficients, rows, noise, seed):
-    """Regression whose noise is unknown; where it is small, far below the prior's noise."""
-    columns, scale, y = regression_data(coefficients, rows, noise, seed)
-
-    def model():
-        with pm.Model() as model:
-            slope = pm.Normal("slope", 0, scale)
-            sigma = pm.HalfNormal("sigma", 1)
-            pm.Normal("y", pt.dot(columns, slope), sigma, observed=y)
-        return model
+    def variables():
+        slope = pm.Normal("slope", 0, scale)
+        sigma = noise if known_noise else pm.HalfNormal("sigma", 1)
+        pm.Normal("y", pt.dot(columns, slope), sigma, observed=y)
 
     def log_density(t):
-        prior = log_scale(stats.halfnorm)(t)
-        return linear_evidence(y, columns * scale, np.exp(t)) + prior
+        return linear_evidence(y, columns * scale, np.exp(t)) + log_scale(stats.halfnorm)(t)
 
-    return Problem(
-        name,
-        coefficients + 1,
-        model,
-        lambda: log_integral(log_density, (-12, 4)),
-        "1-D quadrature over the log noise of the closed form",
-    )
+    def log_evidence():
+        if known_noise:
+            return float(linear_evidence(y, columns * scale, noise))
+        return log_integral(log_density, (-12, 4))
+
+    # Closed form, normal; 1-D quadrature of it over the log noise.
+    return Problem(name, coefficients + (not known_noise), variables, log_evidence)
 
 
 def conjugate_regression():
@@ -150,21 +130,16 @@ def conjugate_regression():
     columns, scale, y = regression_data(5, 25, 0.7, seed=6)
     shape, rate = 3.0, 2.0
 
-    def model():
-        with pm.Model() as model:
-            variance = pm.InverseGamma("variance", shape, rate)
-            slope = pm.Normal("slope", 0, scale * pt.sqrt(variance))
-            pm.Normal("y", pt.dot(columns, slope), pt.sqrt(variance), observed=y)
-        return model
+    def variables():
+        variance = pm.InverseGamma("variance", shape, rate)
+        slope = pm.Normal("slope", 0, scale * pt.sqrt(variance))
+        pm.Normal("y", pt.dot(columns, slope), pt.sqrt(variance), observed=y)
 
-    def log_evidence():
-        covariance = np.eye(len(y)) + (columns * scale) @ (columns * scale).T
-        marginal = stats.multivariate_t(shape=rate / shape * covariance, df=2 * shape)
-        return float(marginal.logpdf(y))
-
-    return Problem(
-        "conjugate_regression", 6, model, log_evidence, "closed form, normal-inverse-gamma"
-    )
+    # Closed form, normal-inverse-gamma.
+    covariance = np.eye(len(y)) + (columns * scale) @ (columns * scale).T
+    marginal = stats.multivariate_t(shape=rate / shape * covariance, df=2 * shape)
+    exact = float(marginal.logpdf(y))
+    return Problem("conjugate_regression", 6, variables, lambda: exact)
 
 
 # --- waves ---------------------------------------------------------------------------------------
@@ -183,15 +158,13 @@ def sine_frequency():
     low, high, truth, scale = 0.1, 5.0, 1.7, 2.0
     y = waves(time, truth) @ [1.3, -0.7] + 0.05 * rng.normal(size=40)
 
-    def model():
-        with pm.Model() as model:
-            frequency = pm.Uniform("frequency", low, high)
-            amplitude = pm.Normal("amplitude", 0, scale, shape=2)
-            sigma = pm.HalfNormal("sigma", 1)
-            phase = 2 * np.pi * frequency * time
-            wave = amplitude[0] * pt.sin(phase) + amplitude[1] * pt.cos(phase)
-            pm.Normal("y", wave, sigma, observed=y)
-        return model
+    def variables():
+        frequency = pm.Uniform("frequency", low, high)
+        amplitude = pm.Normal("amplitude", 0, scale, shape=2)
+        sigma = pm.HalfNormal("sigma", 1)
+        phase = 2 * np.pi * frequency * time
+        wave = amplitude[0] * pt.sin(phase) + amplitude[1] * pt.cos(phase)
+        pm.Normal("y", wave, sigma, observed=y)
 
     def log_density(frequency):
         t, weight = legendre(-6, 3, 16)
@@ -203,14 +176,8 @@ def sine_frequency():
         parts = pairwise([low, truth - 0.02, truth + 0.02, high])
         return float(logsumexp([log_integral(log_density, part) for part in parts]))
 
-    return Problem(
-        "sine_frequency",
-        4,
-        model,
-        log_evidence,
-        "2-D quadrature over frequency and log noise, amplitudes in closed form",
-        "several",
-    )
+    # 2-D quadrature over frequency and log noise, amplitudes in closed form; several modes.
+    return Problem("sine_frequency", 4, variables, log_evidence)
 
 
 def periodogram():
@@ -220,26 +187,18 @@ def periodogram():
     low, high, scale = 0.05, 3.0, np.array([1.0, 0.7])
     y = waves(time, 1.2) @ [0.45, 0.45] + rng.normal(size=25)
 
-    def model():
-        with pm.Model() as model:
-            frequency = pm.Uniform("frequency", low, high)
-            amplitude = pm.Normal("amplitude", 0, scale)
-            phase = 2 * np.pi * frequency * time
-            wave = amplitude[0] * pt.sin(phase) + amplitude[1] * pt.cos(phase)
-            pm.Normal("y", wave, 1.0, observed=y)
-        return model
+    def variables():
+        frequency = pm.Uniform("frequency", low, high)
+        amplitude = pm.Normal("amplitude", 0, scale)
+        phase = 2 * np.pi * frequency * time
+        wave = amplitude[0] * pt.sin(phase) + amplitude[1] * pt.cos(phase)
+        pm.Normal("y", wave, 1.0, observed=y)
 
     def log_density(frequency):
         return linear_evidence(y, scale * waves(time, frequency), 1.0) - np.log(high - low)
 
-    return Problem(
-        "periodogram",
-        3,
-        model,
-        lambda: log_integral(log_density, (low, high)),
-        "1-D quadrature over the frequency, amplitudes in closed form",
-        "several",
-    )
+    # 1-D quadrature over the frequency, amplitudes in closed form; several modes.
+    return Problem("periodogram", 3, variables, lambda: log_integral(log_density, (low, high)))
 
 
 # --- modes ---------------------------------------------------------------------------------------
@@ -249,50 +208,34 @@ def normal_peaks(name, weight, mean, sd, prior_sd):
     """A potential of several normal peaks, (peak, unknown), under a normal prior."""
     weight, mean, sd = np.array(weight), np.array(mean), np.array(sd)
 
-    def model():
-        with pm.Model() as model:
-            x = pm.Normal("x", 0, prior_sd)
-            peaks = pm.logp(pm.Normal.dist(mean, sd), x).sum(axis=-1)
-            pm.Potential("peaks", pt.logsumexp(np.log(weight) + peaks))
-        return model
+    def variables():
+        x = pm.Normal("x", 0, prior_sd)
+        peaks = pm.logp(pm.Normal.dist(mean, sd), x).sum(axis=-1)
+        pm.Potential("peaks", pt.logsumexp(np.log(weight) + peaks))
 
-    def log_evidence():
-        marginal = stats.norm(0, np.sqrt(np.square(prior_sd) + sd**2))
-        return float(logsumexp(np.log(weight) + marginal.logpdf(mean).sum(axis=-1)))
-
-    source = "closed form, the potential is a mixture of normals"
-    return Problem(name, mean.shape[-1], model, log_evidence, source, "several")
+    # Closed form, the potential is a mixture of normals; several modes.
+    marginal = stats.norm(0, np.sqrt(np.square(prior_sd) + sd**2))
+    exact = float(logsumexp(np.log(weight) + marginal.logpdf(mean).sum(axis=-1)))
+    return Problem(name, mean.shape[-1], variables, lambda: exact)
 
 
-def narrow_and_wide():
-    """One peak ten times narrower than the other in each of four unknowns."""
-    wide = np.array([1.0, 1.5, 0.8, 1.2])
-    mean = [[2.0, -1.5, 1.0, 2.5], [-2.0, 1.0, 0.5, -1.5]]
-    return normal_peaks(
-        "narrow_and_wide", [0.6, 0.4], mean, [wide / 10, wide], [3.0, 4.0, 2.0, 5.0]
-    )
-
-
-def three_peaks():
-    """Three peaks in the plane, of unequal weight, width and distance."""
-    mean = [[-6.0, 2.0], [4.0, -3.0], [7.0, 6.0]]
-    sd = [[0.3, 0.5], [0.15, 0.4], [0.6, 0.2]]
-    return normal_peaks("three_peaks", [0.6, 0.3, 0.1], mean, sd, [8.0, 10.0])
-
-
+# One peak is ten times narrower than the other in each of four unknowns.
+WIDE = np.array([1.0, 1.5, 0.8, 1.2])
+NARROW_AND_WIDE = [0.6, 0.4], [[2.0, -1.5, 1.0, 2.5], [-2.0, 1.0, 0.5, -1.5]], [WIDE / 10, WIDE]
+# Three peaks in the plane, of unequal weight, width and distance.
+CENTRES, WIDTHS = [[-6.0, 2.0], [4.0, -3.0], [7.0, 6.0]], [[0.3, 0.5], [0.15, 0.4], [0.6, 0.2]]
+THREE_PEAKS = [0.6, 0.3, 0.1], CENTRES, WIDTHS
 TWO_CLUSTERS = [-1.9, -1.2, -2.3, -0.4, -1.5, -2.8, 1.6, 2.4, 1.1, 0.3, -2.0]
 THREE_CLUSTERS = [-3.1, -2.6, -3.4, 0.2, 0.9, 4.4, 3.9, 4.1, 4.9]
 
 
 def label_switching(name, weight, sd, y):
-    """Means of a mixture's components, which their prior does not tell apart."""
+    """Means of the components of a mixture, under the same prior for each component."""
     weight, y, prior_sd = np.array(weight), np.array(y), 4.0
 
-    def model():
-        with pm.Model() as model:
-            mean = pm.Normal("mean", 0, prior_sd, shape=len(weight))
-            pm.NormalMixture("y", weight, mean, sigma=sd, observed=y)
-        return model
+    def variables():
+        mean = pm.Normal("mean", 0, prior_sd, shape=len(weight))
+        pm.NormalMixture("y", weight, mean, sigma=sd, observed=y)
 
     def log_evidence():
         label = np.array(list(product(range(len(weight)), repeat=len(y))))
@@ -305,42 +248,36 @@ def label_switching(name, weight, sd, y):
             total -= (np.log1p(prior_sd**2 * precision) + misfit - explained) / 2
         return float(logsumexp(total))
 
-    source = "sum over all allocations of the data to components"
-    return Problem(name, len(weight), model, log_evidence, source, "several")
+    # Sum over all allocations of the data to components; several modes.
+    return Problem(name, len(weight), variables, log_evidence)
 
 
 def spike_and_slab():
-    """Eight coefficients, each next to nothing or of any size; orthonormal columns."""
+    """Eight coefficients, each nearly zero or of any size; orthonormal columns."""
     columns = np.linalg.qr(np.random.default_rng(11).normal(size=(12, 8)))[0]
     projection = np.array([3.0, -1.2, 0.3, -0.25, 0.1, -0.05, 0.02, 0.35])
     weight, sd, noise = np.array([0.7, 0.3]), np.array([0.05, 2.0]), 0.1
     y = columns @ projection
 
-    def model():
-        with pm.Model() as model:
-            slope = pm.NormalMixture("slope", weight, np.zeros(2), sigma=sd, shape=8)
-            pm.Normal("y", pt.dot(columns, slope), noise, observed=y)
-        return model
+    def variables():
+        slope = pm.NormalMixture("slope", weight, np.zeros(2), sigma=sd, shape=8)
+        pm.Normal("y", pt.dot(columns, slope), noise, observed=y)
 
-    def log_evidence():
-        marginal = stats.norm.logpdf(projection[:, None], 0, np.sqrt(sd**2 + noise**2))
-        residual = -(len(y) - 8) / 2 * np.log(2 * np.pi * noise**2)
-        return float(residual + logsumexp(np.log(weight) + marginal, axis=1).sum())
-
-    source = "closed form, each projection of the data is a mixture of two normals"
-    return Problem("spike_and_slab", 8, model, log_evidence, source, "several")
+    # Closed form, each projection of the data is a mixture of two normals; several modes.
+    marginal = stats.norm.logpdf(projection[:, None], 0, np.sqrt(sd**2 + noise**2))
+    residual = -(len(y) - 8) / 2 * np.log(2 * np.pi * noise**2)
+    exact = float(residual + logsumexp(np.log(weight) + marginal, axis=1).sum())
+    return Problem("spike_and_slab", 8, variables, lambda: exact)
 
 
 def two_locations():
     """Location of heavy-tailed data that agree on two."""
     y = np.array([-0.2, 0.1, 0.15, 0.4, 0.05, 9.3, 10.2, 9.9, 10.6, 10.0])
 
-    def model():
-        with pm.Model() as model:
-            location = pm.Normal("location", 3, 10)
-            spread = pm.HalfNormal("spread", 0.5)
-            pm.StudentT("y", nu=2, mu=location, sigma=spread, observed=y)
-        return model
+    def variables():
+        location = pm.Normal("location", 3, 10)
+        spread = pm.HalfNormal("spread", 0.5)
+        pm.StudentT("y", nu=2, mu=location, sigma=spread, observed=y)
 
     def log_density(location):
         t, weight = legendre(-7, 1.5, 8)
@@ -349,30 +286,22 @@ def two_locations():
             log_mass = log_mass + stats.t.logpdf(value, 2, location[:, None], np.exp(t))
         return logsumexp(log_mass, axis=1) + stats.norm.logpdf(location, 3, 10)
 
-    return Problem(
-        "two_locations",
-        2,
-        model,
-        lambda: log_integral(log_density, (-30, 40)),
-        "2-D quadrature over location and log spread",
-        "several",
-    )
+    # 2-D quadrature over location and log spread; several modes.
+    return Problem("two_locations", 2, variables, lambda: log_integral(log_density, (-30, 40)))
 
 
 def two_decays():
-    """Sum of two exponentials, of which either may be called the first."""
+    """Sum of two exponentials, which can be exchanged."""
     time = np.array([0.1, 0.3, 0.5, 0.8, 1.2, 1.7, 2.3, 3.0, 4.0, 5.5])
     noise, scale = 0.05, 2.0
     error = np.random.default_rng(41).normal(size=10)
     y = 1.5 * np.exp(-0.4 * time) + 2.5 * np.exp(-2.5 * time) + noise * error
 
-    def model():
-        with pm.Model() as model:
-            rate = pm.LogNormal("rate", 0, 1, shape=2)
-            amplitude = pm.Normal("amplitude", 0, scale, shape=2)
-            decay = (amplitude * pt.exp(-rate * time[:, None])).sum(axis=1)
-            pm.Normal("y", decay, noise, observed=y)
-        return model
+    def variables():
+        rate = pm.LogNormal("rate", 0, 1, shape=2)
+        amplitude = pm.Normal("amplitude", 0, scale, shape=2)
+        decay = (amplitude * pt.exp(-rate * time[:, None])).sum(axis=1)
+        pm.Normal("y", decay, noise, observed=y)
 
     def log_density(first, second):
         rate = np.exp(np.stack(np.broadcast_arrays(first, second), axis=-1))
@@ -380,14 +309,9 @@ def two_decays():
         prior = stats.norm.logpdf(first) + stats.norm.logpdf(second)
         return linear_evidence(y, design, noise) + prior
 
-    return Problem(
-        "two_decays",
-        4,
-        model,
-        lambda: log_integral(log_density, (-4, 5), (-4, 5), panels=16),
-        "2-D quadrature over log rates, amplitudes in closed form",
-        "several",
-    )
+    # 2-D quadrature over log rates, amplitudes in closed form; several modes.
+    log_evidence = partial(log_integral, log_density, (-4, 5), (-4, 5), panels=16)
+    return Problem("two_decays", 4, variables, log_evidence)
 
 
 def shells():
@@ -395,28 +319,18 @@ def shells():
     centre = np.array([[-2.5, 0.5], [3.0, -1.0]])
     radius, width, weight = np.array([2.5, 1.2]), np.array([0.05, 0.15]), np.array([0.3, 0.7])
 
-    def model():
-        with pm.Model() as model:
-            x = pm.Uniform("x", -6, [6.0, 7.0])
-            distance = pt.sqrt(((x - centre) ** 2).sum(axis=1))
-            ridges = pm.logp(pm.Normal.dist(radius, width), distance)
-            pm.Potential("shells", pt.logsumexp(np.log(weight) + ridges))
-        return model
+    def variables():
+        x = pm.Uniform("x", -6, [6.0, 7.0])
+        distance = pt.sqrt(((x - centre) ** 2).sum(axis=1))
+        ridges = pm.logp(pm.Normal.dist(radius, width), distance)
+        pm.Potential("shells", pt.logsumexp(np.log(weight) + ridges))
 
-    def log_evidence():
-        """A circle is as long as its radius, which the ridge's cross-section has on average."""
-        mean_radius = radius * stats.norm.cdf(radius / width)
-        mean_radius += width * stats.norm.pdf(radius / width)
-        return float(np.log(weight @ (2 * np.pi * mean_radius) / (12 * 13)))
-
-    return Problem(
-        "shells",
-        2,
-        model,
-        log_evidence,
-        "closed form, the potential is of F. Feroz et al., MNRAS 398 (2009) 1601-1614",
-        "several",
-    )
+    # Closed form: two pi times the mean radius of the cross-section of each ridge;
+    # F. Feroz et al., MNRAS 398 (2009) 1601-1614; several modes.
+    mean_radius = radius * stats.norm.cdf(radius / width)
+    mean_radius += width * stats.norm.pdf(radius / width)
+    exact = float(np.log(weight @ (2 * np.pi * mean_radius) / (12 * 13)))
+    return Problem("shells", 2, variables, lambda: exact)
 
 
 # --- hierarchies ---------------------------------------------------------------------------------
@@ -438,102 +352,83 @@ def common_mean_evidence(y, variance, prior_sd):
 
 
 def eight_schools(centred):
-    """Effects of coaching, of which the data say how little they differ."""
+    """Effects of coaching in eight schools, which hardly differ."""
 
-    def model():
-        with pm.Model() as model:
-            mu = pm.Normal("mu", 0, 5)
-            tau = pm.HalfCauchy("tau", 5)
-            if centred:
-                effect = pm.Normal("effect", mu, tau, shape=8)
-            else:
-                effect = mu + tau * pm.Normal("standard", 0, 1, shape=8)
-            pm.Normal("y", effect, SCHOOLS_SD, observed=SCHOOLS)
-        return model
+    def variables():
+        mu = pm.Normal("mu", 0, 5)
+        tau = pm.HalfCauchy("tau", 5)
+        if centred:
+            effect = pm.Normal("effect", mu, tau, shape=8)
+        else:
+            effect = mu + tau * pm.Normal("standard", 0, 1, shape=8)
+        pm.Normal("y", effect, SCHOOLS_SD, observed=SCHOOLS)
 
     def log_density(t):
         variance = SCHOOLS_SD**2 + np.exp(2 * t)[:, None]
         prior = log_scale(stats.halfcauchy(scale=5))(t)
         return common_mean_evidence(SCHOOLS, variance, prior_sd=5) + prior
 
+    # 1-D quadrature over log tau of the closed form; D. B. Rubin, J. Educ. Stat. 6 (1981) 377-401.
+    log_evidence = partial(log_integral, log_density, (-25, 12))
     return Problem(
-        "eight_schools" if centred else "eight_schools_noncentred",
-        10,
-        model,
-        lambda: log_integral(log_density, (-25, 12)),
-        "1-D quadrature over log tau of the closed form; "
-        "D. B. Rubin, J. Educ. Stat. 6 (1981) 377-401",
+        "eight_schools" if centred else "eight_schools_noncentred", 10, variables, log_evidence
     )
 
 
 def groups(count, seed):
-    """Group means of a normal population, each measured with a noise of its own."""
+    """Group means of a normal population, each measured with its own noise."""
     rng = np.random.default_rng(seed)
     noise = rng.uniform(0.3, 2.0, count) / np.sqrt(rng.integers(1, 9, count))
     y = 3.0 + 0.8 * rng.normal(size=count) + noise * rng.normal(size=count)
 
-    def model():
-        with pm.Model() as model:
-            mu = pm.Normal("mu", 0, 10)
-            tau = pm.HalfNormal("tau", 3)
-            group = pm.Normal("group", mu, tau, shape=count)
-            pm.Normal("y", group, noise, observed=y)
-        return model
+    def variables():
+        mu = pm.Normal("mu", 0, 10)
+        tau = pm.HalfNormal("tau", 3)
+        group = pm.Normal("group", mu, tau, shape=count)
+        pm.Normal("y", group, noise, observed=y)
 
     def log_density(t):
         prior = log_scale(stats.halfnorm(scale=3))(t)
         return common_mean_evidence(y, noise**2 + np.exp(2 * t)[:, None], prior_sd=10) + prior
 
-    return Problem(
-        f"groups_{count + 2}",
-        count + 2,
-        model,
-        lambda: log_integral(log_density, (-20, 3)),
-        "1-D quadrature over the log spread of the closed form",
-    )
+    # 1-D quadrature over the log spread of the closed form.
+    log_evidence = partial(log_integral, log_density, (-20, 3))
+    return Problem(f"groups_{count + 2}", count + 2, variables, log_evidence)
 
 
 def funnel(unknowns, noise, seed):
-    """Neal's funnel, of which each ordinate is measured."""
+    """Neal's funnel with a measurement of each ordinate."""
     rng = np.random.default_rng(seed)
     y = np.exp(-0.5) * rng.normal(size=unknowns - 1) + noise * rng.normal(size=unknowns - 1)
 
-    def model():
-        with pm.Model() as model:
-            v = pm.Normal("v", 0, 3)
-            x = pm.Normal("x", 0, pt.exp(v / 2), shape=unknowns - 1)
-            pm.Normal("y", x, noise, observed=y)
-        return model
+    def variables():
+        v = pm.Normal("v", 0, 3)
+        x = pm.Normal("x", 0, pt.exp(v / 2), shape=unknowns - 1)
+        pm.Normal("y", x, noise, observed=y)
 
     def log_density(v):
         total = np.sqrt(np.exp(v) + noise**2)[:, None]
         return stats.norm.logpdf(y, 0, total).sum(axis=-1) + stats.norm.logpdf(v, 0, 3)
 
-    return Problem(
-        f"funnel_{unknowns}",
-        unknowns,
-        model,
-        lambda: log_integral(log_density, (-30, 30)),
-        "1-D quadrature over v; R. M. Neal, Ann. Statist. 31 (2003) 705-767",
-    )
+    # 1-D quadrature over v; R. M. Neal, Ann. Statist. 31 (2003) 705-767.
+    log_evidence = partial(log_integral, log_density, (-30, 30))
+    return Problem(f"funnel_{unknowns}", unknowns, variables, log_evidence)
 
 
 def random_walk():
-    """States of a random walk, with the sizes of steps and of noise both unknown."""
+    """States of a random walk with unknown sds of steps and noise."""
     rng = np.random.default_rng(29)
     y = 4 + np.cumsum(0.3 * rng.normal(size=35)) + 0.8 * rng.normal(size=35)
 
-    def model():
-        with pm.Model() as model:
-            step = pm.HalfNormal("step", 1)
-            noise = pm.HalfNormal("noise", 2)
-            start = pm.Normal.dist(0, 5)
-            state = pm.GaussianRandomWalk("state", sigma=step, init_dist=start, steps=34)
-            pm.Normal("y", state, noise, observed=y)
-        return model
+    def variables():
+        step = pm.HalfNormal("step", 1)
+        noise = pm.HalfNormal("noise", 2)
+        start = pm.Normal.dist(0, 5)
+        state = pm.GaussianRandomWalk("state", sigma=step, init_dist=start, steps=34)
+        pm.Normal("y", state, noise, observed=y)
 
     def log_density(log_step, log_noise):
-        """One measurement after the other, each predicted from those before (Kalman's filter)."""
+        """Predict each measurement from the earlier ones (Kalman's filter)."""
         step2, noise2 = np.exp(2 * log_step), np.exp(2 * log_noise)
         mean, variance = 0.0, 25.0
         total = log_scale(stats.halfnorm)(log_step) + log_scale(stats.halfnorm(scale=2))(log_noise)
@@ -544,13 +439,9 @@ def random_walk():
             variance = variance * noise2 / predicted + step2
         return total
 
-    return Problem(
-        "random_walk",
-        37,
-        model,
-        lambda: log_integral(log_density, (-16, 2.2), (-16, 3), panels=11),
-        "2-D quadrature over log scales of Kalman's recursion",
-    )
+    # 2-D quadrature over log scales of Kalman's recursion.
+    log_evidence = partial(log_integral, log_density, (-16, 2.2), (-16, 3), panels=11)
+    return Problem("random_walk", 37, variables, log_evidence)
 
 
 # --- heavy tails ---------------------------------------------------------------------------------
@@ -564,16 +455,14 @@ def horseshoe():
     truth = np.array([6.0, -3.0, 0.5, 0, 0, 0, 0, 0, 0, 0])
     y = columns @ truth + noise * rng.normal(size=15)
 
-    def model():
-        with pm.Model() as model:
-            tau = pm.HalfCauchy("tau", spread)
-            local = pm.HalfCauchy("local", 1, shape=10)
-            standard = pm.Normal("standard", 0, 1, shape=10)
-            pm.Normal("y", pt.dot(columns, standard * local * tau), noise, observed=y)
-        return model
+    def variables():
+        tau = pm.HalfCauchy("tau", spread)
+        local = pm.HalfCauchy("local", 1, shape=10)
+        standard = pm.Normal("standard", 0, 1, shape=10)
+        pm.Normal("y", pt.dot(columns, standard * local * tau), noise, observed=y)
 
     def log_density(t):
-        """Each projection of the data is a matter of its own coefficient alone."""
+        """Each projection of the data depends on one coefficient only."""
         u, log_weight = legendre(-30, 20, 64)
         log_weight = np.log(log_weight) + log_scale(stats.halfcauchy)(u)
         total = np.sqrt(np.exp(2 * (t[:, None, None] + u)) + noise**2)
@@ -582,39 +471,35 @@ def horseshoe():
 
     rest = y - columns @ (columns.T @ y)
     residual = -5 / 2 * np.log(2 * np.pi * noise**2) - rest @ rest / (2 * noise**2)
-    return Problem(
-        "horseshoe",
-        21,
-        model,
-        lambda: residual + log_integral(log_density, (-25, 12)),
-        "1-D quadrature over log tau of products of 1-D quadratures over the log local scales; "
-        "C. M. Carvalho, N. G. Polson and J. G. Scott, Biometrika 97 (2010) 465-480",
-    )
+
+    def log_evidence():
+        return residual + log_integral(log_density, (-25, 12))
+
+    # 1-D quadrature over log tau of products of 1-D quadratures over the log local scales;
+    # C. M. Carvalho, N. G. Polson and J. G. Scott, Biometrika 97 (2010) 465-480.
+    return Problem("horseshoe", 21, variables, log_evidence)
 
 
 def cauchy_sum():
-    """One of six Cauchy variables made their sum as large as it is, and none can tell which."""
+    """Large sum of six Cauchy variables: any one of them may be large."""
     scale = np.array([0.1, 0.2, 0.3, 0.5, 0.8, 1.0])
     noise, y = 0.2, 10.0
 
-    def model():
-        with pm.Model() as model:
-            x = pm.Cauchy("x", 0, scale)
-            pm.Normal("y", x.sum(), noise, observed=y)
-        return model
+    def variables():
+        x = pm.Cauchy("x", 0, scale)
+        pm.Normal("y", x.sum(), noise, observed=y)
 
-    def log_evidence():
-        z = (y + 1j * scale.sum()) / (noise * np.sqrt(2))
-        return float(np.log(wofz(z).real / (noise * np.sqrt(2 * np.pi))))
-
-    return Problem("cauchy_sum", 6, model, log_evidence, "closed form, Voigt profile", "several")
+    # Closed form, Voigt profile; several modes.
+    z = (y + 1j * scale.sum()) / (noise * np.sqrt(2))
+    exact = float(np.log(wofz(z).real / (noise * np.sqrt(2 * np.pi))))
+    return Problem("cauchy_sum", 6, variables, lambda: exact)
 
 
 # --- ridges, shells and bends --------------------------------------------------------------------
 
 
 def correlated_normal(unknowns, seed):
-    """Means measured with errors that are almost one error: thin in all directions but one."""
+    """Means measured with highly correlated errors: wide in one direction only."""
     rng = np.random.default_rng(seed)
     scale = np.geomspace(5.0, 0.5, unknowns)
     sd = np.geomspace(0.2, 2.0, unknowns)
@@ -622,96 +507,78 @@ def correlated_normal(unknowns, seed):
     error = np.linalg.cholesky(covariance) @ rng.normal(size=unknowns)
     y = 1.0 + scale * rng.normal(size=unknowns) + error
 
-    def model():
-        with pm.Model() as model:
-            x = pm.Normal("x", 1.0, scale)
-            pm.MvNormal("y", x, cov=covariance, observed=y)
-        return model
+    def variables():
+        x = pm.Normal("x", 1.0, scale)
+        pm.MvNormal("y", x, cov=covariance, observed=y)
 
-    def log_evidence():
-        mean = np.ones(unknowns)
-        return float(stats.multivariate_normal(mean, covariance + np.diag(scale**2)).logpdf(y))
-
-    return Problem(
-        f"correlated_normal_{unknowns}", unknowns, model, log_evidence, "closed form, normal"
-    )
+    # Closed form, normal.
+    mean = np.ones(unknowns)
+    exact = float(stats.multivariate_normal(mean, covariance + np.diag(scale**2)).logpdf(y))
+    return Problem(f"correlated_normal_{unknowns}", unknowns, variables, lambda: exact)
 
 
 def ridge_sum():
-    """A weighted sum of four unknowns measured a thousand times better than they are known."""
+    """A weighted sum of four unknowns, measured with a thousandth of their prior sds."""
     scale, weight = np.array([1.0, 2.0, 0.5, 3.0]), np.array([1.0, -0.5, 2.0, 0.7])
     noise, y = 0.001, 5.0
 
-    def model():
-        with pm.Model() as model:
-            x = pm.Normal("x", 0, scale)
-            pm.Normal("y", (weight * x).sum(), noise, observed=y)
-        return model
+    def variables():
+        x = pm.Normal("x", 0, scale)
+        pm.Normal("y", (weight * x).sum(), noise, observed=y)
 
-    def log_evidence():
-        return float(stats.norm.logpdf(y, 0, np.hypot(noise, np.linalg.norm(weight * scale))))
-
-    return Problem("ridge_sum", 4, model, log_evidence, "closed form, normal")
+    # Closed form, normal.
+    exact = float(stats.norm.logpdf(y, 0, np.hypot(noise, np.linalg.norm(weight * scale))))
+    return Problem("ridge_sum", 4, variables, lambda: exact)
 
 
 def ridge_product():
-    """A product of two unknowns and a third beside it, measured well: a thin bent sheet."""
+    """A product of two unknowns plus a third one, measured accurately: a thin bent sheet."""
     first_sd, second_sd, offset_sd, noise, y = 3.0, 1.0, 0.5, 0.02, 3.0
 
-    def model():
-        with pm.Model() as model:
-            first = pm.HalfNormal("first", first_sd)
-            second = pm.HalfNormal("second", second_sd)
-            offset = pm.Normal("offset", 0, offset_sd)
-            pm.Normal("y", first * second + offset, noise, observed=y)
-        return model
+    def variables():
+        first = pm.HalfNormal("first", first_sd)
+        second = pm.HalfNormal("second", second_sd)
+        offset = pm.Normal("offset", 0, offset_sd)
+        pm.Normal("y", first * second + offset, noise, observed=y)
 
     def log_density(t):
-        """Given the first, what is left is a line whose slope has half a normal for a prior."""
+        """Given the first unknown, the model is linear; the prior of its slope is half-normal."""
         slope = np.exp(t) * second_sd
         error = np.hypot(noise, offset_sd)
         total = np.hypot(error, slope)
         half = np.log(2) + stats.norm.logcdf(slope / error * y / total)
         return stats.norm.logpdf(y, 0, total) + half + log_scale(stats.halfnorm(scale=first_sd))(t)
 
-    return Problem(
-        "ridge_product",
-        3,
-        model,
-        lambda: log_integral(log_density, (-20, 4)),
-        "1-D quadrature over the log of one factor, the others in closed form",
-    )
+    # 1-D quadrature over the log of one factor, the others in closed form.
+    return Problem("ridge_product", 3, variables, lambda: log_integral(log_density, (-20, 4)))
 
 
 def banana(unknowns):
-    """Rosenbrock's valley ``x2 = x1^2`` in measurements, beside unknowns measured plainly."""
+    """Rosenbrock's valley ``x2 = x1^2`` and unknowns that are measured directly."""
     others = unknowns - 2
     scale, sd = np.linspace(1, 4, others), np.geomspace(0.05, 2, others)
     truth = np.linspace(-2, 3, others)
 
-    def model():
-        with pm.Model() as model:
-            first = pm.Normal("first", 0, 2)
-            second = pm.Normal("second", 1, 5)
-            pm.Normal("position", first, 0.7, observed=1.0)
-            pm.Normal("valley", second - first**2, 0.1, observed=0.5)
-            if others:
-                x = pm.Normal("x", 0, scale)
-                pm.Normal("y", x, sd, observed=truth)
-        return model
+    def variables():
+        first = pm.Normal("first", 0, 2)
+        second = pm.Normal("second", 1, 5)
+        pm.Normal("position", first, 0.7, observed=1.0)
+        pm.Normal("valley", second - first**2, 0.1, observed=0.5)
+        if others:
+            x = pm.Normal("x", 0, scale)
+            pm.Normal("y", x, sd, observed=truth)
 
     def log_density(first):
         valley = stats.norm.logpdf(0.5, 1 - first**2, np.hypot(5, 0.1))
         return stats.norm.logpdf(first, 0, 2) + stats.norm.logpdf(1, first, 0.7) + valley
 
     plain = stats.norm.logpdf(truth, 0, np.hypot(scale, sd)).sum()
-    return Problem(
-        f"banana_{unknowns}",
-        unknowns,
-        model,
-        lambda: plain + log_integral(log_density, (-15, 15)),
-        "1-D quadrature over x1, the others in closed form",
-    )
+
+    def log_evidence():
+        return plain + log_integral(log_density, (-15, 15))
+
+    # 1-D quadrature over x1, the others in closed form.
+    return Problem(f"banana_{unknowns}", unknowns, variables, log_evidence)
 
 
 def shell():
@@ -719,79 +586,64 @@ def shell():
     mean = np.linspace(-0.4, 1.0, 10)
     width, y = 0.05, 4.0
 
-    def model():
-        with pm.Model() as model:
-            x = pm.Normal("x", mean, 1.5)
-            pm.Normal("y", pt.sqrt((x**2).sum()), width, observed=y)
-        return model
+    def variables():
+        x = pm.Normal("x", mean, 1.5)
+        pm.Normal("y", pt.sqrt((x**2).sum()), width, observed=y)
 
     def log_density(radius):
         square = (radius / 1.5) ** 2
         prior = stats.ncx2.logpdf(square, 10, mean @ mean / 1.5**2) + np.log(2 * radius / 1.5**2)
         return prior + stats.norm.logpdf(y, radius, width)
 
-    return Problem(
-        "shell_10",
-        10,
-        model,
-        lambda: log_integral(log_density, (y - 10 * width, y + 10 * width)),
-        "1-D quadrature over the radius, a noncentral chi",
-    )
+    # 1-D quadrature over the radius, a noncentral chi.
+    log_evidence = partial(log_integral, log_density, (y - 10 * width, y + 10 * width))
+    return Problem("shell_10", 10, variables, log_evidence)
 
 
 def far_from_the_prior():
-    """Data tens of prior standard deviations away from what the prior expects."""
+    """Data tens of prior standard deviations away from the prior mean."""
     y, noise = np.array([20.0, -14.0, 9.0]), np.array([0.5, 0.3, 0.2])
 
-    def model():
-        with pm.Model() as model:
-            x = pm.Normal("x", 0, 1, shape=3)
-            pm.Normal("y", x, noise, observed=y)
-        return model
+    def variables():
+        x = pm.Normal("x", 0, 1, shape=3)
+        pm.Normal("y", x, noise, observed=y)
 
-    def log_evidence():
-        return float(stats.norm.logpdf(y, 0, np.hypot(1, noise)).sum())
-
-    return Problem("far_from_the_prior", 3, model, log_evidence, "closed form, normal")
+    # Closed form, normal.
+    exact = float(stats.norm.logpdf(y, 0, np.hypot(1, noise)).sum())
+    return Problem("far_from_the_prior", 3, variables, lambda: exact)
 
 
 def edges():
-    """Three bounded unknowns that the data press against their bounds."""
+    """Three bounded unknowns whose data favour values at the bounds."""
 
-    def model():
-        with pm.Model() as model:
-            fraction = pm.Uniform("fraction", 0, 1)
-            pm.Normal("fraction_seen", fraction, 0.1, observed=1.4)
-            size = pm.HalfNormal("size", 2)
-            pm.Normal("size_seen", size, 0.5, observed=-1.5)
-            chance = pm.Beta("chance", 1, 3)
-            pm.Binomial("failures", n=40, p=chance, observed=0)
-        return model
+    def variables():
+        fraction = pm.Uniform("fraction", 0, 1)
+        pm.Normal("fraction_seen", fraction, 0.1, observed=1.4)
+        size = pm.HalfNormal("size", 2)
+        pm.Normal("size_seen", size, 0.5, observed=-1.5)
+        chance = pm.Beta("chance", 1, 3)
+        pm.Binomial("failures", n=40, p=chance, observed=0)
 
-    def log_evidence():
-        fraction = np.log(stats.norm.cdf(1, 1.4, 0.1) - stats.norm.cdf(0, 1.4, 0.1))
-        total = np.hypot(2, 0.5)
-        size = stats.norm.logpdf(-1.5, 0, total)
-        size += np.log(2) + stats.norm.logcdf(-1.5 * 2 / (0.5 * total))
-        return float(fraction + size + np.log(3 / 43))
-
-    return Problem("edges", 3, model, log_evidence, "closed form, normal and beta integrals")
+    # Closed form, normal and beta integrals.
+    fraction = np.log(stats.norm.cdf(1, 1.4, 0.1) - stats.norm.cdf(0, 1.4, 0.1))
+    total = np.hypot(2, 0.5)
+    size = stats.norm.logpdf(-1.5, 0, total)
+    size += np.log(2) + stats.norm.logcdf(-1.5 * 2 / (0.5 * total))
+    exact = float(fraction + size + np.log(3 / 43))
+    return Problem("edges", 3, variables, lambda: exact)
 
 
 def half_space():
-    """Six unknowns of which one draw in 250 of the prior is possible, tilted along the cut."""
+    """A cut that leaves one prior draw in 250 possible, and a potential tilted along the cut."""
     direction, tilt, least = np.array([1, 0.5, -0.2, 0, 0, 0]), 0.7, 3.0
 
-    def model():
-        with pm.Model() as model:
-            x = pm.Normal("x", size=6)
-            pm.Potential("cut", pt.switch(pt.dot(direction, x) > least, tilt * x[3], -np.inf))
-        return model
+    def variables():
+        x = pm.Normal("x", size=6)
+        pm.Potential("cut", pt.switch(pt.dot(direction, x) > least, tilt * x[3], -np.inf))
 
-    def log_evidence():
-        return float(stats.norm.logsf(least, 0, np.linalg.norm(direction)) + tilt**2 / 2)
-
-    return Problem("half_space", 6, model, log_evidence, "closed form, normal tail")
+    # Closed form, normal tail.
+    exact = float(stats.norm.logsf(least, 0, np.linalg.norm(direction)) + tilt**2 / 2)
+    return Problem("half_space", 6, variables, lambda: exact)
 
 
 # --- counts and classes --------------------------------------------------------------------------
@@ -823,7 +675,7 @@ def logistic_evidence(design, success, prior_sd):
 
 
 def logistic_data(rows, coefficients, seed):
-    """Unequal columns, and successes that follow them."""
+    """Unequal columns, and successes that depend on them."""
     rng = np.random.default_rng(seed)
     design = rng.normal(size=(rows, coefficients)) * np.linspace(1, 2, coefficients) + 0.3
     chance = stats.logistic.cdf(design @ np.linspace(1, -0.8, coefficients))
@@ -835,19 +687,12 @@ def logistic():
     design, success = logistic_data(30, 3, seed=26)
     design[:, 0] = 1.0
 
-    def model():
-        with pm.Model() as model:
-            slope = pm.Normal("slope", 0, 1.5, shape=3)
-            pm.Bernoulli("y", logit_p=pt.dot(design, slope), observed=success.astype(int))
-        return model
+    def variables():
+        slope = pm.Normal("slope", 0, 1.5, shape=3)
+        pm.Bernoulli("y", logit_p=pt.dot(design, slope), observed=success.astype(int))
 
-    return Problem(
-        "logistic_3",
-        3,
-        model,
-        lambda: logistic_evidence(design, success, 1.5),
-        "3-D quadrature over the coefficients",
-    )
+    # 3-D quadrature over the coefficients.
+    return Problem("logistic_3", 3, variables, lambda: logistic_evidence(design, success, 1.5))
 
 
 def logistic_blocks():
@@ -856,55 +701,43 @@ def logistic_blocks():
     design = block_diag(*(design for design, _ in blocks))
     success = np.concatenate([success for _, success in blocks])
 
-    def model():
-        with pm.Model() as model:
-            even = pm.Normal("even", 0, 1.5, shape=3)
-            odd = pm.Normal("odd", 0, 1.5, shape=3)
-            logit = pt.dot(design[:, ::2], even) + pt.dot(design[:, 1::2], odd)
-            pm.Bernoulli("y", logit_p=logit, observed=success.astype(int))
-        return model
+    def variables():
+        even = pm.Normal("even", 0, 1.5, shape=3)
+        odd = pm.Normal("odd", 0, 1.5, shape=3)
+        logit = pt.dot(design[:, ::2], even) + pt.dot(design[:, 1::2], odd)
+        pm.Bernoulli("y", logit_p=logit, observed=success.astype(int))
 
-    return Problem(
-        "logistic_6",
-        6,
-        model,
-        lambda: sum(logistic_evidence(design, success, 1.5) for design, success in blocks),
-        "2-D quadratures over each pair of coefficients",
-    )
+    def log_evidence():
+        return sum(logistic_evidence(design, success, 1.5) for design, success in blocks)
+
+    # 2-D quadratures over each pair of coefficients.
+    return Problem("logistic_6", 6, variables, log_evidence)
 
 
 def category_shares():
-    """Shares of six categories, of which one was never seen."""
+    """Shares of six categories; one of them was never seen."""
     alpha = np.array([0.5, 1.0, 2.0, 3.0, 0.8, 5.0])
     counts = np.array([0, 3, 10, 1, 25, 4])
 
-    def model():
-        with pm.Model() as model:
-            share = pm.Dirichlet("share", alpha)
-            pm.Multinomial("y", n=counts.sum(), p=share, observed=counts)
-        return model
+    def variables():
+        share = pm.Dirichlet("share", alpha)
+        pm.Multinomial("y", n=counts.sum(), p=share, observed=counts)
 
-    return Problem(
-        "category_shares",
-        5,
-        model,
-        lambda: float(stats.dirichlet_multinomial.logpmf(counts, alpha, counts.sum())),
-        "closed form, Dirichlet-multinomial",
-    )
+    # Closed form, Dirichlet-multinomial.
+    exact = float(stats.dirichlet_multinomial.logpmf(counts, alpha, counts.sum()))
+    return Problem("category_shares", 5, variables, lambda: exact)
 
 
 def pumps():
-    """Failures of ten pumps, whose rates have a gamma density with unknown parameters."""
+    """Failures of ten pumps whose rates have a gamma density with unknown parameters."""
     time = np.array([94.3, 15.7, 62.9, 126.0, 5.24, 31.4, 1.05, 1.05, 2.1, 10.5])
     failures = np.array([5, 1, 5, 14, 3, 19, 1, 1, 4, 22])
 
-    def model():
-        with pm.Model() as model:
-            shape = pm.Exponential("shape", 1)
-            inverse_scale = pm.Gamma("inverse_scale", 0.1, 1)
-            rate = pm.Gamma("rate", shape, inverse_scale, shape=10)
-            pm.Poisson("y", time * rate, observed=failures)
-        return model
+    def variables():
+        shape = pm.Exponential("shape", 1)
+        inverse_scale = pm.Gamma("inverse_scale", 0.1, 1)
+        rate = pm.Gamma("rate", shape, inverse_scale, shape=10)
+        pm.Poisson("y", time * rate, observed=failures)
 
     def log_density(a, b):
         prior = log_scale(stats.expon)(a) + log_scale(stats.gamma(0.1))(b)
@@ -913,66 +746,49 @@ def pumps():
         counted = zip(failures, chance, strict=True)
         return prior + sum(stats.nbinom.logpmf(y, shape, p) for y, p in counted)
 
-    return Problem(
-        "pumps",
-        12,
-        model,
-        lambda: log_integral(log_density, (-8, 5), (-25, 4)),
-        "2-D quadrature over logs of the gamma's parameters, rates in closed form; "
-        "E. I. George, U. E. Makov and A. F. M. Smith, Scand. J. Stat. 20 (1993) 147-156",
-    )
+    # 2-D quadrature over logs of the gamma's parameters, rates in closed form;
+    # E. I. George, U. E. Makov and A. F. M. Smith, Scand. J. Stat. 20 (1993) 147-156.
+    return Problem("pumps", 12, variables, lambda: log_integral(log_density, (-8, 5), (-25, 4)))
 
 
 # --- scales and shapes ---------------------------------------------------------------------------
 
 
 def many_observations():
-    """Mean and sd of a hundred thousand data: a posterior as thin as a needle."""
+    """Mean and sd of a hundred thousand data: a very narrow posterior."""
     y = np.random.default_rng(33).normal(3.0, 2.0, size=100_000)
 
-    def model():
-        with pm.Model() as model:
-            mu = pm.Normal("mu", 0, 10)
-            sigma = pm.HalfNormal("sigma", 5)
-            pm.Normal("y", mu, sigma, observed=y)
-        return model
+    def variables():
+        mu = pm.Normal("mu", 0, 10)
+        sigma = pm.HalfNormal("sigma", 5)
+        pm.Normal("y", mu, sigma, observed=y)
 
     def log_density(t):
         design = np.full((len(y), 1), 10.0)
         return linear_evidence(y, design, np.exp(t)) + log_scale(stats.halfnorm(scale=5))(t)
 
-    return Problem(
-        "many_observations",
-        2,
-        model,
-        lambda: log_integral(log_density, (np.log(2) - 0.05, np.log(2) + 0.05)),
-        "1-D quadrature over the log sd, the mean in closed form",
-    )
+    # 1-D quadrature over the log sd, the mean in closed form.
+    log_evidence = partial(log_integral, log_density, (np.log(2) - 0.05, np.log(2) + 0.05))
+    return Problem("many_observations", 2, variables, log_evidence)
 
 
 def lifetimes():
     """Weibull's shape and scale from four lifetimes."""
     y = np.array([0.3, 1.1, 2.7, 8.0])
 
-    def model():
-        with pm.Model() as model:
-            shape = pm.Gamma("shape", 2, 1)
-            scale = pm.LogNormal("scale", 1, 2)
-            pm.Weibull("y", shape, scale, observed=y)
-        return model
+    def variables():
+        shape = pm.Gamma("shape", 2, 1)
+        scale = pm.LogNormal("scale", 1, 2)
+        pm.Weibull("y", shape, scale, observed=y)
 
     def log_density(a, b):
         prior = log_scale(stats.gamma(2))(a) + stats.norm.logpdf(b, 1, 2)
         data = (stats.weibull_min.logpdf(value, np.exp(a), scale=np.exp(b)) for value in y)
         return prior + sum(data)
 
-    return Problem(
-        "lifetimes",
-        2,
-        model,
-        lambda: log_integral(log_density, (-9, 3.5), (-15, 20), panels=16),
-        "2-D quadrature over the logs of shape and scale",
-    )
+    # 2-D quadrature over the logs of shape and scale.
+    log_evidence = partial(log_integral, log_density, (-9, 3.5), (-15, 20), panels=16)
+    return Problem("lifetimes", 2, variables, log_evidence)
 
 
 def gaussian_process():
@@ -982,17 +798,15 @@ def gaussian_process():
     y = 1.5 * np.sin(1.3 * place) + 0.3 * rng.normal(size=15)
     square = (place[:, None] - place) ** 2
 
-    def model():
-        with pm.Model() as model:
-            length = pm.InverseGamma("length", 4, 4)
-            amplitude = pm.HalfNormal("amplitude", 2)
-            noise = pm.HalfNormal("noise", 1)
-            signal = amplitude**2 * pt.exp(-square / (2 * length**2))
-            pm.MvNormal("y", np.zeros(15), cov=signal + noise**2 * np.eye(15), observed=y)
-        return model
+    def variables():
+        length = pm.InverseGamma("length", 4, 4)
+        amplitude = pm.HalfNormal("amplitude", 2)
+        noise = pm.HalfNormal("noise", 1)
+        signal = amplitude**2 * pt.exp(-square / (2 * length**2))
+        pm.MvNormal("y", np.zeros(15), cov=signal + noise**2 * np.eye(15), observed=y)
 
     def log_density(log_length, log_amplitude, log_noise):
-        """The eigenvectors of the covariance are a matter of the length alone."""
+        """The eigenvectors of the covariance depend on the length only."""
         correlation = np.exp(-square / (2 * np.exp(2 * log_length)[..., None, None]))
         eigenvalue, vector = np.linalg.eigh(correlation)
         along = (y[:, None] * vector).sum(axis=-2)
@@ -1003,13 +817,9 @@ def gaussian_process():
         total = total + log_scale(stats.halfnorm)(log_noise)
         return total - (np.log(2 * np.pi * variance) + along**2 / variance).sum(axis=-1) / 2
 
-    return Problem(
-        "gaussian_process",
-        3,
-        model,
-        lambda: log_integral(log_density, (-1.5, 3), (-3, 2.3), (-4, 1.5), panels=3),
-        "3-D quadrature over the logs",
-    )
+    # 3-D quadrature over the logs.
+    log_evidence = partial(log_integral, log_density, (-1.5, 3), (-3, 2.3), (-4, 1.5), panels=3)
+    return Problem("gaussian_process", 3, variables, log_evidence)
 
 
 def correlation():
@@ -1020,12 +830,10 @@ def correlation():
     scatter = y.T @ y
     spread = stats.expon(scale=2.0)
 
-    def model():
-        with pm.Model() as model:
-            sd = pm.Exponential.dist(0.5, size=2)
-            factor, _, _ = pm.LKJCholeskyCov("factor", eta=2, n=2, sd_dist=sd)
-            pm.MvNormal("y", np.zeros(2), chol=factor, observed=y)
-        return model
+    def variables():
+        sd = pm.Exponential.dist(0.5, size=2)
+        factor, _, _ = pm.LKJCholeskyCov("factor", eta=2, n=2, sd_dist=sd)
+        pm.MvNormal("y", np.zeros(2), chol=factor, observed=y)
 
     def log_density(first, second, z):
         rho = np.tanh(z)
@@ -1037,28 +845,24 @@ def correlation():
         lkj = np.log(3 / 4) + 2 * open_  # (1 - rho^2)^(eta - 1) by rho, and 1 - rho^2 for z
         return prior + lkj - 12 / 2 * log_det - white * np.exp(-open_) / 2
 
-    return Problem(
-        "correlation",
-        3,
-        model,
-        lambda: log_integral(log_density, (-0.8, 2.8), (-1.8, 2), (-3.5, 1.8), panels=2),
-        "3-D quadrature over log sds and the correlation's Fisher transform",
-    )
+    # 3-D quadrature over log sds and the correlation's Fisher transform.
+    log_evidence = partial(log_integral, log_density, (-0.8, 2.8), (-1.8, 2), (-3.5, 1.8), panels=2)
+    return Problem("correlation", 3, variables, log_evidence)
 
 
 PROBLEMS = {
     problem.name: problem
     for problem in (
-        regression(3, rows=12, noise=0.3, seed=1),
-        regression(10, rows=30, noise=0.3, seed=2),
-        regression_unknown_noise("regression_10_small_noise", 10, rows=30, noise=0.01, seed=3),
-        regression_unknown_noise("regression_20_small_noise", 20, rows=50, noise=0.01, seed=4),
-        regression_unknown_noise("regression_50", 50, rows=80, noise=0.5, seed=5),
+        regression("regression_3", 3, rows=12, noise=0.3, seed=1, known_noise=True),
+        regression("regression_10", 10, rows=30, noise=0.3, seed=2, known_noise=True),
+        regression("regression_10_small_noise", 10, rows=30, noise=0.01, seed=3),
+        regression("regression_20_small_noise", 20, rows=50, noise=0.01, seed=4),
+        regression("regression_50", 50, rows=80, noise=0.5, seed=5),
         conjugate_regression(),
         sine_frequency(),
         periodogram(),
-        narrow_and_wide(),
-        three_peaks(),
+        normal_peaks("narrow_and_wide", *NARROW_AND_WIDE, prior_sd=[3.0, 4.0, 2.0, 5.0]),
+        normal_peaks("three_peaks", *THREE_PEAKS, prior_sd=[8.0, 10.0]),
         label_switching("label_switching_2", [0.65, 0.35], 0.8, TWO_CLUSTERS),
         label_switching("label_switching_3", [1 / 3, 1 / 3, 1 / 3], 0.5, THREE_CLUSTERS),
         spike_and_slab(),

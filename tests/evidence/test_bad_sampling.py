@@ -35,6 +35,8 @@ def model_of(kind: str) -> pm.Model:
             slopes = pm.Normal("slopes", size=60)
             mean = pt.dot(np.linspace(0, 1, 60 * 20_000).reshape(20_000, 60), slopes)
             pm.Normal("y", mean, 0.1, observed=np.zeros(20_000))
+        elif kind == "large":
+            pm.Normal("y", pm.Normal("means", size=301), 0.1, observed=np.zeros(301))
     return other
 
 
@@ -44,65 +46,31 @@ def part_of_a_model() -> pm.Model:
     return part
 
 
+def unsampled(kind, *fragments):
+    """Return a row about a model that is refused for its kind."""
+    return kind, lambda: smc(model_of(kind)), ValueError, fragments
+
+
 # Each row: a name, a call, the error, and fragments of its message.
 BAD_INPUT = [
+    unsampled("discrete", "continuous", "discrete: ['count']"),
+    unsampled("nothing free", "free variables", "none"),
+    unsampled("no likelihood", "nothing to temper", "[]"),
+    unsampled("impossible", "none of 50000 draws", "50000 are NaN", "prior", "unit"),
+    unsampled("costly", "60 unknowns", "takes so long", "NUTS", "ph.log_evidence_by_bridge"),
+    unsampled("large", "301 unknowns, more than the 300"),
+    unsampled("flat", "drawn from the prior", "proper"),
     ("data for a model", lambda: smc(xr.Dataset()), TypeError, ["pm.Model", "Dataset"]),
-    ("no draws", lambda: smc(draws=0), ValueError, ["draws is 0", "at least"]),
-    ("one draw", lambda: smc(draws=1), ValueError, ["draws is 1", "at least"]),
-    ("negative draws", lambda: smc(draws=-5), ValueError, ["draws is -5", "at least"]),
+    ("two draws", lambda: smc(draws=2), ValueError, ["draws is 2", "at least 3"]),
     ("half a draw", lambda: smc(draws=99.5), TypeError, ["draws is 99.5", "whole number"]),
     ("no chains", lambda: smc(chains=0), ValueError, ["chains is 0", "at least 1"]),
-    ("half a chain", lambda: smc(chains=1.5), TypeError, ["chains is 1.5", "whole number"]),
-    (
-        "discrete variables",
-        lambda: smc(model_of("discrete")),
-        ValueError,
-        ["continuous", "discrete: ['count']"],
-    ),
-    ("nothing free", lambda: smc(model_of("nothing free")), ValueError, ["free variables", "none"]),
-    (
-        "no likelihood",
-        lambda: smc(model_of("no likelihood")),
-        ValueError,
-        ["nothing to temper", "[]"],
-    ),
-    (
-        "impossible everywhere",
-        lambda: smc(model_of("impossible")),
-        ValueError,
-        ["none of 50000 draws", "finite likelihood", "50000 are NaN", "prior", "unit"],
-    ),
-    (
-        "many unknowns and a slow density",
-        lambda: smc(model_of("costly")),
-        ValueError,
-        ["60 unknowns", "takes so long", "NUTS", "ph.log_evidence_by_bridge"],
-    ),
-    (
-        "prior that cannot be drawn",
-        lambda: smc(model_of("flat")),
-        ValueError,
-        ["drawn from the prior", "proper"],
-    ),
-    (
-        "unknown variable to keep",
-        lambda: smc(var_names=["x", "y"]),
-        ValueError,
-        ["no variables ['y']", "['x']"],
-    ),
+    ("unknown variable", lambda: smc(var_names=["x", "y"]), ValueError, ["['y']", "['x']"]),
     ("name for names", lambda: smc(var_names="x"), TypeError, ["var_names", "list", "'x'"]),
-    (
-        "unknown term to temper",
-        lambda: smc(tempered=["new"]),
-        ValueError,
-        ["['likelihood']", "not ['new']"],
-    ),
+    ("unknown term", lambda: smc(tempered=["a"]), ValueError, ["['likelihood']", "not ['a']"]),
     ("threshold of one", lambda: smc(threshold=1.0), ValueError, ["threshold", "1.0"]),
-    ("negative threshold", lambda: smc(threshold=-0.5), ValueError, ["threshold", "-0.5"]),
     ("no moves", lambda: smc(max_moves=0), ValueError, ["max_moves", "0"]),
-    ("forgets too much", lambda: smc(forget=1.5), ValueError, ["forget", "1.5"]),
+    ("forgets nothing", lambda: smc(forget=0.0), ValueError, ["forget", "0.0"]),
     ("text for a seed", lambda: smc(random_seed="lucky"), TypeError, ["random_seed", "'lucky'"]),
-    ("negative seed", lambda: smc(random_seed=-1), ValueError, ["random_seed", "-1"]),
     (
         "start of too few chains",
         lambda: smc(chains=2, start=[{"x": np.zeros(50)}]),

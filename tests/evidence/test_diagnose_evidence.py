@@ -1,12 +1,11 @@
 """Diagnosis of evidences: the limit of each check, and the verdict that follows."""
 
 import numpy as np
-import pymc as pm
 import pytest
 import xarray as xr
 from arviz_stats.base import array_stats
+from evidences import PROBLEMS
 from scipy import stats
-from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import pymc_hyperelastic as ph
@@ -127,14 +126,13 @@ def test_worst_chain_decides_about_ancestors_and_weights_and_the_mean_about_move
     assert found == pytest.approx([0.02, 0.8, 0.3])
 
 
-def test_verdict_is_stored_and_the_warning_says_why(tmp_path):
+def test_verdict_is_stored_and_the_warning_says_why():
     tree = with_diagnosis(result(ancestors=0.005))
     with pytest.warns(UserWarning, match=r"class 'C1': the evidence is not .* come from 0\.5%"):
         warn_of_evidence(tree, "class 'C1': ")
-    tree.to_netcdf(tmp_path / "tree.nc")
-    loaded = xr.load_datatree(tmp_path / "tree.nc")
-    xr.testing.assert_identical(ph.diagnose_evidence(loaded), ph.diagnose_evidence(tree))
-    assert np.isinf(ph.log_evidence(loaded).standard_error)
+    assert np.isinf(ph.log_evidence(tree).standard_error)
+    tree["evidence"]["ancestors"][:] = 0.5
+    assert ph.diagnose_evidence(tree).attrs["verdict"] == BAD
     assert worst_verdict([result(), tree]) == BAD
     assert worst_of(["", GOOD]) == GOOD
 
@@ -163,24 +161,10 @@ def test_result_of_the_sampler_of_pymc_is_read_from_its_stages():
 
 def test_particles_that_miss_a_sudden_transition_are_noticed():
     """Tempering from the prior with few moves prefers a large noise; the true noise is small."""
-    rng = np.random.default_rng(SEED)
-    design = rng.normal(size=(30, 6))
-    measured = design @ rng.normal(size=6) + 1e-3 * rng.standard_normal(30)
-    with pm.Model() as model:
-        slope = pm.Normal("slope", 0, 1, shape=6)
-        sigma = pm.HalfNormal("sigma", 1)
-        pm.Normal("y", design @ slope, sigma, observed=measured)
-
-    def density(log_sigma):
-        covariance = design @ design.T + np.exp(2 * log_sigma) * np.eye(30)
-        fit = stats.multivariate_normal(np.zeros(30), covariance).logpdf(measured)
-        return np.exp(fit - 90 + stats.halfnorm.logpdf(np.exp(log_sigma)) + log_sigma)
-
-    exact = 90 + np.log(quad(density, np.log(3e-4), np.log(3e-3), epsabs=0)[0])
+    problem = PROBLEMS["sine_frequency"]
+    settings = {"random_seed": SEED, "progressbar": False, "from_modes": False, "max_moves": 2}
     with pytest.warns(UserWarning, match="the evidence is"):
-        tree = ph.sample_smc(
-            model, 300, 2, random_seed=SEED, progressbar=False, from_modes=False, max_moves=2
-        )
-    assert ph.log_evidence(tree).value < exact - 1
+        tree = ph.sample_smc(problem.model(), 300, 2, **settings)
+    assert ph.log_evidence(tree).value < problem.log_evidence() - 1
     assert np.all(tree["evidence"]["moves"] == 1)
     assert ph.diagnose_evidence(tree).attrs["verdict"] != GOOD

@@ -4,12 +4,10 @@ import numpy as np
 import pymc as pm
 import pytest
 import xarray as xr
+from agreement import ROUNDING
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.estimate import combine_chains
-
-# Rounding of sums and logarithms of a few numbers of order one.
-ROUNDING = 1e-12
 
 
 def test_evidences_and_not_their_logarithms_are_averaged():

@@ -1,8 +1,11 @@
 """Modes of a posterior: maximisation of many points together, Laplace masses, and the search."""
 
+from functools import partial
+
 import numpy as np
 import pymc as pm
 import pytest
+from agreement import assert_agrees
 from scipy import stats
 from scipy.optimize import least_squares, minimize
 from scipy.special import logsumexp, softmax
@@ -17,8 +20,6 @@ from pymc_hyperelastic.evidence.target import Rise, Target, by_differences, diff
 SEED = 20261124
 # Maximisation ends a twentieth of a posterior sd from the maximum: errors of a density, in nats.
 NATS = 0.01
-# An honest standard error is exceeded fourfold once in 16,000 runs; seeds are fixed.
-STANDARD_ERRORS = 4
 
 
 def residuals(points):
@@ -81,7 +82,7 @@ def test_points_far_out_in_a_heavy_tail_reach_the_maximum():
 
     starts = np.array([[-9.0, 4.0, 0.0], [30.0, 20.0, -40.0], [3.0, 3.0, 3.0]])
     score = without_prior(log_density)
-    found = climb_together(lambda width: by_differences(score, width), starts, np.ones(3))
+    found = climb_together(partial(by_differences, score), starts, np.ones(3))
     exact = minimize(lambda x: -log_density(x[None])[0], np.zeros(3)).x
     np.testing.assert_allclose(found.points, np.tile(exact, (3, 1)), atol=0.1)
 
@@ -94,7 +95,7 @@ def test_impossible_starts_stay_and_impossible_steps_are_shortened():
 
     starts = np.array([[-1.0], [2.0], [1e-3]])
     score = without_prior(log_density)
-    found = climb_together(lambda width: by_differences(score, width), starts, np.ones(1))
+    found = climb_together(partial(by_differences, score), starts, np.ones(1))
     assert found.heights[0] == -np.inf and found.points[0] == -1.0
     np.testing.assert_allclose(found.points[1:], 0.2, atol=0.02)
 
@@ -134,7 +135,7 @@ def test_modes_have_the_means_covariances_and_masses_of_normal_densities(
     rng = np.random.default_rng(SEED)
     starts = np.concatenate([rng.normal(centre, 1e-3, (4, len(centre))) for centre in centres])
     width = np.full(len(means[0]), 4.0)
-    found = modes_from(lambda width: by_differences(score, width), [starts], width)
+    found = modes_from(partial(by_differences, score), [starts], width)
     order = np.argsort(found.mixture.means[:, 0])
     sds = np.sqrt(np.diagonal(posterior, axis1=1, axis2=2))
     assert len(found.log_masses) == len(means)
@@ -146,14 +147,16 @@ def test_modes_have_the_means_covariances_and_masses_of_normal_densities(
 
 def test_density_without_bound_has_no_mode():
     """The density of a hierarchy grows without bound where the spread goes to zero."""
-    with pm.Model() as hierarchy:
-        spread = pm.HalfNormal("spread", 1)
-        x = pm.Normal("x", 0, spread, shape=8)
-        pm.Normal("y", x, 2.0, observed=np.linspace(-1, 1, 8))
-    target, rng = Target(hierarchy), np.random.default_rng(SEED)
-    prior = target.draw_prior(200, rng)
+
+    def log_density(points):
+        log_spread, x = points[:, :1], points[:, 1:]
+        likelihood = stats.norm.logpdf(x, np.linspace(-1, 1, 3), 2.0).sum(axis=1)
+        of_spread = stats.halfnorm.logpdf(np.exp(log_spread[:, 0])) + log_spread[:, 0]
+        return stats.norm.logpdf(x, 0, np.exp(log_spread)).sum(axis=1) + of_spread + likelihood
+
+    starts, score = np.random.default_rng(SEED).normal(size=(8, 4)), without_prior(log_density)
     with np.errstate(all="ignore"):
-        assert modes_from(target.ascent, [prior[:8]], width_of(prior)) is None
+        assert modes_from(partial(by_differences, score), [starts], np.ones(4)) is None
 
 
 def test_starting_points_are_spread_over_the_better_half_of_draws():
@@ -205,8 +208,8 @@ def test_search_finds_the_evidence_from_the_prior_and_from_the_modes():
         pm.Potential("cut", pm.math.switch(x[0] > -0.6745, 0.0, -np.inf))
     exact = stats.norm(0, np.hypot(1, 0.1)).logpdf([1.0, -0.5]).sum()
     found = find_reference(Target(model), np.random.default_rng(SEED))
-    for value, error in (found.forward, found.at_modes):
-        assert abs(value - exact) < STANDARD_ERRORS * error < 0.5
+    for estimate in (found.forward, found.at_modes):
+        assert_agrees(estimate, exact, 0.125)
     np.testing.assert_allclose(found.log_masses, [exact], atol=NATS)
     stored = found.as_dataset()
     assert float(stored["at_modes"]) == found.at_modes.value

@@ -6,11 +6,16 @@ import numpy as np
 import pymc as pm
 import pytest
 import xarray as xr
+from agreement import assert_agrees
+from interrupts import interrupt
+from scipy.stats import norm
 
 import pymc_hyperelastic as ph
 
 SEED = 20250
 RUN = {"draws": 300, "chains": 3, "random_seed": SEED, "progressbar": False}
+# One small chain; without a reference, the search for which takes most of the time.
+FEW = RUN | {"draws": 50, "chains": 1, "from_modes": False}
 
 
 @pytest.fixture(scope="module")
@@ -30,24 +35,17 @@ def tree(model):
     return ph.sample_smc(model, **RUN)
 
 
-def test_same_seed_gives_the_same_result_and_another_seed_another_one(model, tree):
-    again = ph.sample_smc(model, **RUN)
-    xr.testing.assert_equal(again["posterior"].to_dataset(), tree["posterior"].to_dataset())
-    assert ph.log_evidence(again) == ph.log_evidence(tree)
-    other = ph.sample_smc(model, **RUN | {"random_seed": SEED + 1})
-    assert ph.log_evidence(other) != ph.log_evidence(tree)
-
-
 def test_result_records_a_seed_that_repeats_it(model):
     """Without a seed one is chosen; from a generator one is drawn, another one for each call."""
-    few = RUN | {"draws": 50, "chains": 1, "from_modes": False}
     rng = np.random.default_rng(SEED)
-    runs = [ph.sample_smc(model, **few | {"random_seed": seed}) for seed in (None, rng, rng)]
-    for run in runs:
+    runs = [ph.sample_smc(model, **FEW | {"random_seed": seed}) for seed in (None, rng, rng)]
+    for run in runs[:2]:
         seed = json.loads(run.attrs["random_seed"])
-        again = ph.sample_smc(model, **few | {"random_seed": seed})
+        again = ph.sample_smc(model, **FEW | {"random_seed": seed})
+        xr.testing.assert_equal(again["posterior"].to_dataset(), run["posterior"].to_dataset())
         assert ph.log_evidence(again) == ph.log_evidence(run)
     assert len({run.attrs["random_seed"] for run in runs}) == 3
+    assert len({ph.log_evidence(run) for run in runs}) == 3
 
 
 def test_chains_share_no_particles(tree):
@@ -92,18 +90,8 @@ def test_variables_are_stored_on_both_scales(tree):
     assert tree["observed_data"]["y"].values.tolist() == [0.4, 1.2, 2.9, 1.0, 3.8]
 
 
-def test_file_holds_the_whole_result(tree, tmp_path):
-    tree.to_netcdf(tmp_path / "run.nc", engine="h5netcdf")
-    loaded = xr.load_datatree(tmp_path / "run.nc", engine="h5netcdf")
-    for group in tree.children:
-        xr.testing.assert_equal(loaded[group].to_dataset(), tree[group].to_dataset())
-    assert ph.log_evidence(loaded) == ph.log_evidence(tree)
-    assert loaded.attrs == tree.attrs
-
-
 def test_var_names_chooses_the_stored_variables(model):
-    few = RUN | {"draws": 50, "chains": 1, "from_modes": False}
-    kept = ph.sample_smc(model, **few, var_names=["steepness"])
+    kept = ph.sample_smc(model, **FEW, var_names=["steepness"])
     assert list(kept["posterior"].data_vars) == ["steepness"]
 
 
@@ -119,39 +107,21 @@ def test_only_tempered_terms_enter_the_evidence():
     rng = np.random.default_rng(SEED)
     start = [{"x": rng.normal(mean, np.sqrt(variance), 2000)} for _ in range(2)]
     settings = RUN | {"draws": 2000, "chains": 2}
-    value, error = ph.log_evidence(
-        ph.sample_smc(model, **settings, start=start, tempered=["second"])
-    )
-    exact = (second - mean) ** 2 / (variance + noise**2)
-    exact = -0.5 * (np.log(2 * np.pi * (variance + noise**2)) + exact)
-    assert abs(value - exact) < 3 * error < 0.1
-
-
-def interrupt_at(monkeypatch, call):
-    """Raise KeyboardInterrupt in the n-th stage of moves."""
-    mutate, calls = ph.BatchedSMC.mutate, []
-
-    def interrupted(self):
-        calls.append(1)
-        if len(calls) == call:
-            raise KeyboardInterrupt
-        mutate(self)
-
-    monkeypatch.setattr(ph.BatchedSMC, "mutate", interrupted)
+    tree = ph.sample_smc(model, **settings, start=start, tempered=["second"])
+    exact = norm(mean, np.sqrt(variance + noise**2)).logpdf(second)
+    assert_agrees(ph.log_evidence(tree), exact, 0.033)
 
 
 def test_interrupt_keeps_complete_chains(model, tree, monkeypatch):
+    """An interrupt of the first chain is raised."""
     stages = int(np.isfinite(tree["sample_stats"]["beta"].values[0]).sum())
-    interrupt_at(monkeypatch, stages + 1)
+    interrupt(monkeypatch, ph.BatchedSMC, "mutate", stages + 1)
     with pytest.warns(UserWarning, match="1 of 3 chains are complete") as caught:
         kept = ph.sample_smc(model, **RUN)
     np.testing.assert_array_equal(kept["posterior"]["slope"], tree["posterior"]["slope"][:1])
     assert kept["evidence"].sizes["chain"] == 1
     assert caught[0].filename == __file__
     assert np.isfinite(ph.log_evidence(kept)).all()
-
-
-def test_interrupt_before_the_first_chain_is_complete_is_raised(model, monkeypatch):
-    interrupt_at(monkeypatch, 1)
+    interrupt(monkeypatch, ph.BatchedSMC, "mutate", 1)
     with pytest.raises(KeyboardInterrupt):
-        ph.sample_smc(model, **RUN | {"from_modes": False})
+        ph.sample_smc(model, **FEW)

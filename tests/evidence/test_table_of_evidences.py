@@ -11,10 +11,10 @@ SEED = 20250
 TOLERANCE, TOLERANCE_OF_MANY = 0.1, 0.3
 # An honest standard error is exceeded fourfold once in 16,000 runs; seeds are fixed.
 STANDARD_ERRORS = 4
-# Models of different kinds for which tempering from the prior alone fails: a sudden transition,
-# modes of unequal width, an unbounded density, a prior that is mostly impossible.
-FAST = ["regression_10_small_noise", "narrow_and_wide", "funnel_4", "half_space"]
-# More unknowns than the sampler takes.
+# Models of different kinds for which tempering from the prior alone fails: a sudden transition, an
+# unbounded density, a prior that is mostly impossible.
+FAST = ["sine_frequency", "funnel_4", "half_space"]
+# More unknowns than the sampler accepts.
 TOO_MANY = ["groups_1000"]
 # Models whose stated error is too small, because draws miss part of heavy tails.
 TAILS = ["horseshoe"]
@@ -46,10 +46,3 @@ def test_evidence_equals_the_known_one(name):
 @pytest.mark.parametrize("name", [*DEEP, *long(SLOW)])
 def test_evidence_of_every_other_model_equals_the_known_one(name):
     assert_right(name)
-
-
-@pytest.mark.parametrize("name", TOO_MANY)
-def test_too_many_unknowns_are_refused(name):
-    """The error comes before sampling, and names the alternative."""
-    with pytest.raises(ValueError, match=r"1000 unknowns.* NUTS .*ph\.log_evidence_by_bridge"):
-        ph.sample_smc(PROBLEMS[name].model(), progressbar=False)

@@ -1,14 +1,14 @@
-"""Gradients of models, tempering from the prior or a reference, and many unknowns."""
+"""Gradients of models, tempering from the prior or a reference, and bridges from particles."""
 
 import numpy as np
 import pymc as pm
+import pytensor.tensor as pt
 import pytest
-from pytensor.graph.basic import Apply
-from pytensor.graph.op import Op
+from agreement import ROUNDING, assert_agrees, assert_gradients
+from pytensor.compile.ops import wrap_py
 from scipy import stats
 from scipy.differentiate import jacobian
-from scipy.integrate import quad
-from scipy.optimize import approx_fprime, brentq
+from scipy.optimize import brentq
 from scipy.special import logsumexp
 from tiers import deep
 
@@ -21,20 +21,12 @@ from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.tempering import Tempering
 
 SEED = 20250
-# Finite differences with a step of 1e-6, for gradients of order one.
-DIFFERENCE_TOLERANCE = 1e-4
-# Rounding of sums and logarithms of a few numbers of order one.
-ROUNDING = 1e-12
 
 
-class Doubled(Op):
-    """Twice a vector, without a gradient."""
-
-    def make_node(self, x):
-        return Apply(self, [x], [x.type()])
-
-    def perform(self, node, inputs, outputs):
-        outputs[0][0] = 2 * inputs[0]
+@wrap_py([pt.dvector], [pt.dvector])
+def doubled(x):
+    """Return twice a vector, by an operation without a gradient."""
+    return 2 * x
 
 
 def normal_means(count=6, op=lambda x: 2 * x):
@@ -88,9 +80,7 @@ def test_reference_is_the_prior_and_a_mixture_in_given_shares():
     np.testing.assert_allclose(log_density(points), expected)
     value, slope = reference.slope(points, log_prior, -points / 9)
     np.testing.assert_allclose(value, expected)
-    for point, of_point in zip(points, slope, strict=True):
-        differences = approx_fprime(point, lambda x: log_density(x[None])[0], 1e-6)
-        np.testing.assert_allclose(of_point, differences, atol=DIFFERENCE_TOLERANCE)
+    assert_gradients(slope, log_density, points)
     drawn = reference.draw(lambda n, rng: np.zeros((n, 2)), 50, np.random.default_rng(SEED))
     assert np.sum(drawn[:, 0] == 0) == 10
 
@@ -153,11 +143,10 @@ def test_tempering_without_effort_left_is_stuck():
 
 
 def test_model_without_gradients_is_sampled():
-    model, exact = normal_means(6, Doubled())
+    model, exact = normal_means(5, doubled)
     assert not Target(model).has_slopes
-    tree = ph.sample_smc(model, 300, 2, random_seed=SEED, progressbar=False)
-    value, error = ph.log_evidence(tree)
-    assert abs(value - exact) < 4 * error < 0.4
+    tree = ph.sample_smc(model, 300, 1, random_seed=SEED, progressbar=False)
+    assert_agrees(ph.log_evidence(tree), exact, 0.1)
 
 
 def test_search_with_a_density_that_takes_one_point_at_a_time():
@@ -169,32 +158,16 @@ def test_search_with_a_density_that_takes_one_point_at_a_time():
     np.testing.assert_allclose(found.log_masses, [exact], atol=0.01)
 
 
-def hierarchy():
-    """Thirty normal means with a common, unknown spread."""
-    y = np.random.default_rng(7).normal(0.0, 1.5, 30)
-    with pm.Model() as model:
-        spread = pm.LogNormal("spread", 0.0, 1.0)
-        mean = pm.Normal("mean", 0.0, spread, shape=30)
-        pm.Normal("y", mean, 1.0, observed=y)
-
-    def density(log_spread):
-        sd = np.sqrt(1 + np.exp(2 * log_spread))
-        return np.exp(stats.norm(0, sd).logpdf(y).sum() + 60) * stats.norm.pdf(log_spread)
-
-    return model, np.log(quad(density, -8, 4, epsabs=0, epsrel=1e-10)[0]) - 60
-
-
 def test_bridge_from_tempered_particles():
-    """Each call moves the particles on, and gives another estimate and as many draws as asked."""
-    model, exact = hierarchy()
+    """Each call moves the particles further, and returns as many draws as it is asked for."""
+    model, exact = normal_means(30)
     rng = np.random.default_rng(1)
     led = Led(Target(model), rng)
     sizes = 1000, 6000
     found = [led.integral(size, rng) for size in sizes]
     for size, integral in zip(sizes, found, strict=True):
-        value, error = integral.log_value
         assert len(integral.particles) == size
-        assert abs(value - exact) < 4 * error < 0.4
+        assert_agrees(integral.log_value, exact, 0.1)
     assert found[0].log_value != found[1].log_value
 
 
@@ -206,10 +179,8 @@ def test_guide_with_wrong_gradients_leads_to_the_right_distribution(factor):
         def slopes(self, points):
             return tuple(factor * values for values in super().slopes(points))
 
-    design, y = (
-        np.random.default_rng(8).normal(size=(25, 40)),
-        np.random.default_rng(9).normal(size=25),
-    )
+    design = np.random.default_rng(8).normal(size=(25, 40))
+    y = np.random.default_rng(9).normal(size=25)
     with pm.Model() as model:
         slopes = pm.Normal("slopes", 0.0, 2.0, shape=40)
         pm.Normal("y", design @ slopes, 0.3, observed=y)

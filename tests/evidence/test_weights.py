@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from agreement import ROUNDING
 from arviz_stats.base import array_stats
 
 from pymc_hyperelastic.evidence.weights import (
@@ -12,8 +13,6 @@ from pymc_hyperelastic.evidence.weights import (
 )
 
 SEED = 20250
-# Rounding of sums and logarithms of a few numbers of order one.
-ROUNDING = 1e-12
 
 
 def test_effective_sample_size_is_the_squared_sum_over_the_sum_of_squares():

@@ -8,6 +8,7 @@ from functools import cache
 
 import fits
 import numpy as np
+import pymc as pm
 import pytensor
 import pytest
 import variable_classes
@@ -16,6 +17,7 @@ from tiers import deep
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.priors import prior_from_record
+from pymc_hyperelastic.models.study import noise_from_records, wall_attrs
 
 # Words of Python's own errors, which do not help a user.
 BARE = re.compile(
@@ -27,7 +29,6 @@ BARE = re.compile(
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0, "axial_stretch": 1.0, "opening_angle": 0.0}
 FEW = {"specimens": 10, "draws": 32, "random_seed": 1}
 Groups = dict[str, xr.Dataset]
-Result = xr.DataTree | xr.Dataset
 
 
 def classify(tree: xr.DataTree) -> xr.Dataset:
@@ -46,19 +47,9 @@ def inform(tree: xr.DataTree) -> xr.Dataset:
     return ph.expected_information(tree, {"one": {"radius": 8.0, "points": 1}}, **FEW)
 
 
-MAKE = {
-    "sampled": lambda: fits.fit("sampled"),
-    "pooled": lambda: fits.fit("pooled"),
-    "variable": lambda: fits.fit("neo_hookean_classes"),
-    "classified": lambda: classify(result("pooled")),
-}
-
-
 @cache
-def result(kind: str) -> Result:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return MAKE[kind]()
+def result(kind: str) -> xr.DataTree:
+    return fits.fit("neo_hookean_classes" if kind == "variable" else kind)
 
 
 def one(tree: xr.DataTree) -> xr.DataTree:
@@ -94,13 +85,9 @@ OF_CLASSES = {
     "sampled": {},
 }  # fmt: skip
 CALLS = {kind: OF_ONE | own for kind, own in OF_CLASSES.items()}
-FIGURES = {
-    "sampled": lambda tree: ph.plot_parameter_density(tree, backend="none"),
-    "classified": lambda table: ph.plot_class_probability(table, backend="none"),
-}
 
 
-def refusal(call: Callable[[Result], object], damaged: Result) -> str:
+def refusal(call: Callable[[xr.DataTree], object], damaged: xr.DataTree) -> str:
     """Return the message by which a call refuses a result, or nothing if it does not."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -112,30 +99,18 @@ def refusal(call: Callable[[Result], object], damaged: Result) -> str:
     return ""
 
 
-# --- damage --------------------------------------------------------------------------------------
-
-
-def groups_of(whole: Result) -> Groups:
+def groups_of(whole: xr.DataTree) -> Groups:
     """Return the groups by path, without the checksums, which older files do not have."""
-    nodes = {".": whole}
-    if isinstance(whole, xr.DataTree):
-        nodes = {n.relative_to(whole): n.to_dataset(inherit=False) for n in whole.subtree}
-    groups = {path: data.assign_attrs({}) for path, data in nodes.items()}
+    groups = {n.relative_to(whole): n.to_dataset(inherit=False) for n in whole.subtree}
     for data in groups.values():
         data.attrs = {name: value for name, value in data.attrs.items() if name != "checksum"}
     return groups
 
 
-def together(groups: Groups, kind: str) -> Result:
-    if isinstance(result(kind), xr.Dataset):
-        return groups["."]
-    return xr.DataTree.from_dict({"/" if path == "." else path: g for path, g in groups.items()})
-
-
-def altered(kind: str, change: Callable[[Groups], None]) -> Result:
+def altered(kind: str, change: Callable[[Groups], None]) -> xr.DataTree:
     groups = groups_of(result(kind))
     change(groups)
-    return together(groups, kind)
+    return xr.DataTree.from_dict({"/" if path == "." else path: g for path, g in groups.items()})
 
 
 def attribute(name: str, value=None, only: str | None = None):
@@ -162,6 +137,19 @@ def within(name: str, *place, value):
                     part = part[key]
                 part[place[-1]] = value
                 data.attrs[name] = json.dumps(whole)
+
+    return change
+
+
+def layered(damage: Callable[[Groups], None]):
+    """Make the material of classes two layers, and damage them."""
+    layers = [ph.Layer(ph.NeoHookean(), pm.LogNormal.dist()), ph.Layer(ph.Demiray(), 0.8, b=0.5)]
+
+    def change(groups):
+        for data in groups.values():
+            if data.attrs.pop("strain_energy", None):
+                data.attrs.update(wall_attrs(layers))
+        damage(groups)
 
     return change
 
@@ -196,22 +184,10 @@ def texts(name: str):
     return lambda data: data.assign({name: (data[name].dims, data[name].values.astype(str))})
 
 
-def lacking(name: str):
-    return lambda data: data.drop_vars(name)
-
-
-def none_along(dim: str):
-    return lambda data: data.isel({dim: []})
-
-
-# --- messages about damage -----------------------------------------------------------------------
-
 BLAME = "it was not written by pymc_hyperelastic, or is damaged"
 SETTINGS = "variability_settings"
 # A kind of result, its damage, a call, and a regular expression of the message.
 DAMAGE = {
-    # Attributes.
-    "no noise": ("pooled", attribute("noise"), "classify", "class 'C1'.*'noise' is missing"),
     "half an attribute": ("pooled", attribute("priors", "{"), "classify", "'priors'.*JSON"),
     "negative noise": ("pooled", within("noise", "sigma", value=-1), "classify", "sigma.*-1"),
     "a function of PyMC": (
@@ -223,8 +199,6 @@ DAMAGE = {
     "variability": (
         "variable", attribute("variability", "cloud"), "classify", "'cloud'.*'specimen'",
     ),
-    "units in a list": ("sampled", attribute("units", "[1]"), "figure", "units"),
-    # Groups and variables.
     "no posterior": ("sampled", group("posterior", gone), "predict_pressure", "no posterior"),
     "NaN": (
         "sampled", group("posterior", holding("mu", np.nan)), "tube_properties",
@@ -241,18 +215,34 @@ DAMAGE = {
     "unknown verdict": (
         "sampled", attribute("verdict", "splendid"), "log_evidence", "'splendid'.*'doubtful'",
     ),
-    # Figures.
-    "probabilities of text": (
-        "classified", group(".", texts("class_probability")), "figure",
-        "'class_probability'.*expected numbers",
+    "effect": ("variable", within(SETTINGS, "experiment_effect", value=1), "classify", "is 1; exp"),
+    "stress": ("variable", within(SETTINGS, "reference_stress", value=-1), "classify", "is -1; ex"),
+    "errors": ("variable", within(SETTINGS, "sigma", value=[]), "classify", "'sigma' is .]; exp"),
+    "no layer": ("variable", layered(attribute("layers", "[]")), "classify", "holds no layers"),
+    "no list": ("variable", layered(attribute("layers", "{}")), "classify", "expected a JSON list"),
+    "no record": ("variable", layered(within("layers", 0, value=3)), "classify", "holds 3; expect"),
+    "law of a layer": (
+        "variable", layered(within("layers", 0, "strain_energy_settings", value="[")), "classify",
+        r"a layer has the settings '\['",
+    ),
+    "no value": (
+        "variable", layered(within("layers", 1, "values", value={})), "classify",
+        "a layer of Demiray has the values {}; expected .*'thickness'",
+    ),
+    "value of a layer": (
+        "variable", layered(within("layers", 1, "values", "b", value=None)), "classify",
+        "b of a layer is None; expected a name or numbers",
+    ),
+    "thickness": (
+        "variable", layered(attribute("thickness_priors", "{}")), "classify",
+        "'thickness_priors' lacks 'thickness_1'",
     ),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("kind, change, call, message", DAMAGE.values(), ids=DAMAGE)
 def test_message_names_what_is_damaged_and_what_was_expected(kind, change, call, message):
-    function = FIGURES[kind] if call == "figure" else CALLS[kind][call]
-    found = refusal(function, altered(kind, change))
+    found = refusal(CALLS[kind][call], altered(kind, change))
     assert re.search(message, found, re.DOTALL), found or "it was accepted"
 
 
@@ -275,13 +265,27 @@ def test_message_names_the_file_of_the_result(tmp_path):
     )
 
 
-@pytest.mark.parametrize("name", ["sample", "os.system", "__class__", "Mixture"])
-def test_names_of_priors_in_a_file_are_looked_up_in_a_table(name):
-    with pytest.raises(ValueError, match="is no distribution that is stored with results"):
-        prior_from_record([name, [0.0, 1.0]], "mu")
+UNIFORM = ["Uniform", [0.0, 1.0]]
 
 
-# --- whatever is damaged -------------------------------------------------------------------------
+def test_records_of_priors_and_of_noise_are_looked_up_in_a_table_and_checked():
+    for record, message in (
+        *(([name, [0.0, 1.0]], "is no distribution") for name in ("os.system", "Mixture")),
+        ("Uniform", r"'mu' is 'Uniform'; expected \[name, \[parameters\]\]"),
+        ([*UNIFORM, 0], "'mu' has the size .0.; expected"),
+        ([*UNIFORM, 2, 2], "'mu' has the size .2, 2.; expected"),
+        (["Uniform", [0.0]], "Uniform, has the parameters .0.0.; expected a list of 2"),
+        (["Uniform", [0.0, "1"]], "has the parameter '1'; expected a number"),
+        (["Uniform", [0.0, np.nan]], "has the parameter nan; expected a number"),
+        (["Uniform", [0.0, [1.0, 2.0, 3.0]], 2], "or as many as its size"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            prior_from_record(record, "mu")
+    with pytest.raises(ValueError, match="'weight' is no error"):
+        noise_from_records({"weight": 1.0})
+    shape = prior_from_record([*UNIFORM, 2], "mu").type.shape
+    assert shape == (2,) and noise_from_records({"sigma": 2}) == {"sigma": 2.0}
+
 
 CARD_COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 # Free text about the data, which nothing can check.
@@ -315,13 +319,15 @@ def damages(kind: str) -> Iterator[tuple[str, list[str], Callable[[Groups], None
             continue
         changes = [("no", path, gone), ("empty", path, lambda d: xr.Dataset(attrs=d.attrs))]
         for name in map(str, data.data_vars):
-            changes += [("no", name, lacking(name)), ("dates", name, dates(name))]
+            changes += [("no", name, lambda d, name=name: d.drop_vars(name))]
+            changes += [("dates", name, dates(name))]
             if data[name].dtype.kind in "fi":
                 changes += [("text", name, texts(name))]
             if data[name].dtype.kind == "f" and data[name].size:
                 changes += [("NaN", name, holding(name, np.nan))]
         for dim in map(str, data.sizes):
-            changes += [("none of", dim, none_along(dim)), ("renamed", dim, renamed(dim))]
+            changes += [("none of", dim, lambda d, dim=dim: d.isel({dim: []}))]
+            changes += [("renamed", dim, renamed(dim))]
         for what, name, change in changes:
             yield f"{what} {name} in {path}", [own, name], group(path, change)
 

@@ -56,27 +56,21 @@ def test_the_checksum_notices_every_change():
     number, text = result.copy(deep=True), result.copy(deep=True)
     number["real"].values[0] = np.nextafter(1.5, 2)
     text["text"].values[0] = "b"
-    changes = {
-        "number": number,
-        "text": text,
-        "boolean": result.assign(flag=~result["flag"]),
-        "attribute": result.assign_attrs(text="u"),
-        "missing": result.drop_vars("integer"),
-        "renamed": result.rename_vars(integer="number"),
-        "order": result.isel(x=[1, 0, 2]),
-        "coordinate": result.assign_coords(x=["S1", "S2", "S4"]),
-        "no attribute": result.drop_attrs().assign_attrs(checksum=result.attrs["checksum"]),
-        "no JSON": result.assign_attrs(checksum="null"),
-        "cut": result.assign_attrs(checksum=result.attrs["checksum"][:-9]),
-    }
-    unnoticed = []
-    for name, changed in changes.items():
-        try:
+    for changed in (
+        number,
+        text,
+        result.assign(flag=~result["flag"]),
+        result.assign_attrs(text="u"),
+        result.drop_vars("integer"),
+        result.rename_vars(integer="number"),
+        result.isel(x=[1, 0, 2]),
+        result.assign_coords(x=["S1", "S2", "S4"]),
+        result.drop_attrs().assign_attrs(checksum=result.attrs["checksum"]),
+        result.assign_attrs(checksum="null"),
+        result.assign_attrs(checksum=result.attrs["checksum"][:-9]),
+    ):
+        with pytest.raises(ValueError, match="the class is not what was computed"):
             check_seal(changed, "the class")
-            unnoticed.append(name)
-        except ValueError as error:
-            assert "the class is not what was computed" in str(error)
-    assert unnoticed == []
 
 
 def test_the_checksum_allows_additions_to_a_result():

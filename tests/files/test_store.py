@@ -10,10 +10,6 @@ from pymc_hyperelastic.files.store import Store, named, remembering, seed_in
 RESULT = xr.Dataset({"number": ("x", [1.5, 2.5]), "text": ("x", ["a", "ü"])}, attrs={"a": [1, 2]})
 
 
-def result():
-    return RESULT
-
-
 def test_a_part_is_computed_once(tmp_path):
     calls = []
 
@@ -34,10 +30,10 @@ def test_a_part_is_computed_once(tmp_path):
 
 def test_a_damaged_part_is_named_and_computed_again(tmp_path):
     store = Store(tmp_path / "store", {"what": "test"})
-    store.remember("one", result)
+    store.remember("one", RESULT.copy)
     store.part("one").write_bytes(store.part("one").read_bytes()[:-50])
     with pytest.warns(UserWarning, match=r"one\.nc .* It is computed again"):
-        assert store.remember("one", result).equals(RESULT)
+        assert store.remember("one", RESULT.copy).equals(RESULT)
     assert store.kept("one").equals(RESULT) and store.kept("two") is None
 
 
@@ -69,7 +65,7 @@ def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
             Store(store.folder, {})
     for name in ("", "..", "../part", "/etc/passwd", "a/b", "a\\b", ".part"):
         with pytest.raises(ValueError, match="expected letters, and no path"):
-            store.remember(name, result)
+            store.remember(name, RESULT.copy)
 
 
 def test_the_seed_of_a_store_is_that_of_its_manifest(tmp_path):

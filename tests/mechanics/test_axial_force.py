@@ -10,7 +10,6 @@ from wall_integrals import (
     columns_of,
     compiled,
     problems_of,
-    response,
 )
 
 import pymc_hyperelastic as ph
@@ -23,72 +22,39 @@ ROUNDING = 1e-13
 # Two formulas for one number: rounding, with exponents up to 60.
 IDENTITY_TOLERANCE = 1e-12
 
-FIRST_TUBES = ("slackening, shortened",)
-# A smooth law, and one of fibres that slacken.
-FIRST_LAWS = ("MooneyRivlin", "HolzapfelGasserOgden")
 
-
-def thrust_of(problem):
-    return np.pi * problem.internal_radius**2 * abs(problem.exact())
-
-
-def assert_equals_quadrature(law, chosen):
-    forces, _ = compiled(law, "force")(*columns_of(problems_of(law)))
-    for force, problem in zip(forces, problems_of(law), strict=True):
-        if chosen(problem):
-            exact = problem.exact(quantity=oracles.layered_force)
-            allowed = FORCE_TOLERANCE * abs(exact) + ROUNDING * thrust_of(problem)
-            assert abs(force - exact) <= allowed, problem.name
+def assert_equals_quadrature(law, problems):
+    forces, _ = compiled(law, "force")(*columns_of(problems))
+    for force, problem in zip(forces, problems, strict=True):
+        if problem.tube == "at rest":
+            assert force == 0
+            continue
+        exact = problem.exact(quantity=oracles.layered_force)
+        thrust = np.pi * problem.internal_radius**2 * abs(problem.exact())
+        allowed = FORCE_TOLERANCE * abs(exact) + ROUNDING * thrust
+        assert abs(force - exact) <= allowed, problem.name
 
 
 @pytest.mark.parametrize("law", LAWS)
 def test_force_equals_adaptive_quadrature(law):
-    assert_equals_quadrature(law, lambda p: p.ordinary and p.tube in FIRST_TUBES)
+    tubes = ("at rest", "slackening, shortened")
+    assert_equals_quadrature(law, problems_of(law, *tubes, ordinary=True))
 
 
 @pytest.mark.deep
 @pytest.mark.parametrize("law", LAWS)
 def test_force_of_all_problems_equals_adaptive_quadrature(law):
-    assert_equals_quadrature(law, lambda p: p.tube != "at rest")
+    assert_equals_quadrature(law, problems_of(law))
 
 
-def test_tube_at_rest_has_exactly_zero_force():
-    for law in LAWS:
-        at_rest = problems_of(law, "at rest")
-        assert compiled(law, "force")(*columns_of(at_rest))[0] == 0
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_slope_of_the_force_follows_from_the_pressure(law):
-    r"""``∂F/∂a = 2 π a λz ∂p/∂λz − π a² ∂p/∂a``, since the wall stores the work done on the tube.
-
-    With ``U`` the energy stored per reference length, ``p d(π a² λz) + F dλz = dU``.
-    """
-    # At an axial stretch of 1 axial fibres slacken: there is no derivative by the stretch. For the
-    # steepest materials the quadrature errors of force and pressure differ in compressed walls.
-    chosen = [
-        p.axial_stretch != 1 and (p.ordinary or p.internal_radius >= p.inner_radius)
-        for p in problems_of(law)
-    ]
-    columns = [x[chosen] for x in columns_of(problems_of(law))]
-    _, slope = compiled(law, "force")(*columns)
-    (_, stiffness), gradients = (x[..., chosen] for x in response(law))
-    radius, axial = columns[0], columns[3]
-    by_stretch = 2 * np.pi * radius * axial * gradients[0, 3]
-    by_radius = np.pi * radius**2 * stiffness
-    allowed = IDENTITY_TOLERANCE * (np.abs(by_stretch) + np.abs(by_radius))
-    assert (np.abs(slope - (by_stretch - by_radius)) <= allowed).all()
-
-
-@pytest.mark.parametrize("law", tiers(LAWS, first=lambda law: law in FIRST_LAWS))
+@pytest.mark.parametrize("law", tiers(LAWS, first=lambda law: law == "HolzapfelGasserOgden"))
 def test_gradients_equal_difference_quotients(law):
     """Forces of steeper materials lose digits to cancellation."""
-    radius = columns_of(problems_of(law))[0]
-    pressure, stiffness = np.abs(response(law)[0])
-    thrust = np.pi * radius**2 * (pressure + stiffness * radius)
-    assert_gradients_equal_difference_quotients(
-        law, "force", [thrust, thrust / radius], ordinary=True
-    )
+    columns = columns_of(problems_of(law))
+    pressure, stiffness = np.abs(compiled(law, "pressure")(*columns))
+    thrust = np.pi * columns[0] ** 2 * (pressure + stiffness * columns[0])
+    scales = [thrust, thrust / columns[0]]
+    assert_gradients_equal_difference_quotients(law, "force", scales, ordinary=True)
 
 
 @pytest.mark.parametrize("axial_stretch", [0.8, 1.5])

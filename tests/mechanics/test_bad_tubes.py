@@ -7,57 +7,32 @@ import pymc_hyperelastic as ph
 
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
 MATERIAL = {"mu": 6.0, "alpha": 8.0}
+UNIT, THIN = {"inner_radius": 1.0}, {"inner_radius": 7.0, "outer_radius": [9.0, 7.0]}
 OGDEN, LAYER = ph.Ogden(), ph.Layer(ph.NeoHookean(), 0.3, mu=20.0)
+SERIES = ph.Layer(ph.OgdenSeries(2), 0.3, mu=[1.0], alpha=[2.0, 3.0])
 FUNCTIONS = (ph.inflation_pressure, ph.inflation_stiffness, ph.axial_force)
 
 # Strain energy or layers, internal radius, other arguments, error and message.
 TUBES = [
     (OGDEN, 8.0, TUBE | {"mu": 6.0}, TypeError, r"Ogden.*'mu', 'alpha'.*\['mu'\] were given"),
-    (OGDEN, 8.0, TUBE | {"mu": 6.0, "n": 1.0}, TypeError, r"\['mu', 'n'\] were given"),
     (ph.Ogden, 8.0, TUBE | MATERIAL, TypeError, r"ph\.Ogden\(\).*call the class"),
     ("Ogden", 8.0, TUBE | MATERIAL, TypeError, r"ph\.Ogden\(\).*not 'Ogden'$"),
     (OGDEN, 8.0, {"inner_radius": 7.0, **MATERIAL}, TypeError, "outer_radius is missing"),
     (OGDEN, "wide", TUBE | MATERIAL, TypeError, "internal_radius is 'wide'"),
-    (
-        OGDEN,
-        8.0,
-        MATERIAL | {"inner_radius": 7.0, "outer_radius": [9.0, 7.0]},
-        ValueError,
-        r"outer_radius must exceed inner_radius; got \[9. 7.\] and 7.0",
-    ),
+    (OGDEN, 8.0, MATERIAL | THIN, ValueError, r"exceed inner_radius; got \[9. 7.\] and 7.0"),
     (OGDEN, [8.0, 0.0], TUBE | MATERIAL, ValueError, "internal_radius must be positive.*0"),
-    (OGDEN, [8.0, np.nan], TUBE | MATERIAL, ValueError, "internal_radius must be.*nan"),
-    (OGDEN, np.inf, TUBE | MATERIAL, ValueError, "internal_radius must be positive and finite"),
+    (OGDEN, [8.0, np.inf], TUBE | MATERIAL, ValueError, "must be positive and finite.*inf"),
     (OGDEN, 8.0, TUBE | MATERIAL | {"inner_radius": -7.0}, ValueError, "^inner_radius must.*-7"),
     (OGDEN, 8.0, TUBE | MATERIAL | {"axial_stretch": 0.0}, ValueError, "axial_stretch must be"),
     (OGDEN, 8.0, TUBE | MATERIAL | {"opening_angle": 60.0}, ValueError, "radians.*60.*np.deg2rad"),
     (OGDEN, 8.0, TUBE | MATERIAL | {"opening_angle": 2 * np.pi}, ValueError, "below 2π"),
-    ([], 1.2, {"inner_radius": 1.0}, TypeError, "holds 'nothing'"),
-    ([ph.NeoHookean()], 1.2, {"inner_radius": 1.0}, TypeError, r"of layers.*holds NeoHookean\(\)"),
-    ([LAYER, 0.3], 1.2, {"inner_radius": 1.0}, TypeError, "holds 0.3"),
-    (LAYER, 1.2, {"inner_radius": 1.0}, TypeError, "a strain energy such as"),
-    (
-        [LAYER],
-        1.2,
-        {"inner_radius": 1.0, "outer_radius": 1.3, "mu": 20.0},
-        TypeError,
-        r"\['outer_radius', 'mu'\] cannot be given with layers",
-    ),
-    (
-        [LAYER, ph.Layer(ph.NeoHookean(), 0.3)],
-        1.2,
-        {"inner_radius": 1.0},
-        TypeError,
-        r"\['mu'\], but \[\] were given",
-    ),
-    (
-        [ph.Layer(ph.OgdenSeries(2), 0.3, mu=[1.0], alpha=[2.0, 3.0])],
-        1.2,
-        {"inner_radius": 1.0},
-        TypeError,
-        r"'mu' of OgdenSeries\(terms=2\) has 2 entries.*\(1,\)",
-    ),
-    ([LAYER], 0.0, {"inner_radius": 1.0}, ValueError, "internal_radius must be positive"),
+    ([], 1.2, UNIT, TypeError, "holds 'nothing'"),
+    ([ph.NeoHookean()], 1.2, UNIT, TypeError, r"of layers.*holds NeoHookean\(\)"),
+    (LAYER, 1.2, UNIT, TypeError, "a strain energy such as"),
+    ([LAYER], 8.0, TUBE | {"mu": 2.0}, TypeError, r"\['outer_radius', 'mu'\] cannot be given"),
+    ([ph.Layer(ph.NeoHookean(), 0.3)], 1.2, UNIT, TypeError, r"\['mu'\], but \[\] were given"),
+    ([SERIES], 1.2, UNIT, TypeError, r"'mu' of OgdenSeries\(terms=2\) has 2 entries.*\(1,\)"),
+    ([LAYER], 0.0, UNIT, ValueError, "internal_radius must be positive"),
 ]
 
 

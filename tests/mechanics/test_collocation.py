@@ -167,25 +167,22 @@ def test_gradient_and_batches_of_collocated_curves(per_group):
     groups = interpolation.groups_by(tubes, tubes.axial_stretch, np.arange(14), varied=False)
     matrices, _ = collocation.curve_matrices(tubes, groups, interpolation.Nodes(20))
     matrices |= {"of_outputs": [matrices["pressure_matrix"], matrices["stiffness_matrix"]]}
-    mu, alpha = (pt.dvector, pt.dscalar)[not per_group](), (pt.dvector, pt.dscalar)[not per_group]()
+    kind, of_batch = (pt.dvector, pt.dmatrix) if per_group else (pt.dscalar, pt.dvector)
+    parameters, symbols = [kind(), kind()], [of_batch(), of_batch()]
     op = collocation.CollocatedPressureIntegral(strain_energy=OGDEN, per_group=per_group)
-    pressure, stiffness = collocated(op, matrices, mu, alpha)
+    pressure, stiffness = collocated(op, matrices, *parameters)
     cost = (pressure**2 + stiffness**3).sum()
-    outputs = [cost, *pytensor.grad(cost, [mu, alpha])]
-    single = pytensor.function([mu, alpha], outputs, mode=AS_WRITTEN)
-    values = np.array([[6.0, 7.0], [8.0, 5.0], [3.0, 9.0]])  # (batch, group)
-    shape = (3, 2) if per_group else (3,)
-    batch = [np.resize(values[:, :1] if not per_group else values, shape), np.full(shape, 7.5)]
-    for i, gradient in enumerate(single(batch[0][0], batch[1][0])[1:]):
-        step, moved = 1e-5, []
-        for sign in (1, -1):
-            point = [batch[0][0], batch[1][0]]
-            point[i] = point[i] * (1 + sign * step)
-            moved.append(single(*point)[0])
-        expected = (moved[0] - moved[1]) / (2 * step)
-        np.testing.assert_allclose(np.sum(gradient * batch[i][0]), expected, rtol=1e-7)
-    symbols = [pt.dmatrix(), pt.dmatrix()] if per_group else [pt.dvector(), pt.dvector()]
-    vectorised = vectorize_graph(outputs, dict(zip((mu, alpha), symbols, strict=True)))
+    outputs = [cost, *pytensor.grad(cost, parameters)]
+    single = pytensor.function(parameters, outputs, mode=AS_WRITTEN)
+    mu = np.array([[6.0, 7.0], [8.0, 5.0], [3.0, 9.0]] if per_group else [6.0, 8.0, 3.0])
+    batch = [mu, np.full(mu.shape, 7.5)]
+    first, step = [x[0] for x in batch], 1e-5
+    for i, gradient in enumerate(single(*first)[1:]):
+        ends = ([x * (1 + h * (i == j)) for j, x in enumerate(first)] for h in (step, -step))
+        above, below = (single(*end)[0] for end in ends)
+        expected = (above - below) / (2 * step)
+        np.testing.assert_allclose(np.sum(gradient * first[i]), expected, rtol=1e-7)
+    vectorised = vectorize_graph(outputs, dict(zip(parameters, symbols, strict=True)))
     nodes = [v.owner.op for v in ancestors(vectorised) if v.owner is not None]
     assert any(isinstance(node, collocation.CollocatedGradient) for node in nodes)
     assert not any(isinstance(node, Blockwise) for node in nodes)
@@ -193,21 +190,6 @@ def test_gradient_and_batches_of_collocated_curves(per_group):
     rows = zip(*(single(*row) for row in zip(*batch, strict=True)), strict=True)
     for found, expected in zip(together, rows, strict=True):
         np.testing.assert_allclose(found, np.stack(expected), rtol=ROUNDING)
-
-
-def test_divided_walls_add_up_to_the_whole():
-    """Hoop stretch is at least 1 in the first part of each wall and at most 1 in the second."""
-    tubes = tubes_of(points=20, stretches=(0.9, 1.3))
-    taut, slack = tubes.divided()
-    thick = [part.outer_radius > part.inner_radius for part in (taut, slack)]
-    assert (thick[0] & thick[1]).sum() > 3 and not thick[0].all() and not thick[1].all()
-    assert (np.array(taut.log_hoop)[:, thick[0]] >= -ROUNDING).all()
-    assert (np.array(slack.log_hoop)[:, thick[1]] <= ROUNDING).all()
-    whole = direct(HGO, tubes, MATERIALS[HGO])
-    parts = [direct(HGO, part, MATERIALS[HGO]) for part in (taut, slack)]
-    for name, values in whole.items():
-        total = parts[0][name] + parts[1][name]
-        np.testing.assert_allclose(total, values, rtol=1e-8, atol=1e-10 * np.abs(values).max())
 
 
 def draw_materials(count=150):

@@ -8,11 +8,10 @@ import pytensor
 import pytensor.tensor as pt
 import pytest
 from problems import AS_WRITTEN, LAWS, entries
+from tiers import deep
 from wall_integrals import DIFFERENCE_TOLERANCE, difference_quotients
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.mechanics.axial_force import wall_force_slope
-from pymc_hyperelastic.mechanics.layers import tubes_of
 
 # The documented accuracy, against adaptive quadrature.
 TOLERANCE = 1e-9
@@ -146,27 +145,7 @@ def test_layered_wall_in_all_tubes_equals_one_adaptive_integral(wall):
     assert_equals_quadrature(wall, TUBES)
 
 
-def test_layers_of_one_material_equal_one_tube():
-    law = LAWS["OgdenSeries(terms=2)"]
-    energy, parameters = law.strain_energy, law.parameters[0][0]
-    tube = {"inner_radius": 1.0, "axial_stretch": 1.2, "opening_angle": np.deg2rad(90)}
-    radius = np.array([1.0, 1.2, 1.6])
-    layers = [ph.Layer(energy, 0.2, **parameters), ph.Layer(energy, 0.4, **parameters)]
-    for function in FUNCTIONS:
-        graphs = (
-            function(energy, radius, **tube, outer_radius=1.6, **parameters),
-            function([ph.Layer(energy, 0.6, **parameters)], radius, **tube),
-            function(layers, radius, **tube),
-        )
-        whole, alone, divided = pytensor.function([], graphs, mode=AS_WRITTEN)()
-        np.testing.assert_allclose(divided, whole, rtol=IDENTITY_TOLERANCE, atol=0)
-        np.testing.assert_allclose(alone, whole, rtol=IDENTITY_TOLERANCE, atol=0)
-
-
-@pytest.mark.parametrize(
-    "wall",
-    ["a rubber tube in another", pytest.param("media and adventitia", marks=pytest.mark.deep)],
-)
+@pytest.mark.parametrize("wall", ["a rubber tube in another", *deep(["media and adventitia"])])
 def test_gradients_equal_difference_quotients(wall):
     """Those of all three quantities by all inputs, also by thicknesses."""
     columns = columns_of([inputs_of(wall, tube) for tube in (TUBES[4], TUBES[-2], TUBES[-1])])
@@ -175,21 +154,6 @@ def test_gradients_equal_difference_quotients(wall):
     expected = difference_quotients(lambda *x: function(*x, np.ones(3))[:3], columns)
     scale = np.abs(expected).max(axis=1, keepdims=True)
     assert (np.abs(gradients - expected) <= DIFFERENCE_TOLERANCE * scale).all()
-
-
-def test_slope_of_the_force_is_its_derivative_by_the_internal_radius():
-    inputs = inputs_of("a rubber tube in another", TUBES[4])
-    radius = inputs["internal_radius"] = pt.dscalar()
-    force = package("a rubber tube in another", ph.axial_force, inputs)
-    slope = package("a rubber tube in another", force_slope, inputs)
-    outputs = [slope, pytensor.grad(force, radius)]
-    found, expected = pytensor.function([radius], outputs, mode=AS_WRITTEN)(0.8)
-    np.testing.assert_allclose(found, expected, rtol=IDENTITY_TOLERANCE)
-
-
-def force_slope(layers, radius, *, inner_radius, axial_stretch, opening_angle):
-    reference = inner_radius, None, axial_stretch, opening_angle
-    return wall_force_slope(tubes_of(layers, radius, reference, {}))
 
 
 def test_arrays_and_variables_of_layers_broadcast():

@@ -11,12 +11,12 @@ from wall_integrals import (
     SIMPLIFIED,
     assert_gradients_equal_difference_quotients,
     columns_of,
+    compiled,
     has_stiffness,
     problems_of,
     response,
 )
 
-import pymc_hyperelastic as ph
 from pymc_hyperelastic import PressureIntegral
 
 # The oracle, with differences of step 1e-15, cannot distinguish a smaller number from 0.
@@ -25,31 +25,21 @@ ORACLE_RESOLUTION = 1e-25
 GRADIENT_TOLERANCE = 1e-7
 # Rounding of a derivative that is a sum of terms of its dimension's size.
 DERIVATIVE_ROUNDING = 1e-14
-# Two formulas for one integral with the same nodes: rounding, with exponents up to 60.
-IDENTITY_TOLERANCE = 1e-12
 # Compilers use different sinh and exp, which may differ in the last digit.
 BACKEND_TOLERANCE = 1e-12
 
 
-# The other laws have neither conditions nor fibres, or are slow.
-CONDITIONAL = ("Gent", "Ogden", "HolzapfelGasserOgden", "GasserOgdenHolzapfel")
+# A law with a series near 0, and one whose fibres slacken at two places of a wall.
+FIRST = ("Ogden", "GasserOgdenHolzapfel")
 
 
-@pytest.mark.parametrize("law", tiers(LAWS, first=lambda law: law in CONDITIONAL))
+@pytest.mark.parametrize("law", tiers(LAWS, first=lambda law: law in FIRST))
 def test_gradients_equal_difference_quotients(law):
-    """By all inputs, at all problems, also at zero pressure and where fibres slacken."""
-    stiffness = np.abs(response(law)[0][1])
-    radius = columns_of(problems_of(law))[0]
-    assert_gradients_equal_difference_quotients(law, "pressure", [stiffness * radius, stiffness])
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_stiffness_is_the_gradient_of_the_pressure(law):
-    """They are two computations of one number."""
-    values, gradients = response(law)
-    chosen = [has_stiffness(problem) for problem in problems_of(law)]
-    found, expected = gradients[0, 0, chosen], values[1, chosen]
-    np.testing.assert_allclose(found, expected, rtol=IDENTITY_TOLERANCE, atol=0)
+    """By all inputs, also at zero pressure and where fibres slacken."""
+    columns = columns_of(problems_of(law))
+    stiffness = np.abs(compiled(law, "pressure")(*columns)[1])
+    scales = [stiffness * columns[0], stiffness]
+    assert_gradients_equal_difference_quotients(law, "pressure", scales)
 
 
 # Laws that have a 0/0 of their own. The pressure of laws with fibres has no second derivative at
@@ -70,14 +60,10 @@ def test_second_derivatives_are_exact_at_zero_pressure_and_exponent_zero(law):
         for gradient in pytensor.grad(pressure.sum(), chosen)
     ]
     function = pytensor.function(inputs, pt.stack(hessian), mode=AS_WRITTEN)
-    problems = [
-        *problems_of(law, "in vivo", ordinary=True),
-        *(
-            p
-            for p in problems_of(law, "just inflated")
-            if p.ordinary or min(map(abs, p.parameters.values())) < 1e-6
-        ),
-    ]
+    problems = problems_of(law, "in vivo", ordinary=True)
+    for p in problems_of(law, "just inflated"):
+        if p.ordinary or min(map(abs, p.parameters.values())) < 1e-6:
+            problems.append(p)
     value = function(*columns_of(problems))
     sizes = dict(zip(problems[0].inputs, np.abs(columns_of(problems)), strict=True))
     scale = sizes["internal_radius"] * np.abs([p.exact("internal_radius") for p in problems])
@@ -88,23 +74,6 @@ def test_second_derivatives_are_exact_at_zero_pressure_and_exponent_zero(law):
             rounding = DERIVATIVE_ROUNDING * scale / size + ORACLE_RESOLUTION
             allowed = GRADIENT_TOLERANCE * np.abs(expected) + rounding
             assert (np.abs(value[i, j] - expected) <= allowed).all(), (first, second)
-
-
-def test_gradient_obeys_the_chain_rule_for_inputs_that_depend_on_each_other():
-    inner, mu = pt.dscalars("inner", "mu")
-    separate = pt.dscalars(7)
-    together = [1.2 * inner, inner, 1.3 * inner, 1.1, 0.3, mu, mu]
-    op = PressureIntegral(strain_energy=ph.Ogden())
-    gradient = pytensor.grad(op(*together)[0], [inner, mu])
-    partial = pytensor.function(
-        separate, pytensor.grad(op(*separate)[0], separate), mode=AS_WRITTEN
-    )(8.4, 7.0, 9.1, 1.1, 0.3, 6.0, 6.0)
-    by_inner, by_mu = pytensor.function([inner, mu], gradient, mode=AS_WRITTEN)(7.0, 6.0)
-    # Pressure depends on ratios of radii alone, so that its derivative by the inner radius is 0.
-    scale = IDENTITY_TOLERANCE * abs(1.2 * partial[0])
-    assert abs(by_inner - np.dot([1.2, 1.0, 1.3], partial[:3])) <= scale
-    assert abs(by_inner) <= scale
-    np.testing.assert_allclose(by_mu, partial[5] + partial[6], rtol=IDENTITY_TOLERANCE)
 
 
 @pytest.mark.deep

@@ -13,7 +13,6 @@ from problems import AS_WRITTEN, LAWS, entries
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
-from pymc_hyperelastic.mechanics.material import MaterialIntegral
 
 # Some twenty operations in double precision, and an exponent of 25 times 2 ln(1.9), about 32, which
 # multiplies the rounding of its argument.
@@ -111,15 +110,6 @@ def test_stress_is_exact_near_rest(name):
         assert stress[4] == 0
 
 
-def test_ogden_and_criscione_type_have_the_same_pressures():
-    """``b = α/2`` and ``a = (8μ/α²) cosh(½ α ln λz)`` give the same hoop stress."""
-    mu, alpha = 6.0, 8.0
-    a = 8 * mu / alpha**2 * np.cosh(alpha / 2 * LOG_AXIAL)
-    stress = compiled_material("CriscioneType")(LOG_HOOP, LOG_AXIAL, a, np.full(7, alpha / 2))[1]
-    expected = evaluate("Ogden", {"mu": mu, "alpha": alpha}, LOG_HOOP, LOG_AXIAL)[1]
-    np.testing.assert_allclose(stress, expected, rtol=1e-12)
-
-
 # --- fibres ---------------------------------------------------------------------------------------
 
 
@@ -151,34 +141,23 @@ def test_kinks_are_where_fibres_slacken(name):
             assert found == {round(float(mp.log(root)), 10) for root in roots}, axial
 
 
-def test_smooth_laws_have_no_kinks():
-    for law in LAWS.values():
-        assert law.slackens or not law.strain_energy.kinks(pt.dscalar(), **law.parameters[0][0])
-
-
-def test_shortened_law_equals_the_law_where_hoop_stretch_is_below_1():
-    """The terms that it leaves out are zero there, in both stresses."""
-    hoop, axial = (pt.constant(np.log(x)) for x in np.meshgrid([0.6, 1.0], [0.8, 1.7]))
-    for law in (ph.FourFiber(), ph.FourFiber(hoop_fibres=False)):
-        parameters = {n: LAWS["FourFiber"].parameters[0][0][n] for n in law.parameter_names}
+def test_laws_with_fewer_fibres_equal_four_fibres_where_the_others_bear_nothing():
+    """Without hoop fibres if their modulus is 0, and shortened where they are slack."""
+    three, known = ph.FourFiber(hoop_fibres=False), LAWS["FourFiber"].parameters[0][0]
+    assert set(known) - set(three.parameter_names) == {"k1_hoop", "k2_hoop"}
+    for modulus, hoop, fewer in (
+        (0.0, 1.4, three),
+        (0.0, 0.6, three.shortened),
+        (known["k1_hoop"], 0.6, ph.FourFiber().shortened),
+        (known["k1_hoop"], 1.0, ph.FourFiber().shortened),
+    ):
+        stretches = np.full(2, np.log(hoop)), np.log([0.8, 1.7])
+        parameters = known | {"k1_hoop": modulus}
+        own = {name: parameters[name] for name in fewer.parameter_names}
         for name in ("stress_difference", "axial_stress_difference"):
-            stresses = [
-                getattr(energy, name)(hoop, axial, **parameters).eval(mode=AS_WRITTEN)
-                for energy in (law, law.shortened)
-            ]
-            np.testing.assert_array_equal(*stresses)
-
-
-def test_three_fibre_families_equal_four_without_hoop_modulus():
-    hoop, axial = (pt.constant(np.log(x)) for x in np.meshgrid([0.9, 1.4], [0.8, 1.7]))
-    four, three = ph.FourFiber(), ph.FourFiber(hoop_fibres=False)
-    known = dict(LAWS["FourFiber"].parameters[0][0]) | {"k1_hoop": 0.0}
-    fewer = {name: known[name] for name in three.parameter_names}
-    assert set(known) - set(fewer) == {"k1_hoop", "k2_hoop"}
-    for name in ("stress_difference", "axial_stress_difference"):
-        expected = getattr(four, name)(hoop, axial, **known).eval(mode=AS_WRITTEN)
-        found = getattr(three, name)(hoop, axial, **fewer).eval(mode=AS_WRITTEN)
-        np.testing.assert_array_equal(found, expected)
+            expected = getattr(ph.FourFiber(), name)(*stretches, **parameters).eval(mode=AS_WRITTEN)
+            found = getattr(fewer, name)(*stretches, **own).eval(mode=AS_WRITTEN)
+            np.testing.assert_array_equal(found, expected)
 
 
 # --- energies that a user writes ------------------------------------------------------------------
@@ -218,25 +197,18 @@ def test_an_energy_is_all_that_a_law_needs():
     inputs = pt.dvectors(len(point))
     pressure, stiffness = ph.PressureIntegral(strain_energy=TwoFibre())(*inputs)
     force = AxialForceIntegral(strain_energy=TwoFibre())(*inputs)
-    material = MaterialIntegral(strain_energy=TwoFibre())(*inputs, return_list=True)
     gradient = pt.stack(pytensor.grad(pressure.sum(), inputs))
-    function = pytensor.function(
-        inputs, [pressure, stiffness, force, *material, gradient], mode=AS_WRITTEN
-    )
-    found = function(*(np.array([x]) for x in point.values()))
+    function = pytensor.function(inputs, [pressure, stiffness, force, gradient], mode=AS_WRITTEN)
+    *found, gradient = function(*(np.array([x]) for x in point.values()))
 
     def derivative(*by, **settings):
         return oracles.tube_derivative(two_fibre_energy, point, *by, **settings)
 
-    layer = oracles.Layer(two_fibre_energy, parameters, point["outer_radius"])
-    tube = [point[name] for name in oracles.GEOMETRY if name != "outer_radius"]
-    means = np.array([float(x) for x in oracles.layered_material([layer], *tube)])
-    area = np.pi * (0.52**2 - 0.4**2) * (1 - radians(70) / (2 * np.pi)) / 1.4
     expected = [derivative(), derivative("internal_radius")]
-    expected += [derivative(quantity=oracles.layered_force), *(means * area)]
-    np.testing.assert_allclose(np.ravel(found[:-1]), expected, rtol=QUADRATURE_TOLERANCE)
+    expected += [derivative(quantity=oracles.layered_force)]
+    np.testing.assert_allclose(np.ravel(found), expected, rtol=QUADRATURE_TOLERANCE)
     expected = [derivative(name) for name in point]
-    np.testing.assert_allclose(found[-1][:, 0], expected, rtol=SECOND_TOLERANCE)
+    np.testing.assert_allclose(gradient[:, 0], expected, rtol=SECOND_TOLERANCE)
 
 
 def test_strain_energies_are_values_with_names():
@@ -251,36 +223,27 @@ def test_strain_energies_are_values_with_names():
     assert {"TwoFibre", "Gent", "OgdenSeries"} <= set(ph.list_strain_energies())
 
 
-ANGLE, MODULUS, STIFFENING = (0.0, 90.0), (0.0, 200.0), (0.0, 50.0)
+MODULUS, MATRIX, FIBRES = (0.0, 200.0), (0.0, 100.0), (0.0, 500.0)
+STIFFENING, ANGLE = (0.0, 50.0), (0.0, 90.0)
+HOLZAPFEL = {"c": MATRIX, "k1": FIBRES, "k2": STIFFENING, "beta": ANGLE}
+FOUR_KINDS = ("axial", "hoop", "diagonal")
 PRIOR_RANGES = {
     "NeoHookean": {"mu": MODULUS},
-    "MooneyRivlin": {"c10": (0.0, 100.0), "c01": (0.0, 100.0)},
+    "MooneyRivlin": {"c10": MATRIX, "c01": MATRIX},
     "Yeoh": {"c1": (0.0, 300.0), "c2": (0.0, 3000.0), "c3": (0.0, 3000.0)},
     "ArrudaBoyce": {"mu": MODULUS, "lock": (1.0, 10.0)},
     "Gent": {"mu": MODULUS, "limit": (0.1, 100.0)},
     "Demiray": {"mu": MODULUS, "b": (0.0, 20.0)},
     "PowerLawNeoHookean": {"mu": MODULUS, "n": (0.3, 30.0)},
-    "Ogden": {"mu": (0.0, 100.0), "alpha": (-40.0, 40.0)},
-    "OgdenSeries": {"mu": (0.0, 100.0), "alpha": (1.0, 40.0)},
-    "CriscioneType": {"a": (0.0, 100.0), "b": (-20.0, 20.0)},
+    "Ogden": {"mu": MATRIX, "alpha": (-40.0, 40.0)},
+    "OgdenSeries": {"mu": MATRIX, "alpha": (1.0, 40.0)},
+    "CriscioneType": {"a": MATRIX, "b": (-20.0, 20.0)},
     "FungOrthotropic": {"c": MODULUS, "a1": (0.0, 20.0), "a2": (0.0, 20.0), "a4": (0.0, 10.0)},
-    "HolzapfelGasserOgden": {
-        "c": (0.0, 100.0),
-        "k1": (0.0, 500.0),
-        "k2": STIFFENING,
-        "beta": ANGLE,
-    },
-    "GasserOgdenHolzapfel": {
-        "c": (0.0, 100.0),
-        "k1": (0.0, 500.0),
-        "k2": STIFFENING,
-        "kappa": (0.0, 1 / 3),
-        "beta": ANGLE,
-    },
-    "FourFiber": {"c": (0.0, 100.0)}
-    | {f"k1_{kind}": (0.0, 500.0) for kind in ("axial", "hoop", "diagonal")}
-    | {f"k2_{kind}": STIFFENING for kind in ("axial", "hoop", "diagonal")}
-    | {"beta": ANGLE},
+    "HolzapfelGasserOgden": HOLZAPFEL,
+    "GasserOgdenHolzapfel": HOLZAPFEL | {"kappa": (0.0, 1 / 3)},
+    "FourFiber": {"c": MATRIX, "beta": ANGLE}
+    | {f"k1_{kind}": FIBRES for kind in FOUR_KINDS}
+    | {f"k2_{kind}": STIFFENING for kind in FOUR_KINDS},
 }
 
 

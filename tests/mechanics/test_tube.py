@@ -2,7 +2,6 @@
 
 import mpmath as mp
 import numpy as np
-import pytensor.tensor as pt
 import pytest
 
 from pymc_hyperelastic.mechanics import tube
@@ -122,14 +121,3 @@ def test_measures_state_the_outer_radius():
     assert tube.measure_of("thickness", by_thickness) == 0.25
     assert tube.measure_of("axial_stretch", by_thickness) == 1.2
     assert tube.inferred_geometry(stated) == stated
-
-
-def test_kinematics_take_symbolic_variables():
-    internal_radius, angle = pt.dscalars("a", "angle")
-    stretches = tube.stretches(
-        WALL, internal_radius, inner_radius=INNER, axial_stretch=1.3, opening_angle=angle
-    )
-    expected = tube.stretches(WALL, 3.6, inner_radius=INNER, axial_stretch=1.3, opening_angle=1.0)
-    for symbolic, number in zip(stretches[:2], expected[:2], strict=True):
-        value = symbolic.eval({internal_radius: 3.6, angle: 1.0})
-        np.testing.assert_allclose(value, number, rtol=ROUNDING)

@@ -82,26 +82,20 @@ class EitherSign(ph.StrainEnergy):
         return a * (radial**2 + hoop**2 + axial**2 - 3) + b * hoop
 
 
-GIVEN, THIN = (
-    ph.Layer(ph.Demiray(), 0.2, b=HALF),
-    ph.Layer(ph.Demiray(), pm.Normal.dist(0.1, 1)),
-)
-FOREIGN = inside(lambda mu: mu)
+GIVEN, FOREIGN = ph.Layer(ph.Demiray(), 0.2, b=HALF), inside(lambda mu: mu)
+NO_OFFSETS = xr.DataTree.from_dict({"posterior": curves()})
 # Calls and fragments of the message, by the error that they raise.
 TYPE_ERRORS = [
     # Material, data, noise.
-    (lambda: model(energy=ph.Ogden), "ph.Ogden()|call the class"),
     (lambda: model(pd.DataFrame({"radius": [1.0]})), "inflation_data(|DataFrame"),
     (lambda: model(sigma="5 mmHg"), "sigma is '5 mmHg'|5 * ph.mmHg|distribution"),
     (lambda: model(sigma=None), "noise_sd|sigma is None|√2"),
     (lambda: model(sigma=1.0, noise_sd=1.0), "both noise_sd and sigma|√2"),
     (lambda: model(sigma=pm.HalfNormal.dist(shape=3)), "sigma|1 dimension|scalar"),
-    (lambda: forced(force_sigma=1.0), "both force_noise_sd and force_sigma"),
     (lambda: model(**NO_SIGMA, noise_sd=1.0, force_offset_sd=5.0), "force_noise_sd|mN"),
     (lambda: fit(error_in="radius"), "error_in"),
     # Priors.
     (lambda: prior(6.0), "'mu' is 6.0|pm.Uniform.dist(0, 50)"),
-    (lambda: prior(pm.Uniform.dist(0, [20, 50])), "'mu'|shape (2,)|scalar"),
     (lambda: prior(pm.Normal.dist(pm.HalfNormal.dist(), 1)), "'mu'|halfnormal"),
     (lambda: model(priors=[pm.Uniform.dist(0, 50)]), 'priors|dict|{"mu": pm.Uniform.dist(0, 50)}'),
     (lambda: prior(pm.Uniform.dist(0, 50), energy=SERIES), "'mu'|shape ()|2 entries|shape=2"),
@@ -111,24 +105,17 @@ TYPE_ERRORS = [
     (lambda: likelihood({"mu": np.ones(2), "alpha": 6.0}), "'mu'|1 dimension|scalar"),
     (lambda: likelihood(energy=[NEO_HOOKEAN]), "ph.Ogden()|Layer(NeoHookean()"),
     # Geometry.
-    (lambda: unknown(inner_radius=7.0), "'inner_radius' is 7.0|pm.Uniform.dist(0, 50)"),
-    (lambda: unknown(inner_radius=pm.Uniform.dist(6, 7, shape=2)), "'inner_radius'|shape (2,)"),
-    (lambda: model(geometry=["inner_radius"]), "geometry must be a dict|list"),
-    (lambda: ph.Measured("h"), "sd is 'h'|expected a standard deviation"),
     (lambda: population(geometry={"inner_radius": RADIUS}), "where specimens differ, expected"),
     # Layers.
     (lambda: layers(priors={"mu": pm.Uniform.dist(0, 50)}), "layers take their own priors"),
     (lambda: layers(ph.Layer(ph.NeoHookean(), 1.0, mu="stiff")), "mu_1 is 'stiff'|a number"),
     (lambda: layers(ph.Layer(SERIES, 1.0, mu=[3.0])), "mu_1 is [3.0]|2 numbers"),
     # Populations.
-    (lambda: population(sigma=None), "noise_sd|sigma is None"),
     (lambda: class_prior(location=pm.Normal.dist(0, 1)), "'location' has the shape|shape=2"),
-    (lambda: class_prior(spread=pm.HalfNormal.dist(1, shape=3)), "'spread'|2 entries"),
     (lambda: population([GIVEN], THICK), "layer 1 has a distribution for 'b'"),
     # Models in the context of another one.
     (lambda: inside(lambda _: prior(FOREIGN)), "'mu'|with model:"),
     (lambda: inside(lambda mu: prior(pm.LogNormal.dist(mu, 1))), "depends on the random variable"),
-    (lambda: inside(lambda _: prior(pm.Uniform("v", 0, 50, shape=2))), "'mu' has the shape (2,)"),
     (lambda: inside(lambda mu: fit(priors={"mu": mu})), "'mu'|by itself"),
     (ph.sample_smc, "no model is given|in context"),
     (lambda: ph.force_offsets(curves()), "DataTree"),
@@ -137,8 +124,6 @@ VALUE_ERRORS = [
     # Data, noise, slopes.
     (lambda: model(with_nan()), f"{PLACE}|row 43|pressure is nan kPa"),
     (lambda: model(sigma=0), "sigma is 0|positive|kPa"),
-    (lambda: model(sigma=np.inf), "sigma is inf|positive"),
-    (lambda: model(sigma=None, noise_sd=0), "noise_sd is 0|positive|standard deviation"),
     (lambda: model(slope_weight=-0.5), "slope_weight is -0.5|mm²|0 to leave the slopes out"),
     (lambda: model(curves([7.2, 7.6], [2.0, 4.0])), f"{PLACE}|2 point(s)|at least 3"),
     (lambda: model(curves([7.2, 7.84, 8.0, 7.84])), f"{PLACE}|rows 42 and 44|7.84 mm"),
@@ -148,35 +133,26 @@ VALUE_ERRORS = [
     (lambda: model(likelihood="exact"), "likelihood is 'exact'|'generative'"),
     # Forces, radii with errors, slopes that are no part of a likelihood.
     (lambda: model(force_sigma=1.0), "force_sigma|no axial forces|'axial_force'"),
-    (lambda: forced(force_offset_sd=0.0), "force_offset_sd is 0|positive number of mN|leave it"),
     (lambda: forced(diameter_noise_sd=0.1, slope_weight=1.0), "diameter_noise_sd|expected 0"),
     (lambda: forced(diameter_noise_sd=0.1, error_in="radius"), "leave diameter_noise_sd away"),
-    (lambda: model(error_in="diameter"), "error_in is 'diameter'|'pressure', 'radius'"),
     (lambda: model(error_in="radius"), "slope_weight is 1.0|error_in='radius'|expected 0"),
     (lambda: forced(error_in="radius", likelihood="generative"), "known radii"),
     (lambda: model(slope_weight=HALF, likelihood="generative"), "slope_weight must be a number"),
-    (
-        lambda: ph.force_offsets(xr.DataTree.from_dict({"posterior": curves()})),
-        "no offset of a transducer",
-    ),
+    (lambda: ph.force_offsets(NO_OFFSETS), "no offset of a transducer"),
     # Priors.
     (lambda: prior(pm.Uniform.dist(0, 5), "n"), "'n'|Ogden|['mu', 'alpha']"),
     (lambda: likelihood(name="mu"), "mu|already"),
     (lambda: likelihood({"mu": np.nan, "alpha": 6.0}), "'mu' is nan|finite"),
     # Geometry.
     (lambda: model(unknown_curves(inner_radius=None)), f"{PLACE}|geometry={{'inner_radius': ...}}"),
-    (lambda: model(unknown_curves(opening_angle=None)), f"{PLACE}|opening_angle is not known"),
     (lambda: likelihood(geometry={"thickness": 2.0}), "geometry holds 'thickness'|'outer_radius'"),
     (lambda: unknown(radius=RADIUS), "'radius'|'wall_area'|'opening_angle'"),
     (lambda: unknown(outer_radius=RADIUS, thickness=RADIUS), "['outer_radius', 'thickness']"),
-    (lambda: unknown(thickness=RADIUS), "thickness is inferred together with inner_radius"),
     (lambda: model(geometry={"inner_radius": RADIUS}, mode="collocation"), "mode='quadrature'"),
-    (lambda: ph.Measured(0.0), "sd is 0.0|expected a standard deviation"),
     (lambda: unknown(thickness=ph.Measured()), "the data hold no thickness_sd"),
     (lambda: fit(geometry={"thickness": ph.Measured(0.01)}), "only with variability='specimen'"),
     # Layers.
     (lambda: layers(data=curves()), "layers state the thickness|outer_radius=None"),
-    (lambda: layers(geometry={"outer_radius": RADIUS}), "layers state the thickness"),
     (lambda: layers(geometry={"thickness": ph.Measured(0.1)}), "give a layer's thickness a prior"),
     (lambda: layers(*(ph.Layer(ph.NeoHookean(), 1, mu=mu) for mu in TWICE)), "one name|'mu'"),
     (lambda: fit({"C1": THICK}, energy=[NEO_HOOKEAN]), "class 'C1'|layers|do not make a class"),
@@ -185,14 +161,9 @@ VALUE_ERRORS = [
     (lambda: extension(geometry={"axial_stretch": RADIUS}), "stretch varies|leave it out"),
     # Populations.
     (lambda: population(EitherSign()), "'b' of EitherSign|'real'|prior_range above zero"),
-    (
-        lambda: population(sigma=pm.Normal.dist(0.5, 0.3)),
-        "prior of 'sigma' holds numbers such as -",
-    ),
-    (lambda: population([THIN], THICK), "prior of 'thickness_1' holds numbers such as -"),
+    (lambda: population(sigma=pm.Normal.dist(0.5, 0.3)), "'sigma' holds numbers such as -"),
     (lambda: population(reference_stress=0.0), "reference_stress is 0.0; expected a positive"),
     (lambda: class_prior(mu=pm.Uniform.dist(0, 50)), "prior is given for 'mu'|spread"),
-    (lambda: class_prior(effect_spread=HALF), "'effect_spread'; this class has the unknowns"),
     (lambda: population(force_sigma=1, force_offset_sd=HALF), "force_offset_sd is a distribution"),
     # Models in the context of another one.
     (lambda: inside(prior), "['test']|name='artery'|by itself"),

@@ -10,12 +10,14 @@ import pytensor
 import pytensor.tensor as pt
 import pytest
 import xarray as xr
+from problems import AS_WRITTEN
 from pytensor.graph.replace import clone_replace
+from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
+from shared_errors import assert_predicted
 from test_paper_likelihood import FRAMES, dataset
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.models.study import inflation_data_of, model_settings_of
 
 FAST = "FAST_COMPILE"
 SEED = 515
@@ -25,10 +27,6 @@ POINT = {"mu": 30.0, "alpha": 7.0}
 DENSITY_TOLERANCE = 1e-9
 # Central differences with a step relative to the parameter err by its square, times a few dozen.
 STEP, GRADIENT_TOLERANCE = 1e-4, 1e-5
-# The largest of 500 numbers exceeds 5 standard errors once in 3000 seeds.
-STANDARD_ERRORS = 5
-# A correct standard error is exceeded threefold once in 370 seeds.
-EVIDENCE_STANDARD_ERRORS = 3
 
 
 def generative(data, **settings):
@@ -44,7 +42,7 @@ def density_of(model, *names, gradient=False):
     logp = clone_replace(logp, inputs)
     inputs = list(inputs.values())
     outputs = [logp, *pytensor.grad(logp.sum(), inputs)] if gradient else logp
-    return pytensor.function(inputs, outputs, mode=FAST)
+    return pytensor.function(inputs, outputs, mode=AS_WRITTEN)
 
 
 def exact_normals(data, mu, alpha, slope_weight, sigma=SIGMA):
@@ -63,9 +61,14 @@ def exact_normals(data, mu, alpha, slope_weight, sigma=SIGMA):
     return tests
 
 
-def exact_log_density(*arguments, **settings):
-    normals = exact_normals(*arguments, **settings)
-    return sum(multivariate_normal(mean, cov).logpdf(y) for mean, cov, y in normals)
+def exact_log_densities(*arguments, **settings):
+    """Log density of each point, given those before it in its test."""
+    values = []
+    for mean, cov, y in exact_normals(*arguments, **settings):
+        ends = range(1, len(y) + 1)
+        joint = [multivariate_normal(mean[:n], cov[:n, :n]).logpdf(y[:n]) for n in ends]
+        values += [joint[0], *np.diff(joint)]
+    return np.array(values)
 
 
 @pytest.mark.parametrize(
@@ -81,29 +84,19 @@ def test_density_is_that_of_the_multivariate_normal(slope_weight, mode, measured
     """For tests of different tubes with 6 to 12 points, and inferred noise of any size."""
     data = dataset(*FRAMES, measured=measured)
     noise = {"sigma": pm.HalfNormal.dist(2), "slope_weight": slope_weight}
-    model = generative(data, mode=mode, **noise)
-    logp = pm.logp(model["measured_pressure"], model["pressure_data"])
-    function = pm.compile([model[n] for n in ("mu", "alpha", "sigma")], logp, mode=FAST)
+    function = density_of(generative(data, mode=mode, **noise), "mu", "alpha", "sigma")
     for mu, alpha, sigma in ((30.0, 7.0, SIGMA), (6.0, -8.0, 20.0), (80.0, 0.0, SIGMA)):
-        expected = exact_log_density(data, mu, alpha, slope_weight, sigma=sigma)
-        np.testing.assert_allclose(function(mu, alpha, sigma).sum(), expected, DENSITY_TOLERANCE)
-
-
-def test_entries_are_the_densities_of_each_point_given_those_before_it():
-    data = dataset(*FRAMES)
-    found, expected = density_of(generative(data), *POINT)(**POINT), []
-    for mean, cov, y in exact_normals(data, *POINT.values(), 3):
-        ends = range(1, len(y) + 1)
-        joint = [multivariate_normal(mean[:n], cov[:n, :n]).logpdf(y[:n]) for n in ends]
-        expected += [joint[0], *np.diff(joint)]
-    # Differences of sums: relative to the largest of these.
-    atol = DENSITY_TOLERANCE * np.abs(np.cumsum(expected)).max()
-    np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
+        expected = exact_log_densities(data, mu, alpha, slope_weight, sigma=sigma)
+        found = function(mu, alpha, sigma)
+        # Differences of sums: relative to the largest of these.
+        atol = DENSITY_TOLERANCE * np.abs(np.cumsum(expected)).max()
+        np.testing.assert_allclose(found, expected, rtol=0, atol=atol)
 
 
 def test_gradient_agrees_with_differences_and_is_0_where_pressures_overflow():
     priors = {"mu": pm.Uniform.dist(0, 100), "alpha": pm.Uniform.dist(0, 5000)}
-    model = generative(dataset(*FRAMES), priors=priors, sigma=pm.HalfNormal.dist(2))
+    settings = {"sigma": pm.HalfNormal.dist(2), "mode": "quadrature"}
+    model = generative(dataset(*FRAMES), priors=priors, **settings)
     point = POINT | {"sigma": SIGMA}
     function = density_of(model, *point, gradient=True)
     _, *gradient = function(**point)
@@ -119,61 +112,28 @@ def test_gradient_agrees_with_differences_and_is_0_where_pressures_overflow():
 
 
 def test_predictions_have_the_mean_and_the_covariance():
-    """Whitened by the exact covariance, draws are independent and standard normal."""
-    data, draws = dataset(*FRAMES), 1000
-    posterior = {name: (("chain", "draw"), np.full((1, draws), v)) for name, v in POINT.items()}
-    with generative(data):
-        tree = pm.sample_posterior_predictive(
-            xr.DataTree.from_dict({"posterior": xr.Dataset(posterior)}),
-            random_seed=SEED,
-            progressbar=False,
-            compile_kwargs={"mode": FAST},
-        )
-    drawn = tree["posterior_predictive"]["measured_pressure"].values[0]
-    white, start = np.empty_like(drawn), 0
-    for mean, cov, y in exact_normals(data, *POINT.values(), 3):
-        points = slice(start, start := start + len(y))
-        white[:, points] = np.linalg.solve(np.linalg.cholesky(cov), (drawn[:, points] - mean).T).T
-    assert np.abs(white.mean(axis=0)).max() < STANDARD_ERRORS / np.sqrt(draws)
-    excess = np.cov(white.T) - np.eye(len(white.T))
-    assert np.abs(np.diag(excess)).max() < STANDARD_ERRORS * np.sqrt(2 / draws)
-    assert np.abs(excess - np.diag(np.diag(excess))).max() < STANDARD_ERRORS / np.sqrt(draws)
+    data = dataset(*FRAMES)
+    means, covariances, _ = zip(*exact_normals(data, *POINT.values(), 3), strict=True)
+    normal = np.concatenate(means), block_diag(*covariances)
+    assert_predicted(generative(data), POINT, *normal, 1000, SEED)
 
 
-@pytest.fixture(scope="module")
-def sampled():
-    """Model of one curve, and its posterior with predictions and log-likelihoods by point."""
+def test_arviz_takes_a_result():
+    """Points are left out one by one, and predictions are drawn."""
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1", experiment=1)
     model = generative(data, sigma=15 * ph.mmHg)
-    tree = ph.sample_smc(model, 300, 1, random_seed=SEED, progressbar=False)
+    rng = np.random.default_rng(SEED)
+    draws = {"mu": rng.normal(30.0, 0.05, (1, 300)), "alpha": rng.normal(7.0, 0.01, (1, 300))}
+    posterior = xr.Dataset({name: (("chain", "draw"), x) for name, x in draws.items()})
+    tree = xr.DataTree.from_dict({"posterior": posterior})
+    tree["observed_data"] = model.study.result_groups(model)["observed_data"]
     quickly = {"compile_kwargs": {"mode": FAST}, "progressbar": False}
     with model:
         pm.sample_posterior_predictive(tree, extend_inferencedata=True, random_seed=1, **quickly)
         pm.compute_log_likelihood(tree, **quickly)
-    return model, tree
-
-
-@pytest.mark.deep
-def test_evidence_is_the_integral(sampled):
-    """Sequential Monte Carlo tempers the observed variable."""
-    model, tree = sampled
-    value, standard_error = ph.log_evidence(tree)
-    integral = ph.log_evidence_by_quadrature(model, rtol=1e-5)
-    assert abs(value - integral.value) < EVIDENCE_STANDARD_ERRORS * standard_error
-
-
-def test_arviz_and_files_take_a_result(sampled, tmp_path):
-    """Points are left out one by one, predictions drawn, and the model is made again."""
-    model, tree = sampled
-    data = model.study.data
     assert az.loo(tree).n_data_points == data.sizes["obs"]
     plot = az.plot_ppc_dist(tree, backend="none")
     assert "measured_pressure" in plot.viz["observed_dist"].data_vars
-    tree.to_netcdf(tmp_path / "result.nc", engine="h5netcdf")
-    loaded = xr.load_datatree(tmp_path / "result.nc", engine="h5netcdf")
-    xr.testing.assert_identical(inflation_data_of(loaded), data)
-    again = ph.inflation_model(data=inflation_data_of(loaded), **model_settings_of(loaded))
-    assert again.study.attrs() == model.study.attrs()
 
 
 def test_measured_values_can_be_replaced():

@@ -7,13 +7,15 @@ import numpy as np
 import pandas as pd
 import pymc as pm
 import pytensor
+import pytensor.tensor as pt
 import pytest
 from problems import AS_WRITTEN
-from shared_errors import COMPLEX_STEP, fibres, ogden, paper_log_density, pressure_and_force
+from scipy import stats
+from shared_errors import COMPLEX_STEP, ogden, paper_log_density, pressure_and_force
 from tables import SECTOR
+from tiers import deep
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.models.observation.slopes import central_differences, compressed_spectrum
 
 # Both sides are exact to about 1e-12 of the largest pressure, which enters as a square.
 LIKELIHOOD_TOLERANCE = 1e-9
@@ -114,11 +116,14 @@ def test_likelihood_is_exact_over_the_whole_prior(law, slope_weight, mode):
 
 
 def test_normaliser_of_inferred_noise_is_exact():
-    """For noise from far too small to far too large, and any slope weight."""
+    """For noise from far too small to far too large, any slope weight, and many points."""
+    step = np.random.default_rng(1).uniform(0.5, 1.5, 400)
+    many = tube_frame("many", 7.0, 9.0, 1.0, 0.0, points=400)
+    data = dataset(many.assign(radius=np.cumsum(step) / 100 + 6), FRAMES[1])
     energy, point = ph.Ogden(), [30.0, 7.0]
-    function = likelihood_of(energy, sigma=(0.0, 100.0), slope_weight=(0.0, 1e5))
-    for sigma, weight in product((0.01, 2.0, 90.0), (1e-6, 1e-2, 3.2, 1e4)):
-        expected = exact_likelihood(energy, [point], sigma=sigma, slope_weight=weight)
+    function = likelihood_of(energy, data, sigma=(0.0, 100.0), slope_weight=(0.0, 1e5))
+    for sigma, weight in product((0.01, 2.0, 90.0), (1e-6, 1e-2, 3.2, 1e3)):
+        expected = exact_likelihood(energy, [point], data, sigma=sigma, slope_weight=weight)
         found = function(*point, sigma, weight)
         np.testing.assert_allclose(found, expected[0], rtol=LIKELIHOOD_TOLERANCE)
 
@@ -140,54 +145,56 @@ def test_gradient_by_material_and_noise_is_that_of_the_exact_likelihood(mode):
             assert found == pytest.approx(slope, rel=GRADIENT_TOLERANCE)
 
 
-WALLS = {
-    "Ogden": (ph.Ogden(), {"mu": 6.0, "alpha": 8.0}, ogden(6.0, 8.0)),
-    "HolzapfelGasserOgden": (
-        ph.HolzapfelGasserOgden(),
-        {"c": 3.0, "k1": 2.4, "k2": 0.8, "beta": 29.0},
-        fibres(3.0, (29.0, 2.4, 0.8), (-29.0, 2.4, 0.8)),
-    ),
-}
+def test_likelihoods_of_a_hierarchical_model_are_exact():
+    """Each specimen has its own modulus, and noise of its own; they share the exponent."""
+    data = {name: ph.select(MIXED, specimen=name) for name in ("plain", "stretched")}
+    with pm.Model(coords={"specimen": [*data]}) as hierarchy:
+        log_mu = pm.Normal("log_mu", np.log(30), 0.2, dims="specimen")
+        alpha, sd = pm.Normal("alpha", 7, 2), pm.HalfNormal("sd", dims="specimen")
+        for i, (specimen, own) in enumerate(data.items()):
+            parameters = {"mu": pt.exp(log_mu[i]), "alpha": alpha}
+            noise = {"noise_sd": sd[i], "slope_weight": SLOPE_WEIGHT}
+            ph.inflation_likelihood(specimen, ph.Ogden(), own, parameters, **noise)
+    function = pytensor.function([log_mu, alpha, sd], hierarchy.potentials, mode=AS_WRITTEN)
+    found = function(np.log([30.0, 50.0]), 6.5, [1.4, 0.9])
+    for value, own, mu, noise_sd in zip(found, data.values(), (30, 50), (1.4, 0.9), strict=True):
+        # The paper's σ is √2 standard deviations.
+        expected = exact_likelihood(ph.Ogden(), [[mu, 6.5]], own, sigma=np.sqrt(2) * noise_sd)
+        np.testing.assert_allclose(value, expected[0], rtol=LIKELIHOOD_TOLERANCE)
 
 
-def likelihood_with_forces(frames, law, measured):
-    """The formula of the documentation, with slopes by the measured radius or half diameter."""
-    total = 0.0
-    for frame in frames:
+def test_parameters_and_geometry_may_be_numbers():
+    """Numbers have double precision, and a geometry takes the place of that of the data."""
+    data, noise = dataset(FRAMES[0]), {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT}
+    parameters, geometry = {"mu": 30, "alpha": 6.7}, {"inner_radius": pt.constant(7.1)}
+    with pm.Model() as model:
+        settings = noise | {"geometry": geometry}
+        ph.inflation_likelihood("curves", ph.Ogden(), data, parameters, **settings)
+    moved = data.assign(inner_radius=("test", [7.1]))
+    expected = exact_likelihood(ph.Ogden(), [[30.0, 6.7]], moved)
+    found = model["curves"].eval(mode=AS_WRITTEN)
+    np.testing.assert_allclose(found, expected[0], rtol=LIKELIHOOD_TOLERANCE)
+
+
+def test_likelihood_with_forces_and_slopes_by_the_measured_diameter_is_exact():
+    """Forces that were not measured are left out of the misfit and of the normaliser."""
+    function = likelihood_of(
+        ph.Ogden(), dataset(*FRAMES, measured="outer_diameter"), force_sigma=(0.0, 100.0)
+    )
+    expected = 0.0
+    for frame in FRAMES:
         first, k = frame.iloc[0], 360 / (360 - frame["angle"].iloc[0])
         area = (first.outer**2 - first.inner**2) / (k * first.axial)
-        radius = frame["radius"].to_numpy() + 0j
-        if measured == "outer_diameter":
-            step = frame["outer_diameter"].to_numpy() / 2 + 1j * COMPLEX_STEP
-            radius, place = np.sqrt(step**2 - area), step.real
-        else:
-            radius, place = radius + 1j * COMPLEX_STEP, radius.real
-        layers = [(law, first.outer - first.inner)]
+        outside = frame["outer_diameter"].to_numpy() / 2
+        radius = np.sqrt((outside + 1j * COMPLEX_STEP) ** 2 - area)
+        layers = [(ogden(6.0, 8.0), first.outer - first.inner)]
         axial = frame["axial"].to_numpy()
         pressure, force = pressure_and_force(layers, radius, first.inner, axial, k)
         values = frame["pressure"].to_numpy()
-        total += paper_log_density(place, pressure, values, SIGMA, SLOPE_WEIGHT)
+        expected += paper_log_density(outside, pressure, values, SIGMA, SLOPE_WEIGHT)
         error = (force.real - frame["axial_force"]).dropna()
-        total -= np.sum(error**2) / FORCE_SIGMA**2
-        total -= len(error) / 2 * np.log(np.pi * FORCE_SIGMA**2)
-    return total
-
-
-@pytest.mark.parametrize(
-    ("law", "measured", "mode"),
-    [
-        ("Ogden", "outer_diameter", "collocation"),
-        ("HolzapfelGasserOgden", "outer_diameter", "quadrature"),
-        ("Ogden", "radius", "quadrature"),
-    ],
-)
-def test_likelihood_with_forces_and_slopes_by_the_measured_radius_is_exact(law, measured, mode):
-    """Forces that were not measured are left out of the misfit and of the normaliser."""
-    energy, parameters, exact_law = WALLS[law]
-    settings = {"force_sigma": (0.0, 100.0), "mode": mode}
-    function = likelihood_of(energy, dataset(*FRAMES, measured=measured), **settings)
-    expected = likelihood_with_forces(FRAMES, exact_law, measured)
-    found = function(*parameters.values(), FORCE_SIGMA)
+        expected += stats.norm(0, FORCE_SIGMA / np.sqrt(2)).logpdf(error).sum()
+    found = function(6.0, 8.0, FORCE_SIGMA)
     np.testing.assert_allclose(found, expected, rtol=LIKELIHOOD_TOLERANCE)
 
 
@@ -199,9 +206,9 @@ EXTREMES = (-1000.0, -710.0, -1.0, -1e-12, 0.0, 1e-12, 1.0, 710.0, 1000.0)
 @pytest.mark.parametrize(
     ("law", "mode", "unbounded"),
     [
-        ("PowerLawNeoHookean", "quadrature", True),
         ("Ogden", "collocation", False),
         ("CriscioneType", "collocation", True),
+        *deep([("PowerLawNeoHookean", "quadrature", True)]),
     ],
 )
 def test_extreme_parameters_never_give_nan(law, mode, unbounded):
@@ -225,29 +232,6 @@ def test_extreme_parameters_never_give_nan(law, mode, unbounded):
                 rejected += 1
                 assert not np.any(gradient), point
     assert (rejected > 0) == unbounded
-
-
-# --- slopes --------------------------------------------------------------------------------------
-
-
-def test_few_numbers_stand_for_the_eigenvalues_of_many_points():
-    """The dense determinant has a condition number of up to 1e8 here, and a size of 1e3."""
-    frames = []
-    for name, points, seed in (("many", 700, 1), ("few", 40, 2)):
-        step = np.random.default_rng(seed).uniform(0.5, 1.5, points)
-        frame = tube_frame(name, 7.0, 9.0, 1.0, 0.0, points=points, seed=seed)
-        frames.append(frame.assign(radius=np.cumsum(step) * 4 / points + 6))
-    data = dataset(*frames)
-    eigenvalues, multiplicities = compressed_spectrum(data)
-    assert eigenvalues.size < 100
-    difference = np.zeros((data.sizes["obs"] - 4, data.sizes["obs"]))
-    for row, (point, inverse) in enumerate(zip(*central_differences(data), strict=True)):
-        difference[row, [point + 1, point - 1]] = inverse, -inverse
-    identity = np.eye(data.sizes["obs"])
-    for slope_weight in (1e-8, 1e-3, 1.0, 1e3):
-        _, expected = np.linalg.slogdet(identity + slope_weight * difference.T @ difference)
-        value = multiplicities @ np.log1p(slope_weight * eigenvalues)
-        assert abs(value - expected) < LIKELIHOOD_TOLERANCE * max(1.0, abs(expected))
 
 
 def test_balanced_slope_weight_is_the_ratio_of_squared_pressures_and_slopes():

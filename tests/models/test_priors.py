@@ -20,20 +20,14 @@ SAME_DENSITY = 1e-12
 
 # Distributions and points in their support. PyTensor stores small whole numbers and 0.5 in less
 # than double precision, which must not reach the density.
-SCALARS = {
+DISTRIBUTIONS = {
     "normal by precision": (lambda: pm.Normal.dist(0, tau=3), [-4.0, 0.7, 11.0]),
     "gamma by moments": (lambda: pm.Gamma.dist(mu=10, sigma=3), [0.1, 7.0, 60.0]),
-    "log-normal": (lambda: pm.LogNormal.dist(2, 0.3), [0.1, 7.0, 60.0]),
-    "truncated normal": (lambda: pm.TruncatedNormal.dist(5, 3, lower=0), [0.1, 7.0, 16.0]),
     "beta": (lambda: pm.Beta.dist(2, 3), [0.1, 0.7, 0.99]),
     "half-Student": (lambda: pm.HalfStudentT.dist(3, 2), [0.1, 0.7, 60.0]),
-    "inverse gamma": (lambda: pm.InverseGamma.dist(3, 2), [0.1, 0.7, 6.0]),
     "triangular": (lambda: pm.Triangular.dist(lower=0, upper=3, c=1), [0.1, 1.7, 2.9]),
-}
-VECTORS = {
     "one range": (lambda: pm.Uniform.dist(0, 50, shape=3), [[0.7, 2.5, 6.0]]),
     "a normal for each": (lambda: pm.Normal.dist([0.5, 3, 8], [1, 2, 3]), [[0.7, 2.5, 6.0]]),
-    "half-Student vector": (lambda: pm.HalfStudentT.dist(3, 2, shape=3), [[0.7, 2.5, 6.0]]),
     "one rate": (lambda: pm.Gamma.dist([1, 2, 3], 0.1), [[0.7, 2.5, 6.0]]),
 }
 
@@ -56,9 +50,9 @@ def test_default_priors_are_uniform_over_the_documented_range():
         assert [*np.ravel(records[p.name][1]), *records[p.name][2:]] == [*p.prior_range, 3]
 
 
-@pytest.mark.parametrize("name", [*SCALARS, *VECTORS])
+@pytest.mark.parametrize("name", DISTRIBUTIONS)
 def test_record_of_a_prior_gives_the_same_density(name):
-    make, points = (SCALARS | VECTORS)[name]
+    make, points = DISTRIBUTIONS[name]
     record = prior_to_record("x", make())
     again = prior_from_record(json.loads(json.dumps(record)))
     assert prior_to_record("x", again) == record and again.type.shape == make().type.shape
@@ -81,16 +75,8 @@ def test_registered_priors_have_the_density_in_double_precision(prior, x, expect
     np.testing.assert_allclose(log_densities(prior(), [x]), [expected], rtol=0, atol=SAME_DENSITY)
 
 
-UNSTORABLE = {
-    "custom": lambda: pm.CustomDist.dist(1.0, logp=lambda x, m: -((x - m) ** 2)),
-    "truncated": lambda: pm.Truncated.dist(pm.HalfNormal.dist(2), upper=3),
-    "mixture": lambda: pm.Mixture.dist([0.5, 0.5], [pm.Normal.dist(-3, 1), pm.Normal.dist(3, 1)]),
-}
-
-
-@pytest.mark.parametrize("name", UNSTORABLE)
-def test_a_prior_that_cannot_be_stored_can_be_registered(name):
-    prior = UNSTORABLE[name]()
+def test_a_prior_that_cannot_be_stored_can_be_registered():
+    prior = pm.Truncated.dist(pm.HalfNormal.dist(2), upper=3)
     with pytest.raises(ValueError, match=r"prior of 'mu' cannot be stored"):
         prior_to_record("mu", prior)
     with pm.Model() as model:

@@ -26,19 +26,24 @@ SIGMA, FORCE_SIGMA, SLOPE_WEIGHT = 5 * ph.mmHg, 3.0, 1.0
 RADIUS = np.array([1.05, 1.1, 1.2, 1.3])
 OUTER = np.sqrt(RADIUS**2 + (1.4**2 - 1.0) * (2 * np.pi - 0.7) / (2 * np.pi) / 1.2)
 PRESSURE, FORCE = np.array([2.0, 3.0, 6.0, 11.0]), np.array([12.0, 13.0, np.nan, 19.0])
-# Inferred measures and values near those of the tube; impossible values of each.
-UNKNOWN = {
-    ("inner_radius", "outer_radius"): ((0.97, 1.42), [(1.0, 0.9), (1.0, 1.0), (-1.0, 1.4)]),
-    ("outer_radius",): ((1.43,), [(0.9,), (-1.5,), (0.0,)]),
-    ("inner_radius", "thickness"): ((1.02, 0.37), [(1.0, -0.1), (-3.0, 1.0), (-3.0, 5.0)]),
-    ("inner_radius", "wall_area"): ((1.02, 2.7), [(1.0, -1.0), (1.0, 0.0), (1.0, -1e3)]),
-    ("inner_radius", "wall_area", "opening_angle"): (
-        (1.02, 2.7, 0.8),
-        [(1.0, -1e3, 0.5), (1.0, 2.5, 7.0), (1.0, 2.5, -7.0)],
+# Inferred measures with values near those of the tube, impossible values, measured quantity.
+UNKNOWN = [
+    (
+        {"outer_radius": 1.43, "axial_stretch": 1.15},
+        [(0.9, 1.2), (-1.5, 1.2), (0.0, 1.2), (50.0, 1.2), (1.4, -1.0)],
+        "outer_diameter",
     ),
-    ("axial_stretch", "opening_angle"): ((1.15, 0.75), [(-1.0, 0.5), (1.2, 6.5), (1.2, -6.5)]),
-}
-NO_ROOM = {("inner_radius", "thickness"): [(1.0, 3.0), (1e4, 1e4)], ("outer_radius",): [(50.0,)]}
+    (
+        {"inner_radius": 1.02, "thickness": 0.37},
+        [(1.0, -0.1), (-3.0, 1.0), (-3.0, 5.0), (1.0, 3.0), (1e4, 1e4)],
+        "outer_diameter",
+    ),
+    (
+        {"inner_radius": 1.02, "wall_area": 2.7, "opening_angle": 0.8},
+        [(1.0, -1e3, 0.5), (1.0, 0.0, 0.5), (1.0, 2.5, 7.0), (1.0, 2.5, -7.0)],
+        "radius",
+    ),
+]
 
 
 def tube_data(measured, **geometry):
@@ -70,13 +75,12 @@ def exact_likelihood(measured, values, mu, alpha):
     return of_pressure - of_force
 
 
-@pytest.mark.parametrize(
-    ("measured", "names"),
-    [(("radius", "outer_diameter")[n in NO_ROOM or "opening_angle" in n], n) for n in UNKNOWN],
-)
-def test_likelihood_of_an_inferred_tube_is_exact_or_nil_if_it_is_impossible(names, measured):
+@pytest.mark.parametrize(("values", "impossible", "measured"), UNKNOWN)
+def test_likelihood_of_an_inferred_tube_is_exact_or_nil_if_it_is_impossible(
+    values, impossible, measured
+):
     """Gradients agree with differences, and are finite where there is no such tube."""
-    values, impossible = UNKNOWN[names]
+    names, steep = list(values), [(6.0, alpha, *values.values()) for alpha in (1e4, 1e6)]
     missing = {name: None for name in names if name in TUBE}
     noise = {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT, "force_sigma": FORCE_SIGMA}
     unknown = {name: pm.Normal.dist(1.0, 50.0) for name in [*OGDEN, *names]}
@@ -86,9 +90,9 @@ def test_likelihood_of_an_inferred_tube_is_exact_or_nil_if_it_is_impossible(name
     (value,) = model.replace_rvs_by_values([model["likelihood"]])
     outputs = [value, *pytensor.grad(value, model.value_vars)]
     function = pytensor.function(model.value_vars, outputs, mode=AS_WRITTEN)
-    point = np.array([*OGDEN.values(), *values])
+    point = np.array([*OGDEN.values(), *values.values()])
     found, *gradient = function(*point)
-    expected = exact_likelihood(measured, dict(zip(names, values, strict=True)), **OGDEN)
+    expected = exact_likelihood(measured, values, **OGDEN)
     np.testing.assert_allclose(found, expected, rtol=LIKELIHOOD_TOLERANCE)
     differences = [
         (function(*point + step)[0] - function(*point - step)[0]) / (2 * STEP)
@@ -97,9 +101,7 @@ def test_likelihood_of_an_inferred_tube_is_exact_or_nil_if_it_is_impossible(name
     atol = GRADIENT_TOLERANCE * np.abs(differences).max()
     np.testing.assert_allclose(gradient * point, differences, rtol=0, atol=atol)
     with np.errstate(all="ignore"):
-        no_room = NO_ROOM.get(names, []) if measured == "outer_diameter" else []
-        steep = [(6.0, alpha, *values) for alpha in (1e4, 1e6)]
-        for bad in [*((*OGDEN.values(), *tube) for tube in impossible + no_room), *steep]:
+        for bad in [*((*OGDEN.values(), *tube) for tube in impossible), *steep]:
             found, *gradient = function(*bad)
             assert found == -np.inf, bad
             assert np.all(np.isfinite(gradient)), bad
@@ -171,50 +173,38 @@ def with_radii(data):
     )
 
 
-Z = np.array([0.7, -1.2])
+Z = np.array([[0.7, -1.2], [-0.4, 0.3]])
 
 
 @pytest.mark.parametrize(
-    ("name", "sd", "measured"),
+    ("sds", "measured"),
     [
-        ("thickness", 0.02, "outer_diameter"),
-        ("wall_area", 0.03, "radius"),
-        ("opening_angle", 0.2, "outer_diameter"),
-        ("inner_radius", 0.01, "outer_diameter"),
-        ("axial_stretch", 0.05, "outer_diameter"),
+        ({"opening_angle": 0.2, "thickness": 0.02}, "radius"),
+        ({"inner_radius": 0.01, "axial_stretch": 0.05}, "outer_diameter"),
+        ({"wall_area": 0.03}, "radius"),
     ],
 )
-def test_a_deviation_gives_the_density_of_the_other_tube(name, sd, measured):
+def test_deviations_give_the_density_of_the_other_tube(sds, measured):
     """The likelihood is that of data with the deviating tube; the prior is standard normal."""
-    data, settings = ring_data(measured), NOISE | {"mode": "quadrature"}
-    geometry = {name: ph.Measured(sd)}
-    model = ph.inflation_model(ph.Ogden(), data, **settings, geometry=geometry)
-    other = with_radii(changed(data, name, Z, sd))
-    expected = log_density(ph.inflation_model(ph.Ogden(), other, **settings))
-    expected += stats.norm.logpdf(Z).sum()
-    found = log_density(model, **{f"{name}_deviation": Z})
-    assert found == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
-
-
-def test_two_deviations_belong_to_one_tube():
-    """The ring opens by another angle, and has another thickness."""
-    data = ring_data(geometry_sd={"thickness": 0.02, "opening_angle": 0.2})
-    geometry = {"thickness": ph.Measured(), "opening_angle": ph.Measured()}
-    y = np.array([-0.4, 0.3])
-    other = changed(changed(data, "opening_angle", y, 0.2), "thickness", Z, 0.02)
+    stated = measured == "radius"  # by the data, or by the model
+    data = other = ring_data(measured, geometry_sd=sds) if stated else ring_data(measured)
+    geometry = {name: ph.Measured() if stated else ph.Measured(sd) for name, sd in sds.items()}
     settings = NOISE | {"mode": "quadrature"}
     model = ph.inflation_model(ph.Ogden(), data, **settings, geometry=geometry)
+    for z, (name, sd) in zip(Z, sds.items(), strict=False):
+        other = changed(other, name, z, sd)
+    other = with_radii(other)
     expected = log_density(ph.inflation_model(ph.Ogden(), other, **settings))
-    expected += stats.norm.logpdf([Z, y]).sum()
-    deviations = {"thickness_deviation": Z, "opening_angle_deviation": y}
+    expected += stats.norm.logpdf(Z[: len(sds)]).sum()
+    deviations = {f"{name}_deviation": z for z, name in zip(Z, sds, strict=False)}
     found = log_density(model, **deviations)
     assert found == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
 
-    names = ["inner_radius", "outer_radius", "thickness", "opening_angle"]
+    names = [n for n in ("inner_radius", "outer_radius", "axial_stretch") if n in model.named_vars]
     outputs = model.replace_rvs_by_values([model[name] for name in names])
     point = model.initial_point() | deviations
     function = model.compile_fn(outputs, inputs=model.value_vars, on_unused_input="ignore")
-    tube = dict(zip(names, function(point), strict=True))
-    for name in ("inner_radius", "outer_radius", "opening_angle"):
-        np.testing.assert_allclose(tube[name], other[name].values[::2])
-    np.testing.assert_allclose(tube["thickness"], tube["outer_radius"] - tube["inner_radius"])
+    tube = function(point)
+    assert tube
+    for name, values in zip(names, tube, strict=True):
+        np.testing.assert_allclose(values, other[name].values[::2])

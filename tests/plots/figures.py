@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import xarray as xr
+from tube_posteriors import exact_points, result
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.natural_scale import NaturalScale
@@ -11,6 +12,12 @@ SEED = 20261122  # any seed will do: the draws below stand for a sampled posteri
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
 STRETCHES = (1.0, 1.2, 1.4)
 DATA = ph.load_dataset("simulated_sheep_aorta")
+# Inflation and extension tests of a neo-Hookean tube.
+SMALL_TUBE = {"inner_radius": 1.0, "outer_radius": 1.5}
+HELD, HELD_STRETCHES = (0.8, 2.0), (1.15, 1.3)
+MU = 20.0
+VARIED = [f"varied at {p / ph.mmHg:.0f} mmHg" for p in HELD]
+LABELS = [f"axial stretch {s}" for s in (*HELD_STRETCHES, *VARIED)]
 
 
 def fitted(data, energy="NeoHookean", **draws):
@@ -23,19 +30,7 @@ def fitted(data, energy="NeoHookean", **draws):
     return tree
 
 
-def bimodal_class(mu, alpha, data):
-    """Return a fitted class of Ogden materials whose posterior has the modes ``(mu, ±alpha)``."""
-    rng = np.random.default_rng(SEED)
-    sign = np.where(np.arange(500) % 2, -1, 1)
-    shift = rng.normal(size=(2, 500))
-    alpha = sign * (alpha - 0.05 * shift + 0.03 * rng.normal(size=shift.shape))
-    tree = fitted(data, "Ogden", mu=mu + 0.5 * shift, alpha=alpha)
-    tree.attrs["units"] = '{"mu": "kPa", "alpha": ""}'
-    tree.attrs["priors"] = '{"mu": ["Uniform", [0.0, 100.0]], "alpha": ["Uniform", [-40.0, 40.0]]}'
-    return tree
-
-
-def straight_lines(specimens=16, stretches=(1.0,), groups=("C1",), of_diameter=False):
+def straight_lines(specimens=16, stretches=(1.0,), of_diameter=False):
     """Return data of specimens at these axial stretches; each curve is a straight line."""
     rng = np.random.default_rng(SEED)
     tables = []
@@ -43,8 +38,8 @@ def straight_lines(specimens=16, stretches=(1.0,), groups=("C1",), of_diameter=F
         for experiment, stretch in enumerate(stretches, start=1):
             radius = np.linspace(7.1, 9.3, 8) / np.sqrt(stretch)
             pressure = 6 * (radius - radius[0] + 0.1) * stretch**3 + 0.1 * rng.random(8)
-            labels = {"specimen": f"S{i + 1}", "group": groups[i % len(groups)]}
-            labels |= {"experiment": experiment, "stretch": stretch, "pressure": pressure}
+            labels = {"specimen": f"S{i + 1}", "group": "C1", "experiment": experiment}
+            labels |= {"stretch": stretch, "pressure": pressure}
             outer = np.sqrt(radius**2 + (9.0**2 - 7.0**2) / stretch)
             read = {"outer_diameter": 2 * outer} if of_diameter else {"radius": radius}
             tables.append(pd.DataFrame(labels | read))
@@ -53,16 +48,29 @@ def straight_lines(specimens=16, stretches=(1.0,), groups=("C1",), of_diameter=F
     return ph.inflation_data(frame, **TUBE, axial_stretch="stretch", **measured)
 
 
-def answers(specimens=16, **variables):
-    """Return a result of classify; every specimen is probably of the first class."""
-    probability = np.tile([0.9, 0.1], (specimens, 1))
-    dims = ("specimen", "class_label")
-    tables = {"class_probability": probability, "class_probability_se": 0.2 + 0 * probability}
-    tables |= variables
-    return xr.Dataset(
-        {k: (dims[: np.ndim(v)], v) for k, v in tables.items()},
-        {"specimen": [f"S{i + 1}" for i in range(specimens)], "class_label": ["C1", "C2"]},
-    )
+def curve_at(pressure, stretch, *mu) -> xr.Dataset:
+    """Predict the tube at these pressures and axial stretches, for each modulus."""
+    tree = result(mu=list(mu or (MU,)))
+    at = {"pressure": pressure, "axial_stretch": stretch}
+    return ph.predict_axial_force(tree, energy=ph.NeoHookean(), **SMALL_TUBE, **at)
+
+
+def drifting(held, stretch):
+    """Return a pressure that drifts about the held one."""
+    return held * (1 + 0.2 * (stretch - 1.25))
+
+
+def both_kinds(*, force=True, kinds=("inflation", "extension")) -> xr.Dataset:
+    """Return inflation tests and extension tests of one specimen."""
+    tests = {}
+    for stretch in HELD_STRETCHES if "inflation" in kinds else ():
+        tests[f"at {stretch:g}"] = np.linspace(0.3, 2.5, 6), stretch
+    for held in HELD if "extension" in kinds else ():
+        stretch = np.linspace(1.4, 1.1, 7)
+        tests[f"held {held:g}"] = drifting(held, stretch), stretch
+    frame = exact_points(ph.NeoHookean(), {"mu": MU}, tests, SMALL_TUBE)
+    frame = frame if force else frame.drop(columns="axial_force")
+    return ph.inflation_data(frame, **SMALL_TUBE, axial_stretch="stretch", check="ignore")
 
 
 def hierarchical_class(energy, spread):
@@ -98,18 +106,28 @@ def elements(figure, function, variable=None):
     return [e for panel in panels.values.ravel() for e in panel if e["function"] == function]
 
 
+def points_of(figure, variable=None):
+    """Return the points that are drawn, sorted."""
+    dots = elements(figure, "scatter", variable)
+    points = np.concatenate([np.stack([e["x"], e["y"]]) for e in dots], axis=1)
+    points = points[:, ~np.isnan(points[0])]
+    return points[:, np.lexsort(points)]
+
+
+def measured(data, x, y, experiment):
+    """Return the points of tests whose names begin like this, sorted."""
+    of_kind = np.isin(data["test"], np.flatnonzero(data["experiment"].str.startswith(experiment)))
+    points = np.stack([data[x].values, data[y].values])[:, of_kind]
+    return points[:, np.lexsort(points)]
+
+
 def assert_band(figure, variable, draws, prob, **where):
     """Check the median and the band of draws to rounding; they are the same numbers."""
     band, median = (figure.get_viz(n, variable, **where) for n in ("band", "median"))
     levels = [(1 - prob) / 2, 0.5, (1 + prob) / 2]
     low, middle, high = draws.quantile(levels, ["chain", "draw"]).values
-    for drawn, expected in (
-        (band["y_bottom"], low),
-        (median["y"], middle),
-        (band["y_top"], high),
-        (band["x"], median["x"]),
-    ):
-        np.testing.assert_allclose(drawn, expected, rtol=1e-10)
+    drawn = [band["y_bottom"], median["y"], band["y_top"], band["x"]]
+    np.testing.assert_allclose(drawn, [low, middle, high, median["x"]], rtol=1e-10)
 
 
 def texts(figure, function):

@@ -7,33 +7,30 @@ from figures import DATA, STRETCHES, elements, legend_texts, straight_lines, tex
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.plots.style import PALETTE
 
-MEASURED = ph.load_dataset("murine_pulmonary_artery")
 
-
-def test_titles_name_the_data_and_say_whether_they_are_simulated(classes):
+def test_titles_name_the_data_and_say_whether_they_are_simulated(few_draws):
     simulated = DATA.assign_attrs(title="Aortas")
     measured = simulated.assign_attrs(simulated=0)
-    for figure, title in (
-        (ph.plot_inflation(simulated, backend="none"), "Aortas, SIMULATED data"),
-        (ph.plot_inflation(measured, backend="none"), "Aortas"),
-        (ph.plot_inflation(DATA, backend="none"), DATA.attrs["title"]),  # "SIMULATED sheep aorta"
-        # The posterior of simulated data is simulated, too.
-        (
-            ph.plot_pressure_fit(classes["C1"], measured, backend="none"),
-            "Ogden, Aortas, SIMULATED data",
-        ),
-    ):
+    titles = {
+        "Aortas, SIMULATED data": ph.plot_inflation(simulated, backend="none"),
+        "Aortas": ph.plot_inflation(measured, backend="none"),
+        DATA.attrs["title"]: ph.plot_inflation(DATA, backend="none"),  # "SIMULATED sheep aorta"
+    }
+    # The posterior of simulated data is simulated, too.
+    fit = ph.plot_pressure_fit(few_draws["C1"], measured, backend="none")
+    titles["Ogden, Aortas, SIMULATED data"] = fit
+    for title, figure in titles.items():
         assert figure.get_viz("figure_title")["string"] == title
 
 
-def test_axis_labels_name_quantity_and_unit(classes, result):
+def test_axis_labels_name_quantity_and_unit(classes, few_draws, result):
     inflation = ph.plot_inflation(DATA, backend="none", pressure_unit="kPa")
     assert set(texts(inflation, "xlabel")) == {"internal radius $a$ (mm)"}
     assert texts(inflation, "ylabel") == ["pressure (kPa)"]
     density = ph.plot_parameter_density(classes, backend="none")
     assert texts(density, "xlabel") == [r"$\mu$ (kPa)"]
     assert texts(density, "ylabel") == [r"$\alpha$"] * 2
-    fit = ph.plot_pressure_fit(classes, backend="none")
+    fit = ph.plot_pressure_fit(few_draws, backend="none")
     assert set(texts(fit, "xlabel")) == {"internal radius $a$ (mm)"}
     assert texts(fit, "ylabel") == ["pressure (mmHg)", "stiffness d$p$/d$a$ (mmHg/mm)"]
     assert texts(fit, "title") == ["class C1", "class C2"]
@@ -55,6 +52,10 @@ def test_users_set_sizes_colours_and_visuals():
     assert not legend_texts(ph.plot_inflation(data, visuals={"legend": False}))
 
 
+def without_data(tree):
+    return tree.filter(lambda node: node.name == "posterior")
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -66,16 +67,11 @@ def test_users_set_sizes_colours_and_visuals():
         (lambda c, r: ph.plot_parameter_density(c, probs=[1.0]), "between 0 and 1"),
         (lambda c, r: ph.plot_pressure_fit(c, prob=94), "between 0 and 1"),
         (lambda c, r: ph.plot_pressure_fit(c, {"C1": DATA}), "nothing for class 'C2'"),
-        (
-            lambda c, r: ph.plot_pressure_fit(c["C1"].filter(lambda n: n.name == "posterior")),
-            "no inflation data",
-        ),
+        (lambda c, r: ph.plot_pressure_fit(without_data(c["C1"])), "no inflation data"),
         (lambda c, r: ph.plot_class_probability(DATA), "lacks 'class_probability'"),
-        (lambda c, r: ph.plot_comparison(DATA), "lacks 'draws'"),
-        (lambda c, r: ph.plot_reliability(DATA), "lacks 'observed_frequency'"),
         (
-            lambda c, r: ph.plot_class_probability({"A": r, "B": r.isel(test=[0])}),
-            "differ in their experiments",
+            lambda c, r: ph.plot_class_probability({"A": r, "B": r[{"test": [0]}]}),
+            "differ in their",
         ),
         (lambda c, r: ph.plot_class_probability(r, none_below=1), "none_below is 1; expected"),
     ],

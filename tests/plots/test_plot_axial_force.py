@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
-from figures import STRETCHES, assert_band, fitted, legend_texts, straight_lines, texts
+from figures import STRETCHES, assert_band, elements, fitted, legend_texts, straight_lines, texts
 from shared_errors import EXTENDED, dataset, extended
 
 import pymc_hyperelastic as ph
@@ -26,9 +26,7 @@ def with_offsets(data):
 
 def assert_shown(figure, expected, variable="axial_force"):
     """Check that the known ones of these forces are drawn."""
-    panels = figure.viz["plot"][variable].values.ravel()
-    drawn = [np.ravel(e["y"]) for p in panels for e in p if e["function"] == "scatter"]
-    values = np.concatenate(drawn)
+    values = np.concatenate([np.ravel(e["y"]) for e in elements(figure, "scatter", variable)])
     expected = expected[np.isfinite(expected)]
     np.testing.assert_allclose(np.sort(values[np.isfinite(values)]), np.sort(expected))
 

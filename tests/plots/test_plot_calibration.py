@@ -20,22 +20,17 @@ def ranks():
     rng = np.random.default_rng(SEED)
     rank = rng.integers(0, 100, (200, 5))
     rank[:, 2] = 99 * (rank[:, 2] > 49)
-    p_value = [0.5, 1e-9, np.nan, 0.25, 0.001]
-    return xr.Dataset(
-        {"rank": (("simulation", "parameter"), rank), "p_value": ("parameter", p_value)},
-        {"parameter": [f"k[{i}]" for i in range(5)]},
-        {"ranked_draws": 99, "bins": 20},
-    )
+    p_value = ("parameter", [0.5, 1e-9, np.nan, 0.25, 0.001])
+    tables = {"rank": (("simulation", "parameter"), rank), "p_value": p_value}
+    attrs = {"ranked_draws": 99, "bins": 20}
+    return xr.Dataset(tables, {"parameter": [f"k[{i}]" for i in range(5)]}, attrs)
 
 
 @pytest.fixture(scope="module")
 def scores():
-    probability = [[0.95, 0.05], [0.15, 0.85], [0.9, 0.1], [0.35, 0.65]]
-    result = xr.Dataset(
-        {"class_probability": (("test", "class_label"), probability)},
-        {"class_label": ["C1", "C2"]},
-        {"simulated": 1},
-    )
+    dims, first = ("test", "class_label"), np.array([0.95, 0.15, 0.9, 0.35])
+    table = {"class_probability": (dims, np.stack([first, 1 - first], axis=1))}
+    result = xr.Dataset(table, {"class_label": ["C1", "C2"]}, {"simulated": 1})
     return ph.score_probabilities(result, ["C1", "C2", "C2", "C2"])
 
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from figures import answers, elements, legend_texts, texts
+import xarray as xr
+from figures import elements, legend_texts, texts
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.plots.style import rounded_probability
@@ -46,8 +47,13 @@ def test_each_result_has_a_column(result):
 def test_decisions_p_values_and_limits_are_shown():
     decided = ["C1", "undecided", "none of these", ""]
     p_value = np.array([[0.5, 0.2], [0.9, 0.4], [0.01, np.nan], [np.nan, np.nan]])
-    result = answers(4, p_value=p_value, decision=decided)
-    result["class_probability"][3] = np.nan
+    dims, probability = ("specimen", "class_label"), np.tile([0.9, 0.1], (4, 1))
+    probability[3] = np.nan
+    tables = {"class_probability": probability, "class_probability_se": np.full((4, 2), 0.2)}
+    result = xr.Dataset(
+        {name: (dims, table) for name, table in (tables | {"p_value": p_value}).items()},
+        {"specimen": [f"S{i}" for i in (1, 2, 3, 4)], "class_label": ["C1", "C2"]},
+    ).assign(decision=("specimen", decided))
     limits = {"undecided_below": 0.8, "none_below": 0.05}
     figure = ph.plot_class_probability(result, backend="none", **limits)
     titles = ["S1 → C1", "S2 → undecided", "S3 → none of these", "S4 → not classified"]

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-import xarray as xr
-from figures import TUBE, assert_band, fitted, legend_texts, straight_lines, texts
+from figures import assert_band, fitted, legend_texts, straight_lines, texts
 
 import pymc_hyperelastic as ph
 
@@ -57,16 +56,6 @@ def test_extrapolated_values_are_dashed(tree):
         figure = ph.plot_wall_stress(tree, pressure, backend="none")
     lines = figure.viz["extrapolated"]["sigma_tt"].sel(HERE).values
     assert [line is not None for line in lines] == [True, False, False]
-
-
-def test_line_ends_at_pressures_that_no_draw_reaches():
-    tube = {"energy": ph.NeoHookean(), **TUBE}
-    posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
-    tree = xr.DataTree.from_dict({"posterior": posterior})
-    with pytest.warns(UserWarning, match="do not reach"):
-        figure = ph.plot_elastic_properties(tree, [20.0, 300.0], tube=tube, backend="none")
-    line = figure.get_viz("median", "compliance", **HERE)
-    assert np.isfinite(line["y"]).tolist() == [True, False]
 
 
 def test_wrong_input_is_refused(tree):

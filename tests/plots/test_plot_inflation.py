@@ -2,8 +2,19 @@
 
 import numpy as np
 import pytest
-from extension_figures import LABELS, both_kinds, measured, points_of
-from figures import DATA, STRETCHES, elements, fitted, legend_texts, straight_lines, texts
+from figures import (
+    DATA,
+    LABELS,
+    STRETCHES,
+    both_kinds,
+    elements,
+    fitted,
+    legend_texts,
+    measured,
+    points_of,
+    straight_lines,
+    texts,
+)
 
 import pymc_hyperelastic as ph
 
@@ -20,12 +31,6 @@ def test_every_measured_point_is_drawn_once(group_by, panels):
     np.testing.assert_allclose(points_of(figure), expected, rtol=1e-12)
 
 
-def test_legend_has_specimens_by_colour_and_experiments_by_marker():
-    names = [f"specimen S{i}" for i in range(1, 6)] + [f"experiment {i}" for i in range(1, 4)]
-    assert legend_texts(ph.plot_inflation(DATA)) == names
-    assert legend_texts(ph.plot_inflation(ph.select(DATA, specimen="S1", experiment=1))) == []
-
-
 def test_every_specimen_and_cycle_has_a_look_of_its_own():
     data = straight_lines(40)
     # Two cycles with equal labels are both drawn.
@@ -39,11 +44,11 @@ def test_every_specimen_and_cycle_has_a_look_of_its_own():
 
 
 def test_axial_stretches_differ_by_marker_or_colour():
-    names = [f"axial stretch {s:g}" for s in STRETCHES]
-    data = straight_lines(4, STRETCHES)
+    names, data = [f"axial stretch {s:g}" for s in STRETCHES], straight_lines(4, STRETCHES)
     figure = ph.plot_inflation(data, backend="none")
     assert len({e["marker"] for e in elements(figure, "scatter")}) == len(STRETCHES)
-    assert legend_texts(ph.plot_inflation(data))[-3:] == names
+    specimens = [f"specimen S{i}" for i in (1, 2, 3, 4)]
+    assert legend_texts(ph.plot_inflation(data)) == specimens + names
     one = straight_lines(1, STRETCHES)
     assert len({e["color"] for e in elements(ph.plot_inflation(one, backend="none"), "line")}) == 3
     assert legend_texts(ph.plot_inflation(one)) == names
@@ -51,7 +56,9 @@ def test_axial_stretches_differ_by_marker_or_colour():
     assert texts(figure, "title") == names
     # Each specimen has its own stretches.
     data["axial_stretch"] = data["axial_stretch"] + 0.001 * np.arange(12)
-    assert legend_texts(ph.plot_inflation(data))[-3:] == [f"experiment {i}" for i in (1, 2, 3)]
+    experiments = [f"experiment {i}" for i in (1, 2, 3)]
+    assert legend_texts(ph.plot_inflation(data)) == specimens + experiments
+    assert legend_texts(ph.plot_inflation(straight_lines(1))) == []
 
 
 def test_measured_outer_diameters_are_labelled_as_diameters():

@@ -10,9 +10,15 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.average import laws_of_fits
 
 NOISE = '{"sigma": 1.0, "slope_weight": 0.0}'
-NAMES = ["Ogden", "Yeoh", "OgdenSeries(terms=3)", "Gent", "ArrudaBoyce", "FourFiber"]
-VALUES = [-120.0, -121.1, -310.4, -120.6, -1180.0, -119.7]
-ERRORS = [0.05, 0.1, 0.3, 0.4, 0.01, 0.3]
+# Log evidence and its standard error of each law.
+LAWS = {
+    "Ogden": (-120.0, 0.05),
+    "Yeoh": (-121.1, 0.1),
+    "OgdenSeries(terms=3)": (-310.4, 0.3),
+    "Gent": (-120.6, 0.4),
+    "ArrudaBoyce": (-1180.0, 0.01),
+    "FourFiber": (-119.7, 0.3),
+}
 # Relative error of a standard error computed from two thousand draws, three times its own error.
 OF_DRAWS = 0.06
 
@@ -20,8 +26,7 @@ OF_DRAWS = 0.06
 def fit(value, error=0.1, data=DATA, **attrs):
     """Return a sampled model of one chain with this log evidence."""
     evidence = {"log_evidence": ("chain", [value]), "log_evidence_se": ("chain", [error])}
-    tree = fitted(data)
-    tree["evidence"] = xr.DataTree(xr.Dataset(evidence))
+    tree = fitted(data).assign({"evidence": xr.DataTree(xr.Dataset(evidence))})
     tree.attrs = {"noise": NOISE, "priors": "{}", "strain_energy": "Ogden"} | attrs
     return tree
 
@@ -32,17 +37,17 @@ def classes(**values):
     return xr.DataTree.from_dict(fits)
 
 
-def laws(count=6, errors=ERRORS):
-    """Return fits of several laws."""
-    return {name: fit(VALUES[i], errors[i]) for i, name in enumerate(NAMES[:count])}
+def plotted(evidences):
+    """Plot fits of several laws."""
+    fits = {law: fit(*evidence) for law, evidence in evidences.items()}
+    return ph.plot_law_probability(fits, backend="none")
 
 
 def numbers(figure, panel):
+    """Return the numbers in a panel by law."""
     found = figure.viz["number"]["law"].sel(panel=panel)
-    return {
-        law: found.sel(strain_energy=law).item()["string"]
-        for law in found["strain_energy"].values.tolist()
-    }
+    laws = found["strain_energy"].values.tolist()
+    return {law: number["string"] for law, number in zip(laws, found.values, strict=True)}
 
 
 def drawn(figure, name):
@@ -52,52 +57,55 @@ def drawn(figure, name):
 
 
 def test_bars_are_probabilities_and_points_are_differences_of_evidences():
-    figure = ph.plot_law_probability(laws(), backend="none")
-    order = np.argsort(VALUES)[::-1]
-    assert [*numbers(figure, "probability")] == [NAMES[i] for i in order]
-    chances = softmax(VALUES)
-    for row, i in enumerate(order):
-        where = {"strain_energy": NAMES[i]}
-        bar = figure.get_viz("bar", panel="probability", **where)
-        np.testing.assert_allclose(bar["x"], [0, chances[i]])
+    figure = plotted(LAWS)
+    order = sorted(LAWS, key=lambda law: -LAWS[law][0])
+    assert [*numbers(figure, "probability")] == order
+    best, its_error = LAWS[order[0]]
+    chances = softmax([LAWS[law][0] for law in order])
+    for row, (law, chance) in enumerate(zip(order, chances, strict=True)):
+        value, error = LAWS[law]
+        bar = figure.get_viz("bar", panel="probability", strain_energy=law)
+        np.testing.assert_allclose(bar["x"], [0, chance])
         np.testing.assert_allclose(bar["y"], -row)
-        point = figure.get_viz("points", panel="log_evidence", **where)
-        np.testing.assert_allclose(point["x"], VALUES[i] - VALUES[5])
-        line = figure.get_viz("error", panel="log_evidence", **where)
-        error = np.hypot(ERRORS[i], ERRORS[5]) if i != 5 else 0.0
-        np.testing.assert_allclose(np.diff(line["x"]), 2 * error, atol=1e-9)
-        np.testing.assert_allclose(np.mean(line["x"]), VALUES[i] - VALUES[5])
-    # The result of classify, which holds the same numbers, gives the same figure.
-    result = xr.Dataset(laws_of_fits(laws()).as_variables(), attrs={"simulated": 1})
-    other = ph.plot_law_probability(result, backend="none")
-    for panel in ("probability", "log_evidence"):
-        assert numbers(other, panel) == numbers(figure, panel)
+        point, line = (
+            figure.get_viz(name, panel="log_evidence", strain_energy=law)["x"]
+            for name in ("points", "error")
+        )
+        np.testing.assert_allclose(point, value - best)
+        error = np.hypot(error, its_error) if row else 0.0
+        np.testing.assert_allclose(line, [value - best - error, value - best + error], atol=1e-9)
     written = numbers(figure, "log_evidence")
     assert written["FourFiber"] == "0.00" and written["Gent"] == "−0.90 ± 0.50"
     assert numbers(figure, "probability")["ArrudaBoyce"] == "<0.001"
+    # The result of classify, which holds the same numbers, gives the same figure.
+    fits = {law: fit(*evidence) for law, evidence in LAWS.items()}
+    result = xr.Dataset(laws_of_fits(fits).as_variables(), attrs={"simulated": 1})
+    other = ph.plot_law_probability(result, backend="none")
+    for panel in ("probability", "log_evidence"):
+        assert numbers(other, panel) == numbers(figure, panel)
 
 
 def test_error_of_a_probability_follows_from_the_errors_of_evidences():
-    two = {"one": fit(-50.0, 0.03), "two": fit(-51.0, 0.04)}
-    figure = ph.plot_law_probability(two, backend="none")
+    figure = plotted({"one": (-50.0, 0.03), "two": (-51.0, 0.04)})
     chance = softmax([-50.0, -51.0])
     line = figure.get_viz("error", panel="probability", strain_energy="two")["x"]
     np.testing.assert_allclose(np.diff(line) / 2, chance.prod() * 0.05, rtol=OF_DRAWS)
     np.testing.assert_allclose(np.mean(line), chance[1])
-    two["two"] = fit(-51.0, 30.0)
-    figure = ph.plot_law_probability(two, backend="none")
+    figure = plotted({"one": (-50.0, 0.03), "two": (-51.0, 30.0)})
     line = figure.get_viz("error", panel="probability", strain_energy="one")["x"]
     assert np.all((line >= 0) & (line <= 1)) and np.ptp(line) > 0.4
 
 
 def test_infinite_error_is_written_as_cannot_be_judged():
-    names = NAMES[:4]
-    figure = ph.plot_law_probability(laws(4, [np.inf, *ERRORS[1:]]), backend="none")
+    four = {law: LAWS[law] for law in ("Ogden", "Yeoh", "OgdenSeries(terms=3)", "Gent")}
+    figure = plotted(four | {"Ogden": (-120.0, np.inf)})
     assert set(numbers(figure, "probability").values()) == {"cannot be judged"}
-    written = numbers(figure, "log_evidence")
-    assert [*written] == [names[3], names[1], names[2], names[0]]
-    assert written.pop(names[0]) == "cannot be judged"
-    assert [*written.values()] == ["0.00", "−0.50 ± 0.41", "−189.80 ± 0.50"]
+    assert [*numbers(figure, "log_evidence").items()] == [
+        ("Gent", "0.00"),
+        ("Yeoh", "−0.50 ± 0.41"),
+        ("OgdenSeries(terms=3)", "−189.80 ± 0.50"),
+        ("Ogden", "cannot be judged"),
+    ]
     assert len(drawn(figure, "points")) == 3 and not drawn(figure, "bar")
     colours = {e["string"]: e["color"] for e in figure.viz["number"]["law"].values.ravel()}
     assert colours["cannot be judged"] != colours["0.00"]
@@ -106,31 +114,26 @@ def test_infinite_error_is_written_as_cannot_be_judged():
 def test_each_class_has_a_marker():
     fits = {
         "Ogden": classes(C1=(-50.0, 0.1), C2=(-60.0, 0.2)),
-        "Gent": classes(C1=(-50.5, 0.3), C2=(-58.0, np.inf)),
         "Yeoh": classes(C1=(-52.0, 0.1), C2=(-59.0, 0.1)),
     }
     figure = ph.plot_law_probability(fits, backend="none")
-    chance = dict(zip(fits, softmax([-50.0, -50.5, -52.0]), strict=True))
-    for law in fits:
-        marker = figure.get_viz("class_points", strain_energy=law, class_label="C1")
-        np.testing.assert_allclose(marker["x"], chance[law])
-    # The error of one evidence of the second class is infinite.
-    assert len(drawn(figure, "class_points")) == 3
-    known = {name: tree for name, tree in fits.items() if name != "Gent"}
-    figure = ph.plot_law_probability(known, backend="none")
     bar = figure.get_viz("bar", panel="probability", strain_energy="Yeoh")
     np.testing.assert_allclose(bar["x"][-1], softmax([-110.0, -111.0])[1])
-    marker, line = (
-        figure.get_viz(name, strain_energy="Yeoh", class_label="C2")["x"]
-        for name in ("class_points", "class_error")
-    )
-    chance = softmax([-60.0, -59.0])
-    np.testing.assert_allclose([marker.item(), np.mean(line)], chance[1])
-    error = chance.prod() * np.hypot(0.2, 0.1)
-    # To first order in the errors, whose squares are about 5 %.
-    np.testing.assert_allclose(np.diff(line) / 2, error, rtol=OF_DRAWS + 0.05)
-    shown = legend_texts(ph.plot_law_probability(known))
+    for name, evidences, errors in (("C1", [-50, -52], [0.1, 0.1]), ("C2", [-60, -59], [0.2, 0.1])):
+        marker, line = (
+            figure.get_viz(visual, strain_energy="Yeoh", class_label=name)["x"]
+            for visual in ("class_points", "class_error")
+        )
+        chance = softmax(evidences)
+        np.testing.assert_allclose([marker.item(), np.mean(line)], chance[1])
+        # To first order in the errors, whose squares are about 5 %.
+        error = chance.prod() * np.hypot(*errors)
+        np.testing.assert_allclose(np.diff(line) / 2, error, rtol=OF_DRAWS + 0.05)
+    shown = legend_texts(ph.plot_law_probability(fits))
     assert shown == ["by all classes", "by class C1", "by class C2"]
+    # The error of one evidence of the second class is infinite.
+    fits["Gent"] = classes(C1=(-50.5, 0.3), C2=(-58.0, np.inf))
+    assert len(drawn(ph.plot_law_probability(fits, backend="none"), "class_points")) == 3
 
 
 OTHER_TUBE = DATA.copy(deep=True)

@@ -2,17 +2,21 @@
 
 import numpy as np
 import pytest
-from extension_figures import (
+from figures import (
+    DATA,
     HELD,
     HELD_STRETCHES,
     MU,
     VARIED,
+    assert_band,
     both_kinds,
     curve_at,
     drifting,
-    fitted_to,
+    elements,
+    fitted,
+    legend_texts,
+    straight_lines,
 )
-from figures import DATA, assert_band, elements, fitted, legend_texts, straight_lines
 
 import pymc_hyperelastic as ph
 
@@ -32,8 +36,8 @@ def test_band_and_median_are_quantiles_of_the_prediction():
     assert x[[0, -1]].tolist() == [radius.min(), radius.max()]
 
 
-def test_training_data_and_their_slopes_are_shown(classes):
-    figure = ph.plot_pressure_fit(classes, backend="none")
+def test_training_data_and_their_slopes_are_shown(few_draws):
+    figure = ph.plot_pressure_fit(few_draws, backend="none")
     training = ph.select(DATA, group="C2", experiment=[1, 2])
     points = figure.get_viz("points", "pressure", class_label="C2")
     known = ~np.isnan(points["x"])
@@ -46,25 +50,26 @@ def test_training_data_and_their_slopes_are_shown(classes):
     np.testing.assert_allclose(slopes[~np.isnan(slopes)], expected)
 
 
-def test_each_tube_of_new_data_has_a_band(classes):
-    new = ph.select(DATA, experiment=3)
+def test_each_tube_of_new_data_has_a_band(few_draws):
+    new, tree = ph.select(DATA, experiment=3), few_draws["C1"]
     outer = new["outer_radius"].copy()
     outer[0] = 9.5
-    figure = ph.plot_pressure_fit(classes["C1"], new.assign(outer_radius=outer), backend="none")
+    figure = ph.plot_pressure_fit(tree, new.assign(outer_radius=outer), backend="none")
     bands = figure.viz["band"]["pressure"]
     assert bands["specimen"].values.tolist() == ["S1", "S2 and 3 more"]
     drawn = [b for b in bands.values.ravel() if b is not None and np.isfinite(b["x"]).any()]
     for band, b in zip(drawn, (9.5, 9.0), strict=True):
-        predicted = ph.predict_pressure(classes["C1"], band["x"], outer_radius=b)["pressure"]
+        predicted = ph.predict_pressure(tree, band["x"], outer_radius=b)["pressure"]
         top = predicted.quantile(0.975, ["chain", "draw"]) / ph.mmHg
         np.testing.assert_allclose(band["y_top"], top, rtol=ROUNDING)
 
 
-def test_median_is_dashed_beyond_the_training_data(classes):
-    low, high = (float(f(classes["C1"]["constant_data"]["radius"])) for f in (np.min, np.max))
+def test_median_is_dashed_beyond_the_training_data(few_draws):
+    tree = few_draws["C1"]
+    low, high = (float(f(tree["constant_data"]["radius"])) for f in (np.min, np.max))
     new = ph.select(DATA, group="C1", experiment=3).copy(deep=True)
     new["radius"] = new["radius"] + (high - new["radius"].max()) + 0.5
-    figure = ph.plot_pressure_fit(classes["C1"], new, backend="none")
+    figure = ph.plot_pressure_fit(tree, new, backend="none")
     where = {"class_label": "C1", "tube": 0}
     for variable in ("pressure", "stiffness"):
         solid, dashed = (figure.get_viz(n, variable, **where) for n in ("median", "extrapolated"))
@@ -80,10 +85,9 @@ def test_outlying_slopes_are_arrowheads_at_the_axis():
     data = straight_lines(2)
     plain = ph.plot_pressure_fit(fitted(data))
     ends = plain.get_viz("plot", "stiffness", **HERE).get_ylim()
-    data["radius"][14] = data["radius"][12]  # no slope
-    data["radius"][5] = data["radius"][3] + 1e-5
-    data["radius"][4] = data["radius"][3] + 5e-6
-    data["radius"][11] = data["radius"][9] - 1e-5
+    radius = data["radius"]
+    radius[14] = radius[12]  # no slope
+    radius[[4, 5, 11]] = [radius[3] + 5e-6, radius[3] + 1e-5, radius[9] - 1e-5]
     figure = ph.plot_pressure_fit(fitted(data))
     low, high = figure.get_viz("plot", "stiffness", **HERE).get_ylim()
     assert high - low < 5 * (ends[1] - ends[0])
@@ -105,13 +109,10 @@ def test_axis_reaches_twice_the_largest_datum_beyond_the_data():
     ends = figure.get_viz("plot", "pressure", **HERE).get_ylim()
     assert ends == pytest.approx((pressure.min() - margin, 3 * pressure.max() + margin))
     assert "bands go on beyond the axis" in legend_texts(figure)
-    figure = ph.plot_axial_force(stiff, data)
-    assert "bands go on beyond the axis" in legend_texts(figure)
-    ends = figure.get_viz("plot", "axial_force", **HERE).get_ylim()
+    ends = ph.plot_axial_force(stiff, data).get_viz("plot", "axial_force", **HERE).get_ylim()
     assert np.abs(ends).max() < 4 * data["axial_force"].max()
     # The axis fits the band if there are no data.
-    figure = ph.plot_axial_force(stiff)
-    assert "bands go on beyond the axis" not in legend_texts(figure)
+    assert "bands go on beyond the axis" not in legend_texts(ph.plot_axial_force(stiff))
 
 
 @pytest.mark.parametrize(
@@ -123,7 +124,7 @@ def test_axis_reaches_twice_the_largest_datum_beyond_the_data():
 )
 def test_bands_of_extension_tests_are_medians_of_the_prediction(plot, name, variable):
     data = both_kinds()
-    figure = plot(fitted_to(data, 0.9 * MU, MU, 1.1 * MU), backend="none")
+    figure = plot(fitted(data, mu=[[0.9 * MU, MU, 1.1 * MU]]), backend="none")
     for i, held in enumerate(HELD):
         where = {"axial_stretch": VARIED[i], **HERE}
         median = figure.get_viz("median", variable, **where, tube=0)
@@ -145,11 +146,10 @@ def test_bands_of_extension_tests_are_medians_of_the_prediction(plot, name, vari
 
 
 def test_draws_that_do_not_reach_a_pressure_are_counted_in_a_warning():
-    data = both_kinds(kinds=("extension",))
+    tree = fitted(both_kinds(kinds=("extension",)), mu=[[0.1 * MU, MU]])
     with pytest.warns(UserWarning, match="1 do not reach the pressure at 24 of 24 axial stretches"):
-        figure = ph.plot_axial_force(fitted_to(data, 0.1 * MU, MU), backend="none")
+        figure = ph.plot_axial_force(tree, backend="none")
     median = figure.get_viz("median", "extension_force", axial_stretch=VARIED[1], tube=0, **HERE)
-    known = np.isfinite(median["x"])
-    stretch = median["x"][known]
+    stretch = median["x"][np.isfinite(median["x"])]
     exact = curve_at(drifting(HELD[1], stretch), stretch)["axial_force"].values[0, 0]
-    np.testing.assert_allclose(median["y"][known], exact, rtol=ROUNDING)
+    np.testing.assert_allclose(median["y"][np.isfinite(median["x"])], exact, rtol=ROUNDING)

@@ -1,23 +1,17 @@
 """Predictions at an axial stretch that varies, and from results of extension tests."""
 
-from functools import cache
-
 import numpy as np
-import pandas as pd
-import pytensor
-import pytensor.tensor as pt
+import oracles
 import pytest
 import xarray as xr
 from problems import AS_WRITTEN
 from scipy.optimize import brentq
-from tube_posteriors import result
+from tube_posteriors import INVERSE, ROUNDING, exact_points, fitted_to, result
 
 import pymc_hyperelastic as ph
 
 TUBE = {"inner_radius": 1.0, "outer_radius": 1.5}
 STRETCHES = np.array([1.1, 1.25, 1.4])
-# The same sums, of arrays of another length; Newton's method has converged to rounding.
-ROUNDING = 1e-12
 MU = [18.0, 20.0, 23.0]
 INFLATED = [0.5, 2.0, 3.5]
 
@@ -28,38 +22,12 @@ def tree() -> xr.DataTree:
     return found
 
 
-def data(pressures=(1.0, 3.0)) -> xr.Dataset:
+def data() -> xr.Dataset:
     """Extension tests at held pressures, and an inflation test, of a tube of the middle modulus."""
-    tests = []
-    for held in pressures:
-        radius = [radius_of(held, stretch) for stretch in STRETCHES]
-        test = pd.DataFrame({"radius": radius, "pressure": held, "stretch": STRETCHES})
-        tests.append(test.assign(experiment=f"at {held:g} kPa"))
-    radius = [radius_of(p, 1.25) for p in INFLATED]
-    inflation = {"radius": radius, "pressure": INFLATED, "stretch": 1.25}
-    tests.append(pd.DataFrame(inflation).assign(experiment="inflation"))
-    frame = pd.concat(tests, ignore_index=True).assign(specimen="S")
-    frame["axial_force"] = [force_of(row.radius, row.stretch) for row in frame.itertuples()]
+    tests = {f"at {held:g} kPa": (held, STRETCHES) for held in (1.0, 3.0)}
+    tests["inflation"] = INFLATED, 1.25
+    frame = exact_points(ph.NeoHookean(), {"mu": 20.0}, tests, TUBE)
     return ph.inflation_data(frame, **TUBE, axial_stretch="stretch", check="ignore")
-
-
-@cache
-def compiled(quantity):
-    inputs = radius, stretch, mu = pt.dscalars(3)
-    law = quantity(ph.NeoHookean(), radius, **TUBE, axial_stretch=stretch, mu=mu)
-    return pytensor.function(inputs, law, mode=AS_WRITTEN)
-
-
-def pressure_of(radius, stretch, mu=20.0):
-    return float(compiled(ph.inflation_pressure)(radius, stretch, mu))
-
-
-def force_of(radius, stretch, mu=20.0):
-    return float(compiled(ph.axial_force)(radius, stretch, mu))
-
-
-def radius_of(pressure, stretch, mu=20.0):
-    return brentq(lambda a: pressure_of(a, stretch, mu) - pressure, 0.6, 1.9, xtol=1e-13)
 
 
 def each(function, points, stretches, **settings):
@@ -101,77 +69,45 @@ def test_one_stretch_per_point_equals_single_calls(function, points):
         np.testing.assert_allclose(found[name].values, expected, rtol=ROUNDING, err_msg=name)
 
 
-@pytest.mark.parametrize("function", [ph.radius_at_pressure, force_at])
-def test_scalar_pressure_applies_to_all_stretches(function):
-    found = function(tree(), 2.0, **TUBE, axial_stretch=STRETCHES)
-    for name, expected in each(function, [2.0] * 3, STRETCHES).items():
-        np.testing.assert_allclose(found[name].values, expected, rtol=ROUNDING, err_msg=name)
-    np.testing.assert_array_equal(found["pressure"], 2.0)
-
-
 def test_force_at_a_pressure_is_the_force_at_its_radius():
-    found = force_at(tree(), 2.0, **TUBE, axial_stretch=STRETCHES)
-    expected = [
-        [force_of(radius_of(2.0, stretch, mu), stretch, mu) for stretch in STRETCHES] for mu in MU
-    ]
-    np.testing.assert_allclose(found["axial_force"].values[0], expected, rtol=1e-10)
+    found = force_at(tree(), 2.0, **TUBE, axial_stretch=STRETCHES)["axial_force"].values[0]
+    for force, mu in zip(found, MU, strict=True):
+
+        def excess(a, stretch, mu=mu):
+            return oracles.neo_hookean_pressure(mu, a, *TUBE.values(), stretch) - 2.0
+
+        radius = [brentq(excess, 0.6, 1.9, args=(stretch,), xtol=1e-13) for stretch in STRETCHES]
+        settings = {**TUBE, "axial_stretch": STRETCHES, "mu": mu}
+        expected = ph.axial_force(ph.NeoHookean(), radius, **settings).eval(mode=AS_WRITTEN)
+        np.testing.assert_allclose(force, expected, rtol=INVERSE)
+
+
+THREE = {**TUBE, "axial_stretch": STRETCHES}
 
 
 @pytest.mark.parametrize(
-    ("call", "error", "expected"),
+    ("function", "at", "tube", "message"),
     [
-        (
-            lambda: ph.predict_pressure(tree(), [1.1, 1.2], **TUBE, axial_stretch=STRETCHES),
-            ValueError,
-            "axial_stretch has 3 values, and there are 2 radii or pressures",
-        ),
-        (
-            lambda: ph.tube_properties(tree(), 2.0, **TUBE, axial_stretch=STRETCHES),
-            ValueError,
-            "axial_stretch has 3 values, and there are 1 radii",
-        ),
-        (
-            lambda: ph.predict_pressure(tree(), 1.1, **TUBE, axial_stretch=[1.2, -1.0]),
-            ValueError,
-            "axial_stretch must be positive",
-        ),
-        (
-            lambda: ph.predict_pressure(tree(), 1.1, **TUBE, axial_stretch=["long"]),
-            ValueError,
-            "axial_stretch must be a list of axial stretches",
-        ),
-        (
-            lambda: ph.predict_pressure(tree(), 1.1, inner_radius=[1.0, 1.1], outer_radius=1.5),
-            TypeError,
-            r"inner_radius is \[1.0, 1.1\]; expected a number",
-        ),
-        (lambda: ph.predict_axial_force(tree(), **TUBE), TypeError, "give internal_radius, or"),
-        (
-            lambda: ph.predict_axial_force(tree(), 1.1, pressure=1.0, **TUBE),
-            TypeError,
-            "give internal_radius, or pressure",
-        ),
+        (ph.predict_pressure, [1.1, 1.2], THREE, "has 3 values, and there are 2 radii or press"),
+        (ph.tube_properties, 2.0, THREE, "axial_stretch has 3 values, and there are 1 radii"),
+        (ph.predict_pressure, 1.1, THREE | {"axial_stretch": [1.2, -1.0]}, "must be positive"),
+        (ph.predict_pressure, 1.1, THREE | {"axial_stretch": ["long"]}, "a list of axial stretch"),
+        (ph.predict_pressure, 1.1, TUBE | {"inner_radius": [1.0, 1.1]}, r"\[1.0, 1.1\]; .*number"),
+        (ph.predict_axial_force, None, TUBE, "give internal_radius, or pressure"),
+        (ph.predict_axial_force, 1.1, TUBE | {"pressure": 1.0}, "give internal_radius, or press"),
     ],
 )
-def test_inconsistent_stretches_and_pressures_are_refused(call, error, expected):
-    with pytest.raises(error, match=expected):
-        call()
+def test_inconsistent_stretches_and_pressures_are_refused(function, at, tube, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        function(tree(), at, **tube)
 
 
 # --- results of extension tests ------------------------------------------------------------------
 
 
-def fitted(points=None) -> xr.DataTree:
+def fitted() -> xr.DataTree:
     """Return a fitted result with draws around the true modulus."""
-    found = tree()
-    found["constant_data"] = xr.DataTree(data() if points is None else points)
-    return found
-
-
-def test_varying_stretch_of_the_data_must_be_given():
-    said = r"do not have one axial_stretch \(1\.1, .*\): say which, such as axial_stretch=1\.1"
-    with pytest.raises(ValueError, match=said):
-        ph.predict_pressure(fitted(), 1.1)
+    return fitted_to(data(), "NeoHookean", tree())
 
 
 def test_nothing_is_extrapolated_between_measured_stretches():

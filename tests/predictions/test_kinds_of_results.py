@@ -9,7 +9,6 @@ import pymc as pm
 import pytest
 import xarray as xr
 from problems import AS_WRITTEN
-from tube_posteriors import SHEEP
 from variable_classes import SIGMA, TRAINING, classify, fit
 
 import pymc_hyperelastic as ph
@@ -20,6 +19,7 @@ ROUNDING, INVERSE = 1e-12, 1e-10
 NOISE = {"sigma": SIGMA, "slope_weight": 0.0}
 LAYERS = [ph.Layer(ph.NeoHookean(), 1.2), ph.Layer(ph.Demiray(), pm.Uniform.dist(0.5, 1.0))]
 LAYER_DRAWS = {"mu_1": (30.0, 3.0), "mu_2": (20.0, 2.0), "b_2": (2.0, 0.1)}
+LAYER_DRAWS |= {"thickness_2": (0.8, 0.02)}
 UNKNOWN_TUBE = {"inner_radius": pm.Uniform.dist(6, 8), "thickness": pm.Uniform.dist(1, 3)}
 
 
@@ -27,28 +27,24 @@ def as_sampled(model: pm.Model, **draws) -> xr.DataTree:
     """Return a result of `sample_smc` with normal draws in place of sampled ones."""
     rng = np.random.default_rng(SEED)
     posterior = {
-        name: (("chain", "draw"), mean + sd * rng.standard_normal((2, 50)))
+        name: (("chain", "draw"), mean + sd * rng.standard_normal((2, 20)))
         for name, (mean, sd) in draws.items()
     }
-    coords = {"chain": range(2), "draw": range(50)}
+    coords = {"chain": range(2), "draw": range(20)}
     groups = model.study.result_groups(model) | {"posterior": xr.Dataset(posterior, coords)}
     tree = xr.DataTree.from_dict(groups)
     tree.attrs = model.study.result_attrs(model)
     return tree
 
 
-def measured(**tube) -> xr.Dataset:
-    """Return the data of the soft specimens with another reference geometry."""
+def measured(*unknown: str) -> xr.Dataset:
+    """Return the data of the soft specimens, without these radii of their tubes."""
     data = TRAINING["soft"]
-    points = {name: data[name].values for name in ("radius", "pressure")}
-    of_points = {
-        name: data[name].values[data["test"].values] for name in ("specimen", "experiment")
-    }
-    return ph.inflation_data(pd.DataFrame(points | of_points), **SHEEP | tube)
+    return data.assign({name: np.nan * data[name] for name in unknown})
 
 
-def sampled(energy=None, tube=None, geometry=None, **draws) -> xr.DataTree:
-    data = measured(**(tube or {}))
+def sampled(energy=None, data=None, geometry=None, **draws) -> xr.DataTree:
+    data = measured() if data is None else data
     model = ph.inflation_model(energy or ph.NeoHookean(), data, geometry=geometry, **NOISE)
     return as_sampled(model, **draws)
 
@@ -65,40 +61,35 @@ def population() -> xr.DataTree:
     return tree
 
 
+def with_inferred_radius(tree: xr.DataTree) -> xr.DataTree:
+    """Return the result with draws of the inner radius, which its data do not have."""
+    posterior, data = (tree[name].to_dataset() for name in ("posterior", "constant_data"))
+    radius = 7.0 + 0.05 * (posterior["mu_1"] - 30) / 3
+    changed = {"posterior": xr.DataTree(posterior.assign(inner_radius=radius))}
+    unknown = data.assign(inner_radius=np.nan * data["inner_radius"])
+    return tree.copy().assign(changed | {"constant_data": xr.DataTree(unknown)})
+
+
 @pytest.fixture(scope="module")
 def results() -> dict[str, xr.DataTree]:
     """Return one result of each kind."""
     tube = {"inner_radius": (7.0, 0.05), "thickness": (2.0, 0.05)}
-    no_outer = {"outer_radius": None}
-    no_tube = {"inner_radius": None, "outer_radius": None}
-    in_layers = LAYER_DRAWS | {"thickness_2": (0.8, 0.02)}
+    no_tube = measured("inner_radius", "outer_radius")
     settings = {"draws": 100, "chains": 2, "training": {"soft": TRAINING["soft"]}}
+    layers = sampled(LAYERS, measured("outer_radius"), **LAYER_DRAWS)
     return {
         "inflation_model": sampled(mu=(40.0, 2.0)),
-        "inferred geometry": sampled(tube=no_tube, geometry=UNKNOWN_TUBE, mu=(40.0, 2.0), **tube),
-        "layers": sampled(LAYERS, no_outer, **in_layers),
-        "layers, inferred geometry": sampled(
-            LAYERS,
-            no_tube,
-            {"inner_radius": pm.Uniform.dist(6, 8)},
-            inner_radius=(7.0, 0.05),
-            **in_layers,
-        ),
+        "inferred geometry": sampled(None, no_tube, UNKNOWN_TUBE, mu=(40.0, 2.0), **tube),
+        "layers": layers,
+        "layers, inferred geometry": with_inferred_radius(layers),
         "pooled class": fit(variability="none", **settings)["soft"],
         "variable class": fits.fit("neo_hookean_classes")["soft"],
         "population_model": population(),
     }
 
 
-KINDS = (
-    "inflation_model",
-    "inferred geometry",
-    "layers",
-    "layers, inferred geometry",
-    "pooled class",
-    "variable class",
-    "population_model",
-)
+KINDS = ["inflation_model", "inferred geometry", "layers", "layers, inferred geometry"]
+KINDS += ["pooled class", "variable class", "population_model"]
 DIFFER = ("variable class", "population_model")
 PREDICTIONS = {
     "predict_pressure": (ph.predict_pressure, [8.0, 8.5]),
@@ -117,9 +108,12 @@ PAIRS = [
     for shift, specimen in ((0, None), (3, "A2"))
     for kind, question in zip(KINDS, np.roll(list(PREDICTIONS), shift).tolist(), strict=True)
 ]
-
-
-ALTERNATING = list(zip(KINDS, [None, "A2"] * 4, strict=False))
+SOME_KINDS = [
+    ("inferred geometry", None),
+    ("layers, inferred geometry", "A2"),
+    ("variable class", None),
+    ("population_model", "A2"),
+]
 
 
 @pytest.mark.parametrize(("kind", "question", "specimen"), PAIRS)
@@ -136,7 +130,7 @@ def test_prediction_is_finite_and_names_its_specimen(results, kind, question, sp
     assert not found["extrapolated"].any()
 
 
-@pytest.mark.parametrize(("kind", "specimen"), ALTERNATING)
+@pytest.mark.parametrize(("kind", "specimen"), SOME_KINDS)
 def test_stored_energy_change_is_the_difference_of_two_pressures(results, kind, specimen):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -155,7 +149,7 @@ def test_stored_energy_change_is_the_difference_of_two_pressures(results, kind, 
     assert not found.coords["range_extrapolated"]
 
 
-@pytest.mark.parametrize(("kind", "specimen"), ALTERNATING)
+@pytest.mark.parametrize(("kind", "specimen"), SOME_KINDS)
 def test_fit_is_drawn_with_the_data_of_the_specimen(results, kind, specimen):
     figure = ph.plot_pressure_fit(results[kind], specimen=specimen, backend="none")
     assert "extrapolated" not in figure.viz
@@ -177,40 +171,37 @@ def test_curves_of_layers_are_those_of_each_draw(results):
         "stiffness": (ph.predict_pressure, ph.inflation_stiffness),
         "axial_force": (ph.predict_axial_force, ph.axial_force),
     }
+    at = {k: float(v[1, 7]) for k, v in tree["posterior"].data_vars.items()}
+    media = ph.Layer(ph.NeoHookean(), 1.2, mu=at["mu_1"])
+    outside = ph.Layer(ph.Demiray(), at["thickness_2"], mu=at["mu_2"], b=at["b_2"])
     for name, (predict, function) in functions.items():
         found = predict(tree, radius)[name]
-        given = predict(tree, radius, energy=LAYERS)[name]
-        xr.testing.assert_identical(found, given)
-        for draw in (0, 7):
-            at = {k: float(v[1, draw]) for k, v in tree["posterior"].data_vars.items()}
-            media = ph.Layer(ph.NeoHookean(), 1.2, mu=at["mu_1"])
-            outside = ph.Layer(ph.Demiray(), at["thickness_2"], mu=at["mu_2"], b=at["b_2"])
-            expected = function([media, outside], radius, inner_radius=7.0).eval(mode=AS_WRITTEN)
-            np.testing.assert_allclose(found[1, draw], expected, rtol=ROUNDING)
+        xr.testing.assert_identical(found, predict(tree, radius, energy=LAYERS)[name])
+        expected = function([media, outside], radius, inner_radius=7.0).eval(mode=AS_WRITTEN)
+        np.testing.assert_allclose(found[1, 7], expected, rtol=ROUNDING)
 
 
-def test_layers_of_one_material_predict_like_one_wall():
+def test_layers_of_one_material_predict_like_one_wall(results):
     """A wall that is divided in thought has the properties, stresses and verdict of the whole."""
-    data = measured(outer_radius=None)
-    mu = pm.Uniform.dist(0, 100)
+    mu, tree = pm.Uniform.dist(0, 100), results["inflation_model"]
     layers = [ph.Layer(ph.NeoHookean(), t, mu=mu) for t in (0.5, 1.2, 0.3)]
-    divided = as_sampled(ph.inflation_model(layers, data, **NOISE), mu=(40.0, 2.0))
-    whole = sampled(mu=(40.0, 2.0))
-    for question, (function, at) in PREDICTIONS.items():
-        found, expected = function(divided, at), function(whole, at)
-        xr.testing.assert_allclose(found, expected, rtol=INVERSE), question
+    for function, at in PREDICTIONS.values():
+        xr.testing.assert_allclose(
+            function(tree, at, energy=layers), function(tree, at), rtol=INVERSE
+        )
     points = np.array([0.0, 0.1, 0.25, 0.5, 0.85, 0.9, 1.0])
-    found, expected = (ph.wall_stress(t, [2.0, 4.0], points=points) for t in (divided, whole))
+    found, expected = (
+        ph.wall_stress(tree, [2.0, 4.0], points=points, energy=wall) for wall in (layers, None)
+    )
     for name in found:
         np.testing.assert_allclose(found[name], expected[name], rtol=INVERSE, atol=1e-12)
 
 
 def test_stresses_of_layers_balance_the_pressure(results):
     """``∫ σθθ dr = p a`` through layers of different laws, and the radial stress is continuous."""
-    tree = results["layers"]
-    points = np.linspace(0, 1, 4001)
-    stress = ph.wall_stress(tree, [4.0], points=points).isel(chain=0, draw=3, pressure=0)
-    a = ph.radius_at_pressure(tree, [4.0])["radius"][0, 3, 0].item()
+    tree, points = results["layers"].isel(chain=[0], draw=[3]), np.linspace(0, 1, 4001)
+    stress = ph.wall_stress(tree, [4.0], points=points).squeeze(["chain", "draw", "pressure"])
+    a = ph.radius_at_pressure(tree, [4.0])["radius"].item()
     hoop = np.trapezoid(stress["sigma_tt"], stress["current_radius"])
     np.testing.assert_allclose(hoop, 4.0 * a, rtol=1e-4)  # of one jump between nodes
     np.testing.assert_allclose(stress["sigma_rr"][[0, -1]], [-4.0, 0.0], atol=1e-9)
@@ -275,87 +266,60 @@ def test_measured_range_of_a_specimen_is_its_own(results):
 # --- unsupported ----------------------------------------------------------------------------------
 
 
-def with_experiment_effect(results):
-    tree = results["variable class"].copy()
-    posterior = tree["posterior"].to_dataset()
+def predict(tree, **settings):
+    return ph.predict_pressure(tree, 8.0, **settings)
+
+
+def fit_layers():
+    return fit(LAYERS, {"C": measured("outer_radius")}, variability="none")
+
+
+def with_experiment_effect(tree):
+    tree, posterior = tree.copy(), tree["posterior"].to_dataset()
     tree["posterior"] = xr.DataTree(posterior.assign(experiment_spread=posterior["spread"]))
     return tree
 
 
-def without_attrs(tree):
+def with_attrs(tree, **attrs):
     tree = tree.copy()
-    tree.attrs = {"strain_energy": "NeoHookean"}
+    tree.attrs = attrs
     return tree
 
 
-NOT_OFFERED = {
-    "classes of layers": (
-        lambda r: fit(LAYERS, {"C": measured(outer_radius=None)}, variability="none"),
-        ["do not make a class", "ph.inflation_model"],
-    ),
-    "classification by layers": (
-        lambda r: classify(TRAINING["soft"], r["layers"]),
-        ["ph.fit_classes"],
-    ),
-    "classification by a population": (
-        lambda r: classify(TRAINING["soft"], xr.DataTree(children={"C": r["population_model"]})),
-        ["ph.fit_classes"],
-    ),
-    "unknown specimen": (
-        lambda r: ph.predict_pressure(r["variable class"], 8.0, specimen="A9"),
-        ["no specimen 'A9'", "['A1', 'A2', 'A3']"],
-    ),
-    "specimen of no data": (
-        lambda r: ph.predict_pressure(
-            r["inflation_model"].filter(lambda n: n.name == "posterior"),
-            8.0,
-            energy=ph.NeoHookean(),
-            specimen="A1",
-        ),
-        ["holds no data"],
-    ),
-    "specimen whose experiments differ": (
-        lambda r: ph.predict_pressure(with_experiment_effect(r), 8.0, specimen="A1"),
-        ["experiment_effect", "typical specimen", "ph.population_model"],
-    ),
-    "typical specimen without a scale": (
-        lambda r: ph.predict_pressure(without_attrs(r["population_model"]), 8.0),
-        ["reference_stress", "specimen='"],
-    ),
-    "another law": (
-        lambda r: ph.predict_pressure(r["variable class"], 8.0, energy=ph.Ogden()),
-        ["log_alpha", "leave energy out"],
-    ),
-    "outer radius of layers": (
-        lambda r: ph.predict_pressure(r["layers"], 8.0, outer_radius=9.0),
-        ["outer_radius", "layers"],
-    ),
-    "layers of a class": (
-        lambda r: ph.predict_pressure(r["variable class"], 8.0, energy=LAYERS),
-        ["one strain energy", "leave energy out"],
-    ),
-    "nameless layers": (
-        lambda r: ph.predict_pressure(unnamed(r), 8.0),
-        ["energy=[ph.Layer(...), ...]"],
-    ),
-    "density of one posterior by specimen": (
-        lambda r: ph.plot_parameter_density(r["pooled class"], specimen="A1"),
-        ["all specimens", "share"],
-    ),
-}
+def without_data(tree):
+    return with_attrs(tree.filter(lambda node: node.name == "posterior"), strain_energy="Demiray")
 
 
-def unnamed(results):
-    tree = results["layers"].copy()
-    tree.attrs = {}
-    return tree
+# The kind of result, a call, and the message.
+NOT_OFFERED = [
+    ("layers", lambda tree: fit_layers(), "do not make a class.*ph.inflation_model"),
+    ("layers", lambda tree: classify(TRAINING["soft"], tree), "ph.fit_classes"),
+    ("layers", lambda tree: predict(tree, outer_radius=9.0), "outer_radius.*layers"),
+    ("layers", lambda tree: predict(with_attrs(tree)), r"energy=\[ph.Layer\(...\), ...\]"),
+    ("variable class", lambda tree: predict(tree, specimen="A9"), "no specimen 'A9'.*'A1', 'A2'"),
+    ("variable class", lambda tree: predict(tree, energy=ph.Ogden()), "log_alpha.*leave energy"),
+    ("variable class", lambda tree: predict(tree, energy=LAYERS), "one strain .*leave energy out"),
+    (
+        "variable class",
+        lambda tree: predict(with_experiment_effect(tree), specimen="A1"),
+        "experiment_effect.*typical specimen.*ph.population_model",
+    ),
+    (
+        "population_model",
+        lambda tree: predict(with_attrs(tree, strain_energy="NeoHookean")),
+        "reference_stress.*specimen='",
+    ),
+    ("inflation_model", lambda tree: predict(without_data(tree), specimen="A1"), "holds no data"),
+    (
+        "pooled class",
+        lambda tree: ph.plot_parameter_density(tree, specimen="A1"),
+        "all specimens.*share",
+    ),
+]
 
 
-@pytest.mark.parametrize(("call", "fragments"), NOT_OFFERED.values(), ids=NOT_OFFERED)
-def test_unsupported_prediction_is_refused(results, call, fragments):
-    """One error, with what would do."""
-    with pytest.raises((TypeError, ValueError)) as raised, warnings.catch_warnings():
+@pytest.mark.parametrize(("kind", "call", "message"), NOT_OFFERED)
+def test_unsupported_prediction_is_refused(results, kind, call, message):
+    with pytest.raises((TypeError, ValueError), match=message), warnings.catch_warnings():
         warnings.simplefilter("error")
-        call(results)
-    missing = [fragment for fragment in fragments if fragment not in str(raised.value)]
-    assert not missing, str(raised.value)
+        call(results[kind])

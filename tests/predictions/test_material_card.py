@@ -5,6 +5,7 @@ coordinates at points around a tube along the z axis: axes and angles count.
 """
 
 import re
+from functools import partial
 from math import exp, log
 from xml.etree import ElementTree
 
@@ -13,12 +14,11 @@ import numpy as np
 import pytensor.tensor as pt
 import pytest
 import xarray as xr
-from bad_input import assert_refused, table
+from bad_input import assert_refused
 from problems import AS_WRITTEN, LAWS
 from tube_posteriors import fitted_tree, one_draw, result
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.models.study import named_layers
 
 # The same energy from numbers of 16 digits, some of them differences of powers.
 ROUNDING = 1e-12
@@ -26,10 +26,13 @@ SEED = 5
 CODES = ("febio", "abaqus")
 # The ordinary parameters of each law in the table of problems.
 ORDINARY = {name: (law.strain_energy, law.parameters[0][0]) for name, law in LAWS.items()}
-NONE = {
-    "febio": {"CriscioneType", "FungOrthotropic"},
-    "abaqus": {"CriscioneType", "FungOrthotropic", "FourFiber"}
-    | {"Demiray", "Gent", "PowerLawNeoHookean"},
+# Laws without a card, and part of the reason that the error gives.
+TWO_DIMENSIONS = dict.fromkeys(["CriscioneType", "FungOrthotropic"], "radial strain")
+NO_CARD = {
+    "febio": TWO_DIMENSIONS,
+    "abaqus": TWO_DIMENSIONS
+    | {"FourFiber": "moduli of their own"}
+    | dict.fromkeys(["Demiray", "Gent", "PowerLawNeoHookean"], "UHYPER alone"),
 }
 LANGEVIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
@@ -85,14 +88,11 @@ def ogden(c, terms):
 
 def febio_materials(card):
     root = ElementTree.fromstring(card)
-    assert (root.tag, root.get("version"), [e.tag for e in root]) == (
-        "febio_spec",
-        "4.0",
-        ["Material"],
-    )
-    materials = list(root[0])
-    assert [m.get("id") for m in materials] == [str(i + 1) for i in range(len(materials))]
-    return {m.get("name"): m for m in materials}
+    assert (root.tag, root.get("version")) == ("febio_spec", "4.0")
+    (section,) = root
+    assert section.tag == "Material"
+    assert [m.get("id") for m in section] == [str(i + 1) for i in range(len(section))]
+    return {m.get("name"): m for m in section}
 
 
 def vector(element, tag):
@@ -115,7 +115,7 @@ def febio_numbers(element):
     return {e.tag: float(e.text) for e in element if not len(e) and e.tag not in ("W", "fiber")}
 
 
-def febio_energy(material, radial, c):
+def febio_energy(material, radial, c, axes=None):
     """FEBio User's Manual, chapter Materials, "Uncoupled materials", at J = 1."""
     v, kind = febio_numbers(material), material.get("type")
     first, second = invariants(c)
@@ -134,20 +134,13 @@ def febio_energy(material, radial, c):
         return v["c"] / 2 * (first - 3) + tense
     if kind == "uncoupled solid mixture":
         axes = febio_axes(material.find("mat_axis"), radial)
-        return sum(febio_part(solid, axes, c) for solid in material.iter("solid"))
+        return sum(febio_energy(solid, radial, c, axes) for solid in material.iter("solid"))
+    if kind == "fiber-exp-pow-uncoupled":
+        assert material.find("fiber").get("type") == "vector"
+        strain = max((a := axes @ vector(material, "fiber")) @ c @ a - 1, 0.0)
+        return v["ksi"] / (v["alpha"] * v["beta"]) * np.expm1(v["alpha"] * strain ** v["beta"])
     assert kind == "uncoupled hyperelastic"
     return febio_expression(material.find("W").text, first)
-
-
-def febio_part(solid, axes, c):
-    """One solid of a mixture."""
-    if solid.get("type") == "Mooney-Rivlin":
-        return febio_energy(solid, None, c)
-    v = febio_numbers(solid)
-    assert solid.get("type") == "fiber-exp-pow-uncoupled"
-    assert solid.find("fiber").get("type") == "vector"
-    strain = max((a := axes @ vector(solid, "fiber")) @ c @ a - 1, 0.0)
-    return v["ksi"] / (v["alpha"] * v["beta"]) * np.expm1(v["alpha"] * strain ** v["beta"])
 
 
 def febio_expression(text, first):
@@ -205,12 +198,10 @@ def abaqus_energy(material, radial, c):
         return c10 * (first - 3) + sum(fibres(c, a, k1, k2, kappa) for a in families)
     assert keyword == "HYPERELASTIC"
     (model,) = settings.keys() - {"N"}
-    if model == "NEO HOOKE":
-        assert len(v) == 2
-        return v[0] * (first - 3)
-    if model == "MOONEY-RIVLIN":
-        assert len(v) == 3
-        return v[0] * (first - 3) + v[1] * (second - 3)
+    if model in ("NEO HOOKE", "MOONEY-RIVLIN"):
+        c10, *c01 = v[:-1]
+        assert len(c01) == (model == "MOONEY-RIVLIN")
+        return c10 * (first - 3) + sum(c01) * (second - 3)
     if model == "YEOH":
         assert v[4:] == [0, 0]
         return sum(v[i] * (first - 3) ** (i + 1) for i in range(3))
@@ -248,30 +239,21 @@ def energy_in_code(card, code, name, stretches):
     return [READ[code][1](material, radial, c) for radial, c in around(stretches)]
 
 
-def bulk_modulus(card, code, name="wall"):
-    material = read(card, code)[name]
+# Index of D1 among the numbers of a model; in Ogden's law it depends on the number of terms.
+PLACE_OF_D1 = {"NEO HOOKE": 1, "MOONEY-RIVLIN": 2, "YEOH": 3, "ARRUDA-BOYCE": 2, "HOLZAPFEL": 1}
+
+
+def bulk_modulus(card, code):
+    material = read(card, code)["wall"]
     if code == "febio":
         return float(material.find("k").text)
-    (keyword, settings, lines), _ = material
-    v = [x for line in lines for x in line]
-    place = (
-        1
-        if keyword.startswith("ANISO")
-        else {"NEO HOOKE": 1, "MOONEY-RIVLIN": 2}.get(next(iter(settings)), 3)
-    )
-    if "OGDEN" in settings:
-        place = 2 * int(settings["N"])
-    if "ARRUDA-BOYCE" in settings:
-        place = 2
-    return 2 / v[place]
+    (_, settings, lines), _ = material
+    model = next(iter(settings))
+    place = 2 * int(settings["N"]) if model == "OGDEN" else PLACE_OF_D1[model]
+    return 2 / [x for line in lines for x in line][place]
 
 
 # --- energies ------------------------------------------------------------------------------------
-
-
-def test_every_law_is_tried_with_every_code():
-    zoo = {name for name in ph.list_strain_energies() if hasattr(ph, name)}
-    assert {name.split("(")[0] for name in ORDINARY} == zoo
 
 
 @pytest.mark.parametrize("code", CODES)
@@ -279,29 +261,21 @@ def test_every_law_is_tried_with_every_code():
 def test_energy_by_the_formula_of_the_code_equals_that_of_the_law(law, code):
     energy, parameters = ORDINARY[law]
     tree, stretches = spread(parameters), stretched()
-    if energy.name in NONE[code]:
-        others = [c for c in CODES if energy.name not in NONE[c]]
-        told = {"febio": "FEBio", "abaqus": "Abaqus"}
-        expected = [energy.name, f"no card for {told[code]}", "has NeoHookean"]
-        expected.append(f"a card for {told[others[0]]}" if others else "none for any code")
+    if energy.name in NO_CARD[code]:
+        label = {"febio": "FEBio", "abaqus": "Abaqus"}
+        (other,) = set(CODES) - {code}
+        elsewhere = "none for any code" if energy.name in NO_CARD[other] else label[other]
+        expected = [energy.name, f"no card for {label[code]}", "has NeoHookean", elsewhere]
+        expected.append(NO_CARD[code][energy.name])
         assert_refused(lambda: ph.material_card(tree, code, energy=energy), ValueError, expected)
         return
     card = ph.material_card(tree, code, energy=energy, draws=4)
     assert list(read(card, code)) == ["wall", *(f"wall_draw_{i}" for i in (1, 2, 3, 4))]
-    posterior = tree["posterior"]
     for draw in range(4):
-        drawn = {name: posterior[name].values[0, draw] for name in parameters}
+        drawn = {name: tree["posterior"][name].values[0, draw] for name in parameters}
         expected = energies(energy, drawn, stretches)
         found = energy_in_code(card, code, f"wall_draw_{draw + 1}", stretches)
         np.testing.assert_allclose(found, expected, rtol=ROUNDING)
-    assert any(
-        np.allclose(
-            energy_in_code(card, code, "wall", stretches),
-            energy_in_code(card, code, f"wall_draw_{draw}", stretches),
-            rtol=ROUNDING,
-        )
-        for draw in (1, 2, 3, 4)
-    )
 
 
 @pytest.mark.parametrize("code", CODES)
@@ -309,67 +283,57 @@ def test_energy_by_the_formula_of_the_code_equals_that_of_the_law(law, code):
 def test_megapascal_card_has_moduli_divided_by_1000(law, code):
     energy, parameters = ORDINARY[law]
     tree, stretches = one_draw(parameters), stretched()
-    card = ph.material_card(tree, code, energy=energy, unit="MPa")
+    card = ph.material_card(tree, code, energy=energy, unit="MPa", bulk_modulus=25.0)
     found = energy_in_code(card, code, "wall", stretches)
     expected = energies(energy, parameters, stretches) / 1e3
     np.testing.assert_allclose(found, expected, rtol=ROUNDING)
     assert " MPa" in card and "mm, N, t" in card and " kPa" not in card
+    np.testing.assert_allclose(bulk_modulus(card, code), 25.0, rtol=ROUNDING)
 
 
-STIFFNESS = {
-    "NeoHookean": 20.0,
-    "MooneyRivlin": 2 * (10.0 + 1.5),
-    "Yeoh": 20.0,
-    "Ogden": 12.0,
-    "OgdenSeries(terms=2)": (20.0 * 2 + 3.0 * 2) / 2,
-    "HolzapfelGasserOgden": 3.0 + 4 * 2.3632,
+# Stiffness at rest of walls with fibres: c + 4 k1 of the stiffest family.
+WITH_FIBRES = {
+    "HolzapfelGasserOgden": lambda v: v["c"] + 4 * v["k1"],
+    "GasserOgdenHolzapfel": lambda v: v["c"] + 4 * v["k1"],
+    "FourFiber": lambda v: v["c"] + 4 * max(v["k1_axial"], v["k1_hoop"], v["k1_diagonal"]),
 }
 
 
 @pytest.mark.parametrize("code", CODES)
-@pytest.mark.parametrize("law", STIFFNESS)
-def test_bulk_modulus_is_1000_shear_moduli_or_as_given(law, code):
-    """``k`` of FEBio, ``2/D`` of Abaqus."""
-    energy, parameters = ORDINARY[law]
-    tree = one_draw(parameters)
-    card = ph.material_card(tree, code, energy=energy)
-    np.testing.assert_allclose(bulk_modulus(card, code), 1e3 * STIFFNESS[law], rtol=ROUNDING)
-    card = ph.material_card(tree, code, energy=energy, unit="MPa", bulk_modulus=25.0)
-    np.testing.assert_allclose(bulk_modulus(card, code), 25.0, rtol=ROUNDING)
-
-
-@pytest.mark.parametrize("code", CODES)
-def test_shear_modulus_is_the_curvature_of_the_energy(code):
-    """``W = 2 μ ln²λ`` of a small pure shear ``λ, 1/λ, 1``, with the μ behind the bulk modulus."""
+def test_bulk_modulus_is_1000_times_the_stiffness_at_rest(code):
+    """The shear modulus ``μ`` follows from ``W = 2 μ ln²λ`` of a small pure shear ``λ, 1/λ, 1``."""
     shear = np.array([[np.exp(-1e-3), np.exp(1e-3), 1.0]])
-    isotropic = set(ORDINARY) - {"HolzapfelGasserOgden", "GasserOgdenHolzapfel", "FourFiber"}
-    for law in sorted(isotropic):
-        energy, parameters = ORDINARY[law]
-        if energy.name in NONE[code]:
+    for law, (energy, parameters) in ORDINARY.items():
+        if energy.name in NO_CARD[code]:
             continue
         card = ph.material_card(one_draw(parameters), code, energy=energy)
-        modulus = energies(energy, parameters, shear)[0] / (2 * 1e-3**2)
+        if law in WITH_FIBRES:
+            stiffness = WITH_FIBRES[law](parameters)
+        else:
+            stiffness = energies(energy, parameters, shear)[0] / (2 * 1e-3**2)
         # The next term of the energy is smaller by about a hundred squares of the strain.
-        np.testing.assert_allclose(bulk_modulus(card, code), 1e3 * modulus, rtol=1e-3)
+        np.testing.assert_allclose(bulk_modulus(card, code), 1e3 * stiffness, rtol=1e-3)
 
 
 # --- numbers -------------------------------------------------------------------------------------
 
 
 def test_numbers_keep_their_digits():
-    rng = np.random.default_rng(SEED + 3)
-    moduli = 10.0 ** rng.uniform(-8, 8, 300)
-    tree = result(c10=moduli, c01=-moduli / 3)
+    c10 = 10.0 ** np.random.default_rng(SEED + 3).uniform(-8, 8, 300)
+    c01 = -c10 / 3
     settings = {"energy": ph.MooneyRivlin(), "draws": 300}
-    febio = febio_materials(ph.material_card(tree, "febio", **settings))
-    abaqus = abaqus_materials(ph.material_card(tree, "abaqus", **settings))
-    for i, modulus in enumerate(moduli, start=1):
-        numbers = febio_numbers(febio[f"wall_draw_{i}"])
-        assert (numbers["c1"], numbers["c2"]) == (modulus, -modulus / 3)
-        c10, c01, _ = abaqus[f"wall_draw_{i}"][0][2][0]
-        np.testing.assert_allclose([c10, c01], [modulus, -modulus / 3], rtol=1e-13)
-        assert (c10 == modulus) or modulus < 0.01
-        assert (c01 == -modulus / 3) or modulus < 0.3
+    febio, abaqus = (
+        read(ph.material_card(result(c10=c10, c01=c01), code, **settings), code) for code in CODES
+    )
+    for i in range(300):
+        name, expected = f"wall_draw_{i + 1}", [c10[i], c01[i]]
+        numbers = febio_numbers(febio[name])
+        assert [numbers["c1"], numbers["c2"]] == expected
+        found = abaqus[name][0][2][0][:2]
+        np.testing.assert_allclose(found, expected, rtol=1e-13)
+        # Numbers from 0.01 on keep all digits, also with a sign from 0.1 on.
+        assert found[0] == c10[i] or c10[i] < 0.01
+        assert found[1] == c01[i] or c01[i] > -0.1
 
 
 def test_further_draws_are_evenly_spaced_along_chains():
@@ -386,22 +350,23 @@ def test_further_draws_are_evenly_spaced_along_chains():
 # --- which material ------------------------------------------------------------------------------
 
 
-def drawn_numbers(tree, energy, **settings):
-    card = ph.material_card(tree, "febio", energy=energy, **settings)
-    return febio_numbers(febio_materials(card)["wall"])
+def drawn_numbers(energy, draws, **settings):
+    """Return the numbers of the material that stands for these draws, and the words of the card."""
+    card = ph.material_card(result(**draws), "febio", energy=energy, **settings)
+    return febio_numbers(febio_materials(card)["wall"]), " ".join(card.split())
 
 
 def test_default_draw_lies_in_a_bent_posterior():
     """On the ridge ``c10 c01 = 16`` the default is a draw of it, where the mean is far from it."""
     c10 = np.exp(np.linspace(np.log(1.0), np.log(16.0), 41))
-    tree = result(c10=c10, c01=16 / c10)
-    chosen = drawn_numbers(tree, ph.MooneyRivlin())
-    np.testing.assert_allclose(chosen["c1"] * chosen["c2"], 16, rtol=ROUNDING)
-    np.testing.assert_allclose(chosen["c1"], 4, rtol=ROUNDING)  # the mean of the logarithm
-    mean = drawn_numbers(tree, ph.MooneyRivlin(), point="mean")
+    draws = {"c10": c10, "c01": 16 / c10}
+    chosen, _ = drawn_numbers(ph.MooneyRivlin(), draws)
+    # The mean of the logarithm.
+    np.testing.assert_allclose([chosen["c1"], chosen["c2"]], [4, 4], rtol=ROUNDING)
+    mean, _ = drawn_numbers(ph.MooneyRivlin(), draws, point="mean")
     assert mean["c1"] == c10.mean()
     assert mean["c1"] * mean["c2"] > 25
-    median = drawn_numbers(tree, ph.MooneyRivlin(), point="median")
+    median, _ = drawn_numbers(ph.MooneyRivlin(), draws, point="median")
     np.testing.assert_allclose(median["c1"], 4, rtol=ROUNDING)
 
 
@@ -412,7 +377,6 @@ NEAREST = {
     "three equally near draws": ([2.0, 1.0, 1.0], [1.0, 2.0, 1.0], [1.0, 1.0, 2.0], 0),
     "a constant parameter": ([3.0, 4.0, 5.0], [0.1, 0.1, 0.1], [7.0, 6.5, 6.0], 1),
     "two parameters in proportion": ([3.0, 4.0, 5.0], [6.0, 8.0, 10.0], [7.0, 6.0, 7.0], 1),
-    "three draws on a line": ([3.0, 4.0, 5.0], [6.0, 8.0, 10.0], [9.0, 12.0, 15.0], 1),
 }
 
 
@@ -422,20 +386,17 @@ def test_rounding_errors_do_not_choose_the_draw(c1, c2, c3, expected):
     draws, rng = np.array([c1, c2, c3]), np.random.default_rng(SEED)
     for error in [0.0] + [1e-14] * 20:
         rounded = draws * (1 + error * rng.uniform(-1, 1, draws.shape))
-        card = ph.material_card(
-            result(**dict(zip(("c1", "c2", "c3"), rounded, strict=True))), "febio", energy=ph.Yeoh()
-        )
-        found = febio_numbers(febio_materials(card)["wall"])
-        np.testing.assert_allclose([found[f"c{i}"] for i in (1, 2, 3)], rounded[:, expected])
-        said = " ".join(card.split())
+        numbers = dict(zip(("c1", "c2", "c3"), rounded, strict=True))
+        found, said = drawn_numbers(ph.Yeoh(), numbers)
+        np.testing.assert_allclose([found[name] for name in numbers], rounded[:, expected])
         assert "the draw of the posterior nearest its mean (in logarithms" in said
         assert f"the first of equally near draws): chain 0, draw {expected}" in said
 
 
 @pytest.mark.parametrize("point", ["draw", "mean", "median"])
 def test_sign_of_ogdens_exponent_does_not_matter(point):
-    alpha = np.array([7.0, -8.0, 9.0, -7.5, 8.5])
-    found = drawn_numbers(result(mu=[5.0] * 5, alpha=alpha), ph.Ogden(), point=point)
+    draws = {"mu": [5.0] * 5, "alpha": [7.0, -8.0, 9.0, -7.5, 8.5]}
+    found, _ = drawn_numbers(ph.Ogden(), draws, point=point)
     assert abs(found["m1"]) == 8.0 and found["m2"] == -found["m1"]
 
 
@@ -445,49 +406,30 @@ def test_sign_of_ogdens_exponent_does_not_matter(point):
 @pytest.mark.parametrize("code", CODES)
 def test_layers_become_materials_from_the_inside_out(code):
     layers = [ph.Layer(ph.NeoHookean(), 0.3), ph.Layer(ph.HolzapfelGasserOgden(), 0.2, beta=60.0)]
-    drawn = {"layer1_mu": [20.0, 30.0, 40.0], "layer2_c": [2.0, 3.0, 4.0]}
-    drawn |= {"layer2_k1": [5.0, 6.0, 7.0], "layer2_k2": [1.0, 1.5, 2.0]}
-    stretches = stretched()
-    tree = result(**layer_names(layers, drawn))
-    card = ph.material_card(tree, code, energy=layers, draws=1)
+    drawn = {"mu_1": [20.0, 30.0, 40.0], "c_2": [2.0, 3.0, 4.0]}
+    drawn |= {"k1_2": [5.0, 6.0, 7.0], "k2_2": [1.0, 1.5, 2.0]}
+    card = ph.material_card(result(**drawn), code, energy=layers, draws=1)
     assert list(read(card, code)) == ["layer_1", "layer_2", "layer_1_draw_1", "layer_2_draw_1"]
-    for suffix in ("", "_draw_1"):
-        found = energy_in_code(card, code, f"layer_1{suffix}", stretches)
-        np.testing.assert_allclose(
-            found, energies(ph.NeoHookean(), {"mu": 30.0}, stretches), rtol=ROUNDING
-        )
-        outer = {"c": 3.0, "k1": 6.0, "k2": 1.5, "beta": 60.0}
-        found = energy_in_code(card, code, f"layer_2{suffix}", stretches)
-        expected = energies(ph.HolzapfelGasserOgden(), outer, stretches)
-        np.testing.assert_allclose(found, expected, rtol=ROUNDING)
+    outer = {"c": 3.0, "k1": 6.0, "k2": 1.5, "beta": 60.0}
+    expected = [energies(ph.NeoHookean(), {"mu": 30.0}, stretched())]
+    expected.append(energies(ph.HolzapfelGasserOgden(), outer, stretched()))
+    for name in read(card, code):
+        found = energy_in_code(card, code, name, stretched())
+        np.testing.assert_allclose(found, expected["layer_2" in name], rtol=ROUNDING)
     said = " ".join(card.replace("**", " ").split())
     assert "layer 2 of 2 from the inside, 0.2 mm thick" in said
 
 
-def layer_names(layers, drawn):
-    """Draws under the names that a posterior has for these layers."""
-    found = {}
-    for i, layer in enumerate(named_layers(layers), start=1):
-        for name, variable in layer.values.items():
-            if isinstance(variable, str):
-                found[variable] = drawn[f"layer{i}_{name}"]
-    return found
-
-
-@pytest.mark.parametrize("code", CODES)
-def test_card_of_the_typical_and_of_a_named_specimen(code):
+def test_card_of_the_typical_and_of_a_named_specimen():
     tree = fits.fit("neo_hookean_classes")["soft"]
     names = {None: "the typical specimen", "A1": "specimen 'A1'", "A3": "specimen 'A3'"}
     moduli = {}
     for specimen, words in names.items():
-        card = ph.material_card(tree, code, specimen=specimen)
-        assert f"Posterior of {words}, class 'soft'" in " ".join(card.replace("**", " ").split())
-        one = np.array([[1 / np.sqrt(2), np.sqrt(2), 1.0]])  # W = mu/4
-        moduli[specimen] = 4 * energy_in_code(card, code, "wall", one)[0]
+        card = ph.material_card(tree, "febio", specimen=specimen)
+        assert f"Posterior of {words}, class 'soft'" in " ".join(card.split())
+        moduli[specimen] = 2 * febio_numbers(febio_materials(card)["wall"])["c1"]
     assert abs(moduli["A1"] - 30) < 3 and abs(moduli["A3"] - 50) < 5
     assert moduli["A1"] < moduli[None] < moduli["A3"]
-    unknown = ["no specimen 'B1'", "A1"]
-    assert_refused(lambda: ph.material_card(tree, code, specimen="B1"), ValueError, unknown)
 
 
 @pytest.mark.parametrize("code", CODES)
@@ -507,117 +449,46 @@ def test_names_stay_within_their_comment(code):
 
 # --- wrong input ---------------------------------------------------------------------------------
 
-
-def card_of(parameters, energy, code="abaqus", **settings):
-    return ph.material_card(one_draw(parameters), code, energy=energy, **settings)
-
-
-MU = {"mu": 20.0}
+NEO = ph.NeoHookean(), {"mu": 20.0}
 FIBRES = {"c": 3.0, "k1": 2.0, "k2": 1.0, "kappa": 0.1, "beta": 30.0}
-
-BAD_INPUT = [
-    (
-        "unknown code",
-        lambda: card_of(MU, ph.NeoHookean(), "ansys"),
-        ValueError,
-        ["code is 'ansys'", "['febio', 'abaqus']"],
-    ),
-    (
-        "unknown unit",
-        lambda: card_of(MU, ph.NeoHookean(), unit="psi"),
-        ValueError,
-        ["unit is 'psi'", "['kPa', 'MPa']"],
-    ),
-    (
-        "unknown point",
-        lambda: card_of(MU, ph.NeoHookean(), point="mode"),
-        ValueError,
-        ["point is 'mode'", "'draw', 'mean', 'median'"],
-    ),
-    (
-        "more draws than there are",
-        lambda: card_of(MU, ph.NeoHookean(), draws=2),
-        ValueError,
-        ["draws is 2", "has 1"],
-    ),
-    (
-        "negative bulk modulus",
-        lambda: card_of(MU, ph.NeoHookean(), bulk_modulus=-1.0),
-        ValueError,
-        ["bulk_modulus", "positive number in kPa", "-1.0"],
-    ),
-    (
-        "no result",
-        lambda: ph.material_card({"mu": 20.0}, "febio"),
-        TypeError,
-        ["DataTree", "dict"],
-    ),
-    (
-        "a result that does not name its law",
-        lambda: ph.material_card(one_draw(MU), "febio"),
-        ValueError,
-        ["strain energy", "energy=ph.Ogden()"],
-    ),
-    (
-        "a solid without stiffness",
-        lambda: card_of({"mu": [6.0], "alpha": [-2.0]}, ph.OgdenSeries(1)),
-        ValueError,
+# A law with its parameters, settings, and parts of the message.
+REFUSED = {
+    "code": (*NEO, {"code": "ansys"}, ["code is 'ansys'", "['febio', 'abaqus']"]),
+    "unit": (*NEO, {"unit": "psi"}, ["unit is 'psi'", "['kPa', 'MPa']"]),
+    "point": (*NEO, {"point": "mode"}, ["point is 'mode'", "'draw', 'mean', 'median'"]),
+    "draws": (*NEO, {"draws": 2}, ["draws is 2", "has 1"]),
+    "bulk modulus": (*NEO, {"bulk_modulus": -1.0}, ["positive number in kPa", "-1.0"]),
+    "no stiffness": (
+        ph.OgdenSeries(1),
+        {"mu": [6.0], "alpha": [-2.0]},
+        {},
         ["OgdenSeries", "shear modulus -6", "alpha"],
     ),
-    (
-        "fibres dispersed further than everywhere",
-        lambda: card_of(FIBRES | {"kappa": 0.4}, ph.GasserOgdenHolzapfel(), "febio"),
-        ValueError,
+    "dispersion": (
+        ph.GasserOgdenHolzapfel(),
+        FIBRES | {"kappa": 0.4},
+        {},
         ["kappa is 0.4", "0.333333"],
     ),
-    *(
-        (
-            f"an energy that reads 0/0 in {code}",
-            lambda code=code: card_of(FIBRES | {"k2": 0.0}, ph.GasserOgdenHolzapfel(), code),
-            ValueError,
-            ["k2 is 0", "divides"],
-        )
-        for code in CODES
+    "0/0": (ph.GasserOgdenHolzapfel(), FIBRES | {"k2": 0.0}, {}, ["k2 is 0", "divides"]),
+    "limit of Ogden's law": (ph.Ogden(), {"mu": 6.0, "alpha": 0.0}, {}, ["exponent", "is 0"]),
+    "too many terms": (
+        ph.OgdenSeries(7),
+        {"mu": [1.0] * 7, "alpha": [2.0] * 7},
+        {},
+        ["at most 6 terms", "7"],
     ),
-    *(
-        (
-            f"the limit of Ogden's law in {code}",
-            lambda code=code: card_of({"mu": 6.0, "alpha": 0.0}, ph.Ogden(), code),
-            ValueError,
-            ["exponent", "is 0"],
-        )
-        for code in CODES
-    ),
-    *(
-        (
-            f"too many terms for {code}",
-            lambda code=code: card_of(
-                {"mu": [1.0] * 7, "alpha": [2.0] * 7}, ph.OgdenSeries(7), code
-            ),
-            ValueError,
-            ["at most 6 terms", "7"],
-        )
-        for code in CODES
-    ),
-    (
-        "fibres that Abaqus lacks",
-        lambda: card_of(ORDINARY["FourFiber"][1], ph.FourFiber()),
-        ValueError,
-        ["moduli of their own", "a card for FEBio"],
-    ),
-    (
-        "a law of two dimensions",
-        lambda: card_of(ORDINARY["FungOrthotropic"][1], ph.FungOrthotropic()),
-        ValueError,
-        ["radial strain", "none for any code"],
-    ),
-]
+}
 
 
-@pytest.mark.parametrize(("call", "error", "fragments"), table(BAD_INPUT))
-def test_wrong_input_is_refused(call, error, fragments):
-    """Each error names the mistake and the expected input."""
-    assert_refused(call, error, fragments)
+@pytest.mark.parametrize("code", CODES)
+@pytest.mark.parametrize(
+    ("energy", "parameters", "settings", "fragments"), REFUSED.values(), ids=REFUSED
+)
+def test_wrong_input_is_refused(energy, parameters, settings, fragments, code):
+    settings = {"code": code, "energy": energy} | settings
+    card = partial(ph.material_card, one_draw(parameters), **settings)
+    assert_refused(card, ValueError, fragments)
 
 
 def test_users_own_law_has_no_card():
@@ -627,6 +498,7 @@ def test_users_own_law_has_no_card():
             return super().energy(radial, hoop, axial, mu=mu / 2)
 
     try:
-        assert_refused(lambda: card_of(MU, Softer(), "febio"), ValueError, ["Softer", "NeoHookean"])
+        card = partial(ph.material_card, one_draw({"mu": 20.0}), "febio", energy=Softer())
+        assert_refused(card, ValueError, ["Softer", "NeoHookean"])
     finally:
         del ph.StrainEnergy._registry["Softer"]

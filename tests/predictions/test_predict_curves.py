@@ -5,16 +5,12 @@ import oracles
 import pytest
 import xarray as xr
 from problems import AS_WRITTEN
-from tube_posteriors import SHEEP, TUBES, fitted_tree, result
+from tube_posteriors import ROUNDING, SHEEP, TUBES, fitted_tree, result
 
 import pymc_hyperelastic as ph
 
 pytestmark = pytest.mark.compiled  # in both tiers: predictions are compiled for each law
 
-# Another formula, or another compiled function, for the same number.
-ROUNDING = 1e-12
-# The inverse of a curve has a few digits less than the curve.
-INVERSE = 1e-10
 INNER, THICKNESS = np.array([6.8, 7.0, 7.2]), np.array([1.9, 2.0, 2.2])
 
 
@@ -37,18 +33,6 @@ def test_each_draw_has_the_curve_of_its_parameters(predict, name, function):
         at = {n: float(tree["posterior"][n][0, draw]) for n in ("mu", "alpha")}
         expected = function(ph.Ogden(), radius, **tube, **at).eval(mode=AS_WRITTEN)
         np.testing.assert_allclose(found[0, draw], expected, rtol=ROUNDING)
-
-
-@pytest.mark.parametrize("predict", [ph.predict_pressure, ph.predict_axial_force])
-def test_vector_parameters_are_read_by_entry(predict):
-    """The series ``(2μ/α, α), (−2μ/α, −α)`` is the Ogden solid: vectors are read by entry."""
-    mu, alpha = np.array([4.0, 6.0, 5.0]), np.array([8.0, 12.0, 3.0])
-    signs = np.array([1.0, -1.0])
-    series = result(mu=(2 * mu / alpha)[:, None] * signs, alpha=alpha[:, None] * signs)
-    tube = TUBES["in vivo"]
-    expected = predict(result(mu=mu, alpha=alpha), [0.3, 0.5], energy=ph.Ogden(), **tube)
-    found = predict(series, [0.3, 0.5], energy=ph.OgdenSeries(2), **tube)
-    xr.testing.assert_allclose(found, expected, rtol=1e-10)  # the series cancels some digits
 
 
 def test_order_of_dimensions_does_not_matter():

@@ -14,8 +14,6 @@ class Page(HTMLParser):
         self.source = path.read_text(encoding="utf-8")
         self.open, self.wrong = [], []
         self.elements, self.texts, self.headings, self.tables = [], [], [], {}
-        self.numbers = []
-        """Each number of a table, and the text that shows it."""
         self._rows = self._caption = None
         self.feed(self.source)
         self.close()
@@ -35,7 +33,6 @@ class Page(HTMLParser):
             self._rows[-1].append("")
         elif tag == "data":
             self._rows[-1][-1] = float(dict(attrs)["value"])
-            self.numbers.append([self._rows[-1][-1], ""])
 
     def handle_startendtag(self, tag, attrs):
         self.elements.append((tag, dict(attrs)))
@@ -54,8 +51,6 @@ class Page(HTMLParser):
             self.headings[-1][1] += data
         if "caption" in self.open:
             self._caption += data
-        elif self.open[-1:] == ["data"]:
-            self.numbers[-1][1] += data
         elif self.open and self.open[-1] in ("td", "th"):
             self._rows[-1][-1] += data
 
@@ -74,7 +69,7 @@ class Page(HTMLParser):
 
     @property
     def methods(self):
-        return self.text.split("Methods, to be pasted")[-1].split("Software, and how")[0].strip()
+        return self.text.split("Methods, to be pasted")[-1].split(" Software, and how")[0]
 
     def table(self, start):
         """Headings and rows of the table whose caption begins like this."""

@@ -3,12 +3,22 @@
 import json
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 import pymc_hyperelastic as ph
 
 SEED = 20261126  # any would do: draws below stand for a posterior
 DATA = ph.load_dataset("simulated_sheep_aorta")
+
+
+def curves(names, group="C1"):
+    """Return inflation data of these specimens on a straight line."""
+    radius = np.linspace(7.2, 9.0, 6)
+    points = {"experiment": 1, "group": group, "radius": radius, "pressure": 6 * (radius - 7.0)}
+    frame = pd.concat([pd.DataFrame({"specimen": name} | points) for name in names])
+    tube = {"inner_radius": 7.0, "outer_radius": 9.0}
+    return ph.inflation_data(frame.reset_index(drop=True), **tube, check="ignore")
 
 
 # About what the aortas have.

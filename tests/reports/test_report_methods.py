@@ -33,14 +33,6 @@ def test_methods_name_data_model_errors_priors_and_sampler():
     )
 
 
-def test_methods_use_the_singular_for_one():
-    said = methods(fitted_class(ONE, energy="NeoHookean", chains=1))
-    assert "curves of 1 specimen were analysed: 1 experiment with 20 points." in said
-    assert "The prior was Uniform(0, 200) kPa for mu." in said
-    assert "in 1 independent chain of 100 draws, which" in said
-    assert "shared one set" not in said
-
-
 SD = "with a standard deviation"
 
 
@@ -50,15 +42,15 @@ SD = "with a standard deviation"
         ({"noise_sd": ["HalfNormal", [0.0, 1.0]]}, f"{SD} that was inferred, with the prior Half"),
         ({"sigma": ["HalfNormal", [0.0, 1.0]]}, f"{SD} times √2 that was inferred, with the prior"),
         ({"sigma": 2.0, "slope_weight": 3.0}, "curves counted too, with a weight of 3 mm²."),
-        ({"slope_weight": ["Gamma", [2.0, 0.5]]}, "a weight of prior Gamma(2, 0.5) mm²."),
         ({"force_sigma": 1.0}, f"Errors of axial forces were taken as normal, {SD} of 0.7071 mN."),
         ({"force_offset_sd": 3.0}, f"offset of the force transducer, normal {SD} of 3 mN."),
-        ({"diameter_noise_sd": 0.01}, f"Errors of diameters were taken as normal, {SD} of 0.01"),
     ],
 )
 def test_methods_state_the_size_of_each_error(noise, sentence):
-    found = methods(fitted_class(ONE, noise=json.dumps(noise)))
+    found = methods(fitted_class(ONE, energy="NeoHookean", chains=1, noise=json.dumps(noise)))
     assert sentence in found
+    assert "curves of 1 specimen were analysed: 1 experiment with 20 points." in found
+    assert ("The prior was Uniform(0, 200) kPa for mu." in found) == ("inferred" not in found)
     assert ("Slopes" in found) == ("slope_weight" in noise)
 
 
@@ -69,13 +61,11 @@ def test_latex_fractions_powers_and_indices_become_text():
 
 def test_methods_state_class_priors_and_decision_limits():
     said = " ".join(classified_sentences(Found("New", classified())))
-    assert said.startswith("The curves of 2 specimens were held against the classes C1 and C2 by")
     assert "All classes were equally probable beforehand." in said
     assert "undecided" not in said and "none of these" not in said
     prior = json.dumps({"C1": 0.8, "C2": 0.2})
     limits = {"class_prior": prior, "undecided_below": 0.9, "none_below": 0.05}
-    result = classified(["S1"], [[0.9, 0.1]]).assign_attrs(limits)
-    said = " ".join(classified_sentences(Found("New", result)))
+    said = " ".join(classified_sentences(Found("New", classified().assign_attrs(limits))))
     assert "The probabilities beforehand were 0.8 of C1 and 0.2 of C2." in said
     assert "left undecided where the most probable class had a probability below 0.9." in said
     assert "p-value of every class was below 0.05" in said
@@ -85,7 +75,6 @@ def test_settings_table_holds_the_stored_settings():
     rows = {row[0]: row[1] for row in settings_rows(settings_of(fitted_classes()))}
     assert rows["strain energy"] == "Demiray"
     assert rows["prior of mu"] == "Uniform(0, 200) kPa"
-    assert rows["errors"].startswith("sigma = 2 kPa (a standard deviation of 1.41421 kPa)")
     assert rows["draws of a chain"] == 100 and rows["chains"] == 2 and rows["random seed"] == "7"
 
 

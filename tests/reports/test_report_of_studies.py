@@ -17,13 +17,41 @@ from pymc_hyperelastic.reports.settings import priors_of_class
 
 QUICK = {"draws": 100, "chains": 2, "random_seed": 1, "progressbar": False}
 NEW = curves({"N1": [60.0], "N2": [300.0]}, 5)
+# One pressure, at which elastic properties are shown, is quicker than the default three.
+AT = {"pressure": [2.0], "pressure_unit": "kPa"}
+
+
+def left_out():
+    """Return a stored result of ph.calibration_report."""
+    of_specimens = {"true_class": ["soft", "stiff", "stiff"], "left_out": ["A", "B", "B"]}
+    probability = [[[0.9, 0.1], [0.2, 0.8], [np.nan, np.nan]]]
+    of_law = ("strain_energy", "specimen")
+    return xr.Dataset(
+        {
+            "class_probability": ((*of_law, "class_label"), probability),
+            "verdict": (of_law, [["good", "not to be trusted", ""]]),
+            "log_score": (of_law, np.log([[0.9, 0.8, np.nan]])),
+            "brier_score": (of_law, [[0.02, 0.08, np.nan]]),
+        },
+        {"strain_energy": ["NeoHookean"], "specimen": ["A1", "B1", "B2"]}
+        | {"class_label": ["soft", "stiff"]}
+        | {name: ("specimen", values) for name, values in of_specimens.items()},
+    )
+
+
+def few_draws():
+    """Return the stored classes with a fifth of their draws, whose properties are quick."""
+    classes = fits.fit("neo_hookean_classes").isel(draw=slice(100))
+    for fitted in classes.children.values():
+        del fitted.attrs["checksum"]
+    return classes
 
 
 @pytest.fixture(scope="module")
 def results():
     """Return all results of a study: classes, classification, comparisons, cross-validation."""
-    variable, few = fits.fit("neo_hookean_classes"), {"draws": 100, "random_seed": 1}
-    at = {"pressure": [1.0, 2.0, 3.0, 4.0], "bayes_factor": False}
+    variable, few = few_draws(), {"draws": 100, "random_seed": 1}
+    at = {"pressure": [1.0, 4.0], "bayes_factor": False}
     with pytest.warns(UserWarning, match="have no compliance there"):
         compliance = ph.compare_classes(variable, "compliance", **at, **few)
     compared = ph.compare_classes(variable, "mu", **few)
@@ -33,26 +61,8 @@ def results():
 
 @pytest.fixture(scope="module")
 def page(results, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("report")
-    return Page(ph.report(results, folder / "report.html", data=NEW))
-
-
-def left_out():
-    """Return a stored result of ph.calibration_report."""
-    dims = ("strain_energy", "specimen", "class_label")
-    tables = {
-        "class_probability": [[[0.9, 0.1], [0.2, 0.8], [np.nan, np.nan]]],
-        "verdict": [["good", "not to be trusted", ""]],
-        "log_score": np.log([[0.9, 0.8, np.nan]]),
-        "brier_score": [[0.02, 0.08, np.nan]],
-    }
-    of_specimens = {"true_class": ["soft", "stiff", "stiff"], "left_out": ["A", "B", "B"]}
-    return xr.Dataset(
-        {name: (dims[: np.ndim(table)], table) for name, table in tables.items()},
-        {"strain_energy": ["NeoHookean"], "specimen": ["A1", "B1", "B2"]}
-        | {"class_label": ["soft", "stiff"]}
-        | {name: ("specimen", values) for name, values in of_specimens.items()},
-    )
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    return Page(ph.report(results, path, data=NEW, **AT))
 
 
 def test_report_of_a_study_has_all_chapters(page):
@@ -60,7 +70,7 @@ def test_report_of_a_study_has_all_chapters(page):
     chapters = ["Data", "Fits", "Posteriors", "Classes and decisions", "Differences between groups"]
     assert page.chapters[3:-4] == chapters
     assert "cannot be shown" not in page.text
-    assert sum(tag == "svg" for tag, _ in page.elements) == 10
+    assert sum(tag == "svg" for tag, _ in page.elements) == 9
     assert "Left out, NeoHookean: not known of B2." in page.warnings
     assert "Left out, NeoHookean: not to be trusted without B1." in page.warnings
     _, rows = page.table("Specimens that were left out")
@@ -72,10 +82,9 @@ def test_fit_tables_hold_the_numbers_of_specimens_and_classes(page, results):
     variable = results["Classes"]
     headings, rows = page.table("Posterior of the parameters")
     spread = variable["soft"]["posterior"]["spread"].values[..., 0]
-    (row,) = [r for r in rows if r[:2] == ["spread[log_reference_strain]", "soft"]]
-    assert row[headings.index("mean")] == pytest.approx(spread.mean())
-    of_class = [f"{name}[log_reference_strain]" for name in ("location", "spread")]
-    assert [r[0] for r in rows[:3]] == ["mu", *of_class]
+    assert rows[2][:2] == ["spread[log_reference_strain]", "soft"]
+    assert rows[2][headings.index("mean")] == pytest.approx(spread.mean())
+    assert set(page.column("Elastic properties", "pressure (kPa)")) == {2.0}
     _, rows = page.table("How well the best curve of each specimen")
     assert [row[:2] for row in rows[:3]] == [["A1", "soft"], ["A2", "soft"], ["A3", "soft"]]
     for place, name in enumerate(["misfit", "freedom", "pareto_k", "standard_error"], start=2):
@@ -100,17 +109,18 @@ def test_difference_table_holds_the_numbers_of_compare_classes(page, results):
     (row,) = [r for r in rows if r[2:4] == ["stiff", "mean"]]
     numbers = [float(of_one["value"]), float(of_one["value_sd"])]
     assert row[4:] == [*numbers, *of_one["value_interval"].values.tolist()]
-    pressures = page.column("Differences of the typical specimens: Curves", "pressure (kPa)")
-    assert pressures[0] == 1.0 and pressures[-1] == 4.0
+    assert page.column("Differences of the typical specimens: Curves", "pressure (kPa)") == [1, 4]
 
 
 def test_methods_have_a_sentence_for_each_step(page):
-    methods = page.methods
-    assert "inflation curves of 6 specimens (3 in soft and 3 in stiff) were analysed" in methods
-    assert "The curves of 2 specimens were held against the classes soft and stiff" in methods
-    assert "each of 3 specimens, in 2 groups that belong together, was left out" in methods
-    assert "Bayes factor of different against equal distributions" in methods
-    assert "compliance at pressures from 1 to 4 kPa" in methods
+    for words in (
+        "inflation curves of 6 specimens (3 in soft and 3 in stiff) were analysed",
+        "The curves of 2 specimens were held against the classes soft and stiff",
+        "each of 3 specimens, in 2 groups that belong together, was left out",
+        "Bayes factor of different against equal distributions",
+        "compliance at pressures from 1 to 4 kPa",
+    ):
+        assert words in page.methods
 
 
 def test_planned_tests_are_ranked_by_information(write, write_words):
@@ -126,7 +136,6 @@ def test_planned_tests_are_ranked_by_information(write, write_words):
     names = ("information", "difference", "change_by_half")
     expected = [near[name + end].values for name in names for end in ("", "_se")]
     np.testing.assert_array_equal([row[2:] for row in rows], np.stack(expected, axis=1))
-    assert "All that can be told of the class are 0.6931 nats." in page.text
     assert f"Tests: {designs.attrs['words']}." in page.warnings
     assert "Tests: point may be as good as curve: the difference is within" in page.warnings
     assert "Tests, point: 7.0% of the specimens cannot be tested so" in page.warnings
@@ -159,7 +168,7 @@ def test_report_of_forces_and_extension_tests(write):
     ]
     frame = pd.concat(tables, ignore_index=True).assign(specimen="S1", axial_force=900.0)
     data = ph.inflation_data(frame, **TUBE, axial_stretch="stretch", check="ignore")
-    page = write({"Model": fitted_class(data, "NeoHookean", 20)})
+    page = write({"Model": fitted_class(data, "NeoHookean", 20)}, **AT)
     assert "cannot be shown" not in page.text
     labels = [a["aria-label"] for tag, a in page.elements if tag == "svg"]
     assert "Fit of the axial force: Model" in labels
@@ -170,50 +179,43 @@ def test_report_of_forces_and_extension_tests(write):
 
 def test_report_of_an_average_over_laws(write_words):
     laws = ("NeoHookean", "Demiray")
-    fitted = [fitted_classes(energy=law) for law in laws]
-    of_laws = {"log_evidence": [-30.0, -3.0], "log_evidence_se": [0.1, 0.2]}
-    of_laws |= {"probability": [0.25, 0.75], "probability_se": [0.05, 0.06]}
+    fitted = [fitted_classes(energy=law, draws=20) for law in laws]
+    expected = [["NeoHookean", 0.25, 0.05, -30.0, 0.1], ["Demiray", 0.75, 0.06, -3.0, 0.2]]
     result = classified().assign_coords(strain_energy=list(laws))
-    for name, values in of_laws.items():
-        result[f"strain_energy_{name}"] = "strain_energy", values
-    page = write_words([*fitted, result])
-    _, rows = page.table("Strain energies over which was averaged")
-    assert rows == [["NeoHookean", 0.25, 0.05, -30.0, 0.1], ["Demiray", 0.75, 0.06, -3.0, 0.2]]
+    names = "probability probability_se log_evidence log_evidence_se".split()
+    for name, values in zip(names, list(zip(*expected, strict=True))[1:], strict=True):
+        result[f"strain_energy_{name}"] = "strain_energy", list(values)
+    page = write_words([*fitted, result], **AT)
+    assert page.table("Strain energies over which was averaged")[1] == expected
     assert "averaged over the strain energies NeoHookean and Demiray" in page.methods
-    # What both fits have in common is said once.
+    # The data of both fits are described once.
     assert page.methods.count("10 experiments with 200 points") == 1
-    first, second = page.methods.split("Each vessel was also modelled as")
-    assert "tube with the strain energy NeoHookean, W" in first
+    _, second = page.methods.split("Each vessel was also modelled as")
     assert "tube with the strain energy Demiray, W" in second
 
 
 def test_settings_list_the_priors_of_hierarchical_classes():
-    priors = {"effect_spread": pm.LogNormal.dist(-1.0, 0.25)}
-    settings = {"noise_sd": pm.LogNormal.dist(0.0, 1.0), "experiment_effect": True}
-    found = priors_of_class(kind_of_settings("specimen", ph.Ogden(), {}, priors=priors, **settings))
-    expected = {
-        "location[log_alpha]": "Normal(1.897, 1.2)",
-        "effect_spread": "LogNormal(−1, 0.25)",
-        "noise_sd": "LogNormal(0, 1) kPa",
-        "noise_spread": "LogNormal(−1.204, 0.5)",
-        "the correlations": "the determinant of their matrix",
-    }
-    assert found | expected == found
+    settings = {"priors": {"effect_spread": pm.LogNormal.dist(-1.0, 0.25)}}
+    settings |= {"noise_sd": pm.LogNormal.dist(0.0, 1.0), "experiment_effect": True}
+    found = priors_of_class(kind_of_settings("specimen", ph.Ogden(), {}, **settings))
+    assert found["location[log_alpha]"] == "Normal(1.897, 1.2)"
+    assert found["effect_spread"] == "LogNormal(−1, 0.25)"
+    assert found["noise_sd"] == "LogNormal(0, 1) kPa"
+    assert found["noise_spread"] == "LogNormal(−1.204, 0.5)"
     assert "experiment_spread[log_reference_strain]" in found
 
 
 def test_specimens_with_large_misfit_or_shape_are_named(write_words):
-    classes = xr.DataTree.from_dict({"soft": fits.fit("neo_hookean_classes")["soft"]})
+    classes = fits.fit("neo_hookean_classes").filter(lambda node: "stiff" not in node.path)
     specimens = classes["soft"]["specimens"]
     freedom = specimens["freedom"].values
     misfit = [chi2.isf(0.00099, freedom[0]), chi2.isf(0.00101, freedom[1]), 1.0]
     specimens["misfit"].values[:] = misfit
     specimens["pareto_k"].values[:] = 0.1, 0.49, 0.5
-    classes["soft"].attrs.pop("checksum", None)
-    warnings = write_words(classes).warnings
-    assert "the best curve of specimen A1 is further from its data" in warnings
+    del classes["soft"].attrs["checksum"]
+    warnings = write_words(classes, **AT).warnings
     assert f"squared misfit {misfit[0]:.4g} with {freedom[0]:.4g} degrees" in warnings
-    assert "best curve of specimen A2" not in warnings
+    assert "best curve of specimen A1" in warnings and "curve of specimen A2" not in warnings
     assert "a few weights decide what is said of specimen A3: their Pareto shape is 0.5" in warnings
     assert "said of specimen A2" not in warnings
 
@@ -226,19 +228,17 @@ def test_reports_of_sampled_models_of_other_kinds(write_words):
     layered = data.assign(outer_radius=data["outer_radius"].where(False))
     with pm.Model() as own:
         pm.Normal("y", pm.Normal("x", 0, 1), 1, observed=[1.0, 2.0])
-    models = {
-        "Layers": ph.inflation_model(layers, layered, **noise, slope_weight=0.0),
-        "Population": ph.population_model(ph.NeoHookean(), data, **noise),
-        "My own": own,
-    }
-    pages = {n: write_words({n: ph.sample_smc(model, **QUICK)}) for n, model in models.items()}
-    for page in pages.values():
-        assert_sound(page)
-        assert "cannot be shown" not in page.text
-    settings = pages["Layers"].column("Settings", "setting")
-    assert "strain energy of layer 2, from inside" in settings
-    assert "of 2 layers, from the inside out of the strain energ" in pages["Layers"].methods
-    assert "mu_2" in pages["Layers"].column("Posterior of the parameters", "parameter")
-    assert "Each specimen had parameters of its own" in pages["Population"].methods
-    assert "log_reference_strain[A2]" in pages["Population"].column("Posterior", "parameter")
-    assert pages["My own"].methods.startswith("The result does not say which model it is of.")
+    models = [
+        ph.inflation_model(layers, layered, **noise, slope_weight=0.0),
+        ph.population_model(ph.NeoHookean(), data, **noise),
+        own,
+    ]
+    pages = [write_words(ph.sample_smc(model, **QUICK)) for model in models]
+    of_layers, of_population, of_own = pages
+    assert not any("cannot be shown" in page.text for page in pages)
+    assert "strain energy of layer 2, from inside" in of_layers.column("Settings", "setting")
+    assert "of 2 layers, from the inside out of the strain energ" in of_layers.methods
+    assert "mu_2" in of_layers.column("Posterior of the parameters", "parameter")
+    assert "Each specimen had parameters of its own" in of_population.methods
+    assert "log_reference_strain[A2]" in of_population.column("Posterior", "parameter")
+    assert of_own.methods.startswith("The result does not say which model it is of.")

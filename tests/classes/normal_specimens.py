@@ -1,0 +1,74 @@
+"""Exact posteriors of groups whose specimens are known with normal errors.
+
+Given all spreads, specimens are jointly normal, however they are grouped, paired or moved by
+covariates: evidences and posteriors are mixtures, over a grid of spreads, of closed forms.
+"""
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+from scipy.special import logsumexp
+
+# Nodes over the logarithms of spreads, in standard deviations of their priors.
+NODES = np.linspace(-4, 4, 25)
+
+
+class Exact(NamedTuple):
+    """Moments are those of the location, of the effects, and of the difference of the groups."""
+
+    log_evidence: float
+    mean: np.ndarray
+    sd: np.ndarray
+    positive: float
+    """Probability that the last unknown of the spreads is positive."""
+
+
+def mixture(scale, y, errors, sign, ages, apart, noise_of, dimension):
+    """Integrate over spreads, of which `noise_of` gives the covariance of the specimens.
+
+    The prior sd of the difference is `apart.location` times the first spread.
+    """
+    (middle,), (sd,) = scale.location_prior
+    (median,), sd_of_logs = scale.spread_prior
+    columns = np.stack([np.ones(len(y)), *ages, *([sign] if apart else [])], axis=1)
+    terms, means, variances = [], [], []
+    grid = np.array([*product(NODES, repeat=dimension)])
+    for z in grid:
+        spread = np.exp(median + sd_of_logs * z)
+        sds = [sd, *[np.exp(median)] * len(ages), *([apart.location * spread[0]] if apart else [])]
+        scaled = columns * sds
+        covariance = noise_of(spread, z) + np.diag(np.square(errors)) + scaled @ scaled.T
+        terms.append(stats.multivariate_normal.logpdf(y - middle, cov=covariance))
+        gain = np.linalg.solve(covariance, scaled * sds).T
+        means.append(gain @ (y - middle))
+        variances.append(np.square(sds) - np.sum(gain * (scaled * sds).T, axis=1))
+    terms += stats.norm.logpdf(grid).sum(axis=1) + dimension * np.log(NODES[1] - NODES[0])
+    weights = np.exp(terms - logsumexp(terms))
+    mean = weights @ means
+    variance = weights @ (variances + (means - mean) ** 2)
+    positive = weights @ (np.sign(grid[:, -1]) + 1) / 2
+    return Exact(logsumexp(terms), mean, np.sqrt(variance), positive)
+
+
+def of_groups(scale, y, errors, sign, ages, apart):
+    """Return the posterior of two groups, or of one group of all specimens."""
+
+    def noise_of(spread, z):
+        ratio = np.exp(apart.log_spread * z[1] * sign) if apart else np.ones(len(y))
+        return np.diag((spread[0] * ratio) ** 2)
+
+    return mixture(scale, y, errors, sign, ages, apart, noise_of, 2 if apart else 1)
+
+
+def of_pairs(scale, y, errors, ages, apart):
+    """Return the posterior of pairs: all first halves, then all second ones."""
+    count = len(y) // 2
+
+    def noise_of(spread, z):
+        middle, half = spread[0] ** 2, spread[1] ** 2 / 4
+        of_pair = np.array([[middle + half, middle - half], [middle - half, middle + half]])
+        return np.kron(of_pair, np.eye(count))
+
+    return mixture(scale, y, errors, np.repeat([-0.5, 0.5], count), ages, apart, noise_of, 2)
