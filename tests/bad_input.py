@@ -96,8 +96,3 @@ def fit(classes=None, energy=OGDEN, **settings) -> xr.DataTree:
 def fitted() -> xr.DataTree:
     """Two fitted classes."""
     return fit({"C1": curves(), "C2": two_tubes()}, random_seed=1)
-
-
-def without(group: str) -> xr.DataTree:
-    """A fitted class that lacks a group."""
-    return fitted()["C1"].copy().filter(lambda node: node.name != group)

@@ -1,10 +1,12 @@
 """Measure how many small mistakes in the package the tests find.
 
 ``python tests/mutations.py list`` prints mutations of the package, drawn with a fixed seed and
-spread over its folders and over five kinds of mistakes. ``python tests/mutations.py run`` makes
-each in a copy of the package and runs the first tier until a test fails. For each mutation that
-survives, it runs the second tier. The table is written to ``results/mutations.json``; an
-interrupted run continues. This takes one to three hours; run it before a release.
+spread over its folders and over five kinds of mistakes. ``python tests/mutations.py run`` first
+runs the first tier and notes which files of tests execute which lines of the package. It then makes
+each mutation in a copy of the package, and runs the files that execute its line until a test fails.
+For each mutation that survives, it runs the second tier. The table is written to
+``results/mutations.json``; an interrupted run continues. This takes about an hour; run it before a
+release.
 """
 
 import argparse
@@ -16,13 +18,19 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
+from types import CodeType
+
+import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "pymc_hyperelastic"
 RESULTS = ROOT / "results" / "mutations.json"
+# Files of tests by the line of the package that they execute, a file for each process.
+LINES = ROOT / "results" / "lines"
 SEED = 20261128  # any seed will do; the list in the documentation was made with this one
 COUNT = 60
 KINDS = ("sign", "constant", "comparison", "off by one", "dropped term")
@@ -38,6 +46,9 @@ FLIPPED = {
 }
 OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*"}
 NOT_COPIED = (".venv", ".git", ".ci", ".fits", "results", "_build", "__pycache__", ".pytensor")
+# Lines that a statement takes at most, of which only the first may be noted.
+_LINES_OF_STATEMENT = 3
+FIRST, SECOND = "not deep", "deep and not long"
 # Pytest's exit codes for "all passed" and "no test was collected".
 SURVIVED = (0, 5)
 
@@ -174,29 +185,108 @@ def chosen(count: int, seed: int) -> list[Mutation]:
     return found
 
 
+class ExecutedLines:
+    """Plugin of pytest that notes which lines of the package the tests of each file execute.
+
+    A stored fit counts for every file that reads it.
+    """
+
+    def __init__(self) -> None:
+        self._lines: dict[str, set[str]] = {}
+        self._current: set[str] = set()
+        sys.monitoring.use_tool_id(sys.monitoring.COVERAGE_ID, "mutations")
+        line = sys.monitoring.events.LINE
+        sys.monitoring.register_callback(sys.monitoring.COVERAGE_ID, line, self._execute)
+        sys.monitoring.set_events(sys.monitoring.COVERAGE_ID, line)
+        import fits
+
+        self._stored, fits.stored = fits.stored, self._read
+
+    def _execute(self, code: CodeType, line: int) -> object:
+        if code.co_filename.startswith(str(PACKAGE)):
+            self._current.add(f"{Path(code.co_filename).relative_to(PACKAGE)}:{line}")
+        return sys.monitoring.DISABLE
+
+    def _read(self, name: str) -> Path:
+        self._current.add(f"fit {name}")
+        outside, self._current = self._current, self._lines.setdefault(f"fit {name}", set())
+        sys.monitoring.restart_events()
+        try:
+            return self._stored(name)
+        finally:
+            self._current = outside
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
+        """Collect the lines that a test and its fixtures execute."""
+        self._current = self._lines.setdefault(item.location[0], set())
+        sys.monitoring.restart_events()
+        return (yield)
+
+    def pytest_sessionfinish(self) -> None:
+        """Write what was collected."""
+        LINES.mkdir(parents=True, exist_ok=True)
+        lines = {name: sorted(executed) for name, executed in self._lines.items()}
+        (LINES / f"{os.getpid()}.json").write_text(json.dumps(lines))
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Take part in a run of pytest that loads this module with ``-p mutations``."""
+    if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
+        config.pluginmanager.register(ExecutedLines())
+
+
+@cache
+def files_by_line() -> dict[str, set[str]]:
+    """Return the files of tests that execute each line of the package."""
+    if not LINES.exists():
+        shutil.rmtree(ROOT / "tests" / ".fits", ignore_errors=True)
+        tests = ["-m", FIRST, "--ignore=tests/benchmarks", "tests"]
+        run_tests(ROOT, ["-p", "mutations", *tests])
+    found: dict[str, set[str]] = {}
+    executed = [json.loads(path.read_text()) for path in LINES.iterdir()]
+    fits = [(n, line) for one in executed for n in one if n[:4] == "fit " for line in one[n]]
+    for one in executed:
+        for file, lines in one.items():
+            more = [line for name, line in fits if name in lines]
+            for line in [*lines, *more]:
+                found.setdefault(line, set()).add(file)
+    return found
+
+
+def run_tests(folder: Path, arguments: list[str]) -> subprocess.CompletedProcess:
+    """Run pytest in all processors."""
+    command = [sys.executable, "-m", "pytest", "-q", "-n", "auto"]
+    command += ["-p", "no:benchmark", "-p", "no:cacheprovider", *arguments]
+    paths = os.pathsep.join([str(folder), str(folder / "tests")])
+    environment = os.environ | {"PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}
+    return subprocess.run(
+        command, cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+
+
 def is_found(mutation: Mutation, tier: str) -> str:
     """Return the first test that fails, or "" if all pass."""
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / ROOT.name
         shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(*NOT_COPIED))
         mutation.apply(copy / PACKAGE.name)
-        environment = os.environ | {"PYTHONPATH": str(copy), "OMP_NUM_THREADS": "1"}
-        # The tests of the same folder first: they find most mistakes.
-        own = Path("tests") / mutation.folder
-        rest = ["--doctest-modules", "tests", PACKAGE.name, f"--ignore={own}"]
-        rest += ["--ignore=tests/benchmarks"]
-        for paths in ([str(own)] if (copy / own).is_dir() else [], rest):
-            if not paths:
-                continue
-            command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "auto", "-m", tier]
-            command += ["-p", "no:benchmark", "-p", "no:cacheprovider", *paths]
-            done = subprocess.run(
-                command, cwd=copy, env=environment, capture_output=True, text=True, check=False
-            )
-            if done.returncode not in SURVIVED:
-                lines = done.stdout.splitlines()
-                failed = [x for x in lines if x.startswith(("FAILED", "ERROR"))]
-                return failed[0][:200] if failed else lines[-1][:200] if lines else "crash"
+        own = copy / "tests" / mutation.folder
+        paths = {str(own.relative_to(copy))} if own.is_dir() else set()
+        if tier == FIRST:
+            # A part of a statement may count for the line on which the statement begins.
+            lines = range(mutation.line - _LINES_OF_STATEMENT, mutation.line + 1)
+            executed = [files_by_line().get(f"{mutation.path}:{line}", set()) for line in lines]
+            paths = paths.union(*executed)
+        elif (copy / "tests" / "golden").is_dir():
+            paths |= {"tests/golden"}
+        # Docstring examples are left out: pytest would take their module for one of tests.
+        there = [path for path in sorted(paths) if path.startswith("tests/")]
+        done = run_tests(copy, ["-x", "-m", tier, *there])
+        if done.returncode not in SURVIVED:
+            lines = done.stdout.splitlines()
+            failed = [x for x in lines if x.startswith(("FAILED", "ERROR"))]
+            return failed[0][:200] if failed else lines[-1][:200] if lines else "crash"
     return ""
 
 
@@ -205,7 +295,7 @@ def run(count: int, seed: int) -> None:
     RESULTS.parent.mkdir(exist_ok=True)
     found = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     mutations = chosen(count, seed)
-    for tier, marks in (("first", "not deep"), ("second", "deep and not long")):
+    for tier, marks in (("first", FIRST), ("second", SECOND)):
         for mutation in mutations:
             entry = found.setdefault(str(mutation), {"mutation": asdict(mutation)})
             if tier not in entry and not (tier == "second" and entry["first"]):

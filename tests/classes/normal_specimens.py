@@ -1,8 +1,4 @@
-"""Exact posteriors of groups whose specimens are known with normal errors.
-
-Given all spreads, specimens are jointly normal, however they are grouped, paired or moved by
-covariates: evidences and posteriors are mixtures, over a grid of spreads, of closed forms.
-"""
+"""Exact posteriors of groups of specimens that are jointly normal, given their spreads."""
 
 from itertools import product
 from typing import NamedTuple
@@ -11,8 +7,24 @@ import numpy as np
 from scipy import stats
 from scipy.special import logsumexp
 
+from pymc_hyperelastic.models.class_distribution import ClassDistribution
+
 # Nodes over the logarithms of spreads, in standard deviations of their priors.
 NODES = np.linspace(-4, 4, 25)
+
+
+def repeated_class(count, factor, **changes):
+    """Return `count` times one class of two coordinates whose experiments and noises differ."""
+    numbers = {
+        "location": [0.0, 1.0],
+        "spread": [0.3, 0.4],
+        "experiment_spread": [0.1, 0.3],
+        "effect_spread": 0.3,
+        "log_sigma": [-1.0],
+        "noise_spread": [0.3],
+    } | changes
+    repeated = {name: np.multiply.outer(v, np.ones((count, 1))) for name, v in numbers.items()}
+    return ClassDistribution(factor=factor, **repeated)
 
 
 class Exact(NamedTuple):
@@ -26,10 +38,7 @@ class Exact(NamedTuple):
 
 
 def mixture(scale, y, errors, sign, ages, apart, noise_of, dimension):
-    """Integrate over spreads, of which `noise_of` gives the covariance of the specimens.
-
-    The prior sd of the difference is `apart.location` times the first spread.
-    """
+    """Sum closed forms over a grid of spreads, which determine the covariance of the specimens."""
     (middle,), (sd,) = scale.location_prior
     (median,), sd_of_logs = scale.spread_prior
     columns = np.stack([np.ones(len(y)), *ages, *([sign] if apart else [])], axis=1)
@@ -37,6 +46,7 @@ def mixture(scale, y, errors, sign, ages, apart, noise_of, dimension):
     grid = np.array([*product(NODES, repeat=dimension)])
     for z in grid:
         spread = np.exp(median + sd_of_logs * z)
+        # The prior sd of the difference is `apart.location` times the first spread.
         sds = [sd, *[np.exp(median)] * len(ages), *([apart.location * spread[0]] if apart else [])]
         scaled = columns * sds
         covariance = noise_of(spread, z) + np.diag(np.square(errors)) + scaled @ scaled.T

@@ -23,12 +23,8 @@ BOX = tuple(p.prior_range for p in ph.Ogden.parameters)
 def new_data():
     """Two experiments on each of two specimens, one of either class, which take turns."""
     study, tables = ph.load_dataset("simulated_sheep_aorta"), []
-    for source, specimen, experiment in (
-        ("S4", "B", 1),
-        ("S2", "A", 1),
-        ("S5", "B", 2),
-        ("S3", "A", 2),
-    ):
+    order = zip(("S4", "S2", "S5", "S3"), "BABA", (1, 1, 2, 2), strict=True)
+    for source, specimen, experiment in order:
         one = ph.select(study, specimen=source, experiment=3)
         points = {name: one[name].values for name in ("radius", "pressure")}
         tables.append(pd.DataFrame(points).assign(specimen=specimen, experiment=experiment))

@@ -8,12 +8,10 @@ import xarray as xr
 from interrupts import interrupt
 from scipy import stats
 from scipy.special import logsumexp, softmax
-from tiers import deep
 from variable_classes import SEED, SIGMA, UNIT_PRESSURE, classify, curves, fit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import pooled
-from pymc_hyperelastic.evidence import smc
 
 ROUNDING = 1e-12
 SPECIMENS = ["A1", "A2", "A3", "B1", "B2", "B3"]
@@ -30,19 +28,6 @@ FEW = {
 PAIRS, POOLED_DRAWS = {1: "a", 2: "b", 3: "a", 4: "b"}, 500
 
 
-class FixedExponent(ph.StrainEnergy):
-    """``W = (mu/a) (λr^a + λθ^a + λz^a - 3)`` with an exponent that is a setting."""
-
-    parameters = (ph.Parameter("mu", r"\mu", "kPa", (0.0, 200.0), "modulus"),)
-
-    def __init__(self, exponent):
-        self.exponent = exponent
-
-    def energy(self, radial, hoop, axial, *, mu):
-        powers = (stretch**self.exponent for stretch in (radial, hoop, axial))
-        return mu / self.exponent * (sum(powers) - 3)
-
-
 def report_of(energy=None, classes=SMALL, **settings):
     defaults = {"sigma": SIGMA, "draws": 200, "random_seed": SEED, "progressbar": False}
     return ph.calibration_report(energy or ph.NeoHookean(), classes, **defaults | settings)
@@ -50,12 +35,9 @@ def report_of(energy=None, classes=SMALL, **settings):
 
 def report_of_pooled():
     """Names that are numbers, in the data and in `leave_out`, are text in the report."""
-    numbered = {
-        name: data.assign_coords(specimen=data["specimen"].astype(int))
-        for name, data in FEW.items()
-    }
+    numbered = {k: v.assign_coords(specimen=v["specimen"].astype(int)) for k, v in FEW.items()}
     settings = {"variability": "none", "draws": POOLED_DRAWS, "chains": 2}
-    return report_of(FixedExponent(2.0), numbered, leave_out=PAIRS, **settings)
+    return report_of(None, numbered, leave_out=PAIRS, **settings)
 
 
 @pytest.fixture(scope="module")
@@ -66,11 +48,11 @@ def pooled_report():
 @pytest.fixture(scope="module")
 def report():
     """Return the report of two laws that describe the curves nearly equally well."""
-    return report_of([FixedExponent(2.0), FixedExponent(2.02)], leave_out=ANIMALS)
+    return report_of([ph.NeoHookean(), ph.MooneyRivlin()], leave_out=ANIMALS)
 
 
 def test_a_report_has_a_row_for_each_law_and_their_average(report):
-    labels = ["FixedExponent(exponent=2.0)", "FixedExponent(exponent=2.02)", "average"]
+    labels = ["NeoHookean", "MooneyRivlin", "average"]
     assert report["strain_energy"].values.tolist() == labels
     assert report["specimen"].values.tolist() == SPECIMENS
     assert report["true_class"].values.tolist() == ["soft"] * 3 + ["stiff"] * 3
@@ -111,7 +93,7 @@ def test_a_specimen_left_out_is_classified_as_a_new_one(report):
         name: ph.select(data, specimen=[s for s in np.unique(data["specimen"]) if s[1] != "1"])
         for name, data in SMALL.items()
     }
-    classes = fit(FixedExponent(2.0), train, draws=300)
+    classes = fit(None, train, draws=300)
     for name, specimen in (("soft", "A1"), ("stiff", "B1")):
         result = classify(ph.select(SMALL[name], specimen=specimen), classes).squeeze()
         mine = report.isel(strain_energy=0).sel(specimen=specimen)
@@ -153,16 +135,8 @@ def test_pooled_classes_equal_quadrature_over_the_modulus(pooled_report):
             assert error < 4 * np.sqrt(variance / (2 * POOLED_DRAWS)) < 0.15
 
 
-# The interrupted function, and its call that belongs to the second fold.
-INTERRUPTS = [(pooled, "run_smc", 4), *deep([(smc, "_temper", 6)])]
-INTERRUPTS += deep([(pooled.ClassPredictive, "__call__", 5)])
-
-
-@pytest.mark.parametrize(("module", "name", "call"), INTERRUPTS)
-def test_after_an_interrupt_only_complete_results_are_reported(
-    pooled_report, monkeypatch, module, name, call
-):
-    interrupt(monkeypatch, module, name, call)
+def test_after_an_interrupt_only_complete_results_are_reported(pooled_report, monkeypatch):
+    interrupt(monkeypatch, pooled, "run_smc", 4)  # a fit of the second fold
     with pytest.warns(UserWarning, match="interrupted"):
         report = report_of_pooled()
     first = {"specimen": [0, 2]}
@@ -176,7 +150,6 @@ def test_wrong_input_is_named_before_anything_is_sampled():
     for settings, error, message in (
         ({"energy": ph.Ogden}, TypeError, r"such as ph\.Ogden\(\) is needed.*call the class"),
         ({"energy": ()}, ValueError, "energy holds no strain energy"),
-        ({"variability": "none", "experiment_effect": True}, ValueError, "variability='specimen'"),
         ({"leave_out": SPECIMENS}, TypeError, "leave_out must be a dict .*not list"),
         ({"leave_out": {"A1": "x"}}, ValueError, "leave_out does not say .* 'A2' belongs"),
         ({"leave_out": dict.fromkeys(SPECIMENS, "x")}, ValueError, "'soft' has no specimen left"),

@@ -33,10 +33,8 @@ def test_a_class_keeps_its_data_and_a_seed_of_its_own():
     """New specimens of a class have the parameters of its posterior."""
     classes = fits.fit("pooled")
     for name, data in fits.training().items():
-        fitted = classes[name]
+        fitted, posterior = classes[name], classes[name]["posterior"]
         np.testing.assert_array_equal(fitted["observed_data"]["pressure"], data["pressure"])
-        posterior = fitted["posterior"]
-        assert posterior.sizes == {"chain": 2, "draw": 500}
         new = kind_of_classes(classes).new_specimens(fitted, np.random.default_rng(SEED))
         assert list(new) == list(posterior.data_vars) == ["mu", "alpha"]
         np.testing.assert_array_equal(new["mu"], posterior["mu"].values.ravel())

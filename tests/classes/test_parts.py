@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pymc as pm
 import pytest
+from normal_specimens import repeated_class
 from variable_classes import SIGMA, TRAINING, classify, curves, fit
 
 import pymc_hyperelastic as ph
@@ -13,7 +14,6 @@ from pymc_hyperelastic.classes.average import Laws
 from pymc_hyperelastic.classes.interface import Prediction
 from pymc_hyperelastic.classes.parts import shapley, with_parts
 from pymc_hyperelastic.classes.specimen_evidence import PARTS, hybrid_evidences, specimen_evidence
-from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_density
 
 ROUNDING = 1e-10
@@ -35,18 +35,8 @@ def test_shapley_values_are_means_over_all_orders(count):
     np.testing.assert_allclose(shapley(values), expected, atol=ROUNDING)
 
 
-def distribution(count=50, **changes):
-    """A distribution of two coordinates, experiments and noise, repeated `count` times."""
-    numbers = {
-        "location": [0.0, 1.0],
-        "spread": [0.3, 0.4],
-        "experiment_spread": [0.1, 0.1],
-        "effect_spread": 0.3,
-        "log_sigma": [-1.0],
-        "noise_spread": [0.3],
-    } | changes
-    repeated = {name: np.multiply.outer(v, np.ones((count, 1))) for name, v in numbers.items()}
-    return ClassDistribution(factor=np.eye(2), **repeated)
+def distribution(**changes):
+    return repeated_class(50, np.eye(2), **changes)
 
 
 def specimen(location=(0.1, 0.9)):
@@ -73,12 +63,11 @@ def parts_of(own, other):
     [
         ({"location": [0.6, 1.0]}, "material"),
         ({"spread": [0.3, 1.2]}, "material"),
-        ({"experiment_spread": [0.4, 0.2]}, "experiments"),
+        ({"experiment_spread": [0.4, 0.6]}, "experiments"),
         ({"effect_spread": 1.0}, "experiments"),
         ({"log_sigma": [-0.2]}, "noise"),
         ({"noise_spread": [1.0]}, "noise"),
     ],
-    ids=lambda value: next(iter(value)) if isinstance(value, dict) else value,
 )
 def test_the_whole_log_ratio_is_the_only_part_that_differs(changes, part):
     parts, log_ratio = parts_of(distribution(), distribution(**changes))

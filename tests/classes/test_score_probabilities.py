@@ -25,11 +25,7 @@ def classified(probability, **attrs):
 
 
 def test_scores_of_two_units_by_hand():
-    """The log scores are ln 0.7 and ln 0.2, the Brier scores 0.14 and 1.04.
-
-    (0.7, 0.1, 0.2) against (1, 0, 0): 0.09 + 0.01 + 0.04. (0.2, 0.2, 0.6) against (0, 1, 0):
-    0.04 + 0.64 + 0.36 = 1.04.
-    """
+    """Brier scores: 0.09 + 0.01 + 0.04 against (1, 0, 0), 0.04 + 0.64 + 0.36 against (0, 1, 0)."""
     result = classified([[0.7, 0.1, 0.2], [0.2, 0.2, 0.6]], simulated=1, class_prior="equal")
     scores = ph.score_probabilities(result, ["C1", "C2"])
     np.testing.assert_allclose(scores["log_score"], np.log([0.7, 0.2]), rtol=ROUNDING)
@@ -59,11 +55,9 @@ def test_a_true_class_that_was_called_impossible_scores_minus_infinity():
 
 
 def test_calibration_error_of_two_bins_by_hand():
-    """The upper bin holds 0.6, 0.8, 0.9, two of them right, and the lower one 0.5, which is not.
+    """The upper bin holds 0.6, 0.8, 0.9 (two are right), the lower one 0.5, which is wrong.
 
-    The upper bin has the mean 23/30 and the frequency 2/3, an error of 0.1; the lower one 0.5 and
-    0: together 3/4 · 0.1 + 1/4 · 0.5 = 0.2. For class C1 the lower bin holds 0.2, 0.1, which
-    is right, and 0.5, and the upper one 0.6, which is right.
+    The calibration error is 3/4 · (23/30 - 2/3) + 1/4 · 0.5 = 0.2.
     """
     # A probability that misses the limit between two bins by rounding belongs to the lower bin.
     result = classified([[0.6, 0.4], [0.2, 0.8], [0.1, 0.9], [0.5 + 1e-15, 0.5 - 1e-15]])
@@ -105,10 +99,6 @@ HALVES = classified([[0.5, 0.5]])
 NAMED = xr.DataArray([[0.5, 0.5]] * 2, {"unit": [1, 2], "class_label": ["A", "B"]})
 
 
-def units(probability, classes):
-    return xr.DataArray([probability], {"class_label": classes}, ["unit", "class_label"])
-
-
 def test_wrong_input_is_an_error_that_names_the_unit():
     for probability, truth, message in (
         (classified([[0.9, 0.2]]), ["C1"], "specimen 'S1', experiment 3: .*0.2"),
@@ -117,8 +107,8 @@ def test_wrong_input_is_an_error_that_names_the_unit():
         (HALVES, ["control"], r"'S1', .*'control' is not among .*\['C1', 'C2'\]"),
         (HALVES, ["C1", "C2"], r"for each of 1 unit\(s\)"),
         (HALVES["class_probability"][0], ["C1"], r"here are \['class_label'\]"),
-        (units([0.4, 0.5], ["A", "B"]), ["A"], "unit 0: the probabilities"),
-        (units([0.5, 0.5], ["A", "A"]), ["A"], "each class once"),
+        (NAMED - 0.1, ["A", "A"], "unit 1: the probabilities"),
+        (NAMED.assign_coords(class_label=["A", "A"]), ["A", "A"], "each class once"),
         (NAMED, xr.DataArray(["A", "A"], {"unit": [2, 1]}), "and truth differ in 'unit'"),
     ):
         with pytest.raises(ValueError, match=message):

@@ -6,14 +6,14 @@ import numpy as np
 import pandas as pd
 import pymc as pm
 import pytest
+import variable_classes
 from problems import AS_WRITTEN
+from variable_classes import TUBE, classify
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.parts import shapley
 from pymc_hyperelastic.classes.pooled import ClassPredictive
 
-SEED = 9140
-TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
 RADIUS = np.linspace(7.3, 9.0, 9)
 SIGNALS = ("pressure", "slope", "force")
 SIGMA, SLOPE_WEIGHT, FORCE_SIGMA = 1.5, 0.8, 60.0
@@ -52,15 +52,9 @@ NEW["axial_force"][NEW["test"].values == 2] = np.nan
 
 def fit(names=("soft", "stiff"), **settings):
     defaults = {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT, "force_sigma": FORCE_SIGMA}
-    defaults |= {"priors": {"mu": pm.Normal.dist(*PRIOR)}, "draws": 1000, "chains": 2}
+    defaults |= {"priors": {"mu": pm.Normal.dist(*PRIOR)}, "draws": 1000, "variability": "none"}
     training = {name: TRAINING[name] for name in names}
-    settings = defaults | {"random_seed": SEED, "progressbar": False} | settings
-    return ph.fit_classes(ph.NeoHookean(), training, **settings)
-
-
-def classify(data, classes, **settings):
-    settings = {"by": "specimen", "random_seed": SEED, "progressbar": False} | settings
-    return ph.classify(data, classes, **settings)
+    return variable_classes.fit(training=training, **defaults | settings)
 
 
 def measured(data):

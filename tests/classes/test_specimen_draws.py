@@ -11,17 +11,11 @@ from scipy.special import logsumexp
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.specimens import class_model, shared_draws
 from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.models import specimen_draws
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.population import Population
-from pymc_hyperelastic.models.specimen_draws import (
-    SpecimenDraws,
-    density_of_each,
-    log_densities,
-    log_density,
-    mean_density,
-    stacked,
-)
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities, log_density
 
 SEED = 911
 # Relative rounding error of sums of some hundred densities.
@@ -48,22 +42,17 @@ def normal_factor(rng, size):
 
 
 def dense_density(x, location, spread, factor, within=None, effect=None):
-    """Log density of each draw: SciPy's normal density of the stacked coordinates of all tests.
-
-    How much experiments differ is integrated by a sum over a fine grid.
-    """
+    """Log density of each draw: a normal one, summed over how much experiments differ."""
     tests, root = x.shape[1], np.diag(spread) @ factor
     between = np.kron(np.ones((tests, tests)), root @ root.T)
     mean, rows = np.tile(location, tests), x.reshape(len(x), -1)
     if within is None:
         return stats.multivariate_normal(mean, between).logpdf(rows)
     grid, own = np.linspace(-4, 4, 161), np.kron(np.eye(tests), np.diag(within**2))
-    terms = [
-        stats.multivariate_normal(mean, between + np.exp(2 * u) * own).logpdf(rows)
-        + stats.norm(0, effect).logpdf(u)
-        for u in grid
-    ]
-    return logsumexp(terms, axis=0) + np.log(grid[1] - grid[0])
+    weight = stats.norm(0, effect).pdf(grid)[:, None] * (grid[1] - grid[0])
+    covariances = [between + np.exp(2 * u) * own for u in grid]
+    terms = [stats.multivariate_normal(mean, c).logpdf(rows) for c in covariances]
+    return logsumexp(terms, axis=0, b=weight)
 
 
 @pytest.mark.parametrize(("size", "tests"), [(1, 4), (3, 1), (3, 4)])
@@ -92,14 +81,15 @@ def test_a_specimen_of_one_material_is_normal():
     expected = np.array([dense_density(x, *args) for args in zip(m.T, s.T, factor, strict=True)])
     np.testing.assert_allclose(log_densities(draws, many), expected, rtol=ROUNDING)
     mean = logsumexp(expected, axis=0) - np.log(count)
-    np.testing.assert_allclose(mean_density(draws, many), mean, rtol=ROUNDING)
-    each = density_of_each(np.repeat(draws.centre[:, None], count, axis=1), many)
+    np.testing.assert_allclose(specimen_draws.mean_density(draws, many), mean, rtol=ROUNDING)
+    each = specimen_draws.density_of_each(np.repeat(draws.centre[:, None], count, axis=1), many)
     np.testing.assert_allclose(each, expected, rtol=ROUNDING)
     effect = rng.normal(0, 0.3, 3)
     one = ClassDistribution(m[:, 0], s[:, 0], factor[0], effects=[effect])
-    found = log_density(np, stacked([replace(draws, covariates=np.array([0.7]))]), one)[0]
-    moved = dense_density(x, m[:, 0] + 0.7 * effect, s[:, 0], factor[0])
-    np.testing.assert_allclose(found, moved, rtol=ROUNDING)
+    moved = specimen_draws.stacked([replace(draws, covariates=np.array([0.7]))])
+    found = log_density(np, moved, one)[0]
+    expected = dense_density(x, m[:, 0] + 0.7 * effect, s[:, 0], factor[0])
+    np.testing.assert_allclose(found, expected, rtol=ROUNDING)
 
 
 def test_the_potential_of_a_class_is_the_mean_over_the_draws_of_its_specimens():

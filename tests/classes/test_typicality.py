@@ -8,13 +8,7 @@ from scipy import stats
 from variable_classes import SEED, classify, curves
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.typicality import (
-    either,
-    misfit_p_value,
-    noise_p_value,
-    repeated,
-    typical_p_value,
-)
+from pymc_hyperelastic.classes import typicality
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.population import Population
@@ -55,11 +49,11 @@ def test_typical_p_value_of_normal_distributions(left, known):
     factor, turned = np.array([[1, 0], [0.6, 0.8]]), np.array([[0.8, -0.6], [0.6, 0.8]])
     posterior = np.diag(width) @ turned @ np.diag(left) @ turned.T @ np.diag(width)
     mean = np.array([1.0, -0.2])
-    found = typical_p_value(
+    found = typicality.typical_p_value(
         drawn(exactly(mean, posterior)),
         OGDEN,
         ClassDistribution(middle, width, np.eye(2)),
-        repeated(ClassDistribution(location, spread, factor), COUNT),
+        typicality.repeated(ClassDistribution(location, spread, factor), COUNT),
         np.random.default_rng(SEED),
     )
     gain, root = np.eye(2) - posterior @ np.diag(width**-2.0), np.diag(spread) @ factor
@@ -79,11 +73,11 @@ def test_differences_between_experiments_count_too(ratio):
     tests, within, exact = 3, 0.1, exactly([0.0], [[1e-6]])
     reference = ClassDistribution(np.zeros(1), np.ones(1), np.eye(1), np.full(1, 0.3), 1.0)
     one = ClassDistribution(np.full(1, 0.5), np.full(1, 0.3), np.eye(1), np.full(1, within))
-    found = typical_p_value(
+    found = typicality.typical_p_value(
         drawn(1 + exact, within**2 * ratio * np.exp(exact), tests),
         Population(ph.NeoHookean(), NOISE, True, 20.0),
         reference,
-        replace(repeated(one, COUNT), effect_spread=np.zeros((COUNT, 1))),
+        replace(typicality.repeated(one, COUNT), effect_spread=np.zeros((COUNT, 1))),
         np.random.default_rng(SEED),
     )
     wall = 2 * stats.norm.sf(0.5 / np.sqrt(0.3**2 + within**2 / tests))
@@ -107,11 +101,11 @@ def test_noise_p_value_of_normal_distributions():
     left = (errors / width) ** 2
     middle = (1 - left) * (location - prior) / width
     sd = np.sqrt(((1 - left) * spread / width) ** 2 + left * (1 - left))
-    expected = either(*stats.norm.sf(((means - prior) / width - middle) / sd))
+    expected = typicality.either(*stats.norm.sf(((means - prior) / width - middle) / sd))
     assert 0.02 < expected < 0.8
-    found = noise_p_value(draws, reference, of_class, np.random.default_rng(SEED))
+    found = typicality.noise_p_value(draws, reference, of_class, np.random.default_rng(SEED))
     assert found == pytest.approx(expected, abs=TOLERANCE)
-    assert np.isnan([either(np.nan, 0.01), either(0.01, np.nan)]).all()
+    assert np.isnan([typicality.either(np.nan, 0.01), typicality.either(0.01, np.nan)]).all()
 
 
 def test_misfit_p_value_is_that_of_the_ratio_of_two_chi_squares():
@@ -121,10 +115,11 @@ def test_misfit_p_value_is_that_of_the_ratio_of_two_chi_squares():
     freedom = np.array([20.0, 30.0])
     ratio = rng.chisquare(10, 200_000) / 10 / (rng.chisquare(50, 200_000) / 50)
     expected = np.mean(ratio > 25 / 10 / 1.4)
-    assert misfit_p_value(draws, 1.4 * freedom, freedom) == pytest.approx(expected, abs=0.005)
-    as_noise = misfit_p_value(draws, freedom, freedom)
-    assert as_noise == misfit_p_value(draws, freedom / 2, freedom) < expected / 2
-    assert misfit_p_value(replace(draws, misfit=np.inf), freedom, freedom) == 0
+    p_value = typicality.misfit_p_value
+    assert p_value(draws, 1.4 * freedom, freedom) == pytest.approx(expected, abs=0.005)
+    as_noise = p_value(draws, freedom, freedom)
+    assert as_noise == p_value(draws, freedom / 2, freedom) < expected / 2
+    assert p_value(replace(draws, misfit=np.inf), freedom, freedom) == 0
 
 
 # Changes of the pressures of a specimen with a modulus of 38 kPa; classes have 30 to 110 kPa.

@@ -38,9 +38,8 @@ def cohort(specimens: int = SPECIMENS, seed: int = 1) -> xr.Dataset:
 class SimulatedWork(Work):
     """The sum of the pressures of each specimen.
 
-    At a specimen of `raises` the work raises an error, and at one of `kills` its process is killed;
-    at one of `kills_once` only the first time. At one of `waits` it leaves a note in `folder` and
-    waits until its parent process has died.
+    The work raises an error at `raises`, and kills its process at `kills` and, once, at
+    `kills_once`. At `waits` it leaves a note in `folder`, and waits for the end of its parent.
     """
 
     name: ClassVar[str] = "simulated"
@@ -52,8 +51,6 @@ class SimulatedWork(Work):
     waits: tuple[str, ...] = ()
     folder: Path = Path()
     factor: float = 1.0
-    seconds: float = 0.0
-    """How long each specimen takes; for benchmarks."""
 
     def manifest(self):
         return {"factor": self.factor, "random_seed": 1}
@@ -78,7 +75,6 @@ class SimulatedWork(Work):
             parent = os.getppid()
             while label in self.waits and os.getppid() == parent:
                 time.sleep(POLL)
-        time.sleep(self.seconds * len(units))
         totals = [self.factor * tests_at(data, t)["pressure"].values.sum() for t in units.values()]
         variables = {
             "total": (self.by, totals),

@@ -32,10 +32,7 @@ def test_a_store_holds_the_result_of_the_work_itself(batch_size, data, undisturb
     assert result.attrs == {"strain_energy": "none"} and result["pair"].attrs == {"units": "kPa"}
     parts = [(i, min(i + batch_size, SPECIMENS)) for i in range(0, SPECIMENS, batch_size)]
     assert parts_of(tmp_path / "store") == parts
-
-
-def test_each_test_may_be_a_unit(data, tmp_path):
-    result = computed(SimulatedWork("test"), data, tmp_path / "store", batch_size=6)
+    result = computed(SimulatedWork("test"), data, tmp_path / "tests", batch_size=batch_size)
     assert result.equals(SimulatedWork("test").run(data))
     assert result["experiment"].values.tolist() == ["1", "2"] * SPECIMENS
 

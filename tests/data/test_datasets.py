@@ -32,8 +32,6 @@ ROUNDING = 1e-14  # a few operations
 WALL_AREA_ROUNDING = 1e-12  # a difference of squares that are up to 20 times as large
 # Units of the last decimals of the file: another mathematical library may round the other way.
 LAST_DECIMAL = {"radius_mm": 1.01e-3, "pressure_mmHg": 0.101}
-
-
 GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
 SHIPPED = files("pymc_hyperelastic.data.datasets") / "simulated_sheep_aorta.csv"
 

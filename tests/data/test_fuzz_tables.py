@@ -10,7 +10,6 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from written import HEAD, ROWS
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import check_inflation_data
@@ -65,13 +64,9 @@ def nearly_right(draw) -> bytes:
     return end.join(separator.join(row) for row in rows).encode(encoding, "replace")
 
 
-def is_sound_or_refused(contents: list[bytes], settings: dict | str | None) -> bool:
+def is_sound_or_refused(contents: list[bytes], settings: dict | None) -> bool:
     """Check the data or the error of files, and return whether there are data."""
     with tempfile.TemporaryDirectory() as folder:
-        if isinstance(settings, str):
-            toml = Path(folder, "study.toml")
-            toml.write_bytes(settings.encode("utf-8", "replace"))
-            settings = toml
         paths = [Path(folder, f"{'abc'[i]}.csv") for i in range(len(contents))]
         for path, content in zip(paths, contents, strict=True):
             path.write_bytes(content)
@@ -81,7 +76,7 @@ def is_sound_or_refused(contents: list[bytes], settings: dict | str | None) -> b
             try:
                 data = ph.read_tests(paths, settings)
             except ValueError as error:
-                places = files if settings is None else [*files, "settings", "study.toml"]
+                places = files if settings is None else [*files, "settings"]
                 assert any(place in str(error) for place in places), error
                 return False
         check_inflation_data(data)
@@ -104,15 +99,3 @@ def test_nearly_right_tables_give_sound_data_or_an_error_that_names_its_place():
 
     check()
     assert outcomes == {True, False}
-
-
-# Pieces of settings, which are put together at random.
-WORDS = "[columns] [units] [constants] [files.'a.csv'] pressure radius specimen = = = \" ' # 1 inf"
-WORDS = [*WORDS.split(), *"pressure_unit decimal ignore true [ ] { } , . 2024-01-01 'mmHg'".split()]
-
-
-@pytest.mark.deep
-@given(st.one_of(st.text(max_size=60), st.lists(st.sampled_from([*WORDS, "\n"])).map(" ".join)))
-@SOME
-def test_random_settings_are_understood_or_refused_by_name(text):
-    is_sound_or_refused([f"{HEAD}\n{ROWS}".encode()], text)

@@ -2,14 +2,9 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 from tables import build, good_frame
 
-from pymc_hyperelastic.mechanics.tube import current_radius, opened_sector, opening_factor
-
 ROUNDING = 1e-12
-# Relative error of the middle line of a ring: at most a sixth of (thickness/radius)².
-MIDDLE_LINE = 1 / 6
 
 # One tube: a ring of radii 7 and 9 mm that opens by 60 degrees in all, 30 by Fung.
 RING = {"inner_radius": 7.0, "outer_radius": 9.0, "radii_of": "ring"}
@@ -54,22 +49,6 @@ def test_columns_may_state_a_ring_of_each_test():
     np.testing.assert_allclose(data["outer_radius"] - data["inner_radius"], 2.0, rtol=ROUNDING)
     # A ring that stays closed keeps its radii to the last bit.
     assert data["inner_radius"].values[1] == 7.0 and data["outer_radius"].values[1] == 9.0
-
-
-@pytest.mark.parametrize(("thickness", "angle"), [(0.1, -60.0), (0.5, 200.0)])
-def test_neo_hookean_sector_closes_to_the_ring_within_second_order_of_thickness(thickness, angle):
-    tube = {"opening_angle": np.deg2rad(angle)}
-    ring = np.array([1 - thickness / 2, 1 + thickness / 2])
-    inner, outer = opened_sector(*ring, **tube)
-
-    def pressure(a):
-        places = np.linspace(inner, outer, 401)
-        r = current_radius(places, a, inner_radius=inner, **tube)
-        stretch = opening_factor(np.deg2rad(angle)) * r / places
-        return np.trapezoid((stretch**2 - stretch**-2) / r**2 * places, places)
-
-    closed = brentq(pressure, 0.5 * ring[0], 2 * ring[0])
-    assert abs(closed - ring[0]) < MIDDLE_LINE * thickness**2 * abs(angle) / 200
 
 
 S1E1 = "specimen 'S1', experiment 1: "

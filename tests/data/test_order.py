@@ -69,7 +69,6 @@ def test_rows_in_order_stay_as_they_were_measured(frame):
 
 UP_AND_DOWN = {
     "loading and unloading": cycle(),
-    "two cycles": pd.concat([cycle(), cycle().assign(radius=lambda f: f["radius"] + 0.01)]),
     "two experiments under one label": pd.concat([loading(), loading(pressure=PRESSURE + 0.1)]),
     # A fall of 11 % of the range is a turn, and one turn is loading and unloading.
     "one turn of 11 %": loading([1.0, 9.0, 11.0, 9.9], [1.0, 9.0, 11.0, 9.9]),

@@ -29,7 +29,6 @@ def build(frame=None, **arguments) -> xr.Dataset:
 RING = {"radii_of": "ring", "opening_angle_convention": "whole"}
 # A call, and a regular expression of its warning.
 DOUBTFUL = {
-    "mmHg as kPa": (lambda **c: build(curve(pressure=PRESSURE * 7.5), **c), "150 kPa.*mmHg"),
     "stretch in per cent": (lambda **c: build(axial_stretch=145.0, **c), "145;.*per cent"),
     "strain for a stretch": (lambda **c: build(axial_stretch=0.45, **c), "0.45;.*strain"),
     "diameter as radius": (lambda **c: build(curve(2 * RADIUS), **c), "measured radius a diameter"),

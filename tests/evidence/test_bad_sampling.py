@@ -46,6 +46,9 @@ def part_of_a_model() -> pm.Model:
     return part
 
 
+TERM, ZEROS = "likelihood", {"x": np.zeros(50)}
+
+
 def unsampled(kind, *fragments):
     """Return a row about a model that is refused for its kind."""
     return kind, lambda: smc(model_of(kind)), ValueError, fragments
@@ -71,24 +74,9 @@ BAD_INPUT = [
     ("no moves", lambda: smc(max_moves=0), ValueError, ["max_moves", "0"]),
     ("forgets nothing", lambda: smc(forget=0.0), ValueError, ["forget", "0.0"]),
     ("text for a seed", lambda: smc(random_seed="lucky"), TypeError, ["random_seed", "'lucky'"]),
-    (
-        "start of too few chains",
-        lambda: smc(chains=2, start=[{"x": np.zeros(50)}]),
-        ValueError,
-        ["start", "1", "2 chains"],
-    ),
-    (
-        "start of another variable",
-        lambda: smc(start=[{"y": np.zeros(50)}]),
-        ValueError,
-        ["start", "['x']", "['y']"],
-    ),
-    (
-        "modes, but not all terms tempered",
-        lambda: smc(tempered=["likelihood"], from_modes=True),
-        ValueError,
-        ["from_modes is for particles that start from the prior"],
-    ),
+    ("few starts", lambda: smc(chains=2, start=[ZEROS]), ValueError, ["start", "1", "2 chains"]),
+    ("other start", lambda: smc(start=[{"y": 0}]), ValueError, ["start", "['x']", "['y']"]),
+    ("modes", lambda: smc(tempered=[TERM], from_modes=True), ValueError, ["start from the prior"]),
     ("part of a model", lambda: smc(part_of_a_model()), ValueError, ["'part'", "`model.root`"]),
     ("no model", lambda: ph.sample_smc(progressbar=False), TypeError, ["no model is given"]),
 ]

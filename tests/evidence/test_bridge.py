@@ -7,33 +7,21 @@ import pymc as pm
 import pytensor.tensor as pt
 import pytest
 import xarray as xr
-from agreement import assert_agrees
+from agreement import CHAINS, DRAWS, SEED, Regression, as_tree, assert_agrees
 from evidences import PROBLEMS
 from pymc.distributions import transforms
 from pytensor.compile.mode import Mode
-from scipy import stats
-from tiers import deep, long
+from tiers import deep
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.unconstrained import unconstrained_draws
 
-SEED = 20250
 # Root mean square of the errors in units of the stated ones: 1 for honest errors. The stated errors
 # assume the largest possible correlation of the parts, which may be too cautious.
 HONEST = (0.65, 1.4)
 # Rounding of a transform and its inverse, for numbers of order one.
 ROUNDING = 1e-7
-CHAINS, DRAWS = 4, 500
-
-
-def as_tree(**variables) -> xr.DataTree:
-    """Return draws as samplers return them: variables by (chain, draw, ...)."""
-    posterior = {
-        name: (("chain", "draw", *(f"{name}_{i}" for i in range(np.ndim(values) - 2))), values)
-        for name, values in variables.items()
-    }
-    return xr.DataTree.from_dict({"posterior": xr.Dataset(posterior)})
 
 
 def by_chain(values):
@@ -52,32 +40,6 @@ def assert_doubtful(model, tree, match, **settings):
     with pytest.warns(UserWarning, match=match):
         found = bridge(model, tree, **settings)
     assert found.standard_error == np.inf and np.isfinite(found.value)
-
-
-class Regression:
-    """Correlated coefficients with known noise: evidence and posterior in closed form."""
-
-    def __init__(self, coefficients, seed=SEED, shift=0.0):
-        rng = np.random.default_rng(seed)
-        rows, noise, scale = 2 * coefficients, 0.5, np.linspace(1, 3, coefficients)
-        design = rng.normal(size=(rows, coefficients)) + rng.normal(size=(rows, 1))
-        y = design @ (scale * rng.normal(size=coefficients)) + noise * rng.normal(size=rows) + shift
-        with pm.Model(coords={"column": range(coefficients)}) as self.model:
-            slope = pm.Normal("slope", 0, scale, dims="column")
-            pm.Normal("y", pt.dot(design, slope), noise, observed=y)
-        precision = design.T @ design / noise**2 + np.diag(scale**-2)
-        self.mean = np.linalg.solve(precision, design.T @ y / noise**2)
-        self.factor = np.linalg.cholesky(np.linalg.inv(precision))
-        covariance = (design * scale) @ (design * scale).T + noise**2 * np.eye(rows)
-        self.log_evidence = stats.multivariate_normal(cov=covariance).logpdf(y)
-
-    def draws(self, rng, chains=CHAINS, draws=DRAWS, phi=0.0, width=1.0):
-        """Return autoregressive chains of the posterior; `phi` is the autocorrelation."""
-        standard = rng.standard_normal((chains, draws, len(self.mean)))
-        standard[:, 1:] *= np.sqrt(1 - phi**2)
-        for i in range(1, draws):
-            standard[:, i] += phi * standard[:, i - 1]
-        return as_tree(slope=self.mean + width * standard @ self.factor.T)
 
 
 @pytest.fixture(scope="module")
@@ -100,8 +62,6 @@ def test_evidence_of_a_regression_with_each_proposal(regression, tree, proposal)
     [
         (4, 2, 400, 0.5, 30, "normal"),
         *deep([(10, 2, 1000, 0.0, 100, "auto"), (30, 4, 1000, 0.7, 100, "auto")]),
-        *long([(10, chains, draws, 0.0, 100, "auto") for chains, draws in [(1, 2000), (12, 200)]]),
-        *long([(150, 4, 1000, 0.0, 50, "auto")]),
     ],
 )
 def test_stated_errors_are_as_large_as_the_errors(dimension, chains, draws, phi, runs, proposal):

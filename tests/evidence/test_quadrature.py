@@ -17,13 +17,6 @@ def assert_evidence(model, exact):
     assert found.standard_error < CLOSED_FORM_TOLERANCE
 
 
-def test_evidence_of_a_normal_mean():
-    with pm.Model() as model:
-        mean = pm.Normal("mean", 0.0, 3.0)
-        pm.Normal("y", mean, 4.0, observed=1.0)
-    assert_evidence(model, norm(0, 5).logpdf(1))
-
-
 def test_narrow_modes_far_apart_both_count():
     """Each of the two modes is ten thousand times narrower than the prior."""
     sd, centres = 2e-3, np.array([[-6.0, 3.0], [6.0, -3.0]])

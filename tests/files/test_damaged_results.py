@@ -190,10 +190,6 @@ SETTINGS = "variability_settings"
 DAMAGE = {
     "half an attribute": ("pooled", attribute("priors", "{"), "classify", "'priors'.*JSON"),
     "negative noise": ("pooled", within("noise", "sigma", value=-1), "classify", "sigma.*-1"),
-    "a function of PyMC": (
-        "pooled", within("priors", "mu", value=["sample", [1]]), "classify",
-        "class 'C1'.*'mu'.*'sample'.*'Uniform'",
-    ),
     "no priors": ("pooled", attribute("priors", "{}"), "classify", "'priors' lacks.*'mu'"),
     "unknown law": ("pooled", attribute("strain_energy", "Own"), "classify", "'Own'.*import"),
     "variability": (

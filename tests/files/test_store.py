@@ -37,18 +37,6 @@ def test_a_damaged_part_is_named_and_computed_again(tmp_path):
     assert store.kept("one").equals(RESULT) and store.kept("two") is None
 
 
-def test_a_store_refuses_other_work_and_says_what_differs(tmp_path):
-    manifest = {"what": "test", "settings": {"a": 1, "b": None}, "data": {"sha256": "0a"}}
-    Store(tmp_path / "store", manifest)
-    other = {"what": "test", "settings": {"a": 2, "b": None}, "data": {"sha256": "0b"}}
-    with pytest.raises(ValueError) as refused:
-        Store(tmp_path / "store", other)
-    assert str(refused.value) == (
-        f"the store {tmp_path / 'store'} holds other work: settings, a is 1 there and 2 here; "
-        "data are not the same. Give another folder, or ask for what it holds"
-    )
-
-
 def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
     (tmp_path / "thesis.tex").write_text("")
     for folder, error, message in (

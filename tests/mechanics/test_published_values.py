@@ -102,17 +102,6 @@ def test_pymecht_agrees(name):
     np.testing.assert_allclose(found, expected, rtol=PYMECHT_TOLERANCE)
 
 
-def test_stiffness_at_rest_is_that_of_lame():
-    """An unloaded tube yields as the incompressible linear cylinder in plane strain.
-
-    Lamé's displacement ``u = p A B^2/(2 mu (B^2 - A^2))`` is the reference of code_aster's SSLV130
-    (Manuel de validation V3.04.130): A = 0.1, B = 0.2, E = 200000 and p = 60 give 6e-5.
-    """
-    tube = {"inner_radius": 0.1, "outer_radius": 0.2, "mu": 200000 / 3}
-    value = ph.inflation_stiffness(ph.NeoHookean(), 0.1, **tube).eval(mode=AS_WRITTEN)
-    assert float(value) == pytest.approx(60 / 6e-5, rel=ROUNDING)
-
-
 def test_published_sector_and_ring_of_a_carotid_artery_are_one_tube():
     """The opening angle is the one missing from the circle: ``k = 2 pi/(2 pi - 160°)``.
 

@@ -61,25 +61,16 @@ def population(energy=OGDEN, data=None, **settings):
     return ph.population_model(energy, curves() if data is None else data, **settings)
 
 
-def class_prior(**priors):
-    return population(priors=priors)
-
-
 def inside(make):
     """A call in the context of a model that has a variable 'mu' and a dimension 'test'."""
     with pm.Model(coords={"test": ["mine"]}):
         return make(pm.Uniform("mu", 0, 50))
 
 
-class EitherSign(ph.StrainEnergy):
+class EitherSign(ph.MooneyRivlin):
     """A law with a modulus that may be negative."""
 
-    parameters = tuple(
-        ph.Parameter(n, n, "kPa", (low, 9.0), "") for n, low in (("a", 0), ("b", -9))
-    )
-
-    def energy(self, radial, hoop, axial, *, a, b):
-        return a * (radial**2 + hoop**2 + axial**2 - 3) + b * hoop
+    parameters = ph.MooneyRivlin.parameters[0], ph.Parameter("c01", "", "kPa", (-9.0, 9.0), "")
 
 
 GIVEN, FOREIGN = ph.Layer(ph.Demiray(), 0.2, b=HALF), inside(lambda mu: mu)
@@ -111,7 +102,7 @@ TYPE_ERRORS = [
     (lambda: layers(ph.Layer(ph.NeoHookean(), 1.0, mu="stiff")), "mu_1 is 'stiff'|a number"),
     (lambda: layers(ph.Layer(SERIES, 1.0, mu=[3.0])), "mu_1 is [3.0]|2 numbers"),
     # Populations.
-    (lambda: class_prior(location=pm.Normal.dist(0, 1)), "'location' has the shape|shape=2"),
+    (lambda: population(priors={"location": HALF}), "'location' has the shape|shape=2"),
     (lambda: population([GIVEN], THICK), "layer 1 has a distribution for 'b'"),
     # Models in the context of another one.
     (lambda: inside(lambda _: prior(FOREIGN)), "'mu'|with model:"),
@@ -126,8 +117,6 @@ VALUE_ERRORS = [
     (lambda: model(sigma=0), "sigma is 0|positive|kPa"),
     (lambda: model(slope_weight=-0.5), "slope_weight is -0.5|mm²|0 to leave the slopes out"),
     (lambda: model(curves([7.2, 7.6], [2.0, 4.0])), f"{PLACE}|2 point(s)|at least 3"),
-    (lambda: model(curves([7.2, 7.84, 8.0, 7.84])), f"{PLACE}|rows 42 and 44|7.84 mm"),
-    (lambda: model(curves([7.2, 7.84, 8.0, 7.840003])), "rows 42 and 44"),
     (lambda: ph.balanced_slope_weight(curves(pressure=[5.0] * 4)), "all slopes|zero"),
     (lambda: model(mode="fast"), "mode is 'fast'|'collocation'|'quadrature'"),
     (lambda: model(likelihood="exact"), "likelihood is 'exact'|'generative'"),
@@ -160,10 +149,10 @@ VALUE_ERRORS = [
     (lambda: extension(slope_weight=1.0), "experiment 0: axial_stretch varies|slope_weight=0"),
     (lambda: extension(geometry={"axial_stretch": RADIUS}), "stretch varies|leave it out"),
     # Populations.
-    (lambda: population(EitherSign()), "'b' of EitherSign|'real'|prior_range above zero"),
+    (lambda: population(EitherSign()), "'c01' of EitherSign|'real'|prior_range above zero"),
     (lambda: population(sigma=pm.Normal.dist(0.5, 0.3)), "'sigma' holds numbers such as -"),
     (lambda: population(reference_stress=0.0), "reference_stress is 0.0; expected a positive"),
-    (lambda: class_prior(mu=pm.Uniform.dist(0, 50)), "prior is given for 'mu'|spread"),
+    (lambda: population(priors={"mu": HALF}), "prior is given for 'mu'|spread"),
     (lambda: population(force_sigma=1, force_offset_sd=HALF), "force_offset_sd is a distribution"),
     # Models in the context of another one.
     (lambda: inside(prior), "['test']|name='artery'|by itself"),

@@ -97,9 +97,9 @@ def dense(data, sds):
 @pytest.mark.parametrize(
     ("sds", "mode", "measured"),
     [
-        (SDS, "collocation", "outer_diameter"),
-        (OFFSET, "quadrature", "radius"),
-        (DIAMETER, "collocation", "radius"),
+        (SDS, "collocation", "radius"),
+        (OFFSET, "quadrature", "outer_diameter"),
+        (DIAMETER, "collocation", "outer_diameter"),
     ],
 )
 def test_a_compiled_likelihood_follows_other_data(sds, mode, measured):

@@ -59,20 +59,17 @@ def test_variables_are_named_and_have_the_curves_of_the_tube(data):
         np.testing.assert_allclose(values, expected.eval(mode=AS_WRITTEN), rtol=1e-10)
 
 
-@pytest.mark.parametrize(
-    ("factory", "energy"),
-    [
+def test_factories_make_the_model_of_their_law_with_all_settings(data):
+    for factory, energy in (
         (ph.power_law_neo_hookean_model, ph.PowerLawNeoHookean()),
         (ph.ogden_model, ph.Ogden()),
         (ph.criscione_model, ph.CriscioneType()),
-    ],
-)
-def test_factories_make_the_model_of_their_law_with_all_settings(data, factory, energy):
-    last = energy.parameter_names[-1]
-    settings = {**NOISE, "priors": {last: pm.Uniform.dist(1, 9)}, "mode": "quadrature"}
-    special, general = factory(data, **settings), ph.inflation_model(energy, data, **settings)
-    assert special.study.energy == energy
-    assert special.study.attrs() == general.study.attrs()
+    ):
+        last = energy.parameter_names[-1]
+        settings = {**NOISE, "priors": {last: pm.Uniform.dist(1, 9)}, "mode": "quadrature"}
+        special, general = factory(data, **settings), ph.inflation_model(energy, data, **settings)
+        assert special.study.energy == energy
+        assert special.study.attrs() == general.study.attrs()
 
 
 def test_a_prior_of_rising_pressures_integrates_to_1():
@@ -174,22 +171,16 @@ def test_a_result_holds_what_is_needed_to_make_the_model_again(tmp_path):
     assert tree["posterior"]["pressure"].dims == ("chain", "draw", "obs")
 
 
-FORMS = {
-    "generative": lambda: ph.ogden_model(curves(), **NOISE, likelihood="generative"),
-    "population": lambda: ph.population_model(OGDEN, curves(), noise_sd=0.5),
-}
-
-
-@pytest.mark.parametrize("form", FORMS)
-def test_copies_know_what_they_were_made_from(form):
-    model = FORMS[form]()
-    expected = result_of(model)
-    assert "noise_in_words" in expected.attrs
-    for other in (copy.copy(copy.deepcopy(model)), cloudpickle.loads(cloudpickle.dumps(model))):
-        found = result_of(other)
-        assert found.attrs == expected.attrs
-        for group in ("observed_data", "constant_data"):
-            xr.testing.assert_identical(found[group].to_dataset(), expected[group].to_dataset())
+def test_copies_know_what_they_were_made_from():
+    generative = ph.ogden_model(curves(), **NOISE, likelihood="generative")
+    for model in (generative, ph.population_model(OGDEN, curves(), noise_sd=0.5)):
+        expected = result_of(model)
+        assert "noise_in_words" in expected.attrs
+        for other in (copy.copy(copy.deepcopy(model)), cloudpickle.loads(cloudpickle.dumps(model))):
+            found = result_of(other)
+            assert found.attrs == expected.attrs
+            for group in ("observed_data", "constant_data"):
+                xr.testing.assert_identical(found[group].to_dataset(), expected[group].to_dataset())
 
 
 @pytest.mark.parametrize(

@@ -222,23 +222,6 @@ def test_errors_of_materials_far_from_the_priors_are_stated_and_can_be_removed()
 # --- integrators that choose the order of quadrature ---------------------------------------------
 
 
-def test_curves_of_an_unknown_tube_are_exact():
-    outer, radius = 2.5, 1.02
-    stretch = np.linspace(1.1, 1.4, 5)
-    tube = {"inner_radius": 1.0, "outer_radius": outer, "opening_angle": 0.8}
-    data = dataset([{"radius": stretch, "stretch": 1.2}], tube)
-    priors = {"mu": pm.Uniform.dist(1, 20), "alpha": pm.Uniform.dist(1, 10)}
-    unknown = {"inner_radius": pm.Uniform.dist(0.9, 1.05)}
-    forward = WITH_FORCE.forward_model(ph.Ogden(), data, priors, unknown)
-    tube = forward.tube({"mu": 6.0, "alpha": 7.0}, {"inner_radius": radius})
-    found = pytensor.function([], [*tube.curves().values()], mode=AS_WRITTEN)()
-    k = opening_factor(0.8)
-    layers = [(ogden(6.0, 7.0), outer - radius)]
-    pressure, stiffness, force, _ = curves_and_slopes(layers, stretch, radius, np.full(5, 1.2), k)
-    for curve, expected in zip(found, (pressure, stiffness, force), strict=True):
-        np.testing.assert_allclose(curve, expected, atol=1e-10 * np.abs(expected).max())
-
-
 def test_layers_in_which_fibres_slacken_are_exact():
     data = opened_tube().assign(outer_radius=("test", np.full(4, np.nan)))
     values = {"c": 3.0, "k1": 8.0, "k2": 0.8, "beta": 29.0}

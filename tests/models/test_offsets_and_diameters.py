@@ -88,17 +88,6 @@ def test_log_likelihood_is_that_of_the_multivariate_normal(errors, likelihood, m
         assert value(**POINT, **sds)[0] == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
 
 
-def test_constant_matrices_give_the_same_likelihood():
-    data = extended("outer_diameter")
-    priors = {"mu": pm.Uniform.dist(1, 20), "alpha": pm.Uniform.dist(2, 8)}
-    model = model_of(data, likelihood="generative", mode="collocation", priors=priors, **SDS)
-    # Logits of the place of each parameter within its range.
-    point = {"mu_interval__": np.log(5 / 14), "alpha_interval__": 0.0}
-    found = model.compile_fn(model.logp(model.observed_RVs), mode=AS_WRITTEN)(point)
-    expected = Dense(data, LAYERS, **SDS).log_density()
-    assert found == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
-
-
 @pytest.mark.parametrize(("errors", "likelihood"), [("offset", "generative"), ("both", "paper")])
 def test_offsets_have_the_conditional_normal_distribution(errors, likelihood):
     """Without a measured force it is the prior."""

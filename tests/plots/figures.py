@@ -73,26 +73,25 @@ def both_kinds(*, force=True, kinds=("inflation", "extension")) -> xr.Dataset:
     return ph.inflation_data(frame, **SMALL_TUBE, axial_stretch="stretch", check="ignore")
 
 
-def hierarchical_class(energy, spread):
+def hierarchical_class(spread):
     """Return a class whose specimens differ, and their coordinates (coordinate, draw)."""
     rng = np.random.default_rng(SEED)
-    names = NaturalScale(energy).names
-    count = len(names)
-    location = np.array([-2.7, 1.9])[:count] + 0.05 * rng.standard_normal((1, 1000, count))
+    names = NaturalScale(ph.Ogden()).names
+    location = np.array([-2.7, 1.9]) + 0.05 * rng.standard_normal((1, 1000, 2))
     dims, noise = ("chain", "draw", "coordinate"), np.full((1, 1000), 0.1)
     posterior = xr.Dataset(
         {
             "location": (dims, location),
             "spread": (dims, np.full_like(location, spread)),
-            "correlation": ((*dims, "coordinate_2"), np.tile(np.eye(count), (1, 1000, 1, 1))),
+            "correlation": ((*dims, "coordinate_2"), np.tile(np.eye(2), (1, 1000, 1, 1))),
             "noise_sd": (dims[:2], noise),
             "noise_spread": (dims[:2], 3 * noise),
         },
         {"coordinate": names, "coordinate_2": names},
     )
     tree = xr.DataTree.from_dict({"posterior": posterior})
-    tree.attrs = {"strain_energy": energy.name, "reference_stress": "20.0"}
-    return tree, (location[0] + spread * rng.standard_normal((1000, count))).T
+    tree.attrs = {"strain_energy": "Ogden", "reference_stress": "20.0"}
+    return tree, (location[0] + spread * rng.standard_normal((1000, 2))).T
 
 
 def elements(figure, function, variable=None):

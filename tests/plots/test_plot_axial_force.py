@@ -9,7 +9,6 @@ from shared_errors import EXTENDED, dataset, extended
 import pymc_hyperelastic as ph
 
 OFFSETS = np.array([10.0, 0.0, -30.0, 5.0, 50.0])
-SUBTRACTED = "data (of that colour), less its test's offset"
 
 
 def with_offsets(data):
@@ -49,24 +48,18 @@ def test_measured_forces_are_drawn_beside_the_predicted_median():
 
 
 def test_mean_offset_is_subtracted_from_the_forces_of_its_test():
-    data = dataset()
-    tree, force = with_offsets(data), data["axial_force"].values
-    less = force - OFFSETS[data["test"].values]
-    figure = ph.plot_axial_force(tree)
-    assert SUBTRACTED in legend_texts(figure)
-    assert_shown(ph.plot_axial_force(tree, backend="none"), less)
-    tree["posterior"] = xr.DataTree(tree["posterior"].to_dataset()[["mu"]])
-    assert_shown(ph.plot_axial_force(tree, backend="none"), force)
-
-
-def test_mean_offset_is_subtracted_in_extension_tests():
     data = extended()
     data["pressure"] *= 0.1
-    less = data["axial_force"].values - OFFSETS[data["test"].values]
+    tree, force = with_offsets(data), data["axial_force"].values
+    less = force - OFFSETS[data["test"].values]
     of_extension = np.isin(data["test"].values, EXTENDED)
-    figure = ph.plot_axial_force(with_offsets(data), backend="none")
+    figure = ph.plot_axial_force(tree)
+    assert "data (of that colour), less its test's offset" in legend_texts(figure)
+    figure = ph.plot_axial_force(tree, backend="none")
     assert_shown(figure, less[~of_extension])
     assert_shown(figure, less[of_extension], "extension_force")
+    tree["posterior"] = xr.DataTree(tree["posterior"].to_dataset()[["mu"]])
+    assert_shown(ph.plot_axial_force(tree, backend="none"), force[~of_extension])
 
 
 def test_tests_of_unknown_offset_are_named_in_a_warning():

@@ -1,7 +1,7 @@
 """plot_parameter_density: regions, modes and axes."""
 
 import numpy as np
-from figures import SEED, hierarchical_class, legend_texts, texts
+from figures import SEED, hierarchical_class, legend_texts
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.natural_scale import NaturalScale
@@ -63,7 +63,7 @@ def test_regions_end_at_the_limit_of_a_uniform_prior(classes):
 
 
 def test_dashed_line_holds_its_share_of_new_specimens():
-    tree, members = hierarchical_class(ph.Ogden(), 0.2)
+    tree, members = hierarchical_class(0.2)
     figure = ph.plot_parameter_density(tree, probs=[0.5, 0.8])
     (line,) = figure.viz["new"]["log_density"].values.ravel()
     values = NaturalScale(ph.Ogden()).numbers(list(members))
@@ -77,18 +77,10 @@ def test_dashed_line_holds_its_share_of_new_specimens():
     axes = figure.get_viz("plot", "log_density")
     assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "linear")
     # Wide axes are logarithmic, and the region fills them.
-    figure = ph.plot_parameter_density(hierarchical_class(ph.Ogden(), 1.5)[0])
+    figure = ph.plot_parameter_density(hierarchical_class(1.5)[0])
     axes = figure.get_viz("plot", "log_density")
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     (line,) = figure.viz["new"]["log_density"].values.ravel()
     corners = np.concatenate([path.vertices for path in line.get_paths() if len(path.vertices)])
     for ends, place in zip((axes.get_xlim(), axes.get_ylim()), corners.T, strict=True):
         assert np.ptp(np.log(place)) > 0.5 * np.ptp(np.log(ends))
-
-
-def test_class_of_one_parameter_shows_location_and_spread():
-    tree, _ = hierarchical_class(ph.NeoHookean(), 0.2)
-    figure = ph.plot_parameter_density(tree, backend="none")
-    labels = texts(figure, "xlabel") + texts(figure, "ylabel")
-    assert labels == ["location[log_reference_strain]", "spread[log_reference_strain]"]
-    assert "new" not in figure.viz.children

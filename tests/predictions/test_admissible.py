@@ -30,19 +30,13 @@ def test_negative_modulus_is_not_admissible():
     )
 
 
-def test_softening_and_negative_second_modulus_break_different_conditions():
+def test_softening_breaks_the_rise_of_pressure_alone():
     top, _ = maximum_of_softening()
     softening = {"energy": ph.PowerLawNeoHookean(), **SHEEP}
     found = ph.admissible(one_draw(SOFTENING), np.linspace(7, 1.1 * top, 50), **softening)
     assert not found["pressure_rises"].item()
     assert found["baker_ericksen"].item()
     assert ph.admissible(one_draw(SOFTENING), [7, 0.9 * top], **softening)["pressure_rises"].item()
-    # Baker and Ericksen ask of Mooney and Rivlin that c10 + λk² c01 > 0 in each direction k: of the
-    # pair of hoop and radius 20 − 12 λz² is positive, of axis and radius 20 − 12 λθ² no longer.
-    tree = result(c10=[20.0, 20.0], c01=[-12.0, 2.0])
-    found = ph.admissible(tree, np.linspace(7.0, 10.0, 20), energy=ph.MooneyRivlin(), **SHEEP)
-    assert found["pressure_rises"].values.tolist() == [[True, True]]
-    assert found["baker_ericksen"].values.tolist() == [[False, True]]
 
 
 @pytest.mark.parametrize("axial", [0.8, 1.0, 1.3])

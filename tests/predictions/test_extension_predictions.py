@@ -89,7 +89,6 @@ THREE = {**TUBE, "axial_stretch": STRETCHES}
     ("function", "at", "tube", "message"),
     [
         (ph.predict_pressure, [1.1, 1.2], THREE, "has 3 values, and there are 2 radii or press"),
-        (ph.tube_properties, 2.0, THREE, "axial_stretch has 3 values, and there are 1 radii"),
         (ph.predict_pressure, 1.1, THREE | {"axial_stretch": [1.2, -1.0]}, "must be positive"),
         (ph.predict_pressure, 1.1, THREE | {"axial_stretch": ["long"]}, "a list of axial stretch"),
         (ph.predict_pressure, 1.1, TUBE | {"inner_radius": [1.0, 1.1]}, r"\[1.0, 1.1\]; .*number"),

@@ -313,7 +313,7 @@ NOT_OFFERED = [
     (
         "pooled class",
         lambda tree: ph.plot_parameter_density(tree, specimen="A1"),
-        "all specimens.*share",
+        "all spec.*share",
     ),
 ]
 

@@ -5,7 +5,7 @@ import oracles
 import pytest
 import xarray as xr
 from problems import AS_WRITTEN
-from tube_posteriors import ROUNDING, SHEEP, TUBES, fitted_tree, result
+from tube_posteriors import ROUNDING, TUBES, fitted_tree, result
 
 import pymc_hyperelastic as ph
 
@@ -24,24 +24,18 @@ INNER, THICKNESS = np.array([6.8, 7.0, 7.2]), np.array([1.9, 2.0, 2.2])
     ids=["pressure", "stiffness", "axial force"],
 )
 def test_each_draw_has_the_curve_of_its_parameters(predict, name, function):
-    tree = result(mu=[4.0, 6.0, 5.0], alpha=[8.0, 12.0, -3.0])
+    values = {"mu": [4.0, 6.0, 5.0], "alpha": [8.0, 12.0, -3.0]}
+    # The order of dimensions does not matter.
+    posterior = result(**values)["posterior"].to_dataset().transpose()
+    tree = xr.DataTree.from_dict({"posterior": posterior})
     tube, radius = TUBES["in vivo"], [0.3, 0.5]
     found = predict(tree, radius, energy=ph.Ogden(), **tube)[name]
     assert found.dims == ("chain", "draw", "radius")
     assert found.attrs["units"] == {"pressure": "kPa", "stiffness": "kPa/mm"}.get(name, "mN")
     for draw in range(3):
-        at = {n: float(tree["posterior"][n][0, draw]) for n in ("mu", "alpha")}
+        at = {n: of_draws[draw] for n, of_draws in values.items()}
         expected = function(ph.Ogden(), radius, **tube, **at).eval(mode=AS_WRITTEN)
         np.testing.assert_allclose(found[0, draw], expected, rtol=ROUNDING)
-
-
-def test_order_of_dimensions_does_not_matter():
-    tree = result(mu=[4.0, 6.0, 5.0], alpha=[8.0, 12.0, 3.0])
-    turned = xr.DataTree.from_dict({"posterior": tree["posterior"].to_dataset().transpose()})
-    found, expected = (
-        ph.predict_pressure(t, [7.0, 8.0], energy=ph.Ogden(), **SHEEP) for t in (turned, tree)
-    )
-    xr.testing.assert_identical(found, expected)
 
 
 INFERRED = {
@@ -80,8 +74,6 @@ def test_inferred_geometry_is_that_of_each_draw(wall):
     ("given", "inferred", "outer"),
     [
         ({}, {}, 9.0),
-        ({}, {"outer_radius": [8.5]}, 8.5),
-        ({}, {"thickness": [1.0]}, 8.0),
         ({}, {"outer_radius": [8.5], "thickness": [1.0]}, 8.5),
         ({"outer_radius": 8.2}, {"thickness": [1.0]}, 8.2),
         ({"outer_radius": 8.2}, {"outer_radius": [8.5]}, 8.2),

@@ -11,7 +11,6 @@ from pymc_hyperelastic.reports.blocks import Found
 from pymc_hyperelastic.reports.decisions import classified_sentences
 from pymc_hyperelastic.reports.laws import in_text
 from pymc_hyperelastic.reports.methods import fit_sentences
-from pymc_hyperelastic.reports.settings import settings_of, settings_rows
 
 ONE = ph.select(DATA, specimen="S1", experiment=1)
 
@@ -20,17 +19,24 @@ def methods(tree):
     return " ".join(fit_sentences(Found("Fit", tree)))
 
 
-def test_methods_name_data_model_errors_priors_and_sampler():
-    assert methods(fitted_classes()) == (
-        "The simulated inflation curves of 5 specimens (3 in C1 and 2 in C2) were analysed: "
-        "10 experiments with 200 points. Each vessel was modelled as a thick-walled, "
-        "incompressible, hyperelastic tube with the strain energy Demiray, "
-        "W = (μ/(2 b)) (e^(b (I₁ − 3)) − 1). All specimens that were fitted together shared one "
-        "set of parameters. Errors of pressures were taken as normal, with a standard deviation of "
-        "1.414 kPa. Priors were Uniform(0, 200) kPa for mu and Uniform(0, 20) for b. Posteriors "
-        "were sampled by sequential Monte Carlo in 2 independent chains of 100 draws each, which "
-        "also gives the evidence and its standard error."
-    )
+def test_methods_settings_and_versions_of_pooled_classes(write_words):
+    page = write_words(fitted_classes())
+    for words in (
+        "The simulated inflation curves of 5 specimens (3 in C1 and 2 in C2) were analysed: ",
+        "10 experiments with 200 points",
+        "the strain energy Demiray, W = (μ/(2 b)) (e^(b (I₁ − 3)) − 1). All specimens that were",
+        "1.414 kPa. Priors were Uniform(0, 200) kPa for mu and Uniform(0, 20) for b. Posteriors ",
+        "by sequential Monte Carlo in 2 independent chains of 100 draws each, which also gives",
+    ):
+        assert words in page.methods
+    rows = {row[0]: row[1] for row in page.table("Settings")[1]}
+    assert rows["strain energy"] == "Demiray" and rows["prior of mu"] == "Uniform(0, 200) kPa"
+    assert rows["draws of a chain"] == 100 and rows["chains"] == 2 and rows["random seed"] == "7"
+    versions = {row[0]: row[1:] for row in page.table("Versions")[1]}
+    assert versions["pymc-hyperelastic"] == ["0.0.9", ph.__version__]
+    assert versions["numpy"] == ["not told", np.__version__]
+    software = f"PyTensor {versions['pytensor'][1]} and NumPy {np.__version__}."
+    assert page.methods.endswith(f"with pymc_hyperelastic 0.0.9 on PyMC 6.1.0, {software}")
 
 
 SD = "with a standard deviation"
@@ -69,21 +75,3 @@ def test_methods_state_class_priors_and_decision_limits():
     assert "The probabilities beforehand were 0.8 of C1 and 0.2 of C2." in said
     assert "left undecided where the most probable class had a probability below 0.9." in said
     assert "p-value of every class was below 0.05" in said
-
-
-def test_settings_table_holds_the_stored_settings():
-    rows = {row[0]: row[1] for row in settings_rows(settings_of(fitted_classes()))}
-    assert rows["strain energy"] == "Demiray"
-    assert rows["prior of mu"] == "Uniform(0, 200) kPa"
-    assert rows["draws of a chain"] == 100 and rows["chains"] == 2 and rows["random seed"] == "7"
-
-
-def test_versions_of_fit_and_report_are_shown(write_words):
-    page = write_words(fitted_classes())
-    rows = {row[0]: row[1:] for row in page.table("Versions")[1]}
-    assert rows["pymc-hyperelastic"] == ["0.0.9", ph.__version__]
-    assert rows["numpy"] == ["not told", np.__version__]
-    assert page.methods.endswith(
-        f"All was computed with pymc_hyperelastic 0.0.9 on PyMC 6.1.0, PyTensor "
-        f"{rows['pytensor'][1]} and NumPy {np.__version__}."
-    )

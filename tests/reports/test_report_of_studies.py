@@ -2,14 +2,14 @@
 
 import fits
 import numpy as np
-import pandas as pd
 import pymc as pm
 import pytest
 import xarray as xr
 from report_pages import Page, assert_sound
 from scipy.stats import chi2
+from shared_errors import extended
 from stored_results import classified, fitted_class, fitted_classes
-from variable_classes import TRAINING, TUBE, classify, curves
+from variable_classes import TRAINING, classify, curves
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.kinds import kind_of_settings
@@ -76,6 +76,14 @@ def test_report_of_a_study_has_all_chapters(page):
     _, rows = page.table("Specimens that were left out")
     assert rows[1][2:7] == ["stiff", 0.2, 0.8, np.log(0.8), 0.08]
     assert "the classes have no variability" not in page.warnings
+    for words in (
+        "inflation curves of 6 specimens (3 in soft and 3 in stiff) were analysed",
+        "The curves of 2 specimens were held against the classes soft and stiff",
+        "each of 3 specimens, in 2 groups that belong together, was left out",
+        "Bayes factor of different against equal distributions",
+        "compliance at pressures from 1 to 4 kPa",
+    ):
+        assert words in page.methods
 
 
 def test_fit_tables_hold_the_numbers_of_specimens_and_classes(page, results):
@@ -110,17 +118,6 @@ def test_difference_table_holds_the_numbers_of_compare_classes(page, results):
     numbers = [float(of_one["value"]), float(of_one["value_sd"])]
     assert row[4:] == [*numbers, *of_one["value_interval"].values.tolist()]
     assert page.column("Differences of the typical specimens: Curves", "pressure (kPa)") == [1, 4]
-
-
-def test_methods_have_a_sentence_for_each_step(page):
-    for words in (
-        "inflation curves of 6 specimens (3 in soft and 3 in stiff) were analysed",
-        "The curves of 2 specimens were held against the classes soft and stiff",
-        "each of 3 specimens, in 2 groups that belong together, was left out",
-        "Bayes factor of different against equal distributions",
-        "compliance at pressures from 1 to 4 kPa",
-    ):
-        assert words in page.methods
 
 
 def test_planned_tests_are_ranked_by_information(write, write_words):
@@ -160,19 +157,13 @@ def test_planned_studies_have_the_numbers_of_plan_study(write_words):
 
 
 def test_report_of_forces_and_extension_tests(write):
-    radius, stretch = np.linspace(7.3, 9.0, 6), np.linspace(1.1, 1.4, 6)
-    pressure = 3 * (radius - 7.1)
-    tables = [
-        pd.DataFrame({"experiment": "in", "radius": radius, "stretch": 1.2, "pressure": pressure}),
-        pd.DataFrame({"experiment": "drawn", "radius": 7.5, "stretch": stretch, "pressure": 3.0}),
-    ]
-    frame = pd.concat(tables, ignore_index=True).assign(specimen="S1", axial_force=900.0)
-    data = ph.inflation_data(frame, **TUBE, axial_stretch="stretch", check="ignore")
+    data = extended()
+    data["pressure"] *= 0.1
     page = write({"Model": fitted_class(data, "NeoHookean", 20)}, **AT)
     assert "cannot be shown" not in page.text
     labels = [a["aria-label"] for tag, a in page.elements if tag == "svg"]
     assert "Fit of the axial force: Model" in labels
-    assert "1 specimen, 2 experiments (1 of them an extension test), 12 points" in page.text
+    assert "1 specimen, 5 experiments (2 of them extension tests), 19 points" in page.text
     assert "inflation and extension curves of 1 specimen" in page.methods
     assert "Axial forces were measured too." in page.methods
 

@@ -21,16 +21,15 @@ import numpy as np
 import pymc as pm
 import pytensor
 import pytensor.tensor as pt
-from peers import log_mean
 from pymc.model.transform.conditioning import remove_value_transforms
 from pytensor.graph.replace import clone_replace
-from report import DOCS, table
 from scipy.special import logsumexp
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.target import Target
 
-sys.path.append(str(Path(__file__).parents[1] / "evidence"))
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT / "tests" / "evidence"))
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ def pymc(model, seed):
     tree = pm.sample_smc(model=model, chains=4, cores=1, random_seed=seed, progressbar=False)
     stages = tree["sample_stats"]["log_marginal_likelihood"].values
     chains = np.array([np.asarray(chain, float)[-1] for chain in stages])
-    value = log_mean(chains)
+    value = logsumexp(chains) - np.log(len(chains))
     return value, np.exp(chains - value).std(ddof=1) / np.sqrt(len(chains))
 
 
@@ -209,7 +208,10 @@ def table_of(rows, problems):
             [r for r in rows if (r["problem"], r["peer"]) == (p.name, n)] for n in peers
         )
         lines.append([p.name, p.unknowns, cell(own), *honesty(own), *map(cell, others)])
-    return table(header + [PEERS[name].title for name in peers[1:]], lines)
+    header += [PEERS[name].title for name in peers[1:]]
+    # All columns but the first are numbers.
+    lines = [header, ["---", *["---:"] * (len(header) - 1)], *lines]
+    return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
 def cell(runs):
@@ -247,7 +249,9 @@ if __name__ == "__main__":
     options.add_argument("--peers", nargs="+", choices=PEERS, default=installed)
     options.add_argument("--limit", type=int, default=400, help="seconds of a run, at most")
     # Not Markdown by its name: Sphinx would make a page of it beside the one that includes it.
-    options.add_argument("--out", type=Path, default=DOCS / "evidence_table.txt")
+    options.add_argument(
+        "--out", type=Path, default=ROOT / "docs" / "project" / "evidence_table.txt"
+    )
     given = options.parse_args()
     file = given.results.open("a+", encoding="utf-8", buffering=1)
     file.seek(0)
