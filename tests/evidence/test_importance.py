@@ -202,7 +202,10 @@ def test_laplace_approximations_about_normal_draws_are_the_normal_density():
     points = place + (root @ standard).T
     curvature = np.repeat(np.linalg.inv(covariance)[None], 50, axis=0)
     rise = Rise(np.zeros(50), -np.linalg.solve(covariance, (points - place).T).T, curvature)
-    mixture = laplace_about(lambda width: lambda points: rise, points, covariance)
+    widths = []
+    mixture = laplace_about(lambda x: widths.append(x) or (lambda _: rise), points, covariance)
+    # Differences are taken on the scale of each variable.
+    np.testing.assert_allclose(widths[0] / widths[0][0], np.sqrt(np.diagonal(covariance)))
     spread = np.cov(mixture.means.T, ddof=0) + mixture.covariances.mean(axis=0)
     np.testing.assert_allclose(mixture.means.mean(axis=0), place, atol=1e-12)
     np.testing.assert_allclose(spread, covariance, rtol=1e-9)

@@ -15,6 +15,7 @@ from tiers import tiers
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import at_points
 from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.forward.blocks import table_arrays
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import complete_priors
 
@@ -168,3 +169,9 @@ def test_a_law_that_cannot_be_collocated_falls_back_to_quadrature():
     known = {n: at_points(data, n) for n in ("inner_radius", "outer_radius", "axial_stretch")}
     exact = ph.inflation_pressure(energy, data["radius"].values, mu=20.0, n=2.0, **known)
     np.testing.assert_allclose(pressure, exact.eval(mode=AS_WRITTEN), rtol=1e-10)
+
+
+def test_the_table_of_tests_has_as_many_columns_as_the_longest_test():
+    found = table_arrays(np.array([0, 0, 0, 2, 2]), 3)
+    assert found["there"].tolist() == [[True] * 3, [False] * 3, [True, True, False]]
+    assert found["place"].tolist() == [0, 1, 2, 6, 7]

@@ -112,7 +112,8 @@ def test_difference_table_holds_the_numbers_of_compare_classes(page, results):
     _, (row,) = page.table("Whether groups differ at all")
     names = ("log_bayes_factor", "log_bayes_factor_se", "probability_of_difference")
     assert row[1:] == [float(result[name]) for name in names]
-    _, rows = page.table("Values of the groups: Compared")
+    headings, rows = page.table("Values of the groups: Compared")
+    assert headings[-2:] == ["2.5 %", "97.5 %"]
     of_one = result.sel(group="stiff", statistic="mean")
     (row,) = [r for r in rows if r[2:4] == ["stiff", "mean"]]
     numbers = [float(of_one["value"]), float(of_one["value_sd"])]
