@@ -196,6 +196,11 @@ def test_modes_of_a_product_are_found_near_those_of_a_factor():
     np.testing.assert_allclose(found.covariances, covariances, rtol=1e-3, atol=1e-4)
     heights = log_density(found.means) + np.linalg.slogdet(covariances)[1] / 2
     np.testing.assert_allclose(np.exp(found.log_weights), softmax(heights), atol=1e-3)
+    # So near that the first step is the last: the weight is that of the summit all the same.
+    apart = GaussianMixture(np.log([0.3, 0.7]), means, factors)
+    beside = means + 0.2 * factors[..., 0] * [[1], [0]]
+    found = modes_near(apart.log_density, GaussianMixture(apart.log_weights, beside, factors))
+    np.testing.assert_allclose(np.exp(found.log_weights), [0.3, 0.7], atol=1e-3)
     assert modes_near(lambda points: points[:, 0], known) is None
     assert modes_near(lambda points: np.full(len(points), -np.inf), known) is None
 

@@ -16,6 +16,7 @@ from tiers import deep
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import at_points
 from pymc_hyperelastic.evidence.batched import BatchedFunction
+from pymc_hyperelastic.models.forward.rules import _possible
 from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import complete_priors
 
@@ -262,3 +263,16 @@ def test_kinks_at_any_stretch_are_not_collocated(energy):
     data = dataset([{"radius": np.linspace(0.55, 0.68, 5), "stretch": stretch}], OPENED)
     with pytest.raises(ValueError, match=rf"{energy.name}.*mode='quadrature'"):
         WITH_FORCE.forward_model(energy, data, complete_priors(energy), mode="collocation")
+
+
+def test_materials_are_possible_up_to_a_multiple_of_the_measured_pressures():
+    """In each of two tests: the pressures of a neo-Hookean tube are proportional to its modulus."""
+    tests = [{"radius": np.linspace(1.1, r, 5), "stretch": np.full(5, 1.2)} for r in (1.3, 1.5)]
+    data = dataset(tests, OPENED)
+    radius = data["radius"].values.reshape(2, -1)[:, [0, -1]]
+    tube = {**OPENED, "axial_stretch": 1.2}
+    unit = ph.inflation_pressure(ph.NeoHookean(), radius, mu=1.0, **tube).eval(mode=AS_WRITTEN)
+    largest = BEYOND * np.abs(data["pressure"].values).max() / np.abs(unit).max(axis=1)
+    moduli = np.ravel(np.outer(largest, [0.99, 1.01]))
+    found = _possible(ph.NeoHookean(), data, [moduli], BEYOND)
+    np.testing.assert_array_equal(found, moduli < largest[:, None])

@@ -4,6 +4,7 @@ import fits
 import matplotlib as mpl
 import pytest
 import xarray as xr
+from matplotlib import pyplot as plt
 
 mpl.use("Agg")
 
@@ -11,7 +12,7 @@ mpl.use("Agg")
 @pytest.fixture(autouse=True)
 def _figures_are_closed():
     yield
-    mpl.pyplot.close("all")
+    plt.close("all")
 
 
 @pytest.fixture(scope="module")

@@ -62,6 +62,9 @@ def test_decisions_p_values_and_limits_are_shown():
     assert colours[0] not in colours[1:]
     shown = [e["y"].item() for e in elements(figure, "scatter")]
     assert shown == p_value[np.isfinite(p_value)].tolist()
+    of_one = {"specimen": "S1", "class_label": "C2"}
+    number, marker = (figure.get_viz(name, **of_one)["x"] for name in ("p_number", "p_value"))
+    np.testing.assert_array_equal(np.ravel(number), np.ravel(marker))
     assert figure.get_viz("p_number", specimen="S3", class_label="C1")["string"] == "0.010"
     for name, limit in limits.items():
         assert figure.get_viz(name, specimen="S2")["y"] == limit
