@@ -85,6 +85,15 @@ def test_bars_are_probabilities_and_points_are_differences_of_evidences():
         assert numbers(other, panel) == numbers(figure, panel)
 
 
+def test_rows_are_as_high_as_the_longest_name():
+    def height(name):
+        fits = {name: fit(-120.0), "Ogden": fit(-121.0)}
+        return ph.plot_law_probability(fits).get_viz("figure").get_size_inches()[1]
+
+    # Three lines of 26 letters at most, each 0.17 inches high, in two rows.
+    assert height("a long name " * 6) - height("Yeoh") == pytest.approx(2 * 2 * 0.17)
+
+
 def test_error_of_a_probability_stays_between_0_and_1():
     figure = plotted({"one": (-50.0, 0.03), "two": (-51.0, 30.0)})
     line = figure.get_viz("error", panel="probability", strain_energy="one")["x"]
