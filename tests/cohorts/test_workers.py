@@ -7,6 +7,7 @@ import subprocess
 import sys
 from concurrent.futures import Future
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,13 @@ from simulated_work import SPECIMENS, SimulatedWork, cohort, computed, wait_for
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.cohorts.run import parts_of
-from pymc_hyperelastic.cohorts.workers import ThisProcess, WorkerDied, _how
+from pymc_hyperelastic.cohorts.workers import (
+    Cluster,
+    ClusterLost,
+    ThisProcess,
+    WorkerDied,
+    _how,
+)
 
 
 def check_others(result, undisturbed, *failed):
@@ -220,3 +227,18 @@ def test_a_killed_driver_loses_nothing(cores, data, undisturbed, tmp_path):
         assert parts_of(tmp_path / "store") == [(0, 2), (2, 4), (4, 6)]
     result = computed(SimulatedWork(), data, tmp_path / "store", batch_size=2)
     assert result.identical(undisturbed)
+
+
+def test_a_cluster_without_workers_is_lost_when_nothing_happens_there(monkeypatch):
+    """A worker that a batch kills as soon as it comes is hardly ever seen, but makes events."""
+    monkeypatch.setattr("pymc_hyperelastic.cohorts.workers._PATIENCE", -1.0)
+    cluster, events, threads = object.__new__(Cluster), ["a worker came"], {}
+    client = SimpleNamespace(nthreads=lambda: threads, get_events=lambda topic: tuple(events))
+    cluster._client, cluster._seen, cluster._news = client, 0.0, ()
+    cluster.check()
+    with pytest.raises(ClusterLost, match="no worker for"):
+        cluster.check()
+    events.append("another one came")
+    cluster.check()
+    threads["worker"] = 1
+    cluster.check()
