@@ -233,4 +233,4 @@ def test_reports_of_sampled_models_of_other_kinds(write_words):
     assert "mu_2" in of_layers.column("Posterior of the parameters", "parameter")
     assert "Each specimen had parameters of its own" in of_population.methods
     assert "log_reference_strain[A2]" in of_population.column("Posterior", "parameter")
-    assert of_own.methods.startswith("The result does not say which model it is of.")
+    assert "The result does not say which model it is of." in of_own.methods
