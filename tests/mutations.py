@@ -4,9 +4,9 @@
 spread over its folders and over five kinds of mistakes. ``python tests/mutations.py run`` first
 runs the first tier and notes which files of tests execute which lines of the package. It then makes
 each mutation in a copy of the package, and runs the files that execute its line until a test fails.
-For each mutation that survives, it runs the second tier. The table is written to
-``results/mutations.json``; an interrupted run continues. This takes about an hour; run it before a
-release.
+For each mutation that survives, it runs the second-tier tests of the same folder and the golden
+numbers. The table is written to ``results/mutations.json``; an interrupted run continues. This
+takes about an hour; run it before a release.
 """
 
 import argparse
@@ -29,9 +29,9 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "pymc_hyperelastic"
 RESULTS = ROOT / "results" / "mutations.json"
-# Files of tests by the line of the package that they execute, a file for each process.
+# Lines of the package that each file of tests executes, recorded by each process.
 LINES = ROOT / "results" / "lines"
-SEED = 20261128  # any seed will do; the list in the documentation was made with this one
+SEED = 20261128  # any seed will do
 COUNT = 60
 KINDS = ("sign", "constant", "comparison", "off by one", "dropped term")
 # A constant with a name is a setting of a method: a correct method gives right results with another
@@ -186,9 +186,9 @@ def chosen(count: int, seed: int) -> list[Mutation]:
 
 
 class ExecutedLines:
-    """Plugin of pytest that notes which lines of the package the tests of each file execute.
+    """Plugin of pytest that records which lines of the package the tests of each file execute.
 
-    A stored fit counts for every file that reads it.
+    The lines that make a stored fit belong to every file that reads the fit.
     """
 
     def __init__(self) -> None:
@@ -200,7 +200,7 @@ class ExecutedLines:
         sys.monitoring.set_events(sys.monitoring.COVERAGE_ID, line)
         import fits
 
-        self._stored, fits.stored = fits.stored, self._read
+        self._fits, self._stored, fits.stored = fits, fits.stored, self._read
 
     def _execute(self, code: CodeType, line: int) -> object:
         if code.co_filename.startswith(str(PACKAGE)):
@@ -220,6 +220,8 @@ class ExecutedLines:
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
         """Collect the lines that a test and its fixtures execute."""
         self._current = self._lines.setdefault(item.location[0], set())
+        # Else a fit that is in memory would not be read again.
+        self._fits._opened.cache_clear()
         sys.monitoring.restart_events()
         return (yield)
 
@@ -232,7 +234,7 @@ class ExecutedLines:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Take part in a run of pytest that loads this module with ``-p mutations``."""
-    if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
+    if hasattr(config, "workerinput"):
         config.pluginmanager.register(ExecutedLines())
 
 
@@ -248,6 +250,8 @@ def files_by_line() -> dict[str, set[str]]:
     fits = [(n, line) for one in executed for n in one if n[:4] == "fit " for line in one[n]]
     for one in executed:
         for file, lines in one.items():
+            if file.startswith("fit "):
+                continue
             more = [line for name, line in fits if name in lines]
             for line in [*lines, *more]:
                 found.setdefault(line, set()).add(file)
@@ -278,11 +282,9 @@ def is_found(mutation: Mutation, tier: str) -> str:
             lines = range(mutation.line - _LINES_OF_STATEMENT, mutation.line + 1)
             executed = [files_by_line().get(f"{mutation.path}:{line}", set()) for line in lines]
             paths = paths.union(*executed)
-        elif (copy / "tests" / "golden").is_dir():
-            paths |= {"tests/golden"}
-        # Docstring examples are left out: pytest would take their module for one of tests.
-        there = [path for path in sorted(paths) if path.startswith("tests/")]
-        done = run_tests(copy, ["-x", "-m", tier, *there])
+        else:
+            paths.add("tests/golden")
+        done = run_tests(copy, ["-x", "-m", tier, *sorted(paths)])
         if done.returncode not in SURVIVED:
             lines = done.stdout.splitlines()
             failed = [x for x in lines if x.startswith(("FAILED", "ERROR"))]
