@@ -15,7 +15,7 @@ from pymc_hyperelastic.cohorts.work import filled
 from pymc_hyperelastic.evidence.checks import PACKAGE
 from pymc_hyperelastic.files.results import open_table
 from pymc_hyperelastic.files.seal import unsealed
-from pymc_hyperelastic.files.store import manifest_of
+from pymc_hyperelastic.files.store import check_store, hash_of, manifest_of
 
 # Parts that are kept in memory once they were read: so many at least, and as many as have so many
 # bytes. Who reads all, variable by variable, then reads each part once.
@@ -96,8 +96,11 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
             skip_file_prefixes=(PACKAGE,),
         )
     sizes = [(folder / f"{part.part}.nc").stat().st_size for part in parts[:_KEPT]]
-    read = lru_cache(max(_KEPT, _KEPT_BYTES // max(1, *sizes)))(partial(_read, folder))
+    read = lru_cache(max(_KEPT, _KEPT_BYTES // max(1, *sizes)))(
+        partial(_read, folder, hash_of(manifest))
+    )
     units = open_table(folder / f"{UNITS}.nc")
+    check_store(units, hash_of(manifest), folder / f"{UNITS}.nc")
     template = _template(parts, read)
     variables = {
         name: _lazily(name, variable, by, count, parts, read)
@@ -110,8 +113,11 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
     return _in_groups(result) if manifest["work"] == "fit_cohort" else result
 
 
-def _read(folder: Path, part: Batch) -> xr.Dataset:
-    return open_table(folder / f"{part.part}.nc")
+def _read(folder: Path, store: str, part: Batch) -> xr.Dataset:
+    path = folder / f"{part.part}.nc"
+    table = open_table(path)
+    check_store(table, store, path)
+    return table
 
 
 def _template(parts: list[Batch], read: Any) -> xr.Dataset:

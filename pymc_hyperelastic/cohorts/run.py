@@ -23,7 +23,6 @@ from pymc_hyperelastic.cohorts.workers import (
 )
 from pymc_hyperelastic.data.select import tests_of_many, units_of
 from pymc_hyperelastic.evidence.checks import PACKAGE, check_count
-from pymc_hyperelastic.files.results import save_result
 from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.store import Store
 
@@ -123,7 +122,7 @@ def _done(
     while todo or running:
         while todo and len(running) < _WAITING * workers.count:
             batch = todo.popleft()
-            running[workers.submit(of(batch), store.part(batch.part))] = batch
+            running[workers.submit(of(batch), store.of_part(batch.part))] = batch
         finished = wait(running, _LOOK, FIRST_COMPLETED).done
         if not finished:
             workers.check()
@@ -141,7 +140,7 @@ def _done(
                     continue
                 said = f"the process that computed it died {again.deaths} times: {died}"
                 row = failure(of(batch), by, said).assign_attrs({_DIED: again.deaths})
-                save_result(row, store.part(batch.part))
+                store.of_part(batch.part).save(row)
                 failed = [f"{label}: {said}" for label in units_of(of(batch), by)]
             yield batch, failed
 

@@ -3,7 +3,6 @@
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +10,8 @@ import xarray as xr
 from threadpoolctl import threadpool_limits
 
 from pymc_hyperelastic.data.select import labels_of_units, tests_at, units_of
-from pymc_hyperelastic.files.results import save_result
+from pymc_hyperelastic.files.store import Part
+from pymc_hyperelastic.parallel import LOCK
 
 Prepared = Callable[[xr.Dataset], xr.Dataset]
 
@@ -42,7 +42,7 @@ class Work(ABC):
 _prepared: dict[str, Prepared] = {}
 
 
-def run_batch(work: Work, token: str, data: xr.Dataset, part: Path) -> list[str]:
+def run_batch(work: Work, token: str, data: xr.Dataset, part: Part) -> list[str]:
     """Do the work of a batch and write its part of the store.
 
     Parameters
@@ -53,8 +53,8 @@ def run_batch(work: Work, token: str, data: xr.Dataset, part: Path) -> list[str]
         By which a process knows that it has prepared this work already.
     data : xarray.Dataset
         Those of the batch.
-    part : Path
-        Where its part of the store is written.
+    part : Part
+        Its part of the store.
 
     Returns
     -------
@@ -62,14 +62,14 @@ def run_batch(work: Work, token: str, data: xr.Dataset, part: Path) -> list[str]
         What failed in it, and why.
     """
     # All that a warning would say stands in the results.
-    with warnings.catch_warnings(), threadpool_limits(1):
+    with LOCK, warnings.catch_warnings(), threadpool_limits(1):
         warnings.simplefilter("ignore")
         if token not in _prepared:
             _prepared.clear()
             _prepared[token] = work.prepare()
         result = _each_alone_if_needed(_prepared[token], data, work.by)
         # All labels are in a file of their own: to read a part takes as long as it has variables.
-        save_result(result.drop_vars([*labels_of(data, work.by)]), part)
+        part.save(result.drop_vars([*labels_of(data, work.by)]))
     said = zip(units_of(data, work.by), result["error"].values.tolist(), strict=True)
     return [f"{label}: {error}" for label, error in said if error]
 

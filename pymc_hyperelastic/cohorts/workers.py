@@ -10,6 +10,7 @@ import threading
 import time
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,6 +18,7 @@ import cloudpickle
 import xarray as xr
 
 from pymc_hyperelastic.cohorts.work import Work, run_batch
+from pymc_hyperelastic.files.store import Part
 
 # So many deaths are not chance.
 DEATHS = 3
@@ -42,7 +44,7 @@ class Workers(Protocol):
 
     count: int
 
-    def submit(self, data: xr.Dataset, part: Path) -> Future:
+    def submit(self, data: xr.Dataset, part: Part) -> Future:
         """Let a batch be done. What failed in it is the result of the future."""
 
     def check(self) -> None:
@@ -60,7 +62,7 @@ class ThisProcess:
     def __init__(self, work: Work, token: str) -> None:
         self._work, self._token = work, token
 
-    def submit(self, data: xr.Dataset, part: Path) -> Future:
+    def submit(self, data: xr.Dataset, part: Part) -> Future:
         """Do a batch."""
         future: Future = Future()
         try:
@@ -91,7 +93,7 @@ class Processes:
         self._threads = ThreadPoolExecutor(count)
         self._closed = False
 
-    def submit(self, data: xr.Dataset, part: Path) -> Future:
+    def submit(self, data: xr.Dataset, part: Part) -> Future:
         """Let a batch be done by a process that has nothing to do."""
         return self._threads.submit(self._do, data, part)
 
@@ -106,7 +108,7 @@ class Processes:
         self._threads.shutdown(cancel_futures=True)
         self._folder.cleanup()
 
-    def _do(self, data: xr.Dataset, part: Path) -> list[str]:
+    def _do(self, data: xr.Dataset, part: Part) -> list[str]:
         process = self._process()
         try:
             cloudpickle.dump((data, part), process.stdin)
@@ -127,7 +129,8 @@ class Processes:
             if self._closed:
                 raise WorkerDied("it was stopped")
             process = subprocess.Popen(
-                [sys.executable, "-m", "pymc_hyperelastic.cohorts.worker"],
+                # -P: nothing is imported from the current folder, which may be somebody else's.
+                [sys.executable, "-P", "-m", "pymc_hyperelastic.cohorts.worker"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 env=self._environment(),
@@ -143,7 +146,8 @@ class Processes:
     def _environment(self) -> dict[str, str]:
         own = tempfile.mkdtemp(dir=self._folder.name)
         flags = [os.environ.get("PYTENSOR_FLAGS", ""), f"base_compiledir={own}"]
-        paths = [path for path in sys.path if path]
+        # A relative path, and an empty one, would be the current folder.
+        paths = [path for path in sys.path if os.path.isabs(path)]
         return {
             **os.environ,
             **{f"{name}_NUM_THREADS": "1" for name in _THREADS},
@@ -174,17 +178,18 @@ class Cluster:
         """
         return self._client.submit(pickle.loads, self._pickled, pure=False)
 
-    def submit(self, data: xr.Dataset, part: Path) -> Future:
+    def submit(self, data: xr.Dataset, part: Part) -> Future:
         """Let a batch be done by some worker."""
         if self._work.status == "error":  # it was being made where a batch killed workers
             self._work = self._there()
-        _begun(part)  # its note may be of a call before
+        _begun(part.path)  # its note may be of a call before
+        absolute = replace(part, path=part.path.absolute())
         on_cluster = self._client.submit(
-            _run_noted, self._work, self._token, data, part.absolute(), pure=False
+            _run_noted, self._work, self._token, data, absolute, pure=False
         )
         self._futures.add(on_cluster)
         return asyncio.run_coroutine_threadsafe(
-            self._result(on_cluster, part), self._client.loop.asyncio_loop
+            self._result(on_cluster, part.path), self._client.loop.asyncio_loop
         )
 
     def check(self) -> None:
@@ -228,14 +233,14 @@ def _note(part: Path) -> Path:
     return part.with_suffix(".begun")
 
 
-def _run_noted(work: Work, token: str, data: xr.Dataset, part: Path) -> list[str]:
+def _run_noted(work: Work, token: str, data: xr.Dataset, part: Part) -> list[str]:
     """Do a batch, and leave a note that it was begun if the process dies."""
-    with suppress(OSError), _note(part).open("a") as note:
+    with suppress(OSError), _note(part.path).open("a") as note:
         note.write(".")
     try:
         return run_batch(work, token, data, part)
     finally:
-        _note(part).unlink(missing_ok=True)
+        _note(part.path).unlink(missing_ok=True)
 
 
 def _begun(part: Path) -> int:

@@ -1,7 +1,11 @@
 """What the command line offers."""
 
 import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import Enum, StrEnum
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -20,6 +24,7 @@ from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.files.results import save_result
+from pymc_hyperelastic.files.store import OtherWork, manifest_of
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy, list_strain_energies
 from pymc_hyperelastic.models.observation.slopes import balanced_slope_weight
 from pymc_hyperelastic.plots.inflation import plot_inflation
@@ -29,7 +34,6 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Inflated soft tubes: from tables to probabilities. Start with 'check FILE'.",
 )
 
 Files = Annotated[
@@ -39,6 +43,9 @@ Settings = Annotated[
     Path | None, typer.Option(help="A TOML file: columns, units, constants and conventions.")
 ]
 Out = Annotated[Path, typer.Option(help="Folder of the study.")]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Replace results of other data or settings.")
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress.")]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same numbers.")]
 Law = Enum("Law", {name: name for name in list_strain_energies()}, type=str)  # type: ignore[misc]
@@ -68,6 +75,22 @@ _QUANTITIES: dict[str, Quantity] = {
 }
 
 
+def _show_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"pymc-hyperelastic {version('pymc-hyperelastic')}")
+        raise typer.Exit
+
+
+@app.callback()
+def command(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
+    ] = False,
+) -> None:
+    """Inflated soft tubes: from tables to probabilities. Start with 'check FILE'."""
+
+
 @app.command()
 def check(
     files: Files,
@@ -77,6 +100,8 @@ def check(
     """Say what is understood of tables, and what is wrong with them, and draw the curves."""
     data = read_tests(files, settings)
     typer.echo(data.attrs["understood"])
+    if figure.is_dir() or not figure.suffix:
+        raise ValueError(f"--figure is {str(figure)!r}; expected a file such as curves.png")
     figure.parent.mkdir(parents=True, exist_ok=True)
     plot_inflation(data).savefig(figure, dpi=150)
     typer.echo(f"\nThe curves are drawn in {figure}.")
@@ -117,10 +142,12 @@ def fit(
     out: Out = Path("study"),
     seed: Seed = 1,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Learn a class of each group of specimens.
 
-    Of a table with a column 'split' the rows marked 'train' are taken.
+    Of a table with a column 'split' the rows marked 'train' are taken. What is interrupted goes on
+    when it is asked for again.
     """
     data = _split(read_tests(files, settings), "train")
     groups = list(dict.fromkeys(data["group"].values.tolist()))
@@ -133,19 +160,21 @@ def fit(
         slope_weight = 0.0 if diameter_noise else balanced_slope_weight(data)
     out.mkdir(parents=True, exist_ok=True)
     for each in law or [Law("Ogden")]:
-        classes = fit_classes(
-            StrainEnergy.from_name(each.value),
-            training,
-            variability=variability.value,
-            experiment_effect=experiment_effect,
-            slope_weight=slope_weight,
-            draws=draws,
-            chains=chains,
-            random_seed=seed,
-            progressbar=not quiet,
-            **errors,
-        )
         path = out / f"{CLASSES}-{each.value}.nc"
+        with _in_place_of_others(path.with_suffix(""), path, overwrite=overwrite):
+            classes = fit_classes(
+                StrainEnergy.from_name(each.value),
+                training,
+                variability=variability.value,
+                experiment_effect=experiment_effect,
+                slope_weight=slope_weight,
+                draws=draws,
+                chains=chains,
+                random_seed=seed,
+                progressbar=not quiet,
+                store=path.with_suffix(""),
+                **errors,
+            )
         save_result(classes, path)
         for name, fitted in classes.children.items():
             typer.echo(f"{each.value}, group {name}: log evidence {log_evidence(fitted)}")
@@ -167,6 +196,7 @@ def classify(
     cores: Annotated[int | None, typer.Option(help="Processes; all cores by default.")] = None,
     seed: Seed = 1,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Say of which class new specimens are.
 
@@ -175,23 +205,24 @@ def classify(
     """
     data = _split(read_tests(files, settings), "new")
     classes, *others = classes_of(study)
-    classify_cohort(
-        data,
-        classes,
-        study / CLASSIFIED,
-        by=by.value,
-        average_over=others,
-        undecided_below=undecided_below,
-        none_below=none_below,
-        cores=cores,
-        random_seed=seed,
-        progressbar=not quiet,
-    )
+    with _in_place_of_others(study / CLASSIFIED, overwrite=overwrite):
+        classify_cohort(
+            data,
+            classes,
+            study / CLASSIFIED,
+            by=by.value,
+            average_over=others,
+            undecided_below=undecided_below,
+            none_below=none_below,
+            cores=cores,
+            random_seed=seed,
+            progressbar=not quiet,
+        )
     found = open_cohort(study / CLASSIFIED)
     assert isinstance(found, xr.Dataset)
     table = _table(found.load())
     path = study / "classified.csv"
-    table.to_csv(path, index=False)
+    _without_formulas(table).to_csv(path, index=False)
     typer.echo(table.to_string(index=False, float_format="{:.3f}".format))
     typer.echo(f"\nThis table is in {path}.")
 
@@ -245,8 +276,27 @@ def report(
     title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
 ) -> None:
     """Write one HTML page of all that a study holds."""
-    path = write_report(results_of(study), page or study / "report.html", title=title)
+    page = page or study / "report.html"
+    if page.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"--page is {str(page)!r}; expected a file that ends with .html")
+    path = write_report(results_of(study), page, title=title)
     typer.echo(f"The report is {path}.")
+
+
+@contextmanager
+def _in_place_of_others(
+    store: Path, result: Path | None = None, *, overwrite: bool
+) -> Iterator[None]:
+    """Work with a store, which replaces that of other data or settings only if it may."""
+    if overwrite and store.is_dir():
+        manifest_of(store)  # a folder that is no store is not removed
+        shutil.rmtree(store)
+    elif result is not None and result.exists() and not store.exists() and not overwrite:
+        raise ValueError(f"{result} is there already: say --overwrite, or another folder by --out")
+    try:
+        yield
+    except OtherWork as error:
+        raise ValueError(f"{error}. On the command line: --overwrite, or --out FOLDER") from error
 
 
 def _split(data: xr.Dataset, which: str) -> xr.Dataset:
@@ -284,6 +334,13 @@ def _size(name: str, text: str, quantity: Quantity) -> float:
 
 def _unit_of(text: str) -> str:
     return text.lstrip(" -+.0123456789")
+
+
+def _without_formulas(table: pd.DataFrame) -> pd.DataFrame:
+    """Text that a spreadsheet would compute is marked as text by an apostrophe."""
+    text = table.select_dtypes(exclude="number").astype(str)
+    marked = text.mask(text.apply(lambda column: column.str.match(r"[=+\-@\t]")), "'" + text)
+    return table.assign(**{name: marked[name] for name in marked})
 
 
 def _table(result: xr.Dataset) -> pd.DataFrame:

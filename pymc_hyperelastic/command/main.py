@@ -1,8 +1,12 @@
 """The command ``pymc-hyperelastic``."""
 
+import os
 import sys
 import warnings
 from typing import Any
+
+# What a shell expects of a command that was interrupted: 128 and the number of the signal.
+_INTERRUPTED = 130
 
 
 def main() -> None:
@@ -19,7 +23,12 @@ def main() -> None:
     try:
         app(standalone_mode=False)
     except KeyboardInterrupt:
-        sys.exit("interrupted")
+        print("interrupted: the same command goes on from there", file=sys.stderr)
+        sys.exit(_INTERRUPTED)
+    except BrokenPipeError:
+        # Nobody reads what is printed: what is computed was written before.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(_INTERRUPTED)
     except (OSError, TypeError, ValueError) as error:
         for note in getattr(error, "__notes__", ()):
             print(note, file=sys.stderr)

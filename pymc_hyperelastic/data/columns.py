@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from pymc_hyperelastic.data.inflation import listed
+from pymc_hyperelastic.data.labels import plain_label
 
 # Relative difference up to which two numbers of a table are equal: lengths in mm that are converted
 # from different units differ by rounding errors.
@@ -168,15 +169,21 @@ def check_frame(frame: pd.DataFrame, measured: str) -> None:
 
 def labels_of(frame: pd.DataFrame, column: str) -> np.ndarray:
     """Labels of a column, one a row: integers if all are and may be, else text."""
-    labels = frame[column].tolist()
-    for i, label in enumerate(labels):
-        if pd.isna(label) or not str(label).strip():
-            raise ValueError(f"row {frame.index[i]}: {column} is missing; give every row a label")
-    # A spreadsheet with gaps elsewhere yields 1.0 for experiment 1.
-    labels = [int(x) if isinstance(x, float) and x.is_integer() else x for x in labels]
+    labels = []
+    for row, label in zip(frame.index, frame[column].tolist(), strict=True):
+        # A spreadsheet with gaps elsewhere yields 1.0 for experiment 1.
+        if isinstance(label, float) and label.is_integer():
+            label = int(label)
+        try:
+            text = "" if pd.isna(label) else plain_label(label)
+        except ValueError as error:
+            raise ValueError(f"row {row}: {column}: {error}") from None
+        if not text:
+            raise ValueError(f"row {row}: {column} is missing; give every row a label")
+        labels.append(label if isinstance(label, int | np.integer) else text)
     if column in ("experiment", "cycle"):
         return plain_array(labels)
-    return np.array([str(x) for x in labels])
+    return np.array([str(label) for label in labels])
 
 
 def plain_array(labels: list[Any]) -> np.ndarray:

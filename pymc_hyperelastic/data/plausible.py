@@ -108,7 +108,7 @@ RANGES = {
 _UNLOADED = 2.0
 
 
-def check_plausible(data: xr.Dataset, check: Check, *, stacklevel: int) -> None:
+def check_plausible(data: xr.Dataset, check: Check) -> None:
     """Doubt numbers that no soft tube has, one message for each quantity."""
     if check == "ignore":
         return
@@ -119,16 +119,16 @@ def check_plausible(data: xr.Dataset, check: Check, *, stacklevel: int) -> None:
         found = [_doubtful(expected, values[i]) for i in outside]
         places = [describe_test(data, int(i)) for i in outside]
         messages = [f"{place}: {what}" for place, what in zip(places, found, strict=True)]
-        doubt(messages, check, stacklevel=stacklevel + 1)
+        doubt(messages, check)
 
 
-def check_plausible_pressures(pressure: Array, check: Check, *, stacklevel: int) -> None:
+def check_plausible_pressures(pressure: Array, check: Check) -> None:
     """Doubt pressures at which no tube is inflated.
 
     Examples
     --------
-    >>> check_plausible_pressures(np.array([2.0, 16.0]), "raise", stacklevel=1)
-    >>> check_plausible_pressures(np.array([100.0]), "raise", stacklevel=1)  # doctest: +ELLIPSIS
+    >>> check_plausible_pressures(np.array([2.0, 16.0]), "raise")
+    >>> check_plausible_pressures(np.array([100.0]), "raise")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ValueError: a pressure is 100 kPa, 750 mmHg; ... given in mmHg? Say pressure_unit='mmHg'
     """
@@ -140,7 +140,6 @@ def check_plausible_pressures(pressure: Array, check: Check, *, stacklevel: int)
             for p in pressure[pressure > high]
         ],
         check,
-        stacklevel=stacklevel + 1,
     )
 
 

@@ -13,6 +13,7 @@ from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.stored import (
     check_numbers,
     damaged,
@@ -22,6 +23,7 @@ from pymc_hyperelastic.files.stored import (
     read_number,
     read_numbers,
 )
+from pymc_hyperelastic.parallel import one_thread
 
 # Nats by which two ways to an evidence may differ whatever their errors, and the number of errors.
 _NATS, _ERRORS = 0.3, 4.0
@@ -36,6 +38,13 @@ _FEW_ANCESTORS, _TOO_FEW_ANCESTORS, _MANY_ANCESTORS = 0.03, 0.01, 0.15
 _MOST_CAPPED = 0.5
 # Pareto shape of the weights up to which their mean converges at a rate that is worth its draws.
 _LARGEST_SHAPE = 0.7
+# Share of the posterior within 1 % of a limit of a prior from which the limit decides about it.
+_MOST_AT_LIMIT = 0.5
+# Residuals as large as those of a right model are once in so many studies; it is corrected for the
+# number of tests and signals.
+_CHANCE_OF_RESIDUALS = 2e-3
+# Share of the posterior at bounds up to which it is a part of the error, in nats.
+_MOST_AT_BOUNDS = 0.1
 # What curves may err, relative to the largest value of each: with errors of a hundredth of that a
 # log density of a hundred points is then right to a thousandth.
 CURVES_ERR = 1e-6
@@ -53,9 +62,17 @@ _NEEDED = ("log_evidence", "log_evidence_se")
 _EVIDENCE: dict[str, tuple[str, ...]] = {
     **dict.fromkeys((*_NEEDED, "moves", "ancestors", "pareto_k"), ("chain",)),
     **dict.fromkeys(("forward", "forward_se", "at_modes", "at_modes_se"), ()),
-    **dict.fromkeys(("specimens_se", "curve_error"), ()),
+    **dict.fromkeys(("specimens_se", "curve_error", "at_bounds"), ()),
+    "at_limit": ("limit",),
+    **dict.fromkeys(("chi_square", "points"), ("test", "signal")),
 }
-_TOGETHER = {"ancestors": "moves", "forward_se": "forward", "at_modes_se": "at_modes"}
+_TOGETHER = {
+    "ancestors": "moves",
+    "points": "chi_square",
+    "chi_square": "points",
+    "forward_se": "forward",
+    "at_modes_se": "at_modes",
+}
 
 
 class _Check(NamedTuple):
@@ -105,11 +122,15 @@ def log_evidence(tree: xr.DataTree) -> Estimate:
     estimate = combine_chains(evidence["log_evidence"].values, evidence["log_evidence_se"].values)
     # What all chains have in common no mean of theirs removes.
     common = float(evidence["specimens_se"]) if "specimens_se" in evidence else 0.0
+    if "at_bounds" in evidence:
+        # As if all of it were missing, which it is not: particles move towards the bounds.
+        common = float(np.hypot(common, np.exp(float(evidence["at_bounds"]) - estimate.value)))
     if diagnose_evidence(tree).attrs["verdict"] == VERDICTS[_BAD]:
         common = np.inf
     return Estimate(estimate.value, float(np.hypot(estimate.standard_error, common)))
 
 
+@one_thread
 def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     """How far the evidence of a result can be trusted, and what that rests on.
 
@@ -130,6 +151,13 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         are too low by far are common, since mass may be missed; too high by far they never are.
     ``"modes"``
         By how many nats that from the modes, which were climbed to, is larger.
+    ``"bounds"``
+        The share of the posterior that is at a bound of the prior, where no particle arrives.
+    ``"limits"``
+        The share of the posterior within 1 % of a limit of a prior, other than 0 from above.
+    ``"residuals"``
+        The probability (with a minus sign) of residuals as large as those of the best curve of some
+        test and signal, or specimen, under the noise that is stated or inferred.
     ``"curves"``
         By how much curves of the posterior err, relative to the largest value of each: they are
         made exact over the range of the priors.
@@ -196,6 +224,28 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
             limit = max(_NATS, _ERRORS * error)
             words = f"the evidence from the {name} is larger by {gap:.2f} nats: mass is missing"
             checks.append(_Check(name, gap, limit, _BAD if gap > limit else _GOOD, words))
+    if "at_bounds" in evidence:
+        share = float(np.exp(evidence["at_bounds"] - total.value))
+        words = (
+            f"{share:.0%} of the posterior lies where numbers are rounded to a bound of their "
+            "prior, and is missing: give a prior with less mass at its bounds"
+        )
+        verdict = _BAD if share > _MOST_AT_BOUNDS else _GOOD
+        checks.append(_Check("bounds", share, _MOST_AT_BOUNDS, verdict, words))
+    if evidence.sizes.get("limit"):
+        worst = int(evidence["at_limit"].values.round(DIGITS).argmax())
+        share, where = float(evidence["at_limit"][worst]), evidence["limit"].values[worst]
+        words = (
+            f"{share:.0%} of the posterior is within 1 % of the {where}: give a wider prior, or "
+            "look for what is wrong with the data"
+        )
+        verdict = _DOUBTFUL if share > _MOST_AT_LIMIT else _GOOD
+        checks.append(_Check("limits", share, _MOST_AT_LIMIT, verdict, words))
+    if "chi_square" in evidence:
+        checks.append(_check_of_residuals(evidence["chi_square"], evidence["points"]))
+    elif "specimens" in tree.children and not tree["specimens"].sizes.get("noise", 1):
+        fits = tree["specimens"].to_dataset()
+        checks.append(_check_of_residuals(fits["misfit"], fits["freedom"]))
     if "curve_error" in evidence:
         error = float(evidence["curve_error"])
         words = (
@@ -219,6 +269,23 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         verdict = _worse(shape, _LARGEST_SHAPE, np.finfo(float).max)
         checks.append(_Check("weights", shape, _LARGEST_SHAPE, verdict, words))
     return _as_dataset(checks)
+
+
+def _check_of_residuals(squares: xr.DataArray, freedom: xr.DataArray) -> _Check:
+    """Whether some test, or specimen, is further from its best curve than the noise explains."""
+    chances = chi2.sf(squares, freedom)
+    least = int(np.argmin(np.where(np.isfinite(chances), chances, 1.0)))
+    at = np.unravel_index(least, chances.shape)
+    chance = min(1.0, float(chances[at]) * int((freedom.values > 0).sum()))
+    where = ", ".join(str(squares[dim].values[i]) for dim, i in zip(squares.dims, at, strict=True))
+    words = (
+        f"the best curve is further from the data than the noise explains ({where}: the squared "
+        f"residuals are {float(squares.values[at]):.3g} variances of the noise, about "
+        f"{float(freedom.values[at]):.3g} are expected): the law does not fit, the noise is "
+        "larger, or something is wrong with the data"
+    )
+    verdict = _DOUBTFUL if chance < _CHANCE_OF_RESIDUALS else _GOOD
+    return _Check("residuals", -chance, -_CHANCE_OF_RESIDUALS, verdict, words)
 
 
 def check_evidence(tree: xr.DataTree) -> None:
@@ -249,7 +316,9 @@ def warn_of_evidence(tree: xr.DataTree, of: str = "") -> None:
     """Warn who called the caller if the diagnosis of a result is not good."""
     said = diagnose_evidence(tree).attrs
     if said["verdict"] != VERDICTS[_GOOD]:
-        warnings.warn(f"{of}the evidence is {said['verdict']}: {said['words']}", stacklevel=3)
+        warnings.warn(
+            f"{of}the evidence is {said['verdict']}: {said['words']}", skip_file_prefixes=(PACKAGE,)
+        )
 
 
 def worst_verdict(trees: Iterable[xr.DataTree]) -> str:

@@ -13,7 +13,10 @@ has the groups
     left; the Pareto shape of weights (``pareto_k``); the evidence by tempering from the prior alone
     (``forward``) and from the modes (``at_modes``, with the shape ``at_modes_k`` of its weights),
     and the ``log_masses`` of these; ``curve_error``, the largest error of the posterior's curves,
-    relative to the largest value of each. Where chains were integrated, in classes with
+    relative to the largest value of each; the share ``at_limit`` of the posterior within 1 % of
+    each limit of a prior; of curves, ``chi_square``, the squared differences of the best curve
+    from what was measured, in standard deviations of the noise, and the number of ``points``, by
+    test and signal. Where chains were integrated, in classes with
     variability, the ``method`` of each.
 ``diagnosis`` : (check)
     What :func:`diagnose_evidence` says.
@@ -38,6 +41,7 @@ from pymc.backends.arviz import (
     find_observations,
 )
 
+from pymc_hyperelastic.evidence.limits import mass_at_limits
 from pymc_hyperelastic.evidence.mixture import Array
 
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy")
@@ -51,6 +55,12 @@ class Study(Protocol):
 
     def result_attrs(self, model: pm.Model) -> dict[str, str]:
         """Attributes of its result."""
+
+    def residuals(self, model: pm.Model) -> dict[str, Any]:
+        """Differences of curves from what was measured, in standard deviations, by signal."""
+
+    def chi_squares(self, residuals: Mapping[str, Array]) -> xr.Dataset:
+        """Their squares by test and signal, of the best of some draws (draw, point)."""
 
     def curve_error(self, posterior: Mapping[str, Array]) -> float:
         """Largest relative error of curves of the posterior; NaN where it is not known."""
@@ -116,16 +126,17 @@ def sampling_tree(
         evidence["ancestors"] = np.array(alive) / settings["_n_draws"]
     if "pareto_k" in stats[0]:
         evidence["pareto_k"] = np.array([chain["pareto_k"][-1] for chain in stats])
+    found = (xr.Dataset() if found is None else found).merge(mass_at_limits(model, unconstrained))
     study = study_of(model)
     if study and np.isfinite(error := study.curve_error(posterior)):
-        found = (xr.Dataset() if found is None else found).assign(curve_error=error)
+        found = found.assign(curve_error=error)
     tree = xr.DataTree.from_dict(
         (study.result_groups(model) if study else data_groups(model))
         | {
             "posterior": dict_to_dataset(posterior, coords=coords, dims=dims),
             "unconstrained_posterior": dict_to_dataset(unconstrained),
             "sample_stats": dict_to_dataset(padded, sample_dims=["chain", "stage"]),
-            "evidence": dict_to_dataset(evidence, sample_dims=["chain"]).assign(found or {}),
+            "evidence": dict_to_dataset(evidence, sample_dims=["chain"]).merge(found),
         }
     )
     # A list of one does not come back from netCDF as a list.

@@ -9,8 +9,10 @@ import numpy as np
 import pymc as pm
 import pytensor.tensor as pt
 from numpy.typing import NDArray
+from pymc.logprob.transforms import CircularTransform
 from pytensor.gradient import NullTypeGradError
 from pytensor.tensor.variable import TensorVariable
+from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.batched import (
     BatchedFunction,
@@ -48,6 +50,8 @@ Ascent = Callable[[Array], Slope]
 _FEW = 4
 # Logarithm of the smallest number there is.
 _LOG_SMALLEST = np.log(np.nextafter(0.0, 1.0))
+# Where exponentials are still finite, and probabilities round to 0 and 1.
+_FARTHEST = 700.0
 # Bytes of intermediate results that are one unit of effort.
 _UNIT = 2**21
 # Slopes take so many times as long as a score.
@@ -117,6 +121,22 @@ class Target:
                 f"prior, with a density that integrates to 1; here are {list(self.var_info)}"
             ) from error
 
+    def log_evidence_at_bounds(self, count: int, rng: np.random.Generator) -> float:
+        """Logarithm of what the prior's draws at a bound contribute to the evidence.
+
+        A number that rounds to 0, or a probability that rounds to 1, is infinitely far on the
+        unconstrained scale, where no sampler arrives. Such draws are rare, unless a prior has most
+        of its mass at a bound.
+        """
+        with np.errstate(divide="ignore"):
+            points = self.columns(self._draw(count, rng))
+        points = points[np.isinf(points).any(axis=1)]
+        if not len(points):
+            return -np.inf
+        _, likelihood = self.score(points.clip(-_FARTHEST, _FARTHEST))
+        likelihood = likelihood[~np.isnan(likelihood)]
+        return float(logsumexp(likelihood) - np.log(count)) if len(likelihood) else -np.inf
+
     @cached_property
     def _draw(self) -> Callable[[int, np.random.Generator], dict[str, Array]]:
         return prior_sampler(self.model)
@@ -185,7 +205,7 @@ class Target:
         others = (term for term in (*model.observed_RVs, *model.potentials) if term not in hot)
         cold = [*model.free_RVs, *others]
         logp = model.logp([*cold, *hot], sum=False)
-        groups = logp[: len(cold)], logp[len(cold) :]
+        groups = [*logp[: len(cold)], in_one_period(model)], logp[len(cold) :]
         return [sum(pt.sum(term) for term in group) for group in groups]
 
     @cached_property
@@ -206,6 +226,20 @@ class Target:
         except (NotImplementedError, NullTypeGradError):
             return None
         return BatchedFunction.of_model(self.model, [*self._terms, *slopes], self._compile_kwargs)
+
+
+def in_one_period(model: pm.Model) -> TensorVariable:
+    """Return 0 where every angle of a model is between −π and π, else −inf.
+
+    On its unconstrained scale an angle repeats itself, and would be counted again and again.
+    """
+    angles = [
+        model.rvs_to_values[rv]
+        for rv, transform in model.rvs_to_transforms.items()
+        if isinstance(transform, CircularTransform)
+    ]
+    outside = [pt.any(pt.abs(angle) > np.pi) for angle in angles]
+    return pt.switch(pt.any(pt.stack(outside)), -np.inf, 0.0) if outside else pt.constant(0.0)
 
 
 def by_differences(score: Score, width: Array) -> Slope:

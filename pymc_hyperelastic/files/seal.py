@@ -9,8 +9,10 @@ import numpy as np
 import xarray as xr
 
 _SEAL = "checksum"
-# When it was made, and by which version of ArviZ, is no part of a result.
-_NO_PART = {_SEAL, "created_at", "creation_library", "creation_library_version"}
+#: Attribute of a part of a store: the hash of its manifest.
+STORE = "store"
+# When it was made, by which version of ArviZ and for which store, is no part of a result.
+_NO_PART = {_SEAL, STORE, "created_at", "creation_library", "creation_library_version"}
 
 
 def sealed[Result: (xr.Dataset, xr.DataTree)](result: Result) -> Result:
@@ -38,7 +40,7 @@ def check_seal(result: xr.Dataset | xr.DataTree, what: str) -> None:
     try:
         seal = json.loads(result.attrs[_SEAL])
         intact = _digest(result, seal["groups"]) == seal["sha256"]
-    except (KeyError, TypeError, ValueError, AttributeError):
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
         intact = False
     if not intact:
         raise ValueError(
@@ -49,8 +51,8 @@ def check_seal(result: xr.Dataset | xr.DataTree, what: str) -> None:
 
 
 def unsealed(attrs: Mapping[Any, Any]) -> dict[Any, Any]:
-    """Attributes without the checksum, for what is made of a result."""
-    return {name: value for name, value in attrs.items() if name != _SEAL}
+    """Attributes without the checksum and the store, for what is made of a result."""
+    return {name: value for name, value in attrs.items() if name not in (_SEAL, STORE)}
 
 
 def digest_of(result: xr.Dataset | xr.DataTree) -> str:
@@ -110,6 +112,8 @@ def _bytes_of(values: np.ndarray) -> bytes:
     if values.dtype.kind in "fc":
         values = np.where(np.isnan(values), np.nan, values)
         return np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes()
+    if values.dtype.kind in "mM":  # read back in nanoseconds, or not
+        values = values.astype(f"{values.dtype.kind}8[ns]").view("i8")
     if values.dtype.kind in "iub":
         return values.astype("<i8").tobytes()
     return json.dumps(values.astype(str).tolist()).encode()

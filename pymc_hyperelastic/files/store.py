@@ -1,8 +1,10 @@
 """A folder that keeps the parts of long work, so that what was computed is never lost."""
 
+import hashlib
 import json
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,8 +13,9 @@ import xarray as xr
 
 from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.results import open_result, save_result
+from pymc_hyperelastic.files.seal import STORE
 from pymc_hyperelastic.files.stored import shown
-from pymc_hyperelastic.files.whole import written_whole
+from pymc_hyperelastic.files.whole import UNFINISHED, written_whole
 
 #: A function of the name of a part and of how it is computed, which gives it.
 Remember = Callable[[str, Callable[[], Any]], Any]
@@ -20,6 +23,25 @@ Remember = Callable[[str, Callable[[], Any]], Any]
 _FORMAT = 1
 _MANIFEST = "manifest.json"
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "scipy", "xarray")
+
+
+class OtherWork(ValueError):
+    """A folder holds parts of another computation."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a store, as a process that computes it needs it: its file, and its store."""
+
+    path: Path
+    store: str
+    """Hash of the manifest of the store."""
+
+    def save(self, result: xr.Dataset | xr.DataTree) -> None:
+        """Write the part, with a note of the store to which it belongs."""
+        result = result.copy()
+        result.attrs[STORE] = self.store
+        save_result(result, self.path)
 
 
 class Store:
@@ -53,18 +75,21 @@ class Store:
             _check_empty(self.folder)
             try:
                 self.folder.mkdir(parents=True, exist_ok=True)
-                with written_whole(self.folder / _MANIFEST) as path:
+                with written_whole(self.folder / _MANIFEST, once=True) as path:
                     path.write_text(json.dumps(manifest, indent=1, ensure_ascii=False), "utf-8")
             except OSError as error:
                 raise type(error)(
                     f"the store {self.folder} cannot be made: {error.strerror or error}"
                 ) from error
-        elif differing := differences(there, manifest):
-            raise ValueError(
+            # Another process may have made it at the same moment.
+            there = manifest_of(self.folder)
+        if differing := differences(there, manifest):
+            raise OtherWork(
                 f"the store {self.folder} holds other work: "
                 + "; ".join(differing)
                 + ". Give another folder, or ask for what it holds"
             )
+        self.hash = hash_of(manifest)
 
     def part(self, name: str) -> Path:
         """Where a part is, or will be; ValueError if its name would lead elsewhere."""
@@ -80,21 +105,44 @@ class Store:
         if kept is not None:
             return kept
         result = compute()
-        save_result(result, self.part(name))
+        self.of_part(name).save(result)
         return result
 
+    def of_part(self, name: str) -> Part:
+        """What a process needs to write a part."""
+        return Part(self.part(name), self.hash)
+
     def kept(self, name: str) -> Any:
-        """A part of that name; None if it is not there, or damaged, which is warned of."""
+        """A part of that name; None if it is not there, damaged or of another store.
+
+        The last two are warned of.
+        """
         path = self.part(name)
         if not path.exists():
             return None
         try:
-            return open_result(path)
+            result = open_result(path)
+            check_store(result, self.hash, path)
+            del result.attrs[STORE]
+            return result
         except ValueError as error:
             said = f"{error}. It is computed again"
             warnings.warn(said, skip_file_prefixes=(PACKAGE,))
             path.unlink()
             return None
+
+
+def hash_of(manifest: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a manifest, by which its parts are recognised."""
+    return hashlib.sha256(json.dumps(manifest, sort_keys=True).encode()).hexdigest()
+
+
+def check_store(part: xr.Dataset | xr.DataTree, expected: str, path: Path) -> None:
+    """Raise ValueError for a part that was computed for another store."""
+    if part.attrs.get(STORE) != expected:
+        raise ValueError(
+            f"{path} was computed with other data, settings or versions than its store says"
+        )
 
 
 def compute_now[Result](_: str, compute: Callable[[], Result]) -> Result:
@@ -165,7 +213,9 @@ def _check_empty(folder: Path) -> None:
     """Raise unless a store can be made here."""
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"the store {folder} must be a folder, and it is a file")
-    if folder.is_dir() and (strangers := sorted(p.name for p in folder.iterdir())[:3]):
+    names = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
+    # A process that is killed while it writes leaves a file that nobody needs.
+    if strangers := [name for name in names if not name.endswith(UNFINISHED)][:3]:
         raise ValueError(
             f"the folder {folder} is no store, and not empty: it holds {', '.join(strangers)}. "
             "Give a folder of its own"

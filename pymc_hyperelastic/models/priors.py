@@ -18,6 +18,7 @@ from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
 from pytensor.tensor.variable import TensorVariable
 
+from pymc_hyperelastic.evidence.checks import check_precision
 from pymc_hyperelastic.files.stored import is_number, shown
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
@@ -66,6 +67,7 @@ def complete_wall(
     model: pm.Model | None = None,
 ) -> tuple[StrainEnergy | list[Layer], dict[str, TensorVariable]]:
     """A material, or layers in which nothing is missing, and the priors of all parameters."""
+    check_precision()
     if not isinstance(energy, Sequence):
         check_energy(energy)
         return energy, complete_priors(energy, priors, model)

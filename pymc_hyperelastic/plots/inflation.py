@@ -14,6 +14,7 @@ from pymc_hyperelastic.data.inflation import (
     extension_tests,
     points_of,
 )
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import (
     DIAMETER_LABEL,
     MARKERS,
@@ -40,6 +41,7 @@ _LABELS = {
 }
 
 
+@one_thread
 def plot_inflation(
     data: xr.Dataset,
     *,

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.files.stored import damaged, read_number, read_text
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import (
     DOUBT,
     Backend,
@@ -28,6 +29,7 @@ _MOST_ROWS = 8  # of panels, where there is one result
 _ROUNDING = 1e-9
 
 
+@one_thread
 def plot_class_probability(
     result: xr.Dataset | Mapping[str, xr.Dataset],
     *,

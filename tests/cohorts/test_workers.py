@@ -229,6 +229,15 @@ def test_a_killed_driver_loses_nothing(cores, data, undisturbed, tmp_path):
     assert result.identical(undisturbed)
 
 
+def test_processes_import_nothing_from_the_current_folder(data, undisturbed, tmp_path, monkeypatch):
+    for name in ("scipy", "signal"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('executed')")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [path for path in sys.path if path])
+    result = computed(SimulatedWork(), data, tmp_path / "store", batch_size=8, cores=2)
+    assert result.identical(undisturbed)
+
+
 def test_a_cluster_without_workers_is_lost_when_nothing_happens_there(monkeypatch):
     """A worker that a batch kills as soon as it comes is hardly ever seen, but makes events."""
     monkeypatch.setattr("pymc_hyperelastic.cohorts.workers._PATIENCE", -1.0)

@@ -2,14 +2,17 @@
 
 import runpy
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from interrupts import interrupt
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.command.commands import _errors, _size
+from pymc_hyperelastic.classes import pooled
+from pymc_hyperelastic.command.commands import _errors, _size, _without_formulas
 from pymc_hyperelastic.command.main import main
 
 MESSY = Path(__file__).parents[1] / "data" / "messy"
@@ -58,9 +61,9 @@ def test_check_prints_what_it_understands_and_draws_the_curves(run, table, tmp_p
 
 def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     study = tmp_path / "study"
-    pooled = ["--variability", "none", "--noise", "5 mmHg", "--law", "NeoHookean"]
+    settings = ["--variability", "none", "--noise", "5 mmHg", "--law", "NeoHookean"]
     printed = run(
-        "fit", table, *pooled, "--draws", "100", "--chains", "1", "--quiet", "--out", study
+        "fit", table, *settings, "--draws", "100", "--chains", "1", "--quiet", "--out", study
     )
     classes = ph.open_result(study / "classes-NeoHookean.nc")
     assert f"NeoHookean, group C1: log evidence {ph.log_evidence(classes['C1'])}" in printed
@@ -77,6 +80,29 @@ def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     run("report", study, "--title", "Sheep <aortas>")
     page = (study / "report.html").read_text(encoding="utf-8")
     assert "<h1>Sheep &lt;aortas&gt;</h1>" in page and "New specimens" in page
+    assert "decided with other classes" not in page
+    # The same fit again is read; another one replaces it only if it is asked to.
+    fit = ["fit", table, *settings, "--chains", "1", "--quiet", "--out", study, "--draws"]
+    run(*fit, "100")
+    with pytest.raises(SystemExit, match=r"draws is 100 there and 120 here.*--overwrite"):
+        run(*fit, "120")
+    run(*fit, "120", "--overwrite")
+    run("report", study)
+    page = (study / "report.html").read_text(encoding="utf-8")
+    assert "was decided with other classes than Classes of this page" in page
+    with pytest.raises(SystemExit, match=r"holds other work: classes.*--overwrite"):
+        run("classify", table, "--out", study, "--cores", 1, "--quiet")
+
+
+def test_an_interrupted_fit_ends_with_130_and_leaves_no_part_for_the_whole(
+    run, table, tmp_path, monkeypatch, capsys
+):
+    interrupt(monkeypatch, pooled, "run_smc", call=2)
+    law = ["--variability", "none", "--law", "NeoHookean", "--law", "Ogden"]
+    with pytest.raises(SystemExit) as ended:
+        run("fit", table, *law, "--draws", "100", "--chains", "1", "--quiet", "--out", tmp_path)
+    assert ended.value.code == 130 and "goes on from there" in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.nc"))
 
 
 # Some draws of these small classes have walls that cannot bear the pressure.
@@ -116,6 +142,7 @@ def test_sizes_of_errors_are_converted_to_units_of_the_package():
         (["classify", "FILE", "--out", "OUT"], "holds no classes: make them with"),
         (["report", "OUT"], "holds no classes: make them with 'pymc-hyperelastic fit'"),
         (["compare", "--out", "OUT"], "holds no classes"),
+        (["check", "FILE", "--figure", "."], "--figure is '.'; expected a file"),
     ],
 )
 def test_a_mistake_is_one_message_that_names_it(words, message, run, table, tmp_path):
@@ -138,3 +165,14 @@ def test_an_unknown_command_is_reported_on_stderr(run, capsys):
         run("chekc")
     assert ended.value.code == 2
     assert "No such command" in capsys.readouterr().err
+
+
+def test_version_is_that_of_the_package(run):
+    assert run("--version") == f"pymc-hyperelastic {version('pymc-hyperelastic')}\n"
+
+
+def test_text_that_a_spreadsheet_would_compute_is_marked():
+    table = pd.DataFrame({"specimen": ["=1+1", "-A", "S1"], "P(a)": [-0.5, 0.5, 1.0]})
+    marked = _without_formulas(table)
+    assert marked["specimen"].tolist() == ["'=1+1", "'-A", "S1"]
+    assert marked["P(a)"].tolist() == [-0.5, 0.5, 1.0]

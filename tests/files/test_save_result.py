@@ -2,7 +2,10 @@
 
 import os
 import random
+from datetime import date
+from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -133,3 +136,76 @@ def test_an_interrupted_write_leaves_the_file_as_it_was(tmp_path):
         raise KeyboardInterrupt
     assert path.read_text() == "before"
     assert os.listdir(tmp_path) == ["file"]
+
+
+def test_attributes_become_text_or_numbers_or_are_refused_by_name(tmp_path):
+    result = every_group()
+    settings = {"yes": True, "settings": {"a": [1]}, "day": date(2024, 5, 1), "file": Path("x")}
+    result["C2"].attrs |= settings
+    ph.save_result(result, tmp_path / "result.nc")
+    found = ph.open_result(tmp_path / "result.nc")["C2"].attrs
+    assert [found[name] for name in settings] == [1, '{"a": [1]}', "2024-05-01", "x"]
+    for value in (None, 10**30, (1, "a"), {"a": object()}):
+        result["C2"].attrs["note"] = value
+        with pytest.raises(TypeError, match=r"attribute 'note' of group '/C2'"):
+            ph.save_result(result, tmp_path / "other.nc")
+    assert os.listdir(tmp_path) == ["result.nc"]
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.array(["a", None], object),
+        xr.Variable("k", [1.0, 2.0], {"units": "days since 2020-01-01"}),
+        xr.Variable("k", [1.0, 2.0], {"scale_factor": 2.0}),
+    ],
+    ids=["None", "units", "factor"],
+)
+def test_a_variable_that_a_file_would_change_is_refused_by_name(values, tmp_path):
+    result = every_group()
+    changed = values if isinstance(values, xr.Variable) else ("k", values)
+    result["C2"] = xr.DataTree(every_type().assign(odd=changed))
+    with pytest.raises(TypeError, match=r"the variable 'odd' of group '/C2' .* would not be read"):
+        ph.save_result(result, tmp_path / "result.nc")
+
+
+def test_dates_are_the_same_after_writing_and_reading(tmp_path):
+    day = np.array(["2024-05-01T10:00", "2024-05-02T11:30"], "datetime64[s]")
+    ph.save_result(xr.Dataset({"day": ("test", day)}), tmp_path / "result.nc")
+    np.testing.assert_array_equal(ph.open_result(tmp_path / "result.nc")["day"], day)
+
+
+def external_storage(file, folder):
+    (folder / "private").write_bytes(bytes(24))
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_external(str(folder / "private").encode(), 0, 24)
+    space = h5py.h5s.create_simple((3,))
+    h5py.h5d.create(file.id, b"odd", h5py.h5t.NATIVE_DOUBLE, space, plist)
+
+
+def virtual(file, folder):
+    layout = h5py.VirtualLayout((3,), "f8")
+    layout[:] = h5py.VirtualSource(str(folder / "other.nc"), "real", (3,))
+    file.create_virtual_dataset("odd", layout)
+
+
+UNTRUSTED = {
+    "external link": lambda f, at: f.__setitem__("odd", h5py.ExternalLink(str(at / "a.nc"), "/x")),
+    "soft link": lambda f, at: f.__setitem__("odd", h5py.SoftLink("/real")),
+    "external storage": external_storage,
+    "virtual dataset": virtual,
+    "cycle": lambda f, at: f["C1"].__setitem__("odd", f["/"]),
+    "deep": lambda f, at: f.create_group("/".join(["odd"] * 30)),
+    "large": lambda f, at: f.create_dataset("odd", (10**12,), "f8", chunks=(1000,)),
+}
+
+
+@pytest.mark.parametrize("change", UNTRUSTED.values(), ids=UNTRUSTED)
+def test_a_file_that_reads_others_or_has_no_end_is_refused(change, tmp_path):
+    path = tmp_path / "result.nc"
+    ph.save_result(every_group(), path)
+    with h5py.File(path, "a") as file:
+        change(file, tmp_path)
+    message = "another file|also another one|deeper than 10|would take .* GB of memory"
+    with pytest.raises(ValueError, match=message):
+        ph.open_result(path)

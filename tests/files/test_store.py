@@ -1,11 +1,13 @@
 """The folder that keeps the parts of a long computation."""
 
 import json
+import shutil
 
 import pytest
 import xarray as xr
 
-from pymc_hyperelastic.files.store import Store, named, remembering, seed_in
+from pymc_hyperelastic.files import store as store_module
+from pymc_hyperelastic.files.store import OtherWork, Store, named, remembering, seed_in
 
 RESULT = xr.Dataset({"number": ("x", [1.5, 2.5]), "text": ("x", ["a", "ü"])}, attrs={"a": [1, 2]})
 
@@ -65,3 +67,31 @@ def test_the_seed_of_a_store_is_that_of_its_manifest(tmp_path):
             continue
         with pytest.raises(ValueError, match=r"has the random_seed .*it is damaged"):
             seed_in(tmp_path)
+
+
+def test_a_kill_while_the_manifest_is_written_leaves_a_folder_that_serves(tmp_path):
+    (tmp_path / ".0123.unfinished").write_text("{")
+    assert Store(tmp_path, {"what": "test"}).remember("one", RESULT.copy).equals(RESULT)
+
+
+def test_of_two_processes_that_make_a_store_at_once_one_is_told(tmp_path, monkeypatch):
+    """The other one writes its manifest between the look for one and the first one's own."""
+    folder, check = tmp_path / "store", store_module._check_empty
+
+    def meanwhile(path):
+        check(path)
+        monkeypatch.setattr(store_module, "_check_empty", check)
+        Store(folder, {"seed": 2})
+
+    monkeypatch.setattr(store_module, "_check_empty", meanwhile)
+    with pytest.raises(OtherWork, match="seed is 2 there and 1 here"):
+        Store(folder, {"seed": 1})
+    assert Store(folder, {"seed": 2}).kept("one") is None
+
+
+def test_a_part_of_another_store_is_computed_again(tmp_path):
+    one, two = (Store(tmp_path / name, {"what": name}) for name in ("one", "two"))
+    one.remember("part", RESULT.copy)
+    shutil.copy(one.part("part"), two.part("part"))
+    with pytest.warns(UserWarning, match="computed with other data, settings or versions"):
+        assert two.kept("part") is None

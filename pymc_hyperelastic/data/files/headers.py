@@ -34,7 +34,7 @@ SYNONYMS = {
     "experiment": "test run experiment_id",
     "group": "class",
     "radius": "r current_radius internal_radius current_inner_radius",
-    "outer_diameter": "external_diameter current_outer_diameter",
+    "outer_diameter": "external_diameter current_outer_diameter od",
     "pressure": "p transmural_pressure luminal_pressure internal_pressure",
     "axial_force": "reduced_axial_force",
     "inner_radius": "unloaded_inner_radius inner_radius_unloaded",
@@ -53,6 +53,9 @@ DIAMETERS = {
 _KNOWN = {name: (name, 1.0) for name in (*LABELS, *KINDS)}
 _KNOWN |= {other: (name, 1.0) for name, others in SYNONYMS.items() for other in others.split()}
 _KNOWN |= {other: (name, 0.5) for name, others in DIAMETERS.items() for other in others.split()}
+
+# A name that people who keep tables give to a specimen, and pressure myographs to a diameter.
+TWO_MEANINGS = {"id": ("specimen", "inner_diameter")}
 
 # Letters of a name with its unit; what is longer is a remark.
 _LONGEST_NAME = 80

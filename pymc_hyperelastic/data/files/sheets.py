@@ -17,8 +17,20 @@ from pymc_hyperelastic.data.files.cells import (
     unit_of,
     units_of_cells,
 )
-from pymc_hyperelastic.data.files.headers import LABELS, called, comparable, heading
-from pymc_hyperelastic.data.files.numerals import DECIMALS, Decimal, decimal_of, is_missing
+from pymc_hyperelastic.data.files.headers import (
+    LABELS,
+    TWO_MEANINGS,
+    called,
+    comparable,
+    heading,
+)
+from pymc_hyperelastic.data.files.numerals import (
+    DECIMALS,
+    Decimal,
+    decimal_of,
+    is_missing,
+    number,
+)
 from pymc_hyperelastic.data.files.settings import Settings
 from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_unit
 from pymc_hyperelastic.data.files.text import SEPARATORS, Sheet, no_rows, quoted
@@ -82,6 +94,11 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
         is_label = column.name in LABELS
         if all(not cell if is_label else is_missing(cell) for cell in cells):
             unused.append(f"{quoted(column.header)} (empty)")
+            if column.name in {known.name for known in settings.columns.values()}:
+                problems.append(
+                    f"{sheet.file}: {quoted(column.header)}, which is {column.name} in the "
+                    "settings, has no entry in any line: fill it in, or name another column"
+                )
         elif is_label:
             values[column.name] = cells
             words.append(_label_in_words(column, cells))
@@ -128,7 +145,27 @@ def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str],
                 f"{column.name}: rename one, or name it in the list ignore of the settings"
             )
         columns.setdefault(column.name, column)
+    for column in columns.values():
+        name = comparable(column.header)
+        meanings = TWO_MEANINGS.get(name, ())
+        cells = sheet.column(column.position) if meanings and name not in said else []
+        beside_another = "outer_diameter" in columns and _are_numbers(cells)
+        if cells and (beside_another or _are_measured(cells)):
+            ways = " or ".join(f"columns.{meaning} = {column.header!r}" for meaning in meanings)
+            problems.append(
+                f"{where}: {quoted(column.header)} may be {' or '.join(meanings)}: say which in "
+                f"the settings, {ways}"
+            )
     return list(columns.values()), unused, problems
+
+
+def _are_measured(cells: list[str]) -> bool:
+    """Return True where all cells are numbers with decimals, as labels are not."""
+    return any(mark in cell for cell in cells for mark in DECIMALS) and _are_numbers(cells)
+
+
+def _are_numbers(cells: list[str]) -> bool:
+    return all(any(number(cell, mark) is not None for mark in DECIMALS) for cell in cells)
 
 
 def _without_unit_row(sheet: Sheet, columns: list[Column]) -> tuple[list[Column], Sheet]:

@@ -8,16 +8,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pymc_hyperelastic.data.labels import forbidden_character, plain_text
+
 SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas"}
 
-# The first bytes of what is no text: the files of spreadsheets are archives.
-_SPREADSHEETS = {b"PK\x03\x04": ".xlsx or .ods", b"\xd0\xcf\x11\xe0": ".xls"}
+# The first bytes of archives, such as the spreadsheets of today are, and of old spreadsheets.
+_BINARY = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"
 _MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
 _ENCODINGS = {"utf-8": "UTF-8", "utf-8-sig": "UTF-8", "utf-16": "UTF-16", "cp1252": "Latin-1"}
-_CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 # A sign alone before a separator is the name of a column of numbers.
 _COMMENT = re.compile(r"\s*#(?![,;\t])")
+# A cell that is a number cannot be the name of a column.
+_NUMBER = re.compile(r"[+-]?[0-9.,]*[0-9][0-9.,]*([eE][+-]?[0-9]+)?")
 _LONGEST_SHOWN = 40
+# Lines by which a separator is found, if the first has none.
+_LINES_LOOKED_AT = 100
 _LONGEST_CELL = csv.field_size_limit()
 _LINE_BREAK = re.compile(r"\r\n|\r|\n")
 
@@ -85,14 +90,32 @@ def read_sheet(path: Path, file: str, separator: str | None = None) -> Sheet:
 
 
 def sheet_of(text: str, file: str, encoding: str, separator: str | None = None) -> Sheet:
-    """Cells of a text. Raises ValueError without rows, or where rows do not fit the names."""
-    lines = _LINE_BREAK.split(unicodedata.normalize("NFC", text))
+    r"""Cells of a text. Raises ValueError without rows, or where rows do not fit the names.
+
+    Lines that begin with # are remarks above the names, and below them where they have no
+    separator. Names may stand behind a #, as ``numpy.savetxt`` writes them.
+
+    Examples
+    --------
+    >>> sheet = sheet_of("# id,p\nS1,2\n#2,3\n# a pause\n", "curves.csv", "UTF-8")
+    >>> sheet.names, sheet.rows
+    (['id', 'p'], [['S1', '2'], ['#2', '3']])
+    """
+    lines = _LINE_BREAK.split(unicodedata.normalize("NFC", plain_text(text)))
     # A spreadsheet writes the separator into a first line of its own, sep=;
     if stated := re.fullmatch(r"sep=([;,\t])", lines[0]):
         separator, lines[0] = separator or stated[1], ""
-    lines = ["" if _COMMENT.match(line) else line for line in lines]
-    first = next((line for line in lines if line.strip(" ,;\t")), "")
-    separator = separator or max(SEPARATORS, key=lambda mark: _count(first, mark))
+    top = next((i for i, line in enumerate(lines) if _is_content(line)), 0)
+    if separator is None:
+        # The lines below decide where the first has no separator.
+        below = lines[top : top + _LINES_LOOKED_AT]
+        cells = {m: [_count(line, m) for line in below] for m in SEPARATORS}
+        separator = max(SEPARATORS, key=lambda mark: (cells[mark][0], max(cells[mark])))
+    lines = [*_without_remarks(lines[: top + 1], separator), *lines[top + 1 :]]
+    lines = [
+        "" if i > top and _COMMENT.match(line) and separator not in line else line
+        for i, line in enumerate(lines)
+    ]
     found = _records(lines, separator, file)
     if not found:
         raise ValueError(
@@ -100,6 +123,7 @@ def sheet_of(text: str, file: str, encoding: str, separator: str | None = None) 
             "point"
         )
     (name_line, names), records = found[0], found[1:]
+    _check_names(names, records, f"{file}, line {name_line}")
     if not records:
         raise no_rows(file, name_line)
     too_long = {line: len(cells) for line, cells in records if any(cells[len(names) :])}
@@ -115,6 +139,20 @@ def sheet_of(text: str, file: str, encoding: str, separator: str | None = None) 
     return Sheet(file, encoding, separator, names, name_line, rows, [line for line, _ in records])
 
 
+def _check_names(names: list[str], records: list[tuple[int, list[str]]], where: str) -> None:
+    """Raise ValueError where a line is no line of names, but one above it or below."""
+    filled = [name for name in names if name]
+    widest = max((sum(map(bool, cells)) for _, cells in records), default=0)
+    fix = "write the names of the columns into one line above the numbers"
+    if sum(bool(_NUMBER.fullmatch(name)) for name in filled) > len(filled) / 2:
+        raise ValueError(f"{where}: there are numbers where names of columns are expected: {fix}")
+    if len(filled) == 1 and widest > 1:
+        raise ValueError(
+            f"{where}: {quoted(filled[0])} stands alone where names of columns are expected, above "
+            f"{widest} columns: {fix}, and begin each line above the names with #"
+        )
+
+
 def no_rows(file: str, line: int) -> ValueError:
     """What is said of a file that ends with its names, in a `line`."""
     return ValueError(
@@ -125,12 +163,11 @@ def no_rows(file: str, line: int) -> ValueError:
 
 def _decoded(content: bytes, file: str) -> tuple[str, str]:
     """Text of a file, and its encoding in words."""
-    for start, kind in _SPREADSHEETS.items():
-        if content.startswith(start):
-            raise ValueError(
-                f"{file} is a spreadsheet ({kind}), not a text file: open it, export each sheet as "
-                "CSV (File, Save as, CSV UTF-8), and give the CSV files"
-            )
+    if content.startswith(_BINARY):
+        raise ValueError(
+            f"{file} is a spreadsheet (.xlsx, .ods, .xls) or a zip archive, not a text file: open "
+            "it, export each sheet as CSV (File, Save as, CSV UTF-8), and give the CSV files"
+        )
     marked = next((name for start, name in _MARKS.items() if content.startswith(start)), None)
     # Each byte is a letter of Latin-1, so that it comes last; Windows writes its superset.
     for encoding in [marked] if marked else ["utf-8", "cp1252"]:
@@ -138,12 +175,37 @@ def _decoded(content: bytes, file: str) -> tuple[str, str]:
             text = content.decode(encoding)
         except UnicodeDecodeError:
             continue
-        if not _CONTROL.search(text):
-            return text, _ENCODINGS[encoding]
+        if forbidden := forbidden_character(text):
+            line = len(_LINE_BREAK.findall(text[: text.index(forbidden)])) + 1
+            raise ValueError(
+                f"{file}, line {line}: there is a character {forbidden!a}, which no text "
+                "has: export the table as CSV, in UTF-8, or remove the character"
+            )
+        return text, _ENCODINGS[encoding]
     raise ValueError(
         f"{file} is not a text file: it holds bytes that are no letters. Export the table as CSV, "
         "in UTF-8"
     )
+
+
+def _is_content(line: str) -> bool:
+    """Return True for a line that is neither a remark nor blank."""
+    return bool(line.strip(" ,;\t")) and not _COMMENT.match(line)
+
+
+def _without_remarks(lines: list[str], separator: str) -> list[str]:
+    """Return the lines down to the names with remarks made blank.
+
+    If the last line is one of numbers, the names are those behind the # above it.
+    """
+    *above, last = lines
+    remarks = [i for i, line in enumerate(above) if _COMMENT.match(line)]
+    plain = ["" if _COMMENT.match(line) else line for line in above]
+    if remarks and any(_NUMBER.fullmatch(cell.strip()) for cell in last.split(separator)):
+        names = _COMMENT.sub("", above[remarks[-1]])
+        if names.count(separator) == last.count(separator) > 0:
+            plain[remarks[-1]] = names
+    return [*plain, last]
 
 
 def _records(lines: list[str], separator: str, file: str) -> list[tuple[int, list[str]]]:

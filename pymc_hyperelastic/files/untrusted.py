@@ -1,0 +1,58 @@
+"""What a netCDF file that somebody sent may not do: read other files, or have no end."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import h5py
+
+# A result has a class in a group, and in it groups of draws: two levels.
+_DEEPEST = 10
+# Groups and variables; a cohort's parts have tens, a fit of many classes some hundreds.
+_MOST_OBJECTS = 20_000
+# Bytes in memory for each byte of the file; zlib cannot compress further than this.
+_LARGEST_RATIO = 1100
+
+
+def check_self_contained(path: Path) -> None:
+    """Raise ValueError for an HDF5 file that points to other files, or to groups in a circle.
+
+    HDF5 follows external links, external storage and virtual datasets to any file that the reader
+    of the result may read.
+    """
+    declared = 0
+    with h5py.File(path, "r") as file:
+        for count, (name, entry) in enumerate(_entries(file, "", {_identity(file)})):
+            if count >= _MOST_OBJECTS:
+                raise ValueError(f"it holds more than {_MOST_OBJECTS} groups and variables")
+            if isinstance(entry, h5py.Dataset):
+                if entry.external is not None or entry.is_virtual:
+                    raise ValueError(f"its variable {name!r} points to another file")
+                declared += entry.size * entry.dtype.itemsize if entry.size else 0
+        if declared > _LARGEST_RATIO * path.stat().st_size:
+            raise ValueError(f"its variables would take {declared / 1e9:.3g} GB of memory")
+
+
+def _entries(
+    group: h5py.Group, place: str, seen: set[object], depth: int = 1
+) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
+    """Groups and variables below a group, each once."""
+    for name in group:
+        path = f"{place}/{name}"
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            raise ValueError(f"{path!r} is a link, which may lead to another file")
+        entry = group[name]
+        if isinstance(entry, h5py.Group):
+            if _identity(entry) in seen:
+                raise ValueError(f"its group {path!r} is also another one")
+            if depth >= _DEEPEST:
+                raise ValueError(f"its group {path!r} is deeper than {_DEEPEST} levels")
+            seen.add(_identity(entry))
+        yield path, entry
+        if isinstance(entry, h5py.Group):
+            yield from _entries(entry, path, seen, depth + 1)
+
+
+def _identity(group: h5py.Group) -> object:
+    """Return what two names of one group have in common: its file and address."""
+    info = h5py.h5o.get_info(group.id)
+    return info.fileno, info.addr

@@ -1,0 +1,26 @@
+"""Functions that are called in several threads give what they give one by one."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import fits
+
+import pymc_hyperelastic as ph
+
+
+def evidence(specimen):
+    data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=specimen, experiment=1)
+    model = ph.inflation_model(ph.NeoHookean(), data, noise_sd=0.5, slope_weight=0.0)
+    return ph.log_evidence(ph.sample_smc(model, 100, 1, random_seed=1, progressbar=False))
+
+
+def properties(specimen):
+    tree = fits.fit("sampled")
+    return float(ph.tube_properties(tree, 10.0 + int(specimen[1]))["radius"].mean())
+
+
+def test_fits_and_predictions_in_threads_equal_those_one_by_one():
+    specimens = ["S1", "S2", "S3", "S4"]
+    for function in (evidence, properties):
+        alone = [function(specimen) for specimen in specimens]
+        with ThreadPoolExecutor(4) as pool:
+            assert list(pool.map(function, specimens * 2)) == alone * 2
