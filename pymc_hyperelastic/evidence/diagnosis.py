@@ -51,6 +51,8 @@ CURVES_ERR = 1e-6
 # Verdicts from good to bad.
 VERDICTS = ("good", "doubtful", "not to be trusted")
 _GOOD, _DOUBTFUL, _BAD = range(3)
+# Checks that compare the model with its data, where the evidence itself may be right.
+_OF_THE_FIT = ("limits", "residuals")
 _INSTEAD = (
     "; another way is NUTS and ph.log_evidence_by_bridge, for classes of specimens that differ "
     "ph.fit_classes"
@@ -273,16 +275,18 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
 
 def _check_of_residuals(squares: xr.DataArray, freedom: xr.DataArray) -> _Check:
     """Whether some test, or specimen, is further from its best curve than the noise explains."""
-    chances = chi2.sf(squares, freedom)
-    least = int(np.argmin(np.where(np.isfinite(chances), chances, 1.0)))
-    at = np.unravel_index(least, chances.shape)
-    chance = min(1.0, float(chances[at]) * int((freedom.values > 0).sum()))
+    # Bonferroni's correction; without points there is no chance, and the least is of another test.
+    chances = chi2.sf(squares, freedom) * int((freedom.values > 0).sum())
+    chances = np.where(np.isfinite(chances), chances, 1.0).clip(0, 1)
+    at = np.unravel_index(int(np.argmin(chances)), chances.shape)
+    chance, more = float(chances[at]), int((chances < _CHANCE_OF_RESIDUALS).sum()) - 1
     where = ", ".join(str(squares[dim].values[i]) for dim, i in zip(squares.dims, at, strict=True))
     words = (
-        f"the best curve is further from the data than the noise explains ({where}: the squared "
-        f"residuals are {float(squares.values[at]):.3g} variances of the noise, about "
-        f"{float(freedom.values[at]):.3g} are expected): the law does not fit, the noise is "
-        "larger, or something is wrong with the data"
+        f"the best curve is further from the data than the noise explains in {where}"
+        f"{f' and in {more} more' if more > 0 else ''}: the squared residuals are "
+        f"{float(squares.values[at]):.3g} variances of the noise, and about "
+        f"{float(freedom.values[at]):.3g} are expected. The law does not fit, the noise is larger, "
+        "specimens differ that share one material, or something is wrong with the data"
     )
     verdict = _DOUBTFUL if chance < _CHANCE_OF_RESIDUALS else _GOOD
     return _Check("residuals", -chance, -_CHANCE_OF_RESIDUALS, verdict, words)
@@ -314,11 +318,24 @@ def with_diagnosis(tree: xr.DataTree) -> xr.DataTree:
 
 def warn_of_evidence(tree: xr.DataTree, of: str = "") -> None:
     """Warn who called the caller if the diagnosis of a result is not good."""
-    said = diagnose_evidence(tree).attrs
-    if said["verdict"] != VERDICTS[_GOOD]:
-        warnings.warn(
-            f"{of}the evidence is {said['verdict']}: {said['words']}", skip_file_prefixes=(PACKAGE,)
-        )
+    if said := judgement(diagnose_evidence(tree)):
+        warnings.warn(f"{of}{said}", skip_file_prefixes=(PACKAGE,))
+
+
+def judgement(diagnosis: xr.Dataset) -> str:
+    """A sentence on what is doubtful, the evidence or the fit, and why; empty if all is good."""
+    verdict, words = diagnosis.attrs["verdict"], diagnosis.attrs["words"]
+    if verdict == VERDICTS[_GOOD]:
+        return ""
+    of_fit = set(_names_of(diagnosis, verdict)) <= set(_OF_THE_FIT)
+    return f"the {'fit' if of_fit else 'evidence'} is {verdict}: {words}"
+
+
+def _names_of(diagnosis: xr.Dataset, verdict: str) -> list[str]:
+    """The checks with this verdict; older results do not hold them all."""
+    if not {"check", "verdict"} <= {*map(str, diagnosis.variables)}:
+        return [""]
+    return [*diagnosis["check"].values[diagnosis["verdict"].values == verdict].tolist()]
 
 
 def worst_verdict(trees: Iterable[xr.DataTree]) -> str:
@@ -365,7 +382,7 @@ def _worse(value: float, good: float, bad: float) -> int:
 def _as_dataset(checks: list[_Check]) -> xr.Dataset:
     worst = max((check.verdict for check in checks), default=_GOOD)
     said = [check for check in checks if check.verdict == worst]
-    instead = "" if [check.name for check in said] == ["specimens"] else _INSTEAD
+    instead = "" if {c.name for c in said} <= {"specimens", *_OF_THE_FIT} else _INSTEAD
     words = "; ".join(check.words for check in said) + instead
     columns = {
         "value": np.array([check.value for check in checks]),

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pymc as pm
+import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -125,19 +126,26 @@ class Study:
     def residuals(self, model: pm.Model) -> dict[str, Any]:
         """Differences of curves from what was measured, in standard deviations of the noise.
 
-        With errors of the radius, or of the diameter, nothing is said: they depend on the slope.
+        An error of the radius shifts the pressure by the slope of the curve, to first order. Forces
+        are left out where radii have errors: their slopes are no variables of the model.
         """
         seen = self.observation
-        if seen is None or seen.error_in == "radius" or seen.diameter_noise_sd is not None:
+        if seen is None:
             return {}
-        noise = seen.noise
-        known = {name: model[name] if is_inferred(v) else v for name, v in noise.items()}
+        known = {name: model[name] if is_inferred(v) else v for name, v in seen.noise.items()}
         sigmas = in_sigmas(known)
-        found = {}
-        for signal, sigma in (("pressure", "sigma"), ("axial_force", "force_sigma")):
-            if sigma in sigmas and signal in model.named_vars:
-                measured = np.nan_to_num(self.data[signal].values)
-                found[signal] = (model[signal] - measured) / sd_of_sigma(sigmas[sigma])
+        pressure_sd, radius_sd = sd_of_sigma(sigmas["sigma"]), None
+        if seen.error_in == "radius":
+            pressure_sd, radius_sd = 0.0, pressure_sd
+        elif seen.diameter_noise_sd is not None:
+            radius_sd = sigmas["diameter_noise_sd"] / 2
+        if radius_sd is not None:
+            pressure_sd = pt.sqrt(pressure_sd**2 + (radius_sd * model["stiffness"]) ** 2)
+        found = {"pressure": (model["pressure"] - self.data["pressure"].values) / pressure_sd}
+        if "force_sigma" in sigmas and radius_sd is None:
+            measured = np.nan_to_num(self.data["axial_force"].values)
+            force_sd = sd_of_sigma(sigmas["force_sigma"])
+            found["axial_force"] = (model["axial_force"] - measured) / force_sd
         return found
 
     def chi_squares(self, residuals: Mapping[str, Array]) -> xr.Dataset:

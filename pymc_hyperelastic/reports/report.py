@@ -121,6 +121,7 @@ def report(
         words=[f"{each.title} ({kind.name.lower()})" for each, kind in found],
         notices=page.notices,
         checked=page.checked,
+        complete=page.complete,
         chapters=chapters,
         methods=" ".join(methods),
         versions=versions_of(found),

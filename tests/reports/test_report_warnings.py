@@ -15,7 +15,15 @@ def test_report_without_warnings_says_what_was_checked(write_words):
     page = write_words({"Artery": fitted_class(ph.select(MEASURED, group="control"))})
     assert NOTHING in page.warnings
     assert "Caution" not in page.warnings and "Not to be trusted" not in page.warnings
-    assert "R-hat of each" in page.warnings
+    assert "R-hat of each" in page.warnings and "to within the noise" in page.warnings
+
+
+def test_nothing_is_said_of_a_fit_that_was_not_compared_with_its_data(write_words):
+    tree = fitted_class(ph.select(MEASURED, group="control"))
+    tree["diagnosis"] = tree["diagnosis"].to_dataset().sel(check=["chains"])
+    page = write_words({"Artery": tree})
+    assert NOTHING not in page.warnings and "What was checked does not speak" in page.warnings
+    assert "does not say whether curves follow the data" in page.warnings
 
 
 @pytest.mark.parametrize(
@@ -24,7 +32,7 @@ def test_report_without_warnings_says_what_was_checked(write_words):
 def test_verdict_of_an_evidence_is_a_warning(write_words, verdict, level):
     tree, words = fitted_class(MEASURED), "chains are 9 nats apart"
     diagnosis = tree["diagnosis"].to_dataset().assign_attrs(verdict=verdict, words=words)
-    tree["diagnosis"] = xr.DataTree(diagnosis.assign(verdict=("check", [verdict])))
+    tree["diagnosis"] = diagnosis.assign(verdict=("check", [verdict, "good"]))
     page = write_words({"Artery": tree})
     assert f"{level} Artery: the evidence is {verdict}: {words}." in page.warnings
     assert page.column("Evidence", "verdict") == [verdict]
