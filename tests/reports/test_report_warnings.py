@@ -40,6 +40,15 @@ def test_verdict_of_an_evidence_is_a_warning(write_words, verdict, level):
         assert page.column("Evidence", "standard error") == [np.inf]
 
 
+def test_a_fit_that_is_doubtful_is_told_from_an_evidence_that_is(write_words):
+    tree, words = fitted_class(MEASURED), "the best curve is far from the data"
+    diagnosis = tree["diagnosis"].to_dataset().assign_attrs(verdict="doubtful", words=words)
+    tree["diagnosis"] = diagnosis.assign(verdict=("check", ["good", "doubtful"]))
+    page = write_words({"Artery": tree})
+    assert f"Caution. Artery: the fit is doubtful: {words}." in page.warnings
+    assert NOTHING not in page.warnings
+
+
 def test_large_rhat_is_a_warning(write_words):
     page = write_words({"Artery": fitted_class(MEASURED, shift=20.0)})
     assert "Caution. Artery: chains met different parts of the posterior: R-hat of" in page.warnings
