@@ -12,12 +12,14 @@ import xarray as xr
 from pymc_hyperelastic.cohorts.open import GROUP
 from pymc_hyperelastic.cohorts.representatives import representatives
 from pymc_hyperelastic.cohorts.run import run_cohort
-from pymc_hyperelastic.cohorts.work import Prepared, Work, failure, joined, labels_of
+from pymc_hyperelastic.cohorts.work import DOUBTFUL, Prepared, Work, failure, joined, labels_of
 from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR
+from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR, doubts_of_fit
 from pymc_hyperelastic.evidence.integral import integrate
+from pymc_hyperelastic.evidence.limits import mass_at_limits
+from pymc_hyperelastic.evidence.residuals import Residuals
 from pymc_hyperelastic.evidence.smc import seed_kept, seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.mechanics.layers import Layer
@@ -189,6 +191,7 @@ class _Model:
         self._target = Target(self._model)
         free = self._model.free_RVs
         self._names = [rv.name for rv in free]
+        self._residuals = Residuals(self._model)
         self._constrain = BatchedFunction.of_model(
             self._model, self._model.replace_rvs_by_values(free)
         )
@@ -200,7 +203,9 @@ class _Model:
         values = dict(zip(self._names, self._constrain(found.particles), strict=True))
         value, error = found.log_value
         evidence = {"log_evidence": value, "log_evidence_se": error, "pareto_k": found.pareto_k}
-        return _Fit(values, evidence | {"method": found.method})
+        limits = mass_at_limits(self._model, self._target.by_name(found.particles[None]))
+        doubtful = doubts_of_fit(limits.merge(self._residuals.of(data, found.particles)))
+        return _Fit(values, evidence | {"method": found.method, DOUBTFUL: doubtful})
 
     def right_for(self, data: xr.Dataset, posterior: Mapping[str, Any]) -> ForwardModel | None:
         """Curves that are right for such materials; None if these are."""
@@ -288,7 +293,9 @@ def fit_cohort(
     Warns
     -----
     UserWarning
-        If something failed; if a part of the store is damaged: it is computed again.
+        If something failed, or a fit is doubtful: the posterior is at a limit of a prior, or its
+        best curve is further from the data than the noise explains; if a part of the store is
+        damaged: it is computed again.
 
     Examples
     --------

@@ -43,7 +43,8 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
         ``properties``, of :func:`classify_cohort` the result of
         :func:`~pymc_hyperelastic.classify`, all with the dimension ``specimen``, or ``test``. What
         failed is NaN and has a message in ``error``; what is not computed yet is NaN too, and its
-        message says so.
+        message says so. ``doubtful`` says why the fit of a specimen is doubtful, and is empty if it
+        is not.
 
     Raises
     ------

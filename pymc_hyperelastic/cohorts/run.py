@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from pymc.progress_bar import create_simple_progress
 
-from pymc_hyperelastic.cohorts.work import Work, failure, labels_of
+from pymc_hyperelastic.cohorts.work import DOUBTFUL, Remarks, Work, failure, labels_of
 from pymc_hyperelastic.cohorts.workers import (
     DEATHS,
     ClusterLost,
@@ -78,7 +78,7 @@ def run_cohort(
         return
     cores = min(cores or _cores(), len(todo))
     workers = workers_for(work, uuid.uuid4().hex, client, cores)
-    tests, failed = [*units.values()], list[str]()
+    tests, remarks = [*units.values()], Remarks([], [])
 
     def of(batch: Batch) -> xr.Dataset:
         return tests_of_many(data, np.sort(np.concatenate(tests[batch.first : batch.last])))
@@ -87,8 +87,9 @@ def run_cohort(
         bar = progress.add_task(work.name, completed=0, total=len(units))
         progress.update(bar, completed=len(units) - sum(b.last - b.first for b in todo))
         try:
-            for batch, messages in _done(todo, workers, store, of, work.by):
-                failed += messages
+            for batch, said in _done(todo, workers, store, of, work.by):
+                remarks.failed.extend(said.failed)
+                remarks.doubtful.extend(said.doubtful)
                 progress.advance(bar, batch.last - batch.first)
         except (OSError, ClusterLost) as error:
             raise type(error)(
@@ -103,17 +104,21 @@ def run_cohort(
             raise
         finally:
             workers.close()
-    if failed:
-        warnings.warn(
-            f"{len(failed)} of {len(units)} failed, which 'error' of the result tells; the first "
-            f"is {failed[0]}",
-            skip_file_prefixes=(PACKAGE,),
-        )
+    for words, name, kind in (
+        (remarks.failed, "error", "failed"),
+        (remarks.doubtful, DOUBTFUL, "have a doubtful fit"),
+    ):
+        if words:
+            warnings.warn(
+                f"{len(words)} of {len(units)} {kind}, which {name!r} of the result tells; the "
+                f"first is {words[0]}",
+                skip_file_prefixes=(PACKAGE,),
+            )
 
 
 def _done(
     todo: deque[Batch], workers: Workers, store: Store, of: Any, by: str
-) -> Iterator[tuple[Batch, list[str]]]:
+) -> Iterator[tuple[Batch, Remarks]]:
     """Batches when they are done, and what failed in them.
 
     They are tried again, and halved, where processes die of them.
@@ -129,7 +134,7 @@ def _done(
         for future in finished:
             batch = running.pop(future)
             try:
-                failed = future.result()
+                remarks = future.result()
             except WorkerDied as died:
                 again = batch._replace(deaths=batch.deaths + died.deaths)
                 if again.deaths < DEATHS:
@@ -142,7 +147,8 @@ def _done(
                 row = failure(of(batch), by, said).assign_attrs({_DIED: again.deaths})
                 store.of_part(batch.part).save(row)
                 failed = [f"{label}: {said}" for label in units_of(of(batch), by)]
-            yield batch, failed
+                remarks = Remarks(failed, [])
+            yield batch, remarks
 
 
 def _missing(store: Store, units: int, batch_size: int) -> list[Batch]:

@@ -3,7 +3,7 @@
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -38,11 +38,22 @@ class Work(ABC):
         """Set up once in a process: a function of some specimens' data."""
 
 
+# Variable of a result: why the fit of a specimen is doubtful; empty if it is not.
+DOUBTFUL = "doubtful"
+
+
+class Remarks(NamedTuple):
+    """What is to be said of units of a batch, beginning with the label of the unit."""
+
+    failed: list[str]
+    doubtful: list[str]
+
+
 # What a process has prepared, and for which work: it has one at a time.
 _prepared: dict[str, Prepared] = {}
 
 
-def run_batch(work: Work, token: str, data: xr.Dataset, part: Part) -> list[str]:
+def run_batch(work: Work, token: str, data: xr.Dataset, part: Part) -> Remarks:
     """Do the work of a batch and write its part of the store.
 
     Parameters
@@ -58,8 +69,8 @@ def run_batch(work: Work, token: str, data: xr.Dataset, part: Part) -> list[str]
 
     Returns
     -------
-    list of str
-        What failed in it, and why.
+    Remarks
+        What failed in it, or is doubtful, and why.
     """
     # All that a warning would say stands in the results.
     with LOCK, warnings.catch_warnings(), threadpool_limits(1):
@@ -70,8 +81,16 @@ def run_batch(work: Work, token: str, data: xr.Dataset, part: Part) -> list[str]
         result = _each_alone_if_needed(_prepared[token], data, work.by)
         # All labels are in a file of their own: to read a part takes as long as it has variables.
         part.save(result.drop_vars([*labels_of(data, work.by)]))
-    said = zip(units_of(data, work.by), result["error"].values.tolist(), strict=True)
-    return [f"{label}: {error}" for label, error in said if error]
+    said = {
+        name: [
+            f"{label}: {words}"
+            for label, words in zip(units_of(data, work.by), result[name].values, strict=True)
+            if words
+        ]
+        for name in ("error", DOUBTFUL)
+        if name in result
+    }
+    return Remarks(said["error"], said.get(DOUBTFUL, []))
 
 
 def _each_alone_if_needed(run: Prepared, data: xr.Dataset, by: str) -> xr.Dataset:

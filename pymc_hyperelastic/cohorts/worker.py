@@ -18,14 +18,14 @@ def main() -> None:
     sys.path[:] = pickle.load(questions)
     work = pickle.load(questions)
 
-    from pymc_hyperelastic.cohorts.work import run_batch
+    from pymc_hyperelastic.cohorts.work import Remarks, run_batch
 
     while True:
         try:
             batch = pickle.load(questions)
         except EOFError:
             return
-        answer: list[str] | Exception
+        answer: Remarks | Exception
         try:
             answer = run_batch(work, "here", *batch)
         except Exception as error:

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 import cloudpickle
 import xarray as xr
 
-from pymc_hyperelastic.cohorts.work import Work, run_batch
+from pymc_hyperelastic.cohorts.work import Remarks, Work, run_batch
 from pymc_hyperelastic.files.store import Part
 
 # So many deaths are not chance.
@@ -210,7 +210,7 @@ class Cluster:
             self._client.cancel(list(self._futures))
         self._futures.clear()
 
-    async def _result(self, on_cluster: Any, part: Path) -> list[str]:
+    async def _result(self, on_cluster: Any, part: Path) -> Remarks:
         """What failed in a batch, which is done again if a worker dies that has the answer."""
         from distributed import KilledWorker
         from distributed.comm import CommClosedError
@@ -233,7 +233,7 @@ def _note(part: Path) -> Path:
     return part.with_suffix(".begun")
 
 
-def _run_noted(work: Work, token: str, data: xr.Dataset, part: Part) -> list[str]:
+def _run_noted(work: Work, token: str, data: xr.Dataset, part: Part) -> Remarks:
     """Do a batch, and leave a note that it was begun if the process dies."""
     with suppress(OSError), _note(part.path).open("a") as note:
         note.write(".")

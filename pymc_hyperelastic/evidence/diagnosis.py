@@ -234,18 +234,9 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         )
         verdict = _BAD if share > _MOST_AT_BOUNDS else _GOOD
         checks.append(_Check("bounds", share, _MOST_AT_BOUNDS, verdict, words))
-    if evidence.sizes.get("limit"):
-        worst = int(evidence["at_limit"].values.round(DIGITS).argmax())
-        share, where = float(evidence["at_limit"][worst]), evidence["limit"].values[worst]
-        words = (
-            f"{share:.0%} of the posterior is within 1 % of the {where}: give a wider prior, or "
-            "look for what is wrong with the data"
-        )
-        verdict = _DOUBTFUL if share > _MOST_AT_LIMIT else _GOOD
-        checks.append(_Check("limits", share, _MOST_AT_LIMIT, verdict, words))
-    if "chi_square" in evidence:
-        checks.append(_check_of_residuals(evidence["chi_square"], evidence["points"]))
-    elif "specimens" in tree.children and not tree["specimens"].sizes.get("noise", 1):
+    checks += _checks_of_fit(evidence)
+    # Of specimens with a noise of their own the residuals are what that noise is.
+    if "specimens" in tree.children and not tree["specimens"].sizes.get("noise", 1):
         fits = tree["specimens"].to_dataset()
         checks.append(_check_of_residuals(fits["misfit"], fits["freedom"]))
     if "curve_error" in evidence:
@@ -273,6 +264,28 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     return _as_dataset(checks)
 
 
+def doubts_of_fit(evidence: xr.Dataset) -> str:
+    """What is doubtful about how a model fits its data; empty if nothing is."""
+    return "; ".join(check.words for check in _checks_of_fit(evidence) if check.verdict)
+
+
+def _checks_of_fit(evidence: xr.Dataset) -> list[_Check]:
+    """What is known of the limits of priors, and of the residuals of the best curve."""
+    checks = []
+    if evidence.sizes.get("limit"):
+        worst = int(evidence["at_limit"].values.round(DIGITS).argmax())
+        share, where = float(evidence["at_limit"][worst]), evidence["limit"].values[worst]
+        words = (
+            f"{share:.0%} of the posterior is within 1 % of the {where}: give a wider prior, or "
+            "look for what is wrong with the data"
+        )
+        verdict = _DOUBTFUL if share > _MOST_AT_LIMIT else _GOOD
+        checks.append(_Check("limits", share, _MOST_AT_LIMIT, verdict, words))
+    if "chi_square" in evidence:
+        checks.append(_check_of_residuals(evidence["chi_square"], evidence["points"]))
+    return checks
+
+
 def _check_of_residuals(squares: xr.DataArray, freedom: xr.DataArray) -> _Check:
     """Whether some test, or specimen, is further from its best curve than the noise explains."""
     # Bonferroni's correction; without points there is no chance, and the least is of another test.
@@ -280,7 +293,8 @@ def _check_of_residuals(squares: xr.DataArray, freedom: xr.DataArray) -> _Check:
     chances = np.where(np.isfinite(chances), chances, 1.0).clip(0, 1)
     at = np.unravel_index(int(np.argmin(chances)), chances.shape)
     chance, more = float(chances[at]), int((chances < _CHANCE_OF_RESIDUALS).sum()) - 1
-    where = ", ".join(str(squares[dim].values[i]) for dim, i in zip(squares.dims, at, strict=True))
+    labels = [str(squares[dim].values[i]) for dim, i in zip(squares.dims, at, strict=True)]
+    where = ", ".join(labels) if "test" in squares.dims else f"specimen {labels[0]!r}"
     words = (
         f"the best curve is further from the data than the noise explains in {where}"
         f"{f' and in {more} more' if more > 0 else ''}: the squared residuals are "

@@ -53,13 +53,17 @@ class Study(Protocol):
     def result_groups(self, model: pm.Model) -> dict[str, xr.Dataset]:
         """Groups that its result has besides those of sampling."""
 
+    @property
+    def data(self) -> xr.Dataset:
+        """What the model was made of."""
+
     def result_attrs(self, model: pm.Model) -> dict[str, str]:
         """Attributes of its result."""
 
     def residuals(self, model: pm.Model) -> dict[str, Any]:
         """Differences of curves from what was measured, in standard deviations, by signal."""
 
-    def chi_squares(self, residuals: Mapping[str, Array]) -> xr.Dataset:
+    def chi_squares(self, data: xr.Dataset, residuals: Mapping[str, Array]) -> xr.Dataset:
         """Their squares by test and signal, of the best of some draws (draw, point)."""
 
     def curve_error(self, posterior: Mapping[str, Array]) -> float:

@@ -18,12 +18,10 @@ from pymc_hyperelastic.evidence.checks import PACKAGE, check_count, check_model
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence, with_diagnosis
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
+from pymc_hyperelastic.evidence.residuals import Residuals
 from pymc_hyperelastic.evidence.results import sampling_tree, study_of
 from pymc_hyperelastic.files.store import seed_in
 from pymc_hyperelastic.parallel import one_thread
-
-# Draws of which the best curve is taken: it is within about a unit of the largest likelihood.
-_LOOKED_AT = 200
 
 
 @one_thread
@@ -219,21 +217,10 @@ def particles_to_tree(
     chains = [constrain(population) for population in populations]
     posterior = {v.name: np.stack([chain[i] for chain in chains]) for i, v in enumerate(variables)}
     particles = np.stack(populations)
-    unconstrained, start = {}, 0
-    for name, (shape, size) in kernel.var_info.items():
-        column = particles[..., start : start + size]
-        unconstrained[name] = column.reshape(*particles.shape[:2], *shape)
-        start += size
+    unconstrained = kernel.target.by_name(particles)
     found = kernel.search.as_dataset() if kernel.search else xr.Dataset()
-    study = study_of(model)
-    residuals = study.residuals(model) if study else {}
-    if study and residuals:
-        some = particles.reshape(-1, particles.shape[-1])[
-            :: -(-particles[..., 0].size // _LOOKED_AT)
-        ]
-        terms = model.replace_rvs_by_values([*residuals.values()])
-        values = dict(zip(residuals, BatchedFunction.of_model(model, terms)(some), strict=True))
-        found = found.merge(study.chi_squares(values))
+    if study := study_of(model):
+        found = found.merge(Residuals(model).of(study.data, np.concatenate(populations)))
     return sampling_tree(
         model, posterior, unconstrained, stats, kernel.sample_settings(), random_seed, found
     )

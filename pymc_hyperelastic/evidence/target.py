@@ -121,6 +121,16 @@ class Target:
                 f"prior, with a density that integrates to 1; here are {list(self.var_info)}"
             ) from error
 
+    def by_name(self, points: Array) -> dict[str, Array]:
+        """Unconstrained variables of points (..., d), each with its own shape at the end."""
+        ends = np.cumsum([size for _, size in self.var_info.values()])
+        columns = np.split(points, ends[:-1], axis=-1)
+        shapes = [shape for shape, _ in self.var_info.values()]
+        return {
+            name: column.reshape(*points.shape[:-1], *shape)
+            for name, column, shape in zip(self.var_info, columns, shapes, strict=True)
+        }
+
     def log_evidence_at_bounds(self, count: int, rng: np.random.Generator) -> float:
         """Logarithm of what the prior's draws at a bound contribute to the evidence.
 

@@ -130,7 +130,7 @@ class Study:
         are left out where radii have errors: their slopes are no variables of the model.
         """
         seen = self.observation
-        if seen is None:
+        if seen is None or self.forward is None:
             return {}
         known = {name: model[name] if is_inferred(v) else v for name, v in seen.noise.items()}
         sigmas = in_sigmas(known)
@@ -141,30 +141,32 @@ class Study:
             radius_sd = sigmas["diameter_noise_sd"] / 2
         if radius_sd is not None:
             pressure_sd = pt.sqrt(pressure_sd**2 + (radius_sd * model["stiffness"]) ** 2)
-        found = {"pressure": (model["pressure"] - self.data["pressure"].values) / pressure_sd}
+        # What is shared is replaced with the data.
+        shared = self.forward.share("measured", _measurements_of)
+        found = {"pressure": (model["pressure"] - shared["pressure"]) / pressure_sd}
         if "force_sigma" in sigmas and radius_sd is None:
-            measured = np.nan_to_num(self.data["axial_force"].values)
             force_sd = sd_of_sigma(sigmas["force_sigma"])
-            found["axial_force"] = (model["axial_force"] - measured) / force_sd
+            found["axial_force"] = (model["axial_force"] - shared["axial_force"]) / force_sd
         return found
 
-    def chi_squares(self, residuals: Mapping[str, Array]) -> xr.Dataset:
+    def chi_squares(self, data: xr.Dataset, residuals: Mapping[str, Array]) -> xr.Dataset:
         """Squared residuals and numbers of points by test and signal, of the best of some draws.
 
         Of forces with an offset, the best one of each test is subtracted.
         """
-        test, count = self.data["test"].values, self.data.sizes["test"]
+        test, count = data["test"].values, data.sizes["test"]
+        offsets = self.observation is not None and self.observation.force_offset_sd is not None
         members = (test == np.arange(count)[:, None]).astype(float)
         squares, points = {}, {}
         for signal, of_draws in residuals.items():
-            own = members * np.isfinite(self.data[signal].values)
+            own = members * np.isfinite(data[signal].values)
             points[signal] = own.sum(axis=1)
             squares[signal] = np.square(of_draws) @ own.T
-            if signal == "axial_force" and self.observation.force_offset_sd is not None:
+            if signal == "axial_force" and offsets:
                 squares[signal] -= (of_draws @ own.T) ** 2 / points[signal].clip(1)
                 points[signal] = (points[signal] - 1).clip(0)
         best = int(np.argmin(sum(value.sum(axis=1) for value in squares.values())))
-        labels = {"test": [describe_test(self.data, i) for i in range(count)], "signal": [*squares]}
+        labels = {"test": [describe_test(data, i) for i in range(count)], "signal": [*squares]}
         tables = {"chi_square": {k: v[best] for k, v in squares.items()}, "points": points}
         return xr.Dataset(
             {k: (("test", "signal"), np.stack([*v.values()], axis=1)) for k, v in tables.items()},
@@ -237,6 +239,12 @@ class Study:
             return said | layers_attrs(named_layers(law))
         except ValueError:  # settings of a law that are no text
             return said | ({"strain_energy": law.name} if isinstance(law, StrainEnergy) else {})
+
+
+def _measurements_of(data: xr.Dataset) -> dict[str, Array]:
+    """Pressures and forces of all points; a force that was not measured is 0."""
+    signals = [name for name in ("pressure", "axial_force") if name in data]
+    return {name: np.nan_to_num(data[name].values.astype(float)) for name in signals}
 
 
 def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:

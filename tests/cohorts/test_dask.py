@@ -71,7 +71,7 @@ def test_answers_that_die_with_their_worker_are_computed_again(
         distributed.wait(workers._work)
         monkeypatch.setattr(client, "gather", gather_after_deaths)
         failed = workers.submit(data, tmp_path / "part.nc").result()
-    assert failed == ["S5: KeyError: 'S5'"]
+    assert failed.failed == ["S5: KeyError: 'S5'"]
 
 
 def test_a_cluster_without_workers_is_an_error(data, tmp_path, monkeypatch):
