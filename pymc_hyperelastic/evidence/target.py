@@ -50,7 +50,7 @@ Ascent = Callable[[Array], Slope]
 _FEW = 4
 # Logarithm of the smallest number there is.
 _LOG_SMALLEST = np.log(np.nextafter(0.0, 1.0))
-# Where exponentials are still finite, and probabilities round to 0 and 1.
+# About the logarithm of the largest number there is.
 _FARTHEST = 700.0
 # Bytes of intermediate results that are one unit of effort.
 _UNIT = 2**21
@@ -110,11 +110,7 @@ class Target:
         try:
             with np.errstate(divide="ignore"):
                 points = self._draw(count, rng)
-            # A draw that underflows counts as the smallest number.
-            return {
-                name: np.where(values == -np.inf, _LOG_SMALLEST, values)
-                for name, values in points.items()
-            }
+            return {name: _finite(values) for name, values in points.items()}
         except NotImplementedError as error:
             raise ValueError(
                 f"particles cannot be drawn from the prior ({error}): give every variable a proper "
@@ -143,7 +139,7 @@ class Target:
         points = points[np.isinf(points).any(axis=1)]
         if not len(points):
             return -np.inf
-        _, likelihood = self.score(points.clip(-_FARTHEST, _FARTHEST))
+        _, likelihood = self.score(_finite(points))
         likelihood = likelihood[~np.isnan(likelihood)]
         return float(logsumexp(likelihood) - np.log(count)) if len(likelihood) else -np.inf
 
@@ -281,6 +277,11 @@ def differences(points: Array, width: Array) -> tuple[Array, Callable[[Array], A
             )
 
     return around, change
+
+
+def _finite(points: Array) -> Array:
+    """Move draws that were rounded to a bound to the last place whose exponential is a number."""
+    return np.nan_to_num(points, nan=np.nan, posinf=_FARTHEST, neginf=_LOG_SMALLEST)
 
 
 def _tempered(model: pm.Model, names: Sequence[str] | None) -> list[TensorVariable]:

@@ -159,20 +159,20 @@ def test_density_without_bound_has_no_mode():
         assert modes_from(partial(by_differences, score), [starts], np.ones(4)) is None
 
 
-def test_starting_points_are_spread_over_the_better_half_of_draws():
-    """The first is the best one, and each other is the farthest from all before it."""
+def test_starting_points_are_spread_over_the_better_half_of_draws_and_over_all():
+    """The first is the best, and each other the farthest from all before it, of half or of all."""
     rng = np.random.default_rng(SEED)
     points = rng.normal(0, [1.0, 100.0], (400, 2))
     score = stats.norm(0, [1.0, 100.0]).logpdf(points).sum(axis=1)
     groups = list(places_to_climb_from(points, score))
-    assert [len(group) for group in groups] == [16, 16, 32]
+    assert [len(group) for group in groups] == [16, 16, 16, 16]
     chosen, width = np.concatenate(groups), width_of(points)
     np.testing.assert_allclose(width, [1.0, 100.0], rtol=0.15)
     better = points[score > np.median(score)]
     np.testing.assert_array_equal(chosen[0], points[score.argmax()])
-    for count in (1, 20, 63):
-        apart = ((better[:, None] - chosen[:count]) / width) ** 2
-        farthest = better[apart.sum(axis=2).min(axis=1).argmax()]
+    for count, pool in ((1, better), (20, points), (33, better), (63, points)):
+        apart = ((pool[:, None] - chosen[:count]) / width) ** 2
+        farthest = pool[apart.sum(axis=2).min(axis=1).argmax()]
         np.testing.assert_array_equal(chosen[count], farthest)
 
 
