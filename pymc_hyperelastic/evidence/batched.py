@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pymc.distributions.custom import CustomDistRV
 from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.initial_point import make_initial_point_expression
+from pymc.logprob.transforms import SimplexTransform
 from pymc.logprob.utils import local_check_parameter_to_ninf_switch
 from pymc.pytensorf import compile as compile_pymc
 from pymc.pytensorf import join_nonshared_inputs
@@ -196,6 +197,16 @@ def side_by_side(values: Sequence[Array]) -> Array:
     return np.concatenate([np.reshape(v, (len(v), -1)) for v in values], axis=1)
 
 
+class _SharesAboveZero(SimplexTransform):
+    """Transform of shares of which draws may be rounded to 0: two of them would have no logarithm.
+
+    Rounded shares become the smallest positive number.
+    """
+
+    def forward(self, value: TensorVariable, *inputs: Variable) -> TensorVariable:
+        return super().forward(pt.maximum(value, np.nextafter(0.0, 1.0)), *inputs)
+
+
 @without_traces
 def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[str, Array]]:
     """Compile a function that draws the model's free variables from the prior, independently.
@@ -206,7 +217,10 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
     """
     expressions = make_initial_point_expression(
         free_rvs=model.free_RVs,
-        rvs_to_transforms=model.rvs_to_transforms,
+        rvs_to_transforms={
+            rv: _SharesAboveZero() if isinstance(transform, SimplexTransform) else transform
+            for rv, transform in model.rvs_to_transforms.items()
+        },
         initval_strategies=dict.fromkeys(model.free_RVs),
         default_strategy="prior",
         return_transformed=True,

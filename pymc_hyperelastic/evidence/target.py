@@ -108,7 +108,7 @@ class Target:
     def draw_prior_by_name(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
         """Draw points from the prior, by the name of the value variable."""
         try:
-            with np.errstate(divide="ignore"):
+            with np.errstate(all="ignore"):
                 points = self._draw(count, rng)
             return {name: _finite(values) for name, values in points.items()}
         except NotImplementedError as error:

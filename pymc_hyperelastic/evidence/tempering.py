@@ -230,9 +230,9 @@ class Tempering:
         prior, likelihood = self.target.score(points)
         if self.reference is None:
             return prior, likelihood
-        start = self.reference.log_density(points, prior)
-        # A step may be so wild that it overflows.
+        # A step may be so wild that it overflows, and a transform may refuse draws of the prior.
         with np.errstate(invalid="ignore"):
+            start = self.reference.log_density(points, prior)
             rise = prior + likelihood - start
         return start, np.where(np.isfinite(start), rise, -np.inf)
 
