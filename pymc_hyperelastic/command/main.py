@@ -1,6 +1,5 @@
 """The command ``pymc-hyperelastic``."""
 
-import os
 import sys
 import warnings
 from typing import Any
@@ -21,14 +20,10 @@ def main() -> None:
         )
     warnings.showwarning = _in_one_line  # type: ignore[assignment]
     try:
-        app(standalone_mode=False)
-    except KeyboardInterrupt:
-        print("interrupted: the same command goes on from there", file=sys.stderr)
-        sys.exit(_INTERRUPTED)
-    except BrokenPipeError:
-        # Nobody reads what is printed: what is computed was written before.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(_INTERRUPTED)
+        # Typer catches Ctrl-C and returns this code. A closed pipe ends the process with code 1.
+        if app(standalone_mode=False) == _INTERRUPTED:
+            print("interrupted: repeat the command to continue", file=sys.stderr)
+            sys.exit(_INTERRUPTED)
     except (OSError, TypeError, ValueError) as error:
         for note in getattr(error, "__notes__", ()):
             print(note, file=sys.stderr)

@@ -59,6 +59,11 @@ def test_check_prints_what_it_understands_and_draws_the_curves(run, table, tmp_p
     assert (tmp_path / "curves.png").stat().st_size > 10_000
 
 
+# NeoHookean is no law of these arteries, and their specimens differ.
+MISFIT = pytest.mark.filterwarnings("ignore:.*the best curve is further from the data")
+
+
+@MISFIT
 def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     study = tmp_path / "study"
     settings = ["--variability", "none", "--noise", "5 mmHg", "--law", "NeoHookean"]
@@ -94,6 +99,7 @@ def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
         run("classify", table, "--out", study, "--cores", 1, "--quiet")
 
 
+@MISFIT
 def test_an_interrupted_fit_ends_with_130_and_leaves_no_part_for_the_whole(
     run, table, tmp_path, monkeypatch, capsys
 ):
@@ -101,7 +107,7 @@ def test_an_interrupted_fit_ends_with_130_and_leaves_no_part_for_the_whole(
     law = ["--variability", "none", "--law", "NeoHookean", "--law", "Ogden"]
     with pytest.raises(SystemExit) as ended:
         run("fit", table, *law, "--draws", "100", "--chains", "1", "--quiet", "--out", tmp_path)
-    assert ended.value.code == 130 and "goes on from there" in capsys.readouterr().err
+    assert ended.value.code == 130 and "repeat the command to continue" in capsys.readouterr().err
     assert not list(tmp_path.glob("*.nc"))
 
 
