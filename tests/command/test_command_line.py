@@ -82,18 +82,15 @@ def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     result = ph.open_cohort(study / "classified")
     np.testing.assert_allclose(found["P(C2)"], result["class_probability"].sel(class_label="C2"))
     assert "P(C1)" in printed
-    run("report", study, "--title", "Sheep <aortas>")
-    page = (study / "report.html").read_text(encoding="utf-8")
-    assert "<h1>Sheep &lt;aortas&gt;</h1>" in page and "New specimens" in page
-    assert "decided with other classes" not in page
     # The same fit again is read; another one replaces it only if it is asked to.
     fit = ["fit", table, *settings, "--chains", "1", "--quiet", "--out", study, "--draws"]
     run(*fit, "100")
     with pytest.raises(SystemExit, match=r"draws is 100 there and 120 here.*--overwrite"):
         run(*fit, "120")
     run(*fit, "120", "--overwrite")
-    run("report", study)
+    run("report", study, "--title", "Sheep <aortas>")
     page = (study / "report.html").read_text(encoding="utf-8")
+    assert "<h1>Sheep &lt;aortas&gt;</h1>" in page and "New specimens" in page
     assert "was decided with other classes than Classes of this page" in page
     with pytest.raises(SystemExit, match=r"holds other work: classes.*--overwrite"):
         run("classify", table, "--out", study, "--cores", 1, "--quiet")
