@@ -22,6 +22,8 @@ Remember = Callable[[str, Callable[[], Any]], Any]
 
 _FORMAT = 1
 _MANIFEST = "manifest.json"
+# Digits of a hash in a message.
+_SHORT = 12
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "scipy", "xarray")
 
 
@@ -139,9 +141,11 @@ def hash_of(manifest: Mapping[str, Any]) -> str:
 
 def check_store(part: xr.Dataset | xr.DataTree, expected: str, path: Path) -> None:
     """Raise ValueError for a part that was computed for another store."""
-    if part.attrs.get(STORE) != expected:
+    found = part.attrs.get(STORE)
+    if found != expected:
         raise ValueError(
-            f"{path} was computed with other data, settings or versions than its store says"
+            f"{path} belongs to another store: its manifest has the hash {str(found)[:_SHORT]}, "
+            f"that of {path.parent} has {expected[:_SHORT]}; data, settings or versions differ"
         )
 
 
@@ -204,6 +208,11 @@ def differences(there: Any, now: Any, where: str = "") -> list[str]:
         ]
     if there == now:
         return []
+    if where.endswith("fingerprint"):
+        return [
+            f"{where.removesuffix('_fingerprint')} has another formula there than here: its "
+            f"stresses are {there} there and {now} here"
+        ]
     if where.endswith("sha256"):
         return [f"{where.removesuffix(', sha256')} are not the same"]
     return [f"{where} is {there!r} there and {now!r} here"]
@@ -214,8 +223,10 @@ def _check_empty(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"the store {folder} must be a folder, and it is a file")
     names = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
-    # A process that is killed while it writes leaves a file that nobody needs.
-    if strangers := [name for name in names if not name.endswith(UNFINISHED)][:3]:
+    # A process that is killed while it writes leaves an unfinished file, which nothing reads.
+    strangers = [name for name in names if not name.endswith(UNFINISHED)][:3]
+    # Another process may have made the store since this one has looked for a manifest.
+    if strangers and not (folder / _MANIFEST).exists():
         raise ValueError(
             f"the folder {folder} is no store, and not empty: it holds {', '.join(strangers)}. "
             "Give a folder of its own"

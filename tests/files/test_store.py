@@ -1,13 +1,18 @@
 """The folder that keeps the parts of a long computation."""
 
 import json
+import os
 import shutil
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
+import numpy as np
 import pytest
 import xarray as xr
 
 from pymc_hyperelastic.files import store as store_module
-from pymc_hyperelastic.files.store import OtherWork, Store, named, remembering, seed_in
+from pymc_hyperelastic.files.store import OtherWork, Store, hash_of, named, remembering, seed_in
 
 RESULT = xr.Dataset({"number": ("x", [1.5, 2.5]), "text": ("x", ["a", "ü"])}, attrs={"a": [1, 2]})
 
@@ -89,9 +94,44 @@ def test_of_two_processes_that_make_a_store_at_once_one_is_told(tmp_path, monkey
     assert Store(folder, {"seed": 2}).kept("one") is None
 
 
+def test_two_processes_that_make_a_store_agree_whichever_is_first(tmp_path, monkeypatch):
+    """Each waits for a random time before and after each step of the creation."""
+    rng = np.random.default_rng(1)
+
+    def waiting(function, *given):
+        time.sleep(rng.uniform(0.0, 0.003))
+        try:
+            function(*given)
+        finally:
+            time.sleep(rng.uniform(0.0, 0.003))
+
+    link, check = os.link, store_module._check_empty
+    monkeypatch.setattr("pymc_hyperelastic.files.whole.os.link", partial(waiting, link))
+    monkeypatch.setattr(store_module, "_check_empty", partial(waiting, check))
+
+    def made(folder, seed):
+        try:
+            return Store(folder, {"seed": seed}).hash
+        except OtherWork as told:
+            return str(told)
+
+    with ThreadPoolExecutor(2) as pool:
+        for i in range(25):
+            folder = tmp_path / str(i)
+            answers = [*pool.map(partial(made, folder), (1, 2))]
+            winner = json.loads((folder / "manifest.json").read_text("utf-8"))
+            loser = 3 - winner["seed"]
+            assert answers[winner["seed"] - 1] == hash_of(winner)
+            assert f"seed is {winner['seed']} there and {loser} here" in answers[loser - 1]
+            assert not list(folder.glob(".*"))
+
+
 def test_a_part_of_another_store_is_computed_again(tmp_path):
     one, two = (Store(tmp_path / name, {"what": name}) for name in ("one", "two"))
     one.remember("part", RESULT.copy)
     shutil.copy(one.part("part"), two.part("part"))
-    with pytest.warns(UserWarning, match="computed with other data, settings or versions"):
+    said = (
+        rf"part\.nc belongs to another store: .* {one.hash[:12]}, that of .*two has {two.hash[:12]}"
+    )
+    with pytest.warns(UserWarning, match=said):
         assert two.kept("part") is None
