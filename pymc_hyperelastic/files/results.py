@@ -1,18 +1,15 @@
 """Results as netCDF files."""
 
 import io
-import json
-from collections.abc import Callable, Hashable
-from datetime import date
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.files.seal import check_seal, sealed
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.files.seal import NotAsComputed, check_seal, digest_of, groups_of, sealed
+from pymc_hyperelastic.files.storable import storable
+from pymc_hyperelastic.files.stored import Result, in_one_line, shown
 from pymc_hyperelastic.files.untrusted import check_self_contained
 from pymc_hyperelastic.files.whole import written_whole
 
@@ -55,93 +52,66 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
     if not isinstance(result, xr.Dataset | xr.DataTree):
         raise TypeError(f"a result is a DataTree or a Dataset, not {type(result).__name__}")
     path = Path(path)
-    # What was changed on purpose is sealed as it is now.
-    content = _content(_writable(result))
+    # HDF5 itself may end the process when the disk is full, so that it writes to memory.
+    content = _content(storable(result))
     try:
-        # HDF5 itself may end the process when the disk is full, so that it writes to memory.
         with written_whole(path) as beside:
             beside.write_bytes(content)
     except OSError as error:
-        raise type(error)(
+        failed = type(error)(
             f"{path} cannot be written: {error.strerror or error}. What was there before is left "
             "as it was"
-        ) from error
-
-
-def _writable[Result: (xr.Dataset, xr.DataTree)](result: Result) -> Result:
-    """Return a copy whose attributes a file can hold; TypeError names one that it cannot."""
-    result = result.copy()
-    for table in result.subtree if isinstance(result, xr.DataTree) else [result]:
-        place = _place(table)
-        table.attrs = {k: _attribute(k, v, place) for k, v in table.attrs.items()}
-        for name, variable in table.variables.items():
-            variable.attrs = {
-                k: _attribute(k, v, f"variable {name!r}{place}") for k, v in variable.attrs.items()
-            }
-            if variable.dtype.kind == "f":  # NaN is what is missing, and needs no other number
-                variable.encoding = {"_FillValue": None}
-    return result
-
-
-def _place(table: xr.Dataset | xr.DataTree) -> str:
-    """Return the group that a table is, as messages name it."""
-    return f" of group {table.path!r}" if isinstance(table, xr.DataTree) else ""
-
-
-def _attribute(name: Hashable, value: Any, place: str) -> Any:
-    """Return an attribute as text, a number or an array of one kind of these."""
-    if isinstance(value, bool | np.bool_):
-        return int(value)
-    if isinstance(value, dict):
-        try:
-            return json.dumps(value)
-        except TypeError:
-            pass
-    if isinstance(value, date | Path):
-        return str(value)
-    entries = value if isinstance(value, list | tuple) else [value]
-    kinds = {np.asarray(entry).dtype.kind for entry in entries}
-    plain = np.asarray(value) if len(kinds) == 1 else None
-    if plain is None or plain.dtype.kind not in "iufUS" or plain.ndim > 1:
-        raise TypeError(
-            f"the attribute {name!r}{place} is {shown(value)}, which a netCDF file cannot hold: "
-            "make it text, a number or a list of one of them"
         )
-    return value
+        failed.errno = error.errno
+        raise failed from error
 
 
-def _content(result: xr.Dataset | xr.DataTree) -> bytes:
-    """Return the file of a result; TypeError names a variable that it would change."""
+def _content(result: Result) -> bytes:
+    """Return the file of a result; TypeError names what it would not give back as it was."""
+    content, why = _round_trip(result)
+    if not why:
+        return content
+    groups: dict[str, xr.Dataset] = {}
+    for path, table in groups_of(result):
+        groups["/" if path == "." else f"/{path}"] = table
+        place = f" of group {shown([*groups][-1])}" if isinstance(result, xr.DataTree) else ""
+        for what, part in _parts(table, place):
+            if why_part := _round_trip(part)[1]:
+                raise TypeError(f"{what} {why_part}: rename it, remove it or make it text")
+        if why_together := _round_trip(xr.DataTree.from_dict(groups))[1]:
+            raise TypeError(
+                f"the variables{place or ' of the result'} together, and with groups above, "
+                f"{why_together}: give each of them a name and dimensions of its own"
+            )
+    raise TypeError(f"the result {why}")
+
+
+def _parts(table: xr.Dataset, place: str) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield each variable and each attribute of a group by itself."""
+    for name, variable in table.variables.items():
+        what = f"the variable {shown(name)}{place}"
+        yield what, xr.Dataset({name: (variable.dims, variable.values)})
+        for key, value in variable.attrs.items():
+            part = xr.Dataset({name: (variable.dims, variable.values, {key: value})})
+            yield f"the attribute {shown(key)} of {what}", part
+    for key, value in table.attrs.items():
+        yield f"the attribute {shown(key)}{place}", xr.Dataset(attrs={key: value})
+
+
+def _round_trip(result: Result) -> tuple[bytes, str]:
+    """Return the file of a result; and what is wrong if it is not read as it was written."""
+    result, digest = sealed(result.copy()), digest_of(result)
     try:
-        content = bytes(sealed(result).to_netcdf(engine="h5netcdf"))
-        check_seal(_in_memory(content, xr.open_datatree), "the result")
-    except Exception as error:
-        for table in result.subtree if isinstance(result, xr.DataTree) else [result]:
-            for name in table.variables:
-                if why := _why_not_written(table, name):
-                    raise TypeError(
-                        f"the variable {name!r}{_place(table)} ({table[name].dtype}) {why}: make "
-                        "it numbers or text, without attributes that change their meaning"
-                    ) from error
+        content = bytes(result.to_netcdf(engine="h5netcdf"))
+        tree = _in_memory(xr.open_datatree(io.BytesIO(content), engine="h5netcdf"))
+        tree.name = getattr(result, "name", None)
+        same = tree.identical(result if isinstance(result, xr.DataTree) else xr.DataTree(result))
+        same = same and digest_of(tree) == digest
+    except MemoryError:
         raise
-    return content
-
-
-def _why_not_written(table: xr.Dataset | xr.DataTree, name: Hashable) -> str:
-    """Return what is wrong with a variable that a file does not give back as it was."""
-    try:
-        alone = sealed(xr.Dataset({f"{name}_alone": table[name].variable.to_base_variable()}))
-        check_seal(_in_memory(bytes(alone.to_netcdf(engine="h5netcdf")), xr.open_datatree), "it")
-    except Exception as error:
-        changed = "not what was computed" in str(error)
-        return "would not be read as it was written" if changed else f"cannot be written, {error}"
-    return ""
-
-
-def _in_memory(content: bytes, opener: Callable[..., xr.DataTree]) -> xr.DataTree | xr.Dataset:
-    tree = opener(io.BytesIO(content), engine="h5netcdf").load()
-    tree.close()
-    return tree if tree.children else tree.to_dataset()
+    except Exception as error:  # of every kind, where a file cannot hold something
+        return b"", f"cannot be written ({in_one_line(error)})"
+    return content, "" if same else "would not be read as it was written"
 
 
 def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
@@ -176,30 +146,37 @@ def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
     15
     """
     tree = _loaded(path, xr.open_datatree)
-    result = tree if tree.children else tree.to_dataset()
-    check_seal(result, "the result")
-    return result
+    return tree if tree.children else tree.to_dataset()
 
 
 def open_table(path: str | Path) -> xr.Dataset:
     """The same of a result that is one Dataset: sooner, since nothing asks for groups."""
-    result = _loaded(path, partial(xr.open_dataset, decode_times=False))
-    check_seal(result, "the result")
-    return result
+    return _loaded(path, partial(xr.open_dataset, decode_times=False))
 
 
-def _loaded[Result: (xr.DataTree, xr.Dataset)](
-    path: str | Path, opener: Callable[..., Result]
-) -> Result:
+def _loaded[Opened: (xr.DataTree, xr.Dataset)](
+    path: str | Path, opener: Callable[..., Opened]
+) -> Opened:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     try:
         check_self_contained(path)
-        result = opener(path, engine="h5netcdf").load()
-        result.close()
+        result = _in_memory(opener(path, engine="h5netcdf"))
+        check_seal(result, "the result")
+    except NotAsComputed:
+        raise
     except Exception as error:  # h5py has errors of every kind for files that are cut off
         raise ValueError(
-            f"{path} is no netCDF file of a result, or it was cut off or damaged: {error}"
+            f"{path} is no netCDF file of a result, or it was cut off or damaged: "
+            f"{in_one_line(error)}"
         ) from error
+    return result
+
+
+def _in_memory[Opened: (xr.DataTree, xr.Dataset)](result: Opened) -> Opened:
+    """Read all of a file, and close it. DataTree.load skips variables that a coordinate hides."""
+    for _, table in groups_of(result):
+        table.load()
+    result.close()
     return result

@@ -15,6 +15,14 @@ STORE = "store"
 _NO_PART = {_SEAL, STORE, "created_at", "creation_library", "creation_library_version"}
 
 
+class NotAsComputed(ValueError):
+    """A result is not what its checksum is of."""
+
+
+class NotAsComputed(ValueError):
+    """A result is not what its checksum is of."""
+
+
 def sealed[Result: (xr.Dataset, xr.DataTree)](result: Result) -> Result:
     """The result with its checksum among its attributes.
 
@@ -40,10 +48,10 @@ def check_seal(result: xr.Dataset | xr.DataTree, what: str) -> None:
     try:
         seal = json.loads(result.attrs[_SEAL])
         intact = _digest(result, seal["groups"]) == seal["sha256"]
-    except (KeyError, TypeError, ValueError, AttributeError, RecursionError):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
         intact = False
     if not intact:
-        raise ValueError(
+        raise NotAsComputed(
             f"{what}{source_of(result)} is not what was computed: numbers, settings or groups of "
             "it were changed or damaged since. Compute it again, or take a copy. If you changed it "
             f"on purpose, say so by removing its attribute {_SEAL!r}"
@@ -69,11 +77,12 @@ def _all_of(result: xr.Dataset | xr.DataTree) -> dict[str, list[Any]]:
     """Names of variables and attributes of every group."""
     return {
         path: [sorted(map(str, data.variables)), sorted(set(map(str, data.attrs)) - _NO_PART)]
-        for path, data in _groups(result)
+        for path, data in groups_of(result)
     }
 
 
-def _groups(result: xr.Dataset | xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:
+def groups_of(result: xr.Dataset | xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield the groups of a result, each by its path and with what is in itself."""
     if isinstance(result, xr.Dataset):
         yield ".", result
         return
@@ -83,7 +92,7 @@ def _groups(result: xr.Dataset | xr.DataTree) -> Iterator[tuple[str, xr.Dataset]
 
 def source_of(result: xr.Dataset | xr.DataTree) -> str:
     """Of which file it was read, if that is known: that stands at the root of a tree alone."""
-    encodings = [data.encoding for _, data in _groups(result)]
+    encodings = [data.encoding for _, data in groups_of(result)]
     if isinstance(result, xr.DataTree):
         encodings += [node.encoding for node in result.parents]
     sources = {str(known["source"]) for known in encodings if known.get("source")}
@@ -91,7 +100,7 @@ def source_of(result: xr.Dataset | xr.DataTree) -> str:
 
 
 def _digest(result: xr.Dataset | xr.DataTree, groups: Mapping[str, Iterable[Any]]) -> str:
-    found, total = dict(_groups(result)), hashlib.sha256()
+    found, total = dict(groups_of(result)), hashlib.sha256()
 
     def add(*values: Any) -> None:
         total.update(json.dumps(values, sort_keys=True).encode())

@@ -1,12 +1,15 @@
 """Results in files: the same after reading, complete or absent, and checked by their checksum."""
 
+import errno
 import os
 import random
+import re
 from datetime import date
 from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -145,28 +148,81 @@ def test_attributes_become_text_or_numbers_or_are_refused_by_name(tmp_path):
     ph.save_result(result, tmp_path / "result.nc")
     found = ph.open_result(tmp_path / "result.nc")["C2"].attrs
     assert [found[name] for name in settings] == [1, '{"a": [1]}', "2024-05-01", "x"]
-    for value in (None, 10**30, (1, "a"), {"a": object()}):
+    for value in (None, 10**30, (1, "a"), [[1], [2, 3]], [], b"a", {"a": object()}):
         result["C2"].attrs["note"] = value
         with pytest.raises(TypeError, match=r"attribute 'note' of group '/C2'"):
             ph.save_result(result, tmp_path / "other.nc")
     assert os.listdir(tmp_path) == ["result.nc"]
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        np.array(["a", None], object),
+ODD = {
+    "None": (np.array(["a", None], object), "the variable 'odd' of group '/C2' holds object, wh"),
+    "complex": (np.array([1j, 2]), "the variable 'odd' of group '/C2' holds complex128, which"),
+    "year": (np.array(["0001-01-01"] * 2, "datetime64[D]"), "'odd' of group '/C2' .* 1678 to 2262"),
+    "category": (pd.Categorical(["a", "b"]), "the variable 'odd' of group '/C2' holds category"),
+    "units": (
         xr.Variable("k", [1.0, 2.0], {"units": "days since 2020-01-01"}),
+        "the attribute 'units' of the variable 'odd' of group '/C2' would not be read as it was",
+    ),
+    "factor": (
         xr.Variable("k", [1.0, 2.0], {"scale_factor": 2.0}),
-    ],
-    ids=["None", "units", "factor"],
-)
-def test_a_variable_that_a_file_would_change_is_refused_by_name(values, tmp_path):
+        "the attribute 'scale_factor' of the variable 'odd' of group '/C2' would not be read",
+    ),
+}
+
+
+@pytest.mark.parametrize("values, message", ODD.values(), ids=ODD)
+def test_what_a_file_would_change_is_refused_by_name(values, message, tmp_path):
     result = every_group()
     changed = values if isinstance(values, xr.Variable) else ("k", values)
     result["C2"] = xr.DataTree(every_type().assign(odd=changed))
-    with pytest.raises(TypeError, match=r"the variable 'odd' of group '/C2' .* would not be read"):
+    with pytest.raises(TypeError, match=message):
         ph.save_result(result, tmp_path / "result.nc")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["a/b", "", 3, "a\0b", "\ud800"])
+def test_a_variable_whose_name_a_file_cannot_hold_is_refused(name, tmp_path):
+    with pytest.raises(
+        TypeError, match=re.escape(f"the variable {name!r} cannot be written under")
+    ):
+        ph.save_result(xr.Dataset({name: 1.0}), tmp_path / "result.nc")
+
+
+def test_part_of_a_multiindex_is_refused(tmp_path):
+    stacked = xr.Dataset({"x": (("a", "b"), np.eye(2))}, {"a": [1, 2], "b": [1, 2]}).stack(
+        s=["a", "b"]
+    )
+    with pytest.raises(TypeError, match=r"'s' is part of a MultiIndex, .*: unstack it"):
+        ph.save_result(stacked, tmp_path / "result.nc")
+
+
+def test_types_in_which_xarray_stored_a_result_before_do_not_round_it(tmp_path):
+    result = xr.Dataset({"x": ("k", [0.123, 4.567])})
+    result["x"].encoding = {"dtype": "i2", "scale_factor": 0.1}
+    ph.save_result(result, tmp_path / "result.nc")
+    assert ph.open_result(tmp_path / "result.nc").equals(result)
+
+
+@pytest.mark.parametrize("room", [1, 4096, 20_000])
+def test_a_full_disk_is_an_error_that_leaves_the_file_as_it_was(room, tmp_path):
+    """A limit on the size of files stops a write in the middle, as a full disk does."""
+    resource = pytest.importorskip("resource", reason="only Unix limits the size of files")
+    path = tmp_path / "result.nc"
+    ph.save_result(every_type(), path)
+    before = path.read_bytes()
+    large = xr.Dataset({"x": ("draw", np.random.default_rng(SEED).normal(size=10_000))})
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
+    try:
+        with pytest.raises(
+            OSError, match=r"result.nc cannot be written: .*left as it was"
+        ) as raised:
+            ph.save_result(large, path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert raised.value.errno == errno.EFBIG
+    assert os.listdir(tmp_path) == ["result.nc"] and path.read_bytes() == before
 
 
 def test_dates_are_the_same_after_writing_and_reading(tmp_path):

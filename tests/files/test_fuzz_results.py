@@ -1,0 +1,198 @@
+"""Random results are saved as they are or refused by name; files of them are read or refused."""
+
+import os
+import random
+import warnings
+from datetime import date, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from tiers import deep
+
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.files.stored import shown
+
+# Cases of a tier; FUZZ multiplies those of the second.
+FIRST_TIER, SECOND_TIER = 200, 2000 * int(os.environ.get("FUZZ", "1"))
+# Letters of a message at most: it is read in a terminal.
+LONGEST_MESSAGE = 2000
+
+DTYPES = ["f8", "f4", "f2", "i8", "i4", "u1", "u8", "?", "U3", "S3", "c16", "longdouble"]
+TIMES = ["datetime64[s]", "datetime64[ns]", "datetime64[D]", "timedelta64[s]", "timedelta64[ns]"]
+OBJECTS = [
+    ["a", ""], ["a", None], ["a", np.nan], ["a", 1], [1, 2], [1.5, None], [True, False],
+    [date(2024, 5, 1)] * 2, [[1], [2, 3]], [b"a", b"b"], [{}, {}], [10**30, 1], [pd.NA, "a"],
+]  # fmt: skip
+NAMES = [
+    "mu", "x", "noise_sd", "µ²", "a b", "a/b", ".", "..", "", "a\0b", "\ud800", 3, ("a", 1), None,
+    "_FillValue", "_Netcdf4Dimid", "units", "scale_factor", "checksum", "coordinates", "CLASS",
+    "_nc3_strict", "DIMENSION_LIST", "NAME", "dtype", "a" * 300, " ", "a.b", "-", "e\u0301", "\n",
+    "_NCProperties", "missing_value", "calendar", "grid_mapping", "store", "REFERENCE_LIST",
+]  # fmt: skip
+ATTRIBUTES = [
+    "text", "", "µ", "a\0b", "\ud800", "x" * 70_000, 1, -(2**63), 2**63, 2**64, 1.5, np.nan, True,
+    None, np.bool_(True), np.float32(0.1), np.int8(3), [1, 2], [1], [], (1, 2), [1, "a"], ["a", "b"],
+    ["a"], [True, False], [1, 2.5], [None], [[1, 2], [3, 4]], np.arange(3), np.eye(2), np.array("t"),
+    np.array(["a", "bc"]), np.array([], "U1"), {"a": 1}, {1: 2}, {"a": {1}}, {1, 2}, b"a", b"\xff",
+    1j, date(2024, 5, 1), datetime(2024, 5, 1, 12), Path("a/b"), pd.Timestamp("2024-05-01"), pd.NA,
+    np.datetime64("2024-05-01"), np.timedelta64(1, "s"), range(3), object(), len, ph, "days since 2020",
+    "i8", "x y", "nan", np.arange(20_000.0), np.array(["a", 1], object), np.array([True, False]),
+    np.array(["a", None], object), ("a", "b"), 10**400, pd.Series([1, 2]), np.ma.masked,
+]  # fmt: skip
+
+
+def variable(rng: random.Random, dims: list[Any], size: dict[Any, int]) -> Any:
+    """Return values of a random type along dimensions, or some that have one of their own."""
+    shape = tuple(size[dim] for dim in dims)
+    count = int(np.prod(shape))
+    match rng.choice(["plain"] * 4 + ["time", "object", "extension"]):
+        case "time":
+            times = np.arange(count).astype(rng.choice(TIMES))
+            if count and rng.random() < 0.3:
+                times[rng.randrange(count)] = rng.choice(["NaT", -(10**9), 10**9])
+            return times.reshape(shape)
+        case "object":
+            values = np.empty(count, object)
+            values[:] = (rng.choice(OBJECTS) * count)[:count]
+            return values.reshape(shape)
+        case "extension" if len(shape) == 1:
+            kind = rng.choice(["category", "string", "Int64", "boolean"])
+            return pd.array([rng.choice([1, 0]) for _ in range(count)], "Int64").astype(kind)
+    values = np.arange(count, dtype=float)
+    if count and rng.random() < 0.2:
+        values[rng.randrange(count)] = rng.choice([np.nan, np.inf, -0.0, 1e300, 5e-324])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # NaN as an integer
+        return values.astype(rng.choice(DTYPES)).reshape(shape)
+
+
+def some(rng: random.Random, values: list[Any], odd: float) -> Any:
+    """Return one of the first three values, or with a probability one of all."""
+    return rng.choice(values) if rng.random() < odd else rng.choice(values[:3])
+
+
+def table(rng: random.Random) -> xr.Dataset:
+    odd = rng.choice([0.0, 0.1, 0.4])
+    dims = {some(rng, ["draw", "test", "mu", *NAMES], odd): rng.choice([0, 1, 2, 3])}
+    dims |= {some(rng, ["chain", "k", *NAMES], odd): rng.choice([1, 2, 3])}
+    variables = {}
+    for _ in range(rng.choice([0, 1, 1, 2, 3])):
+        along = rng.choice([[], [*dims][:1], [*dims]])
+        attrs = {
+            some(rng, NAMES, odd): some(rng, ATTRIBUTES, odd) for _ in range(rng.choice([0, 0, 1]))
+        }
+        variables[some(rng, NAMES, odd)] = (along, variable(rng, along, dims), attrs)
+    coords = {dim: variable(rng, [dim], dims) for dim in dims if rng.random() < 0.3}
+    data = xr.Dataset(variables, {n: (n, v) for n, v in coords.items()})
+    if rng.random() < 0.05 and len(data.sizes) > 1:
+        data = data.stack(sample=[*data.sizes])
+    data.attrs = {
+        some(rng, NAMES, odd): some(rng, ATTRIBUTES, odd) for _ in range(rng.choice([0, 1, 2]))
+    }
+    if data.variables and rng.random() < 0.1:
+        data[rng.choice([*data.variables])].encoding = rng.choice(
+            [
+                {"dtype": "i2", "scale_factor": 0.1},
+                {"dtype": "f4"},
+                {"zlib": True},
+                {"_FillValue": 0},
+                {"units": "days since 2000-01-01"},
+                {"unlimited_dims": {"draw"}},
+                {"chunksizes": (1,)},
+            ]
+        )
+    return data
+
+
+def random_result(rng: random.Random) -> xr.Dataset | xr.DataTree | None:
+    """Return a random result, or nothing where xarray itself makes none."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if rng.random() < 0.5:
+                return table(rng)
+            groups = {
+                rng.choice(["/", "/C1", "/C1/posterior", "/a b", "/µ"]): table(rng)
+                for _ in range(2)
+            }
+            return xr.DataTree.from_dict(groups)
+    except Exception:  # xarray takes no such names or values
+        return None
+
+
+def plain(value: Any) -> Any:
+    """Return an attribute as a file gives it back."""
+    if isinstance(value, dict | date | Path):
+        return None  # text of them
+    value = np.asarray(value)
+    return value.astype("i8") if value.dtype.kind == "b" else value
+
+
+def differences(found: xr.Dataset | xr.DataTree, result: xr.Dataset | xr.DataTree) -> list[str]:
+    """Return what of a result is another after saving."""
+    wrong = []
+    for at, node in [(".", result)] if isinstance(result, xr.Dataset) else result.subtree_with_keys:
+        again = found if at == "." else found[at]
+        again, node = (
+            t.to_dataset(inherit=False) if isinstance(t, xr.DataTree) else t for t in (again, node)
+        )
+        if set(again.variables) != set(node.variables) or again.sizes != node.sizes:
+            wrong.append(f"{at} has {set(again.variables)}, {again.sizes}")
+            continue
+        if set(again.coords) != set(node.coords):
+            wrong.append(f"{at} has the coordinates {set(again.coords)}")
+        for name in node.variables:
+            a, b = again.variables[name], node.variables[name]
+            if a.dims != b.dims or not a.equals(b):
+                wrong.append(f"variable {name!r} of {at}")
+            if b.dtype.kind in "fiub" and a.dtype != b.dtype:
+                wrong.append(f"variable {name!r} of {at} is {a.dtype}, not {b.dtype}")
+            wrong += [f"{name!r} of {at}: {w}" for w in other_attributes(a.attrs, b.attrs)]
+        wrong += [f"{at}: {w}" for w in other_attributes(again.attrs, node.attrs)]
+    return wrong
+
+
+def other_attributes(found: dict, given: dict) -> list[str]:
+    wrong = [f"no attribute {name!r}" for name in set(given) - set(found)]
+    wrong += [f"new attribute {name!r}" for name in set(found) - set(given) - {"checksum"}]
+    for name in set(found) & set(given) - {"checksum"}:
+        a, b = plain(found[name]), plain(given[name])
+        if (
+            b is not None
+            and b is not a
+            and not np.array_equal(np.ravel(a), np.ravel(b), equal_nan=b.dtype.kind == "f")
+        ):
+            wrong.append(f"attribute {name!r} is {found[name]!r}, not {given[name]!r}"[:200])
+    return wrong
+
+
+def names_in(result: xr.Dataset | xr.DataTree) -> set[str]:
+    nodes = [result] if isinstance(result, xr.Dataset) else list(result.subtree)
+    tables = [*nodes, *(v for n in nodes for v in n.variables.values())]
+    names = {n for t in tables for n in t.attrs}
+    return {shown(name) for name in names | {n for t in nodes for n in (*t.variables, *t.dims)}}
+
+
+def check_saving(seed: int, folder: Path) -> str:
+    """Save and open a random result; return what happened."""
+    result = random_result(random.Random(seed))
+    if result is None:
+        return "no result"
+    before = result.copy()
+    try:
+        ph.save_result(result, folder / "result.nc")
+    except (TypeError, ValueError) as error:
+        text = str(error)
+        assert "\n" not in text and len(text) < LONGEST_MESSAGE, text
+        assert " together, " in text or any(name in text for name in names_in(result)), text
+        assert isinstance(result, xr.Dataset) or "group '/" in text, text
+        return "refused"
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = ph.open_result(folder / "result.nc")
+    assert not (wrong := differences(found, before)), wrong
+    return "saved"
