@@ -100,13 +100,13 @@ def _parts(table: xr.Dataset, place: str) -> Iterator[tuple[str, xr.Dataset]]:
 
 def _round_trip(result: Result) -> tuple[bytes, str]:
     """Return the file of a result; and what is wrong if it is not read as it was written."""
-    result, digest = sealed(result.copy()), digest_of(result)
+    tree = result.copy() if isinstance(result, xr.DataTree) else xr.DataTree(result)
+    tree, digest = sealed(tree), digest_of(tree)
     try:
-        content = bytes(result.to_netcdf(engine="h5netcdf"))
-        tree = _in_memory(xr.open_datatree(io.BytesIO(content), engine="h5netcdf"))
-        tree.name = getattr(result, "name", None)
-        same = tree.identical(result if isinstance(result, xr.DataTree) else xr.DataTree(result))
-        same = same and digest_of(tree) == digest
+        content = bytes(tree.to_netcdf(engine="h5netcdf"))
+        again = _in_memory(xr.open_datatree(io.BytesIO(content), engine="h5netcdf"))
+        again.name = tree.name
+        same = again.identical(tree) and digest_of(again) == digest
     except MemoryError:
         raise
     except Exception as error:  # of every kind, where a file cannot hold something

@@ -1,6 +1,8 @@
 """What a netCDF file that somebody sent may not do: read other files, or have no end."""
 
+import re
 from collections.abc import Iterator
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 import h5py
@@ -11,6 +13,8 @@ _DEEPEST = 10
 _MOST_OBJECTS = 20_000
 # Bytes in memory for each byte of the file; zlib cannot compress further than this.
 _LARGEST_RATIO = 1100
+# Bytes of number, count and size before each object of a heap of HDF5.
+_HEAP_HEADER = 16
 
 
 def check_self_contained(path: Path) -> None:
@@ -19,6 +23,10 @@ def check_self_contained(path: Path) -> None:
     HDF5 follows external links, external storage and virtual datasets to any file that the reader
     of the result may read.
     """
+    if not path.stat().st_size:
+        raise ValueError("it is empty")
+    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        _check_heaps(content)
     declared = 0
     with h5py.File(path, "r") as file:
         for count, (name, entry) in enumerate(_entries(file, "", {_identity(file)})):
@@ -30,6 +38,24 @@ def check_self_contained(path: Path) -> None:
                 declared += entry.size * entry.dtype.itemsize if entry.size else 0
         if declared > _LARGEST_RATIO * path.stat().st_size:
             raise ValueError(f"its variables would take {declared / 1e9:.3g} GB of memory")
+
+
+def _check_heaps(content: mmap) -> None:
+    """Raise ValueError for a heap of texts or lists that HDF5 2.0 would never finish reading.
+
+    A heap is a row of objects, each with a number, a size and its bytes; number 0 is the free space
+    at its end. HDF5 does not go on from an object that takes no bytes.
+    """
+    for heap in re.finditer(rb"GCOL\x01\0{3}(.{8})", content, re.DOTALL):
+        place, end = heap.end(), heap.start() + int.from_bytes(heap[1], "little")
+        while place + _HEAP_HEADER <= min(end, len(content)):
+            number = int.from_bytes(content[place : place + 2], "little")
+            size = int.from_bytes(content[place + 8 : place + 16], "little")
+            if number:
+                size = (_HEAP_HEADER + size + -size % 8) % 2**64
+            if not size:
+                raise ValueError(f"its heap at byte {heap.start()} has an object without a size")
+            place += size
 
 
 def _entries(

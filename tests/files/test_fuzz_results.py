@@ -7,6 +7,7 @@ from datetime import date, datetime
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -14,6 +15,8 @@ import xarray as xr
 from tiers import deep
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.files.results import open_table
+from pymc_hyperelastic.files.seal import groups_of
 from pymc_hyperelastic.files.stored import shown
 
 # Cases of a tier; FUZZ multiplies those of the second.
@@ -114,12 +117,12 @@ def random_result(rng: random.Random) -> xr.Dataset | xr.DataTree | None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if rng.random() < 0.5:
-                return table(rng)
+                return table(rng).copy()
             groups = {
                 rng.choice(["/", "/C1", "/C1/posterior", "/a b", "/µ"]): table(rng)
                 for _ in range(2)
             }
-            return xr.DataTree.from_dict(groups)
+            return xr.DataTree.from_dict(groups).copy()
     except Exception:  # xarray takes no such names or values
         return None
 
@@ -182,7 +185,6 @@ def check_saving(seed: int, folder: Path) -> str:
     result = random_result(random.Random(seed))
     if result is None:
         return "no result"
-    before = result.copy()
     try:
         ph.save_result(result, folder / "result.nc")
     except (TypeError, ValueError) as error:
@@ -194,5 +196,93 @@ def check_saving(seed: int, folder: Path) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = ph.open_result(folder / "result.nc")
-    assert not (wrong := differences(found, before)), wrong
+    assert not (wrong := differences(found, result)), wrong
     return "saved"
+
+
+JSON = ['{"a":' * 50 + "1" + "}" * 50, "[" * 100_000, "{", "null", "[]", '{"groups": {}, "sha256": 1}']
+JSON += ['{"groups": {"..": [[], []]}, "sha256": ""}', '{"groups": {"C1": [[1], {}]}, "sha256": []}']
+VALUES = [*JSON, "text", "", b"\xff", 1.5, np.nan, np.arange(3), h5py.Empty("f8"), 10**6, "days since 2020"]
+VALUES += ["days since -99999-01-01", "x y", "../x", np.bytes_(b"a"), np.zeros((2, 2)), "a" * 70_000]
+FIELDS = ["_FillValue", "scale_factor", "units", "coordinates", "_Netcdf4Dimid", "CLASS", "NAME", "dtype",
+          "calendar", "missing_value", "add_offset", "checksum", "grid_mapping", "_Unsigned", "CLASS"]
+TYPES = ["f8", "i1", "S3", "c16", "f2", np.dtype([("a", "f8"), ("b", "S2")]), h5py.special_dtype(vlen=str),
+         h5py.special_dtype(vlen=np.dtype("f8")), h5py.ref_dtype, h5py.regionref_dtype, np.dtype("V5"),
+         h5py.enum_dtype({"A": 0, "B": 1}), h5py.special_dtype(vlen=bytes)]
+
+
+def intact(folder: Path) -> list[tuple[bytes, xr.Dataset | xr.DataTree]]:
+    """Return files of a table and of a tree, and what they hold."""
+    text = {"text": ("x", ["a", "", "µ<b>"]), "flag": ("x", [True, False, True])}
+    one = xr.Dataset({"mu": (("draw", "x"), np.eye(2, 3)), **text}, {"x": ["S1", "S2", "S3"]})
+    one.attrs = {"priors": '{"mu": ["Uniform", [0, 1]]}', "seed": 1}
+    dates = xr.Dataset({"day": ("k", np.array(["2024-05-01"], "M8[s]")), "empty": ("none", np.empty(0))})
+    results = [one, xr.DataTree.from_dict({"/": dates, "/C1/posterior": one, "/C1": one[[]]})]
+    for result in results:
+        ph.save_result(result, folder / "intact.nc")
+        yield (folder / "intact.nc").read_bytes(), result
+
+
+def damage(rng: random.Random, path: Path) -> None:
+    """Change one thing in an HDF5 file."""
+    with h5py.File(path, "a") as file:
+        names = []
+        file.visit(names.append)
+        place = rng.choice([*names, "/"])
+        entry, group = file[place], file[rng.choice([n for n in [*names, "/"] if isinstance(file[n], h5py.Group)])]
+        match rng.choice(["drop", "attribute", "attribute", "new", "move", "variable", "shape", "link"]):
+            case "drop" if entry.attrs and rng.random() < 0.7:
+                del entry.attrs[rng.choice([*entry.attrs])]
+            case "drop" if place != "/":
+                del file[place]
+            case "attribute" if entry.attrs:
+                entry.attrs[rng.choice([*entry.attrs])] = rng.choice(VALUES)
+            case "new":
+                entry.attrs[rng.choice(FIELDS)] = rng.choice(VALUES)
+            case "move" if place != "/":
+                file.move(place, rng.choice(["other", "C1/other", "x y", "mu", "C1", "a.b"]))
+            case "variable":
+                group.create_dataset("odd", rng.choice([(), (2,), (0,), (2, 3)]), rng.choice(TYPES))
+            case "shape" if place != "/" and isinstance(entry, h5py.Dataset):
+                del file[place]
+                shape = rng.choice([(), (2, 3), (3, 2), (0,), (10**9,), (1,) * 30])
+                file.create_dataset(place, shape, rng.choice(["f8", "S1", "i4"]), chunks=shape and (1,) * len(shape) or None)
+            case "link":
+                group["odd"] = rng.choice([entry, h5py.SoftLink("/mu"), h5py.ExternalLink("b.nc", "/mu"), file.id.ref if 0 else np.dtype("f8")])
+
+
+def check_opening(seed: int, folder: Path) -> str:
+    """Open a damaged file; return what happened."""
+    rng = random.Random(seed)
+    content, result = rng.choice(_INTACT or _INTACT.extend(intact(folder)) or _INTACT)
+    path = folder / "damaged.nc"
+    kind = rng.choice(["byte", "bytes", "cut", "hdf5", "hdf5", "hdf5"])
+    if kind != "hdf5":
+        changed = bytearray(content)
+        for _ in range(1 if kind == "byte" else 20):
+            changed[rng.randrange(len(content))] = rng.randrange(256)
+        path.write_bytes(changed[: rng.randrange(len(content))] if kind == "cut" else changed)
+    else:
+        path.write_bytes(content)
+        if rng.random() < 0.5:
+            with h5py.File(path, "a") as file:
+                del file.attrs["checksum"]
+        for _ in range(rng.choice([1, 1, 2, 3])):
+            try:
+                damage(rng, path)
+            except Exception:  # HDF5 does not make everything
+                pass
+    opener = rng.choice([ph.open_result, ph.open_result, open_table])
+    try:
+        with warnings.catch_warnings(record=True):
+            warnings.simplefilter("always")
+            found = opener(path)
+    except (ValueError, OSError) as error:
+        text = str(error)
+        assert "\n" not in text and len(text) < LONGEST_MESSAGE and path.name in text, text
+        return "refused"
+    [t.variables[n].values for _, t in groups_of(found) for n in t.variables]
+    return "opened"
+
+
+_INTACT: list = []
