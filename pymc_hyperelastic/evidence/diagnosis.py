@@ -300,7 +300,7 @@ def _check_of_residuals(squares: xr.DataArray, freedom: xr.DataArray) -> _Check:
         f"{f' and in {more} more' if more > 0 else ''}: the squared residuals are "
         f"{float(squares.values[at]):.3g} variances of the noise, and about "
         f"{float(freedom.values[at]):.3g} are expected. The law does not fit, the noise is larger, "
-        "specimens differ that share one material, or something is wrong with the data"
+        "specimens that share one material differ, or something is wrong with the data"
     )
     verdict = _DOUBTFUL if chance < _CHANCE_OF_RESIDUALS else _GOOD
     return _Check("residuals", -chance, -_CHANCE_OF_RESIDUALS, verdict, words)
