@@ -364,7 +364,11 @@ def worst_of(verdicts: Iterable[str]) -> str:
 
 def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[_Check]:
     if not np.isfinite([*values, *errors]).all():
-        return [_Check("chains", np.inf, 0.0, _BAD, "a chain has failed")]
+        words = (
+            "a chain has failed, or went on in haste after many stages at which its particles had "
+            "not forgotten their places"
+        )
+        return [_Check("chains", np.inf, 0.0, _BAD, words)]
     if len(values) == 1:
         return []
     spread = float(np.std(values, ddof=1))
@@ -443,7 +447,7 @@ def _evidence_of_pymc(tree: xr.DataTree, stats: xr.Dataset) -> xr.Dataset:
         return found
 
     def last(name: str) -> Array:
-        return np.array([stages[np.isfinite(stages)][-1] for stages in of_chains(name)])
+        return np.array([stages[~np.isnan(stages)][-1] for stages in of_chains(name)])
 
     settings = {name: read_number(stats, name) for name in ("max_moves", "_n_draws")}
     capped = np.concatenate(of_chains("moves")) >= settings["max_moves"]

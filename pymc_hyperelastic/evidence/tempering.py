@@ -51,7 +51,9 @@ class Tempering:
     particles : array, shape (n, d)
     beta : float
     log_evidence, variance : float
-        Of the stages so far; the variance is relative.
+        Of the stages so far; the variance is relative. It is infinite once particles had not
+        forgotten their places after `max_moves` at `most_capped` stages: from there on they move
+        once a stage.
     pareto_k : float
         Shape of the largest weights of a reference's particles, as draws of the posterior.
     """
@@ -68,10 +70,12 @@ class Tempering:
         threshold: float = THRESHOLD,
         forget: float = 0.1,
         max_moves: int = 50,
+        most_capped: float = np.inf,
     ) -> None:
         self.target, self.rng, self.reference = target, rng, reference
         self.guide = guide or target
         self.threshold, self.forget, self.max_moves = threshold, forget, max_moves
+        self.most_capped = most_capped
         self.particles = particles
         self.draws, self.dimension = particles.shape
         self.beta, self.moves, self.capped, self._arrived = float(arrived), 0, 0, arrived
@@ -201,6 +205,7 @@ class Tempering:
         self._visited = [(origin, self._start, self._rise)]
         self._terms = self.mixture.log_density_of_components(origin)
         rates: list[float] = []
+        hurried = self.capped >= self.most_capped
         nearby = self._leap if self.target.has_slopes else self._walk
         alone = False
         for number in range(self.max_moves):
@@ -208,7 +213,7 @@ class Tempering:
             rates.append(self._move_independently() if independent else nearby())
             # Between modes that are yet to be weighed even rare moves count.
             alone |= self._arrived and independent and rates[-1] < _RARELY
-            if self.target.exhausted:
+            if hurried or self.target.exhausted:
                 self.capped += 1
                 break
             # The few particles that stick in the tails are lost in the first correlation, but will
@@ -221,6 +226,8 @@ class Tempering:
                 break
         else:
             self.capped += 1
+        if hurried:
+            self.variance = np.inf
         self.stages += 1
         self.moves = len(rates)
         self.acceptance = float(np.mean(rates))
