@@ -1,7 +1,9 @@
 """Results as netCDF files."""
 
 import io
+import sys
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 
@@ -12,8 +14,10 @@ from pymc_hyperelastic.files.storable import storable
 from pymc_hyperelastic.files.stored import Result, in_one_line, shown
 from pymc_hyperelastic.files.untrusted import check_self_contained
 from pymc_hyperelastic.files.whole import written_whole
+from pymc_hyperelastic.parallel import one_thread
 
 
+@one_thread
 def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
     """Write a result to a netCDF file, whole or not at all.
 
@@ -53,7 +57,8 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
         raise TypeError(f"a result is a DataTree or a Dataset, not {type(result).__name__}")
     path = Path(path)
     # HDF5 itself may end the process when the disk is full, so that it writes to memory.
-    content = _content(storable(result))
+    with _without_cluster():
+        content = _content(storable(result))
     try:
         with written_whole(path) as beside:
             beside.write_bytes(content)
@@ -109,9 +114,39 @@ def _round_trip(result: Result) -> tuple[bytes, str]:
         same = again.identical(tree) and digest_of(again) == digest
     except MemoryError:
         raise
+<<<<<<< HEAD
     except Exception as error:  # of every kind, where a file cannot hold something
         return b"", f"cannot be written ({in_one_line(error)})"
     return content, "" if same else "would not be read as it was written"
+=======
+    return content
+
+
+def _without_cluster() -> AbstractContextManager[Any]:
+    """Let xarray take a lock of this process: a lock of a Dask cluster needs the name of a file."""
+    if "distributed" not in sys.modules:
+        return nullcontext()
+    import dask
+
+    return dask.config.set(scheduler="synchronous")
+
+
+def _why_not_written(table: xr.Dataset | xr.DataTree, name: Hashable) -> str:
+    """Return what is wrong with a variable that a file does not give back as it was."""
+    try:
+        alone = sealed(xr.Dataset({f"{name}_alone": table[name].variable.to_base_variable()}))
+        check_seal(_in_memory(bytes(alone.to_netcdf(engine="h5netcdf")), xr.open_datatree), "it")
+    except Exception as error:
+        changed = "not what was computed" in str(error)
+        return "would not be read as it was written" if changed else f"cannot be written, {error}"
+    return ""
+
+
+def _in_memory(content: bytes, opener: Callable[..., xr.DataTree]) -> xr.DataTree | xr.Dataset:
+    tree = opener(io.BytesIO(content), engine="h5netcdf").load()
+    tree.close()
+    return tree if tree.children else tree.to_dataset()
+>>>>>>> f7f4c05 (Save results where a Dask client is open)
 
 
 def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
