@@ -14,6 +14,7 @@ from pymc_hyperelastic.cohorts.work import Prepared, Work
 from pymc_hyperelastic.evidence.smc import seed_kept
 from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.models.study import wall_of
+from pymc_hyperelastic.parallel import LOCK
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ def classify_cohort(
         for layer in wall_of(child)
     ]
     work = Classifying(by, classes, representatives(data), settings, materials)
-    # All input is checked here, where it was given.
-    work.classification().check_new(data)
+    with LOCK:  # not around the batches: workers may be threads of this process
+        work.classification().check_new(data)
     running = {"client": client, "cores": cores, "batch_size": batch_size}
     run_cohort(work, data, store, **running, progressbar=progressbar)

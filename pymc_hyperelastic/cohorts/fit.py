@@ -35,6 +35,7 @@ from pymc_hyperelastic.models.priors import (
     priors_from_records,
 )
 from pymc_hyperelastic.models.study import noise_from_records, noise_records, wall_attrs
+from pymc_hyperelastic.parallel import LOCK
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
 
@@ -321,9 +322,9 @@ def fit_cohort(
         int(draws),
         seed_kept(random_seed, store).entropy,
     )
-    # All input is checked here, where it was given.
-    wall, *unknown = work.stated()
-    work.observation.check(wall, data, *unknown)
+    with LOCK:  # not around the batches: workers may be threads of this process
+        wall, *unknown = work.stated()
+        work.observation.check(wall, data, *unknown)
     running = {"client": client, "cores": cores, "batch_size": batch_size}
     run_cohort(work, data, store, **running, progressbar=progressbar)
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 
@@ -114,12 +115,9 @@ def _round_trip(result: Result) -> tuple[bytes, str]:
         same = again.identical(tree) and digest_of(again) == digest
     except MemoryError:
         raise
-<<<<<<< HEAD
     except Exception as error:  # of every kind, where a file cannot hold something
         return b"", f"cannot be written ({in_one_line(error)})"
     return content, "" if same else "would not be read as it was written"
-=======
-    return content
 
 
 def _without_cluster() -> AbstractContextManager[Any]:
@@ -129,24 +127,6 @@ def _without_cluster() -> AbstractContextManager[Any]:
     import dask
 
     return dask.config.set(scheduler="synchronous")
-
-
-def _why_not_written(table: xr.Dataset | xr.DataTree, name: Hashable) -> str:
-    """Return what is wrong with a variable that a file does not give back as it was."""
-    try:
-        alone = sealed(xr.Dataset({f"{name}_alone": table[name].variable.to_base_variable()}))
-        check_seal(_in_memory(bytes(alone.to_netcdf(engine="h5netcdf")), xr.open_datatree), "it")
-    except Exception as error:
-        changed = "not what was computed" in str(error)
-        return "would not be read as it was written" if changed else f"cannot be written, {error}"
-    return ""
-
-
-def _in_memory(content: bytes, opener: Callable[..., xr.DataTree]) -> xr.DataTree | xr.Dataset:
-    tree = opener(io.BytesIO(content), engine="h5netcdf").load()
-    tree.close()
-    return tree if tree.children else tree.to_dataset()
->>>>>>> f7f4c05 (Save results where a Dask client is open)
 
 
 def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
