@@ -3,6 +3,7 @@
 from concurrent.futures import ThreadPoolExecutor
 
 import fits
+import matplotlib
 
 import pymc_hyperelastic as ph
 
@@ -24,3 +25,13 @@ def test_fits_and_predictions_in_threads_equal_those_one_by_one():
         alone = [function(specimen) for specimen in specimens]
         with ThreadPoolExecutor(4) as pool:
             assert list(pool.map(function, specimens * 2)) == alone * 2
+
+
+def test_reports_in_two_threads_leave_the_settings_of_figures(tmp_path):
+    data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
+    before = dict(matplotlib.rcParams)
+    paths = [tmp_path / f"{i}.html" for i in range(2)]
+    with ThreadPoolExecutor(2) as pool:
+        pages = list(pool.map(lambda path: ph.report(data, path).read_text("utf-8"), paths))
+    assert dict(matplotlib.rcParams) == before
+    assert set(pages) == {pages[0]} and "<svg" in pages[0]

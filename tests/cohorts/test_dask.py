@@ -13,7 +13,6 @@ import xarray as xr
 from simulated_work import POLL, SimulatedWork, computed, wait_for
 
 import pymc_hyperelastic as ph
-
 from pymc_hyperelastic.cohorts.workers import Cluster, ClusterLost
 from pymc_hyperelastic.files.store import Part
 
