@@ -14,13 +14,7 @@ import xarray as xr
 from pymc.progress_bar import create_simple_progress
 
 from pymc_hyperelastic.cohorts.work import DOUBTFUL, Remarks, Work, failure, labels_of
-from pymc_hyperelastic.cohorts.workers import (
-    DEATHS,
-    ClusterLost,
-    WorkerDied,
-    Workers,
-    workers_for,
-)
+from pymc_hyperelastic.cohorts.workers import DEATHS, WorkerDied, Workers, workers_for
 from pymc_hyperelastic.data.select import tests_of_many, units_of
 from pymc_hyperelastic.evidence.checks import PACKAGE, check_count
 from pymc_hyperelastic.files.seal import digests_of
@@ -91,7 +85,7 @@ def run_cohort(
                 remarks.failed.extend(said.failed)
                 remarks.doubtful.extend(said.doubtful)
                 progress.advance(bar, batch.last - batch.first)
-        except (OSError, ClusterLost) as error:
+        except OSError as error:
             raise type(error)(
                 f"{error}. What was computed is in {store.folder}: the same call goes on from there"
             ) from error

@@ -3,6 +3,7 @@
 import asyncio
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -20,10 +21,24 @@ import xarray as xr
 from pymc_hyperelastic.cohorts.work import Remarks, Work, run_batch
 from pymc_hyperelastic.files.store import Part
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 # So many deaths are not chance.
 DEATHS = 3
 # Seconds for which a cluster may be without any worker: it may be about to start some.
 _PATIENCE = 60.0
+# What a worker process executes.
+_START = """
+import sys
+sys.path[:] = {paths!r}
+from pymc_hyperelastic.cohorts.worker import main
+main()
+"""
+# How the names of temporary folders of workers begin, and the file that is locked in each.
+_FOLDER, _IN_USE = "pymc_hyperelastic_", "in_use"
 _THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "NUMEXPR")
 
 
@@ -35,8 +50,8 @@ class WorkerDied(Exception):
         self.deaths = deaths
 
 
-class ClusterLost(Exception):
-    """A cluster no longer answers."""
+class WorkersLost(OSError):
+    """No worker can start, or a cluster no longer answers."""
 
 
 class Workers(Protocol):
@@ -79,39 +94,85 @@ class ThisProcess:
 
 
 class Processes:
-    """Processes of this machine, each with a thread here that tells it what to do.
+    """Worker processes of this machine; a thread of this process tells each of them what to do.
 
-    One does one batch at a time: if it dies it is known of which, and another one takes its place.
-    Each has one thread for linear algebra, and a folder of its own for what is compiled.
+    A worker has one batch at a time: if it dies, its batch is known, and another worker takes its
+    place. Each worker has one thread for linear algebra, and its own folder for compiled functions.
     """
 
     def __init__(self, work: Work, count: int) -> None:
         self.count = count
-        self._start = [cloudpickle.dumps(x) for x in (sys.path, work)]
-        self._folder = tempfile.TemporaryDirectory(prefix="pymc_hyperelastic_")
+        self._work = cloudpickle.dumps(work)
+        self._folder = tempfile.TemporaryDirectory(prefix=_FOLDER)
+        self._in_use = mark_in_use(Path(self._folder.name))
+        remove_abandoned()
         self._own, self._all = threading.local(), set[subprocess.Popen]()
         self._threads = ThreadPoolExecutor(count)
-        self._closed = False
+        self._closed, self._started = False, False
 
     def submit(self, data: xr.Dataset, part: Part) -> Future:
-        """Let a batch be done by a process that has nothing to do."""
+        """Let the next free worker do a batch."""
         return self._threads.submit(self._do, data, part)
 
     def check(self) -> None:
-        """Whoever died is replaced."""
+        """Do nothing: a worker that dies is replaced."""
 
     def close(self) -> None:
-        """Stop all processes, whatever they do."""
+        """Stop all workers, and remove their folder."""
         self._closed = True
         for process in list(self._all):
             _stop(process)
         self._threads.shutdown(cancel_futures=True)
+        if self._in_use is not None:
+            self._in_use.close()
         self._folder.cleanup()
 
     def _do(self, data: xr.Dataset, part: Part) -> list[str]:
-        process = self._process()
+        process = getattr(self._own, "process", None) or self._start()
+        return self._answer(process, (data, part))
+
+    def _start(self) -> Any:
+        """Start the worker of this thread."""
+        if self._closed:
+            raise WorkerDied("it was stopped")
+        own = tempfile.mkdtemp(dir=self._folder.name)
+        flags = [os.environ.get("PYTENSOR_FLAGS", ""), f"base_compiledir={own}"]
+        said = Path(own, "stderr")
+        with said.open("wb") as stderr:
+            process: Any = subprocess.Popen(
+                # -P: import nothing from the current folder, which may be somebody else's.
+                [sys.executable, "-P", "-c", _START.format(paths=_search_path())],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                env={
+                    **os.environ,
+                    **{f"{name}_NUM_THREADS": "1" for name in _THREADS},
+                    "PYTENSOR_FLAGS": ",".join(filter(None, flags)),
+                },
+                # A worker that outlives this process keeps its folder.
+                pass_fds=[] if self._in_use is None else [self._in_use.fileno()],
+            )
+        self._all.add(process)
+        self._own.process = process
         try:
-            cloudpickle.dump((data, part), process.stdin)
+            self._answer(process, self._work)
+        except Exception as error:
+            if self._started and isinstance(error, WorkerDied):
+                raise
+            lines = said.read_text("utf-8", "replace").strip()
+            why = [str(error), *lines.splitlines()[-1:]]
+            lost = WorkersLost(f"no worker process can start: {': '.join(why)}")
+            if lines:
+                lost.add_note(lines)
+            raise lost from None
+        self._started = True
+        return process
+
+    def _answer(self, process: Any, question: Any) -> Any:
+        """Ask a worker, and return its answer."""
+        try:
+            cloudpickle.dump(question, process.stdin)
             process.stdin.flush()
             answer = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError):
@@ -122,38 +183,33 @@ class Processes:
             raise answer
         return answer
 
-    def _process(self) -> Any:
-        """The process of this thread."""
-        process: Any = getattr(self._own, "process", None)
-        if process is None:
-            if self._closed:
-                raise WorkerDied("it was stopped")
-            process = subprocess.Popen(
-                # -P: nothing is imported from the current folder, which may be somebody else's.
-                [sys.executable, "-P", "-m", "pymc_hyperelastic.cohorts.worker"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env=self._environment(),
-            )
-            self._all.add(process)
-            self._own.process = process
-            # If it cannot be started at all, the first batch finds out.
-            with suppress(OSError):
-                for message in self._start:
-                    process.stdin.write(message)
-        return process
 
-    def _environment(self) -> dict[str, str]:
-        own = tempfile.mkdtemp(dir=self._folder.name)
-        flags = [os.environ.get("PYTENSOR_FLAGS", ""), f"base_compiledir={own}"]
-        # A relative path, and an empty one, would be the current folder.
-        paths = [path for path in sys.path if os.path.isabs(path)]
-        return {
-            **os.environ,
-            **{f"{name}_NUM_THREADS": "1" for name in _THREADS},
-            "PYTENSOR_FLAGS": ",".join(filter(None, flags)),
-            "PYTHONPATH": os.pathsep.join(paths),
-        }
+def mark_in_use(folder: Path) -> Any:
+    """Return an open, locked file of a folder, which stays locked while a process has it open.
+
+    Windows has no such locks, and returns None.
+    """
+    if fcntl is None:
+        return None
+    new = (folder / "new").open("w")
+    fcntl.flock(new, fcntl.LOCK_EX)
+    os.rename(new.name, folder / _IN_USE)
+    return new
+
+
+def remove_abandoned() -> None:
+    """Remove the folders of runs whose processes were all killed."""
+    for path in Path(tempfile.gettempdir()).glob(f"{_FOLDER}*/{_IN_USE}"):
+        # OSError: another process has the lock, or the folder is that of another user.
+        with suppress(OSError), path.open() as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(path.parent, ignore_errors=True)
+
+
+def _search_path() -> list[str]:
+    """Return where workers look for modules: relative paths, as the current folder, come last."""
+    absolute = [path for path in sys.path if os.path.isabs(path)]
+    return absolute + [os.path.abspath(path) for path in sys.path if not os.path.isabs(path)]
 
 
 class Cluster:
@@ -197,12 +253,12 @@ class Cluster:
         try:
             there, news = bool(self._client.nthreads()), self._client.get_events("all")[-1:]
         except Exception as lost:
-            raise ClusterLost(f"the scheduler does not answer: {lost}") from lost
+            raise WorkersLost(f"the scheduler does not answer: {lost}") from lost
         # One that a batch kills as soon as it has come is hardly ever there.
         if there or news != self._news:
             self._seen, self._news = time.monotonic(), news
         elif time.monotonic() - self._seen > _PATIENCE:
-            raise ClusterLost(f"the cluster has had no worker for {_PATIENCE:.0f} s")
+            raise WorkersLost(f"the cluster has had no worker for {_PATIENCE:.0f} s")
 
     def close(self) -> None:
         """Cancel what is not done."""
@@ -223,7 +279,7 @@ class Cluster:
             deaths = max(1, _begun(part))
             raise WorkerDied("workers of the cluster were killed, or ended", deaths) from None
         except (CancelledError, CommClosedError) as lost:
-            raise ClusterLost("the cluster was lost, or its scheduler started again") from lost
+            raise WorkersLost("the cluster was lost, or its scheduler started again") from lost
         finally:
             self._futures.discard(on_cluster)
 

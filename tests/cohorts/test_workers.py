@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from concurrent.futures import Future
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,11 +19,14 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.cohorts.run import parts_of
 from pymc_hyperelastic.cohorts.workers import (
     Cluster,
-    ClusterLost,
+    Processes,
     ThisProcess,
     WorkerDied,
+    WorkersLost,
     _how,
+    mark_in_use,
 )
+from pymc_hyperelastic.files.store import Part
 
 
 def check_others(result, undisturbed, *failed):
@@ -230,13 +234,43 @@ def test_a_killed_driver_loses_nothing(cores, data, undisturbed, tmp_path):
     assert result.identical(undisturbed)
 
 
-def test_processes_import_nothing_from_the_current_folder(data, undisturbed, tmp_path, monkeypatch):
+def test_processes_import_nothing_from_the_current_folder(data, tmp_path, monkeypatch):
+    """Own modules beside a notebook are found, after those of Python and the environment."""
     for name in ("scipy", "signal"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('executed')")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [path for path in sys.path if path])
-    result = computed(SimulatedWork(), data, tmp_path / "store", batch_size=8, cores=2)
-    assert result.identical(undisturbed)
+    monkeypatch.setattr(sys, "path", ["", *sys.path])
+    workers = Processes(SimulatedWork(), 1)
+    assert workers.submit(data, Part(tmp_path / "part.nc", "hash")).result() == []
+    workers.close()
+    total = SimulatedWork().run(data)["total"].values
+    assert np.array_equal(ph.open_result(tmp_path / "part.nc")["total"], total)
+
+
+def test_workers_that_cannot_start_are_one_message(data, undisturbed, tmp_path, monkeypatch):
+    """No specimen is at fault: once the reason is gone, the same call computes all of them."""
+    (tmp_path / "signal.py").write_text("raise ImportError('this is no module for signals')")
+    path = [str(tmp_path), *sys.path]
+    with monkeypatch.context() as patch, pytest.raises(WorkersLost) as lost:
+        patch.setattr(sys, "path", path)
+        computed(SimulatedWork(), data, tmp_path / "store", batch_size=4, cores=2)
+    said = "no worker process can start: it ended with exit code 1: ImportError: this is no module"
+    assert str(lost.value).startswith(said) and "goes on from there" in str(lost.value)
+    assert computed(SimulatedWork(), data, tmp_path / "store").identical(undisturbed)
+
+
+def test_folders_of_killed_processes_are_removed_by_the_next_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    abandoned = tmp_path / "pymc_hyperelastic_0123"
+    (abandoned / "compiled").mkdir(parents=True)
+    mark_in_use(abandoned).close()
+    running = Processes(SimulatedWork(), 1)
+    assert len(list(tmp_path.iterdir())) == 1 and not abandoned.exists()
+    another = Processes(SimulatedWork(), 1)
+    assert len(list(tmp_path.iterdir())) == 2
+    running.close()
+    another.close()
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_cluster_without_workers_is_lost_when_nothing_happens_there(monkeypatch):
@@ -246,7 +280,7 @@ def test_a_cluster_without_workers_is_lost_when_nothing_happens_there(monkeypatc
     client = SimpleNamespace(nthreads=lambda: threads, get_events=lambda topic: tuple(events))
     cluster._client, cluster._seen, cluster._news = client, 0.0, ()
     cluster.check()
-    with pytest.raises(ClusterLost, match="no worker for"):
+    with pytest.raises(WorkersLost, match="no worker for"):
         cluster.check()
     events.append("another one came")
     cluster.check()
