@@ -2,9 +2,9 @@
 
 import re
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from enum import Enum, StrEnum
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -24,7 +24,7 @@ from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.files.results import save_result
-from pymc_hyperelastic.files.store import OtherWork, manifest_of
+from pymc_hyperelastic.files.store import OtherWork
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy, list_strain_energies
 from pymc_hyperelastic.models.observation.slopes import balanced_slope_weight
 from pymc_hyperelastic.plots.inflation import plot_inflation
@@ -65,6 +65,7 @@ class By(StrEnum):
     test = "test"
 
 
+_INSTEAD = "replace it with --overwrite, or name another folder with --out"
 Quantity = Literal["pressure", "length", "force", "angle"]
 # kPa, mN and mm: of errors that are to be inferred, the size that half-normal priors have.
 _UNKNOWN = {"noise_sd": 1.0, "force_noise_sd": 10.0, "diameter_noise_sd": 0.05}
@@ -161,20 +162,24 @@ def fit(
     out.mkdir(parents=True, exist_ok=True)
     for each in law or [Law("Ogden")]:
         path = out / f"{CLASSES}-{each.value}.nc"
-        with _in_place_of_others(path.with_suffix(""), path, overwrite=overwrite):
-            classes = fit_classes(
-                StrainEnergy.from_name(each.value),
-                training,
-                variability=variability.value,
-                experiment_effect=experiment_effect,
-                slope_weight=slope_weight,
-                draws=draws,
-                chains=chains,
-                random_seed=seed,
-                progressbar=not quiet,
-                store=path.with_suffix(""),
-                **errors,
-            )
+        store = path.with_suffix("")
+        if path.exists() and not store.exists() and not overwrite:
+            raise ValueError(f"{path} exists already: {_INSTEAD}")
+        compute = partial(
+            fit_classes,
+            StrainEnergy.from_name(each.value),
+            training,
+            variability=variability.value,
+            experiment_effect=experiment_effect,
+            slope_weight=slope_weight,
+            draws=draws,
+            chains=chains,
+            random_seed=seed,
+            progressbar=not quiet,
+            store=store,
+            **errors,
+        )
+        classes = _computed(compute, store, overwrite=overwrite)
         save_result(classes, path)
         for name, fitted in classes.children.items():
             typer.echo(f"{each.value}, group {name}: log evidence {log_evidence(fitted)}")
@@ -205,19 +210,20 @@ def classify(
     """
     data = _split(read_tests(files, settings), "new")
     classes, *others = classes_of(study)
-    with _in_place_of_others(study / CLASSIFIED, overwrite=overwrite):
-        classify_cohort(
-            data,
-            classes,
-            study / CLASSIFIED,
-            by=by.value,
-            average_over=others,
-            undecided_below=undecided_below,
-            none_below=none_below,
-            cores=cores,
-            random_seed=seed,
-            progressbar=not quiet,
-        )
+    compute = partial(
+        classify_cohort,
+        data,
+        classes,
+        study / CLASSIFIED,
+        by=by.value,
+        average_over=others,
+        undecided_below=undecided_below,
+        none_below=none_below,
+        cores=cores,
+        random_seed=seed,
+        progressbar=not quiet,
+    )
+    _computed(compute, study / CLASSIFIED, overwrite=overwrite)
     found = open_cohort(study / CLASSIFIED)
     assert isinstance(found, xr.Dataset)
     table = _table(found.load())
@@ -283,20 +289,15 @@ def report(
     typer.echo(f"The report is {path}.")
 
 
-@contextmanager
-def _in_place_of_others(
-    store: Path, result: Path | None = None, *, overwrite: bool
-) -> Iterator[None]:
-    """Work with a store, which replaces that of other data or settings only if it may."""
-    if overwrite and store.is_dir():
-        manifest_of(store)  # a folder that is no store is not removed
-        shutil.rmtree(store)
-    elif result is not None and result.exists() and not store.exists() and not overwrite:
-        raise ValueError(f"{result} is there already: say --overwrite, or another folder by --out")
+def _computed(compute: Callable[[], Any], store: Path, *, overwrite: bool) -> Any:
+    """Return a result that a store keeps; remove a store of other data or settings if asked to."""
     try:
-        yield
+        return compute()
     except OtherWork as error:
-        raise ValueError(f"{error}. On the command line: --overwrite, or --out FOLDER") from error
+        if not overwrite:
+            raise ValueError(f"{error.said}You can {_INSTEAD}") from error
+    shutil.rmtree(store)
+    return compute()
 
 
 def _split(data: xr.Dataset, which: str) -> xr.Dataset:

@@ -6,6 +6,10 @@ from typing import Any
 
 # What a shell expects of a command that was interrupted: 128 and the number of the signal.
 _INTERRUPTED = 130
+_ADVICE = (
+    "\nPyTensor stores compiled functions in this folder. Choose one that can be written: "
+    "export PYTENSOR_FLAGS=base_compiledir=/a/folder"
+)
 
 
 def main() -> None:
@@ -27,7 +31,8 @@ def main() -> None:
     except (OSError, TypeError, ValueError) as error:
         for note in getattr(error, "__notes__", ()):
             print(note, file=sys.stderr)
-        sys.exit(f"error: {error}")
+        advice = _ADVICE if "compiledir" in str(error) else ""
+        sys.exit(f"error: {error}{advice}")
     except Exception as error:
         # What the command line itself has to say: no such option, a missing argument.
         if not hasattr(error, "show"):

@@ -30,6 +30,10 @@ _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "scipy", "xarray"
 class OtherWork(ValueError):
     """A folder holds parts of another computation."""
 
+    def __init__(self, folder: Path, differing: list[str]) -> None:
+        self.said = f"the store {folder} holds other work: {'; '.join(differing)}. "
+        super().__init__(f"{self.said}Give another folder, or ask for what it holds")
+
 
 @dataclass(frozen=True)
 class Part:
@@ -86,11 +90,7 @@ class Store:
             # Another process may have made it at the same moment.
             there = manifest_of(self.folder)
         if differing := differences(there, manifest):
-            raise OtherWork(
-                f"the store {self.folder} holds other work: "
-                + "; ".join(differing)
-                + ". Give another folder, or ask for what it holds"
-            )
+            raise OtherWork(self.folder, differing)
         self.hash = hash_of(manifest)
 
     def part(self, name: str) -> Path:
@@ -208,6 +208,10 @@ def differences(there: Any, now: Any, where: str = "") -> list[str]:
         ]
     if there == now:
         return []
+    if all(
+        isinstance(entry, list) and entry and isinstance(entry[0], dict) for entry in (there, now)
+    ):
+        return differences(dict(enumerate(there, 1)), dict(enumerate(now, 1)), where)
     if where.endswith("fingerprint"):
         return [
             f"{where.removesuffix('_fingerprint')} has another formula there than here: its "

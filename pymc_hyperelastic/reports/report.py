@@ -144,8 +144,8 @@ def _check_identity(found: Sequence[Found], page: Page) -> None:
                     shown = " and ".join(one.title for one in classes)
                     page.notice(
                         BAD,
-                        f"{each.title} was decided with other classes than {shown} of this page: "
-                        "classify again",
+                        f"{each.title}: the decisions were made with other classes than {shown} on "
+                        "this page. Classify again",
                     )
 
 

@@ -1,6 +1,8 @@
 """The command line: from tables to a report, and one message for each mistake."""
 
+import errno
 import runpy
+import shutil
 import sys
 from importlib.metadata import version
 from pathlib import Path
@@ -9,6 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from interrupts import interrupt
+from pytensor.configdefaults import _filter_compiledir
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import pooled
@@ -91,9 +94,14 @@ def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     run("report", study, "--title", "Sheep <aortas>")
     page = (study / "report.html").read_text(encoding="utf-8")
     assert "<h1>Sheep &lt;aortas&gt;</h1>" in page and "New specimens" in page
-    assert "was decided with other classes than Classes of this page" in page
-    with pytest.raises(SystemExit, match=r"holds other work: classes.*--overwrite"):
+    assert "the decisions were made with other classes than Classes on this page" in page
+    with pytest.raises(
+        SystemExit, match=r"holds other work: classes, 1, C1 are not the same; .*--overwrite"
+    ):
         run("classify", table, "--out", study, "--cores", 1, "--quiet")
+    shutil.rmtree(study / "classes-NeoHookean")
+    with pytest.raises(SystemExit, match=r"NeoHookean\.nc exists already: replace it with --over"):
+        run(*fit, "120")
 
 
 @MISFIT
@@ -145,6 +153,10 @@ def test_sizes_of_errors_are_converted_to_units_of_the_package():
         (["classify", "FILE", "--out", "OUT"], "holds no classes: make them with"),
         (["report", "OUT"], "holds no classes: make them with 'pymc-hyperelastic fit'"),
         (["compare", "--out", "OUT"], "holds no classes"),
+        (
+            ["report", "OUT", "--page", "thesis.nc"],
+            "--page is 'thesis.nc'; expected a file",
+        ),
         (["check", "FILE", "--figure", "."], "--figure is '.'; expected a file"),
     ],
 )
@@ -154,6 +166,29 @@ def test_a_mistake_is_one_message_that_names_it(words, message, run, table, tmp_
         run(*(names.get(word, word) for word in words))
     assert str(ended.value).startswith("error: ")
     assert message in str(ended.value)
+
+
+def test_a_closed_pipe_ends_the_command_silently(run, table, tmp_path, monkeypatch, capsys):
+    def closed(*_, **__):
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr("typer.echo", closed)
+    monkeypatch.setattr("sys.stdout", sys.stdout)  # Typer replaces it
+    monkeypatch.setattr("sys.stderr", sys.stderr)
+    with pytest.raises(SystemExit) as ended:
+        run("check", table, "--figure", tmp_path / "curves.png")
+    assert ended.value.code == 1 and not capsys.readouterr().err
+
+
+def test_a_home_that_cannot_be_written_is_a_message_that_says_what_to_set(
+    run, table, tmp_path, monkeypatch
+):
+    def read(*_):
+        return _filter_compiledir(table / ".pytensor")  # the table is no folder
+
+    monkeypatch.setattr("pymc_hyperelastic.command.commands.read_tests", read)
+    with pytest.raises(SystemExit, match="export PYTENSOR_FLAGS=base_compiledir=/a/folder"):
+        run("check", table)
 
 
 def test_python_m_runs_the_command(monkeypatch, capsys):
