@@ -160,25 +160,29 @@ def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
     >>> ph.open_result("aorta.nc").sizes["test"]
     15
     """
-    tree = _loaded(path, xr.open_datatree)
-    return tree if tree.children else tree.to_dataset()
+    return _loaded(path, xr.open_datatree)
 
 
 def open_table(path: str | Path) -> xr.Dataset:
     """The same of a result that is one Dataset: sooner, since nothing asks for groups."""
-    return _loaded(path, partial(xr.open_dataset, decode_times=False))
+    table = _loaded(path, partial(xr.open_dataset, decode_times=False))
+    assert isinstance(table, xr.Dataset)
+    return table
 
 
-def _loaded[Opened: (xr.DataTree, xr.Dataset)](
-    path: str | Path, opener: Callable[..., Opened]
-) -> Opened:
+def _loaded(path: str | Path, opener: Callable[..., Result]) -> Result:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     try:
-        check_self_contained(path)
-        result = _in_memory(opener(path, engine="h5netcdf"))
+        # xarray keeps a path open that it could not read, but not what is opened here.
+        with path.open("rb") as file:
+            check_self_contained(file)
+            result = _in_memory(opener(file, engine="h5netcdf"))
+        result.encoding["source"] = str(path)
         check_seal(result, "the result")
+        one = isinstance(result, xr.DataTree) and not result.children
+        return result.to_dataset() if one else result
     except NotAsComputed:
         raise
     except Exception as error:  # h5py has errors of every kind for files that are cut off
@@ -186,7 +190,6 @@ def _loaded[Opened: (xr.DataTree, xr.Dataset)](
             f"{path} is no netCDF file of a result, or it was cut off or damaged: "
             f"{in_one_line(error)}"
         ) from error
-    return result
 
 
 def _in_memory[Opened: (xr.DataTree, xr.Dataset)](result: Opened) -> Opened:

@@ -1,11 +1,14 @@
 """What a netCDF file that somebody sent may not do: read other files, or have no end."""
 
+import os
 import re
 from collections.abc import Iterator
 from mmap import ACCESS_READ, mmap
-from pathlib import Path
+from typing import BinaryIO
 
 import h5py
+
+from pymc_hyperelastic.files.stored import shown
 
 # A result has a class in a group, and in it groups of draws: two levels.
 _DEEPEST = 10
@@ -17,26 +20,28 @@ _LARGEST_RATIO = 1100
 _HEAP_HEADER = 16
 
 
-def check_self_contained(path: Path) -> None:
+def check_self_contained(file: BinaryIO) -> None:
     """Raise ValueError for an HDF5 file that points to other files, or to groups in a circle.
 
     HDF5 follows external links, external storage and virtual datasets to any file that the reader
     of the result may read.
     """
-    if not path.stat().st_size:
+    size = os.fstat(file.fileno()).st_size
+    if not size:
         raise ValueError("it is empty")
-    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+    with mmap(file.fileno(), 0, access=ACCESS_READ) as content:
         _check_heaps(content)
     declared = 0
-    with h5py.File(path, "r") as file:
-        for count, (name, entry) in enumerate(_entries(file, "", {_identity(file)})):
+    with h5py.File(file, "r") as root:
+        for count, (name, entry) in enumerate(_entries(root, "", {_identity(root)})):
             if count >= _MOST_OBJECTS:
                 raise ValueError(f"it holds more than {_MOST_OBJECTS} groups and variables")
             if isinstance(entry, h5py.Dataset):
                 if entry.external is not None or entry.is_virtual:
-                    raise ValueError(f"its variable {name!r} points to another file")
+                    raise ValueError(f"its variable {shown(name)} points to another file")
+                _check_dimensions(name, entry)
                 declared += entry.size * entry.dtype.itemsize if entry.size else 0
-        if declared > _LARGEST_RATIO * path.stat().st_size:
+        if declared > _LARGEST_RATIO * size:
             raise ValueError(f"its variables would take {declared / 1e9:.3g} GB of memory")
 
 
@@ -58,6 +63,23 @@ def _check_heaps(content: mmap) -> None:
             place += size
 
 
+def _check_dimensions(name: str, variable: h5py.Dataset) -> None:
+    """Raise ValueError for lists of dimensions of another type or shape.
+
+    HDF5 2.0 reads these lists into memory of the size that they should have, and ends the process.
+    """
+    sound = True
+    if "DIMENSION_LIST" in variable.attrs:
+        found = variable.attrs.get_id("DIMENSION_LIST")
+        of = h5py.check_vlen_dtype(found.dtype)
+        sound = found.shape == (variable.ndim,) and of is not None and of == h5py.ref_dtype
+    if "REFERENCE_LIST" in variable.attrs:
+        found = variable.attrs.get_id("REFERENCE_LIST")
+        sound &= len(found.shape or ()) == 1 and found.dtype.names == ("dataset", "dimension")
+    if not sound:
+        raise ValueError(f"the list of dimensions of its variable {shown(name)} is damaged")
+
+
 def _entries(
     group: h5py.Group, place: str, seen: set[object], depth: int = 1
 ) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
@@ -65,13 +87,13 @@ def _entries(
     for name in group:
         path = f"{place}/{name}"
         if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-            raise ValueError(f"{path!r} is a link, which may lead to another file")
+            raise ValueError(f"{shown(path)} is a link, which may lead to another file")
         entry = group[name]
         if isinstance(entry, h5py.Group):
             if _identity(entry) in seen:
-                raise ValueError(f"its group {path!r} is also another one")
+                raise ValueError(f"its group {shown(path)} is also another one")
             if depth >= _DEEPEST:
-                raise ValueError(f"its group {path!r} is deeper than {_DEEPEST} levels")
+                raise ValueError(f"its group {shown(path)} is deeper than {_DEEPEST} levels")
             seen.add(_identity(entry))
         yield path, entry
         if isinstance(entry, h5py.Group):

@@ -261,6 +261,20 @@ def priors_from_records(records: Any) -> dict[str, TensorVariable]:
     return {name: prior_from_record(record, name) for name, record in records.items()}
 
 
+def class_name_of(record: Any) -> str:
+    """Name of the class of a distribution that :func:`prior_to_record` stored; some have two names.
+
+    Raises ValueError as :func:`prior_from_record` does.
+
+    Examples
+    --------
+    >>> class_name_of(["Uniform", [0.0, 1.0]])
+    'Uniform'
+    """
+    prior_from_record(record)
+    return _READABLE[record[0]][0].__name__
+
+
 def _parameters_of(op: type) -> int | None:
     """How many numbers state a distribution of numbers; None of any other distribution."""
     symbolic = issubclass(op, SymbolicRandomVariable)

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from inspect import getdoc
 from typing import Any
 
-import pymc as pm
 import xarray as xr
 
 from pymc_hyperelastic.files.stored import read_json
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.priors import class_name_of
 from pymc_hyperelastic.models.study import NamedLayer, wall_of
 from pymc_hyperelastic.reports.blocks import short
 
@@ -93,10 +93,10 @@ def distribution_in_words(record: list[Any], unit: str = "") -> str:
     >>> distribution_in_words(["Uniform", [0.0, 100.0]], "kPa")
     'Uniform(0, 100) kPa'
     """
-    name, parameters, *size = record
+    name = class_name_of(record)
+    _, parameters, *size = record
     told = ", ".join(_value(p) for p in parameters)
     times = f", {size[0]} of them" if size else ""
-    name = getattr(pm, name).__name__  # of two names the one of its class
     return f"{name}({told}){' ' + unit if unit else ''}{times}"
 
 

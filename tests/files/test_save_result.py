@@ -122,6 +122,35 @@ def test_a_damaged_file_raises_an_error_that_names_it(tmp_path):
             ph.open_result(path)
 
 
+def test_a_file_that_was_refused_is_not_left_open(tmp_path):
+    path = tmp_path / "result.nc"
+    ph.save_result(every_type(), path)
+    with h5py.File(path, "a") as file:
+        file["real"].attrs["units"] = "days since noon"
+    with pytest.raises(ValueError, match="days since noon"):
+        ph.open_result(path)
+    with h5py.File(path, "a") as file:
+        assert "real" in file
+
+
+def heap(path: Path, size: int) -> None:
+    """State the size of the free space in the heap of texts of an HDF5 file."""
+    content = bytearray(path.read_bytes())
+    place = content.index(b"GCOL") + 16
+    while int.from_bytes(content[place : place + 2], "little"):
+        place += 16 + -(-int.from_bytes(content[place + 8 : place + 16], "little") // 8) * 8
+    content[place + 8 : place + 16] = size.to_bytes(8, "little")
+    path.write_bytes(content)
+
+
+def test_a_heap_that_hdf5_would_read_without_end_is_refused(tmp_path):
+    path = tmp_path / "result.nc"
+    ph.save_result(every_type(), path)
+    heap(path, 0)
+    with pytest.raises(ValueError, match="its heap at byte .* has an object without a size"):
+        ph.open_result(path)
+
+
 def test_wrong_types_and_paths_are_errors(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"there is no file .*nothing"):
         ph.open_result(tmp_path / "nothing")
@@ -245,7 +274,14 @@ def virtual(file, folder):
     file.create_virtual_dataset("odd", layout)
 
 
+def dimension_list(file, folder):
+    """Replace a list that HDF5 reads into memory of the size it should have."""
+    del file["C2/real"].attrs["DIMENSION_LIST"]
+    file["C2/real"].attrs["DIMENSION_LIST"] = np.zeros((2, 2))
+
+
 UNTRUSTED = {
+    "list of dimensions": dimension_list,
     "external link": lambda f, at: f.__setitem__("odd", h5py.ExternalLink(str(at / "a.nc"), "/x")),
     "soft link": lambda f, at: f.__setitem__("odd", h5py.SoftLink("/real")),
     "external storage": external_storage,
@@ -262,6 +298,6 @@ def test_a_file_that_reads_others_or_has_no_end_is_refused(change, tmp_path):
     ph.save_result(every_group(), path)
     with h5py.File(path, "a") as file:
         change(file, tmp_path)
-    message = "another file|also another one|deeper than 10|would take .* GB of memory"
+    message = "list of dimensions|another file|also another one|deeper than 10|would take .* GB of memory"
     with pytest.raises(ValueError, match=message):
         ph.open_result(path)

@@ -33,7 +33,7 @@ from pymc_hyperelastic.data.files.numerals import (
 )
 from pymc_hyperelastic.data.files.settings import Settings
 from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_unit
-from pymc_hyperelastic.data.files.text import SEPARATORS, Sheet, no_rows, quoted
+from pymc_hyperelastic.data.files.text import SEPARATORS, Sheet, no_rows
 
 _NO_LABEL = "is missing: give every line its label, fill the column down"
 
@@ -59,7 +59,7 @@ class Table:
     def taken(self, kind: str) -> list[str]:
         """In which units columns of a kind were taken, in words."""
         return [
-            f"{quoted(self.header(name))} of {self.sheet.file} was taken in {unit.spelling}"
+            f"{shown(self.header(name))} of {self.sheet.file} was taken in {unit.spelling}"
             for name, unit in self.units.items()
             if unit.kind == kind
         ]
@@ -93,10 +93,10 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
         cells = sheet.column(column.position)
         is_label = column.name in LABELS
         if all(not cell if is_label else is_missing(cell) for cell in cells):
-            unused.append(f"{quoted(column.header)} (empty)")
+            unused.append(f"{shown(column.header)} (empty)")
             if column.name in {known.name for known in settings.columns.values()}:
                 problems.append(
-                    f"{sheet.file}: {quoted(column.header)}, which is {column.name} in the "
+                    f"{sheet.file}: {shown(column.header)}, which is {column.name} in the "
                     "settings, has no entry in any line: fill it in, or name another column"
                 )
         elif is_label:
@@ -136,12 +136,12 @@ def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str],
             known = None
         known = next((said[name] for name in names if name in said), known)
         if not known or not ignored.isdisjoint(names):
-            unused.append(quoted(header) if header else "a column without a name")
+            unused.append(shown(header) if header else "a column without a name")
             continue
         column = Column(position, header, known.name, known.scale)
         if column.name in columns:
             problems.append(
-                f"{where}: {quoted(columns[column.name].header)} and {quoted(header)} are both "
+                f"{where}: {shown(columns[column.name].header)} and {shown(header)} are both "
                 f"{column.name}: rename one, or name it in the list ignore of the settings"
             )
         columns.setdefault(column.name, column)
@@ -153,7 +153,7 @@ def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str],
         if cells and (beside_another or _are_measured(cells)):
             ways = " or ".join(f"columns.{meaning} = {column.header!r}" for meaning in meanings)
             problems.append(
-                f"{where}: {quoted(column.header)} may be {' or '.join(meanings)}: say which in "
+                f"{where}: {shown(column.header)} may be {' or '.join(meanings)}: say which in "
                 f"the settings, {ways}"
             )
     return list(columns.values()), unused, problems
@@ -202,19 +202,19 @@ def _decimal(sheet: Sheet, columns: list[Column], settings: Settings) -> tuple[D
         return decimal, []
     example = next(cell for cell in cells if "," in cell)
     return decimal, [
-        f"{sheet.file}: {quoted(example)}, and whatever else has a comma, may have a decimal comma "
+        f"{sheet.file}: {shown(example)}, and whatever else has a comma, may have a decimal comma "
         'or thousands that are set apart: say decimal = "," or decimal = "." in the settings'
     ]
 
 
 def _label_in_words(column: Column, cells: list[str]) -> str:
     count = len(set(cells))
-    return f"{quoted(column.header)} is {column.name}: {count} label{'s' * (count > 1)}"
+    return f"{shown(column.header)} is {column.name}: {count} label{'s' * (count > 1)}"
 
 
 def _number_in_words(column: Column, unit: Unit | None, numbers: NDArray[np.float64]) -> str:
     half = "half of " if column.scale != 1 else ""
-    words = f"{half}{quoted(column.header)} is {column.name}"
+    words = f"{half}{shown(column.header)} is {column.name}"
     if unit and (unit.kind, unit.factor) != ("ratio", 1):
         words += f" in {unit.spelling}"
         if unit.factor != 1:

@@ -9,7 +9,6 @@ from pymc_hyperelastic.data.files.join import joined, named
 from pymc_hyperelastic.data.files.settings import Constant, Settings
 from pymc_hyperelastic.data.files.sheets import Table
 from pymc_hyperelastic.data.files.spellings import internal_unit
-from pymc_hyperelastic.data.files.text import quoted
 from pymc_hyperelastic.data.geometry import WALL
 
 MEASURED = ("radius", "outer_diameter")
@@ -116,10 +115,10 @@ def _has(table: Table) -> str:
     names = table.sheet.names
     if len(names) == 1:
         return (
-            f"{table.sheet.file} has one column, {quoted(names[0])} (separate columns by tabs, "
+            f"{table.sheet.file} has one column, {shown(names[0])} (separate columns by tabs, "
             "semicolons or commas, and begin remarks above their names with #)"
         )
-    return f"{table.sheet.file} has {', '.join(map(quoted, names))}"
+    return f"{table.sheet.file} has {', '.join(map(shown, names))}"
 
 
 def _not_found(tables: list[Table], settings: Settings) -> list[str]:

@@ -55,12 +55,12 @@ class Sheet:
         return [row[position] for row in self.rows]
 
 
-def quoted(cell: str) -> str:
+def shown(cell: str) -> str:
     """Cell as messages show it.
 
     Examples
     --------
-    >>> quoted("a" * 100)
+    >>> shown("a" * 100)
     "'aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa…'"
     """
     return repr(cell if len(cell) <= _LONGEST_SHOWN else cell[:_LONGEST_SHOWN] + "…")
@@ -148,7 +148,7 @@ def _check_names(names: list[str], records: list[tuple[int, list[str]]], where: 
         raise ValueError(f"{where}: there are numbers where names of columns are expected: {fix}")
     if len(filled) == 1 and widest > 1:
         raise ValueError(
-            f"{where}: {quoted(filled[0])} stands alone where names of columns are expected, above "
+            f"{where}: {shown(filled[0])} stands alone where names of columns are expected, above "
             f"{widest} columns: {fix}, and begin each line above the names with #"
         )
 
