@@ -12,6 +12,7 @@ import pandas as pd
 
 from pymc_hyperelastic.data.inflation import listed
 from pymc_hyperelastic.data.labels import plain_label
+from pymc_hyperelastic.files.stored import shown
 
 # Relative difference up to which two numbers of a table are equal: lengths in mm that are converted
 # from different units differ by rounding errors.
@@ -63,7 +64,7 @@ class Rows:
                 numbers[i] = float(value)
             except (TypeError, ValueError, OverflowError):
                 raise ValueError(
-                    f"{self.place(i)}: {column} is {value!r}, not a number; correct it "
+                    f"{self.place(i)}: {column} is {shown(value)}, not a number; correct it "
                     "(decimal points, no units)"
                 ) from None
             if not np.isfinite(numbers[i]):
@@ -82,14 +83,15 @@ class Rows:
         if isinstance(given, str):
             if given not in self.frame:
                 raise ValueError(
-                    f"{name}={given!r}: the frame has no such column; it has "
+                    f"{name}={shown(given)}: the frame has no such column; it has "
                     f"{listed(self.frame.columns)}. Give {name} as a number or as the name of a "
                     "column"
                 )
             return self.numbers(given)
         if isinstance(given, bool | np.bool_) or not isinstance(given, Real):
             raise TypeError(
-                f"{name} is {given!r}; expected a number, the name of a column, or None if unknown"
+                f"{name} is {shown(given)}; expected a number, the name of a column, or None if "
+                "unknown"
             )
         if np.isnan(given):
             raise ValueError(f"{name} is {given}; where it is not known, give None")
@@ -162,7 +164,9 @@ def check_frame(frame: pd.DataFrame, measured: str) -> None:
         )
     twice = frame.columns[frame.columns.duplicated()]
     if twice.size:
-        raise ValueError(f"the frame has more than one column {twice[0]!r}; drop or rename one")
+        raise ValueError(
+            f"the frame has more than one column {shown(twice[0])}; drop or rename one"
+        )
     if frame.empty:
         raise ValueError("the frame has no rows; expected one row a measured point")
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from pymc_hyperelastic.files.stored import shown
+
 if TYPE_CHECKING:
     import pint
     from numpy.typing import ArrayLike, NDArray
@@ -62,13 +64,15 @@ def _factor(unit: str, quantity: str, keyword: str) -> float:
         root = _root_units(registry, given)
     # Beyond its own errors pint lets those of Python's tokenizer and parser through.
     except Exception as error:
-        raise ValueError(f"{keyword}={unit!r} is not a known unit; {expected}") from error
+        raise ValueError(f"{keyword}={shown(unit)} is not a known unit; {expected}") from error
     if root != _root_units(registry, registry.Unit(internal)):
-        raise ValueError(f"{keyword}={unit!r} does not measure {quantity}; {expected}")
+        raise ValueError(f"{keyword}={shown(unit)} does not measure {quantity}; {expected}")
     factor = float(registry.Quantity(1.0, given).m_as(internal))
     known = [registry.Quantity(1.0, name).m_as(internal) for name in UNITS[quantity]]
     if not any(math.isclose(factor, other, rel_tol=_ROUNDING) for other in known):
-        raise ValueError(f"{keyword}={unit!r} is a unit of {quantity} that is not used; {expected}")
+        raise ValueError(
+            f"{keyword}={shown(unit)} is a unit of {quantity} that is not used; {expected}"
+        )
     return factor
 
 

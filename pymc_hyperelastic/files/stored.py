@@ -187,7 +187,7 @@ def shown(value: Any) -> str:
 
 
 def in_one_line(error: Exception) -> str:
-    """What an error of another library says, in one line, cut off where it is long.
+    r"""What an error of another library says, in one line, cut off where it is long.
 
     Examples
     --------

@@ -349,13 +349,14 @@ def test_messages_name_the_mistake_and_what_to_do(written, tmp_path):
     below = "1,2,3\n4,5,6\n"
     for table, words in (
         (f"=== log ===,,\n{below}", "line 1: '=== log ===' stands alone"),
-        (f"[HEADER]\n[DATA]\n{HEAD}\n{ROWS}", "begin each line above the names with #"),
+        (f"[HEADER]\n[DATA]\n{HEAD}\n{ROWS}", "a.csv: lines 1 to 2 stand above the names of the "),
         (f"S1,1,7.2,1.0\n{ROWS}", "there are numbers where names of columns are expected"),
     ):
         assert words in message_of(written, table)
     empty = f"{HEAD}\nS1,1,7.2,\n".replace("pressure_kPa", "Avg P (kPa)")
     message = message_of(written, empty, settings={"columns": {"pressure": "Avg P"}})
-    assert "'Avg P (kPa)', which is pressure in the settings, has no entry" in message
+    assert "'Avg P (kPa)', which is pressure, has no entry in any line" in message
+    assert "no column pressure" not in message
     assert "is an address, not a path" in message_of(ph.read_tests, "https://example.org/a.csv")
     with pytest.raises(TypeError, match="Write a text or an open file to a file first"):
         ph.read_tests(io.StringIO(f"{HEAD}\n{ROWS}"))

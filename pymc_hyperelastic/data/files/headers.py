@@ -11,6 +11,8 @@ from pymc_hyperelastic.data.files.spellings import is_unit, known_unit
 from pymc_hyperelastic.data.inflation import MEASURES
 
 LABELS = ("specimen", "experiment", "group", "cycle", "phase", "animal", "split")
+# Columns that tables of points cannot do without, besides what was measured.
+NEEDED = ("specimen", "experiment", "pressure")
 # What each number is of.
 KINDS = {
     "radius": "length",
@@ -35,7 +37,7 @@ SYNONYMS = {
     "group": "class",
     "radius": "r current_radius internal_radius current_inner_radius",
     "outer_diameter": "external_diameter current_outer_diameter od",
-    "pressure": "p transmural_pressure luminal_pressure internal_pressure",
+    "pressure": "p transmural_pressure luminal_pressure internal_pressure avg_pressure pavg",
     "axial_force": "reduced_axial_force",
     "inner_radius": "unloaded_inner_radius inner_radius_unloaded",
     "outer_radius": "unloaded_outer_radius outer_radius_unloaded",

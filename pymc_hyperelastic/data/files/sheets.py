@@ -19,6 +19,7 @@ from pymc_hyperelastic.data.files.cells import (
 )
 from pymc_hyperelastic.data.files.headers import (
     LABELS,
+    NEEDED,
     TWO_MEANINGS,
     called,
     comparable,
@@ -34,7 +35,10 @@ from pymc_hyperelastic.data.files.numerals import (
 from pymc_hyperelastic.data.files.settings import Settings
 from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_unit
 from pymc_hyperelastic.data.files.text import SEPARATORS, Sheet, no_rows
+from pymc_hyperelastic.files.stored import shown
 
+# Columns that are named as not used.
+_MOST_UNUSED = 100
 _NO_LABEL = "is missing: give every line its label, fill the column down"
 
 
@@ -83,6 +87,7 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
       not used: 'note'
     """
     columns, unused, problems = _columns(sheet, settings)
+    needed = {*NEEDED, *(known.name for known in settings.columns.values())}
     columns, sheet = _without_unit_row(sheet, columns)
     decimal, doubts = _decimal(sheet, columns, settings)
     problems += doubts
@@ -94,10 +99,10 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
         is_label = column.name in LABELS
         if all(not cell if is_label else is_missing(cell) for cell in cells):
             unused.append(f"{shown(column.header)} (empty)")
-            if column.name in {known.name for known in settings.columns.values()}:
+            if column.name in needed:
                 problems.append(
-                    f"{sheet.file}: {shown(column.header)}, which is {column.name} in the "
-                    "settings, has no entry in any line: fill it in, or name another column"
+                    f"{sheet.file}: {shown(column.header)}, which is {column.name}, has no entry "
+                    "in any line: fill it in, or name another column in the settings"
                 )
         elif is_label:
             values[column.name] = cells
@@ -117,7 +122,10 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
         f"{sheet.file}: {sheet.encoding}, separated by {SEPARATORS[sheet.separator]}, "
         f"{DECIMALS[decimal]}, {count} row{'s' * (count > 1)}"
     )
-    words += [f"not used: {', '.join(unused)}"] * bool(unused)
+    if unused:
+        others = len(unused) - _MOST_UNUSED
+        more = f" and {others} others" if others > 0 else ""
+        words.append(f"not used: {', '.join(unused[:_MOST_UNUSED])}{more}")
     return Table(sheet, columns, units, frame, problems, "\n  ".join([head, *words]))
 
 
@@ -151,7 +159,9 @@ def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str],
         cells = sheet.column(column.position) if meanings and name not in said else []
         beside_another = "outer_diameter" in columns and _are_numbers(cells)
         if cells and (beside_another or _are_measured(cells)):
-            ways = " or ".join(f"columns.{meaning} = {column.header!r}" for meaning in meanings)
+            ways = " or ".join(
+                f"columns.{meaning} = {shown(column.header)}" for meaning in meanings
+            )
             problems.append(
                 f"{where}: {shown(column.header)} may be {' or '.join(meanings)}: say which in "
                 f"the settings, {ways}"

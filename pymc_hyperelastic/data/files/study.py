@@ -4,12 +4,14 @@ import pandas as pd
 
 from pymc_hyperelastic.data.columns import LABELS as OF_TEST
 from pymc_hyperelastic.data.doubt import Check, refuse
-from pymc_hyperelastic.data.files.headers import KINDS, names_of
+from pymc_hyperelastic.data.files.headers import KINDS, NEEDED, names_of
 from pymc_hyperelastic.data.files.join import joined, named
 from pymc_hyperelastic.data.files.settings import Constant, Settings
 from pymc_hyperelastic.data.files.sheets import Table
 from pymc_hyperelastic.data.files.spellings import internal_unit
 from pymc_hyperelastic.data.geometry import WALL
+from pymc_hyperelastic.data.inflation import listed
+from pymc_hyperelastic.files.stored import shown
 
 MEASURED = ("radius", "outer_diameter")
 # Points of a test that another has too; fewer may agree by chance.
@@ -95,7 +97,7 @@ def _with_constants(table: Table, settings: Settings) -> tuple[pd.DataFrame, lis
             said = repr(constant) if isinstance(constant, str) else constant.value
             problems.append(
                 f"{name} is {said} in the settings, and {table.sheet.file} has a column of it, "
-                f"{table.header(name)!r}: remove one, or name the column in the list ignore"
+                f"{shown(table.header(name))}: remove one, or name the column in the list ignore"
             )
         if isinstance(constant, str):
             frame = frame.assign(**{name: constant})
@@ -118,17 +120,17 @@ def _has(table: Table) -> str:
             f"{table.sheet.file} has one column, {shown(names[0])} (separate columns by tabs, "
             "semicolons or commas, and begin remarks above their names with #)"
         )
-    return f"{table.sheet.file} has {', '.join(map(shown, names))}"
+    return f"{table.sheet.file} has {listed(names)}"
 
 
 def _not_found(tables: list[Table], settings: Settings) -> list[str]:
     """Files and columns that the settings name, and that are not there."""
     texts: dict[str, list[str]] = {}
     for text, known in settings.columns.items():
-        texts.setdefault(known.name, []).append(repr(text))
+        texts.setdefault(known.name, []).append(shown(text))
     files = [table.sheet.file for table in tables]
     problems = [
-        f"files.{file} of the settings is not among the files, {', '.join(files)}"
+        f"files.{shown(file)} of the settings is not among the files, {listed(files)}"
         for file in settings.files
         if file not in files
     ]
@@ -145,7 +147,9 @@ def _missing(points: list[Table], others: list[Table], settings: Settings) -> li
     needed = [("specimen",), ("experiment",), MEASURED, ("pressure",)]
     problems = []
     for table in points or others:
+        # A column that is known and empty is a problem of its table.
         known = {*table.frame, *_with_constants(table, settings)[0]}
+        known |= {column.name for column in table.columns} & set(NEEDED)
         lacking = [names for names in needed if known.isdisjoint(names)]
         if lacking:
             none = ", no column ".join(" or ".join(names) for names in lacking)

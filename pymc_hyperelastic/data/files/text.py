@@ -4,11 +4,13 @@ import csv
 import io
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pymc_hyperelastic.data.files.headers import KINDS, heading
 from pymc_hyperelastic.data.labels import forbidden_character, plain_text
+from pymc_hyperelastic.files.stored import in_one_line, shown
 
 SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas"}
 
@@ -20,7 +22,10 @@ _ENCODINGS = {"utf-8": "UTF-8", "utf-8-sig": "UTF-8", "utf-16": "UTF-16", "cp125
 _COMMENT = re.compile(r"\s*#(?![,;\t])")
 # A cell that is a number cannot be the name of a column.
 _NUMBER = re.compile(r"[+-]?[0-9.,]*[0-9][0-9.,]*([eE][+-]?[0-9]+)?")
-_LONGEST_SHOWN = 40
+# Runs of lines that a message names.
+_MOST_LINES = 10
+# Bytes of a line: no table has as many columns, and a file without line breaks is no table.
+_LONGEST_LINE = 2**20
 # Lines by which a separator is found, if the first has none.
 _LINES_LOOKED_AT = 100
 _LONGEST_CELL = csv.field_size_limit()
@@ -55,17 +60,6 @@ class Sheet:
         return [row[position] for row in self.rows]
 
 
-def shown(cell: str) -> str:
-    """Cell as messages show it.
-
-    Examples
-    --------
-    >>> shown("a" * 100)
-    "'aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa…'"
-    """
-    return repr(cell if len(cell) <= _LONGEST_SHOWN else cell[:_LONGEST_SHOWN] + "…")
-
-
 def lines_in_words(lines: Sequence[int]) -> str:
     """Lines of a file, as messages name them.
 
@@ -73,23 +67,53 @@ def lines_in_words(lines: Sequence[int]) -> str:
     --------
     >>> lines_in_words([2, 3, 4, 7]), lines_in_words([5])
     ('lines 2 to 4, 7', 'line 5')
+    >>> lines_in_words(range(2, 100, 2))
+    'lines 2, 4, 6, 8, 10, 12, 14, 16, 18, 20 and 39 more'
     """
     runs: list[list[int]] = []
     for line in lines:
         if not runs or line != runs[-1][-1] + 1:
             runs.append([])
         runs[-1].append(line)
-    words = [f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in runs]
-    return f"line{'s' * (len(lines) > 1)} {', '.join(words)}"
+    told = runs[:_MOST_LINES]
+    words = [f"{run[0]} to {run[-1]}" if len(run) > 2 else ", ".join(map(str, run)) for run in told]
+    others = len(lines) - sum(map(len, told))
+    more = f" and {others} more" if others else ""
+    return f"line{'s' * (len(lines) > 1)} {', '.join(words)}{more}"
 
 
-def read_sheet(path: Path, file: str, separator: str | None = None) -> Sheet:
-    """Cells of a file, which messages call `file`; its separator is found unless it is given."""
-    text, encoding = _decoded(path.read_bytes(), file)
-    return sheet_of(text, file, encoding, separator)
+def read_sheet(
+    path: Path, file: str, separator: str | None = None, columns: Collection[str] = ()
+) -> Sheet:
+    """Cells of a file, which messages call `file`; its separator is found unless it is given.
+
+    The `columns` are names that the settings give to columns.
+    """
+    text, encoding = _decoded(_content(path, file), file)
+    return sheet_of(text, file, encoding, separator, columns)
 
 
-def sheet_of(text: str, file: str, encoding: str, separator: str | None = None) -> Sheet:
+def _content(path: Path, file: str) -> bytes:
+    """Bytes of a file; a line that is too long is refused before the whole file is in memory."""
+    chunks = []
+    with path.open("rb") as opened:
+        while chunk := opened.read(_LONGEST_LINE):
+            if len(chunk) == _LONGEST_LINE and not re.search(rb"[\r\n]", chunk):
+                raise ValueError(
+                    f"{file} has a line of more than {_LONGEST_LINE / 1e6:.0f} million bytes: is "
+                    "it a table, with one line a measured point?"
+                )
+            chunks.append(chunk)
+    return b"".join(chunks)
+
+
+def sheet_of(
+    text: str,
+    file: str,
+    encoding: str,
+    separator: str | None = None,
+    columns: Collection[str] = (),
+) -> Sheet:
     r"""Cells of a text. Raises ValueError without rows, or where rows do not fit the names.
 
     Lines that begin with # are remarks above the names, and below them where they have no
@@ -106,6 +130,7 @@ def sheet_of(text: str, file: str, encoding: str, separator: str | None = None) 
     if stated := re.fullmatch(r"sep=([;,\t])", lines[0]):
         separator, lines[0] = separator or stated[1], ""
     top = next((i for i, line in enumerate(lines) if _is_content(line)), 0)
+    _check_preamble(lines, top, file, columns)
     if separator is None:
         # The lines below decide where the first has no separator.
         below = lines[top : top + _LINES_LOOKED_AT]
@@ -137,6 +162,35 @@ def sheet_of(text: str, file: str, encoding: str, separator: str | None = None) 
     width = len(names)
     rows = [(cells + [""] * width)[:width] for _, cells in records]
     return Sheet(file, encoding, separator, names, name_line, rows, [line for line, _ in records])
+
+
+def _check_preamble(lines: list[str], top: int, file: str, columns: Collection[str]) -> None:
+    """Raise ValueError where lines stand above the names that are neither blank nor remarks."""
+    names = [_are_names(line, columns) for line in lines[top : top + _LINES_LOOKED_AT]]
+    below = next((i for i, are in enumerate(names) if are), 0)
+    if below:
+        # Of several lines of names those of the numbers are the last.
+        while names[below + 1 : below + 2] == [True]:
+            below += 1
+        first, last = top + 1, top + below
+        where = f"lines {first} to {last} stand" if last > first else f"line {first} stands"
+        raise ValueError(
+            f"{file}: {where} above the names of the columns, which are in line {last + 1}: begin "
+            "each line above the names with #, or delete it"
+        )
+
+
+def _are_names(line: str, columns: Collection[str]) -> bool:
+    """Return True for a line of several cells, one of them the name of a column of numbers."""
+    for separator in SEPARATORS:
+        cells = [cell.strip(' "') for cell in line.split(separator)]
+        known = [heading(cell) for cell in cells]
+        is_known = any(cell in columns for cell in cells) or any(
+            k and k.name in KINDS for k in known
+        )
+        if len(cells) > 1 and is_known and not any(map(_NUMBER.fullmatch, cells)):
+            return True
+    return False
 
 
 def _check_names(names: list[str], records: list[tuple[int, list[str]]], where: str) -> None:
@@ -227,7 +281,10 @@ def _records(lines: list[str], separator: str, file: str) -> list[tuple[int, lis
             if any(cells):
                 records.append((start, cells))
     except csv.Error as error:
-        raise ValueError(f"{file}, line {line}: this line cannot be read, {error}") from None
+        raise ValueError(
+            f"{file}, line {line}: this line cannot be read ({in_one_line(error)}): is there a "
+            "quotation mark that is not closed?"
+        ) from None
     return records
 
 
