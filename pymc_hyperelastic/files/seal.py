@@ -19,10 +19,6 @@ class NotAsComputed(ValueError):
     """A result is not what its checksum is of."""
 
 
-class NotAsComputed(ValueError):
-    """A result is not what its checksum is of."""
-
-
 def sealed[Result: (xr.Dataset, xr.DataTree)](result: Result) -> Result:
     """The result with its checksum among its attributes.
 
