@@ -43,6 +43,9 @@ _MOST_AT_LIMIT = 0.5
 # Residuals as large as those of a right model are once in so many studies; it is corrected for the
 # number of tests and signals.
 _CHANCE_OF_RESIDUALS = 2e-3
+# Shares of the search's other particles that may be where chains began with hardly any: a tail, and
+# so many that it is a mode. Models that come out right have none, or up to 6 % with heavy tails.
+_MOST_UNMET, _MODE_UNMET = 0.01, 0.1
 # Share of the posterior at bounds up to which it is a part of the error, in nats.
 _MOST_AT_BOUNDS = 0.1
 # What curves may err, relative to the largest value of each: with errors of a hundredth of that a
@@ -64,7 +67,7 @@ _NEEDED = ("log_evidence", "log_evidence_se")
 _EVIDENCE: dict[str, tuple[str, ...]] = {
     **dict.fromkeys((*_NEEDED, "moves", "ancestors", "pareto_k"), ("chain",)),
     **dict.fromkeys(("forward", "forward_se", "at_modes", "at_modes_se"), ()),
-    **dict.fromkeys(("specimens_se", "curve_error", "at_bounds"), ()),
+    **dict.fromkeys(("specimens_se", "curve_error", "at_bounds", "unmet"), ()),
     "at_limit": ("limit",),
     **dict.fromkeys(("chi_square", "points"), ("test", "signal")),
 }
@@ -153,6 +156,9 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         are too low by far are common, since mass may be missed; too high by far they never are.
     ``"modes"``
         By how many nats that from the modes, which were climbed to, is larger.
+    ``"search"``
+        The share of other particles, led from the prior alone, that are where chains began with
+        hardly any.
     ``"bounds"``
         The share of the posterior that is at a bound of the prior, where no particle arrives.
     ``"limits"``
@@ -226,6 +232,14 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
             limit = max(_NATS, _ERRORS * error)
             words = f"the evidence from the {name} is larger by {gap:.2f} nats: mass is missing"
             checks.append(_Check(name, gap, limit, _BAD if gap > limit else _GOOD, words))
+    if "unmet" in evidence:
+        share = float(evidence["unmet"])
+        words = (
+            f"{share:.0%} of other particles, led from the prior alone, are where chains began with "
+            "hardly any: a mode may be missing"
+        )
+        verdict = _worse(share, _MOST_UNMET, _MODE_UNMET)
+        checks.append(_Check("search", share, _MOST_UNMET, verdict, words))
     if "at_bounds" in evidence:
         share = float(np.exp(evidence["at_bounds"] - total.value))
         words = (

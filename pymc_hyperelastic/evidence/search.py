@@ -31,6 +31,8 @@ _MOST_TRIED = 50
 _PROBES, _MOST_PROBES, _COSTLY, _PAIRED, _PROBED = 5_000, 320_000, 1.25, (2, 4), 2
 # Moves at a stage of the search, which need not be exact.
 _FORWARD_MOVES, _MOVES = 10, 20
+# Nats by which a reference's density is below that of the posterior where it has too few draws.
+_LACKING = 5.0
 # Shares of the prior: while little is known, and in the end.
 _FIRST_SHARE, _LAST_SHARE = 0.2, 0.1
 # Share of the modes in the end, where there are several.
@@ -56,6 +58,8 @@ class Search:
     """Of the modes, by Laplace's approximation."""
     at_bounds: float
     """Log evidence of what lies at bounds of the prior, where no particle arrives."""
+    unmet: float
+    """Share of particles of a second run from the prior of which the reference has hardly any."""
 
     def as_dataset(self) -> xr.Dataset:
         """What is stored of it."""
@@ -68,6 +72,7 @@ class Search:
                 "at_modes_k": self.at_modes_k,
                 "log_masses": ("mode", self.log_masses),
                 "at_bounds": self.at_bounds,
+                "unmet": self.unmet,
             }
         )
 
@@ -113,14 +118,34 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
     if modes is not None and len(modes.log_masses) > 1:
         # There may be more modes than a mixture has components.
         mixture = mixture.joined(modes.mixture, _SHARE_OF_MODES)
+    reference = Reference(mixture.heavy_tailed(), _LAST_SHARE)
     return Search(
-        Reference(mixture.heavy_tailed(), _LAST_SHARE),
+        reference,
         Estimate(forward.log_evidence + share.value, forward_error if told else np.inf),
         at_modes,
         at_modes_k,
         modes.log_masses if modes is not None else np.array([]),
         target.log_evidence_at_bounds(draws, rng),
+        _unmet(target, reference, found.log_evidence, np.resize(prior[::-1], (few, target.dimension)), rng),
     )
+
+
+def _unmet(
+    target: Target,
+    reference: Reference,
+    log_evidence: float,
+    particles: Array,
+    rng: np.random.Generator,
+) -> float:
+    """Share of other particles, led from the prior, of whose places a reference has too few draws.
+
+    All chains start from one reference, and agree with each other where it lacks a mode. Other
+    particles meet other modes, if there are several.
+    """
+    places = Tempering(target, particles, rng, max_moves=_FORWARD_MOVES).run().particles
+    prior, likelihood = target.score(places)
+    lacking = prior + likelihood - log_evidence - reference.log_density(places, prior)
+    return float(np.mean(lacking > _LACKING))
 
 
 def _possible_draws(
