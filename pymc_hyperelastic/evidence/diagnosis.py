@@ -13,6 +13,7 @@ from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.evidence.tempering import stayed
 from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.stored import (
     check_numbers,
@@ -464,7 +465,7 @@ def _evidence_of_pymc(tree: xr.DataTree, stats: xr.Dataset) -> xr.Dataset:
         return np.array([stages[~np.isnan(stages)][-1] for stages in of_chains(name)])
 
     settings = {name: read_number(stats, name) for name in ("max_moves", "_n_draws")}
-    capped = np.concatenate(of_chains("moves")) >= settings["max_moves"]
+    capped = stayed(np.concatenate(of_chains("moves")), settings["max_moves"])
     return xr.Dataset(
         {
             "log_evidence": ("chain", last("log_marginal_likelihood")),

@@ -12,7 +12,8 @@ has the groups
     trusted: the fraction of stages at which ``moves`` were not enough and of ``ancestors`` that are
     left; the Pareto shape of weights (``pareto_k``); the evidence by tempering from the prior alone
     (``forward``) and from the modes (``at_modes``, with the shape ``at_modes_k`` of its weights),
-    and the ``log_masses`` of these; ``curve_error``, the largest error of the posterior's curves,
+    and the ``log_masses`` of these; the log evidence ``at_bounds`` of priors, and the share
+    ``unmet`` of other particles that chains have not met; ``curve_error``, the largest error of the posterior's curves,
     relative to the largest value of each; the share ``at_limit`` of the posterior within 1 % of
     each limit of a prior; of curves, ``chi_square``, the squared differences of the best curve
     from what was measured, in standard deviations of the noise, and the number of ``points``, by
@@ -43,6 +44,7 @@ from pymc.backends.arviz import (
 
 from pymc_hyperelastic.evidence.limits import mass_at_limits
 from pymc_hyperelastic.evidence.mixture import Array
+from pymc_hyperelastic.evidence.tempering import stayed
 
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy")
 
@@ -124,7 +126,7 @@ def sampling_tree(
         "log_evidence_se": np.sqrt([chain["log_evidence_variance"][-1] for chain in stats]),
     }
     if "moves" in stats[0]:
-        still = [np.mean(np.array(chain["moves"]) >= settings["max_moves"]) for chain in stats]
+        still = [np.mean(stayed(np.array(chain["moves"]), settings["max_moves"])) for chain in stats]
         evidence["moves"] = np.array(still)
         alive = [chain["ancestors"][-1] for chain in stats]
         evidence["ancestors"] = np.array(alive) / settings["_n_draws"]

@@ -59,7 +59,8 @@ class Search:
     at_bounds: float
     """Log evidence of what lies at bounds of the prior, where no particle arrives."""
     unmet: float
-    """Share of particles of a second run from the prior of which the reference has hardly any."""
+    """Share of other particles, led from the prior, of whose places the reference has too few draws;
+    NaN if that is not known."""
 
     def as_dataset(self) -> xr.Dataset:
         """What is stored of it."""
@@ -78,12 +79,13 @@ class Search:
 
 
 @np.errstate(all="ignore")  # a climb or a proposal may be so wild that it overflows
-def find_reference(target: Target, rng: np.random.Generator) -> Search:
+def find_reference(target: Target, rng: np.random.Generator, *, probed: bool = True) -> Search:
     """Find a reference from both ends: the prior, and the modes.
 
     Particles tempered from the prior find what has mass, but miss what is narrow; climbs find that,
     but not what is skewed or has no mode. A mixture of both, with a share of the prior, is where
-    particles are then tempered from again, and those make the reference.
+    particles are then tempered from again, and those make the reference. If it is `probed`, it is
+    compared with where other particles go.
     """
     draws, few = (
         min(max(each * target.dimension, least), largest)
@@ -118,7 +120,10 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
     if modes is not None and len(modes.log_masses) > 1:
         # There may be more modes than a mixture has components.
         mixture = mixture.joined(modes.mixture, _SHARE_OF_MODES)
-    reference = Reference(mixture.heavy_tailed(), _LAST_SHARE)
+    reference, unmet = Reference(mixture.heavy_tailed(), _LAST_SHARE), np.nan
+    if probed:
+        others = np.resize(prior[::-1], (few, target.dimension))
+        unmet = _unmet(target, reference, found.log_evidence, others, rng)
     return Search(
         reference,
         Estimate(forward.log_evidence + share.value, forward_error if told else np.inf),
@@ -126,7 +131,7 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
         at_modes_k,
         modes.log_masses if modes is not None else np.array([]),
         target.log_evidence_at_bounds(draws, rng),
-        _unmet(target, reference, found.log_evidence, np.resize(prior[::-1], (few, target.dimension)), rng),
+        unmet,
     )
 
 

@@ -194,7 +194,9 @@ class Target:
         if not possible.any():
             raise ValueError(
                 f"none of {points} has a finite likelihood ({self.nan_scores} are NaN): is the "
-                "prior far from what the data allow, or is a unit wrong?"
+                "prior far from what the data allow, or is a unit wrong? If little of the prior is "
+                "possible, give the model a prior of that part alone, such as pm.Truncated, or "
+                "sample it with pm.sample and take ph.log_evidence_by_bridge"
             )
 
     def _possible(self, prior: Array, likelihood: Array) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ from pymc_hyperelastic.evidence.weights import (
 # Fraction of the effective sample size that stages keep.
 THRESHOLD = 0.5
 # Correlation cannot show how fast particles move before they had a few moves.
-_FEWEST_MOVES = 4
+FEWEST_MOVES = 4
 # The proposals look ahead as far as this fraction of the particles is effective there, and this
 # share of them is drawn for what is seen there.
 _AHEAD, _SHARE_AHEAD = 0.02, 0.3
@@ -219,7 +219,7 @@ class Tempering:
             # The few particles that stick in the tails are lost in the first correlation, but will
             # carry the weight of later stages.
             if (
-                len(rates) >= _FEWEST_MOVES
+                len(rates) >= FEWEST_MOVES
                 and _largest_correlation(origin, self.particles) < self.forget
                 and _largest_correlation(far, self._weight_ahead()) < self.forget / 2
             ):
@@ -339,3 +339,11 @@ def _largest_correlation(before: Array, after: Array) -> float:
     before, after = before - before.mean(axis=0), after - after.mean(axis=0)
     norm = np.sqrt((before**2).sum(axis=0) * (after**2).sum(axis=0))
     return float(np.max(np.abs((before * after).sum(axis=0)) / np.maximum(norm, 1e-300)))
+
+
+def stayed(moves: Array, max_moves: float) -> NDArray[np.bool_]:
+    """Stages at whose end particles had not forgotten their places, by the number of their moves.
+
+    Of stages in haste there are fewer moves than it takes to see whether they have.
+    """
+    return (moves >= max_moves) | (moves < FEWEST_MOVES)

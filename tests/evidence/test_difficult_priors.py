@@ -4,6 +4,7 @@ import numpy as np
 import pymc as pm
 import pytensor.tensor as pt
 import pytest
+from difficult_evidences import DIFFICULT
 from scipy import stats
 from scipy.special import betaln, i0
 
@@ -76,3 +77,37 @@ def test_mass_that_is_rounded_to_a_bound_is_in_the_error(shapes, successes, soun
     assert abs(found.value - exact) < STANDARD_ERRORS * found.standard_error
     assert np.isfinite(found.standard_error) == sound
     assert sound or "rounded to a bound" in tree["diagnosis"].attrs["words"]
+
+
+def test_shares_that_are_rounded_to_zero_have_a_place():
+    """Half of the draws of such shares have two that are less than the smallest number."""
+    alpha, counts = np.full(4, 0.01), np.array([7, 0, 3, 0])
+    with pm.Model() as model:
+        pm.Multinomial("y", n=10, p=pm.Dirichlet("share", alpha), observed=counts)
+    draws = prior_sampler(model)(1000, np.random.default_rng(SEED))["share_simplex__"]
+    assert np.isfinite(draws).all()
+
+
+@pytest.mark.filterwarnings("ignore:the evidence is not to be trusted")
+def test_a_chain_whose_particles_hardly_move_ends_in_haste_and_is_not_trusted():
+    """Six stages may end before particles have forgotten their places."""
+    with pm.Model() as model:
+        x = pm.Normal("x", 0, 1, shape=3)
+        pm.Normal("y", x, 0.01, observed=np.ones(3))
+    settings = {"forget": 1e-9, "max_moves": 4, "from_modes": False}
+    tree = ph.sample_smc(model, 200, 1, random_seed=SEED, progressbar=False, **settings)
+    moves = tree["sample_stats"]["moves"].values[0]
+    assert len(moves) > 6 and np.all(moves[:6] == 4) and np.all(moves[6:] == 1)
+    assert np.isinf(ph.log_evidence(tree).standard_error)
+    assert "in haste" in tree["diagnosis"].attrs["words"]
+
+
+@pytest.mark.deep
+@pytest.mark.filterwarnings("ignore:the evidence is")
+def test_modes_that_only_other_particles_meet_are_missing():
+    """Three change points in any order have six equal modes, and a climb finds none."""
+    tree = ph.sample_smc(
+        DIFFICULT["great effort"]["change_points_3"].model(), 500, 2, random_seed=SEED
+    )
+    assert float(tree["evidence"]["unmet"]) > 0.1
+    assert "mode may be missing" in tree["diagnosis"].attrs["words"]
