@@ -236,8 +236,8 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     if "unmet" in evidence:
         share = float(evidence["unmet"])
         words = (
-            f"{share:.0%} of other particles, led from the prior alone, are where chains began with "
-            "hardly any: a mode may be missing"
+            f"{share:.0%} of other particles, led from the prior alone, are where chains began "
+            "with hardly any: a mode may be missing"
         )
         verdict = _worse(share, _MOST_UNMET, _MODE_UNMET)
         checks.append(_Check("search", share, _MOST_UNMET, verdict, words))

@@ -99,17 +99,16 @@ class _Found:
             self._masses.append(np.log(np.diagonal(factor)).sum() + climbed.heights[i])
             self._reached.append(1)
 
-    def _factor_of(
-        self, point: Array, height: float, slope: Array, widths: Array
-    ) -> Array | None:
+    def _factor_of(self, point: Array, height: float, slope: Array, widths: Array) -> Array | None:
         """Cholesky factor of the covariance at the end of a climb; None if it is no mode."""
         factor = factor_at(self._ascent, point, widths, self._width)
         if factor is None or np.sum((factor.T @ slope) ** 2) < 2 * _BELOW:
             return factor
-        # At the edge of a regime the density rises up to a cliff.
+        # At the edge of a regime the density rises up to a cliff. Edges of what is possible are left
+        # to the particles.
         up = widths**2 * slope
         beyond = point + _EDGE * up / np.linalg.norm(up / widths)
-        if self._ascent(widths)(beyond[None]).height[0] > height - _BELOW:
+        if not -np.inf < self._ascent(widths)(beyond[None]).height[0] < height - _BELOW:
             return None
         return factor_at(self._ascent, point, widths, self._width, slope)
 

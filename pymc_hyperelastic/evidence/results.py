@@ -13,8 +13,8 @@ has the groups
     left; the Pareto shape of weights (``pareto_k``); the evidence by tempering from the prior alone
     (``forward``) and from the modes (``at_modes``, with the shape ``at_modes_k`` of its weights),
     and the ``log_masses`` of these; the log evidence ``at_bounds`` of priors, and the share
-    ``unmet`` of other particles that chains have not met; ``curve_error``, the largest error of the posterior's curves,
-    relative to the largest value of each; the share ``at_limit`` of the posterior within 1 % of
+    ``unmet`` of other particles that chains have not met; ``curve_error``, the largest error of
+    the posterior's curves, relative to the largest value of each; the share ``at_limit`` of the posterior within 1 % of
     each limit of a prior; of curves, ``chi_square``, the squared differences of the best curve
     from what was measured, in standard deviations of the noise, and the number of ``points``, by
     test and signal. Where chains were integrated, in classes with
@@ -126,8 +126,8 @@ def sampling_tree(
         "log_evidence_se": np.sqrt([chain["log_evidence_variance"][-1] for chain in stats]),
     }
     if "moves" in stats[0]:
-        still = [np.mean(stayed(np.array(chain["moves"]), settings["max_moves"])) for chain in stats]
-        evidence["moves"] = np.array(still)
+        most = settings["max_moves"]
+        evidence["moves"] = np.array([stayed(np.array(c["moves"]), most).mean() for c in stats])
         alive = [chain["ancestors"][-1] for chain in stats]
         evidence["ancestors"] = np.array(alive) / settings["_n_draws"]
     if "pareto_k" in stats[0]:

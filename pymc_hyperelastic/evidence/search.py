@@ -59,7 +59,7 @@ class Search:
     at_bounds: float
     """Log evidence of what lies at bounds of the prior, where no particle arrives."""
     unmet: float
-    """Share of other particles, led from the prior, of whose places the reference has too few draws;
+    """Share of other particles, led from the prior, that are where the reference has too few draws;
     NaN if that is not known."""
 
     def as_dataset(self) -> xr.Dataset:

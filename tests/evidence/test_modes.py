@@ -161,7 +161,7 @@ def test_density_without_bound_has_no_mode():
 
 def test_mode_at_the_edge_of_a_regime_is_found_inside_of_a_wide_one():
     """A narrow peak where the first coordinate is below -1, up to which the density rises."""
-    mean, sd, rise = np.array([0.0, 0.5, -0.3, 0.8, 0.1]), np.array([1, 0.02, 0.02, 0.02, 0.02]), 2.0
+    mean, sd, rise = np.array([0.0, 0.5, -0.3, 0.8, 0.1]), np.array([1.0] + 4 * [0.02]), 2.0
     narrow_log_norm = stats.norm(0, sd[1:]).logpdf(0).sum()
 
     def ascent(width):
