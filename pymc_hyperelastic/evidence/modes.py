@@ -104,8 +104,8 @@ class _Found:
         factor = factor_at(self._ascent, point, widths, self._width)
         if factor is None or np.sum((factor.T @ slope) ** 2) < 2 * _BELOW:
             return factor
-        # At the edge of a regime the density rises up to a cliff. Edges of what is possible are left
-        # to the particles.
+        # At the edge of a regime the density rises up to a cliff. What ends where nothing is
+        # possible is left to the particles.
         up = widths**2 * slope
         beyond = point + _EDGE * up / np.linalg.norm(up / widths)
         if not -np.inf < self._ascent(widths)(beyond[None]).height[0] < height - _BELOW:

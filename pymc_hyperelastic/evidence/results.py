@@ -14,10 +14,10 @@ has the groups
     (``forward``) and from the modes (``at_modes``, with the shape ``at_modes_k`` of its weights),
     and the ``log_masses`` of these; the log evidence ``at_bounds`` of priors, and the share
     ``unmet`` of other particles that chains have not met; ``curve_error``, the largest error of
-    the posterior's curves, relative to the largest value of each; the share ``at_limit`` of the posterior within 1 % of
-    each limit of a prior; of curves, ``chi_square``, the squared differences of the best curve
-    from what was measured, in standard deviations of the noise, and the number of ``points``, by
-    test and signal. Where chains were integrated, in classes with
+    the posterior's curves, relative to the largest value of each; the share ``at_limit`` of the
+    posterior within 1 % of each limit of a prior; of curves, ``chi_square``, the squared
+    differences of the best curve from what was measured, in standard deviations of the noise, and
+    the number of ``points``, by test and signal. Where chains were integrated, in classes with
     variability, the ``method`` of each.
 ``diagnosis`` : (check)
     What :func:`diagnose_evidence` says.
