@@ -44,8 +44,8 @@ _MOST_AT_LIMIT = 0.5
 # Residuals as large as those of a right model are once in so many studies; it is corrected for the
 # number of tests and signals.
 _CHANCE_OF_RESIDUALS = 2e-3
-# Shares of the search's other particles that may be where chains began with hardly any: a tail, and
-# so many that it is a mode. Models that come out right have none, or up to 6 % with heavy tails.
+# Largest shares of other particles where the reference has too few draws: for a good evidence, and
+# for a doubtful one. Chosen by experiment: right evidences have 0, or 0.06 with heavy tails.
 _MOST_UNMET, _MODE_UNMET = 0.01, 0.1
 # Share of the posterior at bounds up to which it is a part of the error, in nats.
 _MOST_AT_BOUNDS = 0.1

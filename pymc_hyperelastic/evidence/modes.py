@@ -20,12 +20,13 @@ _WIDEST = 5.0
 # Nats by which a climb may still be below its summit: else it has not found one. The density of a
 # hierarchy may grow without bound where a spread goes to zero.
 _BELOW = 1.0
-# Part of a width within which the density falls by that much at a cliff.
+# Step over a cliff, as a fraction of the mode's width: the density falls by that many nats there.
 _EDGE = 1e-6
-# From within so many sds of a mode no climb is begun, since it would lead there, unless the density
-# is so many nats lower or higher than that of the mode: then it is another regime of the prior, or
-# another mode.
-_BASIN, _UNLIKE = 1.5, 5.0
+# No climb starts within this number of sds of a known mode: it would lead there.
+_BASIN = 1.5
+# Nats by which the density of a point may differ from that of a mode near it. If it differs more,
+# the point belongs to another regime of the prior, or to another mode.
+_UNLIKE = 5.0
 
 
 class Modes(NamedTuple):
@@ -134,9 +135,9 @@ class _Found:
         return np.array(self._masses) > max(self._masses) - _NEGLIGIBLE
 
     def _at(self, point: Array, height: float, distance: float = 1.0) -> int | None:
-        """The first mode found before that is near a point, and explains its density.
+        """Index of the first known mode near a point that explains its density.
 
-        It is so many sds, in each direction, away.
+        The mode is at most `distance` sds away in each direction.
         """
         squares, peaks = self._squares(point), np.array(self._heights)
         near = squares < distance**2 * point.size

@@ -59,8 +59,8 @@ class Search:
     at_bounds: float
     """Log evidence of what lies at bounds of the prior, where no particle arrives."""
     unmet: float
-    """Share of other particles, led from the prior, that are where the reference has too few draws;
-    NaN if that is not known."""
+    """Share of other particles, tempered from the prior, where the reference has too few draws; NaN
+    if it was not computed."""
 
     def as_dataset(self) -> xr.Dataset:
         """What is stored of it."""
@@ -142,10 +142,10 @@ def _unmet(
     particles: Array,
     rng: np.random.Generator,
 ) -> float:
-    """Share of other particles, led from the prior, of whose places a reference has too few draws.
+    """Share of other particles, tempered from the prior, where the reference has too few draws.
 
-    All chains start from one reference, and agree with each other where it lacks a mode. Other
-    particles meet other modes, if there are several.
+    All chains start from one reference: if it lacks a mode, they agree with each other all the
+    same. Other particles may find this mode.
     """
     places = Tempering(target, particles, rng, max_moves=_FORWARD_MOVES).run().particles
     prior, likelihood = target.score(places)

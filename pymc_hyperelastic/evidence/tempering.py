@@ -342,8 +342,8 @@ def _largest_correlation(before: Array, after: Array) -> float:
 
 
 def stayed(moves: Array, max_moves: float) -> NDArray[np.bool_]:
-    """Stages at whose end particles had not forgotten their places, by the number of their moves.
+    """Return True for stages after which particles had not forgotten their places.
 
-    Of stages in haste there are fewer moves than it takes to see whether they have.
+    A stage in haste has fewer moves than are needed to estimate the correlation.
     """
     return (moves >= max_moves) | (moves < FEWEST_MOVES)
