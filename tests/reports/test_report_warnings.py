@@ -1,11 +1,14 @@
 """Warnings at the top of a report, or the list of checks if there are none."""
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
 from stored_results import DATA, classified, fitted_class, fitted_classes
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.files.seal import digests_of
 
 MEASURED = ph.load_dataset("murine_pulmonary_artery")
 NOTHING = "Nothing was found that speaks against the results."
@@ -67,6 +70,22 @@ def test_result_without_evidence(write_words):
     assert "50 of 200 transitions diverged" in page.warnings
     assert "Evidence and its diagnosis" not in page.chapters
     assert "sequential Monte Carlo" not in page.methods
+
+
+def test_decisions_that_were_made_with_other_classes_are_marked(write_words):
+    """As after a fit with other settings; of two laws both must be those of the decisions."""
+    classes, refitted = fitted_classes(), fitted_classes(shift=1.0)
+    other_law = fitted_classes(energy="NeoHookean")
+    said = "Not to be trusted. New: the decisions were made with other classes than {} on this page"
+    for made_with, shown, marked in (
+        ([classes], {"Classes": classes}, ""),
+        ([classes], {"Classes": refitted}, "Classes"),
+        ([classes, other_law], {"One": refitted, "Two": other_law}, "One and Two"),
+    ):
+        identity = json.dumps([digests_of(tree.children) for tree in made_with])
+        page = write_words({**shown, "New": classified().assign_attrs(classes=identity)})
+        assert (said.format(marked) in page.warnings) == bool(marked)
+        assert ("other classes" in page.text) == bool(marked)
 
 
 def test_each_doubt_about_a_decision_names_its_specimens(write_words):
