@@ -1,11 +1,11 @@
-"""What may run at the same time: in one process, one function of this package."""
+"""A lock that lets one thread of a process at a time run functions of this package."""
 
 import threading
 from collections.abc import Callable
 from functools import wraps
 
-#: PyTensor compiles, and changes its settings, for all threads of a process at once, and compiled
-#: functions keep their input between two steps: in two threads they would mix their numbers.
+#: PyTensor changes its settings for all threads of a process, and compiled functions keep their
+#: input between two steps: two threads would mix their numbers.
 LOCK = threading.RLock()
 
 

@@ -1,4 +1,4 @@
-"""Functions that are called in several threads give what they give one by one."""
+"""Functions return the same results in several threads as one after another."""
 
 from concurrent.futures import ThreadPoolExecutor
 

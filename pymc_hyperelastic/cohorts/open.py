@@ -1,4 +1,4 @@
-"""What a store holds, read when it is asked for."""
+"""Open the results of a store, and read each part when it is needed."""
 
 import warnings
 from functools import lru_cache, partial
@@ -17,9 +17,12 @@ from pymc_hyperelastic.files.results import open_table
 from pymc_hyperelastic.files.seal import unsealed
 from pymc_hyperelastic.files.store import check_store, hash_of, manifest_of
 
-# Parts that are kept in memory once they were read: so many at least, and as many as have so many
-# bytes. Who reads all, variable by variable, then reads each part once.
-_KEPT, _KEPT_BYTES = 16, 2**29
+# Least number of parts that stay in memory after reading, so that reading all variables one by one
+# reads each part once. Not tuned.
+_KEPT = 16
+# Bytes: more parts stay in memory while they take less. Half a gigabyte is little for a computer
+# that fits cohorts.
+_KEPT_BYTES = 2**29
 # Attribute that says of which group of the result a variable is.
 GROUP = "group_of_result"
 
@@ -187,7 +190,7 @@ class _Rows(BackendArray):
 def _lazily(
     name: Any, like: xr.Variable, by: str, count: int, parts: list[Batch], read: Any
 ) -> xr.Variable:
-    """A variable of all units; what has no unit is that of the template."""
+    """Return a variable of all units; a variable without units is that of the template."""
     if by not in like.dims:
         return like
     rows = _Rows(name, like, by, count, parts, read)

@@ -1,4 +1,4 @@
-"""Do the work of a cohort batch by batch, and keep what is done."""
+"""Do the work of a cohort in batches, and keep finished batches."""
 
 import os
 import uuid
@@ -44,7 +44,7 @@ class Batch(NamedTuple):
         return f"{self.first:09d}-{self.last:09d}"
 
     def halves(self) -> list["Batch"]:
-        """Both halves, of which nobody died yet."""
+        """Return both halves, without deaths."""
         middle = (self.first + self.last) // 2
         return [Batch(self.first, middle), Batch(middle, self.last)]
 
@@ -59,7 +59,7 @@ def run_cohort(
     batch_size: int = 64,
     progressbar: bool = True,
 ) -> None:
-    """Do what is missing of a cohort; see :func:`~pymc_hyperelastic.fit_cohort`."""
+    """Compute the missing batches of a cohort; see :func:`~pymc_hyperelastic.fit_cohort`."""
     check_count("batch_size", batch_size, 1)
     if cores is not None:
         check_count("cores", cores, 1)
@@ -87,12 +87,11 @@ def run_cohort(
                 progress.advance(bar, batch.last - batch.first)
         except OSError as error:
             raise type(error)(
-                f"{error}. What was computed is in {store.folder}: the same call goes on from there"
+                f"{error}. Finished batches are in {store.folder}: the same call continues"
             ) from error
         except KeyboardInterrupt:
             warnings.warn(
-                f"interrupted: what was computed is in {store.folder}; the same call goes on from "
-                "there",
+                f"interrupted: finished batches are in {store.folder}; the same call continues",
                 skip_file_prefixes=(PACKAGE,),
             )
             raise
@@ -104,8 +103,8 @@ def run_cohort(
     ):
         if words:
             warnings.warn(
-                f"{len(words)} of {len(units)} {kind}, which {name!r} of the result tells; the "
-                f"first is {words[0]}",
+                f"{len(words)} of {len(units)} {kind}: see {name!r} of the result; the first is "
+                f"{words[0]}",
                 skip_file_prefixes=(PACKAGE,),
             )
 
@@ -113,9 +112,9 @@ def run_cohort(
 def _done(
     todo: deque[Batch], workers: Workers, store: Store, of: Any, by: str
 ) -> Iterator[tuple[Batch, Remarks]]:
-    """Batches when they are done, and what failed in them.
+    """Yield each finished batch with its remarks.
 
-    They are tried again, and halved, where processes die of them.
+    A batch whose process dies is tried again, and then halved.
     """
     running: dict[Future, Batch] = {}
     while todo or running:
@@ -166,8 +165,8 @@ def parts_of(folder: Path) -> list[tuple[int, int]]:
     names = [path.stem.split("-") for path in folder.glob("?????????-?????????.nc")]
     ends = [(int(first), int(last)) for first, last in names if (first + last).isdigit()]
     kept: list[tuple[int, int]] = []
-    # Of those that begin alike the longest; a process that outlived its driver may have written
-    # what others have done again since.
+    # Take the longest of several parts that begin at the same unit. Parts overlap if a process that
+    # outlived its driver has written units that another process has computed again.
     for first, last in sorted(ends, key=lambda pair: (pair[0], -pair[1])):
         if not kept or first >= kept[-1][1]:
             kept.append((first, last))

@@ -1,4 +1,4 @@
-"""What is done with every batch of a cohort, wherever it is done."""
+"""The work on one batch of a cohort, in any process."""
 
 import warnings
 from abc import ABC, abstractmethod
@@ -17,13 +17,13 @@ Prepared = Callable[[xr.Dataset], xr.Dataset]
 
 
 class Work(ABC):
-    """Settings of what is done with each specimen, or each experiment, of a cohort.
+    """Settings of the work on each specimen, or each experiment, of a cohort.
 
-    It travels to the processes that do it. What comes out for one specimen depends on nothing but
-    its own measurements and these settings.
+    They are sent to the workers. The result of one specimen depends only on its own measurements
+    and on these settings.
     """
 
-    #: What is asked for, as a manifest says it.
+    #: Name of the work in a manifest.
     name: ClassVar[str]
 
     by: str
@@ -43,13 +43,13 @@ DOUBTFUL = "doubtful"
 
 
 class Remarks(NamedTuple):
-    """What is to be said of units of a batch, beginning with the label of the unit."""
+    """Messages about units of a batch. Each begins with the label of the unit."""
 
     failed: list[str]
     doubtful: list[str]
 
 
-# What a process has prepared, and for which work: it has one at a time.
+# The prepared work of this process, by its token: one at a time.
 _prepared: dict[str, Prepared] = {}
 
 
@@ -138,7 +138,7 @@ def joined(rows: Sequence[xr.Dataset], by: str) -> xr.Dataset:
 
 
 def filled(like: xr.Variable, dim: str, size: int) -> xr.Variable:
-    """A variable like another, so long along a dimension, in which nothing is known."""
+    """Return a variable like another, of a given length along a dimension, filled with NaN or 0."""
     shape = [size if d == dim else n for d, n in like.sizes.items()]
     empty = np.nan if like.dtype.kind == "f" else np.zeros((), like.dtype).item()
     return xr.Variable(like.dims, np.full(shape, empty, like.dtype), like.attrs)

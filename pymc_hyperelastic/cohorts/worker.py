@@ -1,4 +1,4 @@
-"""A process that does batches of a cohort, one after another, as another process tells it."""
+"""A worker process: it receives batches of a cohort from another process, and computes them."""
 
 import os
 import pickle

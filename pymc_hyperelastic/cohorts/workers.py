@@ -1,4 +1,4 @@
-"""Where batches are done: in this process, in others of this machine, or on a cluster."""
+"""Workers that compute batches: this process, other processes of this machine, or a cluster."""
 
 import asyncio
 import os
@@ -26,24 +26,26 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-# So many deaths are not chance.
+# Deaths of processes at one batch after which it is halved: three are hardly chance.
 DEATHS = 3
 # Seconds for which a cluster may be without any worker: it may be about to start some.
 _PATIENCE = 60.0
-# What a worker process executes.
+# Program of a worker process.
 _START = """
 import sys
 sys.path[:] = {paths!r}
 from pymc_hyperelastic.cohorts.worker import main
 main()
 """
-# How the names of temporary folders of workers begin, and the file that is locked in each.
-_FOLDER, _IN_USE = "pymc_hyperelastic_", "in_use"
+# Start of the names of temporary folders of workers.
+_FOLDER = "pymc_hyperelastic_"
+# File in each of these folders that is locked while a process uses the folder.
+_IN_USE = "in_use"
 _THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "NUMEXPR")
 
 
 class WorkerDied(Exception):
-    """Processes ended while they did a batch, so many, one after another."""
+    """A number of processes died, one after another, while they computed a batch."""
 
     def __init__(self, how: str, deaths: int = 1) -> None:
         super().__init__(how)
@@ -55,18 +57,18 @@ class WorkersLost(OSError):
 
 
 class Workers(Protocol):
-    """Those who do batches."""
+    """Workers that compute batches."""
 
     count: int
 
     def submit(self, data: xr.Dataset, part: Part) -> Future:
-        """Let a batch be done. What failed in it is the result of the future."""
+        """Submit a batch. The result of the future is a list of error messages."""
 
     def check(self) -> None:
-        """Raise if nobody is left who could go on."""
+        """Raise if no worker is left."""
 
     def close(self) -> None:
-        """Let nobody go on."""
+        """Stop all workers."""
 
 
 class ThisProcess:
@@ -94,7 +96,7 @@ class ThisProcess:
 
 
 class Processes:
-    """Worker processes of this machine; a thread of this process tells each of them what to do.
+    """Worker processes of this machine, each of which gets its batches from a thread here.
 
     A worker has one batch at a time: if it dies, its batch is known, and another worker takes its
     place. Each worker has one thread for linear algebra, and its own folder for compiled functions.
@@ -215,8 +217,8 @@ def _search_path() -> list[str]:
 class Cluster:
     """The workers of a Dask client; the data of a batch go there, and its part is written there.
 
-    A worker may have several batches when it dies. Which of them it had begun stands beside the
-    parts.
+    A worker may have several batches when it dies. Notes beside the parts say which of them it had
+    begun.
     """
 
     def __init__(self, work: Work, token: str, client: Any) -> None:
@@ -230,7 +232,7 @@ class Cluster:
     def _there(self) -> Any:
         """The work on the cluster.
 
-        What is scattered is gone with its workers; the result of a task is made again.
+        Dask loses scattered data with its workers, but computes the result of a task again.
         """
         return self._client.submit(pickle.loads, self._pickled, pure=False)
 
@@ -261,13 +263,13 @@ class Cluster:
             raise WorkersLost(f"the cluster has had no worker for {_PATIENCE:.0f} s")
 
     def close(self) -> None:
-        """Cancel what is not done."""
+        """Cancel unfinished batches."""
         with suppress(Exception):
             self._client.cancel(list(self._futures))
         self._futures.clear()
 
     async def _result(self, on_cluster: Any, part: Path) -> Remarks:
-        """What failed in a batch, which is done again if a worker dies that has the answer."""
+        """Return the remarks of a batch; Dask repeats a batch whose answer was lost."""
         from distributed import KilledWorker
         from distributed.comm import CommClosedError
 
@@ -310,7 +312,7 @@ def _begun(part: Path) -> int:
 
 
 def _stop(process: subprocess.Popen) -> int:
-    """Stop a process, if it has not ended, and tell how it did."""
+    """Stop a process, if it has not ended, and return its exit code."""
     process.kill()
     for channel in (process.stdin, process.stdout):
         with suppress(OSError):
@@ -326,7 +328,7 @@ def _how(code: int) -> str:
 
 
 def workers_for(work: Work, token: str, client: Any, cores: int) -> Workers:
-    """Those who do the work."""
+    """Return the workers."""
     if client is not None:
         return Cluster(work, token, client)
     return ThisProcess(work, token) if cores == 1 else Processes(work, cores)

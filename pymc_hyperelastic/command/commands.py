@@ -1,4 +1,4 @@
-"""What the command line offers."""
+"""The commands of the command line."""
 
 import re
 import shutil
@@ -52,14 +52,14 @@ Law = Enum("Law", {name: name for name in list_strain_energies()}, type=str)  # 
 
 
 class Variability(StrEnum):
-    """Whether the specimens of a class differ."""
+    """Variability of the specimens of a class."""
 
     none = "none"
     specimen = "specimen"
 
 
 class By(StrEnum):
-    """What is judged by itself."""
+    """The unit of a decision."""
 
     specimen = "specimen"
     test = "test"
@@ -96,9 +96,9 @@ def command(
 def check(
     files: Files,
     settings: Settings = None,
-    figure: Annotated[Path, typer.Option(help="Where the curves are drawn.")] = Path("curves.png"),
+    figure: Annotated[Path, typer.Option(help="File of the figure.")] = Path("curves.png"),
 ) -> None:
-    """Say what is understood of tables, and what is wrong with them, and draw the curves."""
+    """Print how tables are understood and their errors, and draw the curves."""
     data = read_tests(files, settings)
     typer.echo(data.attrs["understood"])
     if figure.is_dir() or not figure.suffix:
@@ -114,7 +114,7 @@ def fit(
     settings: Settings = None,
     law: Annotated[list[Law] | None, typer.Option(help="A strain energy; may be repeated.")] = None,
     variability: Annotated[
-        Variability, typer.Option(help="Whether the specimens of a group differ.")
+        Variability, typer.Option(help="How the specimens of a group differ.")
     ] = Variability.specimen,
     experiment_effect: Annotated[
         bool, typer.Option(help="Experiments on a specimen differ by more than noise.")
@@ -147,8 +147,8 @@ def fit(
 ) -> None:
     """Learn a class of each group of specimens.
 
-    Of a table with a column 'split' the rows marked 'train' are taken. What is interrupted goes on
-    when it is asked for again.
+    If a table has a column 'split', its rows marked 'train' are used. After an interrupt the same
+    command continues.
     """
     data = _split(read_tests(files, settings), "train")
     groups = list(dict.fromkeys(data["group"].values.tolist()))
@@ -192,7 +192,7 @@ def classify(
     settings: Settings = None,
     study: Annotated[Path, typer.Option("--out", help="Folder of the study.")] = Path("study"),
     by: Annotated[
-        By, typer.Option(help="What is judged: all of a specimen together, or each experiment.")
+        By, typer.Option(help="Classify all tests of a specimen together, or each experiment.")
     ] = By.specimen,
     undecided_below: Annotated[float, typer.Option(help="Least probability of a decision.")] = 0.0,
     none_below: Annotated[
@@ -205,8 +205,8 @@ def classify(
 ) -> None:
     """Say of which class new specimens are.
 
-    Of a table with a column 'split' the rows marked 'new' are taken. What is interrupted goes on
-    when it is asked for again.
+    If a table has a column 'split', its rows marked 'new' are used. After an interrupt the same
+    command continues.
     """
     data = _split(read_tests(files, settings), "new")
     classes, *others = classes_of(study)
@@ -301,12 +301,12 @@ def _computed(compute: Callable[[], Any], store: Path, *, overwrite: bool) -> An
 
 
 def _split(data: xr.Dataset, which: str) -> xr.Dataset:
-    """Tests of one split, if the tables tell of such."""
+    """Return the tests of one split, if the tables have a column split."""
     return select(data, split=which) if "split" in data.coords else data
 
 
 def _errors(noise: str, force: str | None, diameter: str | None) -> dict[str, Any]:
-    """Sizes of errors, or priors of what is not known."""
+    """Return the sizes of errors; for unknown sizes, their priors."""
     given = {"noise_sd": noise, "force_noise_sd": force, "diameter_noise_sd": diameter}
     return {
         name: pm.HalfNormal.dist(_UNKNOWN[name])

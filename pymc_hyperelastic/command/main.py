@@ -4,7 +4,7 @@ import sys
 import warnings
 from typing import Any
 
-# What a shell expects of a command that was interrupted: 128 and the number of the signal.
+# Exit code of an interrupted command: 128 and the number of the signal SIGINT.
 _INTERRUPTED = 130
 _ADVICE = (
     "\nPyTensor stores compiled functions in this folder. Choose one that can be written: "
@@ -13,7 +13,7 @@ _ADVICE = (
 
 
 def main() -> None:
-    """Do what the command line asks for; what is wrong is said in one message."""
+    """Run the command line; print an error as one message."""
     try:
         from pymc_hyperelastic.command.commands import app
     except ModuleNotFoundError as error:
@@ -34,7 +34,7 @@ def main() -> None:
         advice = _ADVICE if "compiledir" in str(error) else ""
         sys.exit(f"error: {error}{advice}")
     except Exception as error:
-        # What the command line itself has to say: no such option, a missing argument.
+        # An error of the command line itself: an unknown option, a missing argument.
         if not hasattr(error, "show"):
             raise
         error.show()

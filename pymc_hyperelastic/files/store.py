@@ -1,4 +1,4 @@
-"""A folder that keeps the parts of long work, so that what was computed is never lost."""
+"""A folder that keeps the finished parts of a long computation, so that none is computed twice."""
 
 import hashlib
 import json
@@ -32,12 +32,12 @@ class OtherWork(ValueError):
 
     def __init__(self, folder: Path, differing: list[str]) -> None:
         self.said = f"the store {folder} holds other work: {'; '.join(differing)}. "
-        super().__init__(f"{self.said}Give another folder, or ask for what it holds")
+        super().__init__(f"{self.said}Give another folder, or the same data and settings")
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a store, as a process that computes it needs it: its file, and its store."""
+    """The file of a part and the hash of its store, as a worker needs them to write the part."""
 
     path: Path
     store: str
@@ -53,8 +53,8 @@ class Part:
 class Store:
     """Parts of a long computation, each of which is whole or not there.
 
-    The folder holds a manifest, which says what is computed, and one netCDF file a part. It is
-    made if it is missing. Work that was interrupted, or killed, goes on by the same call.
+    The folder holds a manifest, which describes the computation, and one netCDF file for each part.
+    It is created if it is missing. After an interrupt or a kill, the same call continues.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ class Store:
         self.hash = hash_of(manifest)
 
     def part(self, name: str) -> Path:
-        """Where a part is, or will be; ValueError if its name would lead elsewhere."""
+        """Return the path of a part; ValueError if its name would lead to another folder."""
         if not name or name != Path(name).name or "\\" in name or name.startswith("."):
             raise ValueError(f"a part cannot be called {name!r}: expected letters, and no path")
         return self.folder / f"{name}.nc"
@@ -102,7 +102,7 @@ class Store:
     def remember[Result: (xr.Dataset, xr.DataTree)](
         self, name: str, compute: Callable[[], Result]
     ) -> Result:
-        """A part of that name: as it was computed before, else computed now, and kept."""
+        """Return the part of this name; compute and keep it if the store does not have it."""
         kept = self.kept(name)
         if kept is not None:
             return kept
@@ -111,13 +111,13 @@ class Store:
         return result
 
     def of_part(self, name: str) -> Part:
-        """What a process needs to write a part."""
+        """Return the path of a part and the hash of this store."""
         return Part(self.part(name), self.hash)
 
     def kept(self, name: str) -> Any:
-        """A part of that name; None if it is not there, damaged or of another store.
+        """Return the part of this name; None if it is missing, damaged or of another store.
 
-        The last two are warned of.
+        A warning names a part that is damaged or of another store. It is removed.
         """
         path = self.part(name)
         if not path.exists():
@@ -150,22 +150,22 @@ def check_store(part: xr.Dataset | xr.DataTree, expected: str, path: Path) -> No
 
 
 def compute_now[Result](_: str, compute: Callable[[], Result]) -> Result:
-    """What :meth:`Store.remember` does where nothing is kept."""
+    """Compute a part, as :meth:`Store.remember` does, without a store."""
     return compute()
 
 
 def named(prefix: str, remember: Remember) -> Remember:
-    """The same for parts of a part, whose names begin with its own."""
+    """Return a `remember` that puts a prefix before the name of each part."""
     return lambda name, compute: remember(f"{prefix}-{name}", compute)
 
 
 def remembering(folder: str | Path | None, manifest: Callable[[], Mapping[str, Any]]) -> Remember:
-    """How parts of some work are kept: in a folder, or not at all."""
+    """Return how to keep parts: in a folder, or not at all if `folder` is None."""
     return compute_now if folder is None else Store(folder, manifest()).remember
 
 
 def seed_in(folder: str | Path | None) -> Any:
-    """Seed of the work that a store holds; None if there is no store yet."""
+    """Return the seed in the manifest of a store; None if the store does not exist."""
     manifest = None if folder is None else manifest_of(Path(folder), missing=True)
     seed = None if manifest is None else manifest.get("random_seed")
     for entry in seed if isinstance(seed, list) else [seed]:
@@ -178,7 +178,7 @@ def seed_in(folder: str | Path | None) -> Any:
 
 
 def manifest_of(folder: Path, *, missing: bool = False) -> dict[str, Any] | None:
-    """What a store says that it holds; None if there is none, and it may be `missing`."""
+    """Return the manifest of a store; None if the store does not exist and may be `missing`."""
     path = folder / _MANIFEST
     try:
         manifest = json.loads(path.read_text("utf-8"))
@@ -197,7 +197,7 @@ def manifest_of(folder: Path, *, missing: bool = False) -> dict[str, Any] | None
 
 
 def differences(there: Any, now: Any, where: str = "") -> list[str]:
-    """Where two manifests differ, in words."""
+    """Return the differences of two manifests, in words."""
     if isinstance(there, dict) and isinstance(now, dict):
         return [
             said

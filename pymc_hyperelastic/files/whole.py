@@ -1,4 +1,4 @@
-"""Files that are whole, or not there."""
+"""Write files completely, or not at all."""
 
 import os
 import uuid
@@ -12,10 +12,10 @@ UNFINISHED = ".unfinished"
 
 @contextmanager
 def written_whole(path: Path, *, once: bool = False) -> Iterator[Path]:
-    """A file to be written beside `path`, whose place it takes when all of it is on the disk.
+    """Yield a temporary file beside `path`, which replaces `path` when all of it is on the disk.
 
-    Whoever looks meanwhile, or after a crash, finds what was there before. Of several processes
-    that write a file `once` at the same moment, the first one succeeds; the others change nothing.
+    Until then, and after a crash, `path` is the old file. If several processes write a file `once`
+    at the same moment, the first one succeeds, and the others change nothing.
     """
     beside = path.with_name(f".{uuid.uuid4().hex}{UNFINISHED}")
     try:
@@ -40,7 +40,7 @@ def _linked(file: Path, path: Path) -> bool:
 
 
 def _on_disk(path: Path) -> None:
-    """Wait until the disk has what was written: a power cut may else leave a name without data."""
+    """Wait until the data are on the disk: a power cut could else leave an empty file."""
     try:
         handle = os.open(path, os.O_RDONLY)
     except PermissionError:  # Windows opens no folders

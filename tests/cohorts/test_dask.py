@@ -101,7 +101,7 @@ def test_a_cluster_without_workers_is_an_error(data, tmp_path, monkeypatch):
     monkeypatch.setattr("pymc_hyperelastic.cohorts.run._LOOK", 0.2)
     with distributed.LocalCluster(n_workers=0, dashboard_address=None) as nobody:
         with distributed.Client(nobody) as client:
-            with pytest.raises(WorkersLost, match=r"no worker for 1 s\. What was computed is in"):
+            with pytest.raises(WorkersLost, match=r"no worker for 1 s\. Finished batches are in"):
                 computed(SimulatedWork(), data, tmp_path / "store", client=client)
 
 
@@ -142,7 +142,7 @@ def test_a_lost_scheduler_is_an_error_that_loses_nothing(data, undisturbed, tmp_
         with connected(scheduler.stdout.readline().strip()) as client:
             killer = threading.Thread(target=kill)
             killer.start()
-            with pytest.raises(WorkersLost, match="goes on from there"):
+            with pytest.raises(WorkersLost, match="the same call continues"):
                 computed(work, data, tmp_path / "store", batch_size=1, client=client)
             killer.join()
     result = computed(SimulatedWork(), data, tmp_path / "store", batch_size=3)

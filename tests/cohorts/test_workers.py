@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -26,7 +27,7 @@ from pymc_hyperelastic.cohorts.workers import (
     _how,
     mark_in_use,
 )
-from pymc_hyperelastic.files.store import Part
+from pymc_hyperelastic.files.store import Part, hash_of, manifest_of
 
 
 def check_others(result, undisturbed, *failed):
@@ -139,6 +140,21 @@ def test_a_damaged_part_is_named_and_computed_again(data, undisturbed, tmp_path)
         assert computed(SimulatedWork(), data, folder).identical(undisturbed)
 
 
+def test_a_part_of_another_store_is_refused_and_computed_again(data, undisturbed, tmp_path):
+    """Two processes, one of them with other settings, may have written into one folder."""
+    folders = tmp_path / "own", tmp_path / "other"
+    for folder, factor in zip(folders, (1.0, 2.0), strict=True):
+        computed(SimulatedWork(factor=factor), data, folder, batch_size=4)
+    part = "000000004-000000008.nc"
+    shutil.copy(folders[1] / part, folders[0] / part)
+    own, other = (hash_of(manifest_of(folder))[:12] for folder in folders)
+    said = rf"{part} belongs to another store: .*{other}, that of {folders[0]} has {own}"
+    with pytest.raises(ValueError, match=said):
+        ph.open_cohort(folders[0])["total"].load()
+    with pytest.warns(UserWarning, match=f"{said}.* It is computed again"):
+        assert computed(SimulatedWork(), data, folders[0]).identical(undisturbed)
+
+
 def test_a_specimen_is_read_without_the_parts_of_others(data, undisturbed, tmp_path):
     """Any selection is the same as from the result in memory."""
     folder = tmp_path / "store"
@@ -187,10 +203,12 @@ def test_a_full_disk_or_an_interrupt_loses_nothing(data, undisturbed, tmp_path, 
         replace(source, target)
 
     folders = tmp_path / "interrupted", tmp_path / "full"
-    with pytest.raises(KeyboardInterrupt), pytest.warns(UserWarning, match="goes on from there"):
+    with pytest.raises(KeyboardInterrupt), pytest.warns(UserWarning, match="same call continues"):
         computed(Interrupted(), data, folders[0], batch_size=4)
     monkeypatch.setattr("pymc_hyperelastic.files.whole.os.replace", full)
-    with pytest.raises(OSError, match=r"No space left.*What was computed is in .*goes on from"):
+    with pytest.raises(
+        OSError, match=r"No space left.*Finished batches are in .*the same call continues"
+    ):
         computed(SimulatedWork(), data, folders[1], batch_size=4)
     monkeypatch.undo()
     for folder in folders:
@@ -255,7 +273,7 @@ def test_workers_that_cannot_start_are_one_message(data, undisturbed, tmp_path, 
         patch.setattr(sys, "path", path)
         computed(SimulatedWork(), data, tmp_path / "store", batch_size=4, cores=2)
     said = "no worker process can start: it ended with exit code 1: ImportError: this is no module"
-    assert str(lost.value).startswith(said) and "goes on from there" in str(lost.value)
+    assert str(lost.value).startswith(said) and "the same call continues" in str(lost.value)
     assert computed(SimulatedWork(), data, tmp_path / "store").identical(undisturbed)
 
 

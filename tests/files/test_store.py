@@ -12,7 +12,15 @@ import pytest
 import xarray as xr
 
 from pymc_hyperelastic.files import store as store_module
-from pymc_hyperelastic.files.store import OtherWork, Store, hash_of, named, remembering, seed_in
+from pymc_hyperelastic.files.store import (
+    OtherWork,
+    Store,
+    differences,
+    hash_of,
+    named,
+    remembering,
+    seed_in,
+)
 
 RESULT = xr.Dataset({"number": ("x", [1.5, 2.5]), "text": ("x", ["a", "ü"])}, attrs={"a": [1, 2]})
 
@@ -61,6 +69,16 @@ def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
     for name in ("", "..", "../part", "/etc/passwd", "a/b", "a\\b", ".part"):
         with pytest.raises(ValueError, match="expected letters, and no path"):
             store.remember(name, RESULT.copy)
+
+
+def test_differences_of_manifests_are_named():
+    there = {"law": {"law_fingerprint": "[1]"}, "classes": [{"A": {"sha256": "0"}, "B": 1}]}
+    here = {"law": {"law_fingerprint": "[2]"}, "classes": [{"A": {"sha256": "1"}, "B": 1}]}
+    assert differences(there, there) == []
+    assert differences(there, here) == [
+        "law, law has another formula there than here: its stresses are [1] there and [2] here",
+        "classes, 1, A are not the same",
+    ]
 
 
 def test_the_seed_of_a_store_is_that_of_its_manifest(tmp_path):
