@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.data.doubt import Check, doubt
 from pymc_hyperelastic.data.inflation import at_points, describe_test
 from pymc_hyperelastic.data.units import mmHg
+from pymc_hyperelastic.files.stored import shown
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius, opening_factor
 
 Array = NDArray[np.float64]
@@ -112,6 +113,7 @@ def check_plausible(data: xr.Dataset, check: Check) -> None:
     """Doubt numbers that no soft tube has, one message for each quantity."""
     if check == "ignore":
         return
+    doubt(_single_points(data), check)
     for name, values in _quantities(data).items():
         expected = RANGES[name]
         # NaN, where something is not known, is no reason for doubt.
@@ -120,6 +122,24 @@ def check_plausible(data: xr.Dataset, check: Check) -> None:
         places = [describe_test(data, int(i)) for i in outside]
         messages = [f"{place}: {what}" for place, what in zip(places, found, strict=True)]
         doubt(messages, check)
+
+
+def _single_points(data: xr.Dataset) -> list[str]:
+    """What to doubt where no specimen has a curve.
+
+    Examples
+    --------
+    >>> from pymc_hyperelastic.data.datasets import load_dataset
+    >>> _single_points(load_dataset("simulated_sheep_aorta"))
+    []
+    """
+    names = data["specimen"].to_index().unique()
+    if len(names) < 2 or len(names) < data.sizes["obs"]:
+        return []
+    return [
+        f"each of the {len(names)} specimens has a single measured point, such as specimen "
+        f"{shown(names[0])}: were measured numbers taken for labels of specimens?"
+    ]
 
 
 def check_plausible_pressures(pressure: Array, check: Check) -> None:

@@ -16,6 +16,7 @@ from pymc_hyperelastic.plots.style import (
     Canvas,
     Visuals,
     check_table,
+    literal,
     rounded_probability,
     stacked,
 )
@@ -130,7 +131,7 @@ def plot_class_probability(
     canvas.adjust(set_ylim, limits=(0, 1))
     canvas.adjust(set_xlim, limits=(-0.6, len(classes) - 0.4))
     canvas.adjust(_probability_ticks)
-    canvas.adjust(set_xticks, values=range(len(classes)), labels=classes)
+    canvas.adjust(set_xticks, values=range(len(classes)), labels=[*map(literal, classes)])
     for i, (heading, model, title, colour) in enumerate(titles):
         where = {"coords": {row: heading} | ({"model": model} if several else {})}
         canvas.label("title", title, size="small", loc="left", color=colour, **where)

@@ -200,15 +200,70 @@ def check_saving(seed: int, folder: Path) -> str:
     return "saved"
 
 
-JSON = ['{"a":' * 50 + "1" + "}" * 50, "[" * 100_000, "{", "null", "[]", '{"groups": {}, "sha256": 1}']
-JSON += ['{"groups": {"..": [[], []]}, "sha256": ""}', '{"groups": {"C1": [[1], {}]}, "sha256": []}']
-VALUES = [*JSON, "text", "", b"\xff", 1.5, np.nan, np.arange(3), h5py.Empty("f8"), 10**6, "days since 2020"]
-VALUES += ["days since -99999-01-01", "x y", "../x", np.bytes_(b"a"), np.zeros((2, 2)), "a" * 70_000]
-FIELDS = ["_FillValue", "scale_factor", "units", "coordinates", "_Netcdf4Dimid", "CLASS", "NAME", "dtype",
-          "calendar", "missing_value", "add_offset", "checksum", "grid_mapping", "_Unsigned", "CLASS"]
-TYPES = ["f8", "i1", "S3", "c16", "f2", np.dtype([("a", "f8"), ("b", "S2")]), h5py.special_dtype(vlen=str),
-         h5py.special_dtype(vlen=np.dtype("f8")), h5py.ref_dtype, h5py.regionref_dtype, np.dtype("V5"),
-         h5py.enum_dtype({"A": 0, "B": 1}), h5py.special_dtype(vlen=bytes)]
+JSON = [
+    '{"a":' * 50 + "1" + "}" * 50,
+    "[" * 100_000,
+    "{",
+    "null",
+    "[]",
+    '{"groups": {}, "sha256": 1}',
+]
+JSON += [
+    '{"groups": {"..": [[], []]}, "sha256": ""}',
+    '{"groups": {"C1": [[1], {}]}, "sha256": []}',
+]
+VALUES = [
+    *JSON,
+    "text",
+    "",
+    b"\xff",
+    1.5,
+    np.nan,
+    np.arange(3),
+    h5py.Empty("f8"),
+    10**6,
+    "days since 2020",
+]
+VALUES += [
+    "days since -99999-01-01",
+    "x y",
+    "../x",
+    np.bytes_(b"a"),
+    np.zeros((2, 2)),
+    "a" * 70_000,
+]
+FIELDS = [
+    "_FillValue",
+    "scale_factor",
+    "units",
+    "coordinates",
+    "_Netcdf4Dimid",
+    "CLASS",
+    "NAME",
+    "dtype",
+    "calendar",
+    "missing_value",
+    "add_offset",
+    "checksum",
+    "grid_mapping",
+    "_Unsigned",
+    "CLASS",
+]
+TYPES = [
+    "f8",
+    "i1",
+    "S3",
+    "c16",
+    "f2",
+    np.dtype([("a", "f8"), ("b", "S2")]),
+    h5py.special_dtype(vlen=str),
+    h5py.special_dtype(vlen=np.dtype("f8")),
+    h5py.ref_dtype,
+    h5py.regionref_dtype,
+    np.dtype("V5"),
+    h5py.enum_dtype({"A": 0, "B": 1}),
+    h5py.special_dtype(vlen=bytes),
+]
 
 
 def intact(folder: Path) -> list[tuple[bytes, xr.Dataset | xr.DataTree]]:
@@ -216,7 +271,9 @@ def intact(folder: Path) -> list[tuple[bytes, xr.Dataset | xr.DataTree]]:
     text = {"text": ("x", ["a", "", "µ<b>"]), "flag": ("x", [True, False, True])}
     one = xr.Dataset({"mu": (("draw", "x"), np.eye(2, 3)), **text}, {"x": ["S1", "S2", "S3"]})
     one.attrs = {"priors": '{"mu": ["Uniform", [0, 1]]}', "seed": 1}
-    dates = xr.Dataset({"day": ("k", np.array(["2024-05-01"], "M8[s]")), "empty": ("none", np.empty(0))})
+    dates = xr.Dataset(
+        {"day": ("k", np.array(["2024-05-01"], "M8[s]")), "empty": ("none", np.empty(0))}
+    )
     results = [one, xr.DataTree.from_dict({"/": dates, "/C1/posterior": one, "/C1": one[[]]})]
     for result in results:
         ph.save_result(result, folder / "intact.nc")
@@ -229,8 +286,13 @@ def damage(rng: random.Random, path: Path) -> None:
         names = []
         file.visit(names.append)
         place = rng.choice([*names, "/"])
-        entry, group = file[place], file[rng.choice([n for n in [*names, "/"] if isinstance(file[n], h5py.Group)])]
-        match rng.choice(["drop", "attribute", "attribute", "new", "move", "variable", "shape", "link"]):
+        entry, group = (
+            file[place],
+            file[rng.choice([n for n in [*names, "/"] if isinstance(file[n], h5py.Group)])],
+        )
+        match rng.choice(
+            ["drop", "attribute", "attribute", "new", "move", "variable", "shape", "link"]
+        ):
             case "drop" if entry.attrs and rng.random() < 0.7:
                 del entry.attrs[rng.choice([*entry.attrs])]
             case "drop" if place != "/":
@@ -246,9 +308,21 @@ def damage(rng: random.Random, path: Path) -> None:
             case "shape" if place != "/" and isinstance(entry, h5py.Dataset):
                 del file[place]
                 shape = rng.choice([(), (2, 3), (3, 2), (0,), (10**9,), (1,) * 30])
-                file.create_dataset(place, shape, rng.choice(["f8", "S1", "i4"]), chunks=shape and (1,) * len(shape) or None)
+                file.create_dataset(
+                    place,
+                    shape,
+                    rng.choice(["f8", "S1", "i4"]),
+                    chunks=shape and (1,) * len(shape) or None,
+                )
             case "link":
-                group["odd"] = rng.choice([entry, h5py.SoftLink("/mu"), h5py.ExternalLink("b.nc", "/mu"), file.id.ref if 0 else np.dtype("f8")])
+                group["odd"] = rng.choice(
+                    [
+                        entry,
+                        h5py.SoftLink("/mu"),
+                        h5py.ExternalLink("b.nc", "/mu"),
+                        file.id.ref if 0 else np.dtype("f8"),
+                    ]
+                )
 
 
 def check_opening(seed: int, folder: Path) -> str:

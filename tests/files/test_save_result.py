@@ -298,6 +298,8 @@ def test_a_file_that_reads_others_or_has_no_end_is_refused(change, tmp_path):
     ph.save_result(every_group(), path)
     with h5py.File(path, "a") as file:
         change(file, tmp_path)
-    message = "list of dimensions|another file|also another one|deeper than 10|would take .* GB of memory"
+    message = (
+        "list of dimensions|another file|also another one|deeper than 10|would take .* GB of memory"
+    )
     with pytest.raises(ValueError, match=message):
         ph.open_result(path)

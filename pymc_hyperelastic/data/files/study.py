@@ -204,24 +204,27 @@ def _counted(labels: pd.Series) -> pd.Series:
 
 def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
     """What is wrong where the rows of one test stand in several files."""
-    problems = []
-    for labels, rows in tests:
-        first = rows.index.map(lambda place: place.rpartition(", line ")[0]).duplicated()
-        if (~first).sum() > 1:
-            problems.append(
-                f"{' and '.join(rows.index[~first])}: {named(tests.keys, labels)} begins in "
-                "several files: give two experiments two labels, or put the rows of one into one "
-                "file"
-            )
-    return problems
+    frame = tests.obj
+    files = frame.index.str.rpartition(", line ").get_level_values(0)
+    first = frame.loc[~pd.DataFrame({"test": tests.ngroup(), "file": files}).duplicated()]
+    begins: dict[tuple, list[str]] = {}
+    for place, *labels in first[tests.keys].itertuples():
+        begins.setdefault(tuple(labels), []).append(place)
+    return [
+        f"{' and '.join(places)}: {named(tests.keys, labels)} begins in several files: give two "
+        "experiments two labels, or put the rows of one into one file"
+        for labels, places in begins.items()
+        if len(places) > 1
+    ]
 
 
 def _alike(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
     """What is wrong where two experiments have the same points, as if one had been copied."""
     seen: dict[tuple, tuple[tuple, str]] = {}
     problems = []
+    measured = tests.obj.columns.intersection([*MEASURED, "pressure", "axial_force"])
     for labels, rows in tests:
-        values = rows[rows.columns.intersection([*MEASURED, "pressure", "axial_force"])].to_numpy()
+        values = rows[measured].to_numpy()
         points = tuple(sorted(tuple(f"{x:.{_DIGITS}g}" for x in row) for row in values))
         # Its cycles may well be the same, as they are read.
         experiment, place = labels[:2], f"{named(tests.keys, labels)} ({rows.index[0]})"
