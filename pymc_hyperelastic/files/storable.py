@@ -65,7 +65,7 @@ def _check_values(table: xr.Dataset | xr.DataTree, name: Hashable, place: str) -
     if isinstance(table.xindexes.get(name), xr.indexes.PandasMultiIndex):
         raise TypeError(f"{what} is part of a MultiIndex, which a file cannot hold: unstack it")
     dtype = variable.dtype
-    is_text = dtype == object and all(type(entry) is str for entry in variable.values.flat)
+    is_text = dtype.kind == "O" and all(isinstance(x, str) for x in variable.values.flat)
     if not (is_text or dtype in _FLOATS or dtype.kind in "biuUmM"):
         raise TypeError(
             f"{what} holds {dtype}, which a file does not give back: make it numbers, text or "

@@ -147,7 +147,7 @@ def test_a_heap_that_hdf5_would_read_without_end_is_refused(tmp_path):
     path = tmp_path / "result.nc"
     ph.save_result(every_type(), path)
     heap(path, 0)
-    with pytest.raises(ValueError, match="its heap at byte .* has an object without a size"):
+    with pytest.raises(ValueError, match=r"its heap at byte .* has an object without a size"):
         ph.open_result(path)
 
 
