@@ -20,8 +20,8 @@ _MARKS = {b"\xef\xbb\xbf": "utf-8-sig", b"\xff\xfe": "utf-16", b"\xfe\xff": "utf
 _ENCODINGS = {"utf-8": "UTF-8", "utf-8-sig": "UTF-8", "utf-16": "UTF-16", "cp1252": "Latin-1"}
 # A sign alone before a separator is the name of a column of numbers.
 _COMMENT = re.compile(r"\s*#(?![,;\t])")
-# A cell that is a number cannot be the name of a column.
-_NUMBER = re.compile(r"[+-]?[0-9.,]*[0-9][0-9.,]*([eE][+-]?[0-9]+)?")
+# A cell that is a number cannot be the name of a column. No number has as many digits.
+_NUMBER = re.compile(r"(?=[+-]?[.,]*[0-9])[+-]?[0-9.,]{1,60}([eE][+-]?[0-9]{1,4})?")
 # Runs of lines that a message names.
 _MOST_LINES = 10
 # Bytes of a line: no table has as many columns, and a file without line breaks is no table.
