@@ -125,7 +125,7 @@ def check_plausible(data: xr.Dataset, check: Check) -> None:
 
 
 def _single_points(data: xr.Dataset) -> list[str]:
-    """What to doubt where no specimen has a curve.
+    """Return a doubt if no specimen has a curve.
 
     Examples
     --------

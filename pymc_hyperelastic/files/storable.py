@@ -1,6 +1,6 @@
-"""What a netCDF file gives back as it was written: names, types of values, and attributes.
+"""Prepare a result for a netCDF file, which gives back only some names, types and attributes.
 
-:func:`~pymc_hyperelastic.save_result` makes attributes storable, and refuses all else by its name.
+:func:`~pymc_hyperelastic.save_result` converts attributes, and refuses everything else by its name.
 """
 
 import json
@@ -21,8 +21,8 @@ _FLOATS = ("float32", "float64")
 def storable[Stored: (xr.Dataset, xr.DataTree)](result: Stored) -> Stored:
     """Return a copy with attributes as a file can hold them; TypeError names what it cannot hold.
 
-    How xarray read the result from another file (its `encoding`, such as a smaller type) is left
-    out, so that all numbers are stored as they are.
+    The `encoding` that xarray keeps of an earlier file, such as a smaller type, is removed: it
+    would round the numbers.
 
     Examples
     --------
@@ -65,8 +65,9 @@ def _check_values(table: xr.Dataset | xr.DataTree, name: Hashable, place: str) -
     if isinstance(table.xindexes.get(name), xr.indexes.PandasMultiIndex):
         raise TypeError(f"{what} is part of a MultiIndex, which a file cannot hold: unstack it")
     dtype = variable.dtype
-    is_text = dtype.kind == "O" and all(isinstance(x, str) for x in variable.values.flat)
-    if not (is_text or dtype in _FLOATS or dtype.kind in "biuUmM"):
+    is_text = dtype == np.dtype("O") and all(isinstance(x, str) for x in variable.values.flat)
+    known = isinstance(dtype, np.dtype) and (dtype in _FLOATS or dtype.kind in "biuUmM")
+    if not (is_text or known):
         raise TypeError(
             f"{what} holds {dtype}, which a file does not give back: make it numbers, text or "
             "dates, such as by .astype(float) or .astype(str)"

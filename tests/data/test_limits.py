@@ -42,7 +42,7 @@ def test_settings_without_end_are_refused(toml, written):
 
 
 TABLES = {
-    "label": (f"{HEAD}\n{LONG},1,7,1\n", "line 2: specimen: the label 'yyy.* has 100000 charact"),
+    "label": (f"{HEAD}\n{LONG},1,7,1\n", "line 2: 'specimen' is unusable: the label 'yyy.* has 1"),
     "cell": (f"{HEAD}\nS,1,{LONG},1\n", "line 2: 'radius_mm' is 'yyy.*…', not a number"),
     "name": (f"{HEAD},{LONG} [mm]\n", "ends with the names of columns"),
     "names": (

@@ -1,9 +1,13 @@
 """Tables that pressure myographs and loggers write are read, or refused with what to do."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from written import HEAD, ROUNDING, ROWS, message_of
 
+PAGE = Path(__file__).parents[2] / "docs" / "guides" / "file_format.md"
 # A trace as VasoTracker writes it: diameters without a unit, in micrometres; own numbers.
 TRACE = """Time (s),Time (hh:mm:ss),Outer Diameter,Inner Diameter,Table Marker,Temperature (oC),\
 Pressure 1 (mmHg),Pressure 2 (mmHg),Avg Pressure (mmHg),Set Pressure (mmHg),Caliper length
@@ -39,6 +43,13 @@ def test_a_trace_of_a_myograph_is_read_with_settings(written):
     np.testing.assert_allclose(data["pressure"], [20 * MMHG, 40 * MMHG, 60 * MMHG], rtol=ROUNDING)
     data = written(TRACE, settings=settings | {"measured": "radius"})
     np.testing.assert_allclose(data["radius"], [0.05175, 0.0607, 0.0658], rtol=ROUNDING)
+
+
+def test_settings_of_the_guide_read_a_trace(written):
+    *_, toml = re.findall(r"```toml\n(.*?)```", PAGE.read_text("utf-8"), flags=re.DOTALL)
+    data = written(TRACE, toml=toml)
+    np.testing.assert_allclose(data["outer_diameter"], [0.1421, 0.1557, 0.1632], rtol=ROUNDING)
+    assert data["inner_radius"].item() == 0.045
 
 
 def test_a_table_of_markers_is_read_once_its_columns_are_named(written):

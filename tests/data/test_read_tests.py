@@ -308,7 +308,7 @@ def test_guide_states_all_names_and_units_and_its_settings_are_right():
         assert f"| `{name}` | {', '.join(others)} | {', '.join(halves)} |" in page
     for kind in ("pressure", "length", "force", "angle", "ratio"):
         assert f"| {kind} | {units_of(kind)} |" in page
-    (toml,) = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
+    toml, *_ = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     settings = settings_of(tomllib.loads(toml), "study.toml")
     assert settings.columns["Di"].scale == 0.5 and settings.constants["outer_radius"].value == 450.0
 

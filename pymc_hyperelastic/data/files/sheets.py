@@ -35,6 +35,7 @@ from pymc_hyperelastic.data.files.numerals import (
 from pymc_hyperelastic.data.files.settings import Settings
 from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_unit
 from pymc_hyperelastic.data.files.text import SEPARATORS, Sheet, no_rows
+from pymc_hyperelastic.data.labels import plain_label
 from pymc_hyperelastic.files.stored import shown
 
 # Columns that are named as not used.
@@ -107,8 +108,8 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
         elif is_label:
             values[column.name] = cells
             words.append(_label_in_words(column, cells))
-            missing = [(i, _NO_LABEL) for i, cell in enumerate(cells) if not cell]
-            problems += told(sheet, column, missing)
+            wrong = [(i, why) for i, cell in enumerate(cells) if (why := _why_no_label(cell))]
+            problems += told(sheet, column, wrong)
         else:
             unit, wrong = unit_of(sheet, column, settings)
             numbers, no_numbers = numbers_of(sheet, column, decimal)
@@ -176,6 +177,14 @@ def _are_measured(cells: list[str]) -> bool:
 
 def _are_numbers(cells: list[str]) -> bool:
     return all(any(number(cell, mark) is not None for mark in DECIMALS) for cell in cells)
+
+
+def _why_no_label(cell: str) -> str:
+    """Return what is wrong with a label, or nothing."""
+    try:
+        return "" if plain_label(cell) else _NO_LABEL
+    except ValueError as error:
+        return f"is unusable: {error}"
 
 
 def _without_unit_row(sheet: Sheet, columns: list[Column]) -> tuple[list[Column], Sheet]:

@@ -169,7 +169,7 @@ def _check_preamble(lines: list[str], top: int, file: str, columns: Collection[s
     names = [_are_names(line, columns) for line in lines[top : top + _LINES_LOOKED_AT]]
     below = next((i for i, are in enumerate(names) if are), 0)
     if below:
-        # Of several lines of names those of the numbers are the last.
+        # The last of several lines of names stands above the numbers.
         while names[below + 1 : below + 2] == [True]:
             below += 1
         first, last = top + 1, top + below
