@@ -29,7 +29,8 @@ def test_message_about_a_trace_of_a_myograph_says_all_that_is_lacking(written):
         "'Outer Diameter' has no unit: write it into the name, such as 'Outer Diameter [mm]', or "
         "say radius_unit in the settings",
         "'Inner Diameter' has no unit",
-        "no column specimen, no column experiment: rename the one that holds it, or say",
+        "no column specimen, no column experiment: rename the one that holds it, or say what it is "
+        "called, columns.specimen in the settings, or what it is in all rows, constants.specimen",
     ):
         assert any(lacking in line for line in lines), lacking
     message = message_of(written, TRACE, settings=UNITS | {"constants": TUBE})

@@ -161,7 +161,8 @@ def _missing(points: list[Table], others: list[Table], settings: Settings) -> li
             )
             problems.append(
                 f"{_has(table)}, and no column {none}: rename the one that holds it, or say what "
-                f"it is called, columns.{lacking[0][0]} in the settings ({others_called})"
+                f"it is called, columns.{lacking[0][0]} in the settings, or what it is in all "
+                f"rows, constants.{lacking[0][0]} ({others_called})"
             )
     problems += [
         f"{_has(table)}: these are no points, with pressures, and no specimens, with a column "
