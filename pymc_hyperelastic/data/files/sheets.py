@@ -108,8 +108,8 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
         elif is_label:
             values[column.name] = cells
             words.append(_label_in_words(column, cells))
-            wrong = [(i, why) for i, cell in enumerate(cells) if (why := _why_no_label(cell))]
-            problems += told(sheet, column, wrong)
+            bad = [(i, why) for i, cell in enumerate(cells) if (why := _why_no_label(cell))]
+            problems += told(sheet, column, bad)
         else:
             unit, wrong = unit_of(sheet, column, settings)
             numbers, no_numbers = numbers_of(sheet, column, decimal)
