@@ -252,14 +252,16 @@ def test_a_killed_driver_loses_nothing(cores, data, undisturbed, tmp_path):
     assert result.identical(undisturbed)
 
 
-def test_processes_import_nothing_from_the_current_folder(data, tmp_path, monkeypatch):
+def test_processes_prefer_installed_modules_to_those_of_the_current_folder(
+    data, tmp_path, monkeypatch
+):
     """Own modules beside a notebook are found, after those of Python and the environment."""
     for name in ("scipy", "signal"):
         (tmp_path / f"{name}.py").write_text("raise SystemExit('executed')")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", ["", *sys.path])
     workers = Processes(SimulatedWork(), 1)
-    assert workers.submit(data, Part(tmp_path / "part.nc", "hash")).result() == []
+    assert workers.submit(data, Part(tmp_path / "part.nc", "hash")).result().failed == []
     workers.close()
     total = SimulatedWork().run(data)["total"].values
     assert np.array_equal(ph.open_result(tmp_path / "part.nc")["total"], total)
