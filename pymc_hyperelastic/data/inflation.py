@@ -331,7 +331,7 @@ def listed(labels: Iterable[Hashable]) -> str:
 
     Examples
     --------
-    >>> listed(["a", "b"]), listed(range(100))[-22:]
+    >>> listed(["a", "b"]), listed(range(100))[-20:]
     ("'a', 'b'", '28, 29 and 70 others')
     """
     labels = list(labels)
