@@ -107,7 +107,7 @@ def _attribute(name: Hashable, value: Any, place: str) -> Any:
     numbers = np.asarray(entries if all(map(np.isscalar, entries)) else None)
     if numbers.size and numbers.dtype.kind in "biuf":
         numbers = numbers.astype(int) if numbers.dtype.kind == "b" else numbers
-        return numbers[0] if len(entries) == 1 else numbers
+        return numbers[0].item() if len(entries) == 1 else numbers
     raise TypeError(
         f"the attribute {shown(name)}{place} is {shown(value)}, which a netCDF file cannot hold: "
         "make it text, a number or a list of one of them"
