@@ -27,7 +27,7 @@ def storable[Stored: (xr.Dataset, xr.DataTree)](result: Stored) -> Stored:
     Examples
     --------
     >>> storable(xr.Dataset(attrs={"done": True})).attrs
-    {'done': np.int64(1)}
+    {'done': 1}
     """
     result = result.copy()
     for table in result.subtree if isinstance(result, xr.DataTree) else [result]:
