@@ -350,4 +350,4 @@ def _label_ranks(canvas: Canvas, p_values: dict[str, float], columns: int, ylabe
 def _p_value(p_value: float) -> str:
     if np.isnan(p_value):
         return "not tested"
-    return "$p$ < 0.001" if p_value < 0.001 else f"$p$ = {p_value:.3f}"
+    return "p < 0.001" if p_value < 0.001 else f"p = {p_value:.3f}"
