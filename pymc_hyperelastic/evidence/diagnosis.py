@@ -165,8 +165,8 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     ``"limits"``
         The share of the posterior within 1 % of a limit of a prior, other than 0 from above.
     ``"residuals"``
-        The probability (with a minus sign) of residuals as large as those of the best curve of some
-        test and signal, or specimen, under the noise that is stated or inferred.
+        The probability of residuals as large as those of the best curve of some test and signal, or
+        specimen, under the noise that is stated or inferred.
     ``"curves"``
         By how much curves of the posterior err, relative to the largest value of each: they are
         made exact over the range of the priors.
@@ -188,8 +188,8 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        By ``check``: ``value``, ``limit`` (the largest value, or the smallest of ancestors, that
-        is good), ``verdict`` ("good", "doubtful" or "not to be trusted") and ``words``. Its
+        By ``check``: ``value``, ``limit`` (the largest value that is good; of "ancestors" and
+        "residuals" the smallest), ``verdict`` ("good", "doubtful" or "not to be trusted") and ``words``. Its
         attributes ``verdict`` and ``words`` say the worst, and why.
 
     Raises
@@ -318,7 +318,7 @@ def _check_of_residuals(squares: xr.DataArray, freedom: xr.DataArray) -> _Check:
         "specimens that share one material differ, or something is wrong with the data"
     )
     verdict = _DOUBTFUL if chance < _CHANCE_OF_RESIDUALS else _GOOD
-    return _Check("residuals", -chance, -_CHANCE_OF_RESIDUALS, verdict, words)
+    return _Check("residuals", chance, _CHANCE_OF_RESIDUALS, verdict, words)
 
 
 def check_evidence(tree: xr.DataTree) -> None:

@@ -126,7 +126,7 @@ def show_trust(found: Found, page: Page) -> list[Block]:
         columns = ["compared", "class", "value", "limit", "verdict"]
         caption = (
             f"What the verdicts rest on: {found.title}. A value is good up to its limit; of "
-            "ancestors, from there on."
+            "ancestors and residuals, from there on."
         )
         blocks.append(Table(caption, columns, checks))
     return blocks

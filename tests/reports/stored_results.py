@@ -39,8 +39,8 @@ def fitted_class(data, energy="Demiray", draws=100, chains=2, shift=0.0, **attrs
     evidence = {"log_evidence": np.linspace(-27.8, -27.7, chains)}
     evidence["log_evidence_se"] = np.full(chains, 0.05)
     check = {
-        "value": [0.1, -0.9],
-        "limit": [0.3, -2e-3],
+        "value": [0.1, 0.9],
+        "limit": [0.3, 2e-3],
         "verdict": ["good"] * 2,
         "words": [""] * 2,
     }
