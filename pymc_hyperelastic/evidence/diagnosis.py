@@ -193,8 +193,8 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     -------
     xarray.Dataset
         By ``check``: ``value``, ``limit`` (the largest value that is good; of "ancestors" and
-        "residuals" the smallest), ``verdict`` ("good", "doubtful" or "not to be trusted") and ``words``. Its
-        attributes ``verdict`` and ``words`` say the worst, and why.
+        "residuals" the smallest), ``verdict`` ("good", "doubtful" or "not to be trusted") and
+        ``words``. Its attributes ``verdict`` and ``words`` say the worst, and why.
 
     Raises
     ------
