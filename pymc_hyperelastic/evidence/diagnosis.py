@@ -249,7 +249,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         share = float(np.exp(evidence["at_bounds"] - total.value))
         words = (
             f"{share:.0%} of the posterior lies where numbers are rounded to a bound of their "
-            "prior, and is missing: give a prior with less mass at its bounds"
+            "prior, and may be missing: give a prior with less mass at its bounds"
         )
         verdict = _BAD if share > _MOST_AT_BOUNDS else _GOOD
         checks.append(_Check("bounds", share, _MOST_AT_BOUNDS, verdict, words))
