@@ -238,7 +238,7 @@ class Tempering:
         if self.reference is None:
             return prior, likelihood
         # A step may be so wild that it overflows, and a transform may refuse draws of the prior.
-        with np.errstate(invalid="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             start = self.reference.log_density(points, prior)
             rise = prior + likelihood - start
         return start, np.where(np.isfinite(start), rise, -np.inf)
