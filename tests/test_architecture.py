@@ -25,7 +25,7 @@ def page() -> str:
 
 def mapped_wings() -> list[str]:
     """List the wings of the page's first table, from top to bottom."""
-    return re.findall(r"^\| `(\w+)/` \|", page().split("\n## ")[0], flags=re.MULTILINE)
+    return re.findall(r"^\| `(\w+)(?:\.py|/)` \|", page().split("\n## ")[0], flags=re.MULTILINE)
 
 
 def mapped_rooms(wing: str) -> list[str]:
@@ -77,6 +77,8 @@ def arrows(folder: Path, below: tuple[str, ...] = ()) -> set[tuple[str, str]]:
 def test_page_lists_every_wing_and_module_once():
     assert sorted(mapped_wings()) == sorted(inside(PACKAGE))
     for wing in mapped_wings():
+        if not (PACKAGE / wing).is_dir():
+            continue
         assert sorted(mapped_rooms(wing)) == sorted(inside(PACKAGE / wing)), wing
 
 
@@ -153,7 +155,7 @@ print(log_evidence(tree).value)
 
 
 def test_evidence_samples_a_model_where_no_wing_about_tubes_can_be_imported():
-    others = [wing for wing in inside(PACKAGE) if wing not in ("evidence", "files")]
+    others = [wing for wing in inside(PACKAGE) if wing not in ("evidence", "files", "parallel")]
     code = ALONE.format(others=others, folder=str(PACKAGE))
     in_python = os.environ | {"PYTENSOR_FLAGS": "mode=FAST_COMPILE"}
     command = [sys.executable, "-c", code]

@@ -3,7 +3,8 @@
 ``python peer_evidences.py results/peer_evidences.jsonl`` runs every installed sampler on every
 problem, writes a line of JSON for each new run, and writes the results of all runs as
 the table of their documentation page. Time is that of a user who has the model: compilation counts,
-imports do not.
+imports do not. With ``--difficult`` it runs this package on the difficult models, and writes a
+table with a row for each kind of them.
 """
 
 import argparse
@@ -30,6 +31,14 @@ from pymc_hyperelastic.evidence.target import Target
 
 ROOT = Path(__file__).parents[2]
 sys.path.append(str(ROOT / "tests" / "evidence"))
+
+from difficult_evidences import DIFFICULT  # noqa: E402
+from evidences import PROBLEMS  # noqa: E402
+
+ALL_DIFFICULT = {name: p for problems in DIFFICULT.values() for name, p in problems.items()}
+# Nats within which a run counts as right, and beyond which it counts as wrong if its error is also
+# larger than so many of the errors that it states.
+RIGHT, WRONG, STANDARD_ERRORS = 0.1, 0.3, 4
 
 
 @dataclass(frozen=True)
@@ -178,13 +187,12 @@ PEERS = {
 
 def measure(problem, name, seed):
     """One run: its error, the error that it states, and its time."""
-    from evidences import PROBLEMS
-
     importlib.import_module(name)
-    model, start = PROBLEMS[problem].model(), time.perf_counter()
+    problem = (PROBLEMS | ALL_DIFFICULT)[problem]
+    model, start = problem.model(), time.perf_counter()
     value, stated, *said = PEERS[name].run(model, seed)
     row = {"stated": float(stated), "seconds": time.perf_counter() - start, "note": "".join(said)}
-    return row | {"error": float(value) - PROBLEMS[problem].log_evidence()}
+    return row | {"error": float(value) - problem.log_evidence()}
 
 
 def measure_apart(problem, name, seed, limit):
@@ -209,7 +217,29 @@ def table_of(rows, problems):
         )
         lines.append([p.name, p.unknowns, cell(own), *honesty(own), *map(cell, others)])
     header += [PEERS[name].title for name in peers[1:]]
-    # All columns but the first are numbers.
+    return markdown(header, lines)
+
+
+def table_of_kinds(rows):
+    """Markdown of this package's runs on the difficult models: how right each kind of them is."""
+    lines = []
+    for kind, problems in DIFFICULT.items():
+        runs = [r for r in rows if r["problem"] in problems and "error" in r]
+        # Of an infinite stated error nothing is expected.
+        off = np.array([[abs(r["error"]), r["stated"]] for r in runs]).reshape(-1, 2).T
+        good = np.array([r["note"] == "good" for r in runs], bool)
+        right = off[0] < RIGHT
+        silent = good & (off[0] > WRONG) & (off[0] > STANDARD_ERRORS * off[1])
+        flagged = sorted({r["problem"] for r in runs if r["note"] != "good"})
+        counts = f"{right.sum()} of {len(runs)}", f"{(~good).sum()}", f"{silent.sum()}"
+        seconds = f"{max((r['seconds'] for r in runs), default=0):.0f} s"
+        lines.append([kind, len(problems), *counts, seconds, ", ".join(flagged)])
+    header = ["kind", "models", "right within 0.1", "flagged", "wrong and good", "longest run"]
+    return markdown([*header, "models with flagged runs"], lines)
+
+
+def markdown(header, lines):
+    """Table whose columns are numbers, all but the first."""
     lines = [header, ["---", *["---:"] * (len(header) - 1)], *lines]
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
@@ -240,28 +270,30 @@ def honesty(runs):
 
 
 if __name__ == "__main__":
-    from evidences import PROBLEMS
-
     installed = [name for name in PEERS if importlib.util.find_spec(name)]
     options = argparse.ArgumentParser(description="Measure evidences of general models.")
     options.add_argument("results", type=Path, help="file with a line of JSON for each run")
-    options.add_argument("--problems", nargs="+", choices=PROBLEMS, default=list(PROBLEMS))
+    options.add_argument("--difficult", action="store_true", help="difficult models, this package")
+    options.add_argument("--problems", nargs="+", choices=[*PROBLEMS, *ALL_DIFFICULT])
     options.add_argument("--peers", nargs="+", choices=PEERS, default=installed)
     options.add_argument("--limit", type=int, default=400, help="seconds of a run, at most")
     # Not Markdown by its name: Sphinx would make a page of it beside the one that includes it.
-    options.add_argument(
-        "--out", type=Path, default=ROOT / "docs" / "project" / "evidence_table.txt"
-    )
+    options.add_argument("--out", type=Path, help="file of the table; that of the documentation")
     given = options.parse_args()
     file = given.results.open("a+", encoding="utf-8", buffering=1)
     file.seek(0)
     rows = [json.loads(line) for line in file]
-    chosen = sorted((PROBLEMS[name] for name in given.problems), key=lambda p: p.unknowns)
+    table = ALL_DIFFICULT if given.difficult else PROBLEMS
+    peers = ["pymc_hyperelastic"] if given.difficult else given.peers
+    chosen = sorted((table[name] for name in given.problems or table), key=lambda p: p.unknowns)
     known = {(r["problem"], r["peer"], r["seed"]) for r in rows}
-    for problem, name in product(chosen, given.peers):
+    for problem, name in product(chosen, peers):
         for seed in range(1, 1 + PEERS[name].seeds):
             run = problem.name, name, seed
             if run not in known and problem.unknowns <= PEERS[name].most_unknowns:
                 rows.append(measure_apart(*run, given.limit))
                 file.write(json.dumps(rows[-1]) + "\n")
-    given.out.write_text(table_of(rows, chosen) + "\n", encoding="utf-8")
+    text = table_of_kinds(rows) if given.difficult else table_of(rows, chosen)
+    name = "difficult_evidences.txt" if given.difficult else "evidence_table.txt"
+    out = given.out or ROOT / "docs" / "project" / name
+    out.write_text(text + "\n", encoding="utf-8")

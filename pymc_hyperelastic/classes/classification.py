@@ -23,9 +23,12 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
 from pymc_hyperelastic.files.seal import digests_of
+from pymc_hyperelastic.files.stored import read_json
 
 _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
 _FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
+#: Attribute of decisions: a checksum of each class with which they were made.
+CLASSES = "classes"
 # Nats: an evidence that is not to be trusted, and so much lower, would not change a decision.
 _FAR_BELOW = 10.0
 # Digits to which probabilities and p-values are rounded before they are compared, so that rounding
@@ -67,6 +70,7 @@ class Classification:
             )
         self.by, self.trees = by, [classes, *average_over]
         kinds = [kind_of_classes(tree) for tree in self.trees]
+        self._identity = [digests_of(tree.children) for tree in self.trees]
         self.names = list(classes.children)
         self._prior = _class_prior(class_prior, self.names)
         with np.errstate(divide="ignore"):
@@ -99,7 +103,7 @@ class Classification:
             "by": self.by,
             "class_prior": self._prior.tolist(),
             **self._limits,
-            "classes": [digests_of(tree.children) for tree in self.trees],
+            "classes": self._identity,
             **digests_of({"data": data}),
             "random_seed": self._entropy,
         }
@@ -148,6 +152,7 @@ class Classification:
         return _labelled(result, data, self.by).assign_attrs(
             {
                 "strain_energy": ", ".join(self._laws.labels),
+                CLASSES: json.dumps(self._identity),
                 "class_prior": json.dumps(dict(zip(self.names, self._prior.tolist(), strict=True))),
                 **{name: float(bound) for name, bound in self._limits.items()},
             }
@@ -161,6 +166,12 @@ class Classification:
         ]
         averaged = average(self._laws, of_laws, self._log_prior)
         return with_parts(averaged, self._laws, of_laws, self._log_prior)
+
+
+def are_of_classes(decisions: xr.Dataset, trees: Sequence[xr.DataTree]) -> bool:
+    """Return True if decisions were made with some of these classes, or do not say with which."""
+    known = [digests_of(tree.children) for tree in trees]
+    return all(made_with in known for made_with in read_json(decisions, CLASSES, []))
 
 
 def warn_of_doubt(result: xr.Dataset) -> None:

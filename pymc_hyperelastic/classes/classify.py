@@ -13,6 +13,7 @@ from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.smc import seed_kept
 from pymc_hyperelastic.files.seal import sealed
 from pymc_hyperelastic.files.store import Store
+from pymc_hyperelastic.parallel import one_thread
 
 # Of what is the same in all, the first is taken.
 _ROWS: dict[str, Any] = {
@@ -24,6 +25,7 @@ _ROWS: dict[str, Any] = {
 }
 
 
+@one_thread
 def classify(
     new_data: xr.Dataset,
     classes: xr.DataTree,

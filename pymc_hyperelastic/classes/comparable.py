@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import xarray as xr
 
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.stored import read_json, read_text
 from pymc_hyperelastic.models.study import holds_inflation_data, inflation_data_of
 
@@ -77,7 +78,7 @@ def _warn_of_unknown(fits: Sequence[Fit], argument: str) -> None:
             warnings.warn(
                 f"{argument}: {fit.label} does not say {unknown} it was made; evidences compare "
                 "only under the same data, noise and likelihood: see to it that they are",
-                stacklevel=5,
+                skip_file_prefixes=(PACKAGE,),
             )
 
 

@@ -6,8 +6,10 @@ import xarray as xr
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
+from pymc_hyperelastic.parallel import one_thread
 
 
+@one_thread
 def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
     r"""Kullback-Leibler divergence of the posterior of one class from that of another, in nats.
 

@@ -11,15 +11,19 @@ import xarray as xr
 
 from pymc_hyperelastic.classes.interface import ClassKind, Data
 from pymc_hyperelastic.classes.kinds import kind_of_settings
+from pymc_hyperelastic.data.labels import forbidden_character
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
 from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.seal import digests_of, sealed
 from pymc_hyperelastic.files.store import remembering
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.geometry import Measured
+from pymc_hyperelastic.parallel import one_thread
 
 
+@one_thread
 def fit_classes(
     energy: StrainEnergy | Sequence[Layer],
     classes: Mapping[str, xr.Dataset],
@@ -155,15 +159,18 @@ def fit_classes(
             warn_of_evidence(fitted, f"class {name!r}: ")
             tree[name] = sealed(fitted)
     except KeyboardInterrupt:
-        if not tree.children:
+        # What a store has, the same call goes on with: nobody is to take a part for the whole.
+        if not tree.children or store is not None:
             raise
-        warnings.warn(f"interrupted: only {list(tree.children)} are fitted", stacklevel=2)
+        warnings.warn(
+            f"interrupted: only {list(tree.children)} are fitted", skip_file_prefixes=(PACKAGE,)
+        )
     for name, error in failed.items():
         said = f"class {name!r} cannot be fitted: {error}"
         if not tree.children:
             raise ValueError(said) from error
         # What the others took is not to be lost.
-        warnings.warn(said, stacklevel=2)
+        warnings.warn(said, skip_file_prefixes=(PACKAGE,))
     tree.attrs |= kind.attrs() | {"random_seed": json.dumps(seed.entropy)}
     return tree
 
@@ -193,5 +200,10 @@ def check_classes(classes: Any) -> None:
     if not classes:
         raise ValueError("classes must be a dict of names to training data; it is {}")
     for name in classes:
-        if not isinstance(name, str) or not name or "/" in name:
-            raise ValueError(f"a class is named by text without '/'; got {name!r}")
+        if not isinstance(name, str) or not name or "/" in name or name in (".", ".."):
+            raise ValueError(f"a class is named by text without '/', not '.' or '..'; got {name!r}")
+        if found := forbidden_character(name):
+            raise ValueError(
+                f"the class {name!r} has the character {found!a}, which cannot be written to "
+                "a file: remove it"
+            )

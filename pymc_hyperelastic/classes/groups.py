@@ -35,6 +35,7 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.specimen_draws import density_of_each
 from pymc_hyperelastic.models.study import origin_of
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.predictions.members import names_of_specimens, stored_draws
 
@@ -72,6 +73,7 @@ class _Groups(NamedTuple):
     """Of one standard deviation of each covariate (covariate, coordinate, draw)."""
 
 
+@one_thread
 def compare_classes(
     classes: Classes,
     quantity: str | Sequence[str],

@@ -23,15 +23,18 @@ from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.diagnosis import worst_of
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.store import Remember, named, remembering
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.geometry import Measured
+from pymc_hyperelastic.parallel import one_thread
 
 Array = NDArray[np.float64]
 
 
+@one_thread
 def calibration_report(
     energy: StrainEnergy | Sequence[StrainEnergy | Layer | Sequence[Layer]],
     classes: Mapping[str, xr.Dataset],
@@ -285,7 +288,9 @@ def _leave_out_each(
                     found.verdict[place] = held["verdict"].item()
                     progress.advance(bar)
         except KeyboardInterrupt:
-            warnings.warn("interrupted: specimens not yet classified are NaN", stacklevel=3)
+            warnings.warn(
+                "interrupted: specimens not yet classified are NaN", skip_file_prefixes=(PACKAGE,)
+            )
     return found
 
 

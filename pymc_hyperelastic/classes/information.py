@@ -28,6 +28,7 @@ from pymc_hyperelastic.data.select import specimens_apart, specimens_of
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.study import inflation_data_of, origin_of
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
@@ -71,6 +72,7 @@ class _Trial(NamedTuple):
     """Coordinates (coordinate, draw) of what a specimen may be after the test, one or none each."""
 
 
+@one_thread
 def expected_information(
     classes: xr.DataTree,
     designs: Mapping[str, Any],

@@ -19,7 +19,13 @@ from pymc_hyperelastic.models.observation.noise import NOISE_UNITS
 from pymc_hyperelastic.predictions.measured import warn_user
 
 # Attributes that say of what material a class is.
-_MATERIAL = ("strain_energy", "strain_energy_settings", "layers", "thickness_priors")
+_MATERIAL = (
+    "strain_energy",
+    "strain_energy_settings",
+    "strain_energy_fingerprint",
+    "layers",
+    "thickness_priors",
+)
 _KINDS: dict[str, type[ClassKind]] = {kind.variability: kind for kind in (Pooled, Variability)}
 
 

@@ -28,6 +28,7 @@ from pymc_hyperelastic.evidence.checks import check_count, check_prob
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.specimen_draws import log_densities
 from pymc_hyperelastic.models.study import origin_of
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
 from pymc_hyperelastic.predictions.members import stored_draws
 
@@ -54,6 +55,7 @@ class _Pilot(NamedTuple):
     """Lower Cholesky factors of them."""
 
 
+@one_thread
 def plan_study(
     classes: xr.DataTree,
     quantity: str | Sequence[str],

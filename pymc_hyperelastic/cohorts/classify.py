@@ -14,6 +14,7 @@ from pymc_hyperelastic.cohorts.work import Prepared, Work
 from pymc_hyperelastic.evidence.smc import seed_kept
 from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.models.study import wall_of
+from pymc_hyperelastic.parallel import LOCK
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,7 @@ class Classifying(Work):
     like: xr.Dataset
     settings: dict[str, Any]
     materials: list[Any] = field(default_factory=list)
-    """Of the classes: a law of a user's own is known where it was sent."""
+    """Strain energies of the classes: a worker learns of a user's own law by receiving it."""
 
     def manifest(self) -> dict[str, Any]:
         """The classes by their numbers, and settings."""
@@ -63,10 +64,9 @@ def classify_cohort(
     random_seed: Any = None,
     progressbar: bool = True,
 ) -> None:
-    """Classify many specimens, or experiments, batch by batch, and keep what is done in a folder.
+    """Classify many specimens, or experiments, in batches, and keep finished batches in a folder.
 
-    What is said of a specimen is the same whatever else is classified, wherever, and in which
-    order.
+    The result of a specimen does not depend on the other specimens, the computer or the order.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def classify_cohort(
         If data, classes or settings are unsound, before anything is computed; if the store holds
         other work.
     OSError
-        If the store cannot be written. What was computed is kept.
+        If the store cannot be written, or no worker is left. Finished batches are kept.
 
     Warns
     -----
@@ -122,7 +122,7 @@ def classify_cohort(
         for layer in wall_of(child)
     ]
     work = Classifying(by, classes, representatives(data), settings, materials)
-    # All input is checked here, where it was given.
-    work.classification().check_new(data)
+    with LOCK:  # not around the batches: workers may be threads of this process
+        work.classification().check_new(data)
     running = {"client": client, "cores": cores, "batch_size": batch_size}
     run_cohort(work, data, store, **running, progressbar=progressbar)

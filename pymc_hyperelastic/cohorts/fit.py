@@ -12,12 +12,14 @@ import xarray as xr
 from pymc_hyperelastic.cohorts.open import GROUP
 from pymc_hyperelastic.cohorts.representatives import representatives
 from pymc_hyperelastic.cohorts.run import run_cohort
-from pymc_hyperelastic.cohorts.work import Prepared, Work, failure, joined, labels_of
+from pymc_hyperelastic.cohorts.work import DOUBTFUL, Prepared, Work, failure, joined, labels_of
 from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR
+from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR, doubts_of_fit
 from pymc_hyperelastic.evidence.integral import integrate
+from pymc_hyperelastic.evidence.limits import mass_at_limits
+from pymc_hyperelastic.evidence.residuals import Residuals
 from pymc_hyperelastic.evidence.smc import seed_kept, seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.mechanics.layers import Layer
@@ -33,18 +35,21 @@ from pymc_hyperelastic.models.priors import (
     priors_from_records,
 )
 from pymc_hyperelastic.models.study import noise_from_records, noise_records, wall_attrs
+from pymc_hyperelastic.parallel import LOCK
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
 
-# Of a property, what is kept of its posterior.
+# Quantiles that are kept of the posterior of a property.
 QUANTILES = {"2.5 %": 0.025, "50 %": 0.5, "97.5 %": 0.975}
-# Draws whose curves are looked at, and how often curves are made right for them.
-_LOOKED_AT, _MOST_TRIES = 16, 4
+# Draws whose curves are compared with exact ones: a few show whether the curves suit the posterior.
+_LOOKED_AT = 16
+# Attempts to adapt curves to a posterior, after which a specimen fails: one or two usually suffice.
+_MOST_TRIES = 4
 
 
 @dataclass(frozen=True)
 class Fitting(Work):
-    """A model, and what is kept of its posterior for each specimen or experiment."""
+    """A model, and the summary of its posterior that is kept of each specimen or experiment."""
 
     name: ClassVar[str] = "fit_cohort"
 
@@ -77,12 +82,12 @@ class Fitting(Work):
 
     @property
     def observation(self) -> Observation:
-        """What was measured, with which errors."""
+        """The measured signals and their errors."""
         return Observation(**noise_from_records(self.noise))
 
     @property
     def unknown(self) -> dict[str, Any]:
-        """What is not known of the material and the tube."""
+        """Priors of the material and of the geometry."""
         return {
             "priors": priors_from_records(self.priors),
             "geometry": {name: _distribution(record) for name, record in self.geometry.items()},
@@ -127,7 +132,7 @@ class Fits:
             right = model.right_for(data, found.posterior)
             if right is None:
                 break
-            # Other specimens keep their curves: what is said of one depends on no other.
+            # Other specimens keep their curves: the result of one depends on no other.
             model = _Model(self._work, data, right)
         else:
             raise ValueError(
@@ -177,7 +182,7 @@ class _Fit:
 
 
 class _Model:
-    """Model of a specimen with so many tests, whose data may be replaced."""
+    """Model of specimens with a given number of tests, whose data can be replaced."""
 
     @without_traces
     def __init__(self, work: Fitting, data: xr.Dataset, forward: ForwardModel) -> None:
@@ -189,18 +194,21 @@ class _Model:
         self._target = Target(self._model)
         free = self._model.free_RVs
         self._names = [rv.name for rv in free]
+        self._residuals = Residuals(self._model)
         self._constrain = BatchedFunction.of_model(
             self._model, self._model.replace_rvs_by_values(free)
         )
 
     def sample(self, data: xr.Dataset, draws: int, rng: np.random.Generator) -> _Fit:
-        """Posterior and evidence given these data."""
+        """Return the posterior and the evidence given these data."""
         self.forward.set_data(data)
         found = integrate(self._target, draws, rng)
         values = dict(zip(self._names, self._constrain(found.particles), strict=True))
         value, error = found.log_value
         evidence = {"log_evidence": value, "log_evidence_se": error, "pareto_k": found.pareto_k}
-        return _Fit(values, evidence | {"method": found.method})
+        limits = mass_at_limits(self._model, self._target.by_name(found.particles[None]))
+        doubtful = doubts_of_fit(limits.merge(self._residuals.of(data, found.particles)))
+        return _Fit(values, evidence | {"method": found.method, DOUBTFUL: doubtful})
 
     def right_for(self, data: xr.Dataset, posterior: Mapping[str, Any]) -> ForwardModel | None:
         """Curves that are right for such materials; None if these are."""
@@ -229,16 +237,16 @@ def fit_cohort(
     progressbar: bool = True,
     **noise: Any,
 ) -> None:
-    """Sample many specimens, each by itself, batch by batch, and keep what is done in a folder.
+    """Sample many specimens separately, in batches, and keep finished batches in a folder.
 
-    The model of each is :func:`~pymc_hyperelastic.inflation_model` of its tests alone. What is said
-    of a specimen is the same whatever else the cohort holds, wherever it is computed, and in which
-    order: its seed is that of its name.
+    The model of each specimen is :func:`~pymc_hyperelastic.inflation_model` of its own tests. Its
+    seed follows from its name: the result does not depend on the other specimens, the computer or
+    the order.
 
-    A batch is done when its part of the store is there, whole. What was interrupted or killed goes
-    on by the same call. A specimen that cannot be sampled becomes a row with its message; a process
-    that dies is replaced, and its batch tried again and then halved, until the specimen at fault
-    stands alone; the next call tries that one again.
+    A batch is finished when its part of the store is complete. After an interrupt or a kill, the
+    same call continues. A specimen that cannot be sampled becomes a row with an error message. A
+    process that dies is replaced, and its batch is tried again and then halved, until the specimen
+    at fault is alone; the next call tries that specimen again.
 
     Parameters
     ----------
@@ -283,12 +291,14 @@ def fit_cohort(
         If data, priors or numbers are unsound, before anything is computed; if the store holds
         other work, which the message tells.
     OSError
-        If the store cannot be written. What was computed is kept.
+        If the store cannot be written, or no worker is left. Finished batches are kept.
 
     Warns
     -----
     UserWarning
-        If something failed; if a part of the store is damaged: it is computed again.
+        If something failed, or a fit is doubtful: the posterior is at a limit of a prior, or its
+        best curve is further from the data than the noise explains; if a part of the store is
+        damaged: it is computed again.
 
     Examples
     --------
@@ -314,9 +324,9 @@ def fit_cohort(
         int(draws),
         seed_kept(random_seed, store).entropy,
     )
-    # All input is checked here, where it was given.
-    wall, *unknown = work.stated()
-    work.observation.check(wall, data, *unknown)
+    with LOCK:  # not around the batches: workers may be threads of this process
+        wall, *unknown = work.stated()
+        work.observation.check(wall, data, *unknown)
     running = {"client": client, "cores": cores, "batch_size": batch_size}
     run_cohort(work, data, store, **running, progressbar=progressbar)
 
@@ -330,7 +340,7 @@ def _distribution(record: Any) -> Any:
 
 
 def _as_json(properties: Mapping[str, Any]) -> dict[str, Any]:
-    """What is asked of properties, as a manifest has it."""
+    """Return the arguments of the properties in JSON types, as the manifest stores them."""
     if properties and "pressure" not in properties:
         raise ValueError("properties must say at which pressures: {'pressure': [80, 120], ...}")
     plain = {k: np.asarray(v).tolist() for k, v in properties.items()}

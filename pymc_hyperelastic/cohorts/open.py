@@ -1,4 +1,4 @@
-"""What a store holds, read when it is asked for."""
+"""Open the results of a store, and read each part when it is needed."""
 
 import warnings
 from functools import lru_cache, partial
@@ -15,11 +15,14 @@ from pymc_hyperelastic.cohorts.work import filled
 from pymc_hyperelastic.evidence.checks import PACKAGE
 from pymc_hyperelastic.files.results import open_table
 from pymc_hyperelastic.files.seal import unsealed
-from pymc_hyperelastic.files.store import manifest_of
+from pymc_hyperelastic.files.store import check_store, hash_of, manifest_of
 
-# Parts that are kept in memory once they were read: so many at least, and as many as have so many
-# bytes. Who reads all, variable by variable, then reads each part once.
-_KEPT, _KEPT_BYTES = 16, 2**29
+# Least number of parts that stay in memory after reading, so that reading all variables one by one
+# reads each part once. Not tuned.
+_KEPT = 16
+# Bytes: more parts stay in memory while they take less. Half a gigabyte is little for a computer
+# that fits cohorts.
+_KEPT_BYTES = 2**29
 # Attribute that says of which group of the result a variable is.
 GROUP = "group_of_result"
 
@@ -43,7 +46,8 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
         ``properties``, of :func:`classify_cohort` the result of
         :func:`~pymc_hyperelastic.classify`, all with the dimension ``specimen``, or ``test``. What
         failed is NaN and has a message in ``error``; what is not computed yet is NaN too, and its
-        message says so.
+        message says so. ``doubtful`` says why the fit of a specimen is doubtful, and is empty if it
+        is not.
 
     Raises
     ------
@@ -96,8 +100,11 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
             skip_file_prefixes=(PACKAGE,),
         )
     sizes = [(folder / f"{part.part}.nc").stat().st_size for part in parts[:_KEPT]]
-    read = lru_cache(max(_KEPT, _KEPT_BYTES // max(1, *sizes)))(partial(_read, folder))
+    read = lru_cache(max(_KEPT, _KEPT_BYTES // max(1, *sizes)))(
+        partial(_read, folder, hash_of(manifest))
+    )
     units = open_table(folder / f"{UNITS}.nc")
+    check_store(units, hash_of(manifest), folder / f"{UNITS}.nc")
     template = _template(parts, read)
     variables = {
         name: _lazily(name, variable, by, count, parts, read)
@@ -110,8 +117,11 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
     return _in_groups(result) if manifest["work"] == "fit_cohort" else result
 
 
-def _read(folder: Path, part: Batch) -> xr.Dataset:
-    return open_table(folder / f"{part.part}.nc")
+def _read(folder: Path, store: str, part: Batch) -> xr.Dataset:
+    path = folder / f"{part.part}.nc"
+    table = open_table(path)
+    check_store(table, store, path)
+    return table
 
 
 def _template(parts: list[Batch], read: Any) -> xr.Dataset:
@@ -180,7 +190,7 @@ class _Rows(BackendArray):
 def _lazily(
     name: Any, like: xr.Variable, by: str, count: int, parts: list[Batch], read: Any
 ) -> xr.Variable:
-    """A variable of all units; what has no unit is that of the template."""
+    """Return a variable of all units; a variable without units is that of the template."""
     if by not in like.dims:
         return like
     rows = _Rows(name, like, by, count, parts, read)

@@ -1,4 +1,4 @@
-"""Some tests of a cohort that stand for all: what is set up for them is right for the others."""
+"""Select tests of a cohort that span the ranges of all: a model set up for them serves all."""
 
 import numpy as np
 import xarray as xr

@@ -1,4 +1,4 @@
-"""Do the work of a cohort batch by batch, and keep what is done."""
+"""Do the work of a cohort in batches, and keep finished batches."""
 
 import os
 import uuid
@@ -13,17 +13,10 @@ import numpy as np
 import xarray as xr
 from pymc.progress_bar import create_simple_progress
 
-from pymc_hyperelastic.cohorts.work import Work, failure, labels_of
-from pymc_hyperelastic.cohorts.workers import (
-    DEATHS,
-    ClusterLost,
-    WorkerDied,
-    Workers,
-    workers_for,
-)
+from pymc_hyperelastic.cohorts.work import DOUBTFUL, Remarks, Work, failure, labels_of
+from pymc_hyperelastic.cohorts.workers import DEATHS, WorkerDied, Workers, workers_for
 from pymc_hyperelastic.data.select import tests_of_many, units_of
 from pymc_hyperelastic.evidence.checks import PACKAGE, check_count
-from pymc_hyperelastic.files.results import save_result
 from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.store import Store
 
@@ -51,7 +44,7 @@ class Batch(NamedTuple):
         return f"{self.first:09d}-{self.last:09d}"
 
     def halves(self) -> list["Batch"]:
-        """Both halves, of which nobody died yet."""
+        """Return both halves, without deaths."""
         middle = (self.first + self.last) // 2
         return [Batch(self.first, middle), Batch(middle, self.last)]
 
@@ -66,7 +59,7 @@ def run_cohort(
     batch_size: int = 64,
     progressbar: bool = True,
 ) -> None:
-    """Do what is missing of a cohort; see :func:`~pymc_hyperelastic.fit_cohort`."""
+    """Compute the missing batches of a cohort; see :func:`~pymc_hyperelastic.fit_cohort`."""
     check_count("batch_size", batch_size, 1)
     if cores is not None:
         check_count("cores", cores, 1)
@@ -79,7 +72,7 @@ def run_cohort(
         return
     cores = min(cores or _cores(), len(todo))
     workers = workers_for(work, uuid.uuid4().hex, client, cores)
-    tests, failed = [*units.values()], list[str]()
+    tests, remarks = [*units.values()], Remarks([], [])
 
     def of(batch: Batch) -> xr.Dataset:
         return tests_of_many(data, np.sort(np.concatenate(tests[batch.first : batch.last])))
@@ -88,49 +81,53 @@ def run_cohort(
         bar = progress.add_task(work.name, completed=0, total=len(units))
         progress.update(bar, completed=len(units) - sum(b.last - b.first for b in todo))
         try:
-            for batch, messages in _done(todo, workers, store, of, work.by):
-                failed += messages
+            for batch, said in _done(todo, workers, store, of, work.by):
+                remarks.failed.extend(said.failed)
+                remarks.doubtful.extend(said.doubtful)
                 progress.advance(bar, batch.last - batch.first)
-        except (OSError, ClusterLost) as error:
+        except OSError as error:
             raise type(error)(
-                f"{error}. What was computed is in {store.folder}: the same call goes on from there"
+                f"{error}. Finished batches are in {store.folder}: the same call continues"
             ) from error
         except KeyboardInterrupt:
             warnings.warn(
-                f"interrupted: what was computed is in {store.folder}; the same call goes on from "
-                "there",
+                f"interrupted: finished batches are in {store.folder}; the same call continues",
                 skip_file_prefixes=(PACKAGE,),
             )
             raise
         finally:
             workers.close()
-    if failed:
-        warnings.warn(
-            f"{len(failed)} of {len(units)} failed, which 'error' of the result tells; the first "
-            f"is {failed[0]}",
-            skip_file_prefixes=(PACKAGE,),
-        )
+    for words, name, kind in (
+        (remarks.failed, "error", "failed"),
+        (remarks.doubtful, DOUBTFUL, "have a doubtful fit"),
+    ):
+        if words:
+            warnings.warn(
+                f"{len(words)} of {len(units)} {kind}: see {name!r} of the result; the first is "
+                f"{words[0]}",
+                skip_file_prefixes=(PACKAGE,),
+            )
 
 
 def _done(
     todo: deque[Batch], workers: Workers, store: Store, of: Any, by: str
-) -> Iterator[tuple[Batch, list[str]]]:
-    """Batches when they are done, and what failed in them.
+) -> Iterator[tuple[Batch, Remarks]]:
+    """Yield each finished batch with its remarks.
 
-    They are tried again, and halved, where processes die of them.
+    A batch whose process dies is tried again, and then halved.
     """
     running: dict[Future, Batch] = {}
     while todo or running:
         while todo and len(running) < _WAITING * workers.count:
             batch = todo.popleft()
-            running[workers.submit(of(batch), store.part(batch.part))] = batch
+            running[workers.submit(of(batch), store.of_part(batch.part))] = batch
         finished = wait(running, _LOOK, FIRST_COMPLETED).done
         if not finished:
             workers.check()
         for future in finished:
             batch = running.pop(future)
             try:
-                failed = future.result()
+                remarks = future.result()
             except WorkerDied as died:
                 again = batch._replace(deaths=batch.deaths + died.deaths)
                 if again.deaths < DEATHS:
@@ -141,9 +138,10 @@ def _done(
                     continue
                 said = f"the process that computed it died {again.deaths} times: {died}"
                 row = failure(of(batch), by, said).assign_attrs({_DIED: again.deaths})
-                save_result(row, store.part(batch.part))
+                store.of_part(batch.part).save(row)
                 failed = [f"{label}: {said}" for label in units_of(of(batch), by)]
-            yield batch, failed
+                remarks = Remarks(failed, [])
+            yield batch, remarks
 
 
 def _missing(store: Store, units: int, batch_size: int) -> list[Batch]:
@@ -167,8 +165,8 @@ def parts_of(folder: Path) -> list[tuple[int, int]]:
     names = [path.stem.split("-") for path in folder.glob("?????????-?????????.nc")]
     ends = [(int(first), int(last)) for first, last in names if (first + last).isdigit()]
     kept: list[tuple[int, int]] = []
-    # Of those that begin alike the longest; a process that outlived its driver may have written
-    # what others have done again since.
+    # Take the longest of several parts that begin at the same unit. Parts overlap if a process that
+    # outlived its driver has written units that another process has computed again.
     for first, last in sorted(ends, key=lambda pair: (pair[0], -pair[1])):
         if not kept or first >= kept[-1][1]:
             kept.append((first, last))

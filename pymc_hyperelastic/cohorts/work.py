@@ -1,29 +1,29 @@
-"""What is done with every batch of a cohort, wherever it is done."""
+"""The work on one batch of a cohort, in any process."""
 
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import xarray as xr
 from threadpoolctl import threadpool_limits
 
 from pymc_hyperelastic.data.select import labels_of_units, tests_at, units_of
-from pymc_hyperelastic.files.results import save_result
+from pymc_hyperelastic.files.store import Part
+from pymc_hyperelastic.parallel import LOCK
 
 Prepared = Callable[[xr.Dataset], xr.Dataset]
 
 
 class Work(ABC):
-    """Settings of what is done with each specimen, or each experiment, of a cohort.
+    """Settings of the work on each specimen, or each experiment, of a cohort.
 
-    It travels to the processes that do it. What comes out for one specimen depends on nothing but
-    its own measurements and these settings.
+    They are sent to the workers. The result of one specimen depends only on its own measurements
+    and on these settings.
     """
 
-    #: What is asked for, as a manifest says it.
+    #: Name of the work in a manifest.
     name: ClassVar[str]
 
     by: str
@@ -38,11 +38,22 @@ class Work(ABC):
         """Set up once in a process: a function of some specimens' data."""
 
 
-# What a process has prepared, and for which work: it has one at a time.
+# Variable of a result: why the fit of a specimen is doubtful; empty if it is not.
+DOUBTFUL = "doubtful"
+
+
+class Remarks(NamedTuple):
+    """Messages about units of a batch. Each begins with the label of the unit."""
+
+    failed: list[str]
+    doubtful: list[str]
+
+
+# The prepared work of this process, by its token: one at a time.
 _prepared: dict[str, Prepared] = {}
 
 
-def run_batch(work: Work, token: str, data: xr.Dataset, part: Path) -> list[str]:
+def run_batch(work: Work, token: str, data: xr.Dataset, part: Part) -> Remarks:
     """Do the work of a batch and write its part of the store.
 
     Parameters
@@ -53,25 +64,33 @@ def run_batch(work: Work, token: str, data: xr.Dataset, part: Path) -> list[str]
         By which a process knows that it has prepared this work already.
     data : xarray.Dataset
         Those of the batch.
-    part : Path
-        Where its part of the store is written.
+    part : Part
+        Its part of the store.
 
     Returns
     -------
-    list of str
-        What failed in it, and why.
+    Remarks
+        What failed in it, or is doubtful, and why.
     """
     # All that a warning would say stands in the results.
-    with warnings.catch_warnings(), threadpool_limits(1):
+    with LOCK, warnings.catch_warnings(), threadpool_limits(1):
         warnings.simplefilter("ignore")
         if token not in _prepared:
             _prepared.clear()
             _prepared[token] = work.prepare()
         result = _each_alone_if_needed(_prepared[token], data, work.by)
         # All labels are in a file of their own: to read a part takes as long as it has variables.
-        save_result(result.drop_vars([*labels_of(data, work.by)]), part)
-    said = zip(units_of(data, work.by), result["error"].values.tolist(), strict=True)
-    return [f"{label}: {error}" for label, error in said if error]
+        part.save(result.drop_vars([*labels_of(data, work.by)]))
+    said = {
+        name: [
+            f"{label}: {words}"
+            for label, words in zip(units_of(data, work.by), result[name].values, strict=True)
+            if words
+        ]
+        for name in ("error", DOUBTFUL)
+        if name in result
+    }
+    return Remarks(said["error"], said.get(DOUBTFUL, []))
 
 
 def _each_alone_if_needed(run: Prepared, data: xr.Dataset, by: str) -> xr.Dataset:
@@ -119,7 +138,7 @@ def joined(rows: Sequence[xr.Dataset], by: str) -> xr.Dataset:
 
 
 def filled(like: xr.Variable, dim: str, size: int) -> xr.Variable:
-    """A variable like another, so long along a dimension, in which nothing is known."""
+    """Return a variable like another, of a given length along a dimension, filled with NaN or 0."""
     shape = [size if d == dim else n for d, n in like.sizes.items()]
     empty = np.nan if like.dtype.kind == "f" else np.zeros((), like.dtype).item()
     return xr.Variable(like.dims, np.full(shape, empty, like.dtype), like.attrs)

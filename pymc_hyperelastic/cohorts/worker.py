@@ -1,4 +1,4 @@
-"""A process that does batches of a cohort, one after another, as another process tells it."""
+"""A worker process: it receives batches of a cohort from another process, and computes them."""
 
 import os
 import pickle
@@ -6,28 +6,31 @@ import signal
 import sys
 import traceback
 
+from pymc_hyperelastic.cohorts.work import Remarks, run_batch
+
 
 def main() -> None:
-    """Read what is to be done, then batch after batch, until nobody writes any more."""
-    # What is printed meanwhile must not get among the answers.
+    """Read the work, then batch after batch, and answer each, until the input ends.
+
+    The first answer says that the worker has started.
+    """
+    # Text that is printed must not get among the answers.
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    # An interrupt is the business of the process that asked.
+    # The process that asks stops its workers after an interrupt.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    questions = sys.stdin.buffer
-    sys.path[:] = pickle.load(questions)
-    work = pickle.load(questions)
-
-    from pymc_hyperelastic.cohorts.work import run_batch
-
+    questions, work = sys.stdin.buffer, None
     while True:
         try:
-            batch = pickle.load(questions)
+            question = pickle.load(questions)
         except EOFError:
             return
-        answer: list[str] | Exception
+        answer: Remarks | Exception
         try:
-            answer = run_batch(work, "here", *batch)
+            if work is None:
+                work, answer = pickle.loads(question), Remarks([], [])
+            else:
+                answer = run_batch(work, "here", *question)
         except Exception as error:
             error.add_note(traceback.format_exc())
             answer = error
@@ -37,9 +40,5 @@ def main() -> None:
             pickle.dump(RuntimeError(f"{type(answer).__name__}: {answer}"), answers)
         try:
             answers.flush()
-        except BrokenPipeError:  # nobody asks any more, and nothing is left to be written
+        except BrokenPipeError:  # the process that asked has ended
             os._exit(0)
-
-
-if __name__ == "__main__":
-    main()

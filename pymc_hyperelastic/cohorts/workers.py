@@ -1,8 +1,9 @@
-"""Where batches are done: in this process, in others of this machine, or on a cluster."""
+"""Workers that compute batches: this process, other processes of this machine, or a cluster."""
 
 import asyncio
 import os
 import pickle
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -10,46 +11,64 @@ import threading
 import time
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
 import cloudpickle
 import xarray as xr
 
-from pymc_hyperelastic.cohorts.work import Work, run_batch
+from pymc_hyperelastic.cohorts.work import Remarks, Work, run_batch
+from pymc_hyperelastic.files.store import Part
 
-# So many deaths are not chance.
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+# Deaths of processes at one batch after which it is halved: three are hardly chance.
 DEATHS = 3
 # Seconds for which a cluster may be without any worker: it may be about to start some.
 _PATIENCE = 60.0
+# Program of a worker process.
+_START = """
+import sys
+sys.path[:] = {paths!r}
+from pymc_hyperelastic.cohorts.worker import main
+main()
+"""
+# Start of the names of temporary folders of workers.
+_FOLDER = "pymc_hyperelastic_"
+# File in each of these folders that is locked while a process uses the folder.
+_IN_USE = "in_use"
 _THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "NUMEXPR")
 
 
 class WorkerDied(Exception):
-    """Processes ended while they did a batch, so many, one after another."""
+    """A number of processes died, one after another, while they computed a batch."""
 
     def __init__(self, how: str, deaths: int = 1) -> None:
         super().__init__(how)
         self.deaths = deaths
 
 
-class ClusterLost(Exception):
-    """A cluster no longer answers."""
+class WorkersLost(OSError):
+    """No worker can start, or a cluster no longer answers."""
 
 
 class Workers(Protocol):
-    """Those who do batches."""
+    """Workers that compute batches."""
 
     count: int
 
-    def submit(self, data: xr.Dataset, part: Path) -> Future:
-        """Let a batch be done. What failed in it is the result of the future."""
+    def submit(self, data: xr.Dataset, part: Part) -> Future:
+        """Submit a batch. The result of the future is a list of error messages."""
 
     def check(self) -> None:
-        """Raise if nobody is left who could go on."""
+        """Raise if no worker is left."""
 
     def close(self) -> None:
-        """Let nobody go on."""
+        """Stop all workers."""
 
 
 class ThisProcess:
@@ -60,7 +79,7 @@ class ThisProcess:
     def __init__(self, work: Work, token: str) -> None:
         self._work, self._token = work, token
 
-    def submit(self, data: xr.Dataset, part: Path) -> Future:
+    def submit(self, data: xr.Dataset, part: Part) -> Future:
         """Do a batch."""
         future: Future = Future()
         try:
@@ -77,39 +96,85 @@ class ThisProcess:
 
 
 class Processes:
-    """Processes of this machine, each with a thread here that tells it what to do.
+    """Worker processes of this machine, each of which gets its batches from a thread here.
 
-    One does one batch at a time: if it dies it is known of which, and another one takes its place.
-    Each has one thread for linear algebra, and a folder of its own for what is compiled.
+    A worker has one batch at a time: if it dies, its batch is known, and another worker takes its
+    place. Each worker has one thread for linear algebra, and its own folder for compiled functions.
     """
 
     def __init__(self, work: Work, count: int) -> None:
         self.count = count
-        self._start = [cloudpickle.dumps(x) for x in (sys.path, work)]
-        self._folder = tempfile.TemporaryDirectory(prefix="pymc_hyperelastic_")
+        self._work = cloudpickle.dumps(work)
+        self._folder = tempfile.TemporaryDirectory(prefix=_FOLDER)
+        self._in_use = mark_in_use(Path(self._folder.name))
+        remove_abandoned()
         self._own, self._all = threading.local(), set[subprocess.Popen]()
         self._threads = ThreadPoolExecutor(count)
-        self._closed = False
+        self._closed, self._started = False, False
 
-    def submit(self, data: xr.Dataset, part: Path) -> Future:
-        """Let a batch be done by a process that has nothing to do."""
+    def submit(self, data: xr.Dataset, part: Part) -> Future:
+        """Let the next free worker do a batch."""
         return self._threads.submit(self._do, data, part)
 
     def check(self) -> None:
-        """Whoever died is replaced."""
+        """Do nothing: a worker that dies is replaced."""
 
     def close(self) -> None:
-        """Stop all processes, whatever they do."""
+        """Stop all workers, and remove their folder."""
         self._closed = True
         for process in list(self._all):
             _stop(process)
         self._threads.shutdown(cancel_futures=True)
+        if self._in_use is not None:
+            self._in_use.close()
         self._folder.cleanup()
 
-    def _do(self, data: xr.Dataset, part: Path) -> list[str]:
-        process = self._process()
+    def _do(self, data: xr.Dataset, part: Part) -> list[str]:
+        process = getattr(self._own, "process", None) or self._start()
+        return self._answer(process, (data, part))
+
+    def _start(self) -> Any:
+        """Start the worker of this thread."""
+        if self._closed:
+            raise WorkerDied("it was stopped")
+        own = tempfile.mkdtemp(dir=self._folder.name)
+        flags = [os.environ.get("PYTENSOR_FLAGS", ""), f"base_compiledir={own}"]
+        said = Path(own, "stderr")
+        with said.open("wb") as stderr:
+            process: Any = subprocess.Popen(
+                # -P: import nothing from the current folder, which may be somebody else's.
+                [sys.executable, "-P", "-c", _START.format(paths=_search_path())],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                env={
+                    **os.environ,
+                    **{f"{name}_NUM_THREADS": "1" for name in _THREADS},
+                    "PYTENSOR_FLAGS": ",".join(filter(None, flags)),
+                },
+                # A worker that outlives this process keeps its folder.
+                pass_fds=[] if self._in_use is None else [self._in_use.fileno()],
+            )
+        self._all.add(process)
+        self._own.process = process
         try:
-            cloudpickle.dump((data, part), process.stdin)
+            self._answer(process, self._work)
+        except Exception as error:
+            if self._started and isinstance(error, WorkerDied):
+                raise
+            lines = said.read_text("utf-8", "replace").strip()
+            why = [str(error), *lines.splitlines()[-1:]]
+            lost = WorkersLost(f"no worker process can start: {': '.join(why)}")
+            if lines:
+                lost.add_note(lines)
+            raise lost from None
+        self._started = True
+        return process
+
+    def _answer(self, process: Any, question: Any) -> Any:
+        """Ask a worker, and return its answer."""
+        try:
+            cloudpickle.dump(question, process.stdin)
             process.stdin.flush()
             answer = pickle.load(process.stdout)
         except (OSError, EOFError, pickle.UnpicklingError):
@@ -120,43 +185,40 @@ class Processes:
             raise answer
         return answer
 
-    def _process(self) -> Any:
-        """The process of this thread."""
-        process: Any = getattr(self._own, "process", None)
-        if process is None:
-            if self._closed:
-                raise WorkerDied("it was stopped")
-            process = subprocess.Popen(
-                [sys.executable, "-m", "pymc_hyperelastic.cohorts.worker"],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env=self._environment(),
-            )
-            self._all.add(process)
-            self._own.process = process
-            # If it cannot be started at all, the first batch finds out.
-            with suppress(OSError):
-                for message in self._start:
-                    process.stdin.write(message)
-        return process
 
-    def _environment(self) -> dict[str, str]:
-        own = tempfile.mkdtemp(dir=self._folder.name)
-        flags = [os.environ.get("PYTENSOR_FLAGS", ""), f"base_compiledir={own}"]
-        paths = [path for path in sys.path if path]
-        return {
-            **os.environ,
-            **{f"{name}_NUM_THREADS": "1" for name in _THREADS},
-            "PYTENSOR_FLAGS": ",".join(filter(None, flags)),
-            "PYTHONPATH": os.pathsep.join(paths),
-        }
+def mark_in_use(folder: Path) -> Any:
+    """Return an open, locked file of a folder, which stays locked while a process has it open.
+
+    Windows has no such locks, and returns None.
+    """
+    if fcntl is None:
+        return None
+    new = (folder / "new").open("w")
+    fcntl.flock(new, fcntl.LOCK_EX)
+    os.rename(new.name, folder / _IN_USE)
+    return new
+
+
+def remove_abandoned() -> None:
+    """Remove the folders of runs whose processes were all killed."""
+    for path in Path(tempfile.gettempdir()).glob(f"{_FOLDER}*/{_IN_USE}"):
+        # OSError: another process has the lock, or the folder is that of another user.
+        with suppress(OSError), path.open() as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(path.parent, ignore_errors=True)
+
+
+def _search_path() -> list[str]:
+    """Return where workers look for modules: relative paths, as the current folder, come last."""
+    absolute = [path for path in sys.path if os.path.isabs(path)]
+    return absolute + [os.path.abspath(path) for path in sys.path if not os.path.isabs(path)]
 
 
 class Cluster:
     """The workers of a Dask client; the data of a batch go there, and its part is written there.
 
-    A worker may have several batches when it dies. Which of them it had begun stands beside the
-    parts.
+    A worker may have several batches when it dies. Notes beside the parts say which of them it had
+    begun.
     """
 
     def __init__(self, work: Work, token: str, client: Any) -> None:
@@ -170,21 +232,22 @@ class Cluster:
     def _there(self) -> Any:
         """The work on the cluster.
 
-        What is scattered is gone with its workers; the result of a task is made again.
+        Dask loses scattered data with its workers, but computes the result of a task again.
         """
         return self._client.submit(pickle.loads, self._pickled, pure=False)
 
-    def submit(self, data: xr.Dataset, part: Path) -> Future:
+    def submit(self, data: xr.Dataset, part: Part) -> Future:
         """Let a batch be done by some worker."""
         if self._work.status == "error":  # it was being made where a batch killed workers
             self._work = self._there()
-        _begun(part)  # its note may be of a call before
+        _begun(part.path)  # its note may be of a call before
+        absolute = replace(part, path=part.path.absolute())
         on_cluster = self._client.submit(
-            _run_noted, self._work, self._token, data, part.absolute(), pure=False
+            _run_noted, self._work, self._token, data, absolute, pure=False
         )
         self._futures.add(on_cluster)
         return asyncio.run_coroutine_threadsafe(
-            self._result(on_cluster, part), self._client.loop.asyncio_loop
+            self._result(on_cluster, part.path), self._client.loop.asyncio_loop
         )
 
     def check(self) -> None:
@@ -192,21 +255,21 @@ class Cluster:
         try:
             there, news = bool(self._client.nthreads()), self._client.get_events("all")[-1:]
         except Exception as lost:
-            raise ClusterLost(f"the scheduler does not answer: {lost}") from lost
+            raise WorkersLost(f"the scheduler does not answer: {lost}") from lost
         # One that a batch kills as soon as it has come is hardly ever there.
         if there or news != self._news:
             self._seen, self._news = time.monotonic(), news
         elif time.monotonic() - self._seen > _PATIENCE:
-            raise ClusterLost(f"the cluster has had no worker for {_PATIENCE:.0f} s")
+            raise WorkersLost(f"the cluster has had no worker for {_PATIENCE:.0f} s")
 
     def close(self) -> None:
-        """Cancel what is not done."""
+        """Cancel unfinished batches."""
         with suppress(Exception):
             self._client.cancel(list(self._futures))
         self._futures.clear()
 
-    async def _result(self, on_cluster: Any, part: Path) -> list[str]:
-        """What failed in a batch, which is done again if a worker dies that has the answer."""
+    async def _result(self, on_cluster: Any, part: Path) -> Remarks:
+        """Return the remarks of a batch; Dask repeats a batch whose answer was lost."""
         from distributed import KilledWorker
         from distributed.comm import CommClosedError
 
@@ -218,7 +281,7 @@ class Cluster:
             deaths = max(1, _begun(part))
             raise WorkerDied("workers of the cluster were killed, or ended", deaths) from None
         except (CancelledError, CommClosedError) as lost:
-            raise ClusterLost("the cluster was lost, or its scheduler started again") from lost
+            raise WorkersLost("the cluster was lost, or its scheduler started again") from lost
         finally:
             self._futures.discard(on_cluster)
 
@@ -228,14 +291,14 @@ def _note(part: Path) -> Path:
     return part.with_suffix(".begun")
 
 
-def _run_noted(work: Work, token: str, data: xr.Dataset, part: Path) -> list[str]:
+def _run_noted(work: Work, token: str, data: xr.Dataset, part: Part) -> Remarks:
     """Do a batch, and leave a note that it was begun if the process dies."""
-    with suppress(OSError), _note(part).open("a") as note:
+    with suppress(OSError), _note(part.path).open("a") as note:
         note.write(".")
     try:
         return run_batch(work, token, data, part)
     finally:
-        _note(part).unlink(missing_ok=True)
+        _note(part.path).unlink(missing_ok=True)
 
 
 def _begun(part: Path) -> int:
@@ -249,7 +312,7 @@ def _begun(part: Path) -> int:
 
 
 def _stop(process: subprocess.Popen) -> int:
-    """Stop a process, if it has not ended, and tell how it did."""
+    """Stop a process, if it has not ended, and return its exit code."""
     process.kill()
     for channel in (process.stdin, process.stdout):
         with suppress(OSError):
@@ -265,7 +328,7 @@ def _how(code: int) -> str:
 
 
 def workers_for(work: Work, token: str, client: Any, cores: int) -> Workers:
-    """Those who do the work."""
+    """Return the workers."""
     if client is not None:
         return Cluster(work, token, client)
     return ThisProcess(work, token) if cores == 1 else Processes(work, cores)

@@ -1,7 +1,11 @@
-"""What the command line offers."""
+"""The commands of the command line."""
 
 import re
+import shutil
+from collections.abc import Callable
 from enum import Enum, StrEnum
+from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -20,6 +24,7 @@ from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.files.results import save_result
+from pymc_hyperelastic.files.store import OtherWork
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy, list_strain_energies
 from pymc_hyperelastic.models.observation.slopes import balanced_slope_weight
 from pymc_hyperelastic.plots.inflation import plot_inflation
@@ -29,7 +34,6 @@ app = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Inflated soft tubes: from tables to probabilities. Start with 'check FILE'.",
 )
 
 Files = Annotated[
@@ -39,25 +43,29 @@ Settings = Annotated[
     Path | None, typer.Option(help="A TOML file: columns, units, constants and conventions.")
 ]
 Out = Annotated[Path, typer.Option(help="Folder of the study.")]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Replace results of other data or settings.")
+]
 Quiet = Annotated[bool, typer.Option("--quiet", help="Show no progress.")]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same numbers.")]
 Law = Enum("Law", {name: name for name in list_strain_energies()}, type=str)  # type: ignore[misc]
 
 
 class Variability(StrEnum):
-    """Whether the specimens of a class differ."""
+    """Variability of the specimens of a class."""
 
     none = "none"
     specimen = "specimen"
 
 
 class By(StrEnum):
-    """What is judged by itself."""
+    """The unit of a decision."""
 
     specimen = "specimen"
     test = "test"
 
 
+_INSTEAD = "replace it with --overwrite, or name another folder with --out"
 Quantity = Literal["pressure", "length", "force", "angle"]
 # kPa, mN and mm: of errors that are to be inferred, the size that half-normal priors have.
 _UNKNOWN = {"noise_sd": 1.0, "force_noise_sd": 10.0, "diameter_noise_sd": 0.05}
@@ -68,15 +76,33 @@ _QUANTITIES: dict[str, Quantity] = {
 }
 
 
+def _show_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"pymc-hyperelastic {version('pymc-hyperelastic')}")
+        raise typer.Exit
+
+
+@app.callback()
+def command(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version."),
+    ] = False,
+) -> None:
+    """Inflated soft tubes: from tables to probabilities. Start with 'check FILE'."""
+
+
 @app.command()
 def check(
     files: Files,
     settings: Settings = None,
-    figure: Annotated[Path, typer.Option(help="Where the curves are drawn.")] = Path("curves.png"),
+    figure: Annotated[Path, typer.Option(help="File of the figure.")] = Path("curves.png"),
 ) -> None:
-    """Say what is understood of tables, and what is wrong with them, and draw the curves."""
+    """Print how tables are understood and their errors, and draw the curves."""
     data = read_tests(files, settings)
     typer.echo(data.attrs["understood"])
+    if figure.is_dir() or not figure.suffix:
+        raise ValueError(f"--figure is {str(figure)!r}; expected a file such as curves.png")
     figure.parent.mkdir(parents=True, exist_ok=True)
     plot_inflation(data).savefig(figure, dpi=150)
     typer.echo(f"\nThe curves are drawn in {figure}.")
@@ -88,7 +114,7 @@ def fit(
     settings: Settings = None,
     law: Annotated[list[Law] | None, typer.Option(help="A strain energy; may be repeated.")] = None,
     variability: Annotated[
-        Variability, typer.Option(help="Whether the specimens of a group differ.")
+        Variability, typer.Option(help="How the specimens of a group differ.")
     ] = Variability.specimen,
     experiment_effect: Annotated[
         bool, typer.Option(help="Experiments on a specimen differ by more than noise.")
@@ -117,10 +143,12 @@ def fit(
     out: Out = Path("study"),
     seed: Seed = 1,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Learn a class of each group of specimens.
 
-    Of a table with a column 'split' the rows marked 'train' are taken.
+    If a table has a column 'split', its rows marked 'train' are used. After an interrupt the same
+    command continues.
     """
     data = _split(read_tests(files, settings), "train")
     groups = list(dict.fromkeys(data["group"].values.tolist()))
@@ -133,7 +161,12 @@ def fit(
         slope_weight = 0.0 if diameter_noise else balanced_slope_weight(data)
     out.mkdir(parents=True, exist_ok=True)
     for each in law or [Law("Ogden")]:
-        classes = fit_classes(
+        path = out / f"{CLASSES}-{each.value}.nc"
+        store = path.with_suffix("")
+        if path.exists() and not store.exists() and not overwrite:
+            raise ValueError(f"{path} exists already: {_INSTEAD}")
+        compute = partial(
+            fit_classes,
             StrainEnergy.from_name(each.value),
             training,
             variability=variability.value,
@@ -143,9 +176,10 @@ def fit(
             chains=chains,
             random_seed=seed,
             progressbar=not quiet,
+            store=store,
             **errors,
         )
-        path = out / f"{CLASSES}-{each.value}.nc"
+        classes = _computed(compute, store, overwrite=overwrite)
         save_result(classes, path)
         for name, fitted in classes.children.items():
             typer.echo(f"{each.value}, group {name}: log evidence {log_evidence(fitted)}")
@@ -158,7 +192,7 @@ def classify(
     settings: Settings = None,
     study: Annotated[Path, typer.Option("--out", help="Folder of the study.")] = Path("study"),
     by: Annotated[
-        By, typer.Option(help="What is judged: all of a specimen together, or each experiment.")
+        By, typer.Option(help="Classify all tests of a specimen together, or each experiment.")
     ] = By.specimen,
     undecided_below: Annotated[float, typer.Option(help="Least probability of a decision.")] = 0.0,
     none_below: Annotated[
@@ -167,15 +201,17 @@ def classify(
     cores: Annotated[int | None, typer.Option(help="Processes; all cores by default.")] = None,
     seed: Seed = 1,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Say of which class new specimens are.
 
-    Of a table with a column 'split' the rows marked 'new' are taken. What is interrupted goes on
-    when it is asked for again.
+    If a table has a column 'split', its rows marked 'new' are used. After an interrupt the same
+    command continues.
     """
     data = _split(read_tests(files, settings), "new")
     classes, *others = classes_of(study)
-    classify_cohort(
+    compute = partial(
+        classify_cohort,
         data,
         classes,
         study / CLASSIFIED,
@@ -187,11 +223,12 @@ def classify(
         random_seed=seed,
         progressbar=not quiet,
     )
+    _computed(compute, study / CLASSIFIED, overwrite=overwrite)
     found = open_cohort(study / CLASSIFIED)
     assert isinstance(found, xr.Dataset)
     table = _table(found.load())
     path = study / "classified.csv"
-    table.to_csv(path, index=False)
+    _without_formulas(table).to_csv(path, index=False)
     typer.echo(table.to_string(index=False, float_format="{:.3f}".format))
     typer.echo(f"\nThis table is in {path}.")
 
@@ -245,17 +282,31 @@ def report(
     title: Annotated[str | None, typer.Option(help="Heading of the page.")] = None,
 ) -> None:
     """Write one HTML page of all that a study holds."""
-    path = write_report(results_of(study), page or study / "report.html", title=title)
+    page = page or study / "report.html"
+    if page.suffix.lower() not in (".html", ".htm"):
+        raise ValueError(f"--page is {str(page)!r}; expected a file that ends with .html")
+    path = write_report(results_of(study), page, title=title)
     typer.echo(f"The report is {path}.")
 
 
+def _computed(compute: Callable[[], Any], store: Path, *, overwrite: bool) -> Any:
+    """Return a result that a store keeps; remove a store of other data or settings if asked to."""
+    try:
+        return compute()
+    except OtherWork as error:
+        if not overwrite:
+            raise ValueError(f"{error.said}You can {_INSTEAD}") from error
+    shutil.rmtree(store)
+    return compute()
+
+
 def _split(data: xr.Dataset, which: str) -> xr.Dataset:
-    """Tests of one split, if the tables tell of such."""
+    """Return the tests of one split, if the tables have a column split."""
     return select(data, split=which) if "split" in data.coords else data
 
 
 def _errors(noise: str, force: str | None, diameter: str | None) -> dict[str, Any]:
-    """Sizes of errors, or priors of what is not known."""
+    """Return the sizes of errors; for unknown sizes, their priors."""
     given = {"noise_sd": noise, "force_noise_sd": force, "diameter_noise_sd": diameter}
     return {
         name: pm.HalfNormal.dist(_UNKNOWN[name])
@@ -284,6 +335,13 @@ def _size(name: str, text: str, quantity: Quantity) -> float:
 
 def _unit_of(text: str) -> str:
     return text.lstrip(" -+.0123456789")
+
+
+def _without_formulas(table: pd.DataFrame) -> pd.DataFrame:
+    """Text that a spreadsheet would compute is marked as text by an apostrophe."""
+    text = table.select_dtypes(exclude="number").astype(str)
+    marked = text.mask(text.apply(lambda column: column.str.match(r"[=+\-@\t]")), "'" + text)
+    return table.assign(**{name: marked[name] for name in marked})
 
 
 def _table(result: xr.Dataset) -> pd.DataFrame:

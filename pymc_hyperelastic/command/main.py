@@ -4,9 +4,16 @@ import sys
 import warnings
 from typing import Any
 
+# Exit code of an interrupted command: 128 and the number of the signal SIGINT.
+_INTERRUPTED = 130
+_ADVICE = (
+    "\nPyTensor stores compiled functions in this folder. Choose one that can be written: "
+    "export PYTENSOR_FLAGS=base_compiledir=/a/folder"
+)
+
 
 def main() -> None:
-    """Do what the command line asks for; what is wrong is said in one message."""
+    """Run the command line; print an error as one message."""
     try:
         from pymc_hyperelastic.command.commands import app
     except ModuleNotFoundError as error:
@@ -17,15 +24,17 @@ def main() -> None:
         )
     warnings.showwarning = _in_one_line  # type: ignore[assignment]
     try:
-        app(standalone_mode=False)
-    except KeyboardInterrupt:
-        sys.exit("interrupted")
+        # Typer catches Ctrl-C and returns this code. A closed pipe ends the process with code 1.
+        if app(standalone_mode=False) == _INTERRUPTED:
+            print("interrupted: repeat the command to continue", file=sys.stderr)
+            sys.exit(_INTERRUPTED)
     except (OSError, TypeError, ValueError) as error:
         for note in getattr(error, "__notes__", ()):
             print(note, file=sys.stderr)
-        sys.exit(f"error: {error}")
+        advice = _ADVICE if "compiledir" in str(error) else ""
+        sys.exit(f"error: {error}{advice}")
     except Exception as error:
-        # What the command line itself has to say: no such option, a missing argument.
+        # An error of the command line itself: an unknown option, a missing argument.
         if not hasattr(error, "show"):
             raise
         error.show()

@@ -9,7 +9,7 @@ from pymc_hyperelastic.files.results import open_result
 from pymc_hyperelastic.models.study import law_names_of
 
 CLASSES, COMPARISON = "classes", "comparison"
-#: Folder of the store of what was classified.
+#: Folder of the store of decisions.
 CLASSIFIED = "classified"
 
 

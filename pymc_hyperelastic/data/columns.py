@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 
 from pymc_hyperelastic.data.inflation import listed
+from pymc_hyperelastic.data.labels import plain_label
+from pymc_hyperelastic.files.stored import shown
 
 # Relative difference up to which two numbers of a table are equal: lengths in mm that are converted
 # from different units differ by rounding errors.
@@ -62,7 +64,7 @@ class Rows:
                 numbers[i] = float(value)
             except (TypeError, ValueError, OverflowError):
                 raise ValueError(
-                    f"{self.place(i)}: {column} is {value!r}, not a number; correct it "
+                    f"{self.place(i)}: {column} is {shown(value)}, not a number; correct it "
                     "(decimal points, no units)"
                 ) from None
             if not np.isfinite(numbers[i]):
@@ -81,14 +83,15 @@ class Rows:
         if isinstance(given, str):
             if given not in self.frame:
                 raise ValueError(
-                    f"{name}={given!r}: the frame has no such column; it has "
+                    f"{name}={shown(given)}: the frame has no such column; it has "
                     f"{listed(self.frame.columns)}. Give {name} as a number or as the name of a "
                     "column"
                 )
             return self.numbers(given)
         if isinstance(given, bool | np.bool_) or not isinstance(given, Real):
             raise TypeError(
-                f"{name} is {given!r}; expected a number, the name of a column, or None if unknown"
+                f"{name} is {shown(given)}; expected a number, the name of a column, or None if "
+                "unknown"
             )
         if np.isnan(given):
             raise ValueError(f"{name} is {given}; where it is not known, give None")
@@ -161,22 +164,30 @@ def check_frame(frame: pd.DataFrame, measured: str) -> None:
         )
     twice = frame.columns[frame.columns.duplicated()]
     if twice.size:
-        raise ValueError(f"the frame has more than one column {twice[0]!r}; drop or rename one")
+        raise ValueError(
+            f"the frame has more than one column {shown(twice[0])}; drop or rename one"
+        )
     if frame.empty:
         raise ValueError("the frame has no rows; expected one row a measured point")
 
 
 def labels_of(frame: pd.DataFrame, column: str) -> np.ndarray:
     """Labels of a column, one a row: integers if all are and may be, else text."""
-    labels = frame[column].tolist()
-    for i, label in enumerate(labels):
-        if pd.isna(label) or not str(label).strip():
-            raise ValueError(f"row {frame.index[i]}: {column} is missing; give every row a label")
-    # A spreadsheet with gaps elsewhere yields 1.0 for experiment 1.
-    labels = [int(x) if isinstance(x, float) and x.is_integer() else x for x in labels]
+    labels = []
+    for row, label in zip(frame.index, frame[column].tolist(), strict=True):
+        # A spreadsheet with gaps elsewhere yields 1.0 for experiment 1.
+        if isinstance(label, float) and label.is_integer():
+            label = int(label)
+        try:
+            text = "" if pd.isna(label) else plain_label(label)
+        except ValueError as error:
+            raise ValueError(f"row {row}: {column}: {error}") from None
+        if not text:
+            raise ValueError(f"row {row}: {column} is missing; give every row a label")
+        labels.append(label if isinstance(label, int | np.integer) else text)
     if column in ("experiment", "cycle"):
         return plain_array(labels)
-    return np.array([str(x) for x in labels])
+    return np.array([str(label) for label in labels])
 
 
 def plain_array(labels: list[Any]) -> np.ndarray:

@@ -4,6 +4,8 @@ import warnings
 from collections.abc import Sequence
 from typing import Literal, get_args
 
+from pymc_hyperelastic.files.place import PACKAGE
+
 Check = Literal["warn", "raise", "ignore"]
 
 # Problems that are told at once.
@@ -16,13 +18,13 @@ def check_known(check: Check) -> None:
         raise ValueError(f"check is {check!r}; expected one of {get_args(Check)}")
 
 
-def doubt(messages: Sequence[str], check: Check, *, stacklevel: int) -> None:
+def doubt(messages: Sequence[str], check: Check) -> None:
     """Warn of the first of some doubts of one kind and count the others, or raise, or be silent.
 
     Examples
     --------
-    >>> doubt(["a pressure of 120 kPa"], "ignore", stacklevel=1)
-    >>> doubt(["a pressure of 120 kPa"], "raise", stacklevel=1)
+    >>> doubt(["a pressure of 120 kPa"], "ignore")
+    >>> doubt(["a pressure of 120 kPa"], "raise")
     Traceback (most recent call last):
     ValueError: a pressure of 120 kPa
     """
@@ -32,7 +34,7 @@ def doubt(messages: Sequence[str], check: Check, *, stacklevel: int) -> None:
     message = counted(messages)
     if check == "raise":
         raise ValueError(message)
-    warnings.warn(f'{message}; if it is right, say check="ignore"', stacklevel=stacklevel + 1)
+    warnings.warn(f'{message}; if it is right, say check="ignore"', skip_file_prefixes=(PACKAGE,))
 
 
 def counted(messages: Sequence[str]) -> str:

@@ -17,8 +17,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from pymc_hyperelastic.files.stored import shown
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 
+# Labels that a message names.
+_MOST_LISTED = 30
 # Relative: a stretch that varies by less was held, and is rounded.
 _ROUNDING = 1e-9
 
@@ -324,5 +327,14 @@ def _point(data: xr.Dataset, i: int) -> str:
 
 
 def listed(labels: Iterable[Hashable]) -> str:
-    """Labels as messages name them."""
-    return ", ".join(repr(label) for label in labels)
+    """Labels as messages name them, the first of many.
+
+    Examples
+    --------
+    >>> listed(["a", "b"]), listed(range(100))[-20:]
+    ("'a', 'b'", '28, 29 and 70 others')
+    """
+    labels = list(labels)
+    others = len(labels) - _MOST_LISTED
+    told = ", ".join(map(shown, labels[:_MOST_LISTED]))
+    return f"{told} and {others} others" if others > 0 else told

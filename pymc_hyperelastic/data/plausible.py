@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.data.doubt import Check, doubt
 from pymc_hyperelastic.data.inflation import at_points, describe_test
 from pymc_hyperelastic.data.units import mmHg
+from pymc_hyperelastic.files.stored import shown
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius, opening_factor
 
 Array = NDArray[np.float64]
@@ -108,10 +109,11 @@ RANGES = {
 _UNLOADED = 2.0
 
 
-def check_plausible(data: xr.Dataset, check: Check, *, stacklevel: int) -> None:
+def check_plausible(data: xr.Dataset, check: Check) -> None:
     """Doubt numbers that no soft tube has, one message for each quantity."""
     if check == "ignore":
         return
+    doubt(_single_points(data), check)
     for name, values in _quantities(data).items():
         expected = RANGES[name]
         # NaN, where something is not known, is no reason for doubt.
@@ -119,16 +121,34 @@ def check_plausible(data: xr.Dataset, check: Check, *, stacklevel: int) -> None:
         found = [_doubtful(expected, values[i]) for i in outside]
         places = [describe_test(data, int(i)) for i in outside]
         messages = [f"{place}: {what}" for place, what in zip(places, found, strict=True)]
-        doubt(messages, check, stacklevel=stacklevel + 1)
+        doubt(messages, check)
 
 
-def check_plausible_pressures(pressure: Array, check: Check, *, stacklevel: int) -> None:
+def _single_points(data: xr.Dataset) -> list[str]:
+    """Return a doubt if no specimen has a curve.
+
+    Examples
+    --------
+    >>> from pymc_hyperelastic.data.datasets import load_dataset
+    >>> _single_points(load_dataset("simulated_sheep_aorta"))
+    []
+    """
+    names = data["specimen"].to_index().unique()
+    if len(names) < 2 or len(names) < data.sizes["obs"]:
+        return []
+    return [
+        f"each of the {len(names)} specimens has a single measured point, such as specimen "
+        f"{shown(names[0])}: were measured numbers taken for labels of specimens?"
+    ]
+
+
+def check_plausible_pressures(pressure: Array, check: Check) -> None:
     """Doubt pressures at which no tube is inflated.
 
     Examples
     --------
-    >>> check_plausible_pressures(np.array([2.0, 16.0]), "raise", stacklevel=1)
-    >>> check_plausible_pressures(np.array([100.0]), "raise", stacklevel=1)  # doctest: +ELLIPSIS
+    >>> check_plausible_pressures(np.array([2.0, 16.0]), "raise")
+    >>> check_plausible_pressures(np.array([100.0]), "raise")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ValueError: a pressure is 100 kPa, 750 mmHg; ... given in mmHg? Say pressure_unit='mmHg'
     """
@@ -140,7 +160,6 @@ def check_plausible_pressures(pressure: Array, check: Check, *, stacklevel: int)
             for p in pressure[pressure > high]
         ],
         check,
-        stacklevel=stacklevel + 1,
     )
 
 

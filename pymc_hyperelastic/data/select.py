@@ -12,6 +12,7 @@ from pymc_hyperelastic.data.inflation import (
     extension_tests,
     listed,
 )
+from pymc_hyperelastic.files.stored import shown
 
 
 def select(
@@ -73,7 +74,9 @@ def select(
         unknown = [label for label in wanted if str(label) not in present]
         if unknown:
             existing = dict.fromkeys(data[name].values.tolist())
-            raise ValueError(f"no {name} {unknown[0]!r} in the data; there are {listed(existing)}")
+            raise ValueError(
+                f"no {name} {shown(unknown[0])} in the data; there are {listed(existing)}"
+            )
         keep &= np.isin(present, [str(label) for label in wanted])
     if not keep.any():
         criteria = ", ".join(f"{name}={wanted!r}" for name, wanted in asked.items())

@@ -192,9 +192,9 @@ def inflation_data(
     check_frame(frame, measured)
     rows = rows_of(last_cycles(frame, cycles))
     stretch, varying = stretches_of(rows, axial_stretch)
-    doubt(doubtful_stretches(rows, stretch, varying), check, stacklevel=2)
+    doubt(doubtful_stretches(rows, stretch, varying), check)
     order, shuffled = order_of_points(rows, measured, stretch, varying)
-    doubt(shuffled, check, stacklevel=2)
+    doubt(shuffled, check)
 
     def millimetres(values: np.ndarray, power: int = 1) -> np.ndarray:
         return _to_millimetres(values, radius_unit, power)
@@ -239,8 +239,8 @@ def inflation_data(
     data = _dataset(rows, order, values, "obs" if varying.any() else "test")
     check_inflation_data(data)
     for name, taken in {"axial_stretch": axial_stretch, "opening_angle": opening_angle}.items():
-        doubt(rows.overlooked(name, taken), check, stacklevel=2)
-    check_plausible(data, check, stacklevel=2)
+        doubt(rows.overlooked(name, taken), check)
+    check_plausible(data, check)
     return data
 
 

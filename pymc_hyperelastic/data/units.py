@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+
+from pymc_hyperelastic.files.stored import shown
 
 if TYPE_CHECKING:
     import pint
@@ -17,12 +20,16 @@ mmHg = 0.133322387415
 #: The unit that each quantity has inside the package.
 INTERNAL_UNITS = {"pressure": "kPa", "length": "mm", "force": "mN", "angle": "rad"}
 
-_EXAMPLES = {
-    "pressure": "'kPa', 'mmHg', 'Pa', 'MPa', 'psi'",
-    "length": "'mm', 'um', 'cm', 'm', 'inch'",
-    "force": "'mN', 'N', 'gram_force'",
-    "angle": "'rad', 'deg'",
+#: Units in which each quantity may be given, whichever way the data come in. All others are
+#: refused: to pint a pixel is 1/96 inch, and a point a length too.
+UNITS = {
+    "pressure": ["kPa", "Pa", "hPa", "MPa", "mmHg", "torr", "cmH2O", "mbar", "bar", "psi"],
+    "length": ["mm", "um", "nm", "cm", "m", "inch"],
+    "force": ["mN", "uN", "N", "gf", "dyn"],
+    "angle": ["rad", "deg"],
 }
+# Relative difference of two units that are one, such as micrometre and micron.
+_ROUNDING = 1e-12
 
 
 def to_internal(
@@ -34,9 +41,9 @@ def to_internal(
 ) -> NDArray[np.float64]:
     """Convert values of any shape to the unit that the package works in: kPa, mm, mN or rad.
 
-    The `unit` is one that pint knows, such as ``"mmHg"``, ``"um"`` or ``"deg"``. If it is unknown,
-    or measures something else than the `quantity`, a ValueError names the argument through which
-    the caller received it, `keyword` or else ``f"{quantity}_unit"``.
+    The `unit` is one of :data:`UNITS`, in a spelling that pint knows, such as ``"mmHg"``, ``"um"``
+    or ``"degree"``. If it is not, a ValueError names the argument through which the caller
+    received it, `keyword` or else ``f"{quantity}_unit"``.
 
     Examples
     --------
@@ -47,20 +54,26 @@ def to_internal(
     return np.asarray(values, dtype=float) * factor
 
 
+@cache
 def _factor(unit: str, quantity: str, keyword: str) -> float:
     """How many internal units one `unit` is."""
-    internal = INTERNAL_UNITS[quantity]
-    expected = f"expected a unit of {quantity}, for example {_EXAMPLES[quantity]}"
-    registry = _registry()
+    expected = f"expected a unit of {quantity}: {', '.join(UNITS[quantity])}"
+    registry, internal = _registry(), INTERNAL_UNITS[quantity]
     try:
         given = registry.Unit(str(unit))
         root = _root_units(registry, given)
     # Beyond its own errors pint lets those of Python's tokenizer and parser through.
     except Exception as error:
-        raise ValueError(f"{keyword}={unit!r} is not a known unit; {expected}") from error
+        raise ValueError(f"{keyword}={shown(unit)} is not a known unit; {expected}") from error
     if root != _root_units(registry, registry.Unit(internal)):
-        raise ValueError(f"{keyword}={unit!r} does not measure {quantity}; {expected}")
-    return float(registry.Quantity(1.0, given).m_as(internal))
+        raise ValueError(f"{keyword}={shown(unit)} does not measure {quantity}; {expected}")
+    factor = float(registry.Quantity(1.0, given).m_as(internal))
+    known = [registry.Quantity(1.0, name).m_as(internal) for name in UNITS[quantity]]
+    if not any(math.isclose(factor, other, rel_tol=_ROUNDING) for other in known):
+        raise ValueError(
+            f"{keyword}={shown(unit)} is a unit of {quantity} that is not used; {expected}"
+        )
+    return factor
 
 
 def _root_units(registry: pint.UnitRegistry, unit: Any) -> Any:

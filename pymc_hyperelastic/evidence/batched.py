@@ -1,5 +1,6 @@
 """Functions of a model's variables for many points at once: compiled soon, and only once."""
 
+import re
 import tracemalloc
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,13 +12,15 @@ import pymc as pm
 import pytensor
 import pytensor.tensor as pt
 from numpy.typing import NDArray
+from pymc.distributions.custom import CustomDistRV
 from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.initial_point import make_initial_point_expression
+from pymc.logprob.transforms import SimplexTransform
 from pymc.logprob.utils import local_check_parameter_to_ninf_switch
 from pymc.pytensorf import compile as compile_pymc
 from pymc.pytensorf import join_nonshared_inputs
 from pytensor.compile.sharedvalue import SharedVariable
-from pytensor.graph.basic import Variable
+from pytensor.graph.basic import Apply, Variable
 from pytensor.graph.fg import FrozenFunctionGraph, FunctionGraph
 from pytensor.graph.replace import clone_replace, vectorize_graph
 from pytensor.graph.rewriting.basic import in2out
@@ -41,6 +44,8 @@ _CACHED_BYTES, _MEASURED = 2**22, 16
 # Fewer together than this take longer to call than to score: then they may need so many bytes.
 _FEWEST_TOGETHER, _LARGEST_BYTES = 256, 2**26
 
+# Modules whose distributions draw batches.
+_IN_LIBRARIES = re.compile(r"(pymc|pytensor)\.")
 # Compiled functions by their expressions.
 _compiled: dict[tuple, Any] = {}
 # Bytes that a particle needs, by the function and the shapes of what it shares.
@@ -71,6 +76,11 @@ class BatchedFunction:
 
         `compile_kwargs` are options of ``pytensor.function``; without a mode NumPy does the work.
         """
+        if any(isinstance(variable.type, RandomType) for variable in graph_inputs(outputs)):
+            raise ValueError(
+                "the density of the model is random, as with pm.Minibatch, and has no evidence: "
+                "give the model all of its data"
+            )
         compile_kwargs = {"mode": IN_NUMPY} | (compile_kwargs or {})
         shapes, values = value_shapes(model), model.value_vars
         shared = _shared_inputs(outputs)
@@ -187,6 +197,16 @@ def side_by_side(values: Sequence[Array]) -> Array:
     return np.concatenate([np.reshape(v, (len(v), -1)) for v in values], axis=1)
 
 
+class _SharesAboveZero(SimplexTransform):
+    """Transform of shares of which draws may be rounded to 0: two of them would have no logarithm.
+
+    Rounded shares become the smallest positive number.
+    """
+
+    def forward(self, value: TensorVariable, *inputs: Variable) -> TensorVariable:
+        return super().forward(pt.maximum(value, np.nextafter(0.0, 1.0)), *inputs)
+
+
 @without_traces
 def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[str, Array]]:
     """Compile a function that draws the model's free variables from the prior, independently.
@@ -197,14 +217,17 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
     """
     expressions = make_initial_point_expression(
         free_rvs=model.free_RVs,
-        rvs_to_transforms=model.rvs_to_transforms,
+        rvs_to_transforms={
+            rv: _SharesAboveZero() if isinstance(transform, SimplexTransform) else transform
+            for rv, transform in model.rvs_to_transforms.items()
+        },
         initval_strategies=dict.fromkeys(model.free_RVs),
         default_strategy="prior",
         return_transformed=True,
     )
     names = [model.rvs_to_values[rv].name for rv in model.free_RVs]
     nodes = [v.owner for v in ancestors(expressions) if _is_random(v)]
-    at_once = all(isinstance(node.op, RandomVariable) and node.op.ndims_params for node in nodes)
+    at_once = all(map(_draws_batches, nodes))
     shared = _shared_inputs(expressions)
     key = FrozenFunctionGraph.from_io(shared, expressions), "prior"
     if key not in _compiled:
@@ -286,6 +309,15 @@ def _of_size(expressions: Sequence[Variable], draws: TensorVariable) -> list[Var
         if not any(map(_is_random, ancestors([parameter]))):
             batched[parameter] = pt.broadcast_to(parameter, (draws, *parameter.shape))
     return vectorize_graph(expressions, batched)
+
+
+def _draws_batches(node: Apply) -> bool:
+    """Return True for a distribution of a library with parameters, which may be many.
+
+    How a user's own function draws with many parameters is not known.
+    """
+    own = isinstance(node.op, CustomDistRV) or not _IN_LIBRARIES.match(type(node.op).__module__)
+    return isinstance(node.op, RandomVariable) and bool(node.op.ndims_params) and not own
 
 
 def _is_random(variable: Variable) -> bool:

@@ -21,6 +21,8 @@ from pymc_hyperelastic.evidence.unconstrained import (
     log_density_function,
     unconstrained_draws,
 )
+from pymc_hyperelastic.files.place import PACKAGE
+from pymc_hyperelastic.parallel import one_thread
 
 Proposal = Literal["auto", "normal", "warped", "mixture"]
 
@@ -35,6 +37,7 @@ _FEWEST_EFFECTIVE = 40
 _LARGEST_SCORE = 4.0
 
 
+@one_thread
 def log_evidence_by_bridge(
     model: pm.Model,
     tree: xr.DataTree,
@@ -160,7 +163,9 @@ def log_evidence_by_bridge(
     estimate, misfit = bridged(density, draws, log_density, rng, proposal, size)
     doubts += misfit
     if doubts:
-        warnings.warn(f"the evidence cannot be trusted: {'; '.join(doubts)}", stacklevel=2)
+        warnings.warn(
+            f"the evidence cannot be trusted: {'; '.join(doubts)}", skip_file_prefixes=(PACKAGE,)
+        )
         return Estimate(estimate.value, np.inf)
     return estimate
 

@@ -20,8 +20,10 @@ from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.store import Remember, remembering
+from pymc_hyperelastic.parallel import one_thread
 
 # Simulations that are a part of a store together.
 _KEPT_TOGETHER = 10
@@ -34,6 +36,7 @@ _NO_DATA = (
 )
 
 
+@one_thread
 def simulation_based_calibration(
     model: pm.Model,
     *,
@@ -339,7 +342,8 @@ def _compared(
             if not complete:
                 raise
             warnings.warn(
-                f"interrupted: {complete} of {len(truth)} simulations are complete", stacklevel=3
+                f"interrupted: {complete} of {len(truth)} simulations are complete",
+                skip_file_prefixes=(PACKAGE,),
             )
     return rank[:complete], mean[:complete], sd[:complete]
 

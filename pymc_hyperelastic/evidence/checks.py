@@ -4,6 +4,7 @@ from numbers import Integral, Real
 from typing import Any
 
 import pymc as pm
+import pytensor
 from pymc.vartypes import discrete_types
 
 from pymc_hyperelastic.files.place import PACKAGE as PACKAGE
@@ -29,8 +30,19 @@ def check_fraction(name: str, value: Any) -> None:
         raise ValueError(f"{name} is {value!r}; expected a number between 0 and 1")
 
 
+def check_precision() -> None:
+    """Raise if PyTensor computes with half of the digits that this package needs."""
+    if pytensor.config.floatX != "float64":
+        raise ValueError(
+            f"PyTensor's floatX is {pytensor.config.floatX!r}, and integrals over walls and "
+            'evidences need float64: set pytensor.config.floatX = "float64" before the model is '
+            "made"
+        )
+
+
 def check_model(model: Any) -> None:
     """Raise unless `model` is a PyMC model, and no part of another one."""
+    check_precision()
     if not isinstance(model, pm.Model):
         raise TypeError(f"expected a pm.Model, not {type(model).__name__}")
     if not model.isroot:

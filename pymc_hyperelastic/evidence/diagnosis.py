@@ -13,6 +13,8 @@ from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.evidence.tempering import stayed
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.stored import (
     check_numbers,
     damaged,
@@ -22,6 +24,7 @@ from pymc_hyperelastic.files.stored import (
     read_number,
     read_numbers,
 )
+from pymc_hyperelastic.parallel import one_thread
 
 # Nats by which two ways to an evidence may differ whatever their errors, and the number of errors.
 _NATS, _ERRORS = 0.3, 4.0
@@ -36,12 +39,28 @@ _FEW_ANCESTORS, _TOO_FEW_ANCESTORS, _MANY_ANCESTORS = 0.03, 0.01, 0.15
 _MOST_CAPPED = 0.5
 # Pareto shape of the weights up to which their mean converges at a rate that is worth its draws.
 _LARGEST_SHAPE = 0.7
+# Share of the posterior within 1 % of a limit of a prior from which the limit decides about it.
+_MOST_AT_LIMIT = 0.5
+# Residuals as large as those of a right model are once in so many studies; it is corrected for the
+# number of tests and signals.
+_CHANCE_OF_RESIDUALS = 2e-3
+# Largest share of other particles where the reference has too few draws, for a good evidence. If
+# particles are as frequent as mass, the log evidence lacks as many nats. Tails of right models have
+# up to 0.02, heavy tails 0.08.
+_MOST_UNMET = 0.03
+# The same for a doubtful evidence. Three change points, of whose six modes some were missing, had
+# 0.3 to 1.
+_MODE_UNMET = 0.1
+# Share of the posterior at bounds up to which it is a part of the error, in nats.
+_MOST_AT_BOUNDS = 0.1
 # What curves may err, relative to the largest value of each: with errors of a hundredth of that a
 # log density of a hundred points is then right to a thousandth.
 CURVES_ERR = 1e-6
 # Verdicts from good to bad.
 VERDICTS = ("good", "doubtful", "not to be trusted")
 _GOOD, _DOUBTFUL, _BAD = range(3)
+# Checks that compare the model with its data, where the evidence itself may be right.
+_OF_THE_FIT = ("limits", "residuals")
 _INSTEAD = (
     "; another way is NUTS and ph.log_evidence_by_bridge, for classes of specimens that differ "
     "ph.fit_classes"
@@ -53,9 +72,17 @@ _NEEDED = ("log_evidence", "log_evidence_se")
 _EVIDENCE: dict[str, tuple[str, ...]] = {
     **dict.fromkeys((*_NEEDED, "moves", "ancestors", "pareto_k"), ("chain",)),
     **dict.fromkeys(("forward", "forward_se", "at_modes", "at_modes_se"), ()),
-    **dict.fromkeys(("specimens_se", "curve_error"), ()),
+    **dict.fromkeys(("specimens_se", "curve_error", "at_bounds", "unmet"), ()),
+    "at_limit": ("limit",),
+    **dict.fromkeys(("chi_square", "points"), ("test", "signal")),
 }
-_TOGETHER = {"ancestors": "moves", "forward_se": "forward", "at_modes_se": "at_modes"}
+_TOGETHER = {
+    "ancestors": "moves",
+    "points": "chi_square",
+    "chi_square": "points",
+    "forward_se": "forward",
+    "at_modes_se": "at_modes",
+}
 
 
 class _Check(NamedTuple):
@@ -105,11 +132,15 @@ def log_evidence(tree: xr.DataTree) -> Estimate:
     estimate = combine_chains(evidence["log_evidence"].values, evidence["log_evidence_se"].values)
     # What all chains have in common no mean of theirs removes.
     common = float(evidence["specimens_se"]) if "specimens_se" in evidence else 0.0
+    if "at_bounds" in evidence:
+        # As if all of it were missing, which it is not: particles move towards the bounds.
+        common = float(np.hypot(common, np.exp(float(evidence["at_bounds"]) - estimate.value)))
     if diagnose_evidence(tree).attrs["verdict"] == VERDICTS[_BAD]:
         common = np.inf
     return Estimate(estimate.value, float(np.hypot(estimate.standard_error, common)))
 
 
+@one_thread
 def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     """How far the evidence of a result can be trusted, and what that rests on.
 
@@ -130,6 +161,16 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         are too low by far are common, since mass may be missed; too high by far they never are.
     ``"modes"``
         By how many nats that from the modes, which were climbed to, is larger.
+    ``"search"``
+        The share of other particles, led from the prior alone, that are where chains began with
+        hardly any.
+    ``"bounds"``
+        The share of the posterior that is at a bound of the prior, where no particle arrives.
+    ``"limits"``
+        The share of the posterior within 1 % of a limit of a prior, other than 0 from above.
+    ``"residuals"``
+        The probability of residuals as large as those of the best curve of some test and signal, or
+        specimen, under the noise that is stated or inferred.
     ``"curves"``
         By how much curves of the posterior err, relative to the largest value of each: they are
         made exact over the range of the priors.
@@ -151,9 +192,9 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        By ``check``: ``value``, ``limit`` (the largest value, or the smallest of ancestors, that
-        is good), ``verdict`` ("good", "doubtful" or "not to be trusted") and ``words``. Its
-        attributes ``verdict`` and ``words`` say the worst, and why.
+        By ``check``: ``value``, ``limit`` (the largest value that is good; of "ancestors" and
+        "residuals" the smallest), ``verdict`` ("good", "doubtful" or "not to be trusted") and
+        ``words``. Its attributes ``verdict`` and ``words`` say the worst, and why.
 
     Raises
     ------
@@ -196,6 +237,27 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
             limit = max(_NATS, _ERRORS * error)
             words = f"the evidence from the {name} is larger by {gap:.2f} nats: mass is missing"
             checks.append(_Check(name, gap, limit, _BAD if gap > limit else _GOOD, words))
+    if "unmet" in evidence:
+        share = float(evidence["unmet"])
+        words = (
+            f"{share:.0%} of other particles, led from the prior alone, are where chains began "
+            "with hardly any: a mode may be missing"
+        )
+        verdict = _worse(share, _MOST_UNMET, _MODE_UNMET)
+        checks.append(_Check("search", share, _MOST_UNMET, verdict, words))
+    if "at_bounds" in evidence:
+        share = float(np.exp(evidence["at_bounds"] - total.value))
+        words = (
+            f"{share:.0%} of the posterior lies where numbers are rounded to a bound of their "
+            "prior, and may be missing: give a prior with less mass at its bounds"
+        )
+        verdict = _BAD if share > _MOST_AT_BOUNDS else _GOOD
+        checks.append(_Check("bounds", share, _MOST_AT_BOUNDS, verdict, words))
+    checks += _checks_of_fit(evidence)
+    # Of specimens with a noise of their own the residuals are what that noise is.
+    if "specimens" in tree.children and not tree["specimens"].sizes.get("noise", 1):
+        fits = tree["specimens"].to_dataset()
+        checks.append(_check_of_residuals(fits["misfit"], fits["freedom"]))
     if "curve_error" in evidence:
         error = float(evidence["curve_error"])
         words = (
@@ -219,6 +281,48 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         verdict = _worse(shape, _LARGEST_SHAPE, np.finfo(float).max)
         checks.append(_Check("weights", shape, _LARGEST_SHAPE, verdict, words))
     return _as_dataset(checks)
+
+
+def doubts_of_fit(evidence: xr.Dataset) -> str:
+    """What is doubtful about how a model fits its data; empty if nothing is."""
+    return "; ".join(check.words for check in _checks_of_fit(evidence) if check.verdict)
+
+
+def _checks_of_fit(evidence: xr.Dataset) -> list[_Check]:
+    """What is known of the limits of priors, and of the residuals of the best curve."""
+    checks = []
+    if evidence.sizes.get("limit"):
+        worst = int(evidence["at_limit"].values.round(DIGITS).argmax())
+        share, where = float(evidence["at_limit"][worst]), evidence["limit"].values[worst]
+        words = (
+            f"{share:.0%} of the posterior is within 1 % of the {where}: give a wider prior, or "
+            "look for what is wrong with the data"
+        )
+        verdict = _DOUBTFUL if share > _MOST_AT_LIMIT else _GOOD
+        checks.append(_Check("limits", share, _MOST_AT_LIMIT, verdict, words))
+    if "chi_square" in evidence:
+        checks.append(_check_of_residuals(evidence["chi_square"], evidence["points"]))
+    return checks
+
+
+def _check_of_residuals(squares: xr.DataArray, freedom: xr.DataArray) -> _Check:
+    """Whether some test, or specimen, is further from its best curve than the noise explains."""
+    # Bonferroni's correction; without points there is no chance, and the least is of another test.
+    chances = chi2.sf(squares, freedom) * int((freedom.values > 0).sum())
+    chances = np.where(np.isfinite(chances), chances, 1.0).clip(0, 1)
+    at = np.unravel_index(int(np.argmin(chances)), chances.shape)
+    chance, more = float(chances[at]), int((chances < _CHANCE_OF_RESIDUALS).sum()) - 1
+    labels = [str(squares[dim].values[i]) for dim, i in zip(squares.dims, at, strict=True)]
+    where = ", ".join(labels) if "test" in squares.dims else f"specimen {labels[0]!r}"
+    words = (
+        f"the best curve is further from the data than the noise explains in {where}"
+        f"{f' and in {more} more' if more > 0 else ''}: the squared residuals are "
+        f"{float(squares.values[at]):.3g} variances of the noise, and about "
+        f"{float(freedom.values[at]):.3g} are expected. The law does not fit, the noise is larger, "
+        "specimens that share one material differ, or something is wrong with the data"
+    )
+    verdict = _DOUBTFUL if chance < _CHANCE_OF_RESIDUALS else _GOOD
+    return _Check("residuals", chance, _CHANCE_OF_RESIDUALS, verdict, words)
 
 
 def check_evidence(tree: xr.DataTree) -> None:
@@ -247,9 +351,24 @@ def with_diagnosis(tree: xr.DataTree) -> xr.DataTree:
 
 def warn_of_evidence(tree: xr.DataTree, of: str = "") -> None:
     """Warn who called the caller if the diagnosis of a result is not good."""
-    said = diagnose_evidence(tree).attrs
-    if said["verdict"] != VERDICTS[_GOOD]:
-        warnings.warn(f"{of}the evidence is {said['verdict']}: {said['words']}", stacklevel=3)
+    if said := judgement(diagnose_evidence(tree)):
+        warnings.warn(f"{of}{said}", skip_file_prefixes=(PACKAGE,))
+
+
+def judgement(diagnosis: xr.Dataset) -> str:
+    """A sentence on what is doubtful, the evidence or the fit, and why; empty if all is good."""
+    verdict, words = diagnosis.attrs["verdict"], diagnosis.attrs["words"]
+    if verdict == VERDICTS[_GOOD]:
+        return ""
+    of_fit = set(_names_of(diagnosis, verdict)) <= set(_OF_THE_FIT)
+    return f"the {'fit' if of_fit else 'evidence'} is {verdict}: {words}"
+
+
+def _names_of(diagnosis: xr.Dataset, verdict: str) -> list[str]:
+    """The checks with this verdict; older results do not hold them all."""
+    if not {"check", "verdict"} <= {*map(str, diagnosis.variables)}:
+        return [""]
+    return [*diagnosis["check"].values[diagnosis["verdict"].values == verdict].tolist()]
 
 
 def worst_verdict(trees: Iterable[xr.DataTree]) -> str:
@@ -264,7 +383,11 @@ def worst_of(verdicts: Iterable[str]) -> str:
 
 def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[_Check]:
     if not np.isfinite([*values, *errors]).all():
-        return [_Check("chains", np.inf, 0.0, _BAD, "a chain has failed")]
+        words = (
+            "a chain has failed, or went on in haste after many stages at which its particles had "
+            "not forgotten their places"
+        )
+        return [_Check("chains", np.inf, 0.0, _BAD, words)]
     if len(values) == 1:
         return []
     spread = float(np.std(values, ddof=1))
@@ -296,7 +419,7 @@ def _worse(value: float, good: float, bad: float) -> int:
 def _as_dataset(checks: list[_Check]) -> xr.Dataset:
     worst = max((check.verdict for check in checks), default=_GOOD)
     said = [check for check in checks if check.verdict == worst]
-    instead = "" if [check.name for check in said] == ["specimens"] else _INSTEAD
+    instead = "" if {c.name for c in said} <= {"specimens", *_OF_THE_FIT} else _INSTEAD
     words = "; ".join(check.words for check in said) + instead
     columns = {
         "value": np.array([check.value for check in checks]),
@@ -343,10 +466,10 @@ def _evidence_of_pymc(tree: xr.DataTree, stats: xr.Dataset) -> xr.Dataset:
         return found
 
     def last(name: str) -> Array:
-        return np.array([stages[np.isfinite(stages)][-1] for stages in of_chains(name)])
+        return np.array([stages[~np.isnan(stages)][-1] for stages in of_chains(name)])
 
     settings = {name: read_number(stats, name) for name in ("max_moves", "_n_draws")}
-    capped = np.concatenate(of_chains("moves")) >= settings["max_moves"]
+    capped = stayed(np.concatenate(of_chains("moves")), settings["max_moves"])
     return xr.Dataset(
         {
             "log_evidence": ("chain", last("log_marginal_likelihood")),

@@ -81,7 +81,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
         return quick
     allowed = _MOST_EFFORT * max(1.0, target.dimension / _FEW) ** 2
     target.most_effort = target.effort + allowed
-    reference = find_reference(target, rng).reference
+    reference = find_reference(target, rng, probed=False).reference
     particles = reference.draw(target.draw_prior, size, rng)
     sampled = Tempering(target, particles, rng, reference=reference).run()
     # Particles that do not move lack what they have not met, and know nothing of it.

@@ -16,6 +16,9 @@ from pymc_hyperelastic.evidence.tempering import THRESHOLD, Tempering
 # A covariance of more unknowns is not known from some thousand particles; and of more than the
 # second number, if hardly so many particles can be scored at once, it would take hours.
 _MOST_UNKNOWNS, _MOST_COSTLY = 300, 50
+# Stages of a chain at which particles may not have forgotten their places after `max_moves`, before
+# it goes on in haste. Posteriors that come out right have had six at most.
+_MOST_CAPPED = 6
 # Fraction of the effective sample size that stages keep on the long way from the prior alone.
 _FAR = 0.8
 
@@ -74,7 +77,9 @@ class BatchedSMC(SMC_KERNEL):
         Particles move until the correlation of every variable with its value before is below this,
         and that of the weight far ahead below half of it.
     max_moves : int
-        Largest number of moves at one stage; there are at least 4 if it is not below that.
+        Largest number of moves at one stage; there are at least 4 if it is not below that. A chain
+        whose particles have not moved enough at six stages moves them once at each further stage:
+        its evidence has an infinite error.
 
     Raises
     ------
@@ -240,6 +245,7 @@ class BatchedSMC(SMC_KERNEL):
             threshold=self.threshold,
             forget=self.forget,
             max_moves=self.max_moves,
+            most_capped=_MOST_CAPPED,
         )
         self.target.check_possible(self.tempering.possible, f"the {self.draws} initial particles")
         self._read()

@@ -109,14 +109,19 @@ class GaussianMixture:
 
     def log_density_of_components(self, points: Array) -> Array:
         """Logarithm of weight times density of each component, shape (n, K)."""
+        z = self._standardised(points)
+        with np.errstate(over="ignore"):
+            z *= z
+            return self._terms_at(z.sum(axis=1).T)
+
+    def _standardised(self, points: Array) -> Array:
+        """Points in standard deviations from the mean of each component, shape (K, d, n)."""
         components, dimension = self.means.shape
         # One product for all components. Points run along the last axis, where NumPy sums over the
         # others are fast.
         z = self._inverse_factors.reshape(-1, dimension) @ points.T
         z -= (self._inverse_factors @ self.means[..., None]).reshape(-1, 1)
-        with np.errstate(over="ignore"):
-            z *= z
-            return self._terms_at(z.reshape(components, dimension, -1).sum(axis=1).T)
+        return z.reshape(components, dimension, -1)
 
     def _terms_at(self, distance: Array) -> Array:
         """Logarithm of weight times density at squared distances, shape (n, K)."""
@@ -162,17 +167,15 @@ class GaussianMixture:
 
     def slope(self, points: Array) -> tuple[Array, Array]:
         """Logarithm of the density and its slope at each point, shapes (n,) and (n, d)."""
-        z = self._inverse_factors @ (points.T - self.means[..., None])
+        z = self._standardised(points)
         distance = (z**2).sum(axis=1).T
         terms = self._terms_at(distance)
         total = log_sum_exp(terms)
         pull = np.exp(terms - total[:, None])
         if np.isfinite(self.freedom):
             pull *= (self.freedom + self.means.shape[1]) / (self.freedom + distance)
-        slopes = sum(
-            (inverse.T @ (of_one * weight)).T
-            for inverse, of_one, weight in zip(self._inverse_factors, z, pull.T, strict=True)
-        )
+        z *= pull.T[:, None]
+        slopes = z.reshape(-1, len(points)).T @ self._inverse_factors.reshape(z[..., 0].size, -1)
         return total, -slopes
 
     def joined(self, other: "GaussianMixture", share: float = 0.5) -> "GaussianMixture":

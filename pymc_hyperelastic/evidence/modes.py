@@ -20,8 +20,13 @@ _WIDEST = 5.0
 # Nats by which a climb may still be below its summit: else it has not found one. The density of a
 # hierarchy may grow without bound where a spread goes to zero.
 _BELOW = 1.0
-# From within so many sds of a mode no climb is begun: it would lead there.
+# Step over a cliff, as a fraction of the mode's width: the density falls by that many nats there.
+_EDGE = 1e-6
+# No climb starts within this number of sds of a known mode: it would lead there.
 _BASIN = 1.5
+# Nats by which the density of a point may differ from that of a mode near it. If it differs more,
+# the point belongs to another regime of the prior, or to another mode.
+_UNLIKE = 5.0
 
 
 class Modes(NamedTuple):
@@ -67,30 +72,46 @@ class _Found:
     def __init__(self, ascent: Ascent, width: Array) -> None:
         self._ascent, self._width = ascent, width
         self._means: list[Array] = []
+        self._heights: list[float] = []
         self._factors: list[Array] = []
         self._masses: list[float] = []
         self._reached: list[int] = []
 
     def climb_from(self, group: Array) -> None:
         """Climb from all of a group that are not at a mode yet."""
-        starts = [x for x in group if self._at(x, _BASIN) is None]
+        heights = self._ascent(self._width)(group).height
+        starts = [x for x, h in zip(group, heights, strict=True) if self._at(x, h, _BASIN) is None]
         if not starts:
             return
         climbed = climb_together(self._ascent, np.array(starts), self._width)
         for i in np.argsort(-climbed.heights):
             if not np.isfinite(climbed.heights[i]):
                 continue
-            known = self._at(climbed.points[i])
+            known = self._at(climbed.points[i], climbed.heights[i])
             if known is not None:
                 self._reached[known] += 1
                 continue
-            factor = factor_at(self._ascent, climbed.points[i], climbed.widths[i], self._width)
-            if factor is None or np.sum((factor.T @ climbed.slopes[i]) ** 2) > 2 * _BELOW:
+            factor = self._factor_of(*(values[i] for values in climbed))
+            if factor is None:
                 continue
             self._means.append(climbed.points[i])
+            self._heights.append(climbed.heights[i])
             self._factors.append(factor)
             self._masses.append(np.log(np.diagonal(factor)).sum() + climbed.heights[i])
             self._reached.append(1)
+
+    def _factor_of(self, point: Array, height: float, slope: Array, widths: Array) -> Array | None:
+        """Cholesky factor of the covariance at the end of a climb; None if it is no mode."""
+        factor = factor_at(self._ascent, point, widths, self._width)
+        if factor is None or np.sum((factor.T @ slope) ** 2) < 2 * _BELOW:
+            return factor
+        # At the edge of a regime the density rises up to a cliff. What ends where nothing is
+        # possible is left to the particles.
+        up = widths**2 * slope
+        beyond = point + _EDGE * up / np.linalg.norm(up / widths)
+        if not -np.inf < self._ascent(widths)(beyond[None]).height[0] < height - _BELOW:
+            return None
+        return factor_at(self._ascent, point, widths, self._width, slope)
 
     @property
     def settled(self) -> bool:
@@ -113,21 +134,38 @@ class _Found:
     def _counts(self) -> NDArray[np.bool_]:
         return np.array(self._masses) > max(self._masses) - _NEGLIGIBLE
 
-    def _at(self, point: Array, distance: float = 1.0) -> int | None:
-        """The mode found before from which a point is so many sds, in each direction, away."""
-        for i, (mean, factor) in enumerate(zip(self._means, self._factors, strict=True)):
-            if np.sum(np.linalg.solve(factor, point - mean) ** 2) < distance**2 * point.size:
-                return i
-        return None
+    def _at(self, point: Array, height: float, distance: float = 1.0) -> int | None:
+        """Index of the first known mode near a point that explains its density.
+
+        The mode is at most `distance` sds away in each direction.
+        """
+        squares, peaks = self._squares(point), np.array(self._heights)
+        near = squares < distance**2 * point.size
+        alike = (height > peaks - squares / 2 - _UNLIKE) & (height < peaks + _UNLIKE)
+        found = np.flatnonzero(near & alike)
+        return int(found[0]) if found.size else None
+
+    def _squares(self, point: Array) -> Array:
+        """Squared distances from the modes found before, in sds."""
+        if not self._means:
+            return np.empty(0)
+        away = (point - np.array(self._means))[..., None]
+        return np.square(np.linalg.solve(np.array(self._factors), away)).sum(axis=(1, 2))
 
 
-def factor_at(ascent: Ascent, point: Array, local: Array, width: Array) -> Array | None:
+def factor_at(
+    ascent: Ascent, point: Array, local: Array, width: Array, slope: Array | float = 0.0
+) -> Array | None:
     """Cholesky factor of the inverse curvature at a mode; None if there is no curvature.
 
     Where the ascent knows it, that is taken; else differences of slopes, on a `local` scale.
+
+    A mode at the edge of a regime falls off along its `slope` ``s`` on one side only, as an
+    exponential density with the variance of a normal one of the curvature ``s²``.
     """
     curvature = ascent(local)(point[None]).curvature
     curvature = _curvature_at(ascent, point, local) if curvature is None else curvature[0]
+    curvature = curvature + np.outer(slope, slope)
     # On the scale of the prior, which no mode is much wider than.
     curvature = curvature * np.outer(width, width)
     if not np.isfinite(curvature).all():

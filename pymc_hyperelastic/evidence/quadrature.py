@@ -12,6 +12,8 @@ from pymc_hyperelastic.evidence.checks import check_model
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
+from pymc_hyperelastic.evidence.target import in_one_period
+from pymc_hyperelastic.parallel import one_thread
 
 # The box ends where the posterior density is below its peak by this many nats.
 _NEGLIGIBLE = 35.0
@@ -20,6 +22,7 @@ _NEGLIGIBLE = 35.0
 _DIVISIONS = np.array([-9.0, -5.0, -2.0, 0.0, 2.0, 5.0, 9.0])
 
 
+@one_thread
 def log_evidence_by_quadrature(model: pm.Model, *, rtol: float = 1e-8) -> Estimate:
     r"""Log evidence of a model with one or two parameters by adaptive quadrature.
 
@@ -70,7 +73,7 @@ def log_evidence_by_quadrature(model: pm.Model, *, rtol: float = 1e-8) -> Estima
         )
     kernel.temper(None, np.random.default_rng(1))
     particles = kernel.tempered_posterior
-    log_joint = BatchedFunction.of_model(model, [model.logp()])
+    log_joint = BatchedFunction.of_model(model, [model.logp() + in_one_period(model)])
     peak = float(log_joint(particles)[0].max())
 
     def density(points: Array) -> Array:

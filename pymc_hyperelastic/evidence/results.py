@@ -12,8 +12,12 @@ has the groups
     trusted: the fraction of stages at which ``moves`` were not enough and of ``ancestors`` that are
     left; the Pareto shape of weights (``pareto_k``); the evidence by tempering from the prior alone
     (``forward``) and from the modes (``at_modes``, with the shape ``at_modes_k`` of its weights),
-    and the ``log_masses`` of these; ``curve_error``, the largest error of the posterior's curves,
-    relative to the largest value of each. Where chains were integrated, in classes with
+    and the ``log_masses`` of these; the log evidence ``at_bounds`` of priors, and the share
+    ``unmet`` of other particles that chains have not met; ``curve_error``, the largest error of
+    the posterior's curves, relative to the largest value of each; the share ``at_limit`` of the
+    posterior within 1 % of each limit of a prior; of curves, ``chi_square``, the squared
+    differences of the best curve from what was measured, in standard deviations of the noise, and
+    the number of ``points``, by test and signal. Where chains were integrated, in classes with
     variability, the ``method`` of each.
 ``diagnosis`` : (check)
     What :func:`diagnose_evidence` says.
@@ -38,7 +42,9 @@ from pymc.backends.arviz import (
     find_observations,
 )
 
+from pymc_hyperelastic.evidence.limits import mass_at_limits
 from pymc_hyperelastic.evidence.mixture import Array
+from pymc_hyperelastic.evidence.tempering import stayed
 
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy")
 
@@ -49,8 +55,18 @@ class Study(Protocol):
     def result_groups(self, model: pm.Model) -> dict[str, xr.Dataset]:
         """Groups that its result has besides those of sampling."""
 
+    @property
+    def data(self) -> xr.Dataset:
+        """What the model was made of."""
+
     def result_attrs(self, model: pm.Model) -> dict[str, str]:
         """Attributes of its result."""
+
+    def residuals(self, model: pm.Model) -> dict[str, Any]:
+        """Differences of curves from what was measured, in standard deviations, by signal."""
+
+    def chi_squares(self, data: xr.Dataset, residuals: Mapping[str, Array]) -> xr.Dataset:
+        """Their squares by test and signal, of the best of some draws (draw, point)."""
 
     def curve_error(self, posterior: Mapping[str, Array]) -> float:
         """Largest relative error of curves of the posterior; NaN where it is not known."""
@@ -110,22 +126,23 @@ def sampling_tree(
         "log_evidence_se": np.sqrt([chain["log_evidence_variance"][-1] for chain in stats]),
     }
     if "moves" in stats[0]:
-        still = [np.mean(np.array(chain["moves"]) >= settings["max_moves"]) for chain in stats]
-        evidence["moves"] = np.array(still)
+        most = settings["max_moves"]
+        evidence["moves"] = np.array([stayed(np.array(c["moves"]), most).mean() for c in stats])
         alive = [chain["ancestors"][-1] for chain in stats]
         evidence["ancestors"] = np.array(alive) / settings["_n_draws"]
     if "pareto_k" in stats[0]:
         evidence["pareto_k"] = np.array([chain["pareto_k"][-1] for chain in stats])
+    found = (xr.Dataset() if found is None else found).merge(mass_at_limits(model, unconstrained))
     study = study_of(model)
     if study and np.isfinite(error := study.curve_error(posterior)):
-        found = (xr.Dataset() if found is None else found).assign(curve_error=error)
+        found = found.assign(curve_error=error)
     tree = xr.DataTree.from_dict(
         (study.result_groups(model) if study else data_groups(model))
         | {
             "posterior": dict_to_dataset(posterior, coords=coords, dims=dims),
             "unconstrained_posterior": dict_to_dataset(unconstrained),
             "sample_stats": dict_to_dataset(padded, sample_dims=["chain", "stage"]),
-            "evidence": dict_to_dataset(evidence, sample_dims=["chain"]).assign(found or {}),
+            "evidence": dict_to_dataset(evidence, sample_dims=["chain"]).merge(found),
         }
     )
     # A list of one does not come back from netCDF as a list.

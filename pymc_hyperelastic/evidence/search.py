@@ -1,5 +1,6 @@
 """The search for what a posterior is like, from the prior's side and from its modes."""
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -18,7 +19,9 @@ from pymc_hyperelastic.evidence.tempering import Tempering
 # least and the largest number.
 _DRAWS, _FORWARD_DRAWS = (200, 1000, 4000), (20, 500, 2000)
 # Climbs from draws of the prior, group by group, and from particles that were tempered.
-SPREAD_CLIMBS, _TEMPERED_CLIMBS = (16, 16, 32), 8
+SPREAD_CLIMBS, _TEMPERED_CLIMBS = (16, 16, 16, 16), 8
+# Points whose density is computed twice, and the relative difference that rounding may make.
+_SCORED_TWICE, _SCORES_DIFFER = 10, 1e-6
 # So many times the draws are made, at most, until enough of them are possible.
 _MOST_TRIED = 50
 # Points drawn at each stage of the first look, for each pair of unknowns; at most, if there are few
@@ -28,6 +31,8 @@ _MOST_TRIED = 50
 _PROBES, _MOST_PROBES, _COSTLY, _PAIRED, _PROBED = 5_000, 320_000, 1.25, (2, 4), 2
 # Moves at a stage of the search, which need not be exact.
 _FORWARD_MOVES, _MOVES = 10, 20
+# Nats by which a reference's density is below that of the posterior where it has too few draws.
+_LACKING = 5.0
 # Shares of the prior: while little is known, and in the end.
 _FIRST_SHARE, _LAST_SHARE = 0.2, 0.1
 # Share of the modes in the end, where there are several.
@@ -51,6 +56,11 @@ class Search:
     """Pareto shape of its weights; infinite where nothing is known."""
     log_masses: Array
     """Of the modes, by Laplace's approximation."""
+    at_bounds: float
+    """Log evidence of what lies at bounds of the prior, where no particle arrives."""
+    unmet: float
+    """Share of other particles, tempered from the prior, where the reference has too few draws; NaN
+    if it was not computed."""
 
     def as_dataset(self) -> xr.Dataset:
         """What is stored of it."""
@@ -62,17 +72,20 @@ class Search:
                 "at_modes_se": self.at_modes.standard_error,
                 "at_modes_k": self.at_modes_k,
                 "log_masses": ("mode", self.log_masses),
+                "at_bounds": self.at_bounds,
+                "unmet": self.unmet,
             }
         )
 
 
 @np.errstate(all="ignore")  # a climb or a proposal may be so wild that it overflows
-def find_reference(target: Target, rng: np.random.Generator) -> Search:
+def find_reference(target: Target, rng: np.random.Generator, *, probed: bool = True) -> Search:
     """Find a reference from both ends: the prior, and the modes.
 
     Particles tempered from the prior find what has mass, but miss what is narrow; climbs find that,
     but not what is skewed or has no mode. A mixture of both, with a share of the prior, is where
-    particles are then tempered from again, and those make the reference.
+    particles are then tempered from again, and those make the reference. If it is `probed`, it is
+    compared with where other particles go.
     """
     draws, few = (
         min(max(each * target.dimension, least), largest)
@@ -85,13 +98,13 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
     told = not forward.capped and len(prior) >= few
     forward_error = float(np.hypot(np.sqrt(forward.variance), share.standard_error))
 
-    spread, *more = places_to_climb_from(prior, score)
+    spread = [*places_to_climb_from(prior, score)]
     starts = [
-        spread,
+        *spread[:2],
         forward.particles[rng.integers(few, size=_TEMPERED_CLIMBS)],
         *(_outstanding(target, mixture, rng) for mixture in forward.mixtures),
     ]
-    modes = modes_from(target.ascent, starts, width_of(prior), more)
+    modes = modes_from(target.ascent, starts, width_of(prior), spread[2:])
 
     mixture, at_modes, at_modes_k = _fitted(forward, rng), Estimate(-np.inf, np.inf), np.inf
     if modes is not None:
@@ -107,13 +120,37 @@ def find_reference(target: Target, rng: np.random.Generator) -> Search:
     if modes is not None and len(modes.log_masses) > 1:
         # There may be more modes than a mixture has components.
         mixture = mixture.joined(modes.mixture, _SHARE_OF_MODES)
+    reference, unmet = Reference(mixture.heavy_tailed(), _LAST_SHARE), np.nan
+    if probed:
+        others = np.resize(prior[::-1], (few, target.dimension))
+        unmet = _unmet(target, reference, found.log_evidence, others, rng)
     return Search(
-        Reference(mixture.heavy_tailed(), _LAST_SHARE),
+        reference,
         Estimate(forward.log_evidence + share.value, forward_error if told else np.inf),
         at_modes,
         at_modes_k,
         modes.log_masses if modes is not None else np.array([]),
+        target.log_evidence_at_bounds(draws, rng),
+        unmet,
     )
+
+
+def _unmet(
+    target: Target,
+    reference: Reference,
+    log_evidence: float,
+    particles: Array,
+    rng: np.random.Generator,
+) -> float:
+    """Share of other particles, tempered from the prior, where the reference has too few draws.
+
+    All chains start from one reference: if it lacks a mode, they agree with each other all the
+    same. Other particles may find this mode.
+    """
+    places = Tempering(target, particles, rng, max_moves=_FORWARD_MOVES).run().particles
+    prior, likelihood = target.score(places)
+    lacking = prior + likelihood - log_evidence - reference.log_density(places, prior)
+    return float(np.mean(lacking > _LACKING))
 
 
 def _possible_draws(
@@ -133,6 +170,12 @@ def _possible_draws(
         points, scores = np.append(points, prior[possible], 0), np.append(scores, score[possible])
         drawn += draws
     target.check_possible(np.isfinite(scores), f"{drawn} draws of the prior")
+    again = np.add(*target.score(points[:_SCORED_TWICE]))
+    if not np.allclose(again, scores[:_SCORED_TWICE], rtol=_SCORES_DIFFER):
+        raise ValueError(
+            "the density of the model is random: the same point had another one when it was "
+            "computed again. Such a model has no evidence"
+        )
     share = len(points) / drawn
     return points, scores, Estimate(float(np.log(share)), np.sqrt((1 - share) / len(points)))
 
@@ -158,21 +201,24 @@ def _outstanding(target: Target, mixture: GaussianMixture, rng: np.random.Genera
 
 
 def places_to_climb_from(points: Array, score: Array) -> Iterator[Array]:
-    """Groups of points of the better half: the best, and each as far as can be from all before.
+    """Groups of points: in turn of the better half and of all, each as far as can be from others.
 
-    What is best is mostly alike, and leads to one mode. One of more mass may lie beyond the tail of
-    the prior, where only what starts in that tail arrives.
+    The first is the best. What is best is mostly alike, and leads to one mode: one of more mass may
+    lie beyond the tail of the prior, where only what starts in that tail arrives, or in a part of
+    the prior where every draw is worse than all others, because its likelihood is narrow.
     """
-    better = points[np.argsort(-score)[: (len(points) + 1) // 2]]
-    places = better / width_of(points)
-    chosen, distance, start = [0], np.full(len(better), np.inf), 0
-    for end in np.cumsum(SPREAD_CLIMBS).tolist():
-        while len(chosen) < min(end, len(better)):
+    places = points / width_of(points)
+    better = score >= np.median(score)
+    chosen, distance = [int(np.argmax(score))], np.full(len(points), np.inf)
+    start = 0
+    for of_better, size in zip(itertools.cycle([True, False]), SPREAD_CLIMBS, strict=False):
+        pool = better if of_better else np.ones(len(points), bool)
+        while len(chosen) < min(start + size, pool.sum()):
             distance = np.minimum(distance, np.sum((places - places[chosen[-1]]) ** 2, axis=1))
-            chosen.append(int(distance.argmax()))
+            chosen.append(int(np.where(pool, distance, -1.0).argmax()))
         if chosen[start:]:
-            yield better[chosen[start:]]
-        start = end
+            yield points[chosen[start:]]
+        start = len(chosen)
 
 
 def width_of(points: Array) -> Array:

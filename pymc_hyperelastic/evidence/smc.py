@@ -3,6 +3,7 @@
 import hashlib
 import warnings
 from collections.abc import Sequence
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,13 @@ from pymc_hyperelastic.evidence.checks import PACKAGE, check_count, check_model
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence, with_diagnosis
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
-from pymc_hyperelastic.evidence.results import sampling_tree
+from pymc_hyperelastic.evidence.residuals import Residuals
+from pymc_hyperelastic.evidence.results import sampling_tree, study_of
 from pymc_hyperelastic.files.store import seed_in
+from pymc_hyperelastic.parallel import one_thread
 
 
+@one_thread
 def sample_smc(
     model: pm.Model | None = None,
     draws: int = 2000,
@@ -93,6 +97,12 @@ def sample_smc(
         model = pm.Model.get_context(error_if_none=False)
     if model is None:
         raise TypeError("no model is given, and none is in context: give one, sample_smc(model)")
+    known = [*signature(BatchedSMC).parameters]
+    if strangers := [name for name in kernel_settings if name not in known]:
+        raise TypeError(
+            f"{strangers[0]!r} is no setting of sample_smc; expected some of {known}. All chains "
+            "run in this process, whose linear algebra uses all cores"
+        )
     settings = {"start": start, "var_names": var_names, **kernel_settings}
     tree = run_smc(model, draws, chains, random_seed, progressbar, **settings)
     warn_of_evidence(tree)
@@ -118,7 +128,8 @@ def run_smc(
     variables = _variables_to_keep(model, var_names)
     # Chosen here if it was not given, so that every result can be had again.
     random_seed = seed_sequence(random_seed).entropy
-    kernel = BatchedSMC(draws=draws, model=model, **kernel_settings)
+    first = start[0] if start else None
+    kernel = BatchedSMC(draws=draws, start=first, model=model, **kernel_settings)
     populations: list[Array] = []
     stats: list[dict[str, list[float]]] = []
     search, *seeds = np.random.SeedSequence(random_seed).spawn(1 + chains)
@@ -206,12 +217,10 @@ def particles_to_tree(
     chains = [constrain(population) for population in populations]
     posterior = {v.name: np.stack([chain[i] for chain in chains]) for i, v in enumerate(variables)}
     particles = np.stack(populations)
-    unconstrained, start = {}, 0
-    for name, (shape, size) in kernel.var_info.items():
-        column = particles[..., start : start + size]
-        unconstrained[name] = column.reshape(*particles.shape[:2], *shape)
-        start += size
-    found = kernel.search.as_dataset() if kernel.search else None
+    unconstrained = kernel.target.by_name(particles)
+    found = kernel.search.as_dataset() if kernel.search else xr.Dataset()
+    if study := study_of(model):
+        found = found.merge(Residuals(model).of(study.data, np.concatenate(populations)))
     return sampling_tree(
         model, posterior, unconstrained, stats, kernel.sample_settings(), random_seed, found
     )

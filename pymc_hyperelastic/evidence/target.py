@@ -9,8 +9,10 @@ import numpy as np
 import pymc as pm
 import pytensor.tensor as pt
 from numpy.typing import NDArray
+from pymc.logprob.transforms import CircularTransform
 from pytensor.gradient import NullTypeGradError
 from pytensor.tensor.variable import TensorVariable
+from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.batched import (
     BatchedFunction,
@@ -48,6 +50,8 @@ Ascent = Callable[[Array], Slope]
 _FEW = 4
 # Logarithm of the smallest number there is.
 _LOG_SMALLEST = np.log(np.nextafter(0.0, 1.0))
+# About the logarithm of the largest number there is.
+_FARTHEST = 700.0
 # Bytes of intermediate results that are one unit of effort.
 _UNIT = 2**21
 # Slopes take so many times as long as a score.
@@ -104,18 +108,40 @@ class Target:
     def draw_prior_by_name(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
         """Draw points from the prior, by the name of the value variable."""
         try:
-            with np.errstate(divide="ignore"):
+            with np.errstate(all="ignore"):
                 points = self._draw(count, rng)
-            # A draw that underflows counts as the smallest number.
-            return {
-                name: np.where(values == -np.inf, _LOG_SMALLEST, values)
-                for name, values in points.items()
-            }
+            return {name: _finite(values) for name, values in points.items()}
         except NotImplementedError as error:
             raise ValueError(
                 f"particles cannot be drawn from the prior ({error}): give every variable a proper "
                 f"prior, with a density that integrates to 1; here are {list(self.var_info)}"
             ) from error
+
+    def by_name(self, points: Array) -> dict[str, Array]:
+        """Unconstrained variables of points (..., d), each with its own shape at the end."""
+        ends = np.cumsum([size for _, size in self.var_info.values()])
+        columns = np.split(points, ends[:-1], axis=-1)
+        shapes = [shape for shape, _ in self.var_info.values()]
+        return {
+            name: column.reshape(*points.shape[:-1], *shape)
+            for name, column, shape in zip(self.var_info, columns, shapes, strict=True)
+        }
+
+    def log_evidence_at_bounds(self, count: int, rng: np.random.Generator) -> float:
+        """Logarithm of what the prior's draws at a bound contribute to the evidence.
+
+        A number that rounds to 0, or a probability that rounds to 1, is infinitely far on the
+        unconstrained scale, where no sampler arrives. Such draws are rare, unless a prior has most
+        of its mass at a bound.
+        """
+        with np.errstate(divide="ignore"):
+            points = self.columns(self._draw(count, rng))
+        points = points[np.isinf(points).any(axis=1)]
+        if not len(points):
+            return -np.inf
+        _, likelihood = self.score(_finite(points))
+        likelihood = likelihood[~np.isnan(likelihood)]
+        return float(logsumexp(likelihood) - np.log(count)) if len(likelihood) else -np.inf
 
     @cached_property
     def _draw(self) -> Callable[[int, np.random.Generator], dict[str, Array]]:
@@ -168,7 +194,9 @@ class Target:
         if not possible.any():
             raise ValueError(
                 f"none of {points} has a finite likelihood ({self.nan_scores} are NaN): is the "
-                "prior far from what the data allow, or is a unit wrong?"
+                "prior far from what the data allow, or is a unit wrong? If little of the prior is "
+                "possible, give the model a prior of that part alone, such as pm.Truncated, or "
+                "sample it with pm.sample and take ph.log_evidence_by_bridge"
             )
 
     def _possible(self, prior: Array, likelihood: Array) -> tuple[Array, Array]:
@@ -185,7 +213,7 @@ class Target:
         others = (term for term in (*model.observed_RVs, *model.potentials) if term not in hot)
         cold = [*model.free_RVs, *others]
         logp = model.logp([*cold, *hot], sum=False)
-        groups = logp[: len(cold)], logp[len(cold) :]
+        groups = [*logp[: len(cold)], in_one_period(model)], logp[len(cold) :]
         return [sum(pt.sum(term) for term in group) for group in groups]
 
     @cached_property
@@ -206,6 +234,20 @@ class Target:
         except (NotImplementedError, NullTypeGradError):
             return None
         return BatchedFunction.of_model(self.model, [*self._terms, *slopes], self._compile_kwargs)
+
+
+def in_one_period(model: pm.Model) -> TensorVariable:
+    """Return 0 where every angle of a model is between −π and π, else −inf.
+
+    On its unconstrained scale an angle repeats itself, and would be counted again and again.
+    """
+    angles = [
+        model.rvs_to_values[rv]
+        for rv, transform in model.rvs_to_transforms.items()
+        if isinstance(transform, CircularTransform)
+    ]
+    outside = [pt.any(pt.abs(angle) > np.pi) for angle in angles]
+    return pt.switch(pt.any(pt.stack(outside)), -np.inf, 0.0) if outside else pt.constant(0.0)
 
 
 def by_differences(score: Score, width: Array) -> Slope:
@@ -237,6 +279,11 @@ def differences(points: Array, width: Array) -> tuple[Array, Callable[[Array], A
             )
 
     return around, change
+
+
+def _finite(points: Array) -> Array:
+    """Move draws that were rounded to a bound to the last place whose exponential is a number."""
+    return np.nan_to_num(points, nan=np.nan, posinf=_FARTHEST, neginf=_LOG_SMALLEST)
 
 
 def _tempered(model: pm.Model, names: Sequence[str] | None) -> list[TensorVariable]:

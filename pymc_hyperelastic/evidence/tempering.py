@@ -17,7 +17,7 @@ from pymc_hyperelastic.evidence.weights import (
 # Fraction of the effective sample size that stages keep.
 THRESHOLD = 0.5
 # Correlation cannot show how fast particles move before they had a few moves.
-_FEWEST_MOVES = 4
+FEWEST_MOVES = 4
 # The proposals look ahead as far as this fraction of the particles is effective there, and this
 # share of them is drawn for what is seen there.
 _AHEAD, _SHARE_AHEAD = 0.02, 0.3
@@ -51,7 +51,9 @@ class Tempering:
     particles : array, shape (n, d)
     beta : float
     log_evidence, variance : float
-        Of the stages so far; the variance is relative.
+        Of the stages so far; the variance is relative. It is infinite once particles had not
+        forgotten their places after `max_moves` at `most_capped` stages: from there on they move
+        once a stage.
     pareto_k : float
         Shape of the largest weights of a reference's particles, as draws of the posterior.
     """
@@ -68,10 +70,12 @@ class Tempering:
         threshold: float = THRESHOLD,
         forget: float = 0.1,
         max_moves: int = 50,
+        most_capped: float = np.inf,
     ) -> None:
         self.target, self.rng, self.reference = target, rng, reference
         self.guide = guide or target
         self.threshold, self.forget, self.max_moves = threshold, forget, max_moves
+        self.most_capped = most_capped
         self.particles = particles
         self.draws, self.dimension = particles.shape
         self.beta, self.moves, self.capped, self._arrived = float(arrived), 0, 0, arrived
@@ -201,6 +205,7 @@ class Tempering:
         self._visited = [(origin, self._start, self._rise)]
         self._terms = self.mixture.log_density_of_components(origin)
         rates: list[float] = []
+        hurried = self.capped >= self.most_capped
         nearby = self._leap if self.target.has_slopes else self._walk
         alone = False
         for number in range(self.max_moves):
@@ -208,19 +213,21 @@ class Tempering:
             rates.append(self._move_independently() if independent else nearby())
             # Between modes that are yet to be weighed even rare moves count.
             alone |= self._arrived and independent and rates[-1] < _RARELY
-            if self.target.exhausted:
+            if hurried or self.target.exhausted:
                 self.capped += 1
                 break
             # The few particles that stick in the tails are lost in the first correlation, but will
             # carry the weight of later stages.
             if (
-                len(rates) >= _FEWEST_MOVES
+                len(rates) >= FEWEST_MOVES
                 and _largest_correlation(origin, self.particles) < self.forget
                 and _largest_correlation(far, self._weight_ahead()) < self.forget / 2
             ):
                 break
         else:
             self.capped += 1
+        if hurried:
+            self.variance = np.inf
         self.stages += 1
         self.moves = len(rates)
         self.acceptance = float(np.mean(rates))
@@ -230,9 +237,9 @@ class Tempering:
         prior, likelihood = self.target.score(points)
         if self.reference is None:
             return prior, likelihood
-        start = self.reference.log_density(points, prior)
-        # A step may be so wild that it overflows.
-        with np.errstate(invalid="ignore"):
+        # A step may be so wild that it overflows, and a transform may refuse draws of the prior.
+        with np.errstate(over="ignore", invalid="ignore"):
+            start = self.reference.log_density(points, prior)
             rise = prior + likelihood - start
         return start, np.where(np.isfinite(start), rise, -np.inf)
 
@@ -332,3 +339,11 @@ def _largest_correlation(before: Array, after: Array) -> float:
     before, after = before - before.mean(axis=0), after - after.mean(axis=0)
     norm = np.sqrt((before**2).sum(axis=0) * (after**2).sum(axis=0))
     return float(np.max(np.abs((before * after).sum(axis=0)) / np.maximum(norm, 1e-300)))
+
+
+def stayed(moves: Array, max_moves: float) -> NDArray[np.bool_]:
+    """Return True for stages after which particles had not forgotten their places.
+
+    A stage in haste has fewer moves than are needed to estimate the correlation.
+    """
+    return (moves >= max_moves) | (moves < FEWEST_MOVES)

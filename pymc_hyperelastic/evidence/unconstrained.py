@@ -15,6 +15,7 @@ from pymc_hyperelastic.evidence.batched import (
 from pymc_hyperelastic.evidence.checks import check_continuous, check_model
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
+from pymc_hyperelastic.evidence.target import in_one_period
 
 # The logarithm of a density that vanishes, as a number with which one can go on.
 NOTHING = -1e300
@@ -66,18 +67,14 @@ def _as_columns(value: Array) -> Array:
 
 def log_density_function(model: pm.Model, names: Sequence[str]) -> Callable[[Array], Array]:
     """Logarithm of what integrates to the evidence, at points whose columns have these names."""
-    function = BatchedFunction.of_model(model, [model.logp()])
-    transforms = {rv.name: transform for rv, transform in model.rvs_to_transforms.items()}
-    circular = [isinstance(transforms[name], CircularTransform) for name in names]
+    function = BatchedFunction.of_model(model, [model.logp() + in_one_period(model)])
 
     def density(points: Array) -> Array:
         flat = points.reshape(-1, points.shape[-1])
         values = function(flat)[0].astype(float)
         # So far out that numbers overflow, a density may come out infinite.
         values[~np.isfinite(values)] = NOTHING
-        # Angles repeat themselves, and count once.
-        once = (np.abs(flat[:, circular]) <= np.pi).all(axis=1)
-        return np.where(once, values, NOTHING).reshape(points.shape[:-1])
+        return values.reshape(points.shape[:-1])
 
     return density
 

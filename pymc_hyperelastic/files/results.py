@@ -1,15 +1,24 @@
 """Results as netCDF files."""
 
-from collections.abc import Callable
+import io
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
 
-from pymc_hyperelastic.files.seal import check_seal, sealed
+from pymc_hyperelastic.files.seal import NotAsComputed, check_seal, digest_of, groups_of, sealed
+from pymc_hyperelastic.files.storable import storable
+from pymc_hyperelastic.files.stored import Result, in_one_line, shown
+from pymc_hyperelastic.files.untrusted import check_self_contained
 from pymc_hyperelastic.files.whole import written_whole
+from pymc_hyperelastic.parallel import one_thread
 
 
+@one_thread
 def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
     """Write a result to a netCDF file, whole or not at all.
 
@@ -26,7 +35,9 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
     Raises
     ------
     TypeError
-        If it is no DataTree and no Dataset.
+        If it is no DataTree and no Dataset, or has an attribute or a variable that a file would
+        not give back as it is; the message names it. Attributes that are True, a dict, a date or a
+        path become a number or text.
     OSError
         If it cannot be written: no such folder, no space left, no permission. What was there
         before is left as it was.
@@ -46,20 +57,76 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
     if not isinstance(result, xr.Dataset | xr.DataTree):
         raise TypeError(f"a result is a DataTree or a Dataset, not {type(result).__name__}")
     path = Path(path)
-    # What was changed on purpose is sealed as it is now.
-    result = sealed(result.copy())
-    for table in result.subtree if isinstance(result, xr.DataTree) else [result]:
-        for variable in table.variables.values():
-            if variable.dtype.kind == "f":  # NaN is what is missing, and needs no other number
-                variable.encoding = {"_FillValue": None}
+    # HDF5 itself may end the process when the disk is full, so that it writes to memory.
+    with _without_cluster():
+        content = _content(storable(result))
     try:
         with written_whole(path) as beside:
-            result.to_netcdf(beside, engine="h5netcdf")
+            beside.write_bytes(content)
     except OSError as error:
-        raise type(error)(
+        failed = type(error)(
             f"{path} cannot be written: {error.strerror or error}. What was there before is left "
             "as it was"
-        ) from error
+        )
+        failed.errno = error.errno
+        raise failed from error
+
+
+def _content(result: Result) -> bytes:
+    """Return the file of a result; TypeError names what it would not give back as it was."""
+    content, why = _round_trip(result)
+    if not why:
+        return content
+    groups: dict[str, xr.Dataset] = {}
+    for path, table in groups_of(result):
+        groups["/" if path == "." else f"/{path}"] = table
+        place = f" of group {shown([*groups][-1])}" if isinstance(result, xr.DataTree) else ""
+        for what, part in _parts(table, place):
+            if why_part := _round_trip(part)[1]:
+                raise TypeError(f"{what} {why_part}: rename it, remove it or make it text")
+        if why_together := _round_trip(xr.DataTree.from_dict(groups))[1]:
+            raise TypeError(
+                f"the variables{place or ' of the result'} together, and with groups above, "
+                f"{why_together}: give each of them a name and dimensions of its own"
+            )
+    raise TypeError(f"the result {why}")
+
+
+def _parts(table: xr.Dataset, place: str) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield each variable and each attribute of a group by itself."""
+    for name, variable in table.variables.items():
+        what = f"the variable {shown(name)}{place}"
+        yield what, xr.Dataset({name: (variable.dims, variable.values)})
+        for key, value in variable.attrs.items():
+            part = xr.Dataset({name: (variable.dims, variable.values, {key: value})})
+            yield f"the attribute {shown(key)} of {what}", part
+    for key, value in table.attrs.items():
+        yield f"the attribute {shown(key)}{place}", xr.Dataset(attrs={key: value})
+
+
+def _round_trip(result: Result) -> tuple[bytes, str]:
+    """Return the file of a result; and what is wrong if it is not read as it was written."""
+    tree = result.copy() if isinstance(result, xr.DataTree) else xr.DataTree(result)
+    tree, digest = sealed(tree), digest_of(tree)
+    try:
+        content = bytes(tree.to_netcdf(engine="h5netcdf"))
+        again = _in_memory(xr.open_datatree(io.BytesIO(content), engine="h5netcdf"))
+        again.name = tree.name
+        same = again.identical(tree) and digest_of(again) == digest
+    except MemoryError:
+        raise
+    except Exception as error:  # of every kind, where a file cannot hold something
+        return b"", f"cannot be written ({in_one_line(error)})"
+    return content, "" if same else "would not be read as it was written"
+
+
+def _without_cluster() -> AbstractContextManager[Any]:
+    """Let xarray take a lock of this process: a lock of a Dask cluster needs the name of a file."""
+    if "distributed" not in sys.modules:
+        return nullcontext()
+    import dask
+
+    return dask.config.set(scheduler="synchronous")
 
 
 def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
@@ -93,30 +160,41 @@ def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
     >>> ph.open_result("aorta.nc").sizes["test"]
     15
     """
-    tree = _loaded(path, xr.open_datatree)
-    result = tree if tree.children else tree.to_dataset()
-    check_seal(result, "the result")
-    return result
+    return _loaded(path, xr.open_datatree)
 
 
 def open_table(path: str | Path) -> xr.Dataset:
     """The same of a result that is one Dataset: sooner, since nothing asks for groups."""
-    result = _loaded(path, partial(xr.open_dataset, decode_times=False))
-    check_seal(result, "the result")
-    return result
+    table = _loaded(path, partial(xr.open_dataset, decode_times=False))
+    assert isinstance(table, xr.Dataset)
+    return table
 
 
-def _loaded[Result: (xr.DataTree, xr.Dataset)](
-    path: str | Path, opener: Callable[..., Result]
-) -> Result:
+def _loaded(path: str | Path, opener: Callable[..., Result]) -> Result:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path}")
     try:
-        result = opener(path, engine="h5netcdf").load()
-        result.close()
+        # xarray keeps a path open that it could not read, but not what is opened here.
+        with path.open("rb") as file:
+            check_self_contained(file)
+            result = _in_memory(opener(file, engine="h5netcdf"))
+        result.encoding["source"] = str(path)
+        check_seal(result, "the result")
+        one = isinstance(result, xr.DataTree) and not result.children
+        return result.to_dataset() if one else result
+    except NotAsComputed:
+        raise
     except Exception as error:  # h5py has errors of every kind for files that are cut off
         raise ValueError(
-            f"{path} is no netCDF file of a result, or it was cut off or damaged: {error}"
+            f"{path} is no netCDF file of a result, or it was cut off or damaged: "
+            f"{in_one_line(error)}"
         ) from error
+
+
+def _in_memory[Opened: (xr.DataTree, xr.Dataset)](result: Opened) -> Opened:
+    """Read all of a file, and close it. DataTree.load skips variables that a coordinate hides."""
+    for _, table in groups_of(result):
+        table.load()
+    result.close()
     return result

@@ -9,8 +9,14 @@ import numpy as np
 import xarray as xr
 
 _SEAL = "checksum"
-# When it was made, and by which version of ArviZ, is no part of a result.
-_NO_PART = {_SEAL, "created_at", "creation_library", "creation_library_version"}
+#: Attribute of a part of a store: the hash of its manifest.
+STORE = "store"
+# When it was made, by which version of ArviZ and for which store, is no part of a result.
+_NO_PART = {_SEAL, STORE, "created_at", "creation_library", "creation_library_version"}
+
+
+class NotAsComputed(ValueError):
+    """A result is not what its checksum is of."""
 
 
 def sealed[Result: (xr.Dataset, xr.DataTree)](result: Result) -> Result:
@@ -38,10 +44,10 @@ def check_seal(result: xr.Dataset | xr.DataTree, what: str) -> None:
     try:
         seal = json.loads(result.attrs[_SEAL])
         intact = _digest(result, seal["groups"]) == seal["sha256"]
-    except (KeyError, TypeError, ValueError, AttributeError):
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError):
         intact = False
     if not intact:
-        raise ValueError(
+        raise NotAsComputed(
             f"{what}{source_of(result)} is not what was computed: numbers, settings or groups of "
             "it were changed or damaged since. Compute it again, or take a copy. If you changed it "
             f"on purpose, say so by removing its attribute {_SEAL!r}"
@@ -49,8 +55,8 @@ def check_seal(result: xr.Dataset | xr.DataTree, what: str) -> None:
 
 
 def unsealed(attrs: Mapping[Any, Any]) -> dict[Any, Any]:
-    """Attributes without the checksum, for what is made of a result."""
-    return {name: value for name, value in attrs.items() if name != _SEAL}
+    """Attributes without the checksum and the store, for what is made of a result."""
+    return {name: value for name, value in attrs.items() if name not in (_SEAL, STORE)}
 
 
 def digest_of(result: xr.Dataset | xr.DataTree) -> str:
@@ -67,11 +73,12 @@ def _all_of(result: xr.Dataset | xr.DataTree) -> dict[str, list[Any]]:
     """Names of variables and attributes of every group."""
     return {
         path: [sorted(map(str, data.variables)), sorted(set(map(str, data.attrs)) - _NO_PART)]
-        for path, data in _groups(result)
+        for path, data in groups_of(result)
     }
 
 
-def _groups(result: xr.Dataset | xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:
+def groups_of(result: xr.Dataset | xr.DataTree) -> Iterator[tuple[str, xr.Dataset]]:
+    """Yield the groups of a result, each by its path and with what is in itself."""
     if isinstance(result, xr.Dataset):
         yield ".", result
         return
@@ -81,7 +88,7 @@ def _groups(result: xr.Dataset | xr.DataTree) -> Iterator[tuple[str, xr.Dataset]
 
 def source_of(result: xr.Dataset | xr.DataTree) -> str:
     """Of which file it was read, if that is known: that stands at the root of a tree alone."""
-    encodings = [data.encoding for _, data in _groups(result)]
+    encodings = [data.encoding for _, data in groups_of(result)]
     if isinstance(result, xr.DataTree):
         encodings += [node.encoding for node in result.parents]
     sources = {str(known["source"]) for known in encodings if known.get("source")}
@@ -89,7 +96,7 @@ def source_of(result: xr.Dataset | xr.DataTree) -> str:
 
 
 def _digest(result: xr.Dataset | xr.DataTree, groups: Mapping[str, Iterable[Any]]) -> str:
-    found, total = dict(_groups(result)), hashlib.sha256()
+    found, total = dict(groups_of(result)), hashlib.sha256()
 
     def add(*values: Any) -> None:
         total.update(json.dumps(values, sort_keys=True).encode())
@@ -110,6 +117,8 @@ def _bytes_of(values: np.ndarray) -> bytes:
     if values.dtype.kind in "fc":
         values = np.where(np.isnan(values), np.nan, values)
         return np.ascontiguousarray(values, values.dtype.newbyteorder("<")).tobytes()
+    if values.dtype.kind in "mM":  # read back in nanoseconds, or not
+        values = values.astype(f"{values.dtype.kind}8[ns]").view("i8")
     if values.dtype.kind in "iub":
         return values.astype("<i8").tobytes()
     return json.dumps(values.astype(str).tolist()).encode()

@@ -1,8 +1,10 @@
-"""A folder that keeps the parts of long work, so that what was computed is never lost."""
+"""A folder that keeps the finished parts of a long computation, so that none is computed twice."""
 
+import hashlib
 import json
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -11,22 +13,48 @@ import xarray as xr
 
 from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.results import open_result, save_result
+from pymc_hyperelastic.files.seal import STORE
 from pymc_hyperelastic.files.stored import shown
-from pymc_hyperelastic.files.whole import written_whole
+from pymc_hyperelastic.files.whole import UNFINISHED, written_whole
 
 #: A function of the name of a part and of how it is computed, which gives it.
 Remember = Callable[[str, Callable[[], Any]], Any]
 
 _FORMAT = 1
 _MANIFEST = "manifest.json"
+# Digits of a hash in a message.
+_SHORT = 12
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "scipy", "xarray")
+
+
+class OtherWork(ValueError):
+    """A folder holds parts of another computation."""
+
+    def __init__(self, folder: Path, differing: list[str]) -> None:
+        self.said = f"the store {folder} holds other work: {'; '.join(differing)}. "
+        super().__init__(f"{self.said}Give another folder, or the same data and settings")
+
+
+@dataclass(frozen=True)
+class Part:
+    """The file of a part and the hash of its store, as a worker needs them to write the part."""
+
+    path: Path
+    store: str
+    """Hash of the manifest of the store."""
+
+    def save(self, result: xr.Dataset | xr.DataTree) -> None:
+        """Write the part, with a note of the store to which it belongs."""
+        result = result.copy()
+        result.attrs[STORE] = self.store
+        save_result(result, self.path)
 
 
 class Store:
     """Parts of a long computation, each of which is whole or not there.
 
-    The folder holds a manifest, which says what is computed, and one netCDF file a part. It is
-    made if it is missing. Work that was interrupted, or killed, goes on by the same call.
+    The folder holds a manifest, which describes the computation, and one netCDF file for each part.
+    It is created if it is missing. After an interrupt or a kill, the same call continues.
 
     Parameters
     ----------
@@ -53,21 +81,20 @@ class Store:
             _check_empty(self.folder)
             try:
                 self.folder.mkdir(parents=True, exist_ok=True)
-                with written_whole(self.folder / _MANIFEST) as path:
+                with written_whole(self.folder / _MANIFEST, once=True) as path:
                     path.write_text(json.dumps(manifest, indent=1, ensure_ascii=False), "utf-8")
             except OSError as error:
                 raise type(error)(
                     f"the store {self.folder} cannot be made: {error.strerror or error}"
                 ) from error
-        elif differing := differences(there, manifest):
-            raise ValueError(
-                f"the store {self.folder} holds other work: "
-                + "; ".join(differing)
-                + ". Give another folder, or ask for what it holds"
-            )
+            # Another process may have made it at the same moment.
+            there = manifest_of(self.folder)
+        if differing := differences(there, manifest):
+            raise OtherWork(self.folder, differing)
+        self.hash = hash_of(manifest)
 
     def part(self, name: str) -> Path:
-        """Where a part is, or will be; ValueError if its name would lead elsewhere."""
+        """Return the path of a part; ValueError if its name would lead to another folder."""
         if not name or name != Path(name).name or "\\" in name or name.startswith("."):
             raise ValueError(f"a part cannot be called {name!r}: expected letters, and no path")
         return self.folder / f"{name}.nc"
@@ -75,21 +102,31 @@ class Store:
     def remember[Result: (xr.Dataset, xr.DataTree)](
         self, name: str, compute: Callable[[], Result]
     ) -> Result:
-        """A part of that name: as it was computed before, else computed now, and kept."""
+        """Return the part of this name; compute and keep it if the store does not have it."""
         kept = self.kept(name)
         if kept is not None:
             return kept
         result = compute()
-        save_result(result, self.part(name))
+        self.of_part(name).save(result)
         return result
 
+    def of_part(self, name: str) -> Part:
+        """Return the path of a part and the hash of this store."""
+        return Part(self.part(name), self.hash)
+
     def kept(self, name: str) -> Any:
-        """A part of that name; None if it is not there, or damaged, which is warned of."""
+        """Return the part of this name; None if it is missing, damaged or of another store.
+
+        A warning names a part that is damaged or of another store. It is removed.
+        """
         path = self.part(name)
         if not path.exists():
             return None
         try:
-            return open_result(path)
+            result = open_result(path)
+            check_store(result, self.hash, path)
+            del result.attrs[STORE]
+            return result
         except ValueError as error:
             said = f"{error}. It is computed again"
             warnings.warn(said, skip_file_prefixes=(PACKAGE,))
@@ -97,23 +134,38 @@ class Store:
             return None
 
 
+def hash_of(manifest: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of a manifest, by which its parts are recognised."""
+    return hashlib.sha256(json.dumps(manifest, sort_keys=True).encode()).hexdigest()
+
+
+def check_store(part: xr.Dataset | xr.DataTree, expected: str, path: Path) -> None:
+    """Raise ValueError for a part that was computed for another store."""
+    found = part.attrs.get(STORE)
+    if found != expected:
+        raise ValueError(
+            f"{path} belongs to another store: its manifest has the hash {str(found)[:_SHORT]}, "
+            f"that of {path.parent} has {expected[:_SHORT]}; data, settings or versions differ"
+        )
+
+
 def compute_now[Result](_: str, compute: Callable[[], Result]) -> Result:
-    """What :meth:`Store.remember` does where nothing is kept."""
+    """Compute a part, as :meth:`Store.remember` does, without a store."""
     return compute()
 
 
 def named(prefix: str, remember: Remember) -> Remember:
-    """The same for parts of a part, whose names begin with its own."""
+    """Return a `remember` that puts a prefix before the name of each part."""
     return lambda name, compute: remember(f"{prefix}-{name}", compute)
 
 
 def remembering(folder: str | Path | None, manifest: Callable[[], Mapping[str, Any]]) -> Remember:
-    """How parts of some work are kept: in a folder, or not at all."""
+    """Return how to keep parts: in a folder, or not at all if `folder` is None."""
     return compute_now if folder is None else Store(folder, manifest()).remember
 
 
 def seed_in(folder: str | Path | None) -> Any:
-    """Seed of the work that a store holds; None if there is no store yet."""
+    """Return the seed in the manifest of a store; None if the store does not exist."""
     manifest = None if folder is None else manifest_of(Path(folder), missing=True)
     seed = None if manifest is None else manifest.get("random_seed")
     for entry in seed if isinstance(seed, list) else [seed]:
@@ -126,7 +178,7 @@ def seed_in(folder: str | Path | None) -> Any:
 
 
 def manifest_of(folder: Path, *, missing: bool = False) -> dict[str, Any] | None:
-    """What a store says that it holds; None if there is none, and it may be `missing`."""
+    """Return the manifest of a store; None if the store does not exist and may be `missing`."""
     path = folder / _MANIFEST
     try:
         manifest = json.loads(path.read_text("utf-8"))
@@ -145,7 +197,7 @@ def manifest_of(folder: Path, *, missing: bool = False) -> dict[str, Any] | None
 
 
 def differences(there: Any, now: Any, where: str = "") -> list[str]:
-    """Where two manifests differ, in words."""
+    """Return the differences of two manifests, in words."""
     if isinstance(there, dict) and isinstance(now, dict):
         return [
             said
@@ -156,6 +208,15 @@ def differences(there: Any, now: Any, where: str = "") -> list[str]:
         ]
     if there == now:
         return []
+    if all(
+        isinstance(entry, list) and entry and isinstance(entry[0], dict) for entry in (there, now)
+    ):
+        return differences(dict(enumerate(there, 1)), dict(enumerate(now, 1)), where)
+    if where.endswith("fingerprint"):
+        return [
+            f"{where.removesuffix('_fingerprint')} has another formula there than here: its "
+            f"stresses are {there} there and {now} here"
+        ]
     if where.endswith("sha256"):
         return [f"{where.removesuffix(', sha256')} are not the same"]
     return [f"{where} is {there!r} there and {now!r} here"]
@@ -165,7 +226,11 @@ def _check_empty(folder: Path) -> None:
     """Raise unless a store can be made here."""
     if folder.exists() and not folder.is_dir():
         raise ValueError(f"the store {folder} must be a folder, and it is a file")
-    if folder.is_dir() and (strangers := sorted(p.name for p in folder.iterdir())[:3]):
+    names = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
+    # A process that is killed while it writes leaves an unfinished file, which nothing reads.
+    strangers = [name for name in names if not name.endswith(UNFINISHED)][:3]
+    # Another process may have made the store since this one has looked for a manifest.
+    if strangers and not (folder / _MANIFEST).exists():
         raise ValueError(
             f"the folder {folder} is no store, and not empty: it holds {', '.join(strangers)}. "
             "Give a folder of its own"

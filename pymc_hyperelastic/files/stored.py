@@ -18,7 +18,9 @@ from pymc_hyperelastic.files.seal import source_of
 type Result = xr.Dataset | xr.DataTree
 
 _REQUIRED = object()
-
+# Letters of a value, and of what another library says, that a message shows.
+_LONGEST_SHOWN = 80
+_LONGEST_REASON = 300
 
 _BLAME = "; it was not written by pymc_hyperelastic, or is damaged"
 
@@ -171,9 +173,31 @@ def is_said(value: Any) -> bool:
 
 
 def shown(value: Any) -> str:
-    """A value as an error shows it, cut off where it is long."""
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}..."
+    """A value as an error shows it, cut off where it is long.
+
+    Examples
+    --------
+    >>> shown("a" * 1000)[-5:], shown([1.5])
+    ("aaa…'", '[1.5]')
+    """
+    if isinstance(value, str):
+        return repr(value if len(value) <= _LONGEST_SHOWN else value[: _LONGEST_SHOWN - 1] + "…")
+    text = " ".join(repr(value).split())
+    return text if len(text) <= _LONGEST_SHOWN else text[: _LONGEST_SHOWN - 1] + "…"
+
+
+def in_one_line(error: Exception) -> str:
+    r"""What an error of another library says, in one line, cut off where it is long.
+
+    Examples
+    --------
+    >>> in_one_line(KeyError("mu")), in_one_line(ValueError("no\nnumber"))
+    ("KeyError: 'mu'", 'no number')
+    """
+    text = " ".join(str(error).split())
+    if isinstance(error, KeyError) or not text:
+        text = f"{type(error).__name__}: {text}"
+    return text if len(text) <= _LONGEST_REASON else text[: _LONGEST_REASON - 1] + "…"
 
 
 def _kind_of(default: Any) -> str:

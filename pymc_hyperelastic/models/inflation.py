@@ -34,12 +34,14 @@ from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.observation import ErrorIn, Likelihood
 from pymc_hyperelastic.models.priors import belongs_to, complete_wall, register_priors
 from pymc_hyperelastic.models.study import Study
+from pymc_hyperelastic.parallel import one_thread
 
 # Draws from the prior by which it is known how many of them have a pressure that rises: to 3 % at
 # the least share.
 _PRIOR_DRAWS, _LEAST_SHARE = 20000, 0.05
 
 
+@one_thread
 def inflation_model(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
@@ -307,6 +309,7 @@ def _check_names(model: pm.Model, names: Sequence[str]) -> None:
         )
 
 
+@one_thread
 def power_law_neo_hookean_model(data: xr.Dataset, **settings: Any) -> pm.Model:
     """Model of the power-law neo-Hookean tube; see :func:`inflation_model` for the settings.
 
@@ -323,6 +326,7 @@ def power_law_neo_hookean_model(data: xr.Dataset, **settings: Any) -> pm.Model:
     return inflation_model(PowerLawNeoHookean(), data, **settings)
 
 
+@one_thread
 def ogden_model(data: xr.Dataset, **settings: Any) -> pm.Model:
     """Model of the Ogden tube; see :func:`inflation_model` for the settings.
 
@@ -344,6 +348,7 @@ def ogden_model(data: xr.Dataset, **settings: Any) -> pm.Model:
     return inflation_model(Ogden(), data, **settings)
 
 
+@one_thread
 def criscione_model(data: xr.Dataset, **settings: Any) -> pm.Model:
     """Model of the Criscione-type tube; see :func:`inflation_model` for the settings.
 

@@ -17,6 +17,7 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.results import attach_study
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import (
@@ -38,6 +39,7 @@ from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.observation.noise import SIGMA_OF, sd_of_sigma
 from pymc_hyperelastic.models.priors import check_prior, complete_wall, is_inferred
 from pymc_hyperelastic.models.study import Study
+from pymc_hyperelastic.parallel import one_thread
 
 # Standard deviations of the coordinates over which curves must be right.
 _REACH = 3.0
@@ -135,6 +137,7 @@ class Population:
         return self.observation.forward_model(wall, data, parameters, **settings)
 
 
+@one_thread
 def population_model(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
@@ -271,7 +274,7 @@ def population_model(
             "population_model makes a model that stands by itself: nothing of it is in the model "
             "of the context. Make it outside of `with`; tubes that are parts of another model are "
             "those of ph.inflation_model(..., name=...)",
-            stacklevel=2,
+            skip_file_prefixes=(PACKAGE,),
         )
     scale = population.scale
     specimens, of_test = specimens_of(data)

@@ -18,6 +18,7 @@ from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
 from pytensor.tensor.variable import TensorVariable
 
+from pymc_hyperelastic.evidence.checks import check_precision
 from pymc_hyperelastic.files.stored import is_number, shown
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
@@ -66,6 +67,7 @@ def complete_wall(
     model: pm.Model | None = None,
 ) -> tuple[StrainEnergy | list[Layer], dict[str, TensorVariable]]:
     """A material, or layers in which nothing is missing, and the priors of all parameters."""
+    check_precision()
     if not isinstance(energy, Sequence):
         check_energy(energy)
         return energy, complete_priors(energy, priors, model)
@@ -257,6 +259,20 @@ def priors_from_records(records: Any) -> dict[str, TensorVariable]:
     if not isinstance(records, dict):
         raise ValueError(f"priors are {shown(records)}; expected a JSON object of names to records")
     return {name: prior_from_record(record, name) for name, record in records.items()}
+
+
+def class_name_of(record: Any) -> str:
+    """Name of the class of a distribution that :func:`prior_to_record` stored; some have two names.
+
+    Raises ValueError as :func:`prior_from_record` does.
+
+    Examples
+    --------
+    >>> class_name_of(["Uniform", [0.0, 1.0]])
+    'Uniform'
+    """
+    prior_from_record(record)
+    return _READABLE[record[0]][0].__name__
 
 
 def _parameters_of(op: type) -> int | None:

@@ -18,11 +18,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pymc as pm
+import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
 from pymc_hyperelastic.evidence.results import data_groups
+from pymc_hyperelastic.files.seal import source_of
 from pymc_hyperelastic.files.stored import (
     damaged,
     is_number,
@@ -40,7 +42,13 @@ from pymc_hyperelastic.mechanics.strain_energy import Parameter, StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import Measured, deviation_name
 from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, noise_in_words, to_store
+from pymc_hyperelastic.models.observation.noise import (
+    NOISE_UNITS,
+    in_sigmas,
+    noise_in_words,
+    sd_of_sigma,
+    to_store,
+)
 from pymc_hyperelastic.models.priors import (
     complete_layers,
     is_inferred,
@@ -53,6 +61,8 @@ Array = NDArray[np.float64]
 
 # Draws whose curves are looked at.
 _LOOKED_AT = 64
+# Relative difference of stresses that are computed in another way, or rounded to six digits.
+_FINGERPRINT_ROUNDING = 1e-5
 
 
 @dataclass(frozen=True)
@@ -112,6 +122,56 @@ class Study:
             values = posterior[p.name].reshape(-1, *entries)
             draws[p.name] = values[:: -(-len(values) // _LOOKED_AT)]
         return float(self.forward.errors(self.data, draws).max())
+
+    def residuals(self, model: pm.Model) -> dict[str, Any]:
+        """Differences of curves from what was measured, in standard deviations of the noise.
+
+        An error of the radius shifts the pressure by the slope of the curve, to first order. Forces
+        are left out where radii have errors: their slopes are no variables of the model.
+        """
+        seen = self.observation
+        if seen is None or self.forward is None:
+            return {}
+        known = {name: model[name] if is_inferred(v) else v for name, v in seen.noise.items()}
+        sigmas = in_sigmas(known)
+        pressure_sd, radius_sd = sd_of_sigma(sigmas["sigma"]), None
+        if seen.error_in == "radius":
+            pressure_sd, radius_sd = 0.0, pressure_sd
+        elif seen.diameter_noise_sd is not None:
+            radius_sd = sigmas["diameter_noise_sd"] / 2
+        if radius_sd is not None:
+            pressure_sd = pt.sqrt(pressure_sd**2 + (radius_sd * model["stiffness"]) ** 2)
+        # What is shared is replaced with the data.
+        shared = self.forward.share("measured", _measurements_of)
+        found = {"pressure": (model["pressure"] - shared["pressure"]) / pressure_sd}
+        if "force_sigma" in sigmas and radius_sd is None:
+            force_sd = sd_of_sigma(sigmas["force_sigma"])
+            found["axial_force"] = (model["axial_force"] - shared["axial_force"]) / force_sd
+        return found
+
+    def chi_squares(self, data: xr.Dataset, residuals: Mapping[str, Array]) -> xr.Dataset:
+        """Squared residuals and numbers of points by test and signal, of the best of some draws.
+
+        Of forces with an offset, the best one of each test is subtracted.
+        """
+        test, count = data["test"].values, data.sizes["test"]
+        offsets = self.observation is not None and self.observation.force_offset_sd is not None
+        members = (test == np.arange(count)[:, None]).astype(float)
+        squares, points = {}, {}
+        for signal, of_draws in residuals.items():
+            own = members * np.isfinite(data[signal].values)
+            points[signal] = own.sum(axis=1)
+            squares[signal] = np.square(of_draws) @ own.T
+            if signal == "axial_force" and offsets:
+                squares[signal] -= (of_draws @ own.T) ** 2 / points[signal].clip(1)
+                points[signal] = (points[signal] - 1).clip(0)
+        best = int(np.argmin(sum(value.sum(axis=1) for value in squares.values())))
+        labels = {"test": [describe_test(data, i) for i in range(count)], "signal": [*squares]}
+        tables = {"chi_square": {k: v[best] for k, v in squares.items()}, "points": points}
+        return xr.Dataset(
+            {k: (("test", "signal"), np.stack([*v.values()], axis=1)) for k, v in tables.items()},
+            labels,
+        )
 
     def _fixed(self, model: pm.Model) -> set[str]:
         """Unknowns of the study that are no free variables of a model that was made of its own."""
@@ -179,6 +239,12 @@ class Study:
             return said | layers_attrs(named_layers(law))
         except ValueError:  # settings of a law that are no text
             return said | ({"strain_energy": law.name} if isinstance(law, StrainEnergy) else {})
+
+
+def _measurements_of(data: xr.Dataset) -> dict[str, Array]:
+    """Pressures and forces of all points; a force that was not measured is 0."""
+    signals = [name for name in ("pressure", "axial_force") if name in data]
+    return {name: np.nan_to_num(data[name].values.astype(float)) for name in signals}
 
 
 def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:
@@ -260,7 +326,11 @@ def strain_energy_attrs(energy: StrainEnergy) -> dict[str, str]:
         settings = json.dumps(vars(energy))
     except TypeError as error:
         raise ValueError(f"{energy!r} cannot be stored with results: {error}") from None
-    return {"strain_energy": energy.name, "strain_energy_settings": settings}
+    return {
+        "strain_energy": energy.name,
+        "strain_energy_settings": settings,
+        "strain_energy_fingerprint": json.dumps(energy.fingerprint),
+    }
 
 
 def wall_attrs(wall: StrainEnergy | Sequence[Layer]) -> dict[str, str]:
@@ -301,13 +371,34 @@ def strain_energy_of(tree: xr.DataTree) -> StrainEnergy:
             "layers of the model as energy=[ph.Layer(...), ...]"
         )
     name, settings = read_text(tree, "strain_energy"), read_json(tree, "strain_energy_settings", {})
-    return _strain_energy(tree, name, settings)
+    fingerprint = read_json(tree, "strain_energy_fingerprint", [])
+    return _strain_energy(tree, name, settings, fingerprint)
 
 
-def _strain_energy(tree: xr.DataTree, name: Any, settings: dict[str, Any]) -> StrainEnergy:
+def _strain_energy(
+    tree: xr.DataTree, name: Any, settings: dict[str, Any], fingerprint: list[Any]
+) -> StrainEnergy:
+    """Strain energy of this name, if its formula has the stresses of the `fingerprint`."""
     # A law of the user's own that is not defined here is no damage.
     with reading(tree, ""):
-        return StrainEnergy.from_name(name, **settings)
+        energy = StrainEnergy.from_name(name, **settings)
+    # A result of an earlier version has no fingerprint.
+    if fingerprint and not _same_stresses(fingerprint, energy.fingerprint):
+        raise ValueError(
+            f"the result{source_of(tree)} was computed with a strain energy {name!r} of another "
+            f"formula than the {name!r} that is defined now ({type(energy).__module__}): at the "
+            f"same stretches its stresses are {shown(fingerprint)} kPa, not "
+            f"{shown(list(energy.fingerprint))} kPa. Define the class as it was, or compute the "
+            "result again"
+        )
+    return energy
+
+
+def _same_stresses(stored: list[Any], found: Sequence[float]) -> bool:
+    try:
+        return np.allclose(stored, found, rtol=_FINGERPRINT_ROUNDING, atol=0, equal_nan=True)
+    except (TypeError, ValueError):  # not numbers, or not as many
+        return False
 
 
 class NamedLayer(NamedTuple):
@@ -377,11 +468,13 @@ def _layer_of(tree: xr.DataTree, record: dict[str, Any]) -> NamedLayer:
     """A layer of a record of :func:`layers_attrs`."""
     try:
         settings = json.loads(record.get("strain_energy_settings", "{}"))
+        fingerprint = json.loads(record.get("strain_energy_fingerprint", "[]"))
     except (TypeError, ValueError, RecursionError):
-        settings = None
+        settings = fingerprint = None
     if not isinstance(settings, dict):
         raise damaged(tree, f"a layer has the settings {shown(record['strain_energy_settings'])}")
-    energy, values = _strain_energy(tree, record["strain_energy"], settings), record.get("values")
+    energy = _strain_energy(tree, record["strain_energy"], settings, fingerprint)
+    values = record.get("values")
     needed = {"thickness", *energy.parameter_names}
     if not isinstance(values, dict) or set(values) != needed:
         raise damaged(

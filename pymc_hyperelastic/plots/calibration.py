@@ -11,6 +11,7 @@ from scipy.stats import binom
 
 from pymc_hyperelastic.evidence.checks import check_prob
 from pymc_hyperelastic.files.stored import check_numbers, damaged, read_number
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals, check_table, stacked
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ _BAND_SIMULATIONS = 1000
 _TICKS, _TICK_LABELS = [0.0, 0.5, 1.0], ["0", "0.5", "1"]
 
 
+@one_thread
 def plot_calibration_ranks(
     sbc: xr.Dataset,
     *,
@@ -152,6 +154,7 @@ def plot_calibration_ranks(
     return canvas.collection
 
 
+@one_thread
 def plot_reliability(
     scores: xr.Dataset,
     *,
@@ -347,4 +350,4 @@ def _label_ranks(canvas: Canvas, p_values: dict[str, float], columns: int, ylabe
 def _p_value(p_value: float) -> str:
     if np.isnan(p_value):
         return "not tested"
-    return "$p$ < 0.001" if p_value < 0.001 else f"$p$ = {p_value:.3f}"
+    return "p < 0.001" if p_value < 0.001 else f"p = {p_value:.3f}"

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.files.stored import check_numbers, damaged, read_number, read_text
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.properties import (
     PROPERTY_LABELS,
     bands_over,
@@ -37,6 +38,7 @@ _ROW = 0.3  # inches of a quantity, and of each comparison of it
 _STATISTICS = {"typical": "", "mean": "mean of\n", "spread": "spread of\n"}
 
 
+@one_thread
 def plot_comparison(
     result: xr.Dataset,
     *,

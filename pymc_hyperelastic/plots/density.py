@@ -14,6 +14,7 @@ from pymc_hyperelastic.files.stored import damaged, read_json, read_numbers, rea
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.priors import priors_from_records
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import (
     Backend,
     Canvas,
@@ -44,6 +45,7 @@ _STRAY = 0.01  # share of the draws that is no mode
 _COMPONENTS = 6  # of the mixture that stands for a posterior: they follow two bent ridges
 
 
+@one_thread
 def plot_parameter_density(
     classes: xr.DataTree,
     *,

@@ -11,6 +11,7 @@ import xarray as xr
 from pymc_hyperelastic.data.inflation import at_points, extension_tests, points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.bands import (
     VISUALS,
     Bands,
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 _FAR_OUT = 3.0  # interquartile ranges, Tukey's outer fence
 
 
+@one_thread
 def plot_pressure_fit(
     classes: xr.DataTree,
     data: xr.Dataset | Mapping[str, xr.Dataset] | None = None,

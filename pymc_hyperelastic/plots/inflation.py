@@ -14,6 +14,8 @@ from pymc_hyperelastic.data.inflation import (
     extension_tests,
     points_of,
 )
+from pymc_hyperelastic.data.select import specimens_of, tests_at
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import (
     DIAMETER_LABEL,
     MARKERS,
@@ -31,6 +33,9 @@ from pymc_hyperelastic.plots.style import (
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
+# Specimens and tests in one figure: more can neither be told apart nor drawn in some seconds.
+_MOST_SPECIMENS = 60
+_MOST_TESTS = 240
 # From the coarsest, and as figures name them.
 _LABELS = {
     "group": "group",
@@ -40,6 +45,7 @@ _LABELS = {
 }
 
 
+@one_thread
 def plot_inflation(
     data: xr.Dataset,
     *,
@@ -58,6 +64,9 @@ def plot_inflation(
     seven, line styles do it with them. Markers tell axial stretches, or if there is one, or as many
     as there are specimens, experiments. The curves of a single specimen have colours by axial
     stretch, where that varies by the pressure.
+
+    Of more than 60 specimens, or 240 tests, so many are shown, chosen evenly from the groups; the
+    title says how many of how many.
 
     Parameters
     ----------
@@ -102,6 +111,7 @@ def plot_inflation(
     check_inflation_data(data)
     if group_by not in (*_LABELS, None):
         raise ValueError(f"group_by must be one of {', '.join(_LABELS)} or None, not {group_by!r}")
+    data, of_many = _thinned(data)
     labels = {name: data[name].values.tolist() for name in _LABELS if name != "axial_stretch"}
     labels["axial_stretch"] = stretch_labels(data, pressure_unit)
     colour, marker = _told_by(labels, group_by)
@@ -131,8 +141,28 @@ def plot_inflation(
         grey = {"color": "0.3", "linestyle": "none", "markersize": 5}
         entries |= canvas.entries(marker, f"{_LABELS[marker]} ", "marker", **grey)
     canvas.legend(entries)
-    canvas.title([data.attrs])
+    canvas.title([data.attrs], of_many)
     return canvas.collection
+
+
+def _thinned(data: xr.Dataset) -> tuple[xr.Dataset, str | None]:
+    """Return tests that one figure can show, evenly from all groups; and how many of how many."""
+    names, of_test = specimens_of(data)
+    tests, words = np.arange(of_test.size), None
+    if len(names) > _MOST_SPECIMENS:
+        groups = data["group"].values[np.unique(of_test, return_index=True)[1]]
+        by_group = np.argsort(groups, kind="stable")
+        tests = np.flatnonzero(np.isin(of_test, by_group[_evenly(len(names), _MOST_SPECIMENS)]))
+        words = f"{_MOST_SPECIMENS} of {len(names)} specimens"
+    if tests.size > _MOST_TESTS:
+        tests = tests[_evenly(tests.size, _MOST_TESTS)]
+        words = f"{_MOST_TESTS} of {of_test.size} tests"
+    return (tests_at(data, tests), words) if words else (data, None)
+
+
+def _evenly(count: int, most: int) -> np.ndarray:
+    """Return so many positions among `count`, evenly from the first to the last."""
+    return np.linspace(0, count - 1, most).round().astype(int)
 
 
 def _panels(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from pymc_hyperelastic.files.stored import check_numbers, read_number, read_text
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import (
     Backend,
     Canvas,
@@ -28,6 +29,7 @@ _ORIGIN = "ph.expected_information"
 _ROW = 0.32  # inches of a design
 
 
+@one_thread
 def plot_information(
     result: xr.Dataset,
     *,

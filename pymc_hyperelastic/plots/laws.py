@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.classes.average import laws_of_fits
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import (
     DOUBT,
     MARKERS,
@@ -37,6 +38,7 @@ _WIDEST = 26  # letters of a line of a law's name
 _LINE = 0.17  # inches that such a line is high
 
 
+@one_thread
 def plot_law_probability(
     result: xr.Dataset | Mapping[str, xr.DataTree] | Sequence[xr.DataTree],
     *,

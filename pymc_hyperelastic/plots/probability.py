@@ -9,12 +9,14 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.files.stored import damaged, read_number, read_text
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import (
     DOUBT,
     Backend,
     Canvas,
     Visuals,
     check_table,
+    literal,
     rounded_probability,
     stacked,
 )
@@ -28,6 +30,7 @@ _MOST_ROWS = 8  # of panels, where there is one result
 _ROUNDING = 1e-9
 
 
+@one_thread
 def plot_class_probability(
     result: xr.Dataset | Mapping[str, xr.Dataset],
     *,
@@ -128,7 +131,7 @@ def plot_class_probability(
     canvas.adjust(set_ylim, limits=(0, 1))
     canvas.adjust(set_xlim, limits=(-0.6, len(classes) - 0.4))
     canvas.adjust(_probability_ticks)
-    canvas.adjust(set_xticks, values=range(len(classes)), labels=classes)
+    canvas.adjust(set_xticks, values=range(len(classes)), labels=[*map(literal, classes)])
     for i, (heading, model, title, colour) in enumerate(titles):
         where = {"coords": {row: heading} | ({"model": model} if several else {})}
         canvas.label("title", title, size="small", loc="left", color=colour, **where)

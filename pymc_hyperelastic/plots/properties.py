@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import xarray as xr
 
 from pymc_hyperelastic.evidence.checks import check_prob
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import (
     PALETTE,
     Backend,
@@ -48,6 +49,7 @@ _STRESSES = {"sigma_rr": "radial", "sigma_tt": "hoop", "sigma_zz": "axial"}
 _VISUALS = "band median extrapolated xlabel ylabel title legend"
 
 
+@one_thread
 def plot_elastic_properties(
     classes: xr.DataTree,
     pressure: Any,
@@ -150,6 +152,7 @@ def plot_elastic_properties(
     return canvas.collection
 
 
+@one_thread
 def plot_wall_stress(
     classes: xr.DataTree,
     pressure: Any,

@@ -96,6 +96,8 @@ class Canvas:
             "ylabel": visuals.labelled_y,
             "title": visuals.labelled_title,
         }
+        # Titles of panels are labels of the data, and those of axes hold symbols.
+        text = literal(text) if name == "title" else text
         self.draw(name, functions[name], text=text, ignore_aes="all", **settings)
 
     def adjust(self, function: Callable, **settings: Any) -> None:
@@ -107,7 +109,7 @@ class Canvas:
         mappings = {key: self.collection.aes[key]["mapping"] for key in aesthetics}
         labels = mappings[aesthetics[0]][dim].values.tolist()
         return {
-            f"{prefix}{label}": settings
+            f"{prefix}{literal(label)}": settings
             | {key: mapping.sel({dim: label}).item() for key, mapping in mappings.items()}
             for label in labels
         }
@@ -136,7 +138,7 @@ class Canvas:
         if any(is_said(a.get("simulated")) for a in attrs) and "simulated" not in text.lower():
             text = f"{text}, SIMULATED data" if text else "SIMULATED data"
         if text:
-            self.collection.add_title(text, size="medium", wrap=True)
+            self.collection.add_title(literal(text), size="medium", wrap=True)
 
 
 def _fit(figure: Any, draw: Callable[[int], Any], entries: int, may_grow: bool) -> None:
@@ -166,6 +168,17 @@ def _fit(figure: Any, draw: Callable[[int], Any], entries: int, may_grow: bool) 
     if may_grow:
         more = (max(wide - _BESIDE, 0), 0) if beside else (0, max(high - _BELOW, 0))
         figure.set_size_inches(width + more[0], height + more[1])
+
+
+def literal(text: object) -> str:
+    r"""Text that a figure shows as it is: matplotlib would typeset what stands between two $.
+
+    Examples
+    --------
+    >>> print(literal("5 $ to 7 $"))
+    5 \$ to 7 \$
+    """
+    return str(text).replace("$", r"\$")
 
 
 def told_apart() -> dict[str, list[str]]:
@@ -232,7 +245,8 @@ def tick_rows(da: xr.DataArray, target: Any, *, labels: list[str]) -> None:
     """Name the rows of a panel."""
     from arviz_plots.plot_collection import backend_from_object
 
-    backend_from_object(target).yticks([-i for i in range(len(labels))], labels, target)
+    rows = [-i for i in range(len(labels))]
+    backend_from_object(target).yticks(rows, [*map(literal, labels)], target)
 
 
 def per_kilopascal(pressure_unit: str) -> float:

@@ -7,6 +7,7 @@ import xarray as xr
 
 from pymc_hyperelastic.mechanics.strain_energy.isotropic import _Isotropic
 from pymc_hyperelastic.models.forward import TubeNumbers
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.draws import (
     Array,
     GivenTube,
@@ -22,6 +23,7 @@ _CIRCLES = 11
 _SAME_STRETCH = 1e-6
 
 
+@one_thread
 def admissible(
     tree: xr.DataTree, internal_radius: Any = None, **tube: Unpack[GivenTube]
 ) -> xr.Dataset:

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.doubt import Check
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.draws import (
     Array,
     Draws,
@@ -20,6 +21,7 @@ from pymc_hyperelastic.predictions.measured import warn_user, warned
 NO_FORCE = 1e-9
 
 
+@one_thread
 def predict_pressure(
     tree: xr.DataTree, internal_radius: Any, **tube: Unpack[GivenTube]
 ) -> xr.Dataset:
@@ -105,6 +107,7 @@ def pressure_curve(draws: Draws, radius: Array) -> xr.Dataset:
     return draws.dataset({"radius": radius}, extrapolated, pressure=pressure, stiffness=stiffness)
 
 
+@one_thread
 def predict_axial_force(
     tree: xr.DataTree,
     internal_radius: Any = None,
@@ -176,7 +179,7 @@ def predict_axial_force(
         raise TypeError("give internal_radius, or pressure, at which the force is asked for")
     draws = draws_of(tree, **tube)
     if pressure is not None:
-        pressure = checked_pressures(pressure, pressure_unit, check, stacklevel=2)
+        pressure = checked_pressures(pressure, pressure_unit, check)
         force = force_at_pressure(draws, draws.at_each_stretch(pressure), pressure_unit)
         if np.any(pressure > 0):
             warn_of_no_force(force["axial_force"])
@@ -214,6 +217,7 @@ def force_at_pressure(draws: Draws, pressure: Array, unit: str) -> xr.Dataset:
     return draws.dataset({"pressure": pressure}, extrapolated, **curves)
 
 
+@one_thread
 def radius_at_pressure(
     tree: xr.DataTree,
     pressure: Any,
@@ -287,7 +291,7 @@ def radius_at_pressure(
             [7.    , 7.7094]]])
     """
     draws = draws_of(tree, **tube)
-    pressure = checked_pressures(pressure, pressure_unit, check, stacklevel=2)
+    pressure = checked_pressures(pressure, pressure_unit, check)
     pressure = draws.at_each_stretch(pressure)
     radius = draws.radius_at(pressure)
     extrapolated = warned(draws.extrapolated_pressures(pressure, radius, pressure_unit))

@@ -333,13 +333,13 @@ def checked_numbers(name: str, values: Any, expected: str) -> Array:
     return numbers
 
 
-def checked_pressures(pressure: Any, unit: str, check: Check, *, stacklevel: int) -> Array:
+def checked_pressures(pressure: Any, unit: str, check: Check) -> Array:
     """Pressures in some unit as an array, kPa; those that no tube is inflated to are doubted."""
     pressures = to_internal(
         checked_numbers("pressure", pressure, f"pressures in {unit}"), unit, "pressure"
     )
     check_known(check)
-    check_plausible_pressures(pressures, check, stacklevel=stacklevel + 1)
+    check_plausible_pressures(pressures, check)
     return pressures
 
 

@@ -7,6 +7,7 @@ from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.files.stored import read_numbers
 from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
 
 # Draws are the same at every call.
@@ -14,6 +15,7 @@ _BY_TEST = ("chain", "draw", "test")
 _SEED = 1
 
 
+@one_thread
 def force_offsets(tree: xr.DataTree) -> xr.Dataset:
     r"""Posterior of the offset of the force transducer in each test.
 

@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.doubt import Check
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.draws import (
     Array,
     Draws,
@@ -21,6 +22,7 @@ from pymc_hyperelastic.predictions.measured import warned
 _AXIAL = ("axial_stress", "axial_material_stiffness", "in_vivo_axial_stretch")
 
 
+@one_thread
 def tube_properties(
     tree: xr.DataTree,
     pressure: Any,
@@ -196,7 +198,7 @@ def tube_properties(
     """
     _check_density(density)
     draws = draws_of(tree, **tube)
-    pressure = checked_pressures(pressure, pressure_unit, check, stacklevel=2)
+    pressure = checked_pressures(pressure, pressure_unit, check)
     if pressure_range is not None:
         pressure_range = _checked_range(pressure_range, pressure_unit, check)
     a = draws.radius_at(pressure)
@@ -212,6 +214,7 @@ def tube_properties(
     return result
 
 
+@one_thread
 def pulse_wave_velocity(
     tree: xr.DataTree,
     pressure: Any,
@@ -275,7 +278,7 @@ def pulse_wave_velocity(
     """
     _check_density(density)
     draws = draws_of(tree, **tube)
-    pressure = checked_pressures(pressure, pressure_unit, check, stacklevel=2)
+    pressure = checked_pressures(pressure, pressure_unit, check)
     a = draws.radius_at(pressure)
     extrapolated = warned(draws.extrapolated_pressures(pressure, a, pressure_unit))
     speed = _of_the_curve(draws, a, density)["pulse_wave_velocity"]
@@ -326,7 +329,7 @@ def _checked_range(pressure_range: Any, unit: str, check: Check) -> Array:
     words = f"pressure_range must be a diastolic and a higher systolic pressure in {unit}; got "
     if np.shape(pressure_range) != (2,):
         raise ValueError(f"{words}{pressure_range!r}")
-    pressures = checked_pressures(pressure_range, unit, check, stacklevel=3)
+    pressures = checked_pressures(pressure_range, unit, check)
     if not 0 <= pressures[0] < pressures[1]:
         raise ValueError(f"{words}{pressure_range!r}")
     return pressures

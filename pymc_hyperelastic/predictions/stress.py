@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.doubt import Check
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.draws import (
     GivenTube,
     checked_numbers,
@@ -15,6 +16,7 @@ from pymc_hyperelastic.predictions.draws import (
 from pymc_hyperelastic.predictions.measured import warned
 
 
+@one_thread
 def wall_stress(
     tree: xr.DataTree,
     pressure: Any,
@@ -92,7 +94,7 @@ def wall_stress(
     array([10.8 ,  9.23,  8.13])
     """
     draws = draws_of(tree, **tube)
-    pressure = checked_pressures(pressure, pressure_unit, check, stacklevel=2)
+    pressure = checked_pressures(pressure, pressure_unit, check)
     if isinstance(points, int) and not isinstance(points, bool) and points > 0:
         points = np.linspace(0.0, 1.0, points)
     position = checked_numbers("points", points, "a number of circles, or places from 0 to 1")

@@ -72,6 +72,8 @@ class Page:
     pressure_unit: str = "mmHg"
     notices: list[Notice] = field(default_factory=list)
     checked: list[str] = field(default_factory=list)
+    complete: bool = True
+    """Whether all fits of the page were compared with their data."""
     shown: list[Any] = field(default_factory=list)
     """Data that stand on the page already."""
     figures: int = 0

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from inspect import getdoc
 from typing import Any
 
-import pymc as pm
 import xarray as xr
 
-from pymc_hyperelastic.files.stored import read_json
+from pymc_hyperelastic.files.stored import damaged, read_json, shown
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.priors import class_name_of
 from pymc_hyperelastic.models.study import NamedLayer, wall_of
 from pymc_hyperelastic.reports.blocks import short
 
@@ -93,10 +93,10 @@ def distribution_in_words(record: list[Any], unit: str = "") -> str:
     >>> distribution_in_words(["Uniform", [0.0, 100.0]], "kPa")
     'Uniform(0, 100) kPa'
     """
-    name, parameters, *size = record
+    name = class_name_of(record)
+    _, parameters, *size = record
     told = ", ".join(_value(p) for p in parameters)
     times = f", {size[0]} of them" if size else ""
-    name = getattr(pm, name).__name__  # of two names the one of its class
     return f"{name}({told}){' ' + unit if unit else ''}{times}"
 
 
@@ -109,6 +109,8 @@ def _value(value: Any) -> str:
 def units_of(tree: xr.DataTree) -> dict[str, str]:
     """Units of the variables of a result, as far as it says."""
     told: Mapping[str, str] = read_json(tree, "units", {})
+    if not all(isinstance(unit, str) for unit in told.values()):
+        raise damaged(tree, f"its attribute 'units' is {shown(told)}; expected the unit of each")
     layers = wall_in_words(tree)
     of_law = {p.name: p.unit for layer in layers for p in layer.energy.parameters}
     units = of_law | {"noise_sd": "kPa", "force_noise_sd": "mN"} | dict(told)

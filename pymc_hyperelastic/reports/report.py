@@ -10,9 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import xarray as xr
 
+from pymc_hyperelastic.classes.classification import are_of_classes
 from pymc_hyperelastic.files.whole import written_whole
+from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import per_kilopascal
-from pymc_hyperelastic.reports.blocks import LEVELS, Block, Found, Page, short
+from pymc_hyperelastic.reports.blocks import BAD, LEVELS, Block, Found, Page, short
+from pymc_hyperelastic.reports.decisions import is_classified
+from pymc_hyperelastic.reports.fits import are_fits
 from pymc_hyperelastic.reports.kinds import CHAPTERS, Kind, kind_of
 from pymc_hyperelastic.reports.software import methods_of, versions_of
 
@@ -30,6 +34,7 @@ class _Chapter(NamedTuple):
     parts: list[_Part]
 
 
+@one_thread
 def report(
     result: Any,
     path: str | os.PathLike[str],
@@ -106,6 +111,7 @@ def report(
     for each, kind in found:
         with page.listening(f"What speaks against {each.title}"):
             kind.check(each, page)
+    _check_identity([each for each, _ in found], page)
     chapters = _chapters(found, page)
     methods = methods_of(found, page)
     # A figure tells what its data lack only when it is drawn: warnings are sorted at the end.
@@ -115,6 +121,7 @@ def report(
         words=[f"{each.title} ({kind.name.lower()})" for each, kind in found],
         notices=page.notices,
         checked=page.checked,
+        complete=page.complete,
         chapters=chapters,
         methods=" ".join(methods),
         versions=versions_of(found),
@@ -125,6 +132,21 @@ def report(
     with written_whole(path) as beside:
         beside.write_text(html, encoding="utf-8")
     return path
+
+
+def _check_identity(found: Sequence[Found], page: Page) -> None:
+    """Say where decisions were made with other classes than those that the page shows."""
+    classes = [each for each in found if are_fits(each.result) and "posterior" not in each.result]
+    for each in found:
+        if classes and is_classified(each.result):
+            with page.listening(f"What speaks against {each.title}"):
+                if not are_of_classes(each.result, [one.result for one in classes]):
+                    shown = " and ".join(one.title for one in classes)
+                    page.notice(
+                        BAD,
+                        f"{each.title}: the decisions were made with other classes than {shown} on "
+                        "this page. Classify again",
+                    )
 
 
 def _template() -> Any:

@@ -8,10 +8,10 @@ import pymc as pm
 import xarray as xr
 
 from pymc_hyperelastic.classes.variable import Variability
-from pymc_hyperelastic.files.stored import read_dict, read_json
+from pymc_hyperelastic.files.stored import read_dict, read_draws, read_json, reading
 from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, SIGMA_OF, sd_of_sigma
 from pymc_hyperelastic.models.priors import prior_to_record
-from pymc_hyperelastic.models.study import NamedLayer
+from pymc_hyperelastic.models.study import NamedLayer, noise_from_records
 from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ
 from pymc_hyperelastic.reports.blocks import in_words, plural, short
@@ -59,7 +59,7 @@ class Settings:
 def settings_of(tree: xr.DataTree) -> Settings:
     """Settings of a sampled model, or of fitted classes, which have all the same."""
     first = next(iter(fitted_classes(tree).values()))
-    posterior = first["posterior"].to_dataset()
+    posterior = read_draws(first, "posterior")
     kind: Variability | None = None
     if "variability_settings" in first.attrs:
         kind = Variability.of_tree(first)
@@ -67,17 +67,18 @@ def settings_of(tree: xr.DataTree) -> Settings:
         noise = {name: stored[name] for name in NOISE_UNITS if name in stored}
         priors = priors_of_class(kind)
     else:
-        noise = read_json(first, "noise", {})
-        units = units_of(first)
-        priors = {
-            name: distribution_in_words(record, units.get(name, ""))
-            for name, record in read_json(first, "priors", {}).items()
-        }
-        priors |= {
-            name: distribution_in_words(value, NOISE_UNITS[name].replace("mm2", "mm²"))
-            for name, value in noise.items()
-            if isinstance(value, list)
-        }
+        noise, units = read_json(first, "noise", {}), units_of(first)
+        with reading(first):
+            noise_from_records(noise)
+            priors = {
+                name: distribution_in_words(record, units.get(name, ""))
+                for name, record in read_json(first, "priors", {}).items()
+            }
+            priors |= {
+                name: distribution_in_words(value, NOISE_UNITS[name].replace("mm2", "mm²"))
+                for name, value in noise.items()
+                if isinstance(value, list)
+            }
     return Settings(
         wall_in_words(first),
         kind,

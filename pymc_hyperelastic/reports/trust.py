@@ -2,10 +2,14 @@
 
 import numpy as np
 import xarray as xr
-from scipy.stats import chi2
 
 from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT, divergence
-from pymc_hyperelastic.evidence.diagnosis import VERDICTS, diagnose_evidence, log_evidence
+from pymc_hyperelastic.evidence.diagnosis import (
+    VERDICTS,
+    diagnose_evidence,
+    judgement,
+    log_evidence,
+)
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.models.study import inflation_data_of
 from pymc_hyperelastic.predictions.members import specimens_differ
@@ -13,8 +17,6 @@ from pymc_hyperelastic.reports.blocks import BAD, CAUTION, NOTE, Block, Found, P
 from pymc_hyperelastic.reports.fits import by_name, has_data, posterior_rows
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
 
-# Misfits that are larger by chance in fewer of all specimens than this are told of.
-_CHANCE = 1e-3
 _LEVELS = dict(zip(VERDICTS, (NOTE, CAUTION, BAD), strict=True))
 
 
@@ -33,15 +35,24 @@ def check_fits(found: Found, page: Page) -> None:
 
 def _check_evidence(of: str, tree: xr.DataTree, page: Page) -> None:
     try:
-        said = diagnose_evidence(tree).attrs
+        diagnosis = diagnose_evidence(tree)
     except ValueError:
         page.notice(NOTE, f"{of}: the result holds no evidence, so that none was judged.")
         return
     page.check("the evidence of each class, by ph.diagnose_evidence")
-    if said["verdict"] != VERDICTS[0]:
-        level = _LEVELS[said["verdict"]]
-        page.notice(level, f"{of}: the evidence is {said['verdict']}: {said['words']}.")
-    if not np.isfinite(log_evidence(tree).standard_error) and said["verdict"] != VERDICTS[-1]:
+    verdict = diagnosis.attrs["verdict"]
+    if said := judgement(diagnosis):
+        page.notice(_LEVELS[verdict], f"{of}: {said}.")
+    if "residuals" in diagnosis["check"].values:
+        page.check("whether the best curve of each test follows its data to within the noise")
+    elif has_data(tree):
+        page.complete = False
+        page.notice(
+            NOTE,
+            f"{of}: the result does not say whether curves follow the data to within the noise: "
+            "the noise was inferred for each specimen, or another version computed the result.",
+        )
+    if not np.isfinite(log_evidence(tree).standard_error) and verdict != VERDICTS[-1]:
         page.notice(BAD, f"{of}: the error of the evidence is infinite.")
 
 
@@ -79,17 +90,6 @@ def _check_specimens(of: str, specimens: xr.Dataset, page: Page) -> None:
                 f"{of}: a few weights decide what is said of specimen {name}: their Pareto shape "
                 f"is {short(float(shape[i]))}.",
             )
-    if specimens.sizes["noise"] == 0:
-        page.check("whether the best curve of each specimen follows its data to within the noise")
-        misfit, freedom = specimens["misfit"].values, specimens["freedom"].values
-        for i in np.flatnonzero(chi2.sf(misfit, freedom) < _CHANCE).tolist():
-            page.notice(
-                CAUTION,
-                f"{of}: the best curve of specimen {specimens['specimen'].values[i]} is further "
-                f"from its data than the noise explains: squared misfit {short(float(misfit[i]))} "
-                f"with {short(float(freedom[i]))} degrees of freedom. The law does not fit, or "
-                "the noise is larger.",
-            )
 
 
 def _check_pooling(found: Found, page: Page) -> None:
@@ -126,7 +126,7 @@ def show_trust(found: Found, page: Page) -> list[Block]:
         columns = ["compared", "class", "value", "limit", "verdict"]
         caption = (
             f"What the verdicts rest on: {found.title}. A value is good up to its limit; of "
-            "ancestors, from there on."
+            "ancestors and residuals, from there on."
         )
         blocks.append(Table(caption, columns, checks))
     return blocks

@@ -45,6 +45,8 @@ BAD_INPUT = [
     (lambda: fit(curves()), TypeError, "classes", "dict", "Dataset"),
     (lambda: fit({"": curves()}), ValueError, "class", "text", "''"),
     (lambda: fit({"C/1": curves()}), ValueError, "'/'", "'C/1'"),
+    (lambda: fit({"..": curves()}), ValueError, "'.'", "'..'"),
+    (lambda: fit({"a\0b": curves()}), ValueError, "the class 'a\\x00b'", "remove it"),
     (lambda: fit(slope_weight=None), TypeError, "slope_weight is not", "balanced_slope_weight"),
     (lambda: fit({"C1": curves(), "C2": with_nan()}), ValueError, "class 'C2'", PLACE, "row 43"),
     (lambda: fit({"C1": curves(), "C2": None}), TypeError, "class 'C2'", "inflation_data("),

@@ -9,9 +9,12 @@ import sys
 import threading
 
 import pytest
+import xarray as xr
 from simulated_work import POLL, SimulatedWork, computed, wait_for
 
-from pymc_hyperelastic.cohorts.workers import Cluster, ClusterLost
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.cohorts.workers import Cluster, WorkersLost
+from pymc_hyperelastic.files.store import Part
 
 dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
@@ -70,8 +73,27 @@ def test_answers_that_die_with_their_worker_are_computed_again(
         workers._work = client.submit(operator.truediv, 1, 0)
         distributed.wait(workers._work)
         monkeypatch.setattr(client, "gather", gather_after_deaths)
-        failed = workers.submit(data, tmp_path / "part.nc").result()
-    assert failed == ["S5: KeyError: 'S5'"]
+        failed = workers.submit(data, Part(tmp_path / "part.nc", "hash")).result()
+    assert failed.failed == ["S5: KeyError: 'S5'"]
+
+
+@pytest.mark.parametrize("processes", [True, False])
+def test_workers_with_two_threads_give_the_numbers_of_one_process(processes, tmp_path):
+    """Compiled functions keep their input between two steps: two threads could mix specimens."""
+    data = ph.load_dataset("simulated_sheep_aorta")
+    noise = {"noise_sd": 0.5, "slope_weight": 0.0}
+    settings = {"by": "test", "draws": 50, "batch_size": 1, "random_seed": 1, "progressbar": False}
+
+    def fitted(name, **how):
+        ph.fit_cohort(ph.Ogden(), data, tmp_path / name, **noise, **settings, **how)
+        return ph.open_cohort(tmp_path / name).load()
+
+    workers = {"n_workers": 1, "threads_per_worker": 2, "processes": processes}
+    with distributed.LocalCluster(**workers, dashboard_address=None) as cluster:
+        with distributed.Client(cluster) as client:
+            found = fitted("threads", client=client)
+    xr.testing.assert_identical(found, fitted("series", cores=1))
+    assert found["evidence"]["error"].values.tolist() == [""] * data.sizes["test"]
 
 
 def test_a_cluster_without_workers_is_an_error(data, tmp_path, monkeypatch):
@@ -79,7 +101,7 @@ def test_a_cluster_without_workers_is_an_error(data, tmp_path, monkeypatch):
     monkeypatch.setattr("pymc_hyperelastic.cohorts.run._LOOK", 0.2)
     with distributed.LocalCluster(n_workers=0, dashboard_address=None) as nobody:
         with distributed.Client(nobody) as client:
-            with pytest.raises(ClusterLost, match=r"no worker for 1 s\. What was computed is in"):
+            with pytest.raises(WorkersLost, match=r"no worker for 1 s\. Finished batches are in"):
                 computed(SimulatedWork(), data, tmp_path / "store", client=client)
 
 
@@ -120,7 +142,7 @@ def test_a_lost_scheduler_is_an_error_that_loses_nothing(data, undisturbed, tmp_
         with connected(scheduler.stdout.readline().strip()) as client:
             killer = threading.Thread(target=kill)
             killer.start()
-            with pytest.raises(ClusterLost, match="goes on from there"):
+            with pytest.raises(WorkersLost, match="the same call continues"):
                 computed(work, data, tmp_path / "store", batch_size=1, client=client)
             killer.join()
     result = computed(SimulatedWork(), data, tmp_path / "store", batch_size=3)

@@ -2,9 +2,11 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from concurrent.futures import Future
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,11 +20,14 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.cohorts.run import parts_of
 from pymc_hyperelastic.cohorts.workers import (
     Cluster,
-    ClusterLost,
+    Processes,
     ThisProcess,
     WorkerDied,
+    WorkersLost,
     _how,
+    mark_in_use,
 )
+from pymc_hyperelastic.files.store import Part, hash_of, manifest_of
 
 
 def check_others(result, undisturbed, *failed):
@@ -135,6 +140,21 @@ def test_a_damaged_part_is_named_and_computed_again(data, undisturbed, tmp_path)
         assert computed(SimulatedWork(), data, folder).identical(undisturbed)
 
 
+def test_a_part_of_another_store_is_refused_and_computed_again(data, undisturbed, tmp_path):
+    """Two processes, one of them with other settings, may have written into one folder."""
+    folders = tmp_path / "own", tmp_path / "other"
+    for folder, factor in zip(folders, (1.0, 2.0), strict=True):
+        computed(SimulatedWork(factor=factor), data, folder, batch_size=4)
+    part = "000000004-000000008.nc"
+    shutil.copy(folders[1] / part, folders[0] / part)
+    own, other = (hash_of(manifest_of(folder))[:12] for folder in folders)
+    said = rf"{part} belongs to another store: .*{other}, that of {folders[0]} has {own}"
+    with pytest.raises(ValueError, match=said):
+        ph.open_cohort(folders[0])["total"].load()
+    with pytest.warns(UserWarning, match=f"{said}.* It is computed again"):
+        assert computed(SimulatedWork(), data, folders[0]).identical(undisturbed)
+
+
 def test_a_specimen_is_read_without_the_parts_of_others(data, undisturbed, tmp_path):
     """Any selection is the same as from the result in memory."""
     folder = tmp_path / "store"
@@ -177,15 +197,18 @@ def test_a_full_disk_or_an_interrupt_loses_nothing(data, undisturbed, tmp_path, 
     replace, count = os.replace, iter(range(100))
 
     def full(source, target):
-        if next(count) > 3:
+        # There is space for the labels and two batches.
+        if Path(target).suffix == ".nc" and next(count) > 2:
             raise OSError(28, "No space left on device", str(target))
         replace(source, target)
 
     folders = tmp_path / "interrupted", tmp_path / "full"
-    with pytest.raises(KeyboardInterrupt), pytest.warns(UserWarning, match="goes on from there"):
+    with pytest.raises(KeyboardInterrupt), pytest.warns(UserWarning, match="same call continues"):
         computed(Interrupted(), data, folders[0], batch_size=4)
     monkeypatch.setattr("pymc_hyperelastic.files.whole.os.replace", full)
-    with pytest.raises(OSError, match=r"No space left.*What was computed is in .*goes on from"):
+    with pytest.raises(
+        OSError, match=r"No space left.*Finished batches are in .*the same call continues"
+    ):
         computed(SimulatedWork(), data, folders[1], batch_size=4)
     monkeypatch.undo()
     for folder in folders:
@@ -229,6 +252,47 @@ def test_a_killed_driver_loses_nothing(cores, data, undisturbed, tmp_path):
     assert result.identical(undisturbed)
 
 
+def test_processes_prefer_installed_modules_to_those_of_the_current_folder(
+    data, tmp_path, monkeypatch
+):
+    """Own modules beside a notebook are found, after those of Python and the environment."""
+    for name in ("scipy", "signal"):
+        (tmp_path / f"{name}.py").write_text("raise SystemExit('executed')")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", ["", *sys.path])
+    workers = Processes(SimulatedWork(), 1)
+    assert workers.submit(data, Part(tmp_path / "part.nc", "hash")).result().failed == []
+    workers.close()
+    total = SimulatedWork().run(data)["total"].values
+    assert np.array_equal(ph.open_result(tmp_path / "part.nc")["total"], total)
+
+
+def test_workers_that_cannot_start_are_one_message(data, undisturbed, tmp_path, monkeypatch):
+    """No specimen is at fault: once the reason is gone, the same call computes all of them."""
+    (tmp_path / "signal.py").write_text("raise ImportError('this is no module for signals')")
+    path = [str(tmp_path), *sys.path]
+    with monkeypatch.context() as patch, pytest.raises(WorkersLost) as lost:
+        patch.setattr(sys, "path", path)
+        computed(SimulatedWork(), data, tmp_path / "store", batch_size=4, cores=2)
+    said = "no worker process can start: it ended with exit code 1: ImportError: this is no module"
+    assert str(lost.value).startswith(said) and "the same call continues" in str(lost.value)
+    assert computed(SimulatedWork(), data, tmp_path / "store").identical(undisturbed)
+
+
+def test_folders_of_killed_processes_are_removed_by_the_next_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    abandoned = tmp_path / "pymc_hyperelastic_0123"
+    (abandoned / "compiled").mkdir(parents=True)
+    mark_in_use(abandoned).close()
+    running = Processes(SimulatedWork(), 1)
+    assert len(list(tmp_path.iterdir())) == 1 and not abandoned.exists()
+    another = Processes(SimulatedWork(), 1)
+    assert len(list(tmp_path.iterdir())) == 2
+    running.close()
+    another.close()
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_cluster_without_workers_is_lost_when_nothing_happens_there(monkeypatch):
     """A worker that a batch kills as soon as it comes is hardly ever seen, but makes events."""
     monkeypatch.setattr("pymc_hyperelastic.cohorts.workers._PATIENCE", -1.0)
@@ -236,7 +300,7 @@ def test_a_cluster_without_workers_is_lost_when_nothing_happens_there(monkeypatc
     client = SimpleNamespace(nthreads=lambda: threads, get_events=lambda topic: tuple(events))
     cluster._client, cluster._seen, cluster._news = client, 0.0, ()
     cluster.check()
-    with pytest.raises(ClusterLost, match="no worker for"):
+    with pytest.raises(WorkersLost, match="no worker for"):
         cluster.check()
     events.append("another one came")
     cluster.check()

@@ -1,15 +1,21 @@
 """The command line: from tables to a report, and one message for each mistake."""
 
+import errno
 import runpy
+import shutil
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from interrupts import interrupt
+from pytensor.configdefaults import _filter_compiledir
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.command.commands import _errors, _size
+from pymc_hyperelastic.classes import pooled
+from pymc_hyperelastic.command.commands import _errors, _size, _without_formulas
 from pymc_hyperelastic.command.main import main
 
 MESSY = Path(__file__).parents[1] / "data" / "messy"
@@ -56,11 +62,16 @@ def test_check_prints_what_it_understands_and_draws_the_curves(run, table, tmp_p
     assert (tmp_path / "curves.png").stat().st_size > 10_000
 
 
+# NeoHookean is no law of these arteries, and their specimens differ.
+MISFIT = pytest.mark.filterwarnings("ignore:.*the best curve is further from the data")
+
+
+@MISFIT
 def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     study = tmp_path / "study"
-    pooled = ["--variability", "none", "--noise", "5 mmHg", "--law", "NeoHookean"]
+    settings = ["--variability", "none", "--noise", "5 mmHg", "--law", "NeoHookean"]
     printed = run(
-        "fit", table, *pooled, "--draws", "100", "--chains", "1", "--quiet", "--out", study
+        "fit", table, *settings, "--draws", "100", "--chains", "1", "--quiet", "--out", study
     )
     classes = ph.open_result(study / "classes-NeoHookean.nc")
     assert f"NeoHookean, group C1: log evidence {ph.log_evidence(classes['C1'])}" in printed
@@ -74,9 +85,34 @@ def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     result = ph.open_cohort(study / "classified")
     np.testing.assert_allclose(found["P(C2)"], result["class_probability"].sel(class_label="C2"))
     assert "P(C1)" in printed
+    # Another fit replaces the first one only if it is asked to.
+    fit = ["fit", table, *settings, "--chains", "1", "--quiet", "--out", study, "--draws"]
+    with pytest.raises(SystemExit, match=r"draws is 100 there and 120 here.*--overwrite"):
+        run(*fit, "120")
+    run(*fit, "120", "--overwrite")
     run("report", study, "--title", "Sheep <aortas>")
     page = (study / "report.html").read_text(encoding="utf-8")
     assert "<h1>Sheep &lt;aortas&gt;</h1>" in page and "New specimens" in page
+    assert "the decisions were made with other classes than Classes on this page" in page
+    with pytest.raises(
+        SystemExit, match=r"holds other work: classes, 1, C1 are not the same; .*--overwrite"
+    ):
+        run("classify", table, "--out", study, "--cores", 1, "--quiet")
+    shutil.rmtree(study / "classes-NeoHookean")
+    with pytest.raises(SystemExit, match=r"NeoHookean\.nc exists already: replace it with --over"):
+        run(*fit, "120")
+
+
+@MISFIT
+def test_an_interrupted_fit_ends_with_130_and_leaves_no_part_for_the_whole(
+    run, table, tmp_path, monkeypatch, capsys
+):
+    interrupt(monkeypatch, pooled, "run_smc", call=2)
+    law = ["--variability", "none", "--law", "NeoHookean", "--law", "Ogden"]
+    with pytest.raises(SystemExit) as ended:
+        run("fit", table, *law, "--draws", "100", "--chains", "1", "--quiet", "--out", tmp_path)
+    assert ended.value.code == 130 and "repeat the command to continue" in capsys.readouterr().err
+    assert not list(tmp_path.glob("*.nc"))
 
 
 # Some draws of these small classes have walls that cannot bear the pressure.
@@ -116,6 +152,11 @@ def test_sizes_of_errors_are_converted_to_units_of_the_package():
         (["classify", "FILE", "--out", "OUT"], "holds no classes: make them with"),
         (["report", "OUT"], "holds no classes: make them with 'pymc-hyperelastic fit'"),
         (["compare", "--out", "OUT"], "holds no classes"),
+        (
+            ["report", "OUT", "--page", "thesis.nc"],
+            "--page is 'thesis.nc'; expected a file",
+        ),
+        (["check", "FILE", "--figure", "."], "--figure is '.'; expected a file"),
     ],
 )
 def test_a_mistake_is_one_message_that_names_it(words, message, run, table, tmp_path):
@@ -124,6 +165,29 @@ def test_a_mistake_is_one_message_that_names_it(words, message, run, table, tmp_
         run(*(names.get(word, word) for word in words))
     assert str(ended.value).startswith("error: ")
     assert message in str(ended.value)
+
+
+def test_a_closed_pipe_ends_the_command_silently(run, table, tmp_path, monkeypatch, capsys):
+    def closed(*_, **__):
+        raise BrokenPipeError(errno.EPIPE, "Broken pipe")
+
+    monkeypatch.setattr("typer.echo", closed)
+    monkeypatch.setattr("sys.stdout", sys.stdout)  # Typer replaces it
+    monkeypatch.setattr("sys.stderr", sys.stderr)
+    with pytest.raises(SystemExit) as ended:
+        run("check", table, "--figure", tmp_path / "curves.png")
+    assert ended.value.code == 1 and not capsys.readouterr().err
+
+
+def test_a_home_that_cannot_be_written_is_a_message_that_says_what_to_set(
+    run, table, tmp_path, monkeypatch
+):
+    def read(*_):
+        return _filter_compiledir(table / ".pytensor")  # the table is no folder
+
+    monkeypatch.setattr("pymc_hyperelastic.command.commands.read_tests", read)
+    with pytest.raises(SystemExit, match="export PYTENSOR_FLAGS=base_compiledir=/a/folder"):
+        run("check", table)
 
 
 def test_python_m_runs_the_command(monkeypatch, capsys):
@@ -138,3 +202,14 @@ def test_an_unknown_command_is_reported_on_stderr(run, capsys):
         run("chekc")
     assert ended.value.code == 2
     assert "No such command" in capsys.readouterr().err
+
+
+def test_version_is_that_of_the_package(run):
+    assert run("--version") == f"pymc-hyperelastic {version('pymc-hyperelastic')}\n"
+
+
+def test_text_that_a_spreadsheet_would_compute_is_marked():
+    table = pd.DataFrame({"specimen": ["=1+1", "-A", "S1"], "P(a)": [-0.5, 0.5, 1.0]})
+    marked = _without_formulas(table)
+    assert marked["specimen"].tolist() == ["'=1+1", "'-A", "S1"]
+    assert marked["P(a)"].tolist() == [-0.5, 0.5, 1.0]

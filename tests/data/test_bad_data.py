@@ -46,7 +46,7 @@ BAD_TABLE = {
     "decimal comma": (lambda: cell("pressure", 12, "12,5"), "'12,5', not a number.*decimal points"),
     "truth value": (lambda: cell("radius", 10, True), "row 10: radius is True, not a number"),
     "date": (lambda: cell("pressure", 10, pd.Timestamp(0)), "row 10: pressure is Timestamp.*not a"),
-    "beyond floats": (lambda: cell("pressure", 12, 10**400), "row 12: pressure is 1000*, not a"),
+    "beyond floats": (lambda: cell("pressure", 12, 10**400), "row 12: pressure is 1000*…, not a"),
     "zero radius": (lambda: cell("radius", 13, 0.0), f"{S1E2}.*, row 13: radius is 0 mm.*positive"),
     "infinite force": (lambda: cell("axial_force", 12, np.inf), "axial_force is inf.*finite"),
     "negative diameter": (lambda: diameters(2, -20.4), f"{S1E2}, row 12: .*-20.4 mm.*positive"),

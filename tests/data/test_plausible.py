@@ -144,6 +144,16 @@ def test_pressure_of_a_prediction_that_was_probably_in_mmhg_is_doubted(function)
     function(tree, 120 * ph.mmHg, **material)
 
 
+def test_specimens_of_single_points_are_doubted(written):
+    """As if a column of numbers had been taken for the labels of specimens."""
+    rows = [f"{101.5 + i},1,{7 + i},{1 + i}\n" for i in range(3)]
+    with pytest.warns(
+        UserWarning, match=r"each of the 3 specimens has a single measured point, .*'101"
+    ):
+        written("sample,test,radius_mm,p_kPa\n" + "".join(rows))
+    written("sample,test,radius_mm,p_kPa\nS1,1,7.2,1\nS2,1,7.2,1\nS2,1,8.4,6\n")
+
+
 def test_guide_states_the_ranges():
     page = PAGE.read_text(encoding="utf-8")
     for expected in RANGES.values():

@@ -57,7 +57,7 @@ def test_labels_may_be_constants_of_each_file(written):
     assert data["specimen"].values.tolist() == ["01", "02"]
     assert data["experiment"].values.tolist() == [1, 1]
     message = message_of(written, table, settings=settings)
-    assert message.startswith("files.b.csv of the settings is not among the files, a.csv")
+    assert message.startswith("files.'b.csv' of the settings is not among the files, 'a.csv'")
 
 
 # TOML, and the beginning of its message.
@@ -66,7 +66,7 @@ BAD = {
     "key": ("presure_unit = 'kPa'", "study.toml: 'presure_unit' is not known; expected some of"),
     "unit": ("pressure_unit = 'mm'", "study.toml: pressure_unit is 'mm', which is not a known"),
     "column": ("columns = {druck = 'P'}", "study.toml: columns has 'druck', which is not known"),
-    "constants": ("files = {'a.csv' = 1}", "study.toml: files.a.csv: constants is 1; exp"),
+    "constants": ("files = {'a.csv' = 1}", "study.toml: files.'a.csv': constants is 1; exp"),
     "number for a name": ("columns = {pressure = 1}", "study.toml: columns.pressure is 1; exp"),
     "column of no file": ("columns = {pressure = 'P'}", "2 problems:\n- columns.pressure of"),
     "text": ("constants = {thickness = '1 mm'}", "study.toml: constants.thickness is '1 mm'; exp"),

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pymc as pm
+import pytensor
 import pytensor.tensor as pt
 import pytest
 import xarray as xr
-from bad_input import assert_refused, plain_model, table
+from bad_input import assert_refused, curves, plain_model, table
+from bad_input import model as ogden_model
 
 import pymc_hyperelastic as ph
 
@@ -35,6 +37,13 @@ def model_of(kind: str) -> pm.Model:
             slopes = pm.Normal("slopes", size=60)
             mean = pt.dot(np.linspace(0, 1, 60 * 20_000).reshape(20_000, 60), slopes)
             pm.Normal("y", mean, 0.1, observed=np.zeros(20_000))
+        elif kind == "minibatch":
+            data = pm.Minibatch(np.zeros(20), batch_size=5)
+            pm.Normal("y", pm.Normal("x"), observed=data, total_size=20)
+        elif kind == "random":
+            draw = np.random.default_rng().normal
+            noisy = pytensor.wrap_py([pt.dscalar], [pt.dscalar])(lambda x: np.asarray(draw(x)))
+            pm.Potential("likelihood", noisy(pm.Normal("x")))
         elif kind == "large":
             pm.Normal("y", pm.Normal("means", size=301), 0.1, observed=np.zeros(301))
     return other
@@ -59,9 +68,12 @@ BAD_INPUT = [
     unsampled("discrete", "continuous", "discrete: ['count']"),
     unsampled("nothing free", "free variables", "none"),
     unsampled("no likelihood", "nothing to temper", "[]"),
-    unsampled("impossible", "none of 50000 draws", "50000 are NaN", "prior", "unit"),
+    unsampled("impossible", "none of 50000 draws", "50000 are NaN", "unit", "pm.Truncated"),
     unsampled("costly", "60 unknowns", "takes so long", "NUTS", "ph.log_evidence_by_bridge"),
     unsampled("large", "301 unknowns, more than the 300"),
+    unsampled("minibatch", "density of the model is random", "all of its data"),
+    unsampled("random", "density of the model is random", "had another one"),
+    ("cores", lambda: smc(cores=2), TypeError, ["'cores' is no setting", "'threshold'"]),
     unsampled("flat", "drawn from the prior", "proper"),
     ("data for a model", lambda: smc(xr.Dataset()), TypeError, ["pm.Model", "Dataset"]),
     ("two draws", lambda: smc(draws=2), ValueError, ["draws is 2", "at least 3"]),
@@ -80,6 +92,13 @@ BAD_INPUT = [
     ("part of a model", lambda: smc(part_of_a_model()), ValueError, ["'part'", "`model.root`"]),
     ("no model", lambda: ph.sample_smc(progressbar=False), TypeError, ["no model is given"]),
 ]
+
+
+def test_single_precision_is_refused(monkeypatch):
+    model = plain_model()
+    monkeypatch.setattr(pytensor.config, "floatX", "float32")
+    assert_refused(lambda: smc(model), ValueError, ["'float32'", 'floatX = "float64"'])
+    assert_refused(lambda: ogden_model(curves()), ValueError, ["'float32'"])
 
 
 @pytest.mark.parametrize(("call", "error", "fragments"), table(BAD_INPUT))

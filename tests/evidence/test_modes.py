@@ -159,20 +159,47 @@ def test_density_without_bound_has_no_mode():
         assert modes_from(partial(by_differences, score), [starts], np.ones(4)) is None
 
 
-def test_starting_points_are_spread_over_the_better_half_of_draws():
-    """The first is the best one, and each other is the farthest from all before it."""
+def test_mode_at_the_edge_of_a_regime_is_found_inside_of_a_wide_one():
+    """A narrow peak where the first coordinate is below -1, up to which the density rises."""
+    mean, sd, rise = np.array([0.0, 0.5, -0.3, 0.8, 0.1]), np.array([1.0] + 4 * [0.02]), 2.0
+    narrow_log_norm = stats.norm(0, sd[1:]).logpdf(0).sum()
+
+    def ascent(width):
+        def slope(points):
+            inside, z = points[:, :1] < -1, (points - mean) / sd
+            z[:, 0] = 0
+            height = np.where(
+                inside[:, 0],
+                narrow_log_norm - (z**2).sum(axis=1) / 2 + rise * (points[:, 0] + 1),
+                stats.norm.logpdf(points).sum(axis=1),
+            )
+            return Rise(height, np.where(inside, rise * np.eye(5)[0] - z / sd, -points))
+
+        return slope
+
+    starts = np.random.default_rng(SEED).normal(size=(20, 5))
+    found = modes_from(ascent, [starts[:10], starts[10:]], np.ones(5))
+    exact = np.array([-np.log(rise), 0.0])
+    # At an edge the normal density of Laplace's approximation has the tail of an exponential one.
+    np.testing.assert_allclose(np.sort(found.log_masses), np.sort(exact), atol=1.0)
+    edge = found.mixture.means[np.argmin(found.mixture.means[:, 0])]
+    np.testing.assert_allclose(edge, [-1.0, *mean[1:]], atol=sd[1] / 10)
+
+
+def test_starting_points_are_spread_over_the_better_half_of_draws_and_over_all():
+    """The first is the best, and each other the farthest from all before it, of half or of all."""
     rng = np.random.default_rng(SEED)
     points = rng.normal(0, [1.0, 100.0], (400, 2))
     score = stats.norm(0, [1.0, 100.0]).logpdf(points).sum(axis=1)
     groups = list(places_to_climb_from(points, score))
-    assert [len(group) for group in groups] == [16, 16, 32]
+    assert [len(group) for group in groups] == [16, 16, 16, 16]
     chosen, width = np.concatenate(groups), width_of(points)
     np.testing.assert_allclose(width, [1.0, 100.0], rtol=0.15)
     better = points[score > np.median(score)]
     np.testing.assert_array_equal(chosen[0], points[score.argmax()])
-    for count in (1, 20, 63):
-        apart = ((better[:, None] - chosen[:count]) / width) ** 2
-        farthest = better[apart.sum(axis=2).min(axis=1).argmax()]
+    for count, pool in ((1, better), (20, points), (33, better), (63, points)):
+        apart = ((pool[:, None] - chosen[:count]) / width) ** 2
+        farthest = pool[apart.sum(axis=2).min(axis=1).argmax()]
         np.testing.assert_array_equal(chosen[count], farthest)
 
 

@@ -1,6 +1,7 @@
 """The sampler with its default settings on the table of models with known evidences."""
 
 import pytest
+from difficult_evidences import DIFFICULT
 from evidences import PROBLEMS
 from tiers import long
 
@@ -18,8 +19,16 @@ FAST = ["sine_frequency", "funnel_4", "half_space"]
 TOO_MANY = ["groups_1000"]
 # Models whose stated error is too small, because draws miss part of heavy tails.
 TAILS = ["horseshoe"]
+# Models of coupled angles, which lose the corners where the end of the period cuts their ridge.
+CUT = ["stiff_ring_of_angles"]
 # Models that take minutes.
 SLOW = ["groups_100", "random_walk", "regression_50", "correlated_normal_50"]
+# Difficult models that take minutes.
+SLOW_DIFFICULT = ["change_points_3", "modes_256", "many_rates"]
+OF_EFFORT = DIFFICULT["great effort"]
+FAST_DIFFICULT = [
+    p for problems in DIFFICULT.values() for p in problems.values() if p.name not in SLOW_DIFFICULT
+]
 DEEP = sorted(set(PROBLEMS) - {*FAST, *TOO_MANY, *SLOW})
 
 
@@ -46,3 +55,28 @@ def test_evidence_equals_the_known_one(name):
 @pytest.mark.parametrize("name", [*DEEP, *long(SLOW)])
 def test_evidence_of_every_other_model_equals_the_known_one(name):
     assert_right(name)
+
+
+def assert_right_or_doubted(problem):
+    """Check that a wrong evidence is not called good, and that its error is known."""
+    tree = ph.sample_smc(problem.model(), random_seed=SEED, progressbar=False)
+    value, error = ph.log_evidence(tree)
+    off = abs(value - problem.log_evidence())
+    verdict = ph.diagnose_evidence(tree).attrs["verdict"]
+    assert off < TOLERANCE or verdict != "good"
+    assert off < STANDARD_ERRORS * error or verdict != "good" or problem.name in CUT
+    return verdict
+
+
+@pytest.mark.deep
+@pytest.mark.filterwarnings("ignore:the evidence is")
+@pytest.mark.parametrize("problem", FAST_DIFFICULT, ids=lambda problem: problem.name)
+def test_evidence_of_a_difficult_model_is_right_or_doubted(problem):
+    assert_right_or_doubted(problem)
+
+
+@pytest.mark.deep
+@pytest.mark.filterwarnings("ignore:the evidence is")
+@pytest.mark.parametrize("name", long(SLOW_DIFFICULT))
+def test_evidence_of_a_model_of_great_effort_is_not_called_good(name):
+    assert assert_right_or_doubted(OF_EFFORT[name]) != "good"

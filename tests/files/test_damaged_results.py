@@ -18,6 +18,7 @@ from tiers import deep
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.priors import prior_from_record
 from pymc_hyperelastic.models.study import noise_from_records, wall_attrs
+from pymc_hyperelastic.reports.settings import settings_of
 
 # Words of Python's own errors, which do not help a user.
 BARE = re.compile(
@@ -259,6 +260,21 @@ def test_message_names_the_file_of_the_result(tmp_path):
     assert refusal(classify, classes) == (
         f"class 'C1' of {tmp_path / 'classes.nc'}: its attribute 'noise' is missing; {BLAME}"
     )
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (within("priors", "mu", value=["logp", [0.0, 1.0]]), "'logp', which is no distribution"),
+        (within("priors", "mu", value=["Nothing", [0.0]]), "'Nothing', which is no distribution"),
+        (within("noise", "weight", value=1.0), "'weight' is no error"),
+        (attribute("noise", "[" * 100_000), "'noise' is no JSON"),
+        (attribute("units", '{"mu": [1]}'), "'units' is {'mu': [1]}; expected the unit of each"),
+    ],
+)
+def test_settings_of_a_report_look_up_no_name_of_a_file_in_a_library(change, message):
+    found = refusal(settings_of, altered("pooled", change))
+    assert message in found and found.startswith("class 'C1'") and len(found) < 2000, found
 
 
 UNIFORM = ["Uniform", [0.0, 1.0]]

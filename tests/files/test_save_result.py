@@ -1,9 +1,15 @@
 """Results in files: the same after reading, complete or absent, and checked by their checksum."""
 
+import errno
 import os
 import random
+import re
+from datetime import date
+from pathlib import Path
 
+import h5py
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 
@@ -116,6 +122,35 @@ def test_a_damaged_file_raises_an_error_that_names_it(tmp_path):
             ph.open_result(path)
 
 
+def test_a_file_that_was_refused_is_not_left_open(tmp_path):
+    path = tmp_path / "result.nc"
+    ph.save_result(every_type(), path)
+    with h5py.File(path, "a") as file:
+        file["real"].attrs["units"] = "days since noon"
+    with pytest.raises(ValueError, match="days since noon"):
+        ph.open_result(path)
+    with h5py.File(path, "a") as file:
+        assert "real" in file
+
+
+def heap(path: Path, size: int) -> None:
+    """State the size of the free space in the heap of texts of an HDF5 file."""
+    content = bytearray(path.read_bytes())
+    place = content.index(b"GCOL") + 16
+    while int.from_bytes(content[place : place + 2], "little"):
+        place += 16 + -(-int.from_bytes(content[place + 8 : place + 16], "little") // 8) * 8
+    content[place + 8 : place + 16] = size.to_bytes(8, "little")
+    path.write_bytes(content)
+
+
+def test_a_heap_that_hdf5_would_read_without_end_is_refused(tmp_path):
+    path = tmp_path / "result.nc"
+    ph.save_result(every_type(), path)
+    heap(path, 0)
+    with pytest.raises(ValueError, match=r"its heap at byte .* has an object without a size"):
+        ph.open_result(path)
+
+
 def test_wrong_types_and_paths_are_errors(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"there is no file .*nothing"):
         ph.open_result(tmp_path / "nothing")
@@ -133,3 +168,138 @@ def test_an_interrupted_write_leaves_the_file_as_it_was(tmp_path):
         raise KeyboardInterrupt
     assert path.read_text() == "before"
     assert os.listdir(tmp_path) == ["file"]
+
+
+def test_attributes_become_text_or_numbers_or_are_refused_by_name(tmp_path):
+    result = every_group()
+    settings = {"yes": True, "settings": {"a": [1]}, "day": date(2024, 5, 1), "file": Path("x")}
+    result["C2"].attrs |= settings
+    ph.save_result(result, tmp_path / "result.nc")
+    found = ph.open_result(tmp_path / "result.nc")["C2"].attrs
+    assert [found[name] for name in settings] == [1, '{"a": [1]}', "2024-05-01", "x"]
+    for value in (None, 10**30, (1, "a"), [[1], [2, 3]], [], b"a", {"a": object()}):
+        result["C2"].attrs["note"] = value
+        with pytest.raises(TypeError, match=r"attribute 'note' of group '/C2'"):
+            ph.save_result(result, tmp_path / "other.nc")
+    assert os.listdir(tmp_path) == ["result.nc"]
+
+
+ODD = {
+    "None": (np.array(["a", None], object), "the variable 'odd' of group '/C2' holds object, wh"),
+    "complex": (np.array([1j, 2]), "the variable 'odd' of group '/C2' holds complex128, which"),
+    "year": (np.array(["0001-01-01"] * 2, "datetime64[D]"), "'odd' of group '/C2' .* 1678 to 2262"),
+    "category": (pd.Categorical(["a", "b"]), "the variable 'odd' of group '/C2' holds category"),
+    "units": (
+        xr.Variable("k", [1.0, 2.0], {"units": "days since 2020-01-01"}),
+        "the attribute 'units' of the variable 'odd' of group '/C2' would not be read as it was",
+    ),
+    "factor": (
+        xr.Variable("k", [1.0, 2.0], {"scale_factor": 2.0}),
+        "the attribute 'scale_factor' of the variable 'odd' of group '/C2' would not be read",
+    ),
+}
+
+
+@pytest.mark.parametrize("values, message", ODD.values(), ids=ODD)
+def test_what_a_file_would_change_is_refused_by_name(values, message, tmp_path):
+    result = every_group()
+    changed = values if isinstance(values, xr.Variable) else ("k", values)
+    result["C2"] = xr.DataTree(every_type().assign(odd=changed))
+    with pytest.raises(TypeError, match=message):
+        ph.save_result(result, tmp_path / "result.nc")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["a/b", "", 3, "a\0b", "\ud800"])
+def test_a_variable_whose_name_a_file_cannot_hold_is_refused(name, tmp_path):
+    with pytest.raises(
+        TypeError, match=re.escape(f"the variable {name!r} cannot be written under")
+    ):
+        ph.save_result(xr.Dataset({name: 1.0}), tmp_path / "result.nc")
+
+
+def test_part_of_a_multiindex_is_refused(tmp_path):
+    stacked = xr.Dataset({"x": (("a", "b"), np.eye(2))}, {"a": [1, 2], "b": [1, 2]}).stack(
+        s=["a", "b"]
+    )
+    with pytest.raises(TypeError, match=r"'s' is part of a MultiIndex, .*: unstack it"):
+        ph.save_result(stacked, tmp_path / "result.nc")
+
+
+def test_types_in_which_xarray_stored_a_result_before_do_not_round_it(tmp_path):
+    result = xr.Dataset({"x": ("k", [0.123, 4.567])})
+    result["x"].encoding = {"dtype": "i2", "scale_factor": 0.1}
+    ph.save_result(result, tmp_path / "result.nc")
+    assert ph.open_result(tmp_path / "result.nc").equals(result)
+
+
+@pytest.mark.parametrize("room", [1, 4096, 20_000])
+def test_a_full_disk_is_an_error_that_leaves_the_file_as_it_was(room, tmp_path):
+    """A limit on the size of files stops a write in the middle, as a full disk does."""
+    resource = pytest.importorskip("resource", reason="only Unix limits the size of files")
+    path = tmp_path / "result.nc"
+    ph.save_result(every_type(), path)
+    before = path.read_bytes()
+    large = xr.Dataset({"x": ("draw", np.random.default_rng(SEED).normal(size=10_000))})
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
+    try:
+        with pytest.raises(
+            OSError, match=r"result.nc cannot be written: .*left as it was"
+        ) as raised:
+            ph.save_result(large, path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert raised.value.errno == errno.EFBIG
+    assert os.listdir(tmp_path) == ["result.nc"] and path.read_bytes() == before
+
+
+def test_dates_are_the_same_after_writing_and_reading(tmp_path):
+    day = np.array(["2024-05-01T10:00", "2024-05-02T11:30"], "datetime64[s]")
+    ph.save_result(xr.Dataset({"day": ("test", day)}), tmp_path / "result.nc")
+    np.testing.assert_array_equal(ph.open_result(tmp_path / "result.nc")["day"], day)
+
+
+def external_storage(file, folder):
+    (folder / "private").write_bytes(bytes(24))
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_external(str(folder / "private").encode(), 0, 24)
+    space = h5py.h5s.create_simple((3,))
+    h5py.h5d.create(file.id, b"odd", h5py.h5t.NATIVE_DOUBLE, space, plist)
+
+
+def virtual(file, folder):
+    layout = h5py.VirtualLayout((3,), "f8")
+    layout[:] = h5py.VirtualSource(str(folder / "other.nc"), "real", (3,))
+    file.create_virtual_dataset("odd", layout)
+
+
+def dimension_list(file, folder):
+    """Replace a list that HDF5 reads into memory of the size it should have."""
+    del file["C2/real"].attrs["DIMENSION_LIST"]
+    file["C2/real"].attrs["DIMENSION_LIST"] = np.zeros((2, 2))
+
+
+UNTRUSTED = {
+    "list of dimensions": dimension_list,
+    "external link": lambda f, at: f.__setitem__("odd", h5py.ExternalLink(str(at / "a.nc"), "/x")),
+    "soft link": lambda f, at: f.__setitem__("odd", h5py.SoftLink("/real")),
+    "external storage": external_storage,
+    "virtual dataset": virtual,
+    "cycle": lambda f, at: f["C1"].__setitem__("odd", f["/"]),
+    "deep": lambda f, at: f.create_group("/".join(["odd"] * 30)),
+    "large": lambda f, at: f.create_dataset("odd", (10**12,), "f8", chunks=(1000,)),
+}
+
+
+@pytest.mark.parametrize("change", UNTRUSTED.values(), ids=UNTRUSTED)
+def test_a_file_that_reads_others_or_has_no_end_is_refused(change, tmp_path):
+    path = tmp_path / "result.nc"
+    ph.save_result(every_group(), path)
+    with h5py.File(path, "a") as file:
+        change(file, tmp_path)
+    message = (
+        "list of dimensions|another file|also another one|deeper than 10|would take .* GB of memory"
+    )
+    with pytest.raises(ValueError, match=message):
+        ph.open_result(path)

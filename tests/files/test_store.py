@@ -1,11 +1,26 @@
 """The folder that keeps the parts of a long computation."""
 
 import json
+import os
+import shutil
+import time
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
+import numpy as np
 import pytest
 import xarray as xr
 
-from pymc_hyperelastic.files.store import Store, named, remembering, seed_in
+from pymc_hyperelastic.files import store as store_module
+from pymc_hyperelastic.files.store import (
+    OtherWork,
+    Store,
+    differences,
+    hash_of,
+    named,
+    remembering,
+    seed_in,
+)
 
 RESULT = xr.Dataset({"number": ("x", [1.5, 2.5]), "text": ("x", ["a", "ü"])}, attrs={"a": [1, 2]})
 
@@ -56,6 +71,16 @@ def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
             store.remember(name, RESULT.copy)
 
 
+def test_differences_of_manifests_are_named():
+    there = {"law": {"law_fingerprint": "[1]"}, "classes": [{"A": {"sha256": "0"}, "B": 1}]}
+    here = {"law": {"law_fingerprint": "[2]"}, "classes": [{"A": {"sha256": "1"}, "B": 1}]}
+    assert differences(there, there) == []
+    assert differences(there, here) == [
+        "law, law has another formula there than here: its stresses are [1] there and [2] here",
+        "classes, 1, A are not the same",
+    ]
+
+
 def test_the_seed_of_a_store_is_that_of_its_manifest(tmp_path):
     assert seed_in(None) is None and seed_in(tmp_path / "store") is None
     for seed in (0, 7, [1, 2], -1, 1.5, "x", [1, "x"]):
@@ -65,3 +90,66 @@ def test_the_seed_of_a_store_is_that_of_its_manifest(tmp_path):
             continue
         with pytest.raises(ValueError, match=r"has the random_seed .*it is damaged"):
             seed_in(tmp_path)
+
+
+def test_a_kill_while_the_manifest_is_written_leaves_a_folder_that_serves(tmp_path):
+    (tmp_path / ".0123.unfinished").write_text("{")
+    assert Store(tmp_path, {"what": "test"}).remember("one", RESULT.copy).equals(RESULT)
+
+
+def test_of_two_processes_that_make_a_store_at_once_one_is_told(tmp_path, monkeypatch):
+    """The other one writes its manifest between the look for one and the first one's own."""
+    folder, check = tmp_path / "store", store_module._check_empty
+
+    def meanwhile(path):
+        check(path)
+        monkeypatch.setattr(store_module, "_check_empty", check)
+        Store(folder, {"seed": 2})
+
+    monkeypatch.setattr(store_module, "_check_empty", meanwhile)
+    with pytest.raises(OtherWork, match="seed is 2 there and 1 here"):
+        Store(folder, {"seed": 1})
+    assert Store(folder, {"seed": 2}).kept("one") is None
+
+
+def test_two_processes_that_make_a_store_agree_whichever_is_first(tmp_path, monkeypatch):
+    """Each waits for a random time before and after each step of the creation."""
+    rng = np.random.default_rng(1)
+
+    def waiting(function, *given):
+        time.sleep(rng.uniform(0.0, 0.003))
+        try:
+            function(*given)
+        finally:
+            time.sleep(rng.uniform(0.0, 0.003))
+
+    link, check = os.link, store_module._check_empty
+    monkeypatch.setattr("pymc_hyperelastic.files.whole.os.link", partial(waiting, link))
+    monkeypatch.setattr(store_module, "_check_empty", partial(waiting, check))
+
+    def made(folder, seed):
+        try:
+            return Store(folder, {"seed": seed}).hash
+        except OtherWork as told:
+            return str(told)
+
+    with ThreadPoolExecutor(2) as pool:
+        for i in range(25):
+            folder = tmp_path / str(i)
+            answers = [*pool.map(partial(made, folder), (1, 2))]
+            winner = json.loads((folder / "manifest.json").read_text("utf-8"))
+            loser = 3 - winner["seed"]
+            assert answers[winner["seed"] - 1] == hash_of(winner)
+            assert f"seed is {winner['seed']} there and {loser} here" in answers[loser - 1]
+            assert not list(folder.glob(".*"))
+
+
+def test_a_part_of_another_store_is_computed_again(tmp_path):
+    one, two = (Store(tmp_path / name, {"what": name}) for name in ("one", "two"))
+    one.remember("part", RESULT.copy)
+    shutil.copy(one.part("part"), two.part("part"))
+    said = (
+        rf"part\.nc belongs to another store: .* {one.hash[:12]}, that of .*two has {two.hash[:12]}"
+    )
+    with pytest.warns(UserWarning, match=said):
+        assert two.kept("part") is None

@@ -10,9 +10,11 @@ import pytensor
 import pytensor.tensor as pt
 import pytest
 from problems import AS_WRITTEN, LAWS, entries
+from tube_posteriors import fitted_tree
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
+from pymc_hyperelastic.models.study import strain_energy_attrs
 
 # Some twenty operations in double precision, and an exponent of 25 times 2 ln(1.9), about 32, which
 # multiplies the rounding of its argument.
@@ -306,3 +308,44 @@ def test_class_whose_energy_has_other_parameters_is_refused(message, energy):
 def test_wrong_settings_are_refused(make, error, message):
     with pytest.raises(error, match=message):
         make()
+
+
+def test_a_law_is_recognised_by_its_stresses(monkeypatch):
+    """A result is not predicted with another formula of the same name."""
+    monkeypatch.setattr(ph.StrainEnergy, "_registry", {**ph.StrainEnergy._registry})
+
+    def mine(power):
+        class Mine(ph.StrainEnergy):
+            parameters = (ph.Parameter("mu", "m", "kPa", (0.0, 200.0), "modulus"),)
+
+            def energy(self, radial, hoop, axial, *, mu):
+                return mu / 2 * (radial**power + hoop**power + axial**power - 3)
+
+        return Mine()
+
+    neo_hookean = mine(2)
+    # A fingerprint has six digits; the difference of two derivatives loses some of 16.
+    np.testing.assert_allclose(neo_hookean.fingerprint, ph.NeoHookean().fingerprint, rtol=1e-5)
+    tree = fitted_tree(mu=[20.0])
+    tree.attrs |= strain_energy_attrs(neo_hookean)
+    same = ph.predict_pressure(tree, [8.0])
+    assert mine(2).fingerprint == neo_hookean.fingerprint
+    assert ph.predict_pressure(tree, [8.0]).equals(same)
+    mine(4)
+    with pytest.raises(ValueError, match="'Mine' of another formula than the 'Mine' that is"):
+        ph.predict_pressure(tree, [8.0])
+
+
+def test_names_of_the_package_and_energies_without_return_are_refused(monkeypatch):
+    monkeypatch.setattr(ph.StrainEnergy, "_registry", {**ph.StrainEnergy._registry})
+    with pytest.raises(TypeError, match="Demiray is part of the package"):
+        type("Demiray", (ph.NeoHookean,), {"__module__": __name__})
+
+    class Forgotten(ph.NeoHookean):
+        def energy(self, radial, hoop, axial, *, mu):
+            mu * hoop
+
+        stress_difference = ph.StrainEnergy.stress_difference
+
+    with pytest.raises(TypeError, match=r"`energy` of Forgotten gave None; .* with `return`"):
+        Forgotten().fingerprint

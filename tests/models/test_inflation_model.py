@@ -148,7 +148,9 @@ def result_of(model):
     """The result that a model would have after sampling, with three draws."""
     names = ("beta", "log_marginal_likelihood", "log_evidence_variance")
     posterior = {"anything": np.ones((1, 3))}
-    return sampling_tree(model, posterior, {}, [{name: [1.0] for name in names}], {}, 1)
+    point = model.initial_point()
+    unconstrained = {name: np.asarray(value)[None, None] for name, value in point.items()}
+    return sampling_tree(model, posterior, unconstrained, [{name: [1.0] for name in names}], {}, 1)
 
 
 def test_a_result_holds_what_is_needed_to_make_the_model_again(tmp_path):

@@ -41,7 +41,7 @@ def test_line_is_the_ecdf_minus_the_uniform_one(ranks):
         np.testing.assert_allclose(line["x"], np.arange(101) / 100, rtol=ROUNDING)
         below = [np.mean(ranks["rank"].values[:, i] < k) - k / 100 for k in range(101)]
         np.testing.assert_allclose(line["y"], below, atol=ROUNDING)
-    p_values = ["$p$ = 0.500", "$p$ < 0.001", "not tested", "$p$ = 0.250", "$p$ = 0.001"]
+    p_values = ["p = 0.500", "p < 0.001", "not tested", "p = 0.250", "p = 0.001"]
     assert texts(figure, "title") == [f"k[{i}]\n({p})" for i, p in enumerate(p_values)]
     assert texts(figure, "xlabel") == ["rank / $(L+1)$"] * 4
     assert "200 simulations, 95 % simultaneous" in figure.get_viz("figure_title")["string"]

@@ -15,6 +15,7 @@ from figures import (
     straight_lines,
     texts,
 )
+from matplotlib.text import Text
 
 import pymc_hyperelastic as ph
 
@@ -29,6 +30,31 @@ def test_every_measured_point_is_drawn_once(group_by, panels):
     expected = np.stack([DATA["radius"].values, DATA["pressure"].values / ph.mmHg])
     expected = expected[:, np.lexsort(expected)]
     np.testing.assert_allclose(points_of(figure), expected, rtol=1e-12)
+
+
+def test_of_many_specimens_or_tests_some_of_each_group_are_drawn_and_the_title_says_so():
+    many = straight_lines(150)
+    many["group"] = ("test", np.where(np.arange(150) < 100, "A", "B"))
+    figure = ph.plot_inflation(many, backend="none")
+    assert len(elements(figure, "line")) == 60 and figure.viz["plot"].size == 2
+    assert figure.get_viz("figure_title")["string"] == "60 of 150 specimens"
+    repeated = straight_lines(2, stretches=(1.0,) * 150)
+    figure = ph.plot_inflation(repeated, group_by=None, backend="none")
+    assert len(elements(figure, "line")) == 240
+    assert figure.get_viz("figure_title")["string"] == "240 of 300 tests"
+
+
+def test_labels_with_the_sign_of_formulas_are_shown_as_they_are():
+    data = straight_lines(3).assign_attrs(title=r"$\frac{$ and $5")
+    data["specimen"] = ("test", ["a$b$", r"$\frac{$", "$"])
+    data["group"] = ("test", ["$x_1$", "$x_1$", r"\$y$"])
+    figure = ph.plot_inflation(data).get_viz("figure")
+    figure.canvas.draw()
+    # What matplotlib writes: without formulas \\$ becomes $.
+    written = figure.findobj(lambda artist: isinstance(artist, Text) and artist.get_text())
+    shown = {each._preprocess_math(each.get_text()) for each in written}
+    labels = {"specimen a$b$", r"specimen $\frac{$", r"group \$y$", r"$\frac{$ and $5"}
+    assert {(label, False) for label in labels} <= shown
 
 
 def test_every_specimen_and_cycle_has_a_look_of_its_own():

@@ -38,7 +38,12 @@ def fitted_class(data, energy="Demiray", draws=100, chains=2, shift=0.0, **attrs
         units[p.name] = p.unit
     evidence = {"log_evidence": np.linspace(-27.8, -27.7, chains)}
     evidence["log_evidence_se"] = np.full(chains, 0.05)
-    check = {"value": [0.1], "limit": [0.3], "verdict": ["good"], "words": [""]}
+    check = {
+        "value": [0.1, 0.9],
+        "limit": [0.3, 2e-3],
+        "verdict": ["good"] * 2,
+        "words": [""] * 2,
+    }
     good = {"verdict": "good", "words": "nothing is against it"}
     tree = xr.DataTree.from_dict(
         {
@@ -47,7 +52,9 @@ def fitted_class(data, energy="Demiray", draws=100, chains=2, shift=0.0, **attrs
             "constant_data": data.drop_vars("pressure"),
             "evidence": xr.Dataset({name: ("chain", v) for name, v in evidence.items()}),
             "diagnosis": xr.Dataset(
-                {name: ("check", v) for name, v in check.items()}, {"check": ["chains"]}, good
+                {name: ("check", v) for name, v in check.items()},
+                {"check": ["chains", "residuals"]},
+                good,
             ),
         }
     )

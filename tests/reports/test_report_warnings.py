@@ -1,11 +1,14 @@
 """Warnings at the top of a report, or the list of checks if there are none."""
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
 from stored_results import DATA, classified, fitted_class, fitted_classes
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.files.seal import digests_of
 
 MEASURED = ph.load_dataset("murine_pulmonary_artery")
 NOTHING = "Nothing was found that speaks against the results."
@@ -15,7 +18,15 @@ def test_report_without_warnings_says_what_was_checked(write_words):
     page = write_words({"Artery": fitted_class(ph.select(MEASURED, group="control"))})
     assert NOTHING in page.warnings
     assert "Caution" not in page.warnings and "Not to be trusted" not in page.warnings
-    assert "R-hat of each" in page.warnings
+    assert "R-hat of each" in page.warnings and "to within the noise" in page.warnings
+
+
+def test_nothing_is_said_of_a_fit_that_was_not_compared_with_its_data(write_words):
+    tree = fitted_class(ph.select(MEASURED, group="control"))
+    tree["diagnosis"] = tree["diagnosis"].to_dataset().sel(check=["chains"])
+    page = write_words({"Artery": tree})
+    assert NOTHING not in page.warnings and "What was checked does not speak" in page.warnings
+    assert "does not say whether curves follow the data" in page.warnings
 
 
 @pytest.mark.parametrize(
@@ -24,12 +35,21 @@ def test_report_without_warnings_says_what_was_checked(write_words):
 def test_verdict_of_an_evidence_is_a_warning(write_words, verdict, level):
     tree, words = fitted_class(MEASURED), "chains are 9 nats apart"
     diagnosis = tree["diagnosis"].to_dataset().assign_attrs(verdict=verdict, words=words)
-    tree["diagnosis"] = xr.DataTree(diagnosis.assign(verdict=("check", [verdict])))
+    tree["diagnosis"] = diagnosis.assign(verdict=("check", [verdict, "good"]))
     page = write_words({"Artery": tree})
     assert f"{level} Artery: the evidence is {verdict}: {words}." in page.warnings
     assert page.column("Evidence", "verdict") == [verdict]
     if verdict == "not to be trusted":
         assert page.column("Evidence", "standard error") == [np.inf]
+
+
+def test_a_fit_that_is_doubtful_is_told_from_an_evidence_that_is(write_words):
+    tree, words = fitted_class(MEASURED), "the best curve is far from the data"
+    diagnosis = tree["diagnosis"].to_dataset().assign_attrs(verdict="doubtful", words=words)
+    tree["diagnosis"] = diagnosis.assign(verdict=("check", ["good", "doubtful"]))
+    page = write_words({"Artery": tree})
+    assert f"Caution. Artery: the fit is doubtful: {words}." in page.warnings
+    assert NOTHING not in page.warnings
 
 
 def test_large_rhat_is_a_warning(write_words):
@@ -50,6 +70,22 @@ def test_result_without_evidence(write_words):
     assert "50 of 200 transitions diverged" in page.warnings
     assert "Evidence and its diagnosis" not in page.chapters
     assert "sequential Monte Carlo" not in page.methods
+
+
+def test_decisions_that_were_made_with_other_classes_are_marked(write_words):
+    """As after a fit with other settings; of two laws both must be those of the decisions."""
+    classes, refitted = fitted_classes(), fitted_classes(shift=1.0)
+    other_law = fitted_classes(energy="NeoHookean")
+    said = "Not to be trusted. New: the decisions were made with other classes than {} on this page"
+    for made_with, shown, marked in (
+        ([classes], {"Classes": classes}, ""),
+        ([classes], {"Classes": refitted}, "Classes"),
+        ([classes, other_law], {"One": refitted, "Two": other_law}, "One and Two"),
+    ):
+        identity = json.dumps([digests_of(tree.children) for tree in made_with])
+        page = write_words({**shown, "New": classified().assign_attrs(classes=identity)})
+        assert (said.format(marked) in page.warnings) == bool(marked)
+        assert ("other classes" in page.text) == bool(marked)
 
 
 def test_each_doubt_about_a_decision_names_its_specimens(write_words):

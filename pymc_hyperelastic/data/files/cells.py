@@ -17,7 +17,8 @@ from pymc_hyperelastic.data.files.numerals import (
 )
 from pymc_hyperelastic.data.files.settings import OF_KIND, Settings
 from pymc_hyperelastic.data.files.spellings import Unit, known_unit, units_of
-from pymc_hyperelastic.data.files.text import Sheet, lines_in_words, quoted
+from pymc_hyperelastic.data.files.text import Sheet, lines_in_words
+from pymc_hyperelastic.files.stored import shown
 
 # What may be missing in some rows.
 _MAY_BE_MISSING = ("axial_force",)
@@ -81,7 +82,7 @@ def unit_of(sheet: Sheet, column: Column, settings: Settings) -> tuple[Unit | No
     places += [(text, lines_in_words(of_text)) for text, of_text in lines.items()]
     found = [(known_unit(text, kind), place) for text, place in places if text]
     units = [(unit, place) for unit, place in found if unit]
-    where = f"{sheet.file}, line {sheet.name_line}: {quoted(column.header)}"
+    where = f"{sheet.file}, line {sheet.name_line}: {shown(column.header)}"
     if len({unit.factor for unit, _ in units}) > 1:
         words = ", ".join(f"{unit.spelling} in {place}" for unit, place in units)
         fix = "convert its numbers to one unit, and write that into the name"
@@ -96,7 +97,7 @@ def unit_of(sheet: Sheet, column: Column, settings: Settings) -> tuple[Unit | No
     stated = heading(column.header)
     if stated and stated.unit and stated.name == column.name:
         return None, [
-            f"{where} is {column.name}, and {quoted(stated.unit)} is no unit of {kind} that is "
+            f"{where} is {column.name}, and {shown(stated.unit)} is no unit of {kind} that is "
             f"known ({units_of(kind)}): correct it, or name the column in the list ignore of the "
             "settings"
         ]
@@ -104,9 +105,9 @@ def unit_of(sheet: Sheet, column: Column, settings: Settings) -> tuple[Unit | No
     if unit:
         return unit, []
     keyword = next((k for k, of in OF_KIND.items() if of == kind), f"units.{column.name}")
-    example = f"{column.header} [{units_of(kind).split(', ')[0]}]"
+    example = shown(f"{column.header} [{units_of(kind).split(', ')[0]}]")
     return None, [
-        f"{where} has no unit: write it into the name, such as {example!r}, or say {keyword} in "
+        f"{where} has no unit: write it into the name, such as {example}, or say {keyword} in "
         "the settings"
     ]
 
@@ -134,10 +135,10 @@ def numbers_of(
             value = number(text, decimal)
             values[i] = np.nan if value is None else value
             if value is None:
-                wrong.append((i, f"is {quoted(text)}, {why_no_number(text, decimal)}"))
+                wrong.append((i, f"is {shown(text)}, {why_no_number(text, decimal)}"))
         elif column.name not in _MAY_BE_MISSING:
-            shown = f" ({quoted(text)})" if text else ""
-            wrong.append((i, f"is missing{shown}: fill it in, or delete the line"))
+            said = f" ({shown(text)})" if text else ""
+            wrong.append((i, f"is missing{said}: fill it in, or delete the line"))
     return values, told(sheet, column, wrong)
 
 
@@ -147,6 +148,6 @@ def told(sheet: Sheet, column: Column, wrong: Iterable[tuple[int, str]]) -> list
     for i, what in wrong:
         lines[what].append(sheet.lines[i])
     return [
-        f"{sheet.file}, {lines_in_words(of_same)}: {quoted(column.header)} {what}"
+        f"{sheet.file}, {lines_in_words(of_same)}: {shown(column.header)} {what}"
         for what, of_same in lines.items()
     ]

@@ -11,6 +11,8 @@ from pymc_hyperelastic.data.files.spellings import is_unit, known_unit
 from pymc_hyperelastic.data.inflation import MEASURES
 
 LABELS = ("specimen", "experiment", "group", "cycle", "phase", "animal", "split")
+# Columns that tables of points cannot do without, besides what was measured.
+NEEDED = ("specimen", "experiment", "pressure")
 # What each number is of.
 KINDS = {
     "radius": "length",
@@ -34,8 +36,8 @@ SYNONYMS = {
     "experiment": "test run experiment_id",
     "group": "class",
     "radius": "r current_radius internal_radius current_inner_radius",
-    "outer_diameter": "external_diameter current_outer_diameter",
-    "pressure": "p transmural_pressure luminal_pressure internal_pressure",
+    "outer_diameter": "external_diameter current_outer_diameter od",
+    "pressure": "p transmural_pressure luminal_pressure internal_pressure avg_pressure pavg",
     "axial_force": "reduced_axial_force",
     "inner_radius": "unloaded_inner_radius inner_radius_unloaded",
     "outer_radius": "unloaded_outer_radius outer_radius_unloaded",
@@ -53,6 +55,9 @@ DIAMETERS = {
 _KNOWN = {name: (name, 1.0) for name in (*LABELS, *KINDS)}
 _KNOWN |= {other: (name, 1.0) for name, others in SYNONYMS.items() for other in others.split()}
 _KNOWN |= {other: (name, 0.5) for name, others in DIAMETERS.items() for other in others.split()}
+
+# A name that people who keep tables give to a specimen, and pressure myographs to a diameter.
+TWO_MEANINGS = {"id": ("specimen", "inner_diameter")}
 
 # Letters of a name with its unit; what is longer is a remark.
 _LONGEST_NAME = 80

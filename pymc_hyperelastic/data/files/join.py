@@ -6,6 +6,10 @@ import pandas as pd
 from pymc_hyperelastic.data.columns import differ
 from pymc_hyperelastic.data.doubt import refuse
 from pymc_hyperelastic.data.inflation import listed
+from pymc_hyperelastic.files.stored import shown
+
+# Labels without points that are named.
+_MOST_IDLE = 30
 
 
 def named(keys: list[str], labels: tuple) -> str:
@@ -38,26 +42,31 @@ def joined(frame: pd.DataFrame, tables: list[pd.DataFrame]) -> tuple[pd.DataFram
         # One table a group is one table.
         told = pd.concat(of_keys)
         known, wanted = (pd.MultiIndex.from_frame(t[keys]) for t in (told, frame))
+        labels = pd.factorize(known)[0]
+        first = told.index[np.unique(labels, return_index=True)[1][labels]]
         refuse(
             [
-                f"{told.index[i]}: {named(keys, known[i])} stands here and in "
-                f"{told.index[known == known[i]][0]}: remove one"
+                f"{told.index[i]}: {named(keys, known[i])} stands here and in {first[i]}: "
+                "remove one"
                 for i in np.flatnonzero(known.duplicated())
             ]
         )
         at = known.get_indexer(wanted)
+        there = listed(dict.fromkeys(told[keys[-1]]))
         refuse(
             [
                 f"{frame.index[i]}: {named(keys, wanted[i])} has no row in the table of "
-                f"{keys[-1]}s, which has {listed(dict.fromkeys(told[keys[-1]]))}: write labels in "
-                "the same way, letter by letter"
+                f"{keys[-1]}s, which has {there}: write labels in the same way, letter by letter"
                 for i in np.flatnonzero((at < 0) & ~wanted.duplicated())
             ]
         )
         for name in told.columns.difference(keys, sort=False):
             frame = _with_column(frame, name, told.iloc[at][name])
-        idle = [named(keys, known[i]) for i in range(len(known)) if i not in at]
-        words += [f"not used, without points: {', '.join(idle)}"] * bool(idle)
+        idle = np.setdiff1d(np.arange(len(known)), at)
+        if idle.size:
+            more = f" and {idle.size - _MOST_IDLE} others" if idle.size > _MOST_IDLE else ""
+            labels_of = ", ".join(named(keys, known[i]) for i in idle[:_MOST_IDLE])
+            words.append(f"not used, without points: {labels_of}{more}")
     return frame, words
 
 
@@ -68,7 +77,8 @@ def _with_column(frame: pd.DataFrame, name: str, told: pd.Series) -> pd.DataFram
         own = frame[name].to_numpy()
         refuse(
             [
-                f"{frame.index[i]}: {name} is {own[i]!r}, and {values[i]!r} in {told.index[i]}: "
+                f"{frame.index[i]}: {name} is {shown(own[i : i + 1].tolist()[0])}, and "
+                f"{shown(values[i : i + 1].tolist()[0])} in {told.index[i]}: "
                 "correct one, or name the column of one in the list ignore of the settings"
                 for i in np.flatnonzero(differ(own, values))
             ]

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from typing import Literal
 
 Decimal = Literal[".", ","]
-DECIMALS = {".": "decimal points", ",": "decimal commas"}
+DECIMALS: dict[Decimal, str] = {".": "decimal points", ",": "decimal commas"}
 
 # What stands for a number that is not there, in small letters.
 MISSING = {"", "-", "–", "—", "?", "na", "n/a", "n.a.", "#n/a", "nan", "none", "null", "nd", "n.d."}

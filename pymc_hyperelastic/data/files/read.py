@@ -1,5 +1,6 @@
 """Inflation data from the files of a laboratory, and what was understood of them."""
 
+import io
 import os
 import re
 import warnings
@@ -20,6 +21,8 @@ from pymc_hyperelastic.data.files.text import read_sheet
 from pymc_hyperelastic.data.geometry import WALL
 from pymc_hyperelastic.data.inflation import MEASURES
 from pymc_hyperelastic.data.table import inflation_data
+from pymc_hyperelastic.files.place import PACKAGE
+from pymc_hyperelastic.files.stored import shown
 
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 
@@ -132,22 +135,28 @@ def read_tests(
     if data.sizes["obs"] < len(frame):
         understood.append(f"of these the last cycle of each, {data.sizes['obs']} points, is taken")
     for message in told:
-        warnings.warn(message, stacklevel=2)
+        warnings.warn(message, skip_file_prefixes=(PACKAGE,))
     return data.assign_attrs(understood="\n".join(understood))
 
 
 def _given(files: Paths, settings: object) -> tuple[dict[str, Path], Settings]:
     """Tables by the names that messages give them, and settings."""
-    several = [files] if isinstance(files, str | os.PathLike) else files
+    several = [files] if isinstance(files, str | os.PathLike | io.IOBase) else files
     several = list(several) if isinstance(several, Iterable) else [several]
     if not all(isinstance(file, str | os.PathLike) for file in several):
-        raise TypeError(f"files are {files!r}; expected a path or a list of paths")
+        raise TypeError(
+            f"files are {shown(files)}; expected a path or a list of paths. Write a text or an "
+            "open file to a file first"
+        )
+    for file in map(str, several):
+        if re.match("[a-z]+://", file):
+            raise ValueError(f"{file} is an address, not a path: download the file, and give it")
     paths = [Path(file) for file in several]
     toml = [path for path in paths if path.suffix.lower() == ".toml"]
     if isinstance(settings, str | os.PathLike):
         toml.append(Path(settings))
     elif not isinstance(settings, Mapping | None):
-        raise TypeError(f"settings are {settings!r}; expected a path, a dict or None")
+        raise TypeError(f"settings are {shown(settings)}; expected a path, a dict or None")
     if len(toml) + isinstance(settings, Mapping) > 1:
         raise ValueError(f"settings are given twice, in {toml[0]} too: put them into one file")
     paths = [path for path in paths if path not in toml]
@@ -169,7 +178,9 @@ def _tables(paths: dict[str, Path], settings: Settings, understood: list[str]) -
     problems = []
     for name, path in paths.items():
         try:
-            tables.append(table_of(read_sheet(path, name, settings.separator), settings))
+            tables.append(
+                table_of(read_sheet(path, name, settings.separator, settings.columns), settings)
+            )
         except ValueError as error:
             problems.append(str(error))
     understood += [table.understood for table in tables]

@@ -11,6 +11,8 @@ from pymc_hyperelastic.data.files.numerals import DECIMALS, LARGEST
 from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_unit, units_of
 from pymc_hyperelastic.data.files.text import SEPARATORS
 from pymc_hyperelastic.data.inflation import listed
+from pymc_hyperelastic.data.labels import plain_label
+from pymc_hyperelastic.files.stored import in_one_line, shown
 
 # Units of all columns of a kind, as arguments of inflation_data are called.
 OF_KIND = {
@@ -23,6 +25,10 @@ OF_KIND = {
 CONVENTIONS = ("measured", "opening_angle_convention", "radii_of", "cycles")
 _NAMES = (*LABELS, *KINDS)
 _SECTIONS = {"columns": _NAMES, "units": tuple(KINDS), "constants": _NAMES}
+# Characters of a file of settings, and of a line of it: the memory that a TOML key takes grows with
+# the square of its parts.
+_LARGEST_FILE = 200_000
+_LONGEST_LINE = 1000
 _KEYS = (*CONVENTIONS, *OF_KIND, "decimal", "separator", "ignore", *_SECTIONS, "files")
 
 
@@ -65,9 +71,17 @@ class Settings:
 def read_settings(path: Path) -> Settings:
     """Settings of a TOML file. Raises ValueError where it is none, or says what is not known."""
     try:
-        said = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        with path.open(encoding="utf-8-sig") as file:
+            text = file.read(_LARGEST_FILE + 1)
+        longest = max(map(len, text.splitlines()), default=0)
+        if len(text) > _LARGEST_FILE or longest > _LONGEST_LINE:
+            raise ValueError(
+                f"{path.name} is no file of settings: it has more than {_LARGEST_FILE} characters, "
+                f"or a line of more than {_LONGEST_LINE}; divide long lists between lines"
+            )
+        said = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ValueError(f"{path.name} is not a TOML file in UTF-8: {error}") from None
+        raise ValueError(f"{path.name} is not a TOML file in UTF-8: {in_one_line(error)}") from None
     return settings_of(said, path.name)
 
 
@@ -76,25 +90,27 @@ def settings_of(said: Mapping[str, Any], place: str) -> Settings:
     where = f"{place}: " if place else "settings: "
     for key, value in said.items():
         if key not in _KEYS:
-            raise ValueError(f"{where}{key!r} is not known; expected some of {listed(_KEYS)}")
+            raise ValueError(f"{where}{shown(key)} is not known; expected some of {listed(_KEYS)}")
         if key in _SECTIONS:
             _check_section(where, key, value)
         elif key == "files":
             _check_files(where, value)
         elif key == "ignore":
             if not _is_texts(value):
-                raise ValueError(f"{where}ignore is {value!r}; expected a list of column names")
+                raise ValueError(
+                    f"{where}ignore is {shown(value)}; expected a list of column names"
+                )
         elif not isinstance(value, str):
-            raise ValueError(f"{where}{key} is {value!r}; expected text in quotation marks")
+            raise ValueError(f"{where}{key} is {shown(value)}; expected text in quotation marks")
     for key, marks in (("decimal", DECIMALS), ("separator", SEPARATORS)):
         if key in said and said[key] not in marks:
-            raise ValueError(f"{where}{key} is {said[key]!r}; expected one of {listed(marks)}")
+            raise ValueError(f"{where}{key} is {shown(said[key])}; expected one of {listed(marks)}")
     return Settings(
         {key: said[key] for key in CONVENTIONS if key in said},
         _columns(said.get("columns", {})),
         _constants(f"{where}constants", said.get("constants", {})),
         {
-            file: _constants(f"{where}files.{file}", constants)
+            file: _constants(f"{where}files.{shown(file)}", constants)
             for file, constants in said.get("files", {}).items()
         },
         {
@@ -110,26 +126,28 @@ def settings_of(said: Mapping[str, Any], place: str) -> Settings:
 
 def _check_section(where: str, key: str, section: object) -> None:
     if not isinstance(section, Mapping):
-        raise ValueError(f"{where}{key} is {section!r}; expected a table, [{key}]")
+        raise ValueError(f"{where}{key} is {shown(section)}; expected a table, [{key}]")
     for name, value in section.items():
         # Names may be others, have units, and be of diameters, of which half is taken.
         if name not in _SECTIONS[key] and not (key != "units" and heading(name)):
             raise ValueError(
-                f"{where}{key} has {name!r}, which is not known; expected some of "
+                f"{where}{key} has {shown(name)}, which is not known; expected some of "
                 f"{listed(_SECTIONS[key])}"
             )
         if key == "columns" and not (isinstance(value, str) or _is_texts(value)):
             raise ValueError(
-                f"{where}columns.{name} is {value!r}; expected the name of a column as text, or a "
-                "list of names that it has in several files"
+                f"{where}columns.{name} is {shown(value)}; expected the name of a column as text, "
+                "or a list of names that it has in several files"
             )
 
 
 def _check_files(where: str, files: object) -> None:
     if not isinstance(files, Mapping):
-        raise ValueError(f'{where}files is {files!r}; expected tables, such as [files."a.csv"]')
+        raise ValueError(
+            f'{where}files is {shown(files)}; expected tables, such as [files."a.csv"]'
+        )
     for file, constants in files.items():
-        _check_section(f"{where}files.{file}: ", "constants", constants)
+        _check_section(f"{where}files.{shown(file)}: ", "constants", constants)
 
 
 def _is_texts(value: object) -> bool:
@@ -153,16 +171,19 @@ def _constants(where: str, said: Mapping[str, Any]) -> Constants:
         assert known is not None  # which was checked
         name, scale, spelling = known
         if name in constants:
-            raise ValueError(f"{where} has two of {name}, the second is {key!r}: remove one")
+            raise ValueError(f"{where} has two of {name}, the second is {shown(key)}: remove one")
         if isinstance(value, bool) or not isinstance(value, int | float | str):
-            raise ValueError(f"{where}.{key} is {value!r}; expected a number or text")
+            raise ValueError(f"{where}.{key} is {shown(value)}; expected a number or text")
         if name in LABELS:
-            constants[name] = str(value).strip()
+            try:
+                constants[name] = plain_label(value)
+            except ValueError as error:
+                raise ValueError(f"{where}.{key}: {error}") from None
         elif isinstance(value, str) or not abs(value) < LARGEST:
             unit_of = internal_unit(KINDS[name])
             of_unit = f", and its unit in its name, as in {name}_{unit_of}, or in units.{name}"
             raise ValueError(
-                f"{where}.{key} is {value!r}; expected a number{of_unit if unit_of else ''}"
+                f"{where}.{key} is {shown(value)}; expected a number{of_unit if unit_of else ''}"
             )
         else:
             unit = None if spelling is None else _unit("", f"{where}.{key}", spelling, KINDS[name])
@@ -174,7 +195,7 @@ def _unit(where: str, key: str, spelling: object, kind: str) -> Unit:
     unit = known_unit(spelling, kind) if isinstance(spelling, str) else None
     if unit is None:
         raise ValueError(
-            f"{where}{key} is {spelling!r}, which is not a known unit of {kind}; expected one of "
-            f"{units_of(kind)}"
+            f"{where}{key} is {shown(spelling)}, which is not a known unit of {kind}; expected one "
+            f"of {units_of(kind)}"
         )
     return unit

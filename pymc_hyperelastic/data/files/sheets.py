@@ -17,12 +17,29 @@ from pymc_hyperelastic.data.files.cells import (
     unit_of,
     units_of_cells,
 )
-from pymc_hyperelastic.data.files.headers import LABELS, called, comparable, heading
-from pymc_hyperelastic.data.files.numerals import DECIMALS, Decimal, decimal_of, is_missing
+from pymc_hyperelastic.data.files.headers import (
+    LABELS,
+    NEEDED,
+    TWO_MEANINGS,
+    called,
+    comparable,
+    heading,
+)
+from pymc_hyperelastic.data.files.numerals import (
+    DECIMALS,
+    Decimal,
+    decimal_of,
+    is_missing,
+    number,
+)
 from pymc_hyperelastic.data.files.settings import Settings
 from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_unit
-from pymc_hyperelastic.data.files.text import SEPARATORS, Sheet, no_rows, quoted
+from pymc_hyperelastic.data.files.text import SEPARATORS, Sheet, no_rows
+from pymc_hyperelastic.data.labels import plain_label
+from pymc_hyperelastic.files.stored import shown
 
+# Columns that are named as not used.
+_MOST_UNUSED = 100
 _NO_LABEL = "is missing: give every line its label, fill the column down"
 
 
@@ -47,7 +64,7 @@ class Table:
     def taken(self, kind: str) -> list[str]:
         """In which units columns of a kind were taken, in words."""
         return [
-            f"{quoted(self.header(name))} of {self.sheet.file} was taken in {unit.spelling}"
+            f"{shown(self.header(name))} of {self.sheet.file} was taken in {unit.spelling}"
             for name, unit in self.units.items()
             if unit.kind == kind
         ]
@@ -71,6 +88,7 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
       not used: 'note'
     """
     columns, unused, problems = _columns(sheet, settings)
+    needed = {*NEEDED, *(known.name for known in settings.columns.values())}
     columns, sheet = _without_unit_row(sheet, columns)
     decimal, doubts = _decimal(sheet, columns, settings)
     problems += doubts
@@ -81,12 +99,17 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
         cells = sheet.column(column.position)
         is_label = column.name in LABELS
         if all(not cell if is_label else is_missing(cell) for cell in cells):
-            unused.append(f"{quoted(column.header)} (empty)")
+            unused.append(f"{shown(column.header)} (empty)")
+            if column.name in needed:
+                problems.append(
+                    f"{sheet.file}: {shown(column.header)}, which is {column.name}, has no entry "
+                    "in any line: fill it in, or name another column in the settings"
+                )
         elif is_label:
             values[column.name] = cells
             words.append(_label_in_words(column, cells))
-            missing = [(i, _NO_LABEL) for i, cell in enumerate(cells) if not cell]
-            problems += told(sheet, column, missing)
+            bad = [(i, why) for i, cell in enumerate(cells) if (why := _why_no_label(cell))]
+            problems += told(sheet, column, bad)
         else:
             unit, wrong = unit_of(sheet, column, settings)
             numbers, no_numbers = numbers_of(sheet, column, decimal)
@@ -100,7 +123,10 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
         f"{sheet.file}: {sheet.encoding}, separated by {SEPARATORS[sheet.separator]}, "
         f"{DECIMALS[decimal]}, {count} row{'s' * (count > 1)}"
     )
-    words += [f"not used: {', '.join(unused)}"] * bool(unused)
+    if unused:
+        others = len(unused) - _MOST_UNUSED
+        more = f" and {others} others" if others > 0 else ""
+        words.append(f"not used: {', '.join(unused[:_MOST_UNUSED])}{more}")
     return Table(sheet, columns, units, frame, problems, "\n  ".join([head, *words]))
 
 
@@ -119,16 +145,46 @@ def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str],
             known = None
         known = next((said[name] for name in names if name in said), known)
         if not known or not ignored.isdisjoint(names):
-            unused.append(quoted(header) if header else "a column without a name")
+            unused.append(shown(header) if header else "a column without a name")
             continue
         column = Column(position, header, known.name, known.scale)
         if column.name in columns:
             problems.append(
-                f"{where}: {quoted(columns[column.name].header)} and {quoted(header)} are both "
+                f"{where}: {shown(columns[column.name].header)} and {shown(header)} are both "
                 f"{column.name}: rename one, or name it in the list ignore of the settings"
             )
         columns.setdefault(column.name, column)
+    for column in columns.values():
+        name = comparable(column.header)
+        meanings = TWO_MEANINGS.get(name, ())
+        cells = sheet.column(column.position) if meanings and name not in said else []
+        beside_another = "outer_diameter" in columns and _are_numbers(cells)
+        if cells and (beside_another or _are_measured(cells)):
+            ways = " or ".join(
+                f"columns.{meaning} = {shown(column.header)}" for meaning in meanings
+            )
+            problems.append(
+                f"{where}: {shown(column.header)} may be {' or '.join(meanings)}: say which in "
+                f"the settings, {ways}"
+            )
     return list(columns.values()), unused, problems
+
+
+def _are_measured(cells: list[str]) -> bool:
+    """Return True where all cells are numbers with decimals, as labels are not."""
+    return any(mark in cell for cell in cells for mark in DECIMALS) and _are_numbers(cells)
+
+
+def _are_numbers(cells: list[str]) -> bool:
+    return all(any(number(cell, mark) is not None for mark in DECIMALS) for cell in cells)
+
+
+def _why_no_label(cell: str) -> str:
+    """Return what is wrong with a label, or nothing."""
+    try:
+        return "" if plain_label(cell) else _NO_LABEL
+    except ValueError as error:
+        return f"is unusable: {error}"
 
 
 def _without_unit_row(sheet: Sheet, columns: list[Column]) -> tuple[list[Column], Sheet]:
@@ -165,19 +221,19 @@ def _decimal(sheet: Sheet, columns: list[Column], settings: Settings) -> tuple[D
         return decimal, []
     example = next(cell for cell in cells if "," in cell)
     return decimal, [
-        f"{sheet.file}: {quoted(example)}, and whatever else has a comma, may have a decimal comma "
+        f"{sheet.file}: {shown(example)}, and whatever else has a comma, may have a decimal comma "
         'or thousands that are set apart: say decimal = "," or decimal = "." in the settings'
     ]
 
 
 def _label_in_words(column: Column, cells: list[str]) -> str:
     count = len(set(cells))
-    return f"{quoted(column.header)} is {column.name}: {count} label{'s' * (count > 1)}"
+    return f"{shown(column.header)} is {column.name}: {count} label{'s' * (count > 1)}"
 
 
 def _number_in_words(column: Column, unit: Unit | None, numbers: NDArray[np.float64]) -> str:
     half = "half of " if column.scale != 1 else ""
-    words = f"{half}{quoted(column.header)} is {column.name}"
+    words = f"{half}{shown(column.header)} is {column.name}"
     if unit and (unit.kind, unit.factor) != ("ratio", 1):
         words += f" in {unit.spelling}"
         if unit.factor != 1:

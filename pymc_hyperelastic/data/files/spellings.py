@@ -8,22 +8,15 @@ import unicodedata
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from pymc_hyperelastic.data.units import INTERNAL_UNITS, to_internal
+from pymc_hyperelastic.data.units import INTERNAL_UNITS, UNITS, to_internal
 
-# Units by what they measure, as pint calls them.
-_UNITS = {
-    "pressure": ["kPa", "Pa", "hPa", "MPa", "mmHg", "torr", "cmH2O", "mbar", "bar", "psi"],
-    "length": ["mm", "um", "nm", "cm", "m", "inch"],
-    "force": ["mN", "uN", "N", "gf", "dyn"],
-    "angle": ["rad", "deg"],
-}
 _OTHERS = {"micron": "um", "microns": "um", "in": "inch", "pond": "gf"}
 _OTHERS |= {"°": "deg", "degree": "deg", "degrees": "deg"}
 _POWERS = {"length": 1, "area": 2, "volume": 3}
 _RATIOS = {"": 1.0, "1": 1.0, "-": 1.0, "–": 1.0, "mm/mm": 1.0, "%": 0.01}
 # In small or in large letters these would be other units, or none.
 _AS_WRITTEN = {"mpa", "mn", "un", "n", "nm", "m"}
-_IN_SMALL_LETTERS = {unit.casefold(): unit for units in _UNITS.values() for unit in units} | _OTHERS
+_IN_SMALL_LETTERS = {unit.casefold(): unit for units in UNITS.values() for unit in units} | _OTHERS
 
 
 class Unit(NamedTuple):
@@ -73,7 +66,7 @@ def known_unit(spelling: str, kind: str) -> Unit | None:
             return None
     if plain.casefold() not in _AS_WRITTEN:
         plain = _IN_SMALL_LETTERS.get(plain.casefold(), plain)
-    if plain not in _UNITS[quantity]:
+    if plain not in UNITS[quantity]:
         return None
     return Unit(spelling, kind, float(to_internal(1.0, plain, quantity)) ** power)
 
@@ -89,7 +82,7 @@ def units_of(kind: str) -> str:
     if kind == "ratio":
         return "1, %"
     power = f"{_POWERS[kind]}" if kind in ("area", "volume") else ""
-    return ", ".join(unit + power for unit in _UNITS["length" if kind in _POWERS else kind])
+    return ", ".join(unit + power for unit in UNITS["length" if kind in _POWERS else kind])
 
 
 def is_unit(spelling: str) -> bool:
@@ -100,4 +93,4 @@ def is_unit(spelling: str) -> bool:
     >>> is_unit("mmHg"), is_unit("diameter")
     (True, False)
     """
-    return any(known_unit(spelling, kind) for kind in (*_UNITS, *_POWERS, "ratio"))
+    return any(known_unit(spelling, kind) for kind in (*UNITS, *_POWERS, "ratio"))

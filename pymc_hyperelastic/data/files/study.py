@@ -4,13 +4,14 @@ import pandas as pd
 
 from pymc_hyperelastic.data.columns import LABELS as OF_TEST
 from pymc_hyperelastic.data.doubt import Check, refuse
-from pymc_hyperelastic.data.files.headers import KINDS, names_of
+from pymc_hyperelastic.data.files.headers import KINDS, NEEDED, names_of
 from pymc_hyperelastic.data.files.join import joined, named
 from pymc_hyperelastic.data.files.settings import Constant, Settings
 from pymc_hyperelastic.data.files.sheets import Table
 from pymc_hyperelastic.data.files.spellings import internal_unit
-from pymc_hyperelastic.data.files.text import quoted
 from pymc_hyperelastic.data.geometry import WALL
+from pymc_hyperelastic.data.inflation import listed
+from pymc_hyperelastic.files.stored import shown
 
 MEASURED = ("radius", "outer_diameter")
 # Points of a test that another has too; fewer may agree by chance.
@@ -96,7 +97,7 @@ def _with_constants(table: Table, settings: Settings) -> tuple[pd.DataFrame, lis
             said = repr(constant) if isinstance(constant, str) else constant.value
             problems.append(
                 f"{name} is {said} in the settings, and {table.sheet.file} has a column of it, "
-                f"{table.header(name)!r}: remove one, or name the column in the list ignore"
+                f"{shown(table.header(name))}: remove one, or name the column in the list ignore"
             )
         if isinstance(constant, str):
             frame = frame.assign(**{name: constant})
@@ -116,20 +117,20 @@ def _has(table: Table) -> str:
     names = table.sheet.names
     if len(names) == 1:
         return (
-            f"{table.sheet.file} has one column, {quoted(names[0])} (separate columns by tabs, "
+            f"{table.sheet.file} has one column, {shown(names[0])} (separate columns by tabs, "
             "semicolons or commas, and begin remarks above their names with #)"
         )
-    return f"{table.sheet.file} has {', '.join(map(quoted, names))}"
+    return f"{table.sheet.file} has {listed(names)}"
 
 
 def _not_found(tables: list[Table], settings: Settings) -> list[str]:
     """Files and columns that the settings name, and that are not there."""
     texts: dict[str, list[str]] = {}
     for text, known in settings.columns.items():
-        texts.setdefault(known.name, []).append(repr(text))
+        texts.setdefault(known.name, []).append(shown(text))
     files = [table.sheet.file for table in tables]
     problems = [
-        f"files.{file} of the settings is not among the files, {', '.join(files)}"
+        f"files.{shown(file)} of the settings is not among the files, {listed(files)}"
         for file in settings.files
         if file not in files
     ]
@@ -146,7 +147,9 @@ def _missing(points: list[Table], others: list[Table], settings: Settings) -> li
     needed = [("specimen",), ("experiment",), MEASURED, ("pressure",)]
     problems = []
     for table in points or others:
+        # A column that is known and empty is a problem of its table.
         known = {*table.frame, *_with_constants(table, settings)[0]}
+        known |= {column.name for column in table.columns} & set(NEEDED)
         lacking = [names for names in needed if known.isdisjoint(names)]
         if lacking:
             none = ", no column ".join(" or ".join(names) for names in lacking)
@@ -158,7 +161,8 @@ def _missing(points: list[Table], others: list[Table], settings: Settings) -> li
             )
             problems.append(
                 f"{_has(table)}, and no column {none}: rename the one that holds it, or say what "
-                f"it is called, columns.{lacking[0][0]} in the settings ({others_called})"
+                f"it is called, columns.{lacking[0][0]} in the settings, or what it is in all "
+                f"rows, constants.{lacking[0][0]} ({others_called})"
             )
     problems += [
         f"{_has(table)}: these are no points, with pressures, and no specimens, with a column "
@@ -201,24 +205,27 @@ def _counted(labels: pd.Series) -> pd.Series:
 
 def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
     """What is wrong where the rows of one test stand in several files."""
-    problems = []
-    for labels, rows in tests:
-        first = rows.index.map(lambda place: place.rpartition(", line ")[0]).duplicated()
-        if (~first).sum() > 1:
-            problems.append(
-                f"{' and '.join(rows.index[~first])}: {named(tests.keys, labels)} begins in "
-                "several files: give two experiments two labels, or put the rows of one into one "
-                "file"
-            )
-    return problems
+    frame = tests.obj
+    files = frame.index.str.rpartition(", line ").get_level_values(0)
+    first = frame.loc[~pd.DataFrame({"test": tests.ngroup(), "file": files}).duplicated()]
+    begins: dict[tuple, list[str]] = {}
+    for place, *labels in first[tests.keys].itertuples():
+        begins.setdefault(tuple(labels), []).append(place)
+    return [
+        f"{' and '.join(places)}: {named(tests.keys, labels)} begins in several files: give two "
+        "experiments two labels, or put the rows of one into one file"
+        for labels, places in begins.items()
+        if len(places) > 1
+    ]
 
 
 def _alike(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
     """What is wrong where two experiments have the same points, as if one had been copied."""
     seen: dict[tuple, tuple[tuple, str]] = {}
     problems = []
+    measured = tests.obj.columns.intersection([*MEASURED, "pressure", "axial_force"])
     for labels, rows in tests:
-        values = rows[rows.columns.intersection([*MEASURED, "pressure", "axial_force"])].to_numpy()
+        values = rows[measured].to_numpy()
         points = tuple(sorted(tuple(f"{x:.{_DIGITS}g}" for x in row) for row in values))
         # Its cycles may well be the same, as they are read.
         experiment, place = labels[:2], f"{named(tests.keys, labels)} ({rows.index[0]})"

@@ -3,15 +3,23 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from inspect import isabstract, signature
 from itertools import islice
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 import pytensor.tensor as pt
+from pytensor import function
 from pytensor.gradient import grad
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable as Tensor
+
+from pymc_hyperelastic.parallel import one_thread
+
+# Hoop and axial stretches at which stresses tell one formula from another: tension, both, and
+# compression along the hoop. They are small, so that the stresses of steep laws are finite.
+_FINGERPRINT_STRETCHES = ((1.1, 1.05), (1.2, 1.1), (0.95, 1.02))
 
 
 @dataclass(frozen=True)
@@ -110,6 +118,12 @@ class StrainEnergy(ABC):
             return
         if not isinstance(cls.parameters, property):  # else known only of an instance
             cls._check_parameters()
+        known = StrainEnergy._registry.get(cls.__name__)
+        if known and _is_of_the_zoo(known) and not _is_of_the_zoo(cls):
+            raise TypeError(
+                f"a strain energy {cls.__name__} is part of the package, and results refer to it "
+                "by this name: give your class another one"
+            )
         StrainEnergy._registry[cls.__name__] = cls
 
     @classmethod
@@ -171,7 +185,13 @@ class StrainEnergy(ABC):
     def _reduced_energy(self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor) -> Tensor:
         """``Ŵ(λθ, λz) = W(1/(λθ λz), λθ, λz)`` of an incompressible solid."""
         hoop, axial = pt.exp(log_hoop), pt.exp(log_axial)
-        return self.energy(pt.exp(-log_hoop - log_axial), hoop, axial, **parameters)
+        energy = self.energy(pt.exp(-log_hoop - log_axial), hoop, axial, **parameters)
+        if not isinstance(energy, Variable):
+            raise TypeError(
+                f"`energy` of {self.name} gave {energy!r}; expected an expression of the "
+                "stretches: does it end with `return`?"
+            )
+        return energy
 
     def kinks(self, log_axial: Tensor, **parameters: Tensor) -> Sequence[Tensor]:
         """Values of ``ln λθ`` at which the stress is not smooth, or NaN where there is none.
@@ -188,6 +208,16 @@ class StrainEnergy(ABC):
         It takes the same parameters. By default it is the law itself.
         """
         return self
+
+    @property
+    def fingerprint(self) -> tuple[float, ...]:
+        """Stresses in kPa at fixed stretches and parameters, by which the formula is recognised.
+
+        They are ``σθθ − σrr`` and ``σzz − σrr`` at three pairs of stretches, rounded to six digits,
+        with each parameter inside its prior range. Two laws with other
+        formulas have other stresses there, whatever they are called.
+        """
+        return _fingerprint(self)
 
     def split(self, parameters: Mapping[str, Any]) -> list[Any]:
         """All entries of all parameters as one list, in the order of :attr:`parameters`.
@@ -300,6 +330,31 @@ def list_strain_energies() -> list[str]:
     True
     """
     return list(StrainEnergy._registry)
+
+
+def _is_of_the_zoo(law: type[StrainEnergy]) -> bool:
+    return law.__module__.startswith(f"{__name__.rpartition('.')[0]}.")
+
+
+@cache
+@one_thread
+def _fingerprint(law: StrainEnergy) -> tuple[float, ...]:
+    hoop, axial = np.log(_FINGERPRINT_STRETCHES).T
+    entries: list[Tensor] = []
+    for p in law.parameters:
+        low, high = p.prior_range
+        for _ in range(p.size or 1):
+            # No two parameters at the same share of their ranges: a swap of two shows.
+            share = 0.3 + 0.4 / (2 + len(entries))
+            entries.append(pt.constant(low + share * (high - low), dtype="float64"))
+    log_hoop, log_axial = pt.constant(hoop), pt.constant(axial)
+    parameters = law.join(entries)
+    stresses = [
+        law.stress_difference(log_hoop, log_axial, **parameters),
+        law.axial_stress_difference(log_hoop, log_axial, **parameters),
+    ]
+    values = function([], stresses, mode="FAST_COMPILE")()
+    return tuple(float(f"{value:.6g}") for value in np.ravel(values))
 
 
 def elementwise_derivative(y: Tensor, x: Tensor) -> Tensor:

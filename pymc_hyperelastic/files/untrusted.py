@@ -1,0 +1,106 @@
+"""What a netCDF file that somebody sent may not do: read other files, or have no end."""
+
+import os
+import re
+from collections.abc import Iterator
+from mmap import ACCESS_READ, mmap
+from typing import BinaryIO
+
+import h5py
+
+from pymc_hyperelastic.files.stored import shown
+
+# A result has a class in a group, and in it groups of draws: two levels.
+_DEEPEST = 10
+# Groups and variables; a cohort's parts have tens, a fit of many classes some hundreds.
+_MOST_OBJECTS = 20_000
+# Bytes in memory for each byte of the file; zlib cannot compress further than this.
+_LARGEST_RATIO = 1100
+# Bytes of number, count and size before each object of a heap of HDF5.
+_HEAP_HEADER = 16
+
+
+def check_self_contained(file: BinaryIO) -> None:
+    """Raise ValueError for an HDF5 file that points to other files, or to groups in a circle.
+
+    HDF5 follows external links, external storage and virtual datasets to any file that the reader
+    of the result may read.
+    """
+    size = os.fstat(file.fileno()).st_size
+    if not size:
+        raise ValueError("it is empty")
+    with mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+        _check_heaps(content)
+    declared = 0
+    with h5py.File(file, "r") as root:
+        for count, (name, entry) in enumerate(_entries(root, "", {_identity(root)})):
+            if count >= _MOST_OBJECTS:
+                raise ValueError(f"it holds more than {_MOST_OBJECTS} groups and variables")
+            if isinstance(entry, h5py.Dataset):
+                if entry.external is not None or entry.is_virtual:
+                    raise ValueError(f"its variable {shown(name)} points to another file")
+                _check_dimensions(name, entry)
+                declared += entry.size * entry.dtype.itemsize if entry.size else 0
+        if declared > _LARGEST_RATIO * size:
+            raise ValueError(f"its variables would take {declared / 1e9:.3g} GB of memory")
+
+
+def _check_heaps(content: mmap) -> None:
+    """Raise ValueError for a heap of texts or lists that HDF5 2.0 would never finish reading.
+
+    A heap is a row of objects, each with a number, a size and its bytes; number 0 is the free space
+    at its end. HDF5 does not go on from an object that takes no bytes.
+    """
+    for heap in re.finditer(rb"GCOL\x01\0{3}(.{8})", content, re.DOTALL):
+        place, end = heap.end(), heap.start() + int.from_bytes(heap[1], "little")
+        while place + _HEAP_HEADER <= min(end, len(content)):
+            number = int.from_bytes(content[place : place + 2], "little")
+            size = int.from_bytes(content[place + 8 : place + 16], "little")
+            if number:
+                size = (_HEAP_HEADER + size + -size % 8) % 2**64
+            if not size:
+                raise ValueError(f"its heap at byte {heap.start()} has an object without a size")
+            place += size
+
+
+def _check_dimensions(name: str, variable: h5py.Dataset) -> None:
+    """Raise ValueError for lists of dimensions of another type or shape.
+
+    HDF5 2.0 reads these lists into memory of the size that they should have, and ends the process.
+    """
+    sound = True
+    if "DIMENSION_LIST" in variable.attrs:
+        found = variable.attrs.get_id("DIMENSION_LIST")
+        of = h5py.check_vlen_dtype(found.dtype)
+        sound = found.shape == (variable.ndim,) and of is not None and of == h5py.ref_dtype
+    if "REFERENCE_LIST" in variable.attrs:
+        found = variable.attrs.get_id("REFERENCE_LIST")
+        sound &= len(found.shape or ()) == 1 and found.dtype.names == ("dataset", "dimension")
+    if not sound:
+        raise ValueError(f"the list of dimensions of its variable {shown(name)} is damaged")
+
+
+def _entries(
+    group: h5py.Group, place: str, seen: set[object], depth: int = 1
+) -> Iterator[tuple[str, h5py.Group | h5py.Dataset]]:
+    """Groups and variables below a group, each once."""
+    for name in group:
+        path = f"{place}/{name}"
+        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            raise ValueError(f"{shown(path)} is a link, which may lead to another file")
+        entry = group[name]
+        if isinstance(entry, h5py.Group):
+            if _identity(entry) in seen:
+                raise ValueError(f"its group {shown(path)} is also another one")
+            if depth >= _DEEPEST:
+                raise ValueError(f"its group {shown(path)} is deeper than {_DEEPEST} levels")
+            seen.add(_identity(entry))
+        yield path, entry
+        if isinstance(entry, h5py.Group):
+            yield from _entries(entry, path, seen, depth + 1)
+
+
+def _identity(group: h5py.Group) -> object:
+    """Return what two names of one group have in common: its file and address."""
+    info = h5py.h5o.get_info(group.id)
+    return info.fileno, info.addr

@@ -1,0 +1,137 @@
+"""What a diagnosis says of the fit: limits of priors, and residuals beside the noise."""
+
+import numpy as np
+import pandas as pd
+import pymc as pm
+import pytest
+from scipy import stats
+from scipy.optimize import minimize_scalar
+
+import pymc_hyperelastic as ph
+
+SEED = 1
+TUBE = {"inner_radius": 2.5, "outer_radius": 3.0}
+RADIUS, MU = np.linspace(2.55, 2.7, 8), 40.0
+AS_WRITTEN = "FAST_COMPILE"
+KNOWN = {**TUBE, "mu": 1.0}
+# Of a modulus of 1 kPa: pressure, its slope, and the force, which are proportional to the modulus.
+PRESSURE, SLOPE, FORCE = (
+    curve(ph.NeoHookean(), RADIUS, **KNOWN).eval(mode=AS_WRITTEN)
+    for curve in (ph.inflation_pressure, ph.inflation_stiffness, ph.axial_force)
+)
+SD, FORCE_SD, OFFSET_SD, DIAMETER_SD = 0.1, 2.0, 50.0, 0.01
+# By how much the best of 200 draws, of one parameter, is worse than the best of all.
+BEST_DRAW = 0.02
+
+
+def errors(seed):
+    return np.random.default_rng(seed).standard_normal((2, 8))
+
+
+def two_tests(shift=0.0):
+    """Two tests of one tube; the pressure of the second is shifted."""
+    frames = []
+    for experiment, error in enumerate([errors(1), errors(2)]):
+        frame = {"radius": RADIUS, "pressure": MU * PRESSURE + SD * error[0] + shift * experiment}
+        frame["axial_force"] = MU * FORCE + FORCE_SD * error[1] + 30.0 * experiment
+        frames.append(pd.DataFrame(frame).assign(specimen="A", experiment=experiment + 1))
+    return ph.inflation_data(pd.concat(frames, ignore_index=True), **TUBE)
+
+
+def sampled(data, **noise):
+    model = ph.inflation_model(ph.NeoHookean(), data, noise_sd=SD, slope_weight=0.0, **noise)
+    return ph.sample_smc(model, draws=300, chains=2, random_seed=SEED, progressbar=False)
+
+
+def residuals_of(tree):
+    of_signal = tree["evidence"]["chi_square"].to_series().unstack()
+    return of_signal, tree["evidence"]["points"].to_series().unstack()
+
+
+def measured(data, name):
+    return data[name].values.reshape(2, 8)
+
+
+def test_squared_residuals_are_those_of_least_squares():
+    data = two_tests()
+    squares, points = residuals_of(sampled(data.drop_vars("axial_force")))
+    pressure = measured(data, "pressure")
+    mu = (pressure @ PRESSURE).sum() / (2 * PRESSURE @ PRESSURE)
+    expected = np.square((pressure - mu * PRESSURE) / SD).sum(axis=1)
+    np.testing.assert_allclose(squares["pressure"], expected, atol=BEST_DRAW)
+    assert (points["pressure"] == 8).all()
+
+
+def test_an_offset_of_forces_is_no_residual():
+    data = two_tests()
+    tree = sampled(data, force_noise_sd=FORCE_SD, force_offset_sd=OFFSET_SD)
+    squares, points = residuals_of(tree)
+
+    def of_signals(mu):
+        pressure = (measured(data, "pressure") - mu * PRESSURE) / SD
+        force = (measured(data, "axial_force") - mu * FORCE) / FORCE_SD
+        force = force - force.mean(axis=1, keepdims=True)
+        return [np.square(error).sum(axis=1) for error in (pressure, force)]
+
+    best = minimize_scalar(lambda mu: np.sum(of_signals(mu)), bounds=(35, 45), method="bounded")
+    expected = of_signals(best.x)
+    for signal, value in zip(["pressure", "axial_force"], expected, strict=True):
+        np.testing.assert_allclose(squares[signal], value, atol=3 * BEST_DRAW)
+    assert points.loc[:, "axial_force"].tolist() == [7, 7]
+    assert tree["diagnosis"].attrs["verdict"] == "good"
+
+
+def test_an_error_of_the_diameter_is_one_of_the_pressure_by_the_slope():
+    data = two_tests().drop_vars("axial_force")
+    squares, _ = residuals_of(sampled(data, diameter_noise_sd=DIAMETER_SD))
+
+    def sum_of_squares(mu):
+        variance = SD**2 + (mu * SLOPE * DIAMETER_SD / 2) ** 2
+        return np.sum((measured(data, "pressure") - mu * PRESSURE) ** 2 / variance)
+
+    best = minimize_scalar(sum_of_squares, bounds=(30, 50), method="bounded").fun
+    assert squares["pressure"].sum() == pytest.approx(best, abs=BEST_DRAW)
+
+
+def test_one_test_that_is_wrong_is_named():
+    """Half of a shift that is common to a test is left in each after the fit of both."""
+    data = two_tests(shift=1.0).drop_vars("axial_force")
+    with pytest.warns(UserWarning, match=r"the fit is doubtful: .* specimen 'A', experiment [12]"):
+        tree = sampled(data)
+    said = ph.diagnose_evidence(tree).sel(check="residuals")
+    squares, points = residuals_of(tree)
+    smallest = stats.chi2.sf(squares["pressure"], points["pressure"]).min()
+    assert said["value"] == pytest.approx(2 * smallest) and said["verdict"] == "doubtful"
+    assert "NUTS" not in ph.diagnose_evidence(tree).attrs["words"]
+
+
+def beside_limit(place, sd):
+    """A number whose likelihood is normal, with a uniform prior from 1 to 2."""
+    with pm.Model() as model:
+        x = pm.Uniform("x", 1.0, 2.0)
+        pm.Potential("likelihood", pm.logp(pm.Normal.dist(place, sd), x))
+    return ph.sample_smc(model, draws=1000, chains=2, random_seed=SEED, progressbar=False)
+
+
+@pytest.mark.parametrize(
+    ("place", "sd", "end"),
+    [(0.9, 0.02, "lower limit 1 of x"), (2.1, 0.04, "upper limit 2 of x"), (2.0, 0.01, None)],
+)
+@pytest.mark.filterwarnings("ignore:the fit is doubtful")
+def test_share_at_a_limit_is_that_of_a_truncated_normal(place, sd, end):
+    tree = beside_limit(place, sd)
+    posterior = stats.truncnorm((1 - place) / sd, (2 - place) / sd, place, sd)
+    shares = tree["evidence"]["at_limit"].to_series()
+    exact = posterior.cdf(1.01), posterior.sf(1.99)
+    for share, value in zip(
+        exact, [shares["lower limit 1 of x"], shares["upper limit 2 of x"]], strict=True
+    ):
+        # Two chains of 1000 draws; those of moved particles are nearly independent.
+        assert value == pytest.approx(share, abs=4 * np.sqrt(share * (1 - share) / 1000) + 1e-9)
+    assert end is None or end in tree["diagnosis"].attrs["words"]
+
+
+def test_a_posterior_that_ends_before_a_limit_is_not_at_it():
+    tree = beside_limit(1.995, 0.0008)
+    assert (tree["evidence"]["at_limit"] == 0).all()
+    assert tree["diagnosis"].attrs["verdict"] == "good"
