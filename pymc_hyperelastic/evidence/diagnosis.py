@@ -45,7 +45,7 @@ _MOST_AT_LIMIT = 0.5
 # number of tests and signals.
 _CHANCE_OF_RESIDUALS = 2e-3
 # Largest share of other particles where the reference has too few draws, for a good evidence. Few
-# particles may stand for much mass: three change points with 0.014 were wrong by 0.7 nats. Some
+# particles may stand for much mass: three change points with 0.024 were wrong by 0.9 nats. Some
 # right models have 0.02, heavy tails 0.08: they are doubted in vain.
 _MOST_UNMET = 0.01
 # The same for a doubtful evidence. Three change points, of whose six modes some were missing, had
