@@ -66,10 +66,6 @@ class SpecimenTarget(Target):
         """Draw points from the prior, shape (count, d)."""
         return self.whole.draw_prior(count, rng)[:, self.places]
 
-    def log_evidence_at_bounds(self, count: int, rng: np.random.Generator) -> float:
-        """Nothing: coordinates of specimens, and logarithms of noises, have no bounds."""
-        return -np.inf
-
     def score(self, points: Array) -> tuple[Array, Array]:
         """Log prior and log likelihood of every point; NaN and ``+inf`` count as ``−inf``."""
         self.effort += len(points) / self.at_once

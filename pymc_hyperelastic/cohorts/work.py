@@ -70,7 +70,7 @@ def run_batch(work: Work, token: str, data: xr.Dataset, part: Part) -> Remarks:
     Returns
     -------
     Remarks
-        What failed in it, or is doubtful, and why.
+        Why units failed, or have a doubtful fit.
     """
     # All that a warning would say stands in the results.
     with LOCK, warnings.catch_warnings(), threadpool_limits(1):
@@ -81,16 +81,13 @@ def run_batch(work: Work, token: str, data: xr.Dataset, part: Part) -> Remarks:
         result = _each_alone_if_needed(_prepared[token], data, work.by)
         # All labels are in a file of their own: to read a part takes as long as it has variables.
         part.save(result.drop_vars([*labels_of(data, work.by)]))
-    said = {
-        name: [
-            f"{label}: {words}"
-            for label, words in zip(units_of(data, work.by), result[name].values, strict=True)
-            if words
-        ]
-        for name in ("error", DOUBTFUL)
-        if name in result
-    }
-    return Remarks(said["error"], said.get(DOUBTFUL, []))
+    labels = units_of(data, work.by)
+
+    def messages(name: str) -> list[str]:
+        texts = result[name].values.tolist() if name in result else [""] * len(labels)
+        return [f"{label}: {text}" for label, text in zip(labels, texts, strict=True) if text]
+
+    return Remarks(messages("error"), messages(DOUBTFUL))
 
 
 def _each_alone_if_needed(run: Prepared, data: xr.Dataset, by: str) -> xr.Dataset:

@@ -85,7 +85,7 @@ def find_reference(target: Target, rng: np.random.Generator, *, probed: bool = T
     Particles tempered from the prior find what has mass, but miss what is narrow; climbs find that,
     but not what is skewed or has no mode. A mixture of both, with a share of the prior, is where
     particles are then tempered from again, and those make the reference. If it is `probed`, it is
-    compared with where other particles go.
+    compared with the places of other particles, and with draws of the prior at its bounds.
     """
     draws, few = (
         min(max(each * target.dimension, least), largest)
@@ -120,17 +120,19 @@ def find_reference(target: Target, rng: np.random.Generator, *, probed: bool = T
     if modes is not None and len(modes.log_masses) > 1:
         # There may be more modes than a mixture has components.
         mixture = mixture.joined(modes.mixture, _SHARE_OF_MODES)
-    reference, unmet = Reference(mixture.heavy_tailed(), _LAST_SHARE), np.nan
+    reference = Reference(mixture.heavy_tailed(), _LAST_SHARE)
+    unmet, at_bounds = np.nan, -np.inf
     if probed:
         others = np.resize(prior[::-1], (few, target.dimension))
         unmet = _unmet(target, reference, found.log_evidence, others, rng)
+        at_bounds = target.log_evidence_at_bounds(draws, rng)
     return Search(
         reference,
         Estimate(forward.log_evidence + share.value, forward_error if told else np.inf),
         at_modes,
         at_modes_k,
         modes.log_masses if modes is not None else np.array([]),
-        target.log_evidence_at_bounds(draws, rng),
+        at_bounds,
         unmet,
     )
 

@@ -131,9 +131,6 @@ class OfErrors(Target):
     def draw_prior(self, count, rng):
         return rng.standard_normal((count, self.dimension))
 
-    def log_evidence_at_bounds(self, count, rng):
-        return -np.inf
-
     def score(self, points):
         prior = stats.norm.logpdf(points).sum(axis=1)
         return prior, -np.square(self._errors(points @ self._axes)).sum(axis=1) / 2
