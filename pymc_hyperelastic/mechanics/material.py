@@ -32,8 +32,8 @@ class MaterialIntegral(WallIntegral):
         # Of the axial stretch each node needs one of its own to be differentiated by.
         stretches = wall.log_hoop, log_axial + pt.zeros_like(wall.log_hoop)
         rest = (pt.zeros_like(stretch) for stretch in stretches)
-        stored = energy._reduced_energy(*stretches, **parameters)
-        stored -= energy._reduced_energy(*rest, **parameters)
+        stored = energy.reduced_energy(*stretches, **parameters)
+        stored -= energy.reduced_energy(*rest, **parameters)
         hoop = energy.stress_difference(*stretches, **parameters)
         axial = energy.axial_stress_difference(*stretches, **parameters)
         moduli = [
