@@ -1,8 +1,7 @@
 """Isotropic strain energies of the invariants I₁ and I₂ of the right Cauchy-Green tensor.
 
-Each class states its energy, its closed-form stress and its source. Overviews: R. W. Ogden,
-Non-linear Elastic Deformations, Dover 1997, chapter 4; G. A. Holzapfel, Nonlinear Solid Mechanics,
-Wiley 2000, chapter 6.
+Each class states its energy, its closed-form stress and its source. Overview: G. A. Holzapfel,
+Nonlinear Solid Mechanics, Wiley 2000, chapter 6.
 """
 
 from abc import abstractmethod
