@@ -196,8 +196,6 @@ class HolzapfelGasserOgden(_FibreReinforced):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.HolzapfelGasserOgden(),
@@ -241,8 +239,6 @@ class GasserOgdenHolzapfel(_FibreReinforced):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.GasserOgdenHolzapfel(),
@@ -300,8 +296,6 @@ class FourFiber(_FibreReinforced):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.FourFiber(),

@@ -65,8 +65,6 @@ class NeoHookean(_FirstInvariant):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.NeoHookean(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=40.0
@@ -103,8 +101,6 @@ class MooneyRivlin(IsotropicStrainEnergy):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.MooneyRivlin(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, c10=10.0, c01=5.0
@@ -122,7 +118,7 @@ class MooneyRivlin(IsotropicStrainEnergy):
             "c_{01}",
             "kPa",
             (0.0, 100.0),
-            "half the shear modulus of the I₂ term; about a tenth of c10 in rubber",
+            "half the shear modulus of the I₂ term; a tenth of c10 in rubber",
         ),
     )
 
@@ -156,8 +152,6 @@ class Yeoh(_FirstInvariant):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.Yeoh(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, c1=10.0, c2=10.0, c3=20.0
@@ -167,14 +161,8 @@ class Yeoh(_FirstInvariant):
     """
 
     parameters = (
-        Parameter(
-            "c1",
-            "c_1",
-            "kPa",
-            (0.0, 300.0),
-            "half the small-strain shear modulus; 174 in an aortic aneurysm",
-        ),
-        Parameter("c2", "c_2", "kPa", (0.0, 3000.0), "stiffening; 1881 in an aortic aneurysm"),
+        Parameter("c1", "c_1", "kPa", (0.0, 300.0), "half the shear modulus; 174 in an aneurysm"),
+        Parameter("c2", "c_2", "kPa", (0.0, 3000.0), "stiffening; 1881 in an aneurysm"),
         Parameter("c3", "c_3", "kPa", (0.0, 3000.0), "stiffening at larger strain"),
     )
 
@@ -206,8 +194,6 @@ class Gent(_FirstInvariant):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.Gent(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=20.0, limit=2.0
@@ -223,7 +209,7 @@ class Gent(_FirstInvariant):
             "J_m",
             "",
             (0.1, 100.0),
-            "upper limit of I₁ − 3; 0.4 to 2.3 in arteries, 30 to 100 in rubber",
+            "limit of I₁ − 3; 0.4 to 2.3 in arteries, 30 to 100 in rubber",
         ),
     )
 
@@ -257,8 +243,6 @@ class Demiray(_FirstInvariant):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.Demiray(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=20.0, b=2.0
@@ -300,8 +284,6 @@ class ArrudaBoyce(_FirstInvariant):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.ArrudaBoyce(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=20.0, lock=1.5
@@ -353,8 +335,6 @@ class PowerLawNeoHookean(_FirstInvariant):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.PowerLawNeoHookean(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=20.0, n=3.0
@@ -370,7 +350,7 @@ class PowerLawNeoHookean(_FirstInvariant):
             "n",
             "",
             (0.3, 30.0),
-            "stiffening exponent; the solid softens below 1 and is nearly exponential at 30",
+            "stiffening exponent; softening below 1, nearly exponential at 30",
         ),
     )
 

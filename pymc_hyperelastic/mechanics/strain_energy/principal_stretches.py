@@ -33,8 +33,6 @@ class Ogden(IsotropicStrainEnergy):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.Ogden(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=30.0, alpha=7.0
@@ -50,7 +48,7 @@ class Ogden(IsotropicStrainEnergy):
             r"\alpha",
             "",
             (-40.0, 40.0),
-            "exponent of the stretches, either sign; about 2 in rubber, 5 to 30 in arteries",
+            "exponent; 2 in rubber, 5 to 30 in arteries",
             scale="log",
         ),
     )
@@ -98,8 +96,6 @@ class OgdenSeries(IsotropicStrainEnergy):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.OgdenSeries(),
@@ -127,7 +123,7 @@ class OgdenSeries(IsotropicStrainEnergy):
                 r"\mu",
                 "kPa",
                 (0.0, 100.0),
-                "modulus of each term; it has the sign of the exponent in a stable solid",
+                "modulus of each term; in a stable solid μp αp > 0",
                 size=self.terms,
             ),
             Parameter(
@@ -135,7 +131,7 @@ class OgdenSeries(IsotropicStrainEnergy):
                 r"\alpha",
                 "",
                 (1.0, 40.0),
-                "exponent of each term; negative exponents, as in rubber, need a prior of your own",
+                "exponent of each term; negative exponents need a prior of your own",
                 size=self.terms,
             ),
         )

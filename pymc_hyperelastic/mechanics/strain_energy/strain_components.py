@@ -29,8 +29,6 @@ class CriscioneType(StrainEnergy):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.CriscioneType(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, a=10.0, b=4.0
@@ -41,18 +39,14 @@ class CriscioneType(StrainEnergy):
 
     parameters = (
         Parameter(
-            "a",
-            "a",
-            "kPa",
-            (0.0, 100.0),
-            "energy scale; the small-strain modulus of inflation is proportional to a b²",
+            "a", "a", "kPa", (0.0, 100.0), "energy; small inflation has the shear modulus a b²"
         ),
         Parameter(
             "b",
             "b",
             "",
             (-20.0, 20.0),
-            "stiffening exponent, either sign; half of Ogden's exponent",
+            "stiffening exponent; half of Ogden's exponent",
             scale="log",
         ),
     )
@@ -91,8 +85,6 @@ class FungOrthotropic(StrainEnergy):
 
     Examples
     --------
-    Pressures (kPa) at two internal radii (mm) of a tube:
-
     >>> import pymc_hyperelastic as ph
     >>> pressure = ph.inflation_pressure(
     ...     ph.FungOrthotropic(),
