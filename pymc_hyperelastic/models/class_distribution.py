@@ -42,8 +42,8 @@ _EXPERIMENT_SPREAD = (0.15, 0.8)
 _EFFECT_SPREAD = (0.5, 0.5)
 # Standard deviation, between specimens, of the logarithm of the measurement error.
 _NOISE_SPREAD = (0.3, 0.5)
-# Concentration η of the LKJ prior of correlations, ∝ det(R)^(η − 1): correlations near ±1, with which
-# covariance matrices are nearly singular, are improbable.
+# Concentration η of the LKJ prior of correlations, ∝ det(R)^(η − 1): correlations near ±1, and thus
+# nearly singular covariance matrices, are improbable.
 _CONCENTRATION = 2.0
 # Scalar and vector variables of a class's posterior; vectors have one entry per coordinate.
 _SCALARS = ("effect_spread", *SPREAD_OF_NOISE.values(), *NOISE_UNITS)
