@@ -221,6 +221,13 @@ def test_instances_with_equal_settings_are_equal_and_found_by_name():
     assert ph.OgdenSeries(2).entry_names == ("mu[0]", "mu[1]", "alpha[0]", "alpha[1]")
     assert ph.StrainEnergy.from_name("TwoFibre", fibre_angle=0.5) == TwoFibre(0.5)
     assert ph.StrainEnergy.from_name("OgdenSeries", terms=2) == ph.OgdenSeries(2)
+    # A file gives a tuple back as a list.
+    pair = ph.StrainEnergy.from_name("TwoFibre", fibre_angle=[0.5, 0.7])
+    assert pair == TwoFibre((0.5, 0.7)) and hash(pair) == hash(TwoFibre((0.5, 0.7)))
+    with pytest.raises(
+        TypeError, match=r"TwoFibre\(fibre_angle=\[0.5\]\) is not hashable; use tuples"
+    ):
+        hash(TwoFibre([0.5]))
     assert {"TwoFibre", "Gent", "OgdenSeries"} <= set(ph.list_strain_energies())
 
 

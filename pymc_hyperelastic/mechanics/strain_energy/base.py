@@ -88,10 +88,11 @@ class StrainEnergy(ABC):
 
     A subclass states its :attr:`parameters` and implements :meth:`energy`: the energy ``W`` per
     reference volume, as a PyTensor expression of the principal stretches. Pressure, stiffness,
-    axial force, their gradients, models, evidence and classification follow from ``W``. A vector
+    axial force, gradients, models, evidence and classification follow from ``W``. A vector
     parameter is passed as a tuple of its entries.
 
-    Two instances of one class with equal attributes are equal.
+    The attributes of an instance are settings of the law: numbers, text, or tuples of them. Two
+    instances of one class with equal attributes are equal.
 
     **Names.** A result stores the name of the class, the attributes of the instance, and stresses
     computed from its formula (:attr:`fingerprint`). The names of the package's own laws are
@@ -308,13 +309,19 @@ class StrainEnergy(ABC):
             raise ValueError(
                 f"{name} has the settings {list(accepted)}, but {unknown} were given as well"
             )
-        return law(**settings)
+        # Files store tuples as lists.
+        return law(**{n: tuple(v) if isinstance(v, list) else v for n, v in settings.items()})
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and vars(self) == vars(other)
 
     def __hash__(self) -> int:
-        return hash((type(self), *sorted(vars(self).items())))
+        try:
+            return hash((type(self), *sorted(vars(self).items())))
+        except TypeError:
+            raise TypeError(
+                f"an attribute of {self!r} is not hashable; use tuples instead of lists and arrays"
+            ) from None
 
     def __repr__(self) -> str:
         settings = ", ".join(f"{name}={value!r}" for name, value in vars(self).items())
