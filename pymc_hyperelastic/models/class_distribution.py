@@ -136,16 +136,8 @@ def register_class(
 ) -> ClassDistribution:
     """Register the variables of a class's distribution in the model in context.
 
-    Parameters
-    ----------
-    scale : NaturalScale
-        Coordinates of specimens, with their default priors.
-    observation : Observation
-        Signals and their noise; an inferred noise differs between specimens.
-    experiment_effect : bool
-        If True, the tests of one specimen differ.
-    priors : dict, optional
-        Distributions that replace default priors, by name.
+    With `experiment_effect` the tests of one specimen differ. An inferred noise of `observation`
+    differs between specimens. `priors` replace default priors by name.
     """
     given = dict(priors or {})
     size = len(scale.names)

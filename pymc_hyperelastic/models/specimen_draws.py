@@ -132,14 +132,9 @@ def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDis
 
     The scale of ``Ω`` differs between specimens and is integrated out by quadrature.
 
-    Parameters
-    ----------
-    xp : module
-        ``numpy`` for numbers, ``pytensor.tensor`` for variables.
-    draws : dict
-        Arrays of :class:`SpecimenDraws` by name, or those of :func:`stacked`.
-    distribution : ClassDistribution
-        Distribution of the class, which broadcasts against the draws.
+    `xp` is ``numpy`` for numbers and ``pytensor.tensor`` for variables. `draws` holds the arrays of
+    :class:`SpecimenDraws` by name, or those of :func:`stacked`; `distribution` broadcasts against
+    them.
     """
     monomials = draws["monomials"] if "monomials" in draws else _monomials(draws["centre"])
     if distribution.experiment_spread is None:
