@@ -316,7 +316,7 @@ def test_wrong_settings_are_refused(make, error, message):
 
 
 def test_result_is_refused_if_the_law_of_its_name_has_another_formula(monkeypatch):
-    """Of two classes of a user with one name, the name stands for the one defined last."""
+    """A name that two classes of a user share stands for the class that was defined last."""
     monkeypatch.setattr(ph.StrainEnergy, "_registry", {**ph.StrainEnergy._registry})
 
     def mine(power):

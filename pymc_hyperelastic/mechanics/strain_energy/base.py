@@ -300,7 +300,7 @@ class StrainEnergy(ABC):
         if not isinstance(name, str) or name not in StrainEnergy._registry:
             raise ValueError(
                 f"no strain energy is called {name!r}; expected one of "
-                f"{sorted(StrainEnergy._registry)}. If it is your own, run or import its class first"
+                f"{sorted(StrainEnergy._registry)}. Run or import its class first if it is yours"
             )
         law = StrainEnergy._registry[name]
         accepted = signature(law).parameters
