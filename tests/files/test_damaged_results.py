@@ -287,20 +287,11 @@ UNIFORM = ["Uniform", [0.0, 1.0]]
 
 
 def test_records_of_priors_and_of_noise_are_looked_up_in_a_table_and_checked():
-    for record in (
-        ["os.system", [0.0, 1.0]],
-        ["Mixture", [0.0, 1.0]],
-        [["Uniform"], [0.0, 1.0]],
-        "Uniform",
-        [*UNIFORM, 0],
-        [*UNIFORM, 2, 2],
-        [*UNIFORM, True],
-        ["Uniform", [0.0]],
-        ["Uniform", "01"],
-        ["Uniform", [0.0, "1"]],
-        ["Uniform", [0.0, np.nan]],
-        ["Uniform", [0.0, [1.0, 2.0, 3.0]], 2],
-    ):
+    limits, parameters = [0.0, 1.0], ([0.0], "01", [0.0, "1"], [0.0, np.nan], [0.0, [1.0, 2.0]])
+    sizes = [*UNIFORM, 0], [*UNIFORM, 2, 2], [*UNIFORM, True]
+    names = ("os.system", "Mixture", ["Uniform"])
+    records = [["Uniform", p] for p in parameters] + [[name, limits] for name in names]
+    for record in ("Uniform", *records, *sizes, ["Uniform", [0.0, [1.0, 2.0, 3.0]], 2]):
         with pytest.raises(ValueError) as refused:
             prior_from_record(record, "mu")
         assert f"'mu' is {record!r}; expected [name, parameters], or [name" in str(refused.value)
