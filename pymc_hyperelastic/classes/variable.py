@@ -349,7 +349,7 @@ def sample_specimens(
             return sampler(part, np.random.default_rng(seed_of(seed, name))).as_dataset()
 
         try:
-            draws[name] = SpecimenDraws.of_dataset(remember(f"specimen-{i}", sample))
+            draws[name] = SpecimenDraws.from_dataset(remember(f"specimen-{i}", sample))
             advance()
         except (ValueError, ArithmeticError) as error:
             raise ValueError(f"specimen {name!r} cannot be sampled: {error}") from error

@@ -113,8 +113,8 @@ def test_draws_of_a_class_are_those_of_its_posterior():
     some = distributions_of(xr.DataTree.from_dict({"posterior": posterior}), 4)
     np.testing.assert_array_equal(some.location, found.location[:, [0, 40, 79, 119]])
     for changed, message in (
-        (posterior.drop_vars("noise_sd"), "the spread of 'sigma', but not the size"),
-        (posterior.assign(correlation=posterior["correlation"] - 0.9), "holds no correlations"),
+        (posterior.drop_vars("noise_sd"), "the spread of 'sigma', but not the median"),
+        (posterior.assign(correlation=posterior["correlation"] - 0.9), "is no correlation matrix"),
         (posterior.drop_vars("correlation"), "'correlation' of 'posterior' is missing"),
     ):
         with pytest.raises(ValueError, match=message):

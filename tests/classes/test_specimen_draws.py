@@ -127,6 +127,6 @@ def test_a_part_of_the_draws_gets_the_weight_of_all():
     half = draws.first(20)
     np.testing.assert_allclose(half.log_weight, draws.log_weight[:20] + np.log(2))
     np.testing.assert_array_equal(half.scatter, draws.scatter[:, :20])
-    again = SpecimenDraws.of_dataset(draws.as_dataset())
+    again = SpecimenDraws.from_dataset(draws.as_dataset())
     for name, value in vars(draws).items():
         np.testing.assert_array_equal(getattr(again, name), value)

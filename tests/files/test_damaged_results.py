@@ -289,7 +289,7 @@ def test_records_of_priors_and_of_noise_are_looked_up_in_a_table_and_checked():
         (["Uniform", [0.0]], "Uniform, has the parameters .0.0.; expected a list of 2"),
         (["Uniform", [0.0, "1"]], "has the parameter '1'; expected a number"),
         (["Uniform", [0.0, np.nan]], "has the parameter nan; expected a number"),
-        (["Uniform", [0.0, [1.0, 2.0, 3.0]], 2], "or as many as its size"),
+        (["Uniform", [0.0, [1.0, 2.0, 3.0]], 2], "a list of as many numbers as its size"),
     ):
         with pytest.raises(ValueError, match=message):
             prior_from_record(record, "mu")

@@ -107,7 +107,7 @@ TYPE_ERRORS = [
     # Models in the context of another one.
     (lambda: inside(lambda _: prior(FOREIGN)), "'mu'|with model:"),
     (lambda: inside(lambda mu: prior(pm.LogNormal.dist(mu, 1))), "depends on the random variable"),
-    (lambda: inside(lambda mu: fit(priors={"mu": mu})), "'mu'|by itself"),
+    (lambda: inside(lambda mu: fit(priors={"mu": mu})), "'mu'|independent"),
     (ph.sample_smc, "no model is given|in context"),
     (lambda: ph.force_offsets(curves()), "DataTree"),
 ]
@@ -143,13 +143,13 @@ VALUE_ERRORS = [
     # Layers.
     (lambda: layers(data=curves()), "layers state the thickness|outer_radius=None"),
     (lambda: layers(geometry={"thickness": ph.Measured(0.1)}), "give a layer's thickness a prior"),
-    (lambda: layers(*(ph.Layer(ph.NeoHookean(), 1, mu=mu) for mu in TWICE)), "one name|'mu'"),
+    (lambda: layers(*(ph.Layer(ph.NeoHookean(), 1, mu=mu) for mu in TWICE)), "same name|'mu'"),
     (lambda: fit({"C1": THICK}, energy=[NEO_HOOKEAN]), "class 'C1'|layers|do not make a class"),
     # Extension tests.
     (lambda: extension(slope_weight=1.0), "experiment 0: axial_stretch varies|slope_weight=0"),
     (lambda: extension(geometry={"axial_stretch": RADIUS}), "stretch varies|leave it out"),
     # Populations.
-    (lambda: population(EitherSign()), "'c01' of EitherSign|'real'|prior_range above zero"),
+    (lambda: population(EitherSign()), "'c01' of EitherSign|'real'|positive prior_range"),
     (lambda: population(sigma=pm.Normal.dist(0.5, 0.3)), "'sigma' holds numbers such as -"),
     (lambda: population(reference_stress=0.0), "reference_stress is 0.0; expected a positive"),
     (lambda: population(priors={"mu": HALF}), "prior is given for 'mu'|spread"),

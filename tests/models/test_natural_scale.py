@@ -162,6 +162,14 @@ def test_moduli_and_their_gradients_are_finite_in_extreme_materials():
         np.testing.assert_allclose(of_matrix, STRESS * expit(-point[1]), rtol=SLOPE, err_msg=name)
 
 
+def test_thickness_needs_a_distribution_of_positive_numbers():
+    """Also one whose draws are NaN is refused, since no comparison with NaN is true."""
+    for mean, sd in ((0.3, 1.0), (np.nan, 1.0)):
+        layer = ph.Layer(ph.NeoHookean(), pm.Normal.dist(mean, sd))
+        with pytest.raises(ValueError, match=r"'thickness_1' has draws such as.*positive numbers"):
+            _ = NaturalScale([layer]).names
+
+
 # --- layers ---------------------------------------------------------------------------------------
 
 
