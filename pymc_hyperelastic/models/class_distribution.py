@@ -12,26 +12,28 @@ from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers
+from pymc_hyperelastic.models.likelihoods import Likelihood
+from pymc_hyperelastic.models.likelihoods.errors import SIZES
 from pymc_hyperelastic.models.natural_scale import SPREAD, NaturalScale
-from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, in_sigmas
-from pymc_hyperelastic.models.priors import is_inferred, register_prior
+from pymc_hyperelastic.models.priors import register_prior
 
 Array = NDArray[np.float64]
 
 # Draws of a class's distribution against which a specimen is held.
 _DISTRIBUTIONS = 1000
-# Errors that may differ from specimen to specimen, as the paper's ``σ`` where there is one, and the
-# name of the standard deviation of their logarithms.
+# Sizes of errors that may differ from specimen to specimen, and the name of the standard deviation
+# of their logarithms.
 SPREAD_OF_NOISE = {
+    "pressure_sd": "noise_spread",
     "sigma": "noise_spread",
+    "force_sd": "force_noise_spread",
     "force_sigma": "force_noise_spread",
-    "diameter_noise_sd": "diameter_noise_spread",
+    "diameter_sd": "diameter_noise_spread",
 }
 # Priors of a class, each as the median and the standard deviation of a logarithm.
 _EXPERIMENT_SPREAD, _EFFECT_SPREAD, _NOISE_SPREAD = (0.15, 0.8), (0.5, 0.5), (0.3, 0.5)
 # What is stored of a class by draw, and by draw and coordinate.
-_NUMBERS_OF_CLASS = ("effect_spread", *SPREAD_OF_NOISE.values(), *NOISE_UNITS)
+_NUMBERS_OF_CLASS = ("effect_spread", *SPREAD_OF_NOISE.values(), *SIZES)
 _VECTORS_OF_CLASS = ("location", "spread", "experiment_spread")
 # Exponent of the prior of a correlation matrix, its determinant to the power of η − 1.
 _CONCENTRATION = 2.0
@@ -51,8 +53,8 @@ class ClassDistribution:
         Standard deviation by which experiments on a typical specimen differ from it.
     effect_spread : tensor_like, optional
         Standard deviation of the logarithm of that, between specimens.
-    log_sigma, noise_spread : tensor_like, shape (noise), optional
-        Mean and standard deviation of ``ln σ`` of the specimens, for each noise that is inferred.
+    log_size, noise_spread : tensor_like, shape (noise), optional
+        Mean and standard deviation of the logarithm of each inferred size of an error.
     effects : sequence of tensor_like, shape (coordinate)
         By how much one of each covariate moves the location.
     """
@@ -62,7 +64,7 @@ class ClassDistribution:
     factor: Any
     experiment_spread: Any = None
     effect_spread: Any = None
-    log_sigma: Any = None
+    log_size: Any = None
     noise_spread: Any = None
     effects: Sequence[Any] = ()
 
@@ -119,7 +121,7 @@ class ClassDistribution:
 
 def register_class(
     scale: NaturalScale,
-    observation: Observation,
+    likelihood: Likelihood,
     experiment_effect: bool,
     priors: Mapping[str, Any] | None = None,
 ) -> ClassDistribution:
@@ -146,21 +148,20 @@ def register_class(
         optional["experiment_spread"] = variable("experiment_spread", prior)
         prior = pm.LogNormal.dist(np.log(_EFFECT_SPREAD[0]), _EFFECT_SPREAD[1])
         optional["effect_spread"] = variable("effect_spread", prior, dims=None)
-    inferred = noises_of(observation)
+    inferred = noises_of(likelihood)
     if inferred:
-        sigmas = observation.with_variables().sigmas
+        sizes = likelihood.register_unknowns()
         prior = pm.LogNormal.dist(np.log(_NOISE_SPREAD[0]), _NOISE_SPREAD[1])
-        optional["log_sigma"] = [pt.log(sigmas[name]) for name in inferred]
+        optional["log_size"] = [pt.log(sizes[name]) for name in inferred]
         optional["noise_spread"] = [
             variable(SPREAD_OF_NOISE[name], prior, dims=None) for name in inferred
         ]
     return ClassDistribution(location, spread, factor, **optional)
 
 
-def noises_of(observation: Observation) -> list[str]:
-    """Errors that differ from specimen to specimen: those that are inferred."""
-    sigmas = observation.sigmas
-    return [name for name in SPREAD_OF_NOISE if is_inferred(sigmas.get(name))]
+def noises_of(likelihood: Likelihood) -> list[str]:
+    """Return the inferred sizes of errors, which differ from specimen to specimen."""
+    return [name for name in SPREAD_OF_NOISE if name in likelihood.unknowns]
 
 
 def correlation_factor(size: int, prefix: str = "") -> Any:
@@ -204,18 +205,16 @@ def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDis
     optional = {}
     if "effect_spread" in posterior:
         optional["effect_spread"] = posterior["effect_spread"].values[:, None]
-    given = {name: posterior[name].values for name in NOISE_UNITS if name in posterior}
-    sigmas = in_sigmas(given)
-    lacking = [
-        n for n, spread in SPREAD_OF_NOISE.items() if spread in posterior and n not in sigmas
-    ]
-    if lacking:
-        raise damaged(tree, f"its posterior has the spread of {lacking[0]!r}, but not the size")
-    inferred = [name for name, spread in SPREAD_OF_NOISE.items() if spread in posterior]
+    inferred = [name for name in SPREAD_OF_NOISE if name in posterior]
+    spreads = [SPREAD_OF_NOISE[name] for name in inferred]
+    for name in dict.fromkeys(SPREAD_OF_NOISE.values()):
+        if (name in posterior) != (name in spreads):
+            raise damaged(
+                tree, f"its posterior has only one of {name!r} and the size of that error"
+            )
     if inferred:
-        spreads = [posterior[SPREAD_OF_NOISE[name]].values for name in inferred]
-        optional["log_sigma"] = np.log([sigmas[name] for name in inferred])[..., None]
-        optional["noise_spread"] = np.array(spreads)[..., None]
+        optional["log_size"] = np.log([posterior[name].values for name in inferred])[..., None]
+        optional["noise_spread"] = np.array([posterior[name].values for name in spreads])[..., None]
     return ClassDistribution(
         vector("location"),
         vector("spread"),

@@ -34,7 +34,7 @@ class SpecimenDraws:
     ----------
     centre, scatter : array, shape (coordinate, draw)
         Mean of the tests' coordinates, and the sum of their squared deviations from it.
-    log_sigma : array, shape (noise, draw)
+    log_size : array, shape (noise, draw)
         ``ln σ`` of each noise that is inferred.
     log_weight : array, shape (draw)
         Logarithm of the weights.
@@ -59,7 +59,7 @@ class SpecimenDraws:
 
     centre: Array
     scatter: Array
-    log_sigma: Array
+    log_size: Array
     log_weight: Array
     tests: int
     standard_error: float
@@ -91,7 +91,7 @@ class SpecimenDraws:
             self,
             centre=self.centre[:, :count],
             scatter=self.scatter[:, :count],
-            log_sigma=self.log_sigma[:, :count],
+            log_size=self.log_size[:, :count],
             log_weight=self.log_weight[:count] + np.log(len(self.log_weight) / count),
             points=self.points[:count],
             deviations=self.deviations[:, :count],
@@ -102,7 +102,7 @@ def stacked(specimens: Sequence[SpecimenDraws]) -> dict[str, Array]:
     """Arrays of several specimens, which follow the coordinates and come before the draws."""
     arrays = {
         name: np.stack([getattr(draws, name) for draws in specimens], axis=-2)
-        for name in ("centre", "scatter", "log_sigma")
+        for name in ("centre", "scatter", "log_size")
     }
     arrays["log_weight"] = np.stack([draws.log_weight for draws in specimens])
     covariates = np.stack([draws.covariates for draws in specimens], axis=-1)[..., None]
@@ -130,20 +130,20 @@ def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDis
         total = _of_draws(_coefficients(xp, distribution), products)
     else:
         total = _log_density_of_tests(xp, {**draws, "products": products}, distribution)
-    if distribution.log_sigma is not None:
-        total = total + log_density_of_noise(xp, draws["log_sigma"], distribution)
+    if distribution.log_size is not None:
+        total = total + log_density_of_noise(xp, draws["log_size"], distribution)
     return total
 
 
-def log_density_of_noise(xp: ModuleType, log_sigma: Any, distribution: ClassDistribution) -> Any:
+def log_density_of_noise(xp: ModuleType, log_size: Any, distribution: ClassDistribution) -> Any:
     """The part of :func:`log_density` that is the noise's."""
-    moments = zip(distribution.log_sigma, distribution.noise_spread, strict=True)
-    return sum(_log_normal(xp, log_sigma[i], *moment) for i, moment in enumerate(moments))
+    moments = zip(distribution.log_size, distribution.noise_spread, strict=True)
+    return sum(_log_normal(xp, log_size[i], *moment) for i, moment in enumerate(moments))
 
 
 def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Array:
     """Log density of every draw of a specimen under each of many class distributions."""
-    arrays = {name: getattr(draws, name) for name in ("centre", "scatter", "log_sigma", "tests")}
+    arrays = {name: getattr(draws, name) for name in ("centre", "scatter", "log_size", "tests")}
     arrays["products"] = _products(draws.centre, draws.covariates[:, None])
     count, size = len(distributions.location[0]), max(1, _BLOCK // len(draws.log_weight))
     blocks = np.split(np.arange(count), range(size, count, size))
@@ -154,8 +154,8 @@ def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Arr
     densities = np.empty((count, len(draws.log_weight)))
     for block in blocks:
         densities[block] = _of_draws(coefficients[block], arrays["products"])
-        if distributions.log_sigma is not None:
-            noise = arrays["log_sigma"], distributions.at(block)
+        if distributions.log_size is not None:
+            noise = arrays["log_size"], distributions.at(block)
             densities[block] += log_density_of_noise(np, *noise)
     return densities
 
