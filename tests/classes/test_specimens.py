@@ -103,7 +103,7 @@ def test_draws_near_a_class_replace_others():
 def test_slopes_are_derivatives_of_the_score():
     """A specimen has three tests that differ."""
     data = curves({"A": [38.0, 52.0, 45.0]}, SEED)
-    target = sampler_of(data, ph.Ogden(), effect=True).target(data)
+    target = sampler_of(data, energy=ph.Ogden(), effect=True).target(data)
     assert target.has_slopes and target.dimension == 6
     points = target.draw_prior(2, np.random.default_rng(SEED))
     prior, likelihood, of_prior, of_likelihood = target.slopes(points)
@@ -183,7 +183,7 @@ def test_constant_matrices_are_right_for_what_could_have_been_measured():
     points = {"radius": radius, "pressure": pressure.eval(mode=AS_WRITTEN)}
     frame = pd.DataFrame(points).assign(specimen="A", experiment=1)
     data = ph.inflation_data(frame, **TUBE, check="ignore")
-    population = sampler_of(data, ph.Ogden()).population
+    population = sampler_of(data, energy=ph.Ogden()).population
     quick = population.forward_model(data, by_test=False).by_matrices()
     assert quick.by_matrices() is None  # matrices already
     z = np.random.default_rng(SEED).standard_normal((2, 1000))
