@@ -36,7 +36,6 @@ from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import deviation_name
-from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.population import (
     Population,
     Specimens,
@@ -233,9 +232,9 @@ class SpecimenSampler:
         """Coordinates (coordinate, draw, test), noises and deviations of particles."""
         sizes = len(self.population.noises), len(self.population.geometry)
         ends = points.shape[1] - np.cumsum([0, *sizes[::-1]])[::-1]
-        of_tests, log_sigma, deviations = np.split(points, ends[:-1], axis=1)
+        of_tests, log_size, deviations = np.split(points, ends[:-1], axis=1)
         of_tests = of_tests.reshape(len(points), len(self.scale.names), -1)
-        return np.moveaxis(of_tests, 1, 0), log_sigma, deviations
+        return np.moveaxis(of_tests, 1, 0), log_size, deviations
 
     def _integral(
         self,
@@ -356,12 +355,12 @@ class SpecimenSampler:
     def draws_at(self, points: Array) -> SpecimenDraws:
         """Points of the target as draws of a specimen; they are not weighted yet."""
         own = self.reference.experiment_spread is not None
-        of_tests, log_sigma, deviations = self._parts(points)
+        of_tests, log_size, deviations = self._parts(points)
         centre = of_tests.mean(axis=2)
         scatter = ((of_tests - centre[..., None]) ** 2).sum(axis=2)
         tests = of_tests.shape[2] if own else 1
         unweighted = np.zeros(len(points))
-        known = centre, scatter, log_sigma.T, unweighted, tests, 0.0, points, deviations.T
+        known = centre, scatter, log_size.T, unweighted, tests, 0.0, points, deviations.T
         return SpecimenDraws(*known)
 
     def _with_misfit(
@@ -370,7 +369,7 @@ class SpecimenSampler:
         """Draws of a target with their misfit, which is told by errors whose size is known."""
         if not self.population.known_noise:
             return draws
-        compressed = not self.population.observation.with_slopes
+        compressed = not self.population.likelihood.with_slopes
         squares = target.squares(draws.points, compressed=compressed)
         misfit, freedom = self._misfit(data, squares, target.dimension)
         return replace(draws, misfit=misfit, freedom=freedom)
@@ -382,7 +381,7 @@ class SpecimenSampler:
         tell, which is half of the variance over the draws.
         """
         count = data.sizes["obs"]
-        if self.population.observation.with_force:
+        if self.population.likelihood.with_force:
             count += int(data["axial_force"].notnull().sum())
         with np.errstate(over="ignore", invalid="ignore"):
             told = np.var(squares) / 2 if np.isfinite(squares).all() else 0.0
@@ -412,13 +411,13 @@ class SpecimenSampler:
         return _SpecimenModel(forward, Target(model), compressed)
 
     def _compressed(self, forward: ForwardModel, specimens: Specimens) -> TensorVariable | None:
-        """The paper's log likelihood, where it is the generative one, and is not by points."""
-        sigmas = self.population.observation.sigmas
-        if self.population.observation.with_slopes:
+        """The log likelihood by sums of squares; None with slopes or errors of diameters."""
+        likelihood = self.population.likelihood
+        if likelihood.with_slopes:
             return None
-        own = {name: sigma[0] for name, sigma in specimens.noises.items()}
+        own = {name: size[0] for name, size in specimens.noises.items()}
         tube = tube_of(self.population, forward, specimens)
-        total = Observation(**sigmas | own).log_likelihood(tube)
+        total = likelihood.log_likelihood(tube, own)
         # What overflows is no number, and counts as one that is none.
         return pt.where(pt.isinf(total), np.nan, total)
 
@@ -438,18 +437,17 @@ def _weighted(
 
 def reference_of(population: Population) -> ClassDistribution:
     """Distribution of a specimen of which not even the class is known."""
-    sigmas = population.observation.sigmas
     mean, sd = population.scale.location_prior
     spread = _WIDER * np.exp(population.scale.spread_prior[0])
     optional: dict[str, Any] = {}
     if population.experiment_effect:
         optional |= {"experiment_spread": spread / 2, "effect_spread": _EFFECT}
-    inferred = [sigmas[name] for name in population.noises]
+    inferred = [population.likelihood.sizes[name] for name in population.noises]
     if inferred:
         drawn = pm.draw(inferred, draws=_NOISE_DRAWS, random_seed=1, mode="FAST_COMPILE")
         logs = np.log(drawn)
         spreads = np.hypot(logs.std(axis=1), 0.5)
-        optional |= {"log_sigma": logs.mean(axis=1), "noise_spread": spreads}
+        optional |= {"log_size": logs.mean(axis=1), "noise_spread": spreads}
     return ClassDistribution(mean, np.hypot(sd, spread), np.eye(len(mean)), **optional)
 
 
@@ -473,7 +471,7 @@ def fresh_specimens(
             within = distributions.experiment_spread[i] * np.exp(draws["log_effect"])
             draws[f"{name}_of_test"] = draws[name] + within * noise(tests)
     for i, name in enumerate(population.noises):
-        logs = distributions.log_sigma[i] + distributions.noise_spread[i] * noise()
+        logs = distributions.log_size[i] + distributions.noise_spread[i] * noise()
         draws[log_noise_name(name)] = logs
     return draws | {deviation_name(name): noise() for name in population.geometry}
 

@@ -68,21 +68,20 @@ from pymc_hyperelastic.models.class_distribution import (
 )
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import check_geometry, measured_from_records
-from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, noise_in_words
+from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.priors import prior_to_record, priors_from_records
-from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
-from pymc_hyperelastic.models.study import (
-    Study,
+from pymc_hyperelastic.models.records import (
     holds_inflation_data,
     inflation_data_of,
-    noise_from_records,
-    noise_records,
+    likelihood_attrs,
+    likelihood_of,
     reference_stress_of,
     stated_wall_of,
     wall_attrs,
 )
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
+from pymc_hyperelastic.models.study import Study
 
 Array = NDArray[np.float64]
 
@@ -101,25 +100,23 @@ class Variability(Population, ClassKind):
     variability: ClassVar[str] = "specimen"
     has_p_value: ClassVar[bool] = True
     fresh_specimens: ClassVar[bool] = True
-    common_attrs: ClassVar[tuple[str, ...]] = ("variability_settings",)
+    common_attrs: ClassVar[tuple[str, ...]] = ("variability_settings", "likelihood")
 
     @classmethod
     def of_settings(
         cls,
         energy: StrainEnergy | Sequence[Layer],
+        likelihood: Likelihood | Any,
         *,
-        slope_weight: Any = None,
         priors: Mapping[str, Any] | None = None,
         geometry: Mapping[str, Any] | None = None,
         experiment_effect: bool = False,
         reference_stress: float | None = 20.0,
-        **noise: Any,
     ) -> "Variability":
         """The kind, of settings of :func:`~pymc_hyperelastic.population_model`."""
-        weight = 0.0 if slope_weight is None else slope_weight
-        noise |= {"slope_weight": weight, "likelihood": "generative"}
+        observed = as_likelihood(likelihood).as_observed()
         settings = experiment_effect, reference_stress, priors, check_geometry(geometry)
-        return cls(energy, Observation(**noise), *settings)
+        return cls(energy, observed, *settings)
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -145,29 +142,33 @@ class Variability(Population, ClassKind):
         """Forward model of specimens, each by itself."""
         # Without an effect all tests of a specimen share its parameters, and matrices.
         own = bool(self.experiment_effect)
-        return self.forward_model(data, by_test=own, nearby=not self.observation.with_slopes)
+        return self.forward_model(data, by_test=own, nearby=not self.likelihood.with_slopes)
 
     def attrs(self) -> dict[str, str]:
         """The settings as text; ValueError if a prior, or one of the law's, cannot be written."""
-        noise = {k: v for k, v in self.observation.noise.items() if k != "slope_weight" or v}
-        settings = noise_records(noise) | {
+        settings: dict[str, Any] = {
             "experiment_effect": bool(self.experiment_effect),
             "reference_stress": self.reference_stress,
             "priors": {k: prior_to_record(k, v) for k, v in (self.priors or {}).items()},
         }
         if self.geometry:
             settings["geometry_sd"] = {name: v.sd for name, v in self.geometry.items()}
-        return wall_attrs(self.energy) | {
-            "variability": self.variability,
-            "variability_settings": json.dumps(settings),
-            "noise_in_words": noise_in_words(noise),
-        }
+        return (
+            wall_attrs(self.energy)
+            | {
+                "variability": self.variability,
+                "variability_settings": json.dumps(settings),
+            }
+            | likelihood_attrs(self.likelihood)
+        )
 
     @classmethod
     def of_tree(cls, fitted: xr.DataTree) -> "Variability":
         """Settings of a fitted class."""
         settings, wall = read_dict(fitted, "variability_settings"), stated_wall_of(fitted)
-        noise = {name: settings[name] for name in NOISE_UNITS if name in settings}
+        likelihood = likelihood_of(fitted)
+        if likelihood is None:
+            raise damaged(fitted, "its attribute 'likelihood' is missing")
         effect = settings.get("experiment_effect")
         if not isinstance(effect, bool):
             raise damaged(
@@ -177,7 +178,7 @@ class Variability(Population, ClassKind):
         with reading(fitted):
             return cls(
                 wall,
-                Observation(**noise_from_records(noise), likelihood="generative"),
+                likelihood,
                 effect,
                 stress,
                 priors_from_records(settings.get("priors")),

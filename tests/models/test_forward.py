@@ -16,7 +16,6 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import at_points
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.forward.blocks import table_arrays
-from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import complete_priors
 
 # Relative to the largest pressure, or force, of a curve.
@@ -86,9 +85,9 @@ def test_curves_of_every_law_are_those_of_the_stretch_of_each_point(name):
 # --- other data ----------------------------------------------------------------------------------
 
 
-SDS = {"noise_sd": 0.4, "force_noise_sd": 3.0}
+SDS = {"pressure_sd": 0.4, "force_sd": 3.0}
 OFFSET = SDS | {"force_offset_sd": 25.0}
-DIAMETER = SDS | {"diameter_noise_sd": 0.1}
+DIAMETER = SDS | {"diameter_sd": 0.1}
 
 
 def dense(data, sds):
@@ -105,9 +104,9 @@ def dense(data, sds):
 )
 def test_a_compiled_likelihood_follows_other_data(sds, mode, measured):
     """Data of other lengths, with few or no forces, and with inflation or extension tests alone."""
-    observation, first = Observation(**sds), extended(measured)
-    forward = observation.forward_model(ph.Ogden(), first, PRIORS, mode=mode)
-    log_likelihood = observation.log_likelihood(forward.tube(OGDEN))
+    likelihood, first = ph.Gaussian(**sds), extended(measured)
+    forward = likelihood.forward_model(ph.Ogden(), first, PRIORS, mode=mode)
+    log_likelihood = likelihood.log_likelihood(forward.tube(OGDEN))
     function = pytensor.function([], log_likelihood, mode=AS_WRITTEN)
     inflated = [test for test in range(5) if test not in EXTENDED]
     others = [shared_errors.dataset(shared_errors.table((3, 7), seed=2), measured)]
@@ -120,7 +119,7 @@ def test_a_compiled_likelihood_follows_other_data(sds, mode, measured):
         forward.set_data(data)
         expected = dense(data, sds).log_density()
         assert function() == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
-    again = observation.log_likelihood(forward.with_data(others[1]).tube(OGDEN))
+    again = likelihood.log_likelihood(forward.with_data(others[1]).tube(OGDEN))
     expected = dense(others[1], sds).log_density()
     assert evaluated([again])[0] == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
 

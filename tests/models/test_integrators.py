@@ -17,7 +17,6 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import at_points
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.models.forward.rules import _possible
-from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import complete_priors
 
 SEED = 20261123
@@ -30,7 +29,7 @@ SLOPE_TOLERANCE = 1e-8
 SHORTEST = 100.0
 # Nodes are chosen for materials whose pressures are below this multiple of the measured ones.
 BEYOND = 10
-WITH_FORCE = Observation(noise_sd=0.3, force_noise_sd=1.0)
+WITH_FORCE = ph.Gaussian(pressure_sd=0.3, force_sd=1.0)
 NAMES = ("pressure", "stiffness", "axial_force", "slope of pressure", "slope of axial_force")
 
 
