@@ -34,7 +34,7 @@ from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
 from pymc_hyperelastic.models.geometry import deviation_name
 from pymc_hyperelastic.models.population import (
     Population,
@@ -57,12 +57,10 @@ Array = NDArray[np.float64]
 PARTICLES = 2000
 # Share of the first draws of a specimen that is kept where it is sampled again.
 _KEPT = 0.25
-# Particles whose curves are looked at, and how often these are made right.
-_MATERIALS, _MOST_TRIES = 16, 4
-# Draws of the prior whose curves those of few nodes are made for.
-_LEARNED_FROM = 600
-# Specimens far from what priors expect whose curves are kept.
-_REMEMBERED = 16
+# Particles whose curves are compared with quadrature.
+_MATERIALS = 16
+# Specimens with refined curves that are kept.
+_REFINED = 16
 # Spreads of the reference distribution, in medians of a class's.
 _WIDER = 2.0
 _EFFECT = 1.0
@@ -118,15 +116,16 @@ class SpecimenSampler:
         self.population, self.scale = population, population.scale
         self.forward, self.reference = forward, reference
         self._models: dict[int, _SpecimenModel] = {}
-        self._right_for: dict[str, SpecimenSampler] = {}
+        self._refined: dict[str, SpecimenSampler] = {}
 
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data."""
 
         def take(sampler: SpecimenSampler) -> Taken:
-            return sampler._integral(data, None, lambda of: integrate(of, PARTICLES, rng))
+            target = sampler.target(data)
+            return integrate(target, PARTICLES, rng), target
 
-        found, target = self._by_right_curves(data, take)
+        found, target = self._with_accurate_curves(data, take)
         draws = self._with_misfit(data, self.draws_at(found.particles), target)
         value, error = found.log_value
         return _weighted(draws, self.log_reference(found.particles) - value, error, found)
@@ -164,12 +163,10 @@ class SpecimenSampler:
         mixture = GaussianMixture.fit(draws.points, components, rng)
 
         def take(sampler: SpecimenSampler) -> Taken:
-            def of_target(target: Target) -> Integral:
-                return by_importance(target.score, mixture, PARTICLES, rng, draw_prior)
+            target = sampler.target(data, log_prior)
+            return by_importance(target.score, mixture, PARTICLES, rng, draw_prior), target
 
-            return sampler._integral(data, log_prior, of_target)
-
-        found, target = self._by_right_curves(data, take)
+        found, target = self._with_accurate_curves(data, take)
         if not found.known:
             return draws
         count = len(draws.points)
@@ -190,28 +187,26 @@ class SpecimenSampler:
         again = replace(self.draws_at(points), misfit=draws.misfit, freedom=draws.freedom)
         return _weighted(again, log_density, float(np.hypot(*errors)), found)
 
-    def _by_right_curves(
+    def _with_accurate_curves(
         self, data: xr.Dataset, take: Callable[["SpecimenSampler"], Taken]
     ) -> Taken:
-        """An integral over materials whose curves are right.
+        """Take an integral until the curves of its particles are accurate.
 
-        They are over the range of the class's default priors. If the data want others, curves are
-        made right for these, and the integral is taken again. Other specimens keep their curves.
+        Curves are accurate over the range of the class's default priors. If the data want other
+        materials, the integrator is refined for these, and the integral is taken again. Other
+        specimens keep their curves.
         """
         (name,) = specimens_of(data)[0]
-        sampler = self._right_for.get(name, self if self.forward.takes(data) else self._for_all)
-        for _ in range(1 + _MOST_TRIES):
+
+        def with_curves(forward: ForwardModel) -> tuple[Taken, tuple[Any, ...]]:
+            sampler = self._with(forward, name)
             found, target = take(sampler)
-            parameters = self._parameters(found.particles[:_MATERIALS])
-            if sampler.forward.errors(data, parameters).max() <= CURVES_ERR:
-                return found, target
-            if sampler is self and self.forward.in_walls:
-                sampler = self._for_all
-            else:
-                right = sampler.forward.right_for(parameters)
-                sampler = SpecimenSampler(self.population, right, self.reference)
-            # It is asked for again when the class is known, and soon.
-            self._right_for = {**dict([*self._right_for.items()][1 - _REMEMBERED :]), name: sampler}
+            return (found, target), (data, self._parameters(found.particles[:_MATERIALS]))
+
+        start = self._refined.get(name, self).forward
+        (found, target), accurate = until_accurate(start, with_curves, CURVES_ERR)
+        if accurate:
+            return found, target
         warnings.warn(
             f"curves of specimen {name!r} are wrong by more than {CURVES_ERR:.0e} of their largest "
             "value, and its evidence has no error: its material is far from what priors expect",
@@ -219,10 +214,18 @@ class SpecimenSampler:
         )
         return found._replace(log_value=Estimate(found.log_value.value, np.inf)), target
 
-    @cached_property
-    def _for_all(self) -> "SpecimenSampler":
-        """The same by curves for all materials of the priors, at any number of points."""
-        return SpecimenSampler(self.population, self.forward.for_all(), self.reference)
+    def _with(self, forward: ForwardModel, name: str) -> "SpecimenSampler":
+        """The sampler with this forward model; one with a refined integrator is kept a while.
+
+        The specimen is sampled again, and soon, when the distribution of its class is known.
+        """
+        if forward is self.forward:
+            return self
+        kept = self._refined.get(name)
+        if kept is None or kept.forward is not forward:
+            kept = SpecimenSampler(self.population, forward, self.reference)
+            self._refined = {**dict([*self._refined.items()][1 - _REFINED :]), name: kept}
+        return kept
 
     def _parameters(self, points: Array) -> dict[str, Array]:
         """Material parameters of particles, of all their tests."""
@@ -235,51 +238,6 @@ class SpecimenSampler:
         of_tests, log_size, deviations = np.split(points, ends[:-1], axis=1)
         of_tests = of_tests.reshape(len(points), len(self.scale.names), -1)
         return np.moveaxis(of_tests, 1, 0), log_size, deviations
-
-    def _integral(
-        self,
-        data: xr.Dataset,
-        log_prior: Callable[[Array], Array] | None,
-        take: Callable[[Target], Integral],
-    ) -> Taken:
-        """An integral over what the specimen of these data may be, under such a prior.
-
-        Where curves have many nodes it is taken by those of a few, as long as these are right.
-        """
-        target = self.target(data, log_prior)
-        learn_from = np.empty((0, target.dimension))
-        for _ in range(_MOST_TRIES):
-            quick = self._nearby(data, target, learn_from)
-            if quick is None:
-                break
-            unlike = target.roughly_unlike(quick)
-            if not len(unlike):
-                found = take(quick)
-                unlike = target.unlike(quick, found.particles)
-                if not len(unlike):
-                    return found, quick
-            learn_from = np.concatenate([learn_from, unlike[:_LEARNED_FROM]])
-        return take(target), target
-
-    def _nearby(
-        self, data: xr.Dataset, target: SpecimenTarget, points: Array
-    ) -> SpecimenTarget | None:
-        """The same by curves of few nodes, right for draws of the prior, and for materials there.
-
-        None where they have few nodes already.
-        """
-        model = self._model_for(data)
-        functions = model.log_likelihood, model.misfits
-
-        def draw() -> dict[str, Array]:
-            of_prior = target.draw_prior(_LEARNED_FROM, np.random.default_rng(1))
-            return self._parameters(np.concatenate([of_prior, points]))
-
-        values = model.forward.nearby(draw, {v for f in functions for v in f.shared})
-        if not values:
-            return None
-        fewer = [f.with_values(values) for f in functions]
-        return SpecimenTarget(target.whole, target.places, target.log_prior, *fewer)
 
     def target(
         self, data: xr.Dataset, log_prior: Callable[[Array], Array] | None = None

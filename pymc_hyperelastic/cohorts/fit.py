@@ -24,7 +24,7 @@ from pymc_hyperelastic.evidence.smc import seed_kept, seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
 from pymc_hyperelastic.models.geometry import Measured, check_geometry
 from pymc_hyperelastic.models.inflation import tube_model
 from pymc_hyperelastic.models.likelihoods import (
@@ -45,10 +45,8 @@ from pymc_hyperelastic.predictions.properties import tube_properties
 
 # Quantiles that are kept of the posterior of a property.
 QUANTILES = {"2.5 %": 0.025, "50 %": 0.5, "97.5 %": 0.975}
-# Draws whose curves are compared with exact ones: a few show whether the curves suit the posterior.
-_LOOKED_AT = 16
-# Attempts to adapt curves to a posterior, after which a specimen fails: one or two usually suffice.
-_MOST_TRIES = 4
+# Draws whose curves are compared with quadrature: a few show whether the integrator suits them.
+_COMPARED = 16
 
 
 @dataclass(frozen=True)
@@ -132,16 +130,18 @@ class Fits:
         if tests not in self._models:
             self._models[tests] = _Model(self._work, data, self._forward)
         model = self._models[tests]
-        for _ in range(_MOST_TRIES):
-            found = model.sample(data, self._work.draws, rng)
-            right = model.right_for(data, found.posterior)
-            if right is None:
-                break
+
+        def take(forward: ForwardModel) -> tuple[_Fit, tuple[Any, ...]]:
             # Other specimens keep their curves: the result of one depends on no other.
-            model = _Model(self._work, data, right)
-        else:
+            own = model if forward is model.forward else _Model(self._work, data, forward)
+            found = own.sample(data, self._work.draws, rng)
+            return found, (data, *own.materials(found.posterior))
+
+        found, accurate = until_accurate(model.forward, take, CURVES_ERR)
+        if not accurate:
             raise ValueError(
-                "its curves are not right for its material, which is far from what priors expect"
+                f"curves of its posterior err by more than {CURVES_ERR:.0e} of their largest "
+                "value: its material is far from what priors expect"
             )
         return found.as_row(self._work, data)
 
@@ -194,7 +194,6 @@ class _Model:
         self._model = tube_model(
             work.energy, data, work.likelihood, **work.unknown, forward=forward.with_data(data)
         )
-        self._energy = work.energy
         self.forward: ForwardModel = self._model.study.forward
         self._target = Target(self._model)
         free = self._model.free_RVs
@@ -215,14 +214,10 @@ class _Model:
         doubtful = doubts_of_fit(limits.merge(self._residuals.of(data, found.particles)))
         return _Fit(values, evidence | {"method": found.method, DOUBTFUL: doubtful})
 
-    def right_for(self, data: xr.Dataset, posterior: Mapping[str, Any]) -> ForwardModel | None:
-        """Curves that are right for such materials; None if these are."""
-        if not isinstance(self._energy, StrainEnergy):
-            return None
-        some = {name: posterior[name][:_LOOKED_AT] for name in self._energy.parameter_names}
-        if self.forward.errors(data, some).max() <= CURVES_ERR:
-            return None
-        return self.forward.right_for(some)
+    def materials(self, posterior: Mapping[str, Any]) -> list[dict[str, Any]]:
+        """Return some draws of the material parameters, and of the unknown geometry."""
+        some = {name: values[:_COMPARED] for name, values in posterior.items()}
+        return [{n: some[n] for n in names if n in some} for names in self.forward.unknown]
 
 
 def fit_cohort(

@@ -143,8 +143,8 @@ def register_class(
     ----------
     scale : NaturalScale
         Coordinates of specimens, with their default priors.
-    observation : Observation
-        Signals and their noise; an inferred noise differs between specimens.
+    likelihood : Likelihood
+        Measured signals and their errors; an inferred size of an error differs between specimens.
     experiment_effect : bool
         If True, the tests of one specimen differ.
     priors : dict, optional

@@ -152,7 +152,7 @@ def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDis
 
 
 def log_density_of_noise(xp: ModuleType, log_size: Any, distribution: ClassDistribution) -> Any:
-    """Log density of the logarithm of each inferred size of an error, a term of :func:`log_density`."""
+    """Log density of the logarithms of the inferred sizes of errors, see :func:`log_density`."""
     moments = zip(distribution.log_size, distribution.noise_spread, strict=True)
     return sum(_log_normal(xp, log_size[i], *moment) for i, moment in enumerate(moments))
 

@@ -28,8 +28,8 @@ from pymc_hyperelastic.models.records import (
 
 Array = NDArray[np.float64]
 
-# Draws whose curves are compared with exact ones.
-_LOOKED_AT = 64
+# Draws whose curves are compared with quadrature.
+_COMPARED = 64
 
 
 @dataclass(frozen=True)
@@ -69,21 +69,27 @@ class Study:
         return groups
 
     def curve_error(self, posterior: Mapping[str, Array]) -> float:
-        """Largest error of curves of the posterior, relative to the largest value of each.
+        """Return the largest error of the curves of some draws, see :meth:`ForwardModel.errors`.
 
-        Of a few of the draws, by (chain, draw); NaN where it is not known, as of layers.
+        The posterior holds arrays (chain, draw, ...) by name. The error is NaN if a parameter is
+        missing there.
         """
-        if self.forward is None or not isinstance(self.energy, StrainEnergy):
+        if self.forward is None:
             return np.nan
+        parameters, geometry = self.forward.unknown
+        if not {*parameters, *geometry} <= posterior.keys():
+            return np.nan
+        sizes = {}
+        if isinstance(self.energy, StrainEnergy):
+            sizes = {p.name: p.size for p in self.energy.parameters if p.size is not None}
         draws = {}
-        for p in self.energy.parameters:
-            if p.name not in posterior:
-                return np.nan
-            # Those of a population are by specimen as well.
-            entries = () if p.size is None else (p.size,)
-            values = posterior[p.name].reshape(-1, *entries)
-            draws[p.name] = values[:: -(-len(values) // _LOOKED_AT)]
-        return float(self.forward.errors(self.data, draws).max())
+        for name in (*parameters, *geometry):
+            # Parameters of a population are by specimen as well.
+            entries = (sizes[name],) if name in sizes else ()
+            values = posterior[name].reshape(-1, *entries)
+            draws[name] = values[:: -(-len(values) // _COMPARED)]
+        known = ({name: draws[name] for name in names} for names in (parameters, geometry))
+        return float(self.forward.errors(self.data, *known).max())
 
     def residuals(self, model: pm.Model) -> dict[str, Any]:
         """Differences of curves from what was measured, in standard deviations of the noise.
