@@ -229,7 +229,7 @@ def fit_distribution(
     dims = {
         "centre": ("specimen", "coordinate", "particle"),
         "scatter": ("specimen", "coordinate", "particle"),
-        "log_sigma": ("specimen", "noise", "particle"),
+        "log_size": ("specimen", "noise", "particle"),
         "deviations": ("specimen", "measure", "particle"),
         "log_weight": ("specimen", "particle"),
         "tests": ("specimen",),

@@ -176,11 +176,11 @@ def _moments(distributions: ClassDistribution, tests: int) -> tuple[Array, Array
         alike, own = np.ones((tests, tests)), np.eye(tests)
         of_tests = within[:, :, None] * np.eye(within.shape[1])
         covariance = np.kron(covariance, alike) + np.kron(of_tests, own)
-    if distributions.log_sigma is None:
+    if distributions.log_size is None:
         return location, covariance
     noise, spread = (
         np.stack([np.ravel(x) for x in values], axis=1)
-        for values in (distributions.log_sigma, distributions.noise_spread)
+        for values in (distributions.log_size, distributions.noise_spread)
     )
     return np.concatenate([location, noise], axis=1), _and_independent(covariance, spread**2)
 

@@ -29,6 +29,7 @@ from pymc_hyperelastic.files.store import Remember, named, remembering
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.geometry import Measured
+from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.parallel import one_thread
 
 Array = NDArray[np.float64]
@@ -38,10 +39,8 @@ Array = NDArray[np.float64]
 def calibration_report(
     energy: StrainEnergy | Sequence[StrainEnergy | Layer | Sequence[Layer]],
     classes: Mapping[str, xr.Dataset],
+    likelihood: Likelihood | Any,
     *,
-    noise_sd: Any = None,
-    sigma: Any = None,
-    slope_weight: float = 0.0,
     variability: Literal["none", "specimen"] = "specimen",
     experiment_effect: bool = False,
     reference_stress: float | None = 20.0,
@@ -53,7 +52,6 @@ def calibration_report(
     random_seed: Any = None,
     progressbar: bool = True,
     store: str | Path | None = None,
-    **noise: Any,
 ) -> xr.Dataset:
     r"""Leave specimens out, one after another, and classify them by all others.
 
@@ -71,7 +69,7 @@ def calibration_report(
         ``OgdenSeries(2)``, are labelled with their settings.
     classes : dict of str to xarray.Dataset
         Data of each class by its name, as for :func:`fit_classes`.
-    noise_sd, sigma, slope_weight, variability, experiment_effect, reference_stress
+    likelihood, variability, experiment_effect, reference_stress
         See :func:`~pymc_hyperelastic.fit_classes`.
     priors, geometry
         Likewise.
@@ -86,8 +84,6 @@ def calibration_report(
         Whether to show progress. After an interrupt what is not yet known is NaN.
     store : str or Path, optional
         A folder that keeps what is computed, fit after fit: the same call goes on from there.
-    **noise
-        Errors of what else was measured, see :func:`pymc_hyperelastic.fit_classes`.
 
     Returns
     -------
@@ -120,7 +116,7 @@ def calibration_report(
     >>> report = ph.calibration_report(
     ...     ph.Ogden(),
     ...     {name: ph.select(data, group=name) for name in ("C1", "C2")},
-    ...     noise_sd=4 * ph.mmHg,
+    ...     ph.Gaussian(pressure_sd=4 * ph.mmHg),
     ...     draws=500,
     ...     random_seed=1,
     ...     progressbar=False,
@@ -147,10 +143,7 @@ def calibration_report(
         kind_of_settings(
             variability,
             law,
-            noise,
-            noise_sd=noise_sd,
-            sigma=sigma,
-            slope_weight=slope_weight,
+            likelihood,
             priors=priors,
             geometry=geometry,
             experiment_effect=experiment_effect,

@@ -1,7 +1,7 @@
 """Classes whose specimens share one set of parameters, as in the paper."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
@@ -49,13 +49,11 @@ from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers, re
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.inflation import tube_model
-from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES
-from pymc_hyperelastic.models.priors import complete_priors, is_inferred, prior_to_record
-from pymc_hyperelastic.models.study import (
+from pymc_hyperelastic.models.likelihoods import OFFSET_VARIABLES, Likelihood, as_likelihood
+from pymc_hyperelastic.models.priors import complete_priors, prior_to_record
+from pymc_hyperelastic.models.records import (
     inflation_data_of,
     model_settings_of,
-    noise_records,
     values_of_parameter,
     wall_attrs,
 )
@@ -81,22 +79,22 @@ class Pooled(ClassKind):
 
     variability: ClassVar[str] = "none"
     has_p_value: ClassVar[bool] = False
-    common_attrs: ClassVar[tuple[str, ...]] = ("priors", "noise")
+    common_attrs: ClassVar[tuple[str, ...]] = ("priors", "likelihood")
 
     energy: StrainEnergy
-    observation: Observation
+    likelihood: Likelihood
     priors: dict[str, Any] | None = None
 
     @classmethod
     def of_settings(
         cls,
         energy: StrainEnergy,
+        likelihood: Likelihood | Any,
         *,
         priors: dict[str, Any] | None = None,
         geometry: Mapping[str, Any] | None = None,
         experiment_effect: bool = False,
         reference_stress: float | None = 20.0,
-        **noise: Any,
     ) -> "Pooled":
         """The kind, of settings that say nothing of how specimens differ."""
         only = "it is used only with variability='specimen'"
@@ -106,21 +104,23 @@ class Pooled(ClassKind):
             raise ValueError(f"experiment_effect is {experiment_effect!r}: {only}")
         if reference_stress != 20.0:
             raise ValueError(f"reference_stress is {reference_stress!r}: {only}")
-        if noise.get("slope_weight") is None:
-            raise TypeError(
-                "slope_weight is not given, which says how much slopes count: 0 leaves them out, "
-                "ph.balanced_slope_weight(data) weighs them as pressures"
+        return cls(energy, as_likelihood(likelihood), priors)
+
+    def __post_init__(self) -> None:
+        """Refuse a likelihood of observed variables: new data are held against the Potential."""
+        if self.likelihood.observed:
+            raise ValueError(
+                f"likelihood is {self.likelihood!r}; classes without variability need the "
+                "Potential: leave observed=True away"
             )
-        return cls(energy, Observation(**noise), priors)
 
     @classmethod
     def of_tree(cls, fitted: xr.DataTree) -> "Pooled":
         """Settings of a fitted class."""
         settings = model_settings_of(fitted)
-        energy, priors = settings.pop("energy"), settings.pop("priors")
         with reading(fitted):
-            complete_priors(energy, priors)
-            return cls(energy, Observation(**settings), priors)
+            complete_priors(settings["energy"], settings["priors"])
+            return cls(**settings)
 
     def check_stored(self, fitted: xr.DataTree) -> None:
         """Raise unless a class has its data, and draws of all that is not known."""
@@ -133,9 +133,8 @@ class Pooled(ClassKind):
         check_evidence(fitted)
         for p in self.energy.parameters:
             values_of_parameter(fitted, p)
-        for name, value in self.observation.noise.items():
-            if is_inferred(value):
-                read_numbers(fitted, "posterior", name, ("chain", "draw"))
+        for name in self.likelihood.unknowns:
+            read_numbers(fitted, "posterior", name, ("chain", "draw"))
         particles = read_draws(fitted, "unconstrained_posterior")
         for name in map(str, particles.data_vars):
             read_numbers(fitted, "unconstrained_posterior", name, None)
@@ -143,11 +142,11 @@ class Pooled(ClassKind):
     @property
     def parts(self) -> tuple[str, ...]:
         """What was measured: a class is told from another by each."""
-        return self.observation.signals
+        return self.likelihood.signals
 
     def model(self, data: xr.Dataset) -> pm.Model:
         """Model of a class with these data."""
-        return tube_model(self.energy, data, self.observation, priors=self.priors)
+        return tube_model(self.energy, data, self.likelihood, priors=self.priors)
 
     def attrs(self) -> dict[str, str]:
         """Settings are those of the models, and stored with each."""
@@ -159,12 +158,12 @@ class Pooled(ClassKind):
         return wall_attrs(self.energy) | {
             "variability": self.variability,
             "priors": {name: prior_to_record(name, prior) for name, prior in priors.items()},
-            "noise": noise_records(self.observation.noise),
+            "likelihood": self.likelihood.to_record(),
         }
 
     def check(self, data: xr.Dataset) -> None:
         """Raise unless these data can be modelled so."""
-        self.observation.check(self.energy, data, complete_priors(self.energy, self.priors))
+        self.likelihood.check(self.energy, data, complete_priors(self.energy, self.priors))
 
     def fit(
         self,
@@ -204,7 +203,7 @@ class Pooled(ClassKind):
         """What classes say of parts of new data: everything is compiled once, for all of them."""
         self.check(like)
         priors = complete_priors(self.energy, self.priors)
-        forward = self.observation.forward_model(self.energy, like, priors)
+        forward = self.likelihood.forward_model(self.energy, like, priors)
         rng = np.random.default_rng(seed)
         predictives = [ClassPredictive(fitted, self, forward, rng) for fitted in classes.values()]
 
@@ -219,7 +218,7 @@ class Pooled(ClassKind):
                 predictive, state = own[number]
                 return predictive.log_evidence_of(signals, int(state))
 
-            measured = self.observation.measured(data)
+            measured = self.likelihood.measured(data)
             return with_hybrids(known, self.parts, measured, evidence_of)
 
         return predict
@@ -320,16 +319,15 @@ class ClassPredictive:
     def __init__(
         self, fitted: xr.DataTree, kind: Pooled, forward: ForwardModel, rng: np.random.Generator
     ) -> None:
-        model, variables = kind.model(inflation_data_of(fitted)), kind.observation.noise
-        noise = {name: model[name] for name in variables if name in model.named_vars}
+        model = kind.model(inflation_data_of(fitted))
+        sizes = {name: model[name] for name in kind.likelihood.unknowns}
         parameters = {name: model[name] for name in kind.energy.parameter_names}
-        observation, signals = replace(kind.observation, **noise), kind.parts
+        signals = kind.parts
         # One signal is never left out.
         names = signals if len(signals) > 1 else ()
         self._switches = {name: pytensor.shared(1.0, name=f"with_{name}") for name in names}
-        log_likelihood = observation.log_likelihood(
-            forward.tube(parameters), self._switches or None
-        )
+        tube = forward.tube(parameters)
+        log_likelihood = kind.likelihood.log_likelihood(tube, sizes, self._switches or None)
         with model:
             new = pm.Potential("new", log_likelihood)
 

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 PARTS: dict[str, tuple[str, ...]] = {
     "material": ("location", "spread", "factor"),
     "experiments": ("experiment_spread", "effect_spread"),
-    "noise": ("log_sigma", "noise_spread"),
+    "noise": ("log_size", "noise_spread"),
 }
 """Parts of a class's distribution, and of what each consists."""
 
@@ -173,7 +173,7 @@ def _densities_of_parts(
             known[wall] = log_densities(draws, replace(pair[wall[0]], **changes))
         if "noise" not in parts:
             return known[wall]
-        return known[wall] + log_density_of_noise(np, draws.log_sigma, pair[whose["noise"]])
+        return known[wall] + log_density_of_noise(np, draws.log_size, pair[whose["noise"]])
 
     return densities
 
@@ -191,8 +191,8 @@ def near_class(distributions: ClassDistribution) -> ClassDistribution:
             "experiment_spread": 1.5 * np.sqrt((within**2).mean(axis=1)),
             "effect_spread": np.sqrt(np.mean(np.square(d.effect_spread))),
         }
-    if d.log_sigma is not None:
-        logs, spreads = (np.asarray(v)[..., 0] for v in (d.log_sigma, d.noise_spread))
+    if d.log_size is not None:
+        logs, spreads = (np.asarray(v)[..., 0] for v in (d.log_size, d.noise_spread))
         spread_of = logs.var(axis=1) + (spreads**2).mean(axis=1)
-        optional |= {"log_sigma": logs.mean(axis=1), "noise_spread": 1.5 * np.sqrt(spread_of)}
+        optional |= {"log_size": logs.mean(axis=1), "noise_spread": 1.5 * np.sqrt(spread_of)}
     return ClassDistribution(mean, wide, np.eye(len(mean)), **optional)

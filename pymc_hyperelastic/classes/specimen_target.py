@@ -14,10 +14,6 @@ Array = NDArray[np.float64]
 
 # Draws by which it is known how wide the prior is.
 _DRAWS = 1000
-# Draws of the prior by which quicker functions are tried. They may be wrong by this fraction of how
-# deep a draw lies below the highest, and one, in nats; so deep all are alike. Of what is found they
-# may differ by the last number.
-_TRIED, _LARGEST_WRONG, _DEEP, _LARGEST_DIFFERENCE = 400, 0.1, 300.0, 0.003
 
 
 class SpecimenTarget(Target):
@@ -112,23 +108,6 @@ class SpecimenTarget(Target):
     def prior_width(self) -> Array:
         """How wide the prior of the model is, by variable."""
         return width_of(self.draw_prior(_DRAWS, np.random.default_rng(1)))
-
-    @np.errstate(invalid="ignore")  # what is impossible by both is not unlike
-    def unlike(self, quick: "SpecimenTarget", points: Array) -> Array:
-        """Those of the points whose likelihood is not that of a quicker target."""
-        # Particles may be there several times. The first of them are learned from.
-        _, first = np.unique(points, axis=0, return_index=True)
-        points = points[np.sort(first)]
-        exact, found = (of.score(points)[1] for of in (self, quick))
-        return points[~((np.abs(found - exact) < _LARGEST_DIFFERENCE) | (found == exact))]
-
-    @np.errstate(invalid="ignore")  # where no draw is possible nothing can be told
-    def roughly_unlike(self, quick: "SpecimenTarget") -> Array:
-        """Draws of the prior whose likelihood is far from that of a quicker target."""
-        tried = self.draw_prior(_TRIED, np.random.default_rng(2))
-        exact, found = (of.score(tried)[1] for of in (self, quick))
-        depth, by_quick = (np.minimum(exact.max() - x, _DEEP) for x in (exact, found))
-        return tried[~(np.abs(by_quick - depth) < _LARGEST_WRONG * (1 + depth))]
 
     def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
         """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""

@@ -32,7 +32,7 @@ _KEPT_TOGETHER = 10
 _LEAST_EXPECTED, _MOST_BINS = 10, 20
 _NO_DATA = (
     "they have a density, but nothing can be drawn from them; give the likelihood as observed "
-    'variables, as ph.inflation_model(..., likelihood="generative") does, and leave others out'
+    "variables, as ph.Gaussian(..., observed=True) does, and leave others out"
 )
 
 

@@ -134,7 +134,7 @@ def sampling_tree(
         evidence["pareto_k"] = np.array([chain["pareto_k"][-1] for chain in stats])
     found = (xr.Dataset() if found is None else found).merge(mass_at_limits(model, unconstrained))
     study = study_of(model)
-    if study and np.isfinite(error := study.curve_error(posterior)):
+    if study and not np.isnan(error := study.curve_error(posterior)):
         found = found.assign(curve_error=error)
     tree = xr.DataTree.from_dict(
         (study.result_groups(model) if study else data_groups(model))

@@ -87,7 +87,8 @@ def sample_smc(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
-    >>> model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
+    >>> likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=3.0)
+    >>> model = ph.ogden_model(data, likelihood)
     >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
     >>> tree["posterior"].sizes["draw"]
     500

@@ -21,6 +21,9 @@ from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import hoop_elongation, opening_factor
 
+# Nodes of the Gauss-Legendre rule of a wall, or of each piece between kinks: exact to 1e-10 for
+# the thickest tubes, see PressureIntegral.
+WALL_ORDER = 32
 # Built Ops by their class, types of inputs and settings.
 _ops: dict[tuple[Any, ...], "TubeOp"] = {}
 
@@ -120,7 +123,9 @@ class WallIntegral(TubeOp):
 
     __props__ = ("strain_energy", "order")
 
-    def __init__(self, input_types: Any = None, *, order: int = 32, **settings: Any) -> None:
+    def __init__(
+        self, input_types: Any = None, *, order: int = WALL_ORDER, **settings: Any
+    ) -> None:
         super().__init__(input_types, order=order, **settings)
 
     def wall(self, inputs: Sequence[Tensor]) -> tuple[WallRule, Tensor, Any]:
@@ -140,7 +145,7 @@ def wall_rule(
     axial_stretch: Any,
     opening_angle: Any,
     *,
-    order: int = 32,
+    order: int = WALL_ORDER,
     kinks: Sequence[Any] = (),
 ) -> WallRule:
     """Quadrature of a wall, in pieces between the `kinks`, values of ``ln λθ``.
@@ -158,8 +163,9 @@ def wall_rule(
     node, weight = gauss_legendre(order)
     if kinks:
         excess = hoop_elongation(internal_radius, inner_radius, **tube)
-        places = [_place(kink + xp.log(axial_stretch / k) / 2, excess, log_ratio) for kink in kinks]
-        node, weight = _divided(node, weight, places)
+        relative = [kink + xp.log(axial_stretch / k) / 2 for kink in kinks]
+        places = [_place(xp, log_stretch, excess, log_ratio) for log_stretch in relative]
+        node, weight = _split(xp, node, weight, places)
     radius = inner_radius * xp.exp(node * log_ratio)
     delta = hoop_elongation(internal_radius, radius, **tube)
     log_hoop = (xp.log(k) - xp.log(axial_stretch) + xp.log1p(delta)) / 2
@@ -172,34 +178,35 @@ def wall_rule(
     )
 
 
-def _place(log_stretch: Any, excess: Any, log_ratio: Any) -> Tensor:
+def _place(xp: ModuleType, log_stretch: Any, excess: Any, log_ratio: Any) -> Any:
     """Place of a hoop stretch in the wall, from 0 inside to 1 outside; 0 if it is not there.
 
     The stretch is given relative to that of the unloaded tube. Its square exceeds 1 by ``δ``, which
     falls with the square of the radius from `excess` at the inner surface.
     """
-    beyond = pt.expm1(2 * log_stretch)
-    ratio = excess / pt.where(pt.eq(beyond, 0.0), 1.0, beyond)
-    inside = (ratio > 1) & (ratio < pt.exp(2 * log_ratio)) & pt.neq(beyond, 0.0)
-    return pt.where(inside, pt.log(pt.where(inside, ratio, 1.0)) / (2 * log_ratio), 0.0)
+    beyond = xp.expm1(2 * log_stretch)
+    there = abs(beyond) > 0
+    ratio = excess / xp.where(there, beyond, 1.0)
+    inside = (ratio > 1) & (ratio < xp.exp(2 * log_ratio)) & there
+    return xp.where(inside, xp.log(xp.where(inside, ratio, 1.0)) / (2 * log_ratio), 0.0)
 
 
-def _divided(node: Any, weight: Any, places: Sequence[Any]) -> tuple[Any, Any]:
+def _split(xp: ModuleType, node: Any, weight: Any, places: Sequence[Any]) -> tuple[Any, Any]:
     """The rule on [0, 1] as one rule on each piece between the given places."""
-    ends = [pt.zeros_like(places[0]), *_in_order(places), pt.ones_like(places[0])]
+    ends = [xp.zeros_like(places[0]), *_in_order(xp, places), xp.ones_like(places[0])]
     pieces = list(pairwise(ends))
     return (
-        pt.concatenate([low + (high - low) * node for low, high in pieces], axis=-1),
-        pt.concatenate([(high - low) * weight for low, high in pieces], axis=-1),
+        xp.concatenate([low + (high - low) * node for low, high in pieces], axis=-1),
+        xp.concatenate([(high - low) * weight for low, high in pieces], axis=-1),
     )
 
 
-def _in_order(places: Sequence[Any]) -> list[Any]:
-    """Few variables by their size; the gradient of PyTensor's own sort does not run in JAX."""
+def _in_order(xp: ModuleType, places: Sequence[Any]) -> list[Any]:
+    """Sort a few variables by size; the gradient of PyTensor's own sort does not run in JAX."""
     ordered: list[Any] = []
     for place in places:
         for i, other in enumerate(ordered):
-            ordered[i], place = pt.minimum(other, place), pt.maximum(other, place)
+            ordered[i], place = xp.minimum(other, place), xp.maximum(other, place)
         ordered.append(place)
     return ordered
 

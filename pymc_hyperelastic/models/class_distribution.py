@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers
+from pymc_hyperelastic.models.likelihoods import Likelihood
+from pymc_hyperelastic.models.likelihoods.errors import SIZES
 from pymc_hyperelastic.models.natural_scale import SPREAD, NaturalScale
-from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, in_sigmas
-from pymc_hyperelastic.models.priors import is_inferred, register_prior
+from pymc_hyperelastic.models.priors import register_prior
 
 Array = NDArray[np.float64]
 
@@ -30,9 +30,11 @@ _DISTRIBUTIONS = 1000
 # Measurement errors that may differ between specimens, and the names of the standard deviations of
 # their logarithms.
 SPREAD_OF_NOISE = {
+    "pressure_sd": "noise_spread",
     "sigma": "noise_spread",
+    "force_sd": "force_noise_spread",
     "force_sigma": "force_noise_spread",
-    "diameter_noise_sd": "diameter_noise_spread",
+    "diameter_sd": "diameter_noise_spread",
 }
 # Log-normal priors, dimensionless: median, and standard deviation of the logarithm.
 # Spread of the tests of one specimen, for coordinates whose specimens have the median spread 0.4:
@@ -46,7 +48,7 @@ _NOISE_SPREAD = (0.3, 0.5)
 # nearly singular covariance matrices, are improbable.
 _CONCENTRATION = 2.0
 # Scalar and vector variables of a class's posterior; vectors have one entry per coordinate.
-_SCALARS = ("effect_spread", *SPREAD_OF_NOISE.values(), *NOISE_UNITS)
+_SCALARS = ("effect_spread", *SPREAD_OF_NOISE.values(), *SIZES)
 _VECTORS = ("location", "spread", "experiment_spread")
 
 
@@ -66,8 +68,9 @@ class ClassDistribution:
         Standard deviation of the tests of a typical specimen about its coordinates.
     effect_spread : tensor_like, optional
         Standard deviation, between specimens, of the logarithm of `experiment_spread`.
-    log_sigma, noise_spread : tensor_like, shape (noise), optional
-        Mean and standard deviation, between specimens, of ``ln σ`` of each inferred noise.
+    log_size, noise_spread : tensor_like, shape (noise), optional
+        Mean and standard deviation, between specimens, of the logarithm of each inferred size of an
+        error.
     effects : sequence of tensor_like, shape (coordinate)
         Change of the location per unit of each covariate.
     """
@@ -77,7 +80,7 @@ class ClassDistribution:
     factor: Any
     experiment_spread: Any = None
     effect_spread: Any = None
-    log_sigma: Any = None
+    log_size: Any = None
     noise_spread: Any = None
     effects: Sequence[Any] = ()
 
@@ -130,14 +133,14 @@ class ClassDistribution:
 
 def register_class(
     scale: NaturalScale,
-    observation: Observation,
+    likelihood: Likelihood,
     experiment_effect: bool,
     priors: Mapping[str, Any] | None = None,
 ) -> ClassDistribution:
     """Register the variables of a class's distribution in the model in context.
 
-    With `experiment_effect` the tests of one specimen differ. An inferred noise of `observation`
-    differs between specimens. `priors` replace default priors by name.
+    With `experiment_effect` the tests of one specimen differ. An inferred size of an error in
+    `likelihood` differs between specimens. `priors` replace default priors by name.
     """
     given = dict(priors or {})
     size = len(scale.names)
@@ -161,21 +164,20 @@ def register_class(
         optional["experiment_spread"] = variable("experiment_spread", prior)
         prior = pm.LogNormal.dist(np.log(_EFFECT_SPREAD[0]), _EFFECT_SPREAD[1])
         optional["effect_spread"] = variable("effect_spread", prior, dims=None)
-    inferred = noises_of(observation)
+    inferred = noises_of(likelihood)
     if inferred:
-        sigmas = observation.with_variables().sigmas
+        sizes = likelihood.register_unknowns()
         prior = pm.LogNormal.dist(np.log(_NOISE_SPREAD[0]), _NOISE_SPREAD[1])
-        optional["log_sigma"] = [pt.log(sigmas[name]) for name in inferred]
+        optional["log_size"] = [pt.log(sizes[name]) for name in inferred]
         optional["noise_spread"] = [
             variable(SPREAD_OF_NOISE[name], prior, dims=None) for name in inferred
         ]
     return ClassDistribution(location, spread, factor, **optional)
 
 
-def noises_of(observation: Observation) -> list[str]:
-    """Names of the inferred measurement errors, which differ between specimens."""
-    sigmas = observation.sigmas
-    return [name for name in SPREAD_OF_NOISE if is_inferred(sigmas.get(name))]
+def noises_of(likelihood: Likelihood) -> list[str]:
+    """Return the inferred sizes of measurement errors, which differ between specimens."""
+    return [name for name in SPREAD_OF_NOISE if name in likelihood.unknowns]
 
 
 def correlation_factor(size: int, prefix: str = "") -> Any:
@@ -221,18 +223,16 @@ def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDis
     optional = {}
     if "effect_spread" in posterior:
         optional["effect_spread"] = posterior["effect_spread"].values[:, None]
-    given = {name: posterior[name].values for name in NOISE_UNITS if name in posterior}
-    sigmas = in_sigmas(given)
-    lacking = [
-        n for n, spread in SPREAD_OF_NOISE.items() if spread in posterior and n not in sigmas
-    ]
-    if lacking:
-        raise damaged(tree, f"its posterior has the spread of {lacking[0]!r}, but not the median")
-    inferred = [name for name, spread in SPREAD_OF_NOISE.items() if spread in posterior]
+    inferred = [name for name in SPREAD_OF_NOISE if name in posterior]
+    spreads = [SPREAD_OF_NOISE[name] for name in inferred]
+    for name in dict.fromkeys(SPREAD_OF_NOISE.values()):
+        if (name in posterior) != (name in spreads):
+            raise damaged(
+                tree, f"its posterior has only one of {name!r} and the size of that error"
+            )
     if inferred:
-        spreads = [posterior[SPREAD_OF_NOISE[name]].values for name in inferred]
-        optional["log_sigma"] = np.log([sigmas[name] for name in inferred])[..., None]
-        optional["noise_spread"] = np.array(spreads)[..., None]
+        optional["log_size"] = np.log([posterior[name].values for name in inferred])[..., None]
+        optional["noise_spread"] = np.array([posterior[name].values for name in spreads])[..., None]
     return ClassDistribution(
         vector("location"),
         vector("spread"),

@@ -1,6 +1,6 @@
 """What is not known of a tube: priors, and measured values with their errors."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import e, isfinite
 from numbers import Real
@@ -19,6 +19,8 @@ from pymc_hyperelastic.data.inflation import (
     points_of,
 )
 from pymc_hyperelastic.data.select import specimens_of
+from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, measure_of, reopened
 from pymc_hyperelastic.models.priors import check_prior
 
@@ -62,9 +64,8 @@ class Measured:
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> noise = {"noise_sd": 4 * ph.mmHg, "slope_weight": 0}
     >>> model = ph.inflation_model(
-    ...     ph.Ogden(), data, **noise, geometry={"thickness": ph.Measured(sd=0.1)}
+    ...     ph.Ogden(), data, 4 * ph.mmHg, geometry={"thickness": ph.Measured(sd=0.1)}
     ... )
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha', 'thickness_deviation']
@@ -157,6 +158,30 @@ def check_measured(data: xr.Dataset, measured: Mapping[str, Measured], layered: 
                     f"{{{name!r}: ...}}), or the number here, ph.Measured(sd=...)"
                 )
             check_known(data, f"{name}_sd", ", and ph.Measured() needs it")
+
+
+def check_tube(
+    wall: StrainEnergy | Sequence[Layer], data: xr.Dataset, geometry: Mapping[str, Any] | None
+) -> None:
+    """Raise unless the data or the `geometry` state the whole tube."""
+    check_measured(data, measured_of(geometry or {}), not isinstance(wall, StrainEnergy))
+    inferred = inferred_geometry(priors_of(geometry or {}))
+    needed = set(GEOMETRY) - set(inferred)
+    if not isinstance(wall, StrainEnergy):
+        needed.discard("outer_radius")
+        if "outer_radius" in inferred or not data["outer_radius"].isnull().all():
+            raise ValueError(
+                "layers state the thickness of the wall, and the data its outer radius: leave that "
+                "away, ph.inflation_data(..., outer_radius=None)"
+            )
+    if "axial_stretch" in inferred:
+        then = (
+            ", in which it was measured, and geometry holds one value for all tests: leave it out"
+        )
+        check_held(data, then)
+    for name in sorted(needed):
+        prior = f"give it a prior, geometry={{{name!r}: ...}}"
+        check_known(data, name, f": state it with the data, or {prior}")
 
 
 def _measures_behind(name: str) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ from pymc_hyperelastic.models.moduli import (
     moduli_by_stress,
 )
 from pymc_hyperelastic.models.priors import is_inferred
-from pymc_hyperelastic.models.study import NamedLayer, named_layers
+from pymc_hyperelastic.models.records import NamedLayer, named_layers
 
 Array = NDArray[np.float64]
 

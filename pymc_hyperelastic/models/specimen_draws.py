@@ -43,8 +43,8 @@ class SpecimenDraws:
     ----------
     centre, scatter : array, shape (coordinate, draw)
         Mean of the coordinates of the tests, and sum of their squared deviations from the mean.
-    log_sigma : array, shape (noise, draw)
-        ``ln σ`` of each inferred noise.
+    log_size : array, shape (noise, draw)
+        Logarithm of each inferred size of an error.
     log_weight : array, shape (draw)
         Logarithms of the weights.
     tests : int
@@ -68,7 +68,7 @@ class SpecimenDraws:
 
     centre: Array
     scatter: Array
-    log_sigma: Array
+    log_size: Array
     log_weight: Array
     tests: int
     standard_error: float
@@ -101,7 +101,7 @@ class SpecimenDraws:
             self,
             centre=self.centre[:, :count],
             scatter=self.scatter[:, :count],
-            log_sigma=self.log_sigma[:, :count],
+            log_size=self.log_size[:, :count],
             log_weight=self.log_weight[:count] + np.log(len(self.log_weight) / count),
             points=self.points[:count],
             deviations=self.deviations[:, :count],
@@ -112,7 +112,7 @@ def stacked(specimens: Sequence[SpecimenDraws]) -> dict[str, Array]:
     """Arrays of several specimens for :func:`log_density`, with the axes (..., specimen, draw)."""
     arrays = {
         name: np.stack([getattr(draws, name) for draws in specimens], axis=-2)
-        for name in ("centre", "scatter", "log_sigma")
+        for name in ("centre", "scatter", "log_size")
     }
     arrays["log_weight"] = np.stack([draws.log_weight for draws in specimens])
     covariates = np.stack([draws.covariates for draws in specimens], axis=-1)[..., None]
@@ -141,20 +141,20 @@ def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDis
         total = _combined(_coefficients(xp, distribution), monomials)
     else:
         total = _log_density_of_tests(xp, {**draws, "monomials": monomials}, distribution)
-    if distribution.log_sigma is not None:
-        total = total + log_density_of_noise(xp, draws["log_sigma"], distribution)
+    if distribution.log_size is not None:
+        total = total + log_density_of_noise(xp, draws["log_size"], distribution)
     return total
 
 
-def log_density_of_noise(xp: ModuleType, log_sigma: Any, distribution: ClassDistribution) -> Any:
-    """Log density of ``ln σ`` of each inferred noise, a term of :func:`log_density`."""
-    moments = zip(distribution.log_sigma, distribution.noise_spread, strict=True)
-    return sum(_log_normal(xp, log_sigma[i], *moment) for i, moment in enumerate(moments))
+def log_density_of_noise(xp: ModuleType, log_size: Any, distribution: ClassDistribution) -> Any:
+    """Log density of the logarithms of the inferred sizes of errors, see :func:`log_density`."""
+    moments = zip(distribution.log_size, distribution.noise_spread, strict=True)
+    return sum(_log_normal(xp, log_size[i], *moment) for i, moment in enumerate(moments))
 
 
 def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Array:
     """Log densities (distribution, draw) of a specimen's draws under draws of a class."""
-    arrays = {name: getattr(draws, name) for name in ("centre", "scatter", "log_sigma", "tests")}
+    arrays = {name: getattr(draws, name) for name in ("centre", "scatter", "log_size", "tests")}
     arrays["monomials"] = _monomials(draws.centre, draws.covariates[:, None])
     count, size = len(distributions.location[0]), max(1, _BLOCK // len(draws.log_weight))
     blocks = np.split(np.arange(count), range(size, count, size))
@@ -165,8 +165,8 @@ def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Arr
     densities = np.empty((count, len(draws.log_weight)))
     for block in blocks:
         densities[block] = _combined(coefficients[block], arrays["monomials"])
-        if distributions.log_sigma is not None:
-            noise = arrays["log_sigma"], distributions.at(block)
+        if distributions.log_size is not None:
+            noise = arrays["log_size"], distributions.at(block)
             densities[block] += log_density_of_noise(np, *noise)
     return densities
 

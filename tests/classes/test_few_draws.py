@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.special import logsumexp, softmax
-from variable_classes import SIGMA, curves, log_evidence_of_specimen
+from variable_classes import PRESSURE_SD, curves, log_evidence_of_specimen
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.few_draws import FewDraws, KnownClass, _around, known_class
@@ -27,7 +27,7 @@ EFFECTIVE = {False: 1060, True: 1300}
 def test_evidences_are_those_of_a_grid(effect):
     """Draws are as good as designed: no further round is made for a class that matters."""
     data = curves({"A": [38.0, 46.0] if effect else [38.0]}, 3)
-    kind = Variability.of_settings(ph.NeoHookean(), sigma=SIGMA, experiment_effect=effect)
+    kind = Variability.of_settings(ph.NeoHookean(), PRESSURE_SD, experiment_effect=effect)
     # Distributions of a class differ in their location.
     shifts = np.zeros(1) if effect else np.linspace(-0.1, 0.1, 9)
     rows, more = np.ones((len(shifts), 1)), (WITHIN, EFFECT) if effect else ()

@@ -13,7 +13,6 @@ from pymc_hyperelastic.classes.specimens import class_model, shared_draws
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.models import specimen_draws
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities, log_density
 
@@ -62,10 +61,10 @@ def test_density_of_several_tests_equals_the_joint_normal_density(size, tests):
     draws, x = random_draws(rng, size, tests, 5)
     location, spread = rng.normal(0, 0.3, size), rng.uniform(0.2, 0.6, size)
     within, factor = rng.uniform(0.1, 0.3, size), normal_factor(rng, size)
-    noise = {"log_sigma": [-0.4], "noise_spread": [0.3]}
+    noise = {"log_size": [-0.4], "noise_spread": [0.3]}
     distribution = ClassDistribution(location, spread, factor, within, 0.7, **noise)
     expected = dense_density(x, location, spread, factor, within, 0.7)
-    expected += stats.norm(-0.4, 0.3).logpdf(draws.log_sigma[0])
+    expected += stats.norm(-0.4, 0.3).logpdf(draws.log_size[0])
     tolerance = QUADRATURE_TOLERANCE if tests > 1 else SINGLE_TEST_TOLERANCE
     found = log_density(np, vars(draws), distribution)
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
@@ -95,7 +94,7 @@ def test_density_without_experiment_effect_is_normal():
 def test_potential_of_a_class_equals_the_weighted_sum_over_draws():
     """The compiled model of a class, at one point, against weighted sums of SciPy's densities."""
     rng = np.random.default_rng(SEED)
-    noise = Observation(pm.LogNormal.dist(0.0, 1.0), likelihood="generative")
+    noise = ph.Gaussian(pm.LogNormal.dist(0.0, 1.0), observed=True)
     population = Population(ph.Ogden(), noise, experiment_effect=True)
     specimens = [random_draws(rng, 2, tests, 20) for tests in (2, 3)]
     model = class_model(population, shared_draws(draws for draws, _ in specimens))
@@ -106,7 +105,7 @@ def test_potential_of_a_class_equals_the_weighted_sum_over_draws():
         "correlation_unit_logodds__": np.log(0.7 / 0.3),
         "experiment_spread_log__": np.log(within),
         "effect_spread_log__": np.log(0.6),
-        "sigma_log__": np.log(0.8),
+        "pressure_sd_log__": np.log(0.8),
         "noise_spread_log__": np.log(0.4),
     }
     outputs = model.replace_rvs_by_values([model["specimens"], model["correlation"]])
@@ -117,7 +116,7 @@ def test_potential_of_a_class_equals_the_weighted_sum_over_draws():
     factor, expected = np.linalg.cholesky(correlation), 0.0
     for draws, x in specimens:
         density = dense_density(x, location, spread, factor, within, 0.6)
-        density += stats.norm(np.log(0.8), 0.4).logpdf(draws.log_sigma[0])
+        density += stats.norm(np.log(0.8), 0.4).logpdf(draws.log_size[0])
         expected += logsumexp(draws.log_weight + density)
     np.testing.assert_allclose(potential, expected, rtol=0, atol=2 * QUADRATURE_TOLERANCE)
 

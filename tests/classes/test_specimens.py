@@ -10,13 +10,13 @@ from scipy import stats
 from scipy.optimize import approx_fprime
 from scipy.special import logsumexp
 from shared_errors import Dense, neo_hookean
-from variable_classes import GRID, SEED, SIGMA, TUBE, UNIT_PRESSURE, curves, modulus
+from variable_classes import GRID, PRESSURE_SD, SEED, SIGMA, TUBE, UNIT_PRESSURE, curves, modulus
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.specimen_evidence import variance_of_specimen
 from pymc_hyperelastic.classes.specimens import PARTICLES, SpecimenSampler, reference_of
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.likelihoods import as_likelihood
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import log_densities, log_density
 
@@ -28,10 +28,10 @@ QUADRATURE_TOLERANCE = 0.01
 PRECISE, ENOUGH = 0.02, 0.1
 
 
-def sampler_of(data, energy=None, effect=False, geometry=None, **noise):
-    observation = Observation(**{"sigma": SIGMA} | noise, likelihood="generative")
+def sampler_of(data, likelihood=PRESSURE_SD, *, energy=None, effect=False, geometry=None):
+    observed = as_likelihood(likelihood).as_observed()
     energy = energy or ph.NeoHookean()
-    population = Population(energy, observation, effect, 20.0, geometry=geometry or {})
+    population = Population(energy, observed, effect, 20.0, geometry=geometry or {})
     return SpecimenSampler(population, population.forward_model(data), reference_of(population))
 
 
@@ -55,11 +55,11 @@ def test_evidence_posterior_and_misfit_are_those_of_a_grid():
     assert abs(log_evidence_of(draws, r) - exact) < STANDARD_ERRORS * draws.standard_error < ENOUGH
     unit, pressure = np.tile(UNIT_PRESSURE, 2), data["pressure"].values
     best = pressure @ unit / (unit @ unit)
-    least = np.sum((pressure - best * unit) ** 2) / (SIGMA**2 / 2)
+    least = np.sum((pressure - best * unit) ** 2) / PRESSURE_SD**2
     np.testing.assert_allclose(draws.misfit, least, atol=0.2)
     np.testing.assert_allclose(draws.freedom, pressure.size - 1, atol=0.15)
     # The noise hides the parameter: half the variance of the squares is lost.
-    draws = sampler_of(data, sigma=40.0)(data, np.random.default_rng(SEED))
+    draws = sampler_of(data, 40.0 / np.sqrt(2))(data, np.random.default_rng(SEED))
     squares = np.square(pressure - modulus(draws.centre.T) * unit).sum(axis=1) / (40.0**2 / 2)
     lost = squares.var() / 2
     assert lost < 0.5
@@ -87,7 +87,7 @@ def test_draws_near_a_class_replace_others():
     narrow = ClassDistribution(np.full((1, 1, 1), centre), np.full((1, 1, 1), width), np.eye(1))
     near = sampler.near(data, wide, narrow, rng)
     x = np.linspace(centre - 8 * width, centre + 8 * width, 2001)
-    density = stats.norm(modulus(x)[:, None] * UNIT_PRESSURE, SIGMA / np.sqrt(2))
+    density = stats.norm(modulus(x)[:, None] * UNIT_PRESSURE, PRESSURE_SD)
     log_terms = density.logpdf(data["pressure"].values).sum(axis=1)
     log_terms += stats.norm(centre, width).logpdf(x) + np.log(x[1] - x[0])
     value = logsumexp(near.log_weight + log_densities(near, narrow))
@@ -103,7 +103,7 @@ def test_draws_near_a_class_replace_others():
 def test_slopes_are_derivatives_of_the_score():
     """A specimen has three tests that differ."""
     data = curves({"A": [38.0, 52.0, 45.0]}, SEED)
-    target = sampler_of(data, ph.Ogden(), effect=True).target(data)
+    target = sampler_of(data, energy=ph.Ogden(), effect=True).target(data)
     assert target.has_slopes and target.dimension == 6
     points = target.draw_prior(2, np.random.default_rng(SEED))
     prior, likelihood, of_prior, of_likelihood = target.slopes(points)
@@ -122,7 +122,7 @@ def test_curvature_is_the_second_derivative_where_curves_fit_exactly():
     data, truth, step = curves({"A": [38.0]}, SEED), -2.0, 1e-3
     data["pressure"][:] = modulus(truth) * UNIT_PRESSURE
     # So large an error that the prior counts.
-    target = sampler_of(data, sigma=20.0).target(data)
+    target = sampler_of(data, 20.0 / np.sqrt(2)).target(data)
     x = truth + step * np.array([[-1.0], [0.0], [1.0]])
     rise = target.ascent(np.full(1, 1e-3))(x[[1]])
     low, middle, high = target.score(x)[1]
@@ -131,14 +131,14 @@ def test_curvature_is_the_second_derivative_where_curves_fit_exactly():
 
 
 @pytest.mark.parametrize(
-    ("noise", "effect"),
-    [({"slope_weight": 0.2}, True), ({"sigma": pm.HalfNormal.dist(1.0)}, False)],
+    ("likelihood", "effect"),
+    [(ph.SlopeAugmented(SIGMA, 0.2), True), (pm.HalfNormal.dist(1.0), False)],
     ids=["experiments differ", "unknown noise"],
 )
-def test_sums_of_squares_equal_those_over_all_points(noise, effect):
+def test_sums_of_squares_equal_those_over_all_points(likelihood, effect):
     """Log likelihood and squares of two tests on one specimen, of draws from near and far."""
     data = curves({"A": [38.0, 52.0]}, SEED)
-    sampler = sampler_of(data, effect=effect, **noise)
+    sampler = sampler_of(data, likelihood, effect=effect)
     target, model = sampler.target(data), sampler._model_for(data)
     points = target.draw_prior(200, np.random.default_rng(SEED))
     points = points[np.isfinite(target.score(points)[1])]
@@ -164,12 +164,12 @@ def test_likelihood_of_forces_with_offsets_and_an_uncertain_thickness():
     frame["pressure"], frame["axial_force"] = rng.uniform(1, 9, 10), rng.normal(0, 90, 10)
     given = {"geometry_sd": {"thickness": thickness_sd}, "check": "ignore"}
     data = ph.inflation_data(frame, **TUBE, axial_stretch="stretch", **given)
-    noise = {"force_noise_sd": 12.0, "force_offset_sd": offset}
-    sampler = sampler_of(data, geometry={"thickness": ph.Measured()}, **noise)
+    errors = {"pressure_sd": PRESSURE_SD, "force_sd": 12.0, "force_offset_sd": offset}
+    sampler = sampler_of(data, ph.Gaussian(**errors), geometry={"thickness": ph.Measured()})
     target = sampler.target(data)
     (point,) = target.draw_prior(1, rng)
     wall = neo_hookean(modulus(point[0])), 2.0 * np.exp(point[1] * thickness_sd / 2.0)
-    dense = Dense(data, [wall], noise_sd=SIGMA / np.sqrt(2), **noise)
+    dense = Dense(data, [wall], **errors)
     prior, likelihood = target.score(point[None])
     np.testing.assert_allclose(likelihood, dense.log_density(), rtol=1e-6)
     of_class = sampler.log_reference(point[None]) + stats.norm.logpdf(point[1])
@@ -183,7 +183,7 @@ def test_constant_matrices_are_right_for_what_could_have_been_measured():
     points = {"radius": radius, "pressure": pressure.eval(mode=AS_WRITTEN)}
     frame = pd.DataFrame(points).assign(specimen="A", experiment=1)
     data = ph.inflation_data(frame, **TUBE, check="ignore")
-    population = sampler_of(data, ph.Ogden()).population
+    population = sampler_of(data, energy=ph.Ogden()).population
     quick = population.forward_model(data, by_test=False).by_matrices()
     assert quick.by_matrices() is None  # matrices already
     z = np.random.default_rng(SEED).standard_normal((2, 1000))

@@ -14,7 +14,7 @@ from tube_posteriors import fitted_tree
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
-from pymc_hyperelastic.models.study import strain_energy_attrs
+from pymc_hyperelastic.models.records import strain_energy_attrs
 
 # Some twenty operations in double precision, and an exponent of 25 times 2 ln(1.9), about 32, which
 # multiplies the rounding of its argument.

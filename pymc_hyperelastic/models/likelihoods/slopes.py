@@ -3,11 +3,8 @@
 They are slopes by the radius at a held axial stretch: extension tests have none.
 """
 
-from typing import Any
-
 import numpy as np
 import xarray as xr
-from pytensor.graph.basic import Variable
 from scipy.linalg import cholesky_banded, eigvals_banded, solve_banded
 
 from pymc_hyperelastic.data.inflation import (
@@ -56,7 +53,7 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
 
     See Also
     --------
-    inflation_likelihood
+    SlopeAugmented
 
     Examples
     --------
@@ -78,7 +75,7 @@ def check_slopes(data: xr.Dataset) -> None:
     if extension_tests(data).all():
         raise ValueError(
             f"{describe_test(data, 0)}: axial_stretch varies within this test and all others; "
-            "extension tests have no slopes: set slope_weight=0, or add inflation tests"
+            "extension tests have no slopes: take ph.Gaussian(...), or add inflation tests"
         )
     central_differences(data)
 
@@ -182,11 +179,6 @@ def whiten(
     np.add.at(right, interior + 1, weighted)
     np.add.at(right, interior - 1, -weighted)
     return solve_banded((0, 2), root, right)
-
-
-def with_slopes(slope_weight: Any) -> bool:
-    """Whether slopes play a part."""
-    return isinstance(slope_weight, Variable) or slope_weight != 0
 
 
 def _precision_bands(data: xr.Dataset, slope_weight: float) -> np.ndarray:
