@@ -210,14 +210,6 @@ class StrainEnergy(ABC):
         return ()
 
     @property
-    def shortened(self) -> "StrainEnergy":
-        """Law that equals this one for ``λθ < 1`` and omits the terms that vanish there.
-
-        It has the same parameters. The default is the law itself.
-        """
-        return self
-
-    @property
     def fingerprint(self) -> tuple[float, ...]:
         """Stresses in kPa at fixed stretches and parameters, which identify the formula.
 
