@@ -100,24 +100,11 @@ def tubes_of(
     reference: Sequence[Any],
     parameters: Mapping[str, Any],
 ) -> list[Tube]:
-    """Return the concentric tubes of a wall, from the inside out.
+    """Return the concentric tubes of a wall of one material or of layers, from the inside out.
 
-    Parameters
-    ----------
-    energy : StrainEnergy or sequence of Layer
-        The material, or the layers.
-    internal_radius : tensor_like
-        Current internal radius of the wall, mm.
-    reference : sequence of tensor_like
-        The reference tube in the order of GEOMETRY; the outer radius is None for layers.
-    parameters : dict
-        Parameters of the material; empty for layers.
-
-    Raises
-    ------
-    TypeError
-        If `energy` is neither a strain energy nor a list of layers, the outer radius is missing or
-        superfluous, or parameters are missing or unknown.
+    `reference` holds the reference tube in the order of GEOMETRY. For layers its outer radius is
+    None, and `parameters` is empty. Raise TypeError for any other input, and for missing or unknown
+    parameters.
     """
     inner_radius, outer_radius, axial_stretch, opening_angle = reference
     if isinstance(energy, str) or not isinstance(energy, Sequence):

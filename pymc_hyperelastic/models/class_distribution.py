@@ -139,16 +139,8 @@ def register_class(
 ) -> ClassDistribution:
     """Register the variables of a class's distribution in the model in context.
 
-    Parameters
-    ----------
-    scale : NaturalScale
-        Coordinates of specimens, with their default priors.
-    likelihood : Likelihood
-        Measured signals and their errors; an inferred size of an error differs between specimens.
-    experiment_effect : bool
-        If True, the tests of one specimen differ.
-    priors : dict, optional
-        Distributions that replace default priors, by name.
+    With `experiment_effect` the tests of one specimen differ. An inferred size of an error in
+    `likelihood` differs between specimens. `priors` replace default priors by name.
     """
     given = dict(priors or {})
     size = len(scale.names)

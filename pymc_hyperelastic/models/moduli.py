@@ -41,22 +41,10 @@ def moduli_by_ratio(
 ) -> list[Tensor]:
     r"""Moduli with given ratios to the first and ``σθθ − σrr = stress`` at a hoop strain.
 
-    The axial strain is 0. The stress of the law must be proportional to all moduli together.
-
-    Parameters
-    ----------
-    energy : StrainEnergy
-        The law.
-    entries : sequence of tensor_like
-        Entries of all parameters; those of the moduli are ignored.
-    indices : sequence of int
-        Indices of the moduli in `entries`.
-    strain : TensorVariable
-        Hoop strain ``ln λθ``.
-    log_ratios : sequence of TensorVariable
-        Logarithm of each modulus except the first, divided by the first.
-    stress : float
-        Stress in kPa.
+    The axial strain is 0, `strain` is ``ln λθ``, and `stress` is in kPa. `indices` are the indices
+    of the moduli in `entries`, the entries of all parameters, and `log_ratios` the logarithms of
+    all moduli but the first, divided by the first. The stress of the law must be proportional to
+    all moduli together.
     """
     moduli = [pt.ones_like(strain), *(pt.exp(x) for x in log_ratios)]
     parameters = energy.join(_replaced(entries, indices, moduli))

@@ -77,22 +77,16 @@ class NaturalScale:
     stiffening.
 
     *One modulus.* The coordinate is the logarithm of the hoop strain :math:`e = \ln λ_θ` at which
-    the stress of the wall has a physiological value,
+    the stress is :math:`T_θ(e, \ln λ_z = 0) = T_0`.
 
-    .. math:: T_θ(e, \ln λ_z = 0) = T_0, \qquad x_1 = \ln e .
+    *Several moduli, additive stress.* If the stress is a sum of one term per modulus (see
+    :func:`~pymc_hyperelastic.models.moduli.has_additive_stress`), the first modulus is replaced by
+    the logarithm of the equibiaxial strain :math:`e = \ln λ_θ = \ln λ_z`, in which all fibres have
+    the same stretch, at :math:`\tfrac12 (T_θ + T_z) = T_0`. Each other modulus is replaced by the
+    logarithm of its stress over that of the first, :math:`x_i = \ln (T_i/T_1)`. With the stress
+    :math:`t_i` of a modulus of 1 kPa, the moduli are
 
-    *Several moduli, additive stress.* If the stress is a sum of one term per modulus (tested
-    numerically, see :func:`~pymc_hyperelastic.models.moduli.has_additive_stress`), the first
-    modulus is replaced by the logarithm of the equibiaxial strain at which
-
-    .. math:: \tfrac12 (T_θ + T_z)(\ln λ_θ = \ln λ_z = e) = T_0, \qquad x_1 = \ln e,
-
-    and each other modulus by the logarithm of its stress, divided by that of the first modulus,
-    :math:`x_i = \ln (T_i/T_1)`. In this state the stretch of all fibres is the same, whatever their
-    angles. With the stress :math:`t_i` of a modulus of 1 kPa the moduli have a closed form:
-
-    .. math:: θ_i = \frac{T_i}{t_i(e)}, \qquad T_i = T_0 \frac{e^{x_i}}{1 + \sum_{j>1} e^{x_j}},
-        \qquad x_{i>1} = \ln\frac{T_i}{T_1} .
+    .. math:: θ_i = \frac{T_i}{t_i(e)}, \qquad T_i = T_0 \frac{e^{x_i}}{1 + \sum_{j>1} e^{x_j}} .
 
     *Several moduli, other laws.* The first modulus is replaced as in a law with one modulus, and
     each other modulus by the logarithm of its ratio to the first.

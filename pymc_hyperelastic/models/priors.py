@@ -4,6 +4,7 @@ Model factories complete the priors that a user gives and register them as rando
 store priors as lists of names and numbers, so that reading a file executes no code from it.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from math import isnan
 from typing import Any
@@ -244,39 +245,35 @@ def prior_from_record(record: Any, name: str = "") -> TensorVariable:
     ValueError
         If it is no such record. A record from a file can only name distributions of PyMC.
     """
-    if not isinstance(record, list) or len(record) < 2:
-        raise ValueError(
-            f"the prior of {name!r} is {shown(record)}; expected [name, [parameters]], or [name, "
-            "[parameters], size] for a vector"
+    try:
+        distribution, parameters, *size = record
+        member, count = _STORABLE[distribution]
+        valid = (
+            isinstance(parameters, list)
+            and len(parameters) == count
+            and len(size) <= 1
+            and all(type(n) is int and 1 <= n <= _LARGEST_SIZE for n in size)
+            and all(_is_parameter(p, size) for p in parameters)
         )
-    distribution, parameters, *size = record
-    if not isinstance(distribution, str) or distribution not in _STORABLE:
+    except (TypeError, ValueError, KeyError):
+        valid = False
+    if not valid:
+        subject = f"the prior of {name!r}" if name else "a prior"
         raise ValueError(
-            f"the prior of {name!r} is {shown(distribution)}, which is no distribution that can be "
-            f"stored with results; expected one of {sorted(_STORABLE)}"
+            f"{subject} is {shown(record)}; expected [name, parameters], or [name, "
+            "parameters, size] for a vector, with the name of a univariate distribution of PyMC "
+            f"and its parameters as numbers. The size is at most {_LARGEST_SIZE}"
         )
-    known, count = _STORABLE[distribution]
-    if len(size) > 1 or not all(type(n) is int and 1 <= n <= _LARGEST_SIZE for n in size):
-        raise ValueError(
-            f"the prior of {name!r} has the size {shown(size)}; expected one whole number from 1 "
-            f"to {_LARGEST_SIZE}, or no size"
-        )
-    if not isinstance(parameters, list) or len(parameters) != count:
-        raise ValueError(
-            f"the prior of {name!r}, {distribution}, has the parameters {shown(parameters)}; "
-            f"expected a list of {count}"
-        )
-    for parameter in parameters:
-        entries = parameter if isinstance(parameter, list) else [parameter]
-        whole = not isinstance(parameter, list) or len(parameter) in (1, *size)
-        if not whole or not all(is_number(x) and not isnan(x) for x in entries):
-            raise ValueError(
-                f"the prior of {name!r}, {distribution}, has the parameter {shown(parameter)}; "
-                "expected a number, or a list of as many numbers as its size"
-            )
-    return _rebuild(
-        known.rv_op, [pt.constant(p, dtype="float64") for p in parameters], size or None
-    )
+    variables = [pt.constant(p, dtype="float64") for p in parameters]
+    return _rebuild(member.rv_op, variables, size or None)
+
+
+def _is_parameter(value: Any, size: Sequence[int]) -> bool:
+    """Return True for a number, and for a list of one number or of `size` numbers."""
+    if isinstance(value, list) and len(value) not in (1, *size):
+        return False
+    entries = value if isinstance(value, list) else [value]
+    return all(is_number(x) and not isnan(x) for x in entries)
 
 
 def priors_from_records(records: Any) -> dict[str, TensorVariable]:
@@ -304,14 +301,8 @@ def _parameters_of(op: type) -> int | None:
     """Number of scalar parameters of a univariate distribution; None for any other."""
     symbolic = issubclass(op, SymbolicRandomVariable)
     signature = getattr(op, "extended_signature" if symbolic else "signature", None) or ""
-    given, _, made = signature.partition("->")
-    if symbolic and not given.startswith("[rng],[size]"):
-        return None
-    if symbolic:
-        given, made = given.removeprefix("[rng],[size]"), made.removeprefix("[rng],")
-    if made != "()" or given.replace("()", "").replace(",", ""):
-        return None
-    return given.count("()")
+    inputs = r"\[rng\],\[size\](,\(\))*->\[rng\]," if symbolic else r"(\(\),?)*->"
+    return signature.count("()") - 1 if re.fullmatch(inputs + r"\(\)", signature) else None
 
 
 # Distributions that can be stored, by all their names: class, and number of scalar parameters.

@@ -132,14 +132,9 @@ def log_density(xp: ModuleType, draws: Mapping[str, Any], distribution: ClassDis
 
     The scale of ``Ω`` differs between specimens and is integrated out by quadrature.
 
-    Parameters
-    ----------
-    xp : module
-        ``numpy`` for numbers, ``pytensor.tensor`` for variables.
-    draws : dict
-        Arrays of :class:`SpecimenDraws` by name, or those of :func:`stacked`.
-    distribution : ClassDistribution
-        Distribution of the class, which broadcasts against the draws.
+    `xp` is ``numpy`` for numbers and ``pytensor.tensor`` for variables. `draws` holds the arrays of
+    :class:`SpecimenDraws` by name, or those of :func:`stacked`; `distribution` broadcasts against
+    them.
     """
     monomials = draws["monomials"] if "monomials" in draws else _monomials(draws["centre"])
     if distribution.experiment_spread is None:
@@ -274,32 +269,31 @@ def _log_density_of_tests(
     """
     size, tests, effect = distribution.size, draws["tests"], distribution.effect_spread
     axes = draws["centre"].ndim - 1
-    known = size + len(distribution.effects) + 1
-    spread, variances, of_centre = _independent_directions(
-        xp, draws["monomials"][-known:], distribution
-    )
-    squares = _combined(1 / xp.square(spread), draws["scatter"])
-    count, squared_effect = (tests - 1) * size, effect**2
-    scaled, shift = 2 * squared_effect * (squares + _NO_SCATTER), 2 * count * squared_effect
+    # The last monomials have degree 1 and 0.
+    linear = draws["monomials"][-(size + len(distribution.effects) + 1) :]
+    spread, variances, of_centre = _independent_directions(xp, linear, distribution)
+    scatter = _combined(1 / xp.square(spread), draws["scatter"])
+    power, squared_effect = (tests - 1) * size, effect**2
+    scaled, shift = 2 * squared_effect * (scatter + _NO_SCATTER), 2 * power * squared_effect
     level = xp.log(scaled) + shift
     omega = xp.logaddexp(0.0, level)
     for _ in range(2):  # Newton steps for the Wright omega function
         omega = omega * (1 + level - xp.log(omega)) / (1 + omega)
     width = effect / xp.sqrt(1 + omega)
-    middle, growth = (level - shift - xp.log(omega)) / 2, scaled / omega
+    middle, middle_square = (level - shift - xp.log(omega)) / 2, scaled / omega  # u and exp(2u)
 
     # A loop over nodes is faster than sums and maxima over an axis of nodes.
-    steps = width * np.sqrt(8)
+    steps = width * np.sqrt(8)  # twice the Gauss-Hermite step √2 width, for exp(2u)
     exponents, volumes = [], []
     for node, factor in zip(_NODES, _exponentials(xp, steps), strict=True):
-        of_tests, volume = squares / (growth * factor), 1.0
-        added = growth * factor / tests
-        for i, square in enumerate(of_centre):
-            variance = variances[(..., i, *(None,) * axes)] + added
-            of_tests, volume = of_tests + square / variance, volume * variance
+        square = middle_square * factor  # κ² at the node
+        misfit, volume = scatter / square, 1.0
+        for i, deviation in enumerate(of_centre):
+            variance = variances[(..., i, *(None,) * axes)] + square / tests
+            misfit, volume = misfit + deviation / variance, volume * variance
         # Exponent of the prior of u, shifted by the power of κ from the volume of the tests.
-        of_effect = xp.square((middle + node * steps / 2) / effect + count * effect)
-        exponents.append(-(of_tests + of_effect) / 2)
+        of_prior = xp.square((middle + node * steps / 2) / effect + power * effect)
+        exponents.append(-(misfit + of_prior) / 2)
         volumes.append(volume)
     largest = reduce(xp.maximum, exponents)
     mean = sum(
@@ -307,7 +301,7 @@ def _log_density_of_tests(
         for weight, exponent, volume in zip(_WEIGHTS, exponents, volumes, strict=True)
     )
     total = largest + xp.log(mean * width)
-    total = total + xp.square(count * effect) / 2 - xp.log(effect) - np.log(np.pi) / 2
+    total = total + xp.square(power * effect) / 2 - xp.log(effect) - np.log(np.pi) / 2
     normaliser = xp.log(spread).sum(axis=-1)[(..., *(None,) * axes)] + size / 2 * np.log(2 * np.pi)
     return total - tests * normaliser - size / 2 * xp.log(tests)
 

@@ -32,7 +32,7 @@ def points_of(specimens):
     return np.concatenate([specimens[name] for name in names], axis=1)
 
 
-def test_moments_are_those_of_random_specimens():
+def test_moments_equal_those_of_random_specimens():
     """Two coordinates of two tests each, and noise: all variances and covariances."""
     fresh = fresh_specimens(POPULATION, distribution(COUNT), 2, np.random.default_rng(SEED))
     covariance = np.cov(points_of(fresh).T)
@@ -53,7 +53,7 @@ def test_covariances_can_be_replaced():
     np.testing.assert_allclose(other.location[:, 0, 0], [1.0, 2.0])
 
 
-def test_the_proposal_near_a_class_is_half_as_wide_again():
+def test_proposal_near_a_class_is_wider_by_half():
     """Over all draws of the class's distribution, which differ in everything."""
     rng = np.random.default_rng(SEED)
     one, varied = distribution(COUNT), {}
@@ -76,7 +76,7 @@ def test_the_proposal_near_a_class_is_half_as_wide_again():
     np.testing.assert_array_equal(near.factor, np.eye(2))
 
 
-def test_the_reference_is_wider_than_every_class():
+def test_reference_is_wider_than_every_class():
     """Spreads are twice the median of a class, and add to the sd of its location."""
     reference = reference_of(POPULATION)
     mean, sd = POPULATION.scale.location_prior
@@ -90,7 +90,7 @@ def test_the_reference_is_wider_than_every_class():
     np.testing.assert_allclose(reference.noise_spread, np.hypot(0.3, 0.5), rtol=TOLERANCE)
 
 
-def test_draws_of_a_class_are_those_of_its_posterior():
+def test_draws_of_a_class_are_read_from_its_posterior():
     """A class of two coordinates and an inferred standard deviation; unsound draws are refused."""
     rng, dims = np.random.default_rng(SEED), ("chain", "draw", "coordinate", "coordinate_2")
     values = {

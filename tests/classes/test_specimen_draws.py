@@ -19,7 +19,7 @@ from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities
 SEED = 911
 # Relative rounding error of sums of some hundred densities.
 ROUNDING = 1e-9
-# Nats: the stated error of five nodes over how much experiments differ, and in the tails of one.
+# Nats: the stated error of five quadrature nodes, for several tests and for a single test.
 QUADRATURE_TOLERANCE, SINGLE_TEST_TOLERANCE = 0.01, 0.1
 
 
@@ -55,7 +55,7 @@ def dense_density(x, location, spread, factor, within=None, effect=None):
 
 
 @pytest.mark.parametrize(("size", "tests"), [(1, 4), (3, 1), (3, 4)])
-def test_tests_of_a_specimen_are_jointly_normal(size, tests):
+def test_density_of_several_tests_equals_the_joint_normal_density(size, tests):
     """Experiments differ, and the specimen's own coordinates are integrated out."""
     rng = np.random.default_rng(SEED)
     draws, x = random_draws(rng, size, tests, 5)
@@ -70,7 +70,7 @@ def test_tests_of_a_specimen_are_jointly_normal(size, tests):
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
 
 
-def test_a_specimen_of_one_material_is_normal():
+def test_density_without_experiment_effect_is_normal():
     """Under each of many distributions, on average, and with a location moved by a covariate."""
     rng, count = np.random.default_rng(SEED), 6
     draws, x = random_draws(rng, 3, 1, 5)
@@ -91,7 +91,7 @@ def test_a_specimen_of_one_material_is_normal():
     np.testing.assert_allclose(found, expected, rtol=ROUNDING)
 
 
-def test_the_potential_of_a_class_is_the_mean_over_the_draws_of_its_specimens():
+def test_potential_of_a_class_equals_the_weighted_sum_over_draws():
     """The compiled model of a class, at one point, against weighted sums of SciPy's densities."""
     rng = np.random.default_rng(SEED)
     noise = ph.Gaussian(pm.LogNormal.dist(0.0, 1.0), observed=True)
@@ -121,7 +121,7 @@ def test_the_potential_of_a_class_is_the_mean_over_the_draws_of_its_specimens():
     np.testing.assert_allclose(potential, expected, rtol=0, atol=2 * QUADRATURE_TOLERANCE)
 
 
-def test_a_part_of_the_draws_gets_the_weight_of_all():
+def test_first_draws_keep_the_total_weight_and_are_stored():
     draws, _ = random_draws(np.random.default_rng(SEED), 2, 3, 40)
     half = draws.first(20)
     np.testing.assert_allclose(half.log_weight, draws.log_weight[:20] + np.log(2))

@@ -31,13 +31,7 @@ TUBES = [
     (LAYER, 1.2, UNIT, TypeError, "a strain energy such as"),
     ([LAYER], 8.0, TUBE | {"mu": 2.0}, TypeError, r"\['outer_radius', 'mu'\] cannot be given"),
     ([ph.Layer(ph.NeoHookean(), 0.3)], 1.2, UNIT, TypeError, r"\['mu'\], but \[\] were given"),
-    (
-        [SERIES],
-        1.2,
-        UNIT,
-        TypeError,
-        r"'mu' of OgdenSeries\(terms=2\) has the shape \(1,\); expected 2",
-    ),
+    ([SERIES], 1.2, UNIT, TypeError, r"'mu' of OgdenSeries\(terms=2\).*\(1,\); expected 2"),
     ([LAYER], 0.0, UNIT, ValueError, "internal_radius must be positive"),
 ]
 
@@ -66,13 +60,7 @@ def test_possible_extremes_are_accepted():
         (ph.NeoHookean(), 0.0, {"mu": 20.0}, ValueError, "thickness must be positive.* got 0.0"),
         (ph.NeoHookean(), [0.1, np.nan], {"mu": 20.0}, ValueError, "thickness must be positive"),
         (ph.NeoHookean(), np.inf, {"mu": 20.0}, ValueError, "must be positive and finite; got inf"),
-        (
-            ph.NeoHookean(),
-            "thin",
-            {"mu": 20.0},
-            TypeError,
-            "thickness is 'thin'; expected a number",
-        ),
+        (ph.NeoHookean(), "thin", {"mu": 20.0}, TypeError, "thickness is 'thin'; expected"),
     ],
 )
 def test_impossible_layer_is_refused(energy, thickness, parameters, error, message):

@@ -210,14 +210,6 @@ class StrainEnergy(ABC):
         return ()
 
     @property
-    def shortened(self) -> "StrainEnergy":
-        """Law that equals this one for ``λθ < 1`` and omits the terms that vanish there.
-
-        It has the same parameters. The default is the law itself.
-        """
-        return self
-
-    @property
     def fingerprint(self) -> tuple[float, ...]:
         """Stresses in kPa at fixed stretches and parameters, which identify the formula.
 
@@ -300,7 +292,7 @@ class StrainEnergy(ABC):
         if not isinstance(name, str) or name not in StrainEnergy._registry:
             raise ValueError(
                 f"no strain energy is called {name!r}; expected one of "
-                f"{sorted(StrainEnergy._registry)}. If it is your own, run or import its class"
+                f"{sorted(StrainEnergy._registry)}. Run or import its class first if it is yours"
             )
         law = StrainEnergy._registry[name]
         accepted = signature(law).parameters

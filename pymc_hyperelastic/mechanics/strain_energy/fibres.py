@@ -320,9 +320,6 @@ class FourFiber(_FibreReinforced):
     ('c', 'k1_axial', 'k2_axial', 'k1_diagonal', 'k2_diagonal', 'beta')
     """
 
-    # False for `shortened`, which keeps the parameters of slack hoop fibres but not their stress.
-    _hoop_taut = True
-
     def __init__(self, hoop_fibres: bool = True) -> None:
         if not isinstance(hoop_fibres, bool):
             raise ValueError(f"hoop_fibres is {hoop_fibres!r}; expected True or False")
@@ -351,16 +348,9 @@ class FourFiber(_FibreReinforced):
         beta: Any,
     ) -> Sequence[_Family]:
         """Axial fibres, hoop fibres if the law has them, and two diagonal families at ``±β``."""
-        hoop = [_Family(1, k1_hoop, k2_hoop, 0.0)] if self.hoop_fibres and self._hoop_taut else []
+        hoop = [_Family(1, k1_hoop, k2_hoop, 0.0)] if self.hoop_fibres else []
         return [
             _Family(1, k1_axial, k2_axial, _AXIAL_ANGLE),
             *hoop,
             _Family(2, k1_diagonal, k2_diagonal, beta),
         ]
-
-    @property
-    def shortened(self) -> "FourFiber":
-        """The law without the stress of hoop fibres, which are slack for ``λθ < 1``."""
-        law = FourFiber(self.hoop_fibres)
-        law._hoop_taut = False
-        return law
