@@ -32,7 +32,7 @@ SPREAD_OF_NOISE = {
 }
 # Priors of a class, each as the median and the standard deviation of a logarithm.
 _EXPERIMENT_SPREAD, _EFFECT_SPREAD, _NOISE_SPREAD = (0.15, 0.8), (0.5, 0.5), (0.3, 0.5)
-# What is stored of a class by draw, and by draw and coordinate.
+# Variables of a stored class by draw, and by draw and coordinate.
 _NUMBERS_OF_CLASS = ("effect_spread", *SPREAD_OF_NOISE.values(), *SIZES)
 _VECTORS_OF_CLASS = ("location", "spread", "experiment_spread")
 # Exponent of the prior of a correlation matrix, its determinant to the power of η − 1.
@@ -194,7 +194,7 @@ def shape_of_partial_correlations(size: int) -> Array:
 
 
 def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDistribution:
-    """Draws of a class's distribution, so many at most, along the first of two axes."""
+    """Return at most `count` draws of a class's distribution, along the first of two axes."""
     posterior = some_of_posterior(tree, count)
 
     def vector(name: str) -> Array | None:
@@ -225,7 +225,7 @@ def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDis
 
 
 def some_of_posterior(tree: xr.DataTree, count: int) -> xr.Dataset:
-    """So many draws at most, evenly spread over the chains, by sample."""
+    """Return at most `count` draws, evenly spread over the chains, by sample."""
     posterior = class_posterior(tree).stack(sample=("chain", "draw"))
     chosen = np.linspace(0, posterior.sizes["sample"] - 1, count).round().astype(int)
     return posterior.isel(sample=np.unique(chosen))
