@@ -40,8 +40,8 @@ def likelihood_said(tree: xr.DataTree) -> str | None:
 def check_comparable(fits: Sequence[Fit], argument: str) -> None:
     """Raise, naming what differs, unless the evidences of these laws compare.
 
-    The `argument` is that by which they were given. Of what does not say how it was made, it is
-    warned: nothing is known against it.
+    The `argument` is the name of the argument that holds them. Warn about fits that do not record
+    their data or likelihood.
     """
     first = fits[0]
     for fit in fits:
@@ -68,7 +68,7 @@ def check_comparable(fits: Sequence[Fit], argument: str) -> None:
 
 
 def _warn_of_unknown(fits: Sequence[Fit], argument: str) -> None:
-    """Warn of what does not say from which data, or with which likelihood, it was made."""
+    """Warn about fits that do not record their data or likelihood."""
     if len(fits) == 1:
         return
     for fit in fits:

@@ -151,7 +151,7 @@ def fit_classes(
             warn_of_evidence(fitted, f"class {name!r}: ")
             tree[name] = sealed(fitted)
     except KeyboardInterrupt:
-        # What a store has, the same call goes on with: nobody is to take a part for the whole.
+        # With a store the same call continues; a partial result could be mistaken for a whole.
         if not tree.children or store is not None:
             raise
         warnings.warn(
@@ -161,7 +161,7 @@ def fit_classes(
         said = f"class {name!r} cannot be fitted: {error}"
         if not tree.children:
             raise ValueError(said) from error
-        # What the others took is not to be lost.
+        # Keep the classes that were fitted.
         warnings.warn(said, skip_file_prefixes=(PACKAGE,))
     tree.attrs |= kind.attrs() | {"random_seed": json.dumps(seed.entropy)}
     return tree
@@ -170,7 +170,7 @@ def fit_classes(
 def _manifest(
     kind: ClassKind, classes: Data, seed: np.random.SeedSequence, draws: int, chains: int
 ) -> dict[str, Any]:
-    """What decides the numbers of fitted classes, as a store says it."""
+    """Return the settings on which the numbers of fitted classes depend, for a store."""
     return {
         "work": "fit_classes",
         **kind.manifest(),

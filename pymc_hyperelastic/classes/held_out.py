@@ -154,19 +154,7 @@ def calibration_report(
     for kind in kinds:
         kind.check_classes(classes)
     seed = seed_kept(random_seed, store)
-
-    def manifest() -> dict[str, Any]:
-        return {
-            "work": "calibration_report",
-            "laws": [kind.manifest() for kind in kinds],
-            "left_out": {specimen: str(unit) for specimen, unit in units.items()},
-            "draws": draws,
-            "chains": chains,
-            "random_seed": seed.entropy,
-            "data": digests_of(classes),
-        }
-
-    remember = remembering(store, manifest)
+    remember = remembering(store, lambda: _manifest(kinds, classes, units, draws, chains, seed))
     seeds = seed.spawn(len(kinds))
     found = _leave_out_each(
         kinds, classes, true_class, units, draws, chains, seeds, progressbar, remember
@@ -176,6 +164,26 @@ def calibration_report(
         report = report.drop_vars("p_value")
     report.attrs = {"variability": variability, "random_seed": json.dumps(seed.entropy)}
     return _with_scores(report)
+
+
+def _manifest(
+    kinds: Sequence[ClassKind],
+    classes: Mapping[str, xr.Dataset],
+    units: Mapping[str, Hashable],
+    draws: int,
+    chains: int,
+    seed: np.random.SeedSequence,
+) -> dict[str, Any]:
+    """Return the settings on which the numbers of a report depend, for a store."""
+    return {
+        "work": "calibration_report",
+        "laws": [kind.manifest() for kind in kinds],
+        "left_out": {specimen: str(unit) for specimen, unit in units.items()},
+        "draws": draws,
+        "chains": chains,
+        "random_seed": seed.entropy,
+        "data": digests_of(classes),
+    }
 
 
 def _walls(energy: Any) -> list[Any]:

@@ -91,18 +91,9 @@ class SpecimenTarget(Target):
 
         return slope
 
-    def squares(self, points: Array, *, compressed: bool) -> Array:
-        """Sums of squares of all standard errors, of errors whose size is known.
-
-        Of a likelihood that is `compressed`, of sums of squares, they take far less time.
-        """
-        particles = self.particles(points)
-        if not compressed:
-            return np.square(self.misfits(particles)[1]).sum(axis=1)
-        # Half of it is what the log likelihood lacks, which is the same everywhere.
-        likelihood, errors = self.misfits(particles[:1])
-        lacking = likelihood - self._score(particles)[0]
-        return np.square(errors).sum() + 2 * lacking
+    def squares(self, points: Array) -> Array:
+        """Return the sum of squared standardised errors of each point."""
+        return np.square(self.misfits(self.particles(points))[1]).sum(axis=1)
 
     @cached_property
     def prior_width(self) -> Array:

@@ -327,8 +327,7 @@ class SpecimenSampler:
         """Draws of a target with their misfit, which is told by errors whose size is known."""
         if not self.population.known_noise:
             return draws
-        compressed = not self.population.likelihood.with_slopes
-        squares = target.squares(draws.points, compressed=compressed)
+        squares = target.squares(draws.points)
         misfit, freedom = self._misfit(data, squares, target.dimension)
         return replace(draws, misfit=misfit, freedom=freedom)
 

@@ -17,7 +17,7 @@ from pymc_hyperelastic.models.likelihoods import (
 
 Quantity = Literal["pressure", "length", "force", "angle"]
 UNKNOWN = "unknown"
-# What each size measures.
+# Quantity that has each size.
 _QUANTITIES: dict[str, Quantity] = {
     "pressure_sd": "pressure",
     "sigma": "pressure",

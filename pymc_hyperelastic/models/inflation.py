@@ -35,9 +35,11 @@ from pymc_hyperelastic.models.priors import belongs_to, complete_wall, register_
 from pymc_hyperelastic.models.study import Study
 from pymc_hyperelastic.parallel import one_thread
 
-# Draws from the prior by which it is known how many of them have a pressure that rises: to 3 % at
-# the least share.
-_PRIOR_DRAWS, _LEAST_SHARE = 20000, 0.05
+# Draws from the prior that estimate the probability of a rising pressure: to 3 % at the smallest
+# probability that is accepted.
+_PRIOR_DRAWS = 20000
+# Smallest accepted prior probability of a rising pressure. Below it priors contradict `rising`.
+_LEAST_SHARE = 0.05
 
 
 @one_thread
@@ -58,9 +60,9 @@ def inflation_model(
     ``stiffness`` (with measured forces also ``axial_force``, with `geometry` also ``radius``) over
     ``obs``, and the Potential ``likelihood`` or observed variables. Any PyMC sampler takes it.
 
-    Made in the context of another model it is a part of that, as every ``pm.Model`` is: its
-    variables are registered there, under the prefix `name`, and the whole is what is sampled. In
-    the place of priors there may then be variables of that model, which are registered once. If
+    In the context of another model it becomes a part of that model, as every ``pm.Model`` does: its
+    variables are registered there, under the prefix `name`, and the whole model is sampled. Priors
+    may then be variables of that model, which are registered once. If
     only the likelihood is wanted, use :func:`~pymc_hyperelastic.inflation_likelihood`.
 
     Parameters
@@ -193,9 +195,9 @@ def tube_model(
     name: str = "",
     forward: ForwardModel | None = None,
 ) -> pm.Model:
-    """Model of :func:`inflation_model`, a part of `parent` or by itself, whatever the context.
+    """Return the model of :func:`inflation_model`, a part of `parent` or by itself.
 
-    The `forward` model of these data may be known already.
+    The context is ignored. A caller that has a `forward` model of these data can give it.
     """
     wall, distributions = complete_wall(energy, priors, parent)
     unknown = check_geometry(geometry, parent)
@@ -211,20 +213,10 @@ def tube_model(
             "rising=True divides by the prior probability of the curves that rise, which is not "
             "known where parameters are variables of your own model: give distributions instead"
         )
-    model = pm.Model(name=name, model=parent)
-    points = model.name_for("obs")
-    coords = {
-        points: np.arange(data.sizes["obs"]),
-        model.name_for("test"): [describe_test(data, test) for test in range(data.sizes["test"])],
-    }
-    specimens, of_test = specimens_of(data)
     measured = measured_of(unknown)
-    of_specimen = model.name_for("specimen")
-    if measured:
-        coords[of_specimen] = specimens
-    if parent is not None:
-        _check_names(parent, [*coords, model.name_for("pressure")])
-    model.add_coords(coords)
+    model = _empty_model(data, bool(measured), parent, name)
+    points, of_specimen = model.name_for("obs"), model.name_for("specimen")
+    _, of_test = specimens_of(data)
     with model:
         parameters = register_priors(distributions)
         of_tube = register_priors(priors_of(unknown))
@@ -244,6 +236,23 @@ def tube_model(
     if parent is None:
         study = Study(energy, data, distributions, likelihood, unknown, rising, forward=forward)
         attach_study(model, study)
+    return model
+
+
+def _empty_model(
+    data: xr.Dataset, by_specimen: bool, parent: pm.Model | None, name: str
+) -> pm.Model:
+    """Return a model with the dimensions of the data and no variables."""
+    model = pm.Model(name=name, model=parent)
+    coords: dict[str, Any] = {
+        model.name_for("obs"): np.arange(data.sizes["obs"]),
+        model.name_for("test"): [describe_test(data, test) for test in range(data.sizes["test"])],
+    }
+    if by_specimen:
+        coords[model.name_for("specimen")] = specimens_of(data)[0]
+    if parent is not None:
+        _check_names(parent, [*coords, model.name_for("pressure")])
+    model.add_coords(coords)
     return model
 
 

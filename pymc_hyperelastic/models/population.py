@@ -40,9 +40,9 @@ from pymc_hyperelastic.models.priors import check_prior, complete_wall, is_infer
 from pymc_hyperelastic.models.study import Study
 from pymc_hyperelastic.parallel import one_thread
 
-# Standard deviations of the coordinates over which curves must be right.
+# Range of each coordinate over which curves must be accurate, in prior standard deviations.
 _REACH = 3.0
-# Draws of a prior that tell whether it is one of positive numbers.
+# Draws of a prior, to check that all are positive.
 _SIGMA_DRAWS = 2000
 
 
@@ -71,7 +71,7 @@ class Population:
 
     @property
     def known_noise(self) -> bool:
-        """Whether the noise of pressures or forces is known."""
+        """True if the size of the errors of pressures or forces is a number."""
         errors = self.likelihood.errors()
         sizes = (errors.pressure_sd, errors.force_sd)
         return any(size is not None and not is_inferred(size) for size in sizes)
@@ -302,7 +302,7 @@ class Specimens(NamedTuple):
     noises: dict[str, TensorVariable]
     """Inferred sizes of errors of every specimen."""
     deviations: dict[str, TensorVariable]
-    """Of every specimen, how far its tube is from what was measured."""
+    """Standardised deviation of each specimen's tube from its measured value."""
 
 
 def register_specimens(
@@ -361,7 +361,7 @@ def tube_of(population: Population, forward: ForwardModel, specimens: Specimens)
 def register_curves(
     population: Population, forward: ForwardModel, specimens: Specimens, dims: str | None = None
 ) -> None:
-    """Curves of the tests, and what was measured about them."""
+    """Add the curves of the tests, and the measurements, to the model of the context."""
     tube = tube_of(population, forward, specimens)
     curves = {
         name: pm.Deterministic(name, values, dims=dims) for name, values in tube.curves().items()

@@ -3,8 +3,9 @@
 Besides the groups of sampling the result of a model of inflation curves has
 
 ``observed_data``, ``constant_data`` : (obs), (test)
-    The measured pressures, and the rest of the inflation data. Where measurements are observed
-    variables, their values by the names of these, and all inflation data.
+    The measured pressures, and the rest of the inflation data. If measurements are observed
+    variables, ``observed_data`` holds their values by the names of the variables, and
+    ``constant_data`` all inflation data.
 
 and attributes: the strain energy, priors, and ``likelihood``, a JSON record with the units of its
 numbers. ``likelihood_in_words`` says the same for a reader.
@@ -56,7 +57,7 @@ def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:
 
 
 def holds_inflation_data(tree: xr.DataTree) -> bool:
-    """Whether a result is of inflation data, and not of a model of something else."""
+    """Return True if a result holds inflation data, and is no result of another model."""
     if "constant_data" not in tree.children:
         return False
     # A model of a user's own may have one of these; data that lack one are damaged.
@@ -65,7 +66,7 @@ def holds_inflation_data(tree: xr.DataTree) -> bool:
 
 
 def origin_of(classes: xr.DataTree) -> dict[str, Any]:
-    """Attributes of what follows from classes: what their data are called, and if simulated."""
+    """Return the title of the data of classes, and 1 if they are simulated, as attributes."""
     attrs = [read_group(fitted, "constant_data").attrs for fitted in classes.children.values()]
     titles = dict.fromkeys(str(a["title"]) for a in attrs if is_said(a.get("title")))
     simulated = int(any(is_said(a.get("simulated")) for a in attrs))
@@ -139,7 +140,7 @@ def wall_attrs(wall: StrainEnergy | Sequence[Layer]) -> dict[str, str]:
 
 
 def stated_wall_of(tree: xr.DataTree) -> StrainEnergy | list[Layer]:
-    """The material of a class, or its layers as they were given: what is missing is inferred."""
+    """Return the material of a class, or its layers as the user stated them."""
     if "thickness_priors" not in tree.attrs:
         return strain_energy_of(tree)
     with reading(tree):
@@ -197,11 +198,11 @@ def _same_stresses(stored: list[Any], found: Sequence[float]) -> bool:
 
 
 class NamedLayer(NamedTuple):
-    """A material, and by which names, or as which numbers, a posterior holds what it needs."""
+    """A material with the names of its variables in a posterior, or their numbers."""
 
     energy: StrainEnergy
     values: dict[str, Any]
-    """Of the parameters, and of the thickness if it is a layer: names of variables, or numbers."""
+    """Names of variables, or numbers, of the parameters, and of the thickness of a layer."""
 
 
 def named_layers(wall: StrainEnergy | Sequence[Layer]) -> list[NamedLayer]:
@@ -242,7 +243,7 @@ def wall_of(tree: xr.DataTree) -> list[NamedLayer]:
 
 
 def law_names_of(tree: xr.DataTree) -> list[str]:
-    """What the laws of a result are called, from the inside out; nothing if it does not tell."""
+    """Return the names of the laws of a result, from the inside out; empty if it states none."""
     if "layers" in tree.attrs:
         return [record["strain_energy"] for record in _layer_records(tree)]
     name = read_text(tree, "strain_energy", None)
@@ -285,7 +286,7 @@ def _layer_of(tree: xr.DataTree, record: dict[str, Any]) -> NamedLayer:
 def reference_stress_of(tree: xr.DataTree, settings: Mapping[str, Any], name: str) -> float | None:
     """The stress at which the specimens of a class are compared, among settings of this name."""
     if name not in settings:
-        raise damaged(tree, f"it does not tell its {name}")
+        raise damaged(tree, f"its {name} is missing")
     stress = settings[name]
     if stress is not None and not (is_number(stress) and 0 < stress < np.inf):
         raise damaged(tree, f"its {name} is {shown(stress)}; expected a number of kPa, or null")

@@ -1,4 +1,4 @@
-"""What a model of inflation curves was made from, and what follows from its draws."""
+"""The parts of a model of inflation curves, and quantities computed from its draws."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ _COMPARED = 64
 
 @dataclass(frozen=True)
 class Study:
-    """What a model of inflation curves was made from."""
+    """Energy, data, priors and likelihood from which a model of inflation curves was made."""
 
     energy: StrainEnergy | Sequence[Layer]
     data: xr.Dataset
@@ -44,7 +44,7 @@ class Study:
     geometry: dict[str, Any] = field(default_factory=dict)
     rising: bool = False
     reference_stress: float | None = None
-    """Of a population, see :class:`NaturalScale`."""
+    """For a population, see :class:`NaturalScale`."""
     forward: ForwardModel | None = None
     """Curves of the model."""
 
@@ -62,7 +62,7 @@ class Study:
         that group; all data of the study are therefore in the other one.
         """
         groups = self._measured(model)
-        # What was inferred, and has been observed or set since.
+        # Add unknowns that have been observed or set since (pm.observe, pm.do).
         for group, held in data_groups(model).items():
             fixed = [name for name in held.data_vars if name in self._fixed(model)]
             groups[group] = groups[group].merge(held[fixed])
@@ -92,7 +92,7 @@ class Study:
         return float(self.forward.errors(self.data, *known).max())
 
     def residuals(self, model: pm.Model) -> dict[str, Any]:
-        """Differences of curves from what was measured, in standard deviations of the noise.
+        """Differences of curves from measured values, in standard deviations of the errors.
 
         An error of the radius shifts the pressure by the slope of the curve, to first order. Forces
         are left out where radii have errors: their slopes are no variables of the model.
@@ -108,7 +108,7 @@ class Study:
             radius_sd = errors.diameter_sd / 2
         if radius_sd is not None:
             pressure_sd = pt.sqrt(pressure_sd**2 + (radius_sd * model["stiffness"]) ** 2)
-        # What is shared is replaced with the data.
+        # Shared variables follow the data if these are replaced.
         shared = self.forward.share("measured", _measurements_of)
         found = {"pressure": (model["pressure"] - shared["pressure"]) / pressure_sd}
         if errors.force_sd is not None and radius_sd is None:
@@ -119,7 +119,7 @@ class Study:
     def chi_squares(self, data: xr.Dataset, residuals: Mapping[str, Array]) -> xr.Dataset:
         """Squared residuals and numbers of points by test and signal, of the best of some draws.
 
-        Of forces with an offset, the best one of each test is subtracted.
+        If forces have an offset, the best offset of each test is subtracted.
         """
         test, count = data["test"].values, data.sizes["test"]
         offsets = self.likelihood is not None and self.likelihood.with_offset
@@ -148,7 +148,7 @@ class Study:
         return unknowns - {rv.name for rv in model.free_RVs}
 
     def _measured(self, model: pm.Model) -> dict[str, xr.Dataset]:
-        """The inflation data, with those that observed variables hold."""
+        """The inflation data, updated with the values of the observed variables."""
         if self.likelihood is not None and not self.likelihood.observed:
             return self.groups()
         data, observed = self.data.copy(), {}
@@ -183,7 +183,7 @@ class Study:
         }
 
     def result_attrs(self, model: pm.Model) -> dict[str, str]:
-        """What a result of sampling says of the model: all, or of what cannot be stored its law."""
+        """Attributes of a result: the whole model, or its law if the model cannot be stored."""
         try:
             if self._fixed(model):
                 raise ValueError("the model has been changed since, and is not that of its priors")

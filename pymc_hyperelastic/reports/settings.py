@@ -1,4 +1,4 @@
-"""What results were made with: law, priors, errors, sampler, as they are stored with them."""
+"""Settings that are stored with results: law, priors, likelihood and sampler."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -31,12 +31,12 @@ class Settings:
     wall: list[NamedLayer]
     variability: Variability | None
     differ: bool
-    """Whether each specimen has parameters of its own."""
+    """True if each specimen has parameters of its own."""
     likelihood: Likelihood | None
     """None if the result does not state it."""
     likelihood_in_words: str
     priors: dict[str, str]
-    """By the name of what they are of."""
+    """By the name of the variable."""
     draws: int
     chains: int
     seed: str
@@ -149,7 +149,7 @@ def noise_sentences(settings: Settings) -> list[str]:
 
 
 def settings_rows(settings: Settings) -> list[list[Any]]:
-    """What the settings were, as rows of a table."""
+    """Return the settings as rows of a table."""
     rows: list[list[Any]] = []
     for number, layer in enumerate(settings.wall, start=1):
         of = f" of layer {number}, from inside" if len(settings.wall) > 1 else ""
@@ -179,7 +179,7 @@ def settings_rows(settings: Settings) -> list[list[Any]]:
 
 
 def model_sentences(settings: Settings, several: bool) -> list[str]:
-    """What was modelled of one specimen or `several`, as sentences of an article."""
+    """Describe the model of one specimen, or of `several`, in sentences of an article."""
     energies = [layer.energy for layer in settings.wall]
     laws = [f"{e.name}, {equation_of(e).rstrip('.')}" for e in energies]
     tube = "Each vessel was modelled as a thick-walled, incompressible, hyperelastic tube"

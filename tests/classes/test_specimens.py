@@ -149,8 +149,7 @@ def test_sums_of_squares_equal_those_over_all_points(likelihood, effect):
     # Relative rounding error of sums that nearly cancel.
     np.testing.assert_allclose(found[known], expected[known], rtol=1e-8)
     if sampler.population.known_noise:
-        compressed = model.compressed is not None
-        squares = target.squares(points[known], compressed=compressed)
+        squares = target.squares(points[known])
         np.testing.assert_allclose(squares, np.square(errors[known]).sum(axis=1), rtol=1e-8)
 
 

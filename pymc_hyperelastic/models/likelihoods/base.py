@@ -1,4 +1,4 @@
-"""What all likelihoods have in common: checks, storage, words, and their part of a PyMC model."""
+"""Base class of likelihoods: checks, storage, words, and the part of a PyMC model."""
 
 import json
 from abc import ABC, abstractmethod
@@ -94,17 +94,17 @@ class Likelihood(ABC):
 
     @property
     def with_force(self) -> bool:
-        """Whether axial forces are part of the likelihood."""
+        """True if axial forces are part of the likelihood."""
         return self.errors().force_sd is not None
 
     @property
     def with_offset(self) -> bool:
-        """Whether the forces of a test share an offset."""
+        """True if the forces of a test share an offset."""
         return "force_offset_sd" in self.sizes
 
     @property
     def with_slopes(self) -> bool:
-        """Whether slopes of curves are needed: by the likelihood, or to propagate an error."""
+        """True if slopes of curves are needed, by the likelihood or to propagate an error."""
         errors = self.errors()
         return errors.with_slopes or errors.diameter_sd is not None
 
@@ -177,7 +177,7 @@ class Likelihood(ABC):
     ) -> None:
         """Add the likelihood to the model in context, as a Potential or as observed variables.
 
-        Where forces share an offset, its posterior moments are added, see
+        If forces share an offset, the posterior moments of the offset are added, see
         :func:`~pymc_hyperelastic.force_offsets`.
 
         Parameters

@@ -1,8 +1,8 @@
 """The log likelihood of the data of a tube as one number, for a Potential.
 
-Two ways give the terms of the signals. From sums of squared misfits, the integrator may take these
-sums at a few nodes in place of all points. Where the diameter has an error, every point has a
-variance of its own, and the terms are sums over points.
+The terms of the signals come from sums of squared misfits, which the integrator can compute from a
+few nodes in place of all points. If the diameter has an error, every point has a variance of its
+own, and the terms are sums over points.
 """
 
 from collections.abc import Callable, Mapping
@@ -173,7 +173,7 @@ def _terms_by_points(
 
 
 def _log_density_ratio(precision: Any, weighted: Any, offset_sd: Any) -> TensorVariable:
-    """What offsets add to the log density of independent errors, from sums by test."""
+    """Return the log density that offsets add to independent errors, from sums by test."""
     moments = offset_moments(precision, weighted, offset_sd)
     return pt.sum(log_density_ratio_of_offset(*moments, offset_sd))
 
@@ -183,8 +183,7 @@ def posterior_of_offsets(
 ) -> tuple[TensorVariable, TensorVariable]:
     """Return mean and standard deviation of each test's offset, given material, tube and errors.
 
-    Where the radius has the error, forces are those at the model's radii, and not those of
-    `curves`.
+    If the radius has the error, the forces at the model's radii are used in place of `curves`.
     """
     if tube.forward.error_in == "radius":
         variance = pt.square(as_double(errors.force_sd))

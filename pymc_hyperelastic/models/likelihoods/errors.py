@@ -32,7 +32,7 @@ class Errors(NamedTuple):
 
     @property
     def with_slopes(self) -> bool:
-        """Whether measured slopes are part of the likelihood."""
+        """True if measured slopes are part of the likelihood."""
         return is_inferred(self.slope_weight) or self.slope_weight != 0
 
 
@@ -41,9 +41,9 @@ class Size(NamedTuple):
 
     unit: str
     expected: str
-    """What a message asks for in place of an impossible value."""
+    """Text of messages about an impossible value."""
     of_what: str
-    """What has this size, for sentences."""
+    """The errors that have this size, for sentences."""
 
 
 # Arguments of all likelihoods by name.

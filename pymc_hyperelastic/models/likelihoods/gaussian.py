@@ -118,6 +118,7 @@ class Gaussian(Likelihood):
             )
         if self.observed:
             raise ValueError(
-                "error_in is 'radius' and observed is True, but observed variables are pressures "
-                "at known radii: leave one of the two away"
+                "error_in is 'radius', but observed variables (observed=True, and wherever "
+                "specimens differ) are pressures at known radii: leave error_in away, or give the "
+                "error of diameters as diameter_sd"
             )

@@ -50,9 +50,9 @@ def register_measurements(
         B^T B = I + β D^T D, \qquad B^T B \tilde μ = m + β D^T s
 
     ``B`` is lower triangular and ``(B y − B μ̃)/s`` standard normal: entry ``i`` of its
-    log-density, with ``ln B_ii``, is ``ln p(y_i | the y before)``. Where the curves of a parameter
-    overflow, or the tube is impossible, means are infinite and the log-likelihood ``−inf``, unless
-    it is not `bounded`.
+    log-density, with ``ln B_ii``, is ``ln p(y_i | the y before)``. If curves overflow, or the
+    tube is impossible, means are infinite and the log-likelihood is ``−inf``. Without `bounded`,
+    curves that overflow are not looked for.
 
     With an offset of the transducer the entries of forces are those of each force given the ones
     before it in its test, see :func:`log_density_by_points`. With an error of the diameter they are

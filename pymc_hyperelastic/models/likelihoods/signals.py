@@ -57,7 +57,7 @@ def signals_of(
 ) -> Signals:
     """Return the expected measurements for the curves of a tube.
 
-    Where the `pressure_switch` is 0, forces are expected without knowledge of the pressures.
+    If the `pressure_switch` is 0, expected forces do not depend on the measured pressures.
     """
     pressure, pressure_sd = curves["pressure"], as_double(errors.pressure_sd)
     force = force_sd = rows = None

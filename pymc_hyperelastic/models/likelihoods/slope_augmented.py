@@ -69,7 +69,7 @@ class SlopeAugmented(Likelihood):
     simulated from it, and it has a log-likelihood by points, each given those before it in its
     test.
 
-    Where the pressure of a parameter overflows, the log-likelihood is ``−inf`` and its gradient 0.
+    If a pressure overflows, the log-likelihood is ``−inf`` and its gradient 0.
 
     Examples
     --------
