@@ -23,7 +23,7 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 from pymc_hyperelastic.mechanics.axial_force import force_response
 from pymc_hyperelastic.mechanics.interpolation import Basis, Interpolation
 from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes
-from pymc_hyperelastic.mechanics.wall import TubeOp, finite_or_zero
+from pymc_hyperelastic.mechanics.wall import TubeOp, zero_at_overflow
 
 Array = NDArray[np.float64]
 
@@ -126,7 +126,8 @@ class CollocatedGradient(CollocatedIntegral):
         """Differentiate the integral: the response at the nodes is that of its value."""
         count = self.constants + len(self.strain_energy.entry_names)
         integral = self.integral(strain_energy=self.strain_energy, per_group=self.per_group)
-        outputs = compress(integral.build_inner_graph(*inputs[:count]), self.known)
+        values = integral.build_inner_graph(*inputs[:count])
+        outputs = [*compress(values, self.known)]
         cotangents = inputs[count:]
         gradients = grad(
             None,
@@ -134,7 +135,8 @@ class CollocatedGradient(CollocatedIntegral):
             known_grads=dict(zip(outputs, cotangents, strict=True)),
             disconnected_inputs="ignore",
         )
-        return finite_or_zero(gradients)
+        batch_ndim = int(values[0].type.ndim > 2)
+        return zero_at_overflow(gradients, outputs, batch_ndim)
 
 
 @_vectorize_node.register(CollocatedIntegral)

@@ -14,7 +14,7 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.wall import TubeOp, broadcast_batches, finite_or_zero
+from pymc_hyperelastic.mechanics.wall import TubeOp, broadcast_batches, zero_at_overflow
 
 # Steps of Newton's method, and the largest fraction of the radius that one of them is long.
 _STEPS, _LARGEST_STEP = 10, 0.1
@@ -61,7 +61,7 @@ class RadiusAtPressure(TensorSymbolicOp):
         return [radius, pt.abs(step)]
 
     def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
-        """Gradient of the exact solution; zero where it is not finite."""
+        """Gradient of the exact solution; zero if no solution was found."""
         cotangent = cotangents[0]
         if isinstance(cotangent.type, DisconnectedType):
             return [disconnected_type() for _ in inputs]
@@ -78,7 +78,7 @@ class RadiusAtPressure(TensorSymbolicOp):
         )
         known = zip([*own, radius, weight], [*inputs, outputs[0], cotangent], strict=True)
         gradients = clone_replace(gradients, dict(known))
-        return finite_or_zero(gradients)
+        return zero_at_overflow(gradients, outputs)
 
     def tubes(self, radius: Tensor, wall: Sequence[Any]) -> list[Tube]:
         """Layers at an internal radius, from the inputs behind it."""

@@ -24,6 +24,9 @@ from pymc_hyperelastic.mechanics.tube import hoop_elongation, opening_factor
 # Nodes of the Gauss-Legendre rule of a wall, or of each piece between kinks: exact to 1e-10 for
 # the thickest tubes, see PressureIntegral.
 WALL_ORDER = 32
+# Integrals beyond this count as overflow, in kPa or their units: derivatives of an exponential
+# overflow earlier than its value.
+_OVERFLOW = np.float64(1e100)
 # Built Ops by their class, types of inputs and settings.
 _ops: dict[tuple[Any, ...], "TubeOp"] = {}
 
@@ -57,8 +60,8 @@ class TubeOp(TensorSymbolicOp):
     def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
         """Gradient by every input: the same rule, differentiated under the integral.
 
-        Where pressure overflows no gradient exists. Zero is returned there, so that a likelihood
-        that rejects such pressures has the gradient zero and not NaN.
+        If the integral overflows, its gradient is zero, so that a likelihood that rejects such
+        pressures has the gradient zero and not NaN.
         """
         # Variables of their own keep inputs apart that depend on each other.
         own = [x.type() for x in inputs]
@@ -75,7 +78,7 @@ class TubeOp(TensorSymbolicOp):
             return_disconnected="disconnected",
         )
         gradients = clone_replace(gradients, dict(zip(own, inputs, strict=True)))
-        return finite_or_zero(gradients)
+        return zero_at_overflow(gradients, outputs)
 
     def link_mode(self, impl: str | None) -> Mode:
         """Python for Python: PyMC asks for shapes in this way, and needs no compiler for it."""
@@ -95,9 +98,24 @@ def _built(kind: Any, input_types: tuple[Any, ...], settings: Mapping[str, Any])
     return _ops[key]
 
 
-def finite_or_zero(gradients: Sequence[Variable]) -> list[Variable]:
-    """Gradients with 0 in place of what is not finite; those that are disconnected stay."""
-    return [pt.where(pt.isfinite(g), g, 0.0) if isinstance(g, Tensor) else g for g in gradients]
+def zero_at_overflow(
+    gradients: Sequence[Variable], values: Sequence[Tensor], batch_ndim: int = 0
+) -> list[Variable]:
+    """Return gradients with 0 in place of what is not finite, if one of the values overflows.
+
+    A gradient that is not a number at finite values stays visible. The first `batch_ndim` axes of
+    the values and gradients are those of a batch. Disconnected gradients stay.
+    """
+    overflow: Any = np.array(False)
+    for value in values:
+        axes = tuple(range(batch_ndim, value.type.ndim))
+        overflow = overflow | pt.any(~(pt.abs(value) < _OVERFLOW), axis=axes)
+
+    def tame(gradient: Tensor) -> Tensor:
+        padded = pt.shape_padright(overflow, max(0, gradient.type.ndim - batch_ndim))
+        return pt.where(pt.isfinite(gradient) | ~padded, gradient, 0.0)
+
+    return [tame(g) if isinstance(g, Tensor) else g for g in gradients]
 
 
 class WallRule(NamedTuple):

@@ -63,16 +63,15 @@ _SELECTED_FROM = 400
 _MOST_BATCHES = 6
 # Rounds in which materials with inaccurate curves are added; chosen by experiment.
 _MOST_ROUNDS = 4
-# Fraction of inaccurate materials that is accepted, if the error of none is larger than a
-# thousandth: fibres that stiffen by orders of magnitude within a hundredth of a wall.
-_FEW = 1 / 200
-_VISIBLE = 1e-3
+# Largest error of the few materials that may be inaccurate, relative to the largest value: the size
+# of an error of measurement.
+_VISIBLE = 1e-2
 # Accepted error of all materials, in tolerances: there quadrature is no better.
 _ALL = 100.0
 # Fraction of inaccurate materials with which no selection of nodes will do.
 _TOO_MANY = 0.5
 # Tolerance of the snapshots, in tolerances of the curves; chosen by experiment.
-_OF_SNAPSHOTS = 3e-3
+_OF_SNAPSHOTS = 1e-2
 
 
 def choose_integrator(
@@ -85,6 +84,7 @@ def choose_integrator(
     with_force: bool = False,
     by_test: bool = False,
     tolerance: float = 1e-9,
+    inaccurate: float = 1 / 200,
 ) -> Integrator:
     """Return the cheapest integrator that is accurate over the range of the wall's distributions.
 
@@ -118,7 +118,7 @@ def choose_integrator(
         if not extension_tests(data).any():
             found = _chebyshev(tabulated, wall, data, draws)
         if found is None and (mode == "collocation" or data.sizes["obs"] >= _MANY_POINTS):
-            found = _selected(tabulated, wall, data)
+            found = _selected(tabulated, wall, data, inaccurate)
         if found is not None:
             return found
         reason = f"the response of {wall.energy.name} over the range of these parameters"
@@ -156,7 +156,7 @@ def _chebyshev(
 
 
 def _selected(
-    tabulated: TabulatedQuadrature, wall: WallVariables, data: xr.Dataset
+    tabulated: TabulatedQuadrature, wall: WallVariables, data: xr.Dataset, inaccurate: float
 ) -> TabulatedQuadrature | None:
     """Nodes selected for possible materials of the prior, with accurate curves for fresh draws."""
     energy, tolerance = wall.energy, tabulated.tolerance
@@ -182,13 +182,13 @@ def _selected(
     first = draw()
     if len(first[0]) < _FEWEST:
         return None
-    learned = _in_numbers(wall, data, spread(first))
+    learned = _in_numbers(wall, data, first if inaccurate > 0.1 else spread(first))
     found = replace(tabulated, basis=basis).with_materials(data, learned)
     for _ in range(_MOST_ROUNDS):
         draws = draw()
         errors = found.errors(data, _in_numbers(wall, data, draws))
         wrong = errors > tolerance
-        few = wrong.mean() <= _FEW and errors.max() < _VISIBLE
+        few = wrong.mean() <= inaccurate and errors.max() < _VISIBLE
         if few or errors.max() < _ALL * tolerance:
             return found
         if wrong.mean() > _TOO_MANY:

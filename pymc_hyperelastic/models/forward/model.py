@@ -62,6 +62,10 @@ class ForwardModel:
         Whether each test has parameters of its own, vectors of the length of the tests.
     tolerance : float
         Largest error of curves, relative to their largest value, over the range of the prior.
+    inaccurate : float
+        Fraction of the materials of the prior whose curves may err by more: a few have fibres that
+        stiffen by orders of magnitude within a hundredth of a wall. It may be larger for callers
+        that refine the curves of the materials that they find, see :func:`until_accurate`.
     replaceable : bool
         Whether other data may take the place of these. Else what quadrature needs of them alone is
         computed when a function is compiled.
@@ -84,6 +88,7 @@ class ForwardModel:
         error_in: str = "pressure",
         by_test: bool = False,
         tolerance: float = 1e-9,
+        inaccurate: float = 1 / 200,
         replaceable: bool = True,
     ) -> None:
         self.data, self.error_in, self._replaceable = data, error_in, replaceable
@@ -102,6 +107,7 @@ class ForwardModel:
             with_force=with_force,
             by_test=by_test,
             tolerance=tolerance,
+            inaccurate=inaccurate,
         )
         self._shared: dict[Hashable, tuple[Callable, dict[str, SharedVariable]]] = {}
 

@@ -25,6 +25,7 @@ from pymc_hyperelastic.mechanics.interpolation import (
 from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes, groups_by
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 from pymc_hyperelastic.models.forward.blocks import positions, table_arrays, table_of
 from pymc_hyperelastic.models.forward.integrator import REFERENCE_ORDER, Integrator
 from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
@@ -196,12 +197,12 @@ class TabulatedQuadrature(Integrator):
     def refined(self, data: xr.Dataset, wall: WallVariables) -> Integrator:
         """Return an integrator that is accurate for the materials of this wall, too.
 
-        It has a larger basis, or is quadrature of the order REFERENCE_ORDER if no basis will do.
+        It has a larger basis, or is pointwise quadrature if no basis will do.
         """
         other = self.with_materials(data, wall)
         if other is not None and other.errors(data, wall).max() <= self.tolerance:
             return other
-        return PointwiseQuadrature(REFERENCE_ORDER, self.with_force, self.by_test)
+        return PointwiseQuadrature(WALL_ORDER, self.with_force, self.by_test)
 
     def with_materials(self, data: xr.Dataset, wall: WallVariables) -> "TabulatedQuadrature | None":
         """Return the same with a basis for these materials, too; None if there is none."""
