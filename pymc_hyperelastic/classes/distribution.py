@@ -20,11 +20,17 @@ from pymc_hyperelastic.classes.specimens import (
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.evidence.checks import PACKAGE, no_progress
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
-from pymc_hyperelastic.evidence.importance import MOST_UNKNOWNS, Integral, by_importance
+from pymc_hyperelastic.evidence.importance import (
+    LARGEST_PARETO_K,
+    MOST_UNKNOWNS,
+    Integral,
+    importance_sampling,
+)
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.many import Led
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
+from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.models.class_distribution import distributions_of
@@ -189,18 +195,24 @@ class _Fit:
             found = self._led.integral(count, rng)
             self.known = found.particles
             return found
-        found = by_importance(
-            target.score, self._like(rng), count, rng, target.draw_prior, _DRAWS_OF_EACH * count
+        found = importance_sampling(
+            target.score,
+            self._initial_proposal(rng),
+            ExpectationMaximisation(),
+            count,
+            rng,
+            draw_prior=target.draw_prior,
+            draws=_DRAWS_OF_EACH * count,
         )
-        if not found.trusted:
+        if not found.pareto_k < LARGEST_PARETO_K:
             found = integrate(target, count, rng)
             self.known = None
         if self.known is None:
             self.known, self._mixture = found.particles, None
         return found
 
-    def _like(self, rng: np.random.Generator) -> GaussianMixture:
-        """Mixture that is somehow like the posterior."""
+    def _initial_proposal(self, rng: np.random.Generator) -> GaussianMixture:
+        """Return a mixture that is roughly like the posterior, or wider."""
         if self.known is None:
             target = self.kernel.target
             return GaussianMixture.fit(target.draw_prior(_PRIOR_DRAWS, rng), 1, rng)

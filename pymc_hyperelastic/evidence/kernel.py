@@ -9,13 +9,18 @@ from pymc.smc.kernels import SMC_KERNEL
 
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.evidence.mixture import Array
+from pymc_hyperelastic.evidence.path import GeometricPath
 from pymc_hyperelastic.evidence.search import Search, find_reference
-from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.evidence.tempering import THRESHOLD, Tempering
+from pymc_hyperelastic.evidence.target import Target, check_possible
+from pymc_hyperelastic.evidence.tempering import THRESHOLD, TemperedSMC
 
-# A covariance of more unknowns is not known from some thousand particles; and of more than the
-# second number, if hardly so many particles can be scored at once, it would take hours.
-_MOST_UNKNOWNS, _MOST_COSTLY = 300, 50
+# Unknowns of a reference, at most: a covariance of more is not known from some thousand particles.
+_MOST_UNKNOWNS = 300
+# Unknowns times numbers of data of a model with more than `_FEW_UNKNOWNS`, at most: more would take
+# hours.
+_MOST_NUMBERS = 10_000_000
+# Unknowns from which on the number of data matters.
+_FEW_UNKNOWNS = 50
 # Stages of a chain at which particles may not have forgotten their places after `max_moves`, before
 # it goes on in haste. Posteriors that come out right have had six at most.
 _MOST_CAPPED = 6
@@ -191,7 +196,10 @@ class BatchedSMC(SMC_KERNEL):
         """Raise if there are too many unknowns for a reference."""
         if self.dimension > _MOST_UNKNOWNS:
             why = f"more than the {_MOST_UNKNOWNS} of which particles can know a reference"
-        elif self.dimension > max(_MOST_COSTLY, self.target.at_once):
+        elif (
+            self.dimension > _FEW_UNKNOWNS
+            and self.dimension * self.target.data_size > _MOST_NUMBERS
+        ):
             why = "and its density takes so long that it would be hours until a reference is known"
         else:
             return
@@ -236,18 +244,19 @@ class BatchedSMC(SMC_KERNEL):
                 )
             particles = self.columns(start)
         self.draws = len(particles)
-        self.target.nan_scores = 0
-        self.tempering = Tempering(
-            self.target,
+        self.tempering = TemperedSMC(
+            GeometricPath(self.target, reference),
             particles,
             self.rng,
-            reference=reference,
             threshold=self.threshold,
             forget=self.forget,
             max_moves=self.max_moves,
             most_capped=_MOST_CAPPED,
         )
-        self.target.check_possible(self.tempering.possible, f"the {self.draws} initial particles")
+        path, self._nan_before = self.tempering.path, 0
+        check_possible(
+            self.tempering.possible, path.nan_count, f"the {self.draws} initial particles"
+        )
         self._read()
 
     def update_beta_and_weights(self) -> None:
@@ -262,11 +271,11 @@ class BatchedSMC(SMC_KERNEL):
 
     def tune(self) -> None:
         """Fit the mixture from which moves are drawn."""
-        self.tempering.learn()
+        self.tempering.adapt()
 
     def mutate(self) -> None:
         """Move the particles until they have forgotten their places."""
-        self.target.nan_scores = 0
+        self._nan_before = self.tempering.path.nan_count
         self.tempering.move()
         self._read()
 
@@ -289,7 +298,7 @@ class BatchedSMC(SMC_KERNEL):
             "moves": tempering.moves,
             "ancestors": tempering.ancestors,
             "pareto_k": tempering.pareto_k,
-            "nan_scores": self.target.nan_scores,
+            "nan_scores": tempering.path.nan_count - self._nan_before,
         }
 
     def sample_settings(self) -> dict[str, float]:

@@ -6,8 +6,9 @@ from pymc_hyperelastic.evidence.bridge import bridged
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral
 from pymc_hyperelastic.evidence.mixture import Array
+from pymc_hyperelastic.evidence.path import GeometricPath
 from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.evidence.tempering import Tempering
+from pymc_hyperelastic.evidence.tempering import TemperedSMC
 
 # Particles, and moves of a stage: on the way from the prior they need not quite follow it.
 _PARTICLES, _MOVES_ON_THE_WAY, _MOVES = 256, 5, 20
@@ -37,13 +38,14 @@ class Led:
         guide: Target | None = None,
     ) -> None:
         self._target = target
+        path = GeometricPath(target, guide=guide)
         if known is None:
             start = target.draw_prior(_PARTICLES, rng)
-            led = Tempering(target, start, rng, guide=guide, max_moves=_MOVES_ON_THE_WAY).run()
+            led = TemperedSMC(path, start, rng, max_moves=_MOVES_ON_THE_WAY).run()
             known = led.visited
         if len(known) > _PARTICLES:
             known = rng.permutation(known)[:_PARTICLES]
-        self._tempering = Tempering(target, known, rng, guide=guide, arrived=True, max_moves=_MOVES)
+        self._tempering = TemperedSMC(path, known, rng, arrived=True, max_moves=_MOVES)
         self._last = Estimate(-np.inf, np.inf)
 
     @np.errstate(all="ignore")
@@ -52,7 +54,7 @@ class Led:
         self._tempering.rng = rng
         for _ in range(_MOST_STAGES):
             self._tempering.stay()
-            draws, log_density = self._tempering.paths
+            draws, log_density = self._tempering.trajectories
             proposed = log_density.size // _FOR_ONE
             estimate, doubts = bridged(self._density, draws, log_density, rng, "normal", proposed)
             before, self._last = self._last, estimate
@@ -64,7 +66,7 @@ class Led:
         particles = draws.reshape(-1, self._target.dimension)
         while len(particles) < size:
             self._tempering.stay()
-            more = self._tempering.paths[0].reshape(-1, self._target.dimension)
+            more = self._tempering.trajectories[0].reshape(-1, self._target.dimension)
             particles = np.concatenate([particles, more])
         return Integral(estimate, np.nan, "bridge", rng.permutation(particles)[:size])
 

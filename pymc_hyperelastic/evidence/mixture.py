@@ -165,8 +165,8 @@ class GaussianMixture:
             steps[chosen] = standard[chosen] @ (factor if transposed else factor.T)
         return steps
 
-    def slope(self, points: Array) -> tuple[Array, Array]:
-        """Logarithm of the density and its slope at each point, shapes (n,) and (n, d)."""
+    def gradient(self, points: Array) -> tuple[Array, Array]:
+        """Log density and its gradient at each point, shapes (n,) and (n, d)."""
         z = self._standardised(points)
         distance = (z**2).sum(axis=1).T
         terms = self._terms_at(distance)
