@@ -120,7 +120,7 @@ class FewDraws:
             if not lacking.size:
                 break
             counts[lacking] *= 2
-            for k in lacking:
+            for k in lacking.tolist():
                 self.proposals[k] = Reference(self._fitted(k, rng), _OF_CLASS)
 
     def _draw(self, counts: Array, rng: np.random.Generator) -> None:

@@ -451,7 +451,7 @@ def one_draw(distribution: ClassDistribution) -> ClassDistribution:
     """Return a single distribution as draws of a class's distribution, of which there is one."""
     d = distribution
     vectors = "location", "spread", "experiment_spread", "log_sigma", "noise_spread"
-    changes = {
+    changes: dict[str, Any] = {
         name: np.asarray(getattr(d, name), float)[:, None, None]
         for name in vectors
         if getattr(d, name) is not None

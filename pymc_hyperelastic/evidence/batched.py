@@ -36,8 +36,8 @@ Array = NDArray[np.float64]
 without_traces = pytensor.config.change_flags(traceback__limit=0)
 
 
-# Points that are evaluated in one call. Fewer spend their time on calling NumPy, more leave the cache:
-# 512 are within 1.5 times of the best number for all models of tests/evidence.
+# Points that are evaluated in one call. Fewer spend their time on calling NumPy, more leave the
+# cache: 512 are within 1.7 times of the best number for eight models of different cost.
 CHUNK = 512
 # Points times numbers of the largest array of data in one call: one intermediate array of so many
 # numbers takes 32 MB.

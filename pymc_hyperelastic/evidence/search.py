@@ -84,11 +84,11 @@ class Search:
     """Log evidence of what lies at bounds of the prior, where no particle arrives."""
     unmet: float
     """Share of other particles, tempered from the prior, where the reference has too few draws; NaN
-    if it was not computed."""
+    where that was not checked."""
 
     def as_dataset(self) -> xr.Dataset:
         """What is stored of it."""
-        return xr.Dataset(
+        stored = xr.Dataset(
             {
                 "forward": self.forward.value,
                 "forward_se": self.forward.standard_error,
@@ -97,9 +97,9 @@ class Search:
                 "at_modes_k": self.at_modes_k,
                 "log_masses": ("mode", self.log_masses),
                 "at_bounds": self.at_bounds,
-                "unmet": self.unmet,
             }
         )
+        return stored if np.isnan(self.unmet) else stored.assign(unmet=self.unmet)
 
 
 @np.errstate(all="ignore")  # an optimisation or a proposal may be so wild that it overflows
