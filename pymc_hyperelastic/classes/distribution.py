@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.compile.sharedvalue import SharedVariable
 
+from pymc_hyperelastic.classes.checks import CHECKS_OF_SPECIMENS
 from pymc_hyperelastic.classes.specimen_evidence import variance_of_specimen
 from pymc_hyperelastic.classes.specimens import (
     PARTICLES,
@@ -33,6 +34,7 @@ from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.evidence.verdicts import register_checks
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, stacked
@@ -57,6 +59,8 @@ _MOST_FITS, _PARTICLES, _DISTRIBUTIONS, _PRIOR_DRAWS = 4, 500, 200, 2000
 _DRAWS_OF_EACH = 4
 
 Specimens = Mapping[str, SpecimenDraws]
+
+register_checks(CHECKS_OF_SPECIMENS)
 
 
 class ClassDraws(NamedTuple):

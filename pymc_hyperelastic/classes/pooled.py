@@ -24,7 +24,7 @@ from pymc_hyperelastic.classes.interface import (
 from pymc_hyperelastic.classes.signals import with_hybrids
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, without_specimens
 from pymc_hyperelastic.evidence.batched import BatchedFunction, value_shapes, without_traces
-from pymc_hyperelastic.evidence.diagnosis import check_evidence, worst_verdict
+from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
     CANDIDATE_DRAWS,
@@ -41,6 +41,7 @@ from pymc_hyperelastic.evidence.modes import find_modes, modes_near
 from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
+from pymc_hyperelastic.evidence.stored_evidence import check_evidence
 from pymc_hyperelastic.evidence.target import gradient_by_differences, width_of
 from pymc_hyperelastic.evidence.weights import effective_sample_size
 from pymc_hyperelastic.files.store import Remember, compute_now

@@ -27,13 +27,13 @@ from pymc_hyperelastic.classes.specimen_target import SpecimenPrior, SpecimenTar
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import PACKAGE
-from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral, importance_sampling
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
 from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import deviation_name
@@ -200,7 +200,7 @@ class SpecimenSampler:
         for _ in range(1 + _MOST_TRIES):
             found, target = take(sampler)
             parameters = self._parameters(found.particles[:_MATERIALS])
-            if sampler.forward.errors(data, parameters).max() <= CURVES_ERR:
+            if sampler.forward.errors(data, parameters).max() <= LARGEST_CURVE_ERROR:
                 return found, target
             if sampler is self and self.forward.in_walls:
                 sampler = self._for_all
@@ -210,8 +210,9 @@ class SpecimenSampler:
             # It is asked for again when the class is known, and soon.
             self._right_for = {**dict([*self._right_for.items()][1 - _REMEMBERED :]), name: sampler}
         warnings.warn(
-            f"curves of specimen {name!r} are wrong by more than {CURVES_ERR:.0e} of their largest "
-            "value, and its evidence has no error: its material is far from what priors expect",
+            f"curves of specimen {name!r} are wrong by more than {LARGEST_CURVE_ERROR:.0e} of "
+            "their largest value, and its evidence has no error: its material is far from what "
+            "priors expect",
             skip_file_prefixes=(PACKAGE,),
         )
         return found._replace(log_value=Estimate(found.log_value.value, np.inf)), target

@@ -46,9 +46,10 @@ from pymc_hyperelastic.classes.typicality import (
 )
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, tests_at
 from pymc_hyperelastic.evidence.checks import check_count, no_progress
-from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR, check_evidence, worst_verdict
+from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.smc import seed_of
+from pymc_hyperelastic.evidence.stored_evidence import check_evidence
 from pymc_hyperelastic.files.store import Remember, compute_now, named
 from pymc_hyperelastic.files.stored import (
     damaged,
@@ -60,6 +61,7 @@ from pymc_hyperelastic.files.stored import (
 from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR
 from pymc_hyperelastic.models.class_distribution import (
     SPREAD_OF_NOISE,
     ClassDistribution,
@@ -274,9 +276,9 @@ class Variability(Population, ClassKind):
             others = self._materials(repeated(self.reference, _OF_PRIORS), rng)
             could_be = quick.could_show(some, others)
             matter = {n: np.concatenate([v, others[n][could_be]]) for n, v in materials.items()}
-            if quick.errors(some, matter).max() <= CURVES_ERR:
+            if quick.errors(some, matter).max() <= LARGEST_CURVE_ERROR:
                 return quick
-        if forward.errors(some, materials).max() <= CURVES_ERR:
+        if forward.errors(some, materials).max() <= LARGEST_CURVE_ERROR:
             return forward
         return forward.right_for(materials)
 

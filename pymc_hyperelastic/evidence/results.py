@@ -62,14 +62,10 @@ class Study(Protocol):
     def result_attrs(self, model: pm.Model) -> dict[str, str]:
         """Attributes of its result."""
 
-    def residuals(self, model: pm.Model) -> dict[str, Any]:
-        """Differences of curves from what was measured, in standard deviations, by signal."""
-
-    def chi_squares(self, data: xr.Dataset, residuals: Mapping[str, Array]) -> xr.Dataset:
-        """Their squares by test and signal, of the best of some draws (draw, point)."""
-
-    def curve_error(self, posterior: Mapping[str, Array]) -> float:
-        """Largest relative error of curves of the posterior; NaN where it is not known."""
+    def diagnostics(
+        self, model: pm.Model, posterior: Mapping[str, Array], particles: Array
+    ) -> xr.Dataset:
+        """Return what is stored with the evidence, for the checks that are registered."""
 
 
 def attach_study(model: pm.Model, study: Study) -> None:
@@ -134,8 +130,6 @@ def sampling_tree(
         evidence["pareto_k"] = np.array([chain["pareto_k"][-1] for chain in stats])
     found = (xr.Dataset() if found is None else found).merge(mass_at_limits(model, unconstrained))
     study = study_of(model)
-    if study and np.isfinite(error := study.curve_error(posterior)):
-        found = found.assign(curve_error=error)
     tree = xr.DataTree.from_dict(
         (study.result_groups(model) if study else data_groups(model))
         | {

@@ -18,7 +18,6 @@ from pymc_hyperelastic.evidence.checks import PACKAGE, check_count, check_model
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence, with_diagnosis
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
-from pymc_hyperelastic.evidence.residuals import Residuals
 from pymc_hyperelastic.evidence.results import sampling_tree, study_of
 from pymc_hyperelastic.files.store import seed_in
 from pymc_hyperelastic.parallel import one_thread
@@ -220,7 +219,7 @@ def particles_to_tree(
     unconstrained = kernel.target.by_name(particles)
     found = kernel.search.as_dataset() if kernel.search else xr.Dataset()
     if study := study_of(model):
-        found = found.merge(Residuals(model).of(study.data, np.concatenate(populations)))
+        found = found.merge(study.diagnostics(model, posterior, np.concatenate(populations)))
     return sampling_tree(
         model, posterior, unconstrained, stats, kernel.sample_settings(), random_seed, found
     )

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
 from pymc_hyperelastic.evidence.results import data_groups
+from pymc_hyperelastic.evidence.verdicts import register_checks
 from pymc_hyperelastic.files.seal import source_of
 from pymc_hyperelastic.files.stored import (
     damaged,
@@ -39,6 +40,7 @@ from pymc_hyperelastic.files.stored import (
 )
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import Parameter, StrainEnergy
+from pymc_hyperelastic.models.checks import CHECKS_OF_CURVES
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import Measured, deviation_name
 from pymc_hyperelastic.models.observation import Observation
@@ -56,8 +58,11 @@ from pymc_hyperelastic.models.priors import (
     prior_to_record,
     priors_from_records,
 )
+from pymc_hyperelastic.models.residuals import Residuals
 
 Array = NDArray[np.float64]
+
+register_checks(CHECKS_OF_CURVES)
 
 # Draws whose curves are looked at.
 _LOOKED_AT = 64
@@ -105,6 +110,14 @@ class Study:
             fixed = [name for name in held.data_vars if name in self._fixed(model)]
             groups[group] = groups[group].merge(held[fixed])
         return groups
+
+    def diagnostics(
+        self, model: pm.Model, posterior: Mapping[str, Array], particles: Array
+    ) -> xr.Dataset:
+        """Return what is stored with the evidence: the error of curves, and their residuals."""
+        error = self.curve_error(posterior)
+        found = xr.Dataset({"curve_error": error} if np.isfinite(error) else {})
+        return found.merge(Residuals(model, self).of(self.data, particles))
 
     def curve_error(self, posterior: Mapping[str, Array]) -> float:
         """Largest error of curves of the posterior, relative to the largest value of each.
