@@ -92,10 +92,9 @@ class SpecimenTarget(Target):
         (likelihood,) = self.log_likelihood(self.particles(points))
         return evaluation(self.prior.log_density(points), likelihood)
 
-    @property
-    def data_size(self) -> int:
-        """Numbers in the largest array of the model's data."""
-        return self.log_likelihood.data_size
+    def cost(self) -> int:
+        """Return how many numbers are computed for one point."""
+        return self.log_likelihood.cost()
 
     def derivatives(self, points: Array, width: Array) -> Derivatives:
         """Return the log density of the posterior, its gradient and its curvature.

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,7 @@ class BatchedFunction:
 
     function: Any
     shared: tuple[SharedVariable, ...]
+    dimension: int
     largest_constant: int
     """Numbers in the largest constant of the function, such as observed data."""
 
@@ -100,7 +102,7 @@ class BatchedFunction:
             )
             # NumPy takes whatever comes, and looking at it takes longer than small arrays.
             _compiled[key].trust_input = compile_kwargs["mode"] is IN_NUMPY
-        return cls(_compiled[key], shared, largest)
+        return cls(_compiled[key], shared, sum(map(prod, shapes.values())), largest)
 
     def __call__(self, particles: Array) -> list[Array]:
         """Value of every output at every particle, the particles along the first axis."""
@@ -129,6 +131,27 @@ class BatchedFunction:
         """Numbers in the largest array of data, at least 1."""
         shared = (np.size(v.get_value(borrow=True)) for v in self.shared)
         return max(self.largest_constant, *shared, 1)
+
+    def cost(self) -> int:
+        """Return how many numbers are computed for one point, with the current data.
+
+        It is a measure of time that does not depend on the machine. Where NumPy does not do the
+        work it is the size of the data.
+        """
+        if self.function.maker.mode is not IN_NUMPY:
+            return self.data_size
+        graph = self.function.maker.fgraph
+        given = [np.zeros((1, self.dimension)), *(v.get_value(borrow=True) for v in self.shared)]
+        values, total = dict(zip(graph.inputs, given, strict=True)), 0
+        with np.errstate(all="ignore"):
+            for node in graph.toposort():
+                outputs: list[list[Any]] = [[None] for _ in node.outputs]
+                inputs = [values[v] if v in values else v.data for v in node.inputs]
+                node.op.perform(node, inputs, outputs)
+                for variable, (value,) in zip(node.outputs, outputs, strict=True):
+                    values[variable] = value
+                    total += np.size(value)
+        return max(total, 1)
 
     @property
     def chunk(self) -> int:

@@ -16,10 +16,9 @@ from pymc_hyperelastic.evidence.tempering import THRESHOLD, TemperedSMC
 
 # Unknowns of a reference, at most: a covariance of more is not known from some thousand particles.
 _MOST_UNKNOWNS = 300
-# Unknowns times numbers of data of a model with more than `_FEW_UNKNOWNS`, at most: more would take
-# hours.
-_MOST_NUMBERS = 10_000_000
-# Unknowns from which on the number of data matters.
+# Unknowns times numbers that are computed for a point, at most: more would take hours.
+_MOST_NUMBERS = 1_000_000
+# Unknowns up to which it does not matter how many numbers are computed.
 _FEW_UNKNOWNS = 50
 # Stages of a chain at which particles may not have forgotten their places after `max_moves`, before
 # it goes on in haste. Posteriors that come out right have had six at most.
@@ -196,10 +195,7 @@ class BatchedSMC(SMC_KERNEL):
         """Raise if there are too many unknowns for a reference."""
         if self.dimension > _MOST_UNKNOWNS:
             why = f"more than the {_MOST_UNKNOWNS} of which particles can know a reference"
-        elif (
-            self.dimension > _FEW_UNKNOWNS
-            and self.dimension * self.target.data_size > _MOST_NUMBERS
-        ):
+        elif self.dimension > _FEW_UNKNOWNS and self.dimension * self.target.cost() > _MOST_NUMBERS:
             why = "and its density takes so long that it would be hours until a reference is known"
         else:
             return

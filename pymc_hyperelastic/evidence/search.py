@@ -36,11 +36,14 @@ _SCORES_DIFFER = 1e-6
 _MOST_TRIED = 50
 # Probes at each stage of tempering from the prior for each pair of unknowns: a narrow mode is met
 # by one point in many thousands, and given away by its weight.
-_PROBES = 1_250
+_PROBES = 5_000
 # Probes times unknowns, at most: in many dimensions points meet nothing narrow.
 _MOST_PROBES = 320_000
-# Probes times numbers of data, at most: some seconds for all stages of one search.
-_MOST_PROBED_DATA = 4_000_000
+# Numbers that are computed for the probes of a stage, for each pair of unknowns, at most: some
+# seconds for all stages of one search.
+_PROBED_NUMBERS = 800_000
+# Unknowns of which these pairs are counted, at most.
+_PAIRED = 4
 # Starting points among the probes of a stage.
 _PROBED_STARTS = 2
 # Moves of a stage of tempering from the prior, which need not be exact, at most.
@@ -224,6 +227,7 @@ def _fitted(smc: TemperedSMC, rng: np.random.Generator) -> GaussianMixture:
 def _best_probes(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -> Array:
     """Return draws of a mixture with the largest weights: they may lie in a narrow mode."""
     size = target.dimension
-    probes = min(_PROBES * size**2, _MOST_PROBES // size, _MOST_PROBED_DATA // target.data_size)
+    affordable = _PROBED_NUMBERS * min(size, _PAIRED) ** 2 // target.cost()
+    probes = min(_PROBES * size**2, _MOST_PROBES // size, affordable)
     points, log_weights = weighted_draws(target.score, mixture, max(probes, _PROBED_STARTS), rng)
     return points[np.argpartition(-log_weights, _PROBED_STARTS - 1)[:_PROBED_STARTS]]

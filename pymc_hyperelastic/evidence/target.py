@@ -162,10 +162,9 @@ class Target:
         """Return the log prior and the log likelihood of every point."""
         return self.evaluate(points)[:2]
 
-    @property
-    def data_size(self) -> int:
-        """Numbers in the largest array of the model's data; an evaluation costs more with more."""
-        return self._score.data_size
+    def cost(self) -> int:
+        """Return how many numbers are computed for one point."""
+        return self._score.cost()
 
     @cached_property
     def has_gradients(self) -> bool:

@@ -147,6 +147,23 @@ def test_chunk_depends_on_the_current_shared_data_only():
     assert function.chunk == 512
 
 
+def test_cost_is_the_number_of_numbers_that_are_computed():
+    """It grows with the data, and not with what was evaluated before."""
+    data = pytensor.shared(np.zeros(10), shape=(None,))
+    with pm.Model() as model:
+        x = pm.Normal("x")
+        pm.Potential("sum", pt.sum(pt.exp(x * data)))
+    function = BatchedFunction.of_model(model, model.replace_rvs_by_values(model.potentials))
+    few = function.cost()
+    # Products, exponentials, a sum, and a few reshaped inputs.
+    assert 20 < few < 60
+    data.set_value(np.zeros(10_000))
+    assert 20_000 < function.cost() < 40_000
+    data.set_value(np.zeros(10))
+    function(np.zeros((2000, 1)))
+    assert function.cost() == few
+
+
 def test_seeded_results_do_not_depend_on_the_chunk(monkeypatch):
     """Nor on measured memory: the number of points of a search is fixed."""
     with pm.Model() as model:
