@@ -29,8 +29,8 @@ from pymc_hyperelastic.evidence.importance import (
 )
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
-from pymc_hyperelastic.evidence.many import Led
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
+from pymc_hyperelastic.evidence.particle_bridge import BridgeFromParticles
 from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.evidence.target import Target
@@ -143,7 +143,7 @@ class _Fit:
     ) -> None:
         self.model, self.draws, self.size, self.known = model, draws, size, known
         self._mixture: GaussianMixture | None = None
-        self._led: Led | None = None
+        self._bridge: BridgeFromParticles | None = None
         self.kernel = self._kernel(size, count)
 
     def _kernel(self, size: int, count: int) -> BatchedSMC:
@@ -195,8 +195,8 @@ class _Fit:
         """
         target, count = self.kernel.target, self.kernel.draws
         if target.dimension > MOST_UNKNOWNS:
-            self._led = self._led or Led(target, rng, self.known, self._guide)
-            found = self._led.integral(count, rng)
+            self._bridge = self._bridge or BridgeFromParticles(target, rng, self.known, self._guide)
+            found = self._bridge.integral(count, rng)
             self.known = found.particles
             return found
         found = importance_sampling(

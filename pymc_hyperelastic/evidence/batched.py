@@ -1,4 +1,4 @@
-"""Functions of a model's variables for many points at once: compiled soon, and only once."""
+"""Compile functions of a model's variables that take many points at once."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -33,15 +33,14 @@ from pymc_hyperelastic.evidence.in_numpy import IN_NUMPY
 Array = NDArray[np.float64]
 
 
-# Recording where in the code each node was made would take a third of the time.
+# Recording the line of code of each node would take a third of the time.
 without_traces = pytensor.config.change_flags(traceback__limit=0)
 
 
 # Points that are evaluated in one call. Fewer spend their time on calling NumPy, more leave the
 # cache: 512 are within 1.7 times of the best number for eight models of different cost.
 CHUNK = 512
-# Points times numbers of the largest array of data in one call: one intermediate array of so many
-# numbers takes 32 MB.
+# Points times numbers of the largest array of data in one call, at most: an array of 32 MB.
 _CHUNK_NUMBERS = 2**22
 
 # Modules whose distributions draw batches.
@@ -89,7 +88,7 @@ class BatchedFunction:
         largest = max((np.size(v.data) for v in constants), default=0)
         key = expressions, *shapes.values(), str(compile_kwargs)
         if key not in _compiled:
-            # To join all variables takes as long as to find out that it was done before.
+            # Joining all variables takes as long as the comparison of expressions.
             point = {name: np.zeros(shape) for name, shape in shapes.items()}
             outputs, joined = join_nonshared_inputs(point, outputs, values)
             inputs = {v: v.type() for v in shared}
@@ -100,12 +99,12 @@ class BatchedFunction:
                 on_unused_input="ignore",
                 **compile_kwargs,
             )
-            # NumPy takes whatever comes, and looking at it takes longer than small arrays.
+            # NumPy accepts any array, and checks take longer than operations on small arrays.
             _compiled[key].trust_input = compile_kwargs["mode"] is IN_NUMPY
         return cls(_compiled[key], shared, sum(map(prod, shapes.values())), largest)
 
     def __call__(self, particles: Array) -> list[Array]:
-        """Value of every output at every particle, the particles along the first axis."""
+        """Return every output at every particle, the particles along the first axis."""
         values = [v.get_value(borrow=True) for v in self.shared]
         size = self.chunk
         # A proposal may be so wild that its pressures overflow: its score says so.
@@ -119,7 +118,7 @@ class BatchedFunction:
         return [np.concatenate(outputs) for outputs in zip(*parts, strict=True)]
 
     def with_values(self, values: Mapping[SharedVariable, Array]) -> "BatchedFunction":
-        """The same function of other values of some of what it shares."""
+        """Return the same function with other values of some shared variables."""
         shared = tuple(
             pytensor.shared(values[v], name=v.name, shape=v.type.shape) if v in values else v
             for v in self.shared
@@ -162,9 +161,9 @@ class BatchedFunction:
 def _of_a_batch(
     point: TensorVariable, outputs: Sequence[Variable]
 ) -> tuple[TensorVariable, list[Variable]]:
-    """Many points in place of one, and what becomes of the outputs."""
-    # A particle that gives a distribution impossible parameters is impossible by itself: once
-    # vectorised, PyMC's checks would refuse all.
+    """Replace one point by a batch of points, and return the batch and its outputs."""
+    # A particle with impossible parameters is impossible by itself. PyMC's checks, once vectorised,
+    # would refuse all particles.
     graph = FunctionGraph(outputs=outputs, clone=False)
     in2out(local_check_parameter_to_ninf_switch).rewrite(graph)
     batch = pt.matrix("particles", dtype=point.dtype)
@@ -176,7 +175,7 @@ def _of_a_batch(
 
 
 def value_shapes(model: pm.Model) -> dict[str, tuple[int, ...]]:
-    """Shapes of the value variables by name, evaluated only where the types do not tell them."""
+    """Return shapes of the value variables by name; those that the types lack are evaluated."""
     shapes = {v.name: v.type.shape for v in model.value_vars}
     if any(None in shape for shape in shapes.values()):
         point = model.initial_point(random_seed=0)

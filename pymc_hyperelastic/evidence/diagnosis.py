@@ -1,4 +1,4 @@
-"""The evidence of a result, and how far it can be trusted."""
+"""The evidence of a result, and a diagnosis of how far it can be trusted."""
 
 import warnings
 from collections.abc import Iterable
@@ -98,7 +98,7 @@ def log_evidence(tree: xr.DataTree) -> Estimate:
     """
     evidence = evidence_of(tree)
     estimate = combine_chains(evidence["log_evidence"].values, evidence["log_evidence_se"].values)
-    # What all chains have in common no mean of theirs removes.
+    # An error that all chains share is not reduced by their mean.
     common = float(evidence["specimens_se"]) if "specimens_se" in evidence else 0.0
     if "at_bounds" in evidence:
         # As if all of it were missing, which it is not: particles move towards the bounds.
@@ -183,7 +183,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     evidence = evidence_of(tree)
     if "diagnosis" in tree.children:
         said = stored_diagnosis(tree)
-        # Older ones do not say so where nothing is known of a specimen.
+        # Older results do not say so if a specimen was given up.
         if np.isfinite(evidence.get("specimens_se", 0.0)) or "specimens" in said["check"].values:
             return said
     values, errors = evidence["log_evidence"].values, evidence["log_evidence_se"].values
@@ -200,7 +200,7 @@ def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
     checks = []
     if "moves" in evidence:
         alive, share = float(np.min(evidence["ancestors"])), float(np.mean(evidence["moves"]))
-        # Where most of the first particles are left, it does not matter how far they have moved.
+        # If most of the first particles are left, it does not matter how far they have moved.
         limit = 1.0 if alive > _MANY_ANCESTORS else _MOST_CAPPED
         words = f"particles had not forgotten their places at {share:.0%} of the stages"
         checks.append(Check("moves", share, limit, verdict_of(share, limit, 1.0), words))
@@ -257,7 +257,7 @@ def checks_of_limits(evidence: xr.Dataset) -> list[Check]:
     share, where = float(evidence["at_limit"][worst]), evidence["limit"].values[worst]
     words = (
         f"{share:.0%} of the posterior is within 1 % of the {where}: give a wider prior, or "
-        "look for what is wrong with the data"
+        "look for an error in the data"
     )
     verdict = DOUBTFUL if share > _MOST_AT_LIMIT else GOOD
     return [Check("limits", share, _MOST_AT_LIMIT, verdict, words)]
@@ -276,7 +276,7 @@ def warn_of_evidence(tree: xr.DataTree, of: str = "") -> None:
 
 
 def judgement(diagnosis: xr.Dataset) -> str:
-    """A sentence on what is doubtful, the evidence or the fit, and why; empty if all is good."""
+    """Return a sentence on the doubtful evidence, or fit, and the reason; empty if all is good."""
     verdict, words = diagnosis.attrs["verdict"], diagnosis.attrs["words"]
     if verdict == VERDICTS[GOOD]:
         return ""

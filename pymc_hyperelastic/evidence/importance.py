@@ -53,7 +53,7 @@ class Integral(NamedTuple):
 
     log_value: Estimate
     pareto_k: float
-    """Shape of the largest weights; NaN where there are none."""
+    """Shape of the largest weights; NaN for other methods than importance sampling."""
     method: str
     """``"importance"``, ``"tempering"`` or ``"bridge"``."""
     particles: Array
@@ -61,12 +61,12 @@ class Integral(NamedTuple):
 
     @property
     def reliable(self) -> bool:
-        """Whether weights say that the value is right; False if there are none, or k is NaN."""
+        """True if the Pareto shape shows that the value is right; False if it is NaN."""
         return self.pareto_k < LARGEST_RELIABLE_K
 
     @property
     def accurate(self) -> bool:
-        """Whether the error is known, and small."""
+        """True if the error is known, and small."""
         return self.pareto_k < LARGEST_PARETO_K and self.log_value.standard_error < LARGEST_ERROR
 
 

@@ -80,7 +80,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
 
 
 def _is_like_posterior(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -> bool:
-    """Whether a mixture is so much like the posterior that no proposal has to be adapted."""
+    """Return True if a mixture is like the posterior: no proposal has to be adapted then."""
     _, log_weights = weighted_draws(target.score, mixture.heavy_tailed(), _TEST_DRAWS, rng)
     return effective_sample_size(log_weights) > _LIKE_POSTERIOR * _TEST_DRAWS
 

@@ -20,8 +20,8 @@ _MOST_UNKNOWNS = 300
 _MOST_NUMBERS = 1_000_000
 # Unknowns up to which it does not matter how many numbers are computed.
 _FEW_UNKNOWNS = 50
-# Stages of a chain at which particles may not have forgotten their places after `max_moves`, before
-# it goes on in haste. Posteriors that come out right have had six at most.
+# Stages at which particles have not forgotten their places after `max_moves`, before a chain goes
+# on in haste: posteriors that come out right have had six at most.
 _MOST_CAPPED = 6
 # Fraction of the effective sample size that stages keep on the long way from the prior alone.
 _FAR = 0.8
@@ -35,12 +35,12 @@ class BatchedSMC(SMC_KERNEL):
     fraction; resampled particles then move until they have forgotten where they were, and all
     places on their way count at the next stage [1]_.
 
-    The reference is found from both ends [2]_. Particles tempered from the prior find what has
-    mass, but are left behind at a sudden transition: up to a certain ``β`` a poor curve with large
-    noise is preferred, from there on a good curve with small noise, which no particle has met.
-    Climbs from draws of the prior find that, but not what is skewed or has no mode. From a mixture
-    of both, and of the prior, particles are tempered once more; a mixture fitted to these, with
-    a share of the prior, is the reference. Often it is so near the posterior that one stage is
+    The reference is found from both ends [2]_. Particles tempered from the prior find mass, but are
+    left behind at a sudden transition: up to a certain ``β`` a poor curve with large noise is
+    preferred, from there on a good curve with small noise, which no particle has met. Optimisation
+    from draws of the prior finds that mode, but not a skewed density, or one without a mode. From a
+    mixture of both, and of the prior, particles are tempered once more; a mixture fitted to these,
+    with a share of the prior, is the reference. Often it is so near the posterior that one stage is
     enough.
 
     Moves are drawn from a mixture with heavy tails, fitted to the places of the stage before, in
@@ -146,7 +146,7 @@ class BatchedSMC(SMC_KERNEL):
         "nan_scores": (int, []),
     }
     search: Search | None
-    """What is known of the posterior beforehand; found at the start of a chain if it is missing."""
+    """Search for a reference; made at the start of a chain if it is missing."""
 
     def __init__(
         self,
@@ -276,14 +276,14 @@ class BatchedSMC(SMC_KERNEL):
         self._read()
 
     def _read(self) -> None:
-        """What PyMC reads of a kernel."""
+        """Set the attributes of a kernel that PyMC reads."""
         self.beta = self.tempering.beta
         self.log_marginal_likelihood = self.tempering.log_evidence
         self.log_evidence_variance = self.tempering.variance
         self.tempered_posterior = self.tempering.particles
 
     def sample_stats(self) -> dict[str, float]:
-        """What is reported of each stage."""
+        """Return the statistics of the last stage."""
         tempering = self.tempering
         return {
             "beta": tempering.beta,

@@ -12,7 +12,7 @@ from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
 from pymc_hyperelastic.evidence.optimise import Maxima, maximize_batch
 from pymc_hyperelastic.evidence.target import Derivatives, LogDensityGradient, width_of
 
-# Modes whose log mass is so many nats below the largest are dropped.
+# Nats below the largest log mass from which modes are dropped.
 _NEGLIGIBLE = 20.0
 # Step of central differences of gradients, in widths of the mode.
 _STEP = 0.03
@@ -56,7 +56,7 @@ def find_modes(
 ) -> Modes | None:
     """Find modes by optimisation from groups of starting points; None if the density has none.
 
-    Where the noise is unknown, a tempered likelihood prefers large noise up to a certain power, and
+    If the noise is unknown, a tempered likelihood prefers large noise up to a certain power, and
     then suddenly the small noise of the true curve: a population that follows it misses that mode.
     Optimisation from draws of the prior, of the given `width`, finds it.
 
@@ -130,7 +130,7 @@ class _Found:
 
     @property
     def settled(self) -> bool:
-        """Whether each mode that counts was found by at least two optimisations."""
+        """True if each mode that counts was found by at least two optimisations."""
         return bool(self._masses) and np.array(self._reached)[self._counts].min() > 1
 
     @property

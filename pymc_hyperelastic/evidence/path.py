@@ -17,9 +17,9 @@ class PathPoints(NamedTuple):
 
     points: Array
     log_start: Array
-    """Of the reference or the prior."""
+    """Log density of the reference or the prior."""
     log_ratio: Array
-    """Of the posterior, less `log_start`."""
+    """Log density of the posterior, less `log_start`."""
 
     def log_density(self, beta: float) -> Array:
         """Return the log density on the path; −inf where a point is impossible at its start."""

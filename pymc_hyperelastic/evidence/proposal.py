@@ -11,7 +11,7 @@ from pymc_hyperelastic.evidence.modes import second_differences
 from pymc_hyperelastic.evidence.target import Derivatives, Target
 from pymc_hyperelastic.evidence.weights import effective_sample_size, systematic
 
-# Fractions by which correlations are shrunk: not at all, or up to uncorrelated.
+# Fractions by which correlations may be shrunk.
 _SHRINKAGES = np.append(0.0, np.geomspace(1e-3, 1.0, 13))
 # Least eigenvalue of a correlation matrix: fewer draws than unknowns leave 0, up to rounding.
 _ROUNDING = 1e-12
@@ -56,9 +56,10 @@ def fitted_proposal(
     kind: Literal["auto", "normal", "mixture"],
     rng: np.random.Generator,
 ) -> GaussianMixture:
-    """Distribution fitted to draws, (chain, draw, unknown), of which so many are effective.
+    """Fit a distribution to draws, (chain, draw, unknown), of which some number are effective.
 
-    What is to choose is what the first halves of the chains foretell best of the second ones.
+    Candidates are fitted to the first halves of the chains; the one with the largest mean log
+    density at the second halves is chosen, and fitted to all draws.
     """
     dimension = draws.shape[2]
     middle = draws.shape[1] // 2
@@ -125,7 +126,7 @@ class ExpectationMaximisation:
         *,
         final: bool,
     ) -> GaussianMixture:
-        """Fit a mixture with as many components as the effective draws can tell apart.
+        """Fit a mixture with as many components as the effective draws determine.
 
         A single component of few draws may have correlations by chance: they are shrunk.
         """
@@ -152,9 +153,9 @@ class ExpectationMaximisation:
 class LaplaceMixture:
     """Mixtures of Laplace approximations about draws.
 
-    Where data do not determine a parameter, a posterior has arms, along which its other unknowns
+    If data do not determine a parameter, a posterior has arms, along which its other unknowns
     bend. A mixture that is fitted to draws follows an arm only where there are many draws; the
-    curvature tells how the density falls off around each single one.
+    curvature shows how the density falls off around each draw.
 
     Parameters
     ----------
@@ -212,7 +213,7 @@ def laplace_about(derivatives: Derivatives, points: Array, factor: Array) -> Gau
     .. math:: C = \frac{1}{\lambda + h^{-2}}, \quad
         m = x + \bigl(1 - \sqrt{1 - \lambda C}\bigr) \frac{g}{\lambda} .
 
-    Of a normal distribution the gradient is :math:`-\lambda (x - \mu)`, and the means of draws
+    The gradient of a normal distribution is :math:`-\lambda (x - \mu)`, and the means of draws
     have the variance :math:`1/\lambda - C`: the mixture is that distribution again, at any reach
     :math:`h`. For another one it bends as the draws do, and is as thin as the density is at each.
 
@@ -243,7 +244,7 @@ def laplace_about(derivatives: Derivatives, points: Array, factor: Array) -> Gau
 
 
 def normal_of_halves(early: Array, late: Array) -> GaussianMixture:
-    """Normal distribution of both halves, correlations shrunk as one foretells the other best."""
+    """Fit a normal distribution, its correlations shrunk as one half predicts the other best."""
     return _normal(np.concatenate([early, late]), _best_shrinkage(early, late))
 
 
@@ -258,7 +259,7 @@ def _normal(points: Array, shrinkage: float) -> GaussianMixture:
 
 
 def _best_shrinkage(early: Array, late: Array) -> float:
-    """Shrinkage with which the early draws foretell the late ones best.
+    """Return the shrinkage with which the early draws predict the late ones best.
 
     All shrunk correlation matrices have the same eigenvectors.
     """

@@ -15,8 +15,8 @@ class Reference:
     mixture: GaussianMixture
     """With heavy tails."""
     prior_share: float
-    """What the mixture has missed has this share of the prior, so that no weight is without bound
-    if the likelihood is not."""
+    """Share of the prior: weights are bounded if the likelihood is, also where the mixture has no
+    mass."""
 
     def draw(self, draw_prior: DrawPrior | None, size: int, rng: np.random.Generator) -> Array:
         """Points, shape (size, d), in exact shares."""

@@ -1,4 +1,4 @@
-"""The search for what a posterior is like, from the prior's side and from its modes."""
+"""Find a reference for tempering: a distribution like the posterior."""
 
 from dataclasses import dataclass
 
@@ -71,7 +71,7 @@ _MOST_PLACES = 20_000
 
 @dataclass(frozen=True)
 class Search:
-    """What is known of a posterior before its evidence is taken."""
+    """A reference, and estimates of the evidence that are compared with the final one."""
 
     reference: Reference
     forward: Estimate
@@ -80,9 +80,9 @@ class Search:
     at_modes: Estimate
     """Evidence by importance sampling from the modes; without an error if that is not enough."""
     at_modes_k: float
-    """Pareto shape of its weights; infinite where nothing is known."""
+    """Pareto shape of its weights; infinite if there are too few effective weights."""
     log_masses: Array
-    """Of the modes, by Laplace's approximation."""
+    """Log integrals of the modes, by Laplace's approximation."""
     at_bounds: float
     """Log evidence of what lies at bounds of the prior, where no particle arrives."""
     unmet: float
@@ -90,7 +90,7 @@ class Search:
     where that was not checked."""
 
     def as_dataset(self) -> xr.Dataset:
-        """What is stored of it."""
+        """Return the variables that are stored with the evidence."""
         stored = xr.Dataset(
             {
                 "forward": self.forward.value,
@@ -110,9 +110,10 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
     """Find a reference from both ends: the prior, and the modes.
 
     Particles that are tempered from the prior find mass, but miss narrow modes. Optimisation finds
-    those, but not what is skewed or has no mode. From a mixture of both and of the prior particles
-    are tempered once more; the reference is fitted to these. If it is to be `checked`, it is
-    compared with the places of other particles, and with draws of the prior at its bounds.
+    those, but neither skewed densities nor those without a mode. From a mixture of both and of the
+    prior particles are tempered once more; the reference is fitted to these. If it is to be
+    `checked`, it is compared with the places of other particles, and with draws of the prior at its
+    bounds.
     """
     draws = int(np.clip(_DRAWS_PER_UNKNOWN * target.dimension, _FEWEST_DRAWS, _MOST_DRAWS))
     few = int(np.clip(_FORWARD_PER_UNKNOWN * target.dimension, _FEWEST_FORWARD, _MOST_FORWARD))

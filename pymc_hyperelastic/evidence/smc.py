@@ -119,7 +119,7 @@ def run_smc(
     var_names: Sequence[str] | None = None,
     **kernel_settings: Any,
 ) -> xr.DataTree:
-    """What :func:`sample_smc` returns, without a warning of its evidence."""
+    """Return the result of :func:`sample_smc`, without a warning of its evidence."""
     check_model(model)
     check_count("chains", chains, 1)
     if start is not None and len(start) != chains:
@@ -172,7 +172,7 @@ def seed_kept(random_seed: Any, store: str | Path | None) -> np.random.SeedSeque
 
 
 def seed_of(seed: np.random.SeedSequence, label: str) -> np.random.SeedSequence:
-    """Seed of what has this label, whatever else there is and in which order."""
+    """Return the seed of a label; it does not depend on other labels, or on their order."""
     words = np.frombuffer(hashlib.sha256(label.encode()).digest()[:16], "<u4")
     return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *words.tolist()))
 

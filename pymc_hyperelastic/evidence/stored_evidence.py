@@ -29,7 +29,7 @@ _TOGETHER = {"ancestors": "moves", "forward_se": "forward", "at_modes_se": "at_m
 
 
 def check_evidence(tree: xr.DataTree) -> None:
-    """Raise unless the evidence of a result can be read, and what is said of it."""
+    """Raise unless the evidence of a result, and its diagnosis, can be read."""
     evidence_of(tree)
     if "diagnosis" in tree.children:
         stored_diagnosis(tree)

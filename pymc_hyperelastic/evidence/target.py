@@ -55,8 +55,8 @@ class Derivatives(NamedTuple):
 # (n, d): finite differences have steps in proportion to it.
 LogDensityGradient = Callable[[Array, Array], Derivatives]
 
-# With at most so many unknowns gradients are finite differences: PyTensor needs longer to compile
-# gradients than these differences need in a whole run.
+# Unknowns up to which gradients are finite differences: PyTensor needs longer to compile gradients
+# than these differences need in a whole run.
 _FEW_UNKNOWNS = 4
 # Logarithm of the smallest positive number.
 _LOG_SMALLEST = np.log(np.nextafter(0.0, 1.0))
@@ -86,7 +86,7 @@ class Target:
         If the model has discrete variables, or no likelihood.
     """
 
-    # Whether `derivatives` returns curvatures.
+    # True if `derivatives` returns curvatures.
     knows_curvature = False
 
     def __init__(
@@ -168,7 +168,7 @@ class Target:
 
     @cached_property
     def has_gradients(self) -> bool:
-        """Whether PyTensor gives gradients, and is to be preferred to finite differences."""
+        """True if PyTensor gives gradients, and these are faster than finite differences."""
         return self.dimension > _FEW_UNKNOWNS and self._with_gradients is not None
 
     def gradients(self, points: Array) -> tuple[Evaluation, Array, Array]:

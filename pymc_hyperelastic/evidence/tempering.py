@@ -27,7 +27,7 @@ FEWEST_MOVES = 4
 _AHEAD = 0.02
 # Share of the points to which a mixture is fitted that are weighted as at the later β.
 _SHARE_AHEAD = 0.3
-# Points to which a mixture is fitted, if there are so many.
+# Points to which a mixture is fitted, at most, unless half of the particles are more.
 _POINTS_TO_FIT = 1000
 # Acceptance rate below which independent moves do not pay at the posterior.
 _RARE = 0.1
@@ -130,12 +130,12 @@ class TemperedSMC:
 
     @property
     def exhausted(self) -> bool:
-        """Whether the density was evaluated more often than allowed."""
+        """True if the density was evaluated more often than allowed."""
         return self.path.evaluations > self.max_evaluations
 
     @property
     def stuck(self) -> bool:
-        """Whether particles remembered their places at the end of most stages."""
+        """True if particles had not forgotten their places at the end of most stages."""
         return self.capped > self.stages / 2
 
     @property
@@ -162,7 +162,7 @@ class TemperedSMC:
 
     @property
     def possible(self) -> NDArray[np.bool_]:
-        """Which particles have a posterior density."""
+        """True for particles with a posterior density."""
         return np.isfinite(self._now.log_density(1.0))
 
     def reweight(self) -> None:

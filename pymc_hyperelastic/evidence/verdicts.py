@@ -12,7 +12,7 @@ GOOD, DOUBTFUL, BAD = range(3)
 
 
 class Check(NamedTuple):
-    """A number that was compared with its limit, and what follows."""
+    """A number, its limit, and the verdict that follows."""
 
     name: str
     value: float
@@ -20,7 +20,7 @@ class Check(NamedTuple):
     verdict: int
     """Index of `VERDICTS`."""
     words: str
-    """What is wrong, if the verdict is not good."""
+    """The fault, if the verdict is not good."""
 
 
 @dataclass(frozen=True)

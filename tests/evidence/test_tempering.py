@@ -13,8 +13,8 @@ from scipy.special import logsumexp
 from tiers import deep
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.evidence.many import Led
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
+from pymc_hyperelastic.evidence.particle_bridge import BridgeFromParticles
 from pymc_hyperelastic.evidence.path import GeometricPath
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.search import find_reference
@@ -178,9 +178,9 @@ def test_bridge_from_tempered_particles():
     """Each call moves the particles further, and returns as many draws as it is asked for."""
     model, exact = normal_means(30)
     rng = np.random.default_rng(1)
-    led = Led(Target(model), rng)
+    bridge = BridgeFromParticles(Target(model), rng)
     sizes = 1000, 6000
-    found = [led.integral(size, rng) for size in sizes]
+    found = [bridge.integral(size, rng) for size in sizes]
     for size, integral in zip(sizes, found, strict=True):
         assert len(integral.particles) == size
         assert_agrees(integral.log_value, exact, 0.1)
@@ -198,7 +198,7 @@ def test_guide_with_wrong_gradients_leads_to_the_right_distribution(factor):
 
     problem, rng = Regression(40), np.random.default_rng(2)
     model = problem.model
-    found = Led(Target(model), rng, guide=Wrong(model)).integral(2000, rng)
+    found = BridgeFromParticles(Target(model), rng, guide=Wrong(model)).integral(2000, rng)
     value, error = found.log_value
     assert abs(value - problem.log_evidence) < 4 * error
     if factor > 0:
