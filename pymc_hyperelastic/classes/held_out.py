@@ -20,9 +20,9 @@ from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.classes.training import check_left_out
 from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.diagnosis import worst_of
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.evidence.verdicts import worst_of
 from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.store import Remember, named, remembering

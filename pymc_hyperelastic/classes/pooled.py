@@ -24,25 +24,25 @@ from pymc_hyperelastic.classes.interface import (
 from pymc_hyperelastic.classes.signals import with_hybrids
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, without_specimens
 from pymc_hyperelastic.evidence.batched import BatchedFunction, value_shapes, without_traces
-from pymc_hyperelastic.evidence.diagnosis import check_evidence, worst_verdict
+from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
+    CANDIDATE_DRAWS,
     DRAWS,
-    FIRST_DRAWS,
     LARGEST_PARETO_K,
     at_modes,
-    by_importance,
-    draw_heavy_tailed,
+    importance_sampling,
     mean_weight,
+    weighted_draws,
 )
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
-from pymc_hyperelastic.evidence.modes import modes_from
-from pymc_hyperelastic.evidence.nearby import modes_near
+from pymc_hyperelastic.evidence.modes import find_modes, modes_near
+from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
 from pymc_hyperelastic.evidence.reference import Reference
-from pymc_hyperelastic.evidence.search import width_of
 from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
-from pymc_hyperelastic.evidence.target import Slope, by_differences
+from pymc_hyperelastic.evidence.stored_evidence import check_evidence
+from pymc_hyperelastic.evidence.target import gradient_by_differences, width_of
 from pymc_hyperelastic.evidence.weights import effective_sample_size
 from pymc_hyperelastic.files.store import Remember, compute_now
 from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers, reading
@@ -345,22 +345,18 @@ class ClassPredictive:
         components = components_for(len(some), self._kernel.dimension)
         self._mixture = GaussianMixture.fit(some, components, rng, iterations=20)
         self._modes = self._modes_of_class(some)
-        points, log_density = draw_heavy_tailed(self._mixture, _CLASS_DRAWS, rng)
-        self._normaliser, self._normaliser_k = mean_weight(
-            self._kernel.score(points)[0] - log_density
-        )
+        proposal = self._mixture.heavy_tailed()
+        _, log_weights = weighted_draws(self._score_of_class, proposal, _CLASS_DRAWS, rng)
+        self._normaliser, self._normaliser_k = mean_weight(log_weights)
+
+    def _score_of_class(self, points: Array) -> tuple[Array, Array]:
+        """Return the log density of the class alone, and a likelihood of 1."""
+        return self._kernel.score(points)[0], np.zeros(len(points))
 
     def _modes_of_class(self, draws: Array) -> GaussianMixture | None:
-        """Modes of the class's posterior, climbed to from where its draws are."""
-
-        def score(points: Array) -> tuple[Array, Array]:
-            of_class = self._kernel.score(points)[0]
-            return of_class, np.zeros(len(points))
-
-        def ascent(width: Array) -> Slope:
-            return by_differences(score, width)
-
-        modes = modes_from(ascent, [self._mixture.means], width_of(draws))
+        """Find modes of the class's posterior from where its draws are."""
+        derivatives = gradient_by_differences(self._score_of_class)
+        modes = find_modes(derivatives, [self._mixture.means], width_of(draws))
         return modes and modes.mixture
 
     def __call__(self, random_seed: int) -> Prediction:
@@ -400,7 +396,7 @@ class ClassPredictive:
             return None
         log_weights = self._log_likelihood(effort.class_draws)
         estimate, pareto_k = mean_weight(log_weights)
-        if pareto_k >= LARGEST_PARETO_K:
+        if not pareto_k < LARGEST_PARETO_K:
             return None
         return _prediction(estimate, "class draws", pareto_k)
 
@@ -409,11 +405,18 @@ class ClassPredictive:
         return np.nan_to_num(self._likelihood(points)[0], nan=-np.inf, neginf=-np.inf)
 
     def _from_adapted_draws(self, effort: "_Effort", rng: np.random.Generator) -> Prediction | None:
-        if self._normaliser_k >= LARGEST_PARETO_K:
+        if not self._normaliser_k < LARGEST_PARETO_K:
             return None
-        score, draws, alike = self._kernel.score, effort.draws, self._alike()
-        found = by_importance(score, self._mixture, 1, rng, first_draws=draws, alike=alike)
-        if not found.trusted:
+        found = importance_sampling(
+            self._kernel.score,
+            self._mixture,
+            ExpectationMaximisation(),
+            1,
+            rng,
+            draws=effort.draws,
+            candidate_proposals=self._candidate_proposals(),
+        )
+        if not found.pareto_k < LARGEST_PARETO_K:
             return None
         estimate = Estimate(
             found.log_value.value - self._normaliser.value,
@@ -421,8 +424,8 @@ class ClassPredictive:
         )
         return _prediction(estimate, "adapted draws", max(found.pareto_k, self._normaliser_k))
 
-    def _alike(self) -> list[tuple[Reference, int]]:
-        """What may be like the posterior, and how many draws of each are tried.
+    def _candidate_proposals(self) -> list[tuple[Reference, int]]:
+        """Return proposals that may be like the posterior, with numbers of draws.
 
         The modes of a class move a little for one more specimen. Some draws of the class itself
         meet what there may be elsewhere.
@@ -430,10 +433,10 @@ class ClassPredictive:
         modes = self._modes and modes_near(self._log_density, self._modes)
         if modes is None:
             return []
-        of_class = round(_SHARE_OF_CLASS * FIRST_DRAWS)
+        of_class = round(_SHARE_OF_CLASS * CANDIDATE_DRAWS)
         return [
             (Reference(self._mixture.heavy_tailed(), 0.0), of_class),
-            (Reference(at_modes(modes), 0.0), FIRST_DRAWS - of_class),
+            (Reference(at_modes(modes), 0.0), CANDIDATE_DRAWS - of_class),
         ]
 
     def _log_density(self, points: Array) -> Array:

@@ -2,18 +2,36 @@
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.search import width_of
-from pymc_hyperelastic.evidence.target import Rise, Slope, Target, by_differences, differences
+from pymc_hyperelastic.evidence.target import (
+    Derivatives,
+    Evaluation,
+    Target,
+    evaluation,
+    finite_differences,
+    gradient_by_differences,
+    width_of,
+)
 
 Array = NDArray[np.float64]
 
-# Draws by which it is known how wide the prior is.
+# Draws from which the width of the prior is estimated.
 _DRAWS = 1000
+
+
+class SpecimenPrior(Protocol):
+    """A prior of points of a :class:`SpecimenTarget`."""
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """Draw points, shape (count, d)."""
+
+    def log_density(self, points: Array) -> Array:
+        """Return the log density of points."""
 
 
 class SpecimenTarget(Target):
@@ -24,12 +42,12 @@ class SpecimenTarget(Target):
 
     Parameters
     ----------
-    whole : Target
+    model : Target
         The model with all its variables.
     places : array of int
         Columns of those on which the curves depend.
-    log_prior : callable
-        Log density of points of these alone.
+    prior : SpecimenPrior
+        Prior of points of these variables.
     log_likelihood : BatchedFunction
         Log likelihood of points of all variables.
     misfits : callable
@@ -40,56 +58,52 @@ class SpecimenTarget(Target):
 
     def __init__(
         self,
-        whole: Target,
+        model: Target,
         places: NDArray[np.intp],
-        log_prior: Callable[[Array], Array],
+        prior: SpecimenPrior,
         log_likelihood: BatchedFunction,
         misfits: Callable[[Array], Sequence[Array]],
     ) -> None:
-        self.whole, self.places, self.log_prior = whole, places, log_prior
-        self.misfits = misfits
-        self.dimension, self.nan_scores = len(places), 0
-        self.effort, self.most_effort = 0.0, np.inf
-        self._score = log_likelihood
+        # The variables are those of the model: the base class would compile them once more.
+        self.whole, self.places, self.prior = model, places, prior
+        self.misfits, self.log_likelihood = misfits, log_likelihood
+        self.dimension = len(places)
 
     def particles(self, points: Array) -> Array:
-        """Points among all variables, of which the others do not matter to the curves."""
+        """Return points of all variables; those that do not matter to the curves are 0."""
         particles = np.zeros((len(points), self.whole.dimension))
         particles[:, self.places] = points
         return particles
 
     def draw_prior(self, count: int, rng: np.random.Generator) -> Array:
         """Draw points from the prior, shape (count, d)."""
-        return self.whole.draw_prior(count, rng)[:, self.places]
+        return self.prior.draw(count, rng)
 
-    def score(self, points: Array) -> tuple[Array, Array]:
-        """Log prior and log likelihood of every point; NaN and ``+inf`` count as ``−inf``."""
-        self.effort += len(points) / self.at_once
-        (likelihood,) = self._score(self.particles(points))
-        return self._possible(self.log_prior(points), likelihood)
+    def evaluate(self, points: Array) -> Evaluation:
+        """Return the log prior and the log likelihood of every point."""
+        (likelihood,) = self.log_likelihood(self.particles(points))
+        return evaluation(self.prior.log_density(points), likelihood)
 
-    def ascent(self, width: Array) -> Slope:
-        """Log density of the posterior and its slope, for variables of such a width.
+    def cost(self) -> int:
+        """Return how many numbers are computed for one point."""
+        return self.log_likelihood.cost()
 
-        Of a sum of squares of standard errors the curvature is known from the slopes of these, as
-        Gauss and Newton have it.
+    def derivatives(self, points: Array, width: Array) -> Derivatives:
+        """Return the log density of the posterior, its gradient and its curvature.
+
+        The curvature is that of Gauss and Newton: the likelihood is a sum of squares of standard
+        errors, whose gradients are known.
         """
-
-        def slope(points: Array) -> Rise:
-            around, change = differences(points, width)
-            flat = around.reshape(-1, self.dimension)
-            self.effort += len(flat) / self.at_once
-            likelihood, *errors = self.misfits(self.particles(flat))
-            heights = np.add(*self._possible(self.log_prior(flat), likelihood))
-            of_errors = np.nan_to_num(
-                change(errors[0].reshape(*around.shape[:2], -1)), posinf=0, neginf=0
-            )
-            curvature = of_errors @ of_errors.transpose(0, 2, 1) + np.diag(self.prior_width**-2.0)
-            heights = heights.reshape(len(points), -1)
-            slopes = np.nan_to_num(change(heights), posinf=0, neginf=0)
-            return Rise(heights[:, 0], slopes, curvature)
-
-        return slope
+        stencil, difference = finite_differences(points, width)
+        flat = stencil.reshape(-1, self.dimension)
+        likelihood, errors = self.misfits(self.particles(flat))
+        prior, likelihood, _ = evaluation(self.prior.log_density(flat), likelihood)
+        of_errors = difference(errors.reshape(*stencil.shape[:2], -1))
+        of_errors = np.nan_to_num(of_errors, posinf=0, neginf=0)
+        curvature = of_errors @ of_errors.mT + np.diag(self.prior_width**-2.0)
+        values = (prior + likelihood).reshape(len(points), -1)
+        gradient = np.nan_to_num(difference(values), posinf=0, neginf=0)
+        return Derivatives(values[:, 0], gradient, curvature)
 
     def squares(self, points: Array) -> Array:
         """Return the sum of squared standardised errors of each point."""
@@ -97,22 +111,20 @@ class SpecimenTarget(Target):
 
     @cached_property
     def prior_width(self) -> Array:
-        """How wide the prior of the model is, by variable."""
+        """Width of the prior in each variable."""
         return width_of(self.draw_prior(_DRAWS, np.random.default_rng(1)))
 
-    def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
-        """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""
-        _, likelihood, _, of_likelihood = super().slopes(self.particles(points))
-        prior, of_prior, _ = self._prior_slope(points)
-        return *self._possible(prior, likelihood), of_prior, of_likelihood[:, self.places]
+    def gradients(self, points: Array) -> tuple[Evaluation, Array, Array]:
+        """Return densities, and the gradients of log prior and log likelihood, (n, d) each."""
+        (_, likelihood, _), _, of_likelihood = self.whole.gradients(self.particles(points))
 
-    @cached_property
-    def _with_slopes(self) -> BatchedFunction | None:
-        return self.whole._with_slopes
-
-    @cached_property
-    def _prior_slope(self) -> Slope:
         def score(points: Array) -> tuple[Array, Array]:
-            return self.log_prior(points), np.zeros(len(points))
+            return self.prior.log_density(points), np.zeros(len(points))
 
-        return by_differences(score, self.prior_width)
+        prior, of_prior, _ = gradient_by_differences(score)(points, self.prior_width)
+        return evaluation(prior, likelihood), of_prior, of_likelihood[:, self.places]
+
+    @cached_property
+    def has_gradients(self) -> bool:
+        """Whether PyTensor gives gradients of the whole model."""
+        return self.whole.has_gradients

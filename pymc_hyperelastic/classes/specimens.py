@@ -23,16 +23,17 @@ from pytensor.tensor.variable import TensorVariable
 from scipy import stats
 from scipy.special import logsumexp
 
-from pymc_hyperelastic.classes.specimen_target import SpecimenTarget
+from pymc_hyperelastic.classes.specimen_target import SpecimenPrior, SpecimenTarget
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import PACKAGE
-from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import Integral, by_importance
+from pymc_hyperelastic.evidence.importance import Integral, importance_sampling
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
+from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
 from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
 from pymc_hyperelastic.models.geometry import deviation_name
@@ -150,38 +151,33 @@ class SpecimenSampler:
         Such weights: E. Veach and L. J. Guibas, Optimally combining sampling techniques for Monte
         Carlo rendering, SIGGRAPH 95 (1995) 419.
         """
-
-        def log_prior(points: Array) -> Array:
-            return mean_density(self.draws_at(points), distributions)
-
-        def draw_prior(count: int, rng: np.random.Generator) -> Array:
-            chosen = distributions.at(rng.integers(len(distributions.location[0]), size=count))
-            fresh = fresh_specimens(self.population, chosen, data.sizes["test"], rng)
-            return self.points_of(fresh)
-
+        prior = self.prior(distributions, data.sizes["test"])
         components = components_for(*draws.points.shape)
         mixture = GaussianMixture.fit(draws.points, components, rng)
 
         def take(sampler: SpecimenSampler) -> Taken:
-            target = sampler.target(data, log_prior)
-            return by_importance(target.score, mixture, PARTICLES, rng, draw_prior), target
+            target, builder = sampler.target(data, prior), ExpectationMaximisation()
+            found = importance_sampling(
+                target.score, mixture, builder, PARTICLES, rng, draw_prior=target.draw_prior
+            )
+            return found, target
 
         found, target = self._with_accurate_curves(data, take)
-        if not found.known:
+        if not found.reliable:
             return draws
         count = len(draws.points)
         if np.isinf(draws.standard_error):
             points = found.particles[:count]
             again = self._with_misfit(data, self.draws_at(points), target)
             value, error = found.log_value
-            return _weighted(again, log_prior(points) - value, error, found)
+            return _weighted(again, prior.of_class(points) - value, error, found)
         old = round(_KEPT * count)
         points = np.concatenate([draws.points[:old], found.particles[: count - old]])
         points = rng.permutation(points)
         known = logsumexp(draws.log_weight + self.log_reference(draws.points))
         log_density = np.logaddexp(
             np.log(_KEPT) + self.log_reference(points) - known,
-            np.log1p(-_KEPT) + log_prior(points) - found.log_value.value,
+            np.log1p(-_KEPT) + prior.of_class(points) - found.log_value.value,
         )
         errors = _KEPT * draws.standard_error, (1 - _KEPT) * found.log_value.standard_error
         again = replace(self.draws_at(points), misfit=draws.misfit, freedom=draws.freedom)
@@ -204,12 +200,13 @@ class SpecimenSampler:
             return (found, target), (data, self._parameters(found.particles[:_MATERIALS]))
 
         start = self._refined.get(name, self).forward
-        (found, target), accurate = until_accurate(start, with_curves, CURVES_ERR)
+        (found, target), accurate = until_accurate(start, with_curves, LARGEST_CURVE_ERROR)
         if accurate:
             return found, target
         warnings.warn(
-            f"curves of specimen {name!r} are wrong by more than {CURVES_ERR:.0e} of their largest "
-            "value, and its evidence has no error: its material is far from what priors expect",
+            f"curves of specimen {name!r} are wrong by more than {LARGEST_CURVE_ERROR:.0e} of "
+            "their largest value, and its evidence has no error: its material is far from what "
+            "priors expect",
             skip_file_prefixes=(PACKAGE,),
         )
         return found._replace(log_value=Estimate(found.log_value.value, np.inf)), target
@@ -239,22 +236,16 @@ class SpecimenSampler:
         of_tests = of_tests.reshape(len(points), len(self.scale.names), -1)
         return np.moveaxis(of_tests, 1, 0), log_size, deviations
 
-    def target(
-        self, data: xr.Dataset, log_prior: Callable[[Array], Array] | None = None
-    ) -> SpecimenTarget:
-        """The specimen, under a prior of what its classes are held against, and of its tube.
-
-        Without one it is the reference.
-        """
-        model, of_specimen = self._model_for(data), log_prior or self.log_reference
-
-        def with_tube(points: Array) -> Array:
-            deviations = points[:, points.shape[1] - len(self.population.geometry) :]
-            return of_specimen(points) + stats.norm.logpdf(deviations).sum(axis=1)
-
-        prior = with_tube if self.population.geometry else of_specimen
+    def target(self, data: xr.Dataset, prior: SpecimenPrior | None = None) -> SpecimenTarget:
+        """Return the specimen of these data under a prior; under the reference if it is missing."""
+        model = self._model_for(data)
+        prior = prior or self.prior(one_draw(self.reference), data.sizes["test"])
         functions = model.log_likelihood, model.misfits
         return SpecimenTarget(model.whole, self._places(model.whole), prior, *functions)
+
+    def prior(self, distributions: ClassDistribution, tests: int) -> "ClassPrior":
+        """Return the prior of a specimen with so many tests that belongs to a class."""
+        return ClassPrior(self, distributions, tests)
 
     def simulator(
         self, data: xr.Dataset, seed: int
@@ -377,6 +368,54 @@ class SpecimenSampler:
         total = likelihood.log_likelihood(tube, own)
         # What overflows is no number, and counts as one that is none.
         return pt.where(pt.isinf(total), np.nan, total)
+
+
+class ClassPrior:
+    """A specimen of a class whose distribution is one of several draws, and its tube.
+
+    Parameters
+    ----------
+    sampler : SpecimenSampler
+    distributions : ClassDistribution
+        Draws of the class's distribution.
+    tests : int
+        Number of tests of the specimen.
+    """
+
+    def __init__(
+        self, sampler: SpecimenSampler, distributions: ClassDistribution, tests: int
+    ) -> None:
+        self._sampler, self._distributions, self._tests = sampler, distributions, tests
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """Draw points, shape (count, d)."""
+        distributions = self._distributions
+        chosen = distributions.at(rng.integers(len(distributions.location[0]), size=count))
+        fresh = fresh_specimens(self._sampler.population, chosen, self._tests, rng)
+        return self._sampler.points_of(fresh)
+
+    def log_density(self, points: Array) -> Array:
+        """Return the log density of points."""
+        deviations = points[:, points.shape[1] - len(self._sampler.population.geometry) :]
+        return self.of_class(points) + stats.norm.logpdf(deviations).sum(axis=1)
+
+    def of_class(self, points: Array) -> Array:
+        """Return the log density without that of the tube, which is the same for all classes."""
+        return mean_density(self._sampler.draws_at(points), self._distributions)
+
+
+def one_draw(distribution: ClassDistribution) -> ClassDistribution:
+    """Return a single distribution as draws of a class's distribution, of which there is one."""
+    d = distribution
+    vectors = "location", "spread", "experiment_spread", "log_size", "noise_spread"
+    changes: dict[str, Any] = {
+        name: np.asarray(getattr(d, name), float)[:, None, None]
+        for name in vectors
+        if getattr(d, name) is not None
+    }
+    if d.effect_spread is not None:
+        changes["effect_spread"] = np.full((1, 1), float(np.squeeze(d.effect_spread)))
+    return replace(d, factor=np.asarray(d.factor)[None], **changes)
 
 
 def _weighted(

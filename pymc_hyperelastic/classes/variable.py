@@ -45,9 +45,10 @@ from pymc_hyperelastic.classes.typicality import (
 )
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, tests_at
 from pymc_hyperelastic.evidence.checks import check_count, no_progress
-from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR, check_evidence, worst_verdict
+from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.smc import seed_of
+from pymc_hyperelastic.evidence.stored_evidence import check_evidence
 from pymc_hyperelastic.files.store import Remember, compute_now, named
 from pymc_hyperelastic.files.stored import (
     damaged,
@@ -59,6 +60,7 @@ from pymc_hyperelastic.files.stored import (
 from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR
 from pymc_hyperelastic.models.class_distribution import (
     SPREAD_OF_NOISE,
     ClassDistribution,
@@ -143,7 +145,7 @@ class Variability(Population, ClassKind):
     def _curves_of_specimens(self, data: xr.Dataset) -> ForwardModel:
         """Forward model of specimens, each by itself."""
         # Without an effect all tests of a specimen share its parameters, and matrices.
-        own, accuracy = bool(self.experiment_effect), {"tolerance": CURVES_ERR}
+        own, accuracy = bool(self.experiment_effect), {"tolerance": LARGEST_CURVE_ERROR}
         return self.forward_model(data, by_test=own, **accuracy, inaccurate=_INACCURATE)
 
     def attrs(self) -> dict[str, str]:
@@ -264,7 +266,7 @@ class Variability(Population, ClassKind):
             for name in specimens[0]
         }
         some = tests_at(like, evenly(like.sizes["test"], _TESTS))
-        if forward.errors(some, materials).max() <= CURVES_ERR:
+        if forward.errors(some, materials).max() <= LARGEST_CURVE_ERROR:
             return forward
         return forward.refined(some, materials)
 

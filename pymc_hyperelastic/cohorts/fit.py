@@ -16,14 +16,14 @@ from pymc_hyperelastic.cohorts.work import DOUBTFUL, Prepared, Work, failure, jo
 from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR, doubts_of_fit
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.limits import mass_at_limits
-from pymc_hyperelastic.evidence.residuals import Residuals
+from pymc_hyperelastic.evidence.results import study_of
 from pymc_hyperelastic.evidence.smc import seed_kept, seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR, doubts_of_fit
 from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
 from pymc_hyperelastic.models.geometry import Measured, check_geometry
 from pymc_hyperelastic.models.inflation import tube_model
@@ -39,6 +39,7 @@ from pymc_hyperelastic.models.priors import (
     priors_from_records,
 )
 from pymc_hyperelastic.models.records import wall_attrs
+from pymc_hyperelastic.models.residuals import Residuals
 from pymc_hyperelastic.parallel import LOCK
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
@@ -137,11 +138,11 @@ class Fits:
             found = own.sample(data, self._work.draws, rng)
             return found, (data, *own.materials(found.posterior))
 
-        found, accurate = until_accurate(model.forward, take, CURVES_ERR)
+        found, accurate = until_accurate(model.forward, take, LARGEST_CURVE_ERROR)
         if not accurate:
             raise ValueError(
-                f"curves of its posterior err by more than {CURVES_ERR:.0e} of their largest "
-                "value: its material is far from what priors expect"
+                f"curves of its posterior err by more than {LARGEST_CURVE_ERROR:.0e} of their "
+                "largest value: its material is far from what priors expect"
             )
         return found.as_row(self._work, data)
 
@@ -198,7 +199,7 @@ class _Model:
         self._target = Target(self._model)
         free = self._model.free_RVs
         self._names = [rv.name for rv in free]
-        self._residuals = Residuals(self._model)
+        self._residuals = Residuals(self._model, study_of(self._model))
         self._constrain = BatchedFunction.of_model(
             self._model, self._model.replace_rvs_by_values(free)
         )

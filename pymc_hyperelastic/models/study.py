@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.evidence.results import data_groups
+from pymc_hyperelastic.evidence.verdicts import register_checks
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.checks import CHECKS_OF_CURVES
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import Measured, deviation_name
 from pymc_hyperelastic.models.likelihoods import Likelihood
@@ -25,8 +27,11 @@ from pymc_hyperelastic.models.records import (
     named_layers,
     strain_energy_attrs,
 )
+from pymc_hyperelastic.models.residuals import Residuals
 
 Array = NDArray[np.float64]
+
+register_checks(CHECKS_OF_CURVES)
 
 # Draws whose curves are compared with quadrature.
 _COMPARED = 64
@@ -67,6 +72,14 @@ class Study:
             fixed = [name for name in held.data_vars if name in self._fixed(model)]
             groups[group] = groups[group].merge(held[fixed])
         return groups
+
+    def diagnostics(
+        self, model: pm.Model, posterior: Mapping[str, Array], particles: Array
+    ) -> xr.Dataset:
+        """Return what is stored with the evidence: the error of curves, and their residuals."""
+        error = self.curve_error(posterior)
+        found = xr.Dataset({"curve_error": error} if np.isfinite(error) else {})
+        return found.merge(Residuals(model, self).of(self.data, particles))
 
     def curve_error(self, posterior: Mapping[str, Array]) -> float:
         """Return the largest error of the curves of some draws, see :meth:`ForwardModel.errors`.

@@ -100,21 +100,45 @@ def test_draws_near_a_class_replace_others():
     assert abs(log_evidence_of(near, wider) - exact) < 2 * ENOUGH
 
 
-def test_slopes_are_derivatives_of_the_score():
+def test_gradients_are_derivatives_of_the_score():
     """A specimen has three tests that differ."""
     data = curves({"A": [38.0, 52.0, 45.0]}, SEED)
     target = sampler_of(data, energy=ph.Ogden(), effect=True).target(data)
-    assert target.has_slopes and target.dimension == 6
+    assert target.has_gradients and target.dimension == 6
     points = target.draw_prior(2, np.random.default_rng(SEED))
-    prior, likelihood, of_prior, of_likelihood = target.slopes(points)
+    (prior, likelihood, _), of_prior, of_likelihood = target.gradients(points)
     np.testing.assert_allclose([prior, likelihood], target.score(points))
-    for i, slopes in enumerate((of_prior, of_likelihood)):
-        for point, slope in zip(points, slopes, strict=True):
+    for i, gradients in enumerate((of_prior, of_likelihood)):
+        for point, gradient in zip(points, gradients, strict=True):
             expected = approx_fprime(point, lambda x, i=i: target.score(x[None])[i][0], 1e-6)
-            np.testing.assert_allclose(slope, expected, rtol=1e-3, atol=1e-3)
-    rise = target.ascent(np.full(6, 1e-3))(points)
-    np.testing.assert_allclose(rise.height, np.add(prior, likelihood))
-    np.testing.assert_allclose(rise.slope, of_prior + of_likelihood, rtol=1e-3, atol=1e-2)
+            np.testing.assert_allclose(gradient, expected, rtol=1e-3, atol=1e-3)
+    value, gradient, _ = target.derivatives(points, np.full(6, 1e-3))
+    np.testing.assert_allclose(value, np.add(prior, likelihood))
+    np.testing.assert_allclose(gradient, of_prior + of_likelihood, rtol=1e-3, atol=1e-2)
+
+
+@pytest.mark.parametrize("effect", [False, True], ids=["one material", "experiments differ"])
+def test_a_prior_draws_from_the_density_that_it_returns(effect):
+    """The mean of another normalised density over that of the prior, at its draws, is 1.
+
+    A target under the prior of a class draws from that class, and scores it.
+    """
+    data = curves({"A": [38.0, 52.0]}, SEED)
+    sampler = sampler_of(data, pm.HalfNormal.dist(1.0), effect=effect)
+    locations = np.array([[[-1.9], [-2.1], [-2.3]]])
+    ones = np.ones((3, 1))
+    tests = {"experiment_spread": 0.2 * ones[None], "effect_spread": 0.3 * ones} if effect else {}
+    noise = {"log_size": 0.5 * ones[None], "noise_spread": 0.4 * ones[None]}
+    of_class = ClassDistribution(locations, 0.3 * ones[None], np.eye(1), **tests, **noise)
+    reference = sampler.target(data)
+    for prior in (reference.prior, sampler.prior(of_class, 2)):
+        target, rng = sampler.target(data, prior), np.random.default_rng(SEED)
+        draws = target.draw_prior(4000, rng)
+        # Half as wide as the draws: its weights are bounded.
+        other = stats.multivariate_normal(draws.mean(axis=0), np.cov(draws.T) / 4)
+        weights = np.exp(other.logpdf(draws) - target.evaluate(draws).log_prior)
+        assert abs(weights.mean() - 1) < 4 * weights.std() / np.sqrt(len(draws))
+    assert np.abs(draws[:, 0].mean() - locations.mean()) < 0.04
 
 
 def test_curvature_is_the_second_derivative_where_curves_fit_exactly():
@@ -124,10 +148,10 @@ def test_curvature_is_the_second_derivative_where_curves_fit_exactly():
     # So large an error that the prior counts.
     target = sampler_of(data, 20.0 / np.sqrt(2)).target(data)
     x = truth + step * np.array([[-1.0], [0.0], [1.0]])
-    rise = target.ascent(np.full(1, 1e-3))(x[[1]])
+    *_, curvature = target.derivatives(x[[1]], np.full(1, 1e-3))
     low, middle, high = target.score(x)[1]
     expected = -(low - 2 * middle + high) / step**2 + target.prior_width[0] ** -2.0
-    np.testing.assert_allclose(rise.curvature[0, 0, 0], expected, rtol=1e-3)
+    np.testing.assert_allclose(curvature[0, 0, 0], expected, rtol=1e-3)
 
 
 @pytest.mark.parametrize(
