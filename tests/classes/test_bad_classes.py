@@ -12,7 +12,9 @@ import pymc_hyperelastic as ph
 UNKNOWN_WEIGHT = ph.SlopeAugmented(1.0, pm.HalfNormal.dist())
 WITH_FORCE = ph.Gaussian(1.0, force_sd=3.0)
 OTHER_LAW = "strain_energy", "Fung", "C2"
-CUSTOM = pm.CustomDist.dist(1.0, logp=lambda x, m: -((x - m) ** 2))
+CUSTOM = pm.CustomDist.dist(
+    1.0, logp=lambda x, m: -((x - m) ** 2), random=lambda m, rng, size: rng.normal(m, size=size)
+)
 
 
 def altered(key: str, value: str, *names: str) -> xr.DataTree:

@@ -36,7 +36,7 @@ def protocols(growth=1.1):
 
 
 def sampler_of(data):
-    return Variability.of_settings(ph.HolzapfelGasserOgden(), noise_sd=1.0).sampler(data)
+    return Variability.of_settings(ph.HolzapfelGasserOgden(), 1.0).sampler(data)
 
 
 @pytest.fixture(scope="module")

@@ -105,7 +105,7 @@ def test_the_potential_is_the_density_of_the_observed_variables():
     values = []
     for observed in (False, True):
         likelihood = ph.Gaussian(**sds, observed=observed)
-        model = ph.ogden_model(extended(), likelihood, priors=priors)
+        model = ph.ogden_model(extended(), likelihood, priors=priors, mode="quadrature")
         values.append(model.compile_logp(mode=AS_WRITTEN)(point))
     assert values[0] == pytest.approx(values[1], rel=1e-9)
 

@@ -75,9 +75,9 @@ class SlopeAugmented(Likelihood):
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)
+    >>> likelihood = ph.SlopeAugmented(sigma=0.7, slope_weight=1.0)
     >>> likelihood
-    SlopeAugmented(sigma=0.666612, slope_weight=1)
+    SlopeAugmented(sigma=0.7, slope_weight=1.0)
     >>> model = ph.inflation_model(ph.Ogden(), data, likelihood)
     >>> [potential.name for potential in model.potentials]
     ['likelihood']
