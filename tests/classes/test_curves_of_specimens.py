@@ -22,7 +22,9 @@ DEEP = 3000.0
 
 def protocols(growth=1.1):
     """Three inflation and two extension tests; with a small `growth` some fibres are slack."""
-    tests = [{"radius": growth * np.linspace(0.47, 0.62, 12), "stretch": s} for s in (1.4, 1.5, 1.6)]
+    tests = [
+        {"radius": growth * np.linspace(0.47, 0.62, 12), "stretch": s} for s in (1.4, 1.5, 1.6)
+    ]
     stretch = np.linspace(1.4, 1.6, 12)
     for radius in (0.5, 0.6):
         tests.append({"radius": growth * radius - 0.1 * (stretch - 1.4), "stretch": stretch})

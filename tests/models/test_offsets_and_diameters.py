@@ -105,7 +105,8 @@ def test_offsets_have_the_conditional_normal_distribution(errors, likelihood):
 def test_with_the_error_in_the_radius_pressures_are_exact():
     """Radii and forces are those of the tube at the measured pressure and stretch.
 
-    A warning says that nothing is known of the range of flat priors. The radius is found here by bisection, and the offset follows by Bayes' rule for normals.
+    A warning says that nothing is known of the range of flat priors. The radius is found here by
+    bisection, and the offset follows by Bayes' rule for normals.
     """
     data = extended()
     axial, measured = data["axial_stretch"].values, data["radius"].values
