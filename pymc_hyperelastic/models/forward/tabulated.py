@@ -213,7 +213,9 @@ class TabulatedQuadrature(Integrator):
             basis = self.basis.with_materials(tubes, groups, materials, **settings)
             return replace(self, basis=basis)
         count = nodes_needed(wall.energy, tubes, groups, materials, **settings)
-        return count and replace(self, basis=ChebyshevNodes(max(count, self.basis.count)))
+        if count is None:
+            return None
+        return replace(self, basis=ChebyshevNodes(max(count, self.basis.nodes)))
 
     def _groups(self, data: xr.Dataset) -> tuple[KnownTubes, list[Group]]:
         """The tubes of the data, and groups of points that share nodes."""
