@@ -45,7 +45,7 @@ class Interpolation(Protocol):
 
     @property
     def split(self) -> bool:
-        """Whether the rule is split where ``λθ = 1``."""
+        """True if the rule is split where ``λθ = 1``."""
 
     def weights(self, log_hoop: Array, log_axial: Array) -> tuple[Array, Array]:
         """Return the weights (node, place) of the response, and of its derivative by ``ln λθ``."""
@@ -56,7 +56,7 @@ class Basis(Protocol):
 
     @property
     def by_stretch(self) -> bool:
-        """Whether all walls of a group must have one axial stretch."""
+        """True if all walls of a group must have one axial stretch."""
 
     def interpolation(self, tubes: KnownTubes, group: Group) -> Interpolation:
         """Return the nodes of a group, whose points are among those of the tubes."""
@@ -64,7 +64,7 @@ class Basis(Protocol):
 
 @dataclass(frozen=True)
 class ChebyshevNodes:
-    """Chebyshev points in ``ln λθ``, so many for walls at one axial stretch."""
+    """Chebyshev points in ``ln λθ``, for walls at one axial stretch."""
 
     nodes: int
     by_stretch: bool = True

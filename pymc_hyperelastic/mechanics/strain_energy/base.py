@@ -202,14 +202,6 @@ class StrainEnergy(ABC):
         return ()
 
     @property
-    def shortened(self) -> "StrainEnergy":
-        """The same law as far as ``λθ < 1``, with fewer terms if some are nil there.
-
-        It takes the same parameters. By default it is the law itself.
-        """
-        return self
-
-    @property
     def fingerprint(self) -> tuple[float, ...]:
         """Stresses in kPa at fixed stretches and parameters, by which the formula is recognised.
 

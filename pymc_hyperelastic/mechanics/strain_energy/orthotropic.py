@@ -437,9 +437,6 @@ class FourFiber(_FibreReinforced):
     ('c', 'k1_axial', 'k2_axial', 'k1_diagonal', 'k2_diagonal', 'beta')
     """
 
-    # Whether hoop fibres can be taut where the law is asked for.
-    _hoop_taut = True
-
     def __init__(self, hoop_fibres: bool = True) -> None:
         if not isinstance(hoop_fibres, bool):
             raise ValueError(f"hoop_fibres is {hoop_fibres!r}; expected True or False")
@@ -468,20 +465,12 @@ class FourFiber(_FibreReinforced):
         beta: Any,
     ) -> Sequence[_Family]:
         """Four, the diagonal ones at ``±β``; or three."""
-        taut = self.hoop_fibres and self._hoop_taut
-        hoop = [_Family(1, k1_hoop, k2_hoop, 0.0)] if taut else []
+        hoop = [_Family(1, k1_hoop, k2_hoop, 0.0)] if self.hoop_fibres else []
         return [
             _Family(1, k1_axial, k2_axial, _AXIAL),
             *hoop,
             _Family(2, k1_diagonal, k2_diagonal, beta),
         ]
-
-    @property
-    def shortened(self) -> "FourFiber":
-        """The law without hoop fibres, which are slack there."""
-        law = FourFiber(self.hoop_fibres)
-        law._hoop_taut = False
-        return law
 
 
 def _squared_cosine(angle: Any) -> Tensor:
