@@ -107,6 +107,7 @@ INTEGRATORS = {
     "mechanics": {"collocation", "known_tubes", "selected_nodes", "wall"},
     "models/forward": {
         "choose",
+        "selection",
         "integrator",
         "model",
         "numbers",

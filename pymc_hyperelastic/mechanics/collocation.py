@@ -73,7 +73,7 @@ class CollocatedIntegral(TubeOp):
         return [disconnected_type() for _ in range(self.constants)] + of_entries
 
     def connection_pattern(self, node: Apply) -> list[list[bool]]:
-        """What depends on what: nothing is differentiated by constants."""
+        """Outputs depend on the parameters; gradients by the constants are disconnected."""
         pattern = super().connection_pattern(node)
         return [[False] * len(node.outputs)] * self.constants + pattern[self.constants :]
 
@@ -173,8 +173,8 @@ def collocate(
 
     With a QR factorisation ``[M y] = Q [R c; 0 ρ]`` of a group, ``|M g − y|² = |R g − c|² + ρ²``
     for every response ``g``. Each kind of measurement is compressed separately, so that their
-    weights may be unknown. The `targets` are the measured values at each point, NaN if there is
-    none: ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"``
+    weights may be unknown. The `targets` are the measured values at each point, or NaN:
+    ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"``
     (mN).
 
     The result holds ``log_hoop`` and ``log_axial`` (group, node), and for each target the
@@ -235,7 +235,7 @@ def curve_matrices(
 
 
 def wall_matrices(tubes: KnownTubes, interpolation: Interpolation) -> dict[str, Array]:
-    """Return matrices (point, node) from responses at the nodes to what is measured at the tubes.
+    """Return matrices (point, node) from responses at the nodes to pressures, forces and slopes.
 
     Besides ``"pressure"`` and ``"force"`` there are ``"stiffness"`` and ``"force_slope"``, by the
     internal radius, and ``"slope"`` of the pressure, by the radius that was measured.

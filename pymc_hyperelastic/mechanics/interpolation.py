@@ -7,7 +7,8 @@ into matrices.
 """
 
 from collections.abc import Sequence
-from functools import cache
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -27,17 +28,24 @@ from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 COEFFICIENT_TOLERANCE = 1e-14
 # Largest number of Chebyshev nodes: with more, quadrature of the walls is about as fast.
 MOST_NODES = 64
+# Compiled responses that are kept: ten laws, with pressure and force, with and without slopes.
+_COMPILED = 64
 
 
 class Interpolation(Protocol):
     """Responses in the walls of a group from the responses at its nodes."""
 
-    places: tuple[Array, Array]
-    """``ln λθ`` and ``ln λz`` of the nodes."""
-    order: int
-    """Nodes of the quadrature rule of a wall."""
-    split: bool
-    """Whether the rule is split where ``λθ = 1``."""
+    @property
+    def places(self) -> tuple[Array, Array]:
+        """``ln λθ`` and ``ln λz`` of the nodes."""
+
+    @property
+    def order(self) -> int:
+        """Nodes of the quadrature rule of a wall."""
+
+    @property
+    def split(self) -> bool:
+        """True if the rule is split where ``λθ = 1``."""
 
     def weights(self, log_hoop: Array, log_axial: Array) -> tuple[Array, Array]:
         """Return the weights (node, place) of the response, and of its derivative by ``ln λθ``."""
@@ -46,24 +54,26 @@ class Interpolation(Protocol):
 class Basis(Protocol):
     """A choice of nodes in the walls of any group of points."""
 
+    @property
+    def by_stretch(self) -> bool:
+        """True if all walls of a group must have one axial stretch."""
+
     def interpolation(self, tubes: KnownTubes, group: Group) -> Interpolation:
         """Return the nodes of a group, whose points are among those of the tubes."""
 
-    by_stretch: bool
-    """Whether all walls of a group must have one axial stretch."""
 
-
-class ChebyshevNodes(NamedTuple):
+@dataclass(frozen=True)
+class ChebyshevNodes:
     """Chebyshev points in ``ln λθ``, for walls at one axial stretch."""
 
-    count: int
+    nodes: int
     by_stretch: bool = True
 
     def interpolation(self, tubes: KnownTubes, group: Group) -> "Polynomial":
         """Return nodes that span the stretches in the walls of the group."""
         centre, half = group.hoop
-        log_hoop = centre + half * chebyshev_nodes(self.count)
-        log_axial = np.full(self.count, np.log(tubes.axial_stretch[group.points[0]]))
+        log_hoop = centre + half * chebyshev_nodes(self.nodes)
+        log_axial = np.full(self.nodes, np.log(tubes.axial_stretch[group.points[0]]))
         return Polynomial(group.hoop, (log_hoop, log_axial))
 
 
@@ -127,7 +137,7 @@ def evenly(count: int, most: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
 
-@cache
+@lru_cache(maxsize=_COMPILED)
 def response_function(energy: StrainEnergy, force: bool, slope: bool = False) -> Any:
     """Compile the response of a material: the stress that an integral over the wall is linear in.
 

@@ -80,5 +80,5 @@ def groups_by(tubes: KnownTubes, key: NDArray) -> list[Group]:
     return groups
 
 
-# Smallest half width of a range of ln λθ: a thousandth, below which no test tells stretches apart.
+# Smallest half width of a range of ln λθ: below a thousandth no test can distinguish stretches.
 _NARROWEST = 1e-3

@@ -35,7 +35,7 @@ _ORDER = 16
 # Largest number of quadrature nodes of a group among which nodes are selected: bounds the time of
 # the factorisation, and leaves ten for each node that is selected.
 _MOST_CANDIDATES = 4000
-# Random combinations of responses by which a factorisation tells snapshots apart: more than the
+# Random combinations of responses that are factorised in place of all responses: more than the
 # number of independent responses of any law, which is below 300.
 _COMBINATIONS = 400
 # Groups in whose walls snapshots are selected.
@@ -135,7 +135,7 @@ class SelectedNodes:
         return [np.where(np.isnan(values), 0.0, values) for values in joined]
 
     def _candidates(self, tubes: KnownTubes, group: Group, most: int) -> tuple[Array, Array]:
-        """Quadrature nodes in the walls of a group, from face to face, at most so many."""
+        """Return at most `most` quadrature nodes in the walls of a group."""
         own = tubes.at(group.points)
         own = own.at(evenly(len(own.radius), most // 4))
         rule, log_axial = own.quadrature(_ORDER, split=self.split)

@@ -32,7 +32,7 @@ _ops: dict[tuple[Any, ...], "TubeOp"] = {}
 
 
 class TubeOp(TensorSymbolicOp):
-    """What the integrals over the wall have in common: a strain energy, and a tame gradient."""
+    """Base class of integrals over the wall of a strain energy, with a gradient."""
 
     # Inlined when compiled, value and gradient share their common terms: two to four times faster.
     inline = True
@@ -54,7 +54,7 @@ class TubeOp(TensorSymbolicOp):
 
     @staticmethod
     def filter_inputs(*inputs: Any) -> tuple[Tensor, ...]:
-        """Inputs in double precision: PyTensor reads the number 7.0 as a single-precision one."""
+        """Return inputs in double precision: PyTensor reads the number 7.0 as single precision."""
         return tuple(pt.cast(pt.as_tensor_variable(x), "float64") for x in inputs)
 
     def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
@@ -85,7 +85,7 @@ class TubeOp(TensorSymbolicOp):
         return link_only_mode("py") if impl == "py" else super().link_mode(impl)
 
     def response(self, log_hoop: Tensor, log_axial: Tensor, entries: Sequence[Any]) -> Tensor:
-        """What the integral is linear in: the stress difference ``T`` of the material."""
+        """Return the response ``T`` of the material, a stress that the integral is linear in."""
         parameters = self.strain_energy.join(entries)
         return self.strain_energy.stress_difference(log_hoop, log_axial, **parameters)
 
@@ -101,7 +101,7 @@ def _built(kind: Any, input_types: tuple[Any, ...], settings: Mapping[str, Any])
 def zero_at_overflow(
     gradients: Sequence[Variable], values: Sequence[Tensor], batch_ndim: int = 0
 ) -> list[Variable]:
-    """Return gradients with 0 in place of what is not finite, if one of the values overflows.
+    """Return gradients with non-finite entries set to 0, if one of the values overflows.
 
     A gradient that is not a number at finite values stays visible. The first `batch_ndim` axes of
     the values and gradients are those of a batch. Disconnected gradients stay.
@@ -119,7 +119,7 @@ def zero_at_overflow(
 
 
 class WallRule(NamedTuple):
-    """Quadrature of a wall, over the last axis: where, and weights of what is integrated.
+    """Quadrature rule of a wall: nodes and weights along the last axis.
 
     Pressure is the weighted sum of ``T``, stiffness that of ``½ ∂T/∂ln λθ − T``, and axial force
     that of ``2 (σzz − σrr) − T``.

@@ -147,3 +147,18 @@ def test_a_doubtful_fit_is_warned_of_and_told(tmp_path):
         ph.fit_cohort(ph.NeoHookean(), data, 0.5, tmp_path, cores=1, **settings)
     soft, stiff = ph.open_cohort(tmp_path)["evidence"]["doubtful"].values.tolist()
     assert soft == "" and "the squared residuals are" in stiff
+
+
+def test_specimens_with_an_unknown_radius_are_fitted(tmp_path):
+    """The inner radius has a prior, and is missing in the data."""
+    data = ph.select(STUDY, specimen="S1", experiment=1)
+    inner = float(data["inner_radius"][0])
+    data = data.assign(inner_radius=data["inner_radius"] * np.nan)
+    settings = {"geometry": {"inner_radius": pm.Uniform.dist(0.9 * inner, 1.05 * inner)}}
+    settings["priors"] = {"mu": pm.Uniform.dist(1.0, 60.0)}
+    noise = {"noise_sd": 5.0, "slope_weight": 0.0}
+    ph.fit_cohort(ph.NeoHookean(), data, tmp_path / "store", **settings, **noise, **SERIAL)
+    found = ph.open_cohort(tmp_path / "store")
+    assert found["evidence"]["error"].values.tolist() == [""]
+    radius = found["posterior"]["inner_radius"].values
+    assert ((0.9 * inner < radius) & (radius < 1.05 * inner)).all()

@@ -9,15 +9,12 @@ from types import MappingProxyType
 from typing import Any, Literal, get_args
 
 import numpy as np
-import pytensor.tensor as pt
 import xarray as xr
 from pytensor.graph.utils import MissingInputError
 
 from pymc_hyperelastic.data.inflation import extension_tests
 from pymc_hyperelastic.evidence.checks import PACKAGE
 from pymc_hyperelastic.mechanics.interpolation import ChebyshevNodes, evenly, nodes_needed
-from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
-from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 from pymc_hyperelastic.models.forward.integrator import (
     REFERENCE_ORDER,
@@ -25,14 +22,21 @@ from pymc_hyperelastic.models.forward.integrator import (
     ends_of_tests,
 )
 from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
-from pymc_hyperelastic.models.forward.prior_draws import batches, representative_values, spread
+from pymc_hyperelastic.models.forward.prior_draws import (
+    BEYOND,
+    FEWEST,
+    in_numbers,
+    largest_measured,
+    largest_pressures,
+    representative_values,
+)
+from pymc_hyperelastic.models.forward.selection import select_nodes
 from pymc_hyperelastic.models.forward.tabulated import (
     TabulatedQuadrature,
     groups_of,
     known_tubes,
 )
 from pymc_hyperelastic.models.forward.tube_variables import Array, WallVariables
-from pymc_hyperelastic.models.moduli import has_additive_stress
 
 Mode = Literal["auto", "collocation", "quadrature"]
 
@@ -41,37 +45,15 @@ _ORDERS = (4, 6, 8, 12, 16, 24, 32)
 # Largest error of an order, relative to the largest value of a curve: a tenth of what constant
 # matrices may err, whose error shows in the tenth digit of a log density.
 _ORDER_TOLERANCE = 1e-11
-# Order by which the size of pressures is known: enough for the wall of an artery.
-_CHEAP_ORDER = 12
-# Materials whose pressures exceed the largest measured one by this factor do not count, because
-# their likelihood is nil.
-_BEYOND = 10.0
 # The same factor for Chebyshev nodes, which are chosen for more materials than any data want.
 _FAR_BEYOND = 1000.0
 # Tolerance of Chebyshev coefficients then: exponentials of squares have larger rounding errors.
 _COEFFICIENT_TOLERANCE = 1e-13
-# Fewest materials by which a range is known.
-_FEWEST = 32
 # Points and materials for which orders are compared.
 _MOST_POINTS = 16
 _MOST_MATERIALS = 200
 # Points of the data from which on it pays to select nodes: quadrature of fewer takes less time.
 _MANY_POINTS = 50
-# Materials from which nodes are selected, and for which they are then checked.
-_SELECTED_FROM = 400
-# Batches of draws among which these are looked for.
-_MOST_BATCHES = 6
-# Rounds in which materials with inaccurate curves are added; chosen by experiment.
-_MOST_ROUNDS = 4
-# Largest error of the few materials that may be inaccurate, relative to the largest value: the size
-# of an error of measurement.
-_VISIBLE = 1e-2
-# Accepted error of all materials, in tolerances: there quadrature is no better.
-_ALL = 100.0
-# Fraction of inaccurate materials with which no selection of nodes will do.
-_TOO_MANY = 0.5
-# Tolerance of the snapshots, in tolerances of the curves; chosen by experiment.
-_OF_SNAPSHOTS = 1e-2
 
 
 def choose_integrator(
@@ -118,7 +100,7 @@ def choose_integrator(
         if not extension_tests(data).any():
             found = _chebyshev(tabulated, wall, data, draws)
         if found is None and (mode == "collocation" or data.sizes["obs"] >= _MANY_POINTS):
-            found = _selected(tabulated, wall, data, inaccurate)
+            found = select_nodes(tabulated, wall, data, inaccurate)
         if found is not None:
             return found
         reason = f"the response of {wall.energy.name} over the range of these parameters"
@@ -135,17 +117,17 @@ def _chebyshev(
     The model may be used for one test alone: materials that are impossible in another test count.
     """
     energy, tubes = wall.energy, known_tubes(data)
-    numbers = _in_numbers(wall, data, draws).materials
-    settings = {"with_force": tabulated.with_force}
+    numbers = in_numbers(wall, data, draws).materials
+    settings: dict[str, Any] = {"with_force": tabulated.with_force}
     groups = groups_of(data, tubes, by_test=False, by_stretch=True)
     count = nodes_needed(energy, tubes, groups, numbers, **settings)
     if count is None:
-        possible = largest_pressures(wall, data, draws) < _limit(data, _FAR_BEYOND)
+        possible = largest_pressures(wall, data, draws) < largest_measured(data, _FAR_BEYOND)
         settings["tolerance"] = _COEFFICIENT_TOLERANCE
         counts: list[int | None] = []
         for group in groups + groups_of(data, tubes, by_test=True, by_stretch=True):
             own = possible[np.unique(data["test"].values[group.points])].all(axis=0)
-            if own.sum() < _FEWEST:
+            if own.sum() < FEWEST:
                 return None
             some = [values[own] for values in numbers]
             counts.append(nodes_needed(energy, tubes, [group], some, **settings))
@@ -155,49 +137,6 @@ def _chebyshev(
     return replace(tabulated, basis=ChebyshevNodes(count))
 
 
-def _selected(
-    tabulated: TabulatedQuadrature, wall: WallVariables, data: xr.Dataset, inaccurate: float
-) -> TabulatedQuadrature | None:
-    """Nodes selected for possible materials of the prior, with accurate curves for fresh draws."""
-    energy, tolerance = wall.energy, tabulated.tolerance
-    basis = SelectedNodes(
-        energy,
-        has_additive_stress(energy),
-        _OF_SNAPSHOTS * tolerance,
-        split=bool(energy.kinks(pt.zeros(()), **wall.parameters)),
-    )
-    pool = batches(wall.unknown)
-
-    def draw() -> list[Array]:
-        found: list[list[Array]] = []
-        for _ in range(_MOST_BATCHES):
-            draws = next(pool)
-            pressures = largest_pressures(wall, data, draws)
-            possible = (pressures < _limit(data, _BEYOND)).all(axis=0)
-            found.append([values[possible] for values in draws])
-            if sum(len(values[0]) for values in found) >= _SELECTED_FROM:
-                break
-        return [np.concatenate(values)[:_SELECTED_FROM] for values in zip(*found, strict=True)]
-
-    first = draw()
-    if len(first[0]) < _FEWEST:
-        return None
-    learned = _in_numbers(wall, data, first if inaccurate > 0.1 else spread(first))
-    found = replace(tabulated, basis=basis).with_materials(data, learned)
-    for _ in range(_MOST_ROUNDS):
-        draws = draw()
-        errors = found.errors(data, _in_numbers(wall, data, draws))
-        wrong = errors > tolerance
-        few = wrong.mean() <= inaccurate and errors.max() < _VISIBLE
-        if few or errors.max() < _ALL * tolerance:
-            return found
-        if wrong.mean() > _TOO_MANY:
-            break
-        learned = _in_numbers(wall, data, [values[wrong] for values in draws])
-        found = found.with_materials(data, learned)
-    return None
-
-
 def _least_order(
     quadrature: Any, wall: WallVariables, data: xr.Dataset, draws: Sequence[Array]
 ) -> int:
@@ -205,13 +144,13 @@ def _least_order(
     points = np.unique(np.concatenate(ends_of_tests(data)))
     points = points[evenly(len(points), _MOST_POINTS)]
     some = [values[evenly(len(values), _MOST_MATERIALS)] for values in draws]
-    numbers = _in_numbers(wall, data, some)
+    numbers = in_numbers(wall, data, some)
 
     def curves(order: int) -> list[Array]:
         return [*quadrature(order).values(data, numbers, points).values()]
 
     exact = curves(REFERENCE_ORDER)
-    possible = np.abs(exact[0]).max(axis=1) < _limit(data, _BEYOND)
+    possible = np.abs(exact[0]).max(axis=1) < largest_measured(data, BEYOND)
     if not possible.any():
         return WALL_ORDER
 
@@ -226,26 +165,3 @@ def _least_order(
 
     least = bisect_left(_ORDERS, True, key=enough)
     return [*_ORDERS, REFERENCE_ORDER, REFERENCE_ORDER][least + 1]
-
-
-def _in_numbers(wall: WallVariables, data: xr.Dataset, draws: Sequence[Array]) -> WallVariables:
-    """The wall of these draws of all that is unknown."""
-    values = dict(zip(wall.unknown, draws, strict=True))
-    if not isinstance(wall.energy, StrainEnergy):
-        # Draws of an impossible layer are left out.
-        thick = [values[x.thickness] > 0 for x in wall.energy if x.thickness in values]
-        if thick:
-            values = {name: v[np.all(thick, axis=0)] for name, v in values.items()}
-    return wall.with_values(values, data.sizes["test"])
-
-
-def largest_pressures(wall: WallVariables, data: xr.Dataset, draws: Sequence[Array]) -> Array:
-    """The largest pressure (test, material) at the ends of each test, kPa."""
-    numbers, ends = _in_numbers(wall, data, draws), ends_of_tests(data)
-    curves = PointwiseQuadrature(_CHEAP_ORDER).values(data, numbers, np.concatenate(ends))
-    starts = np.cumsum([0, *map(len, ends)])[:-1]
-    return np.maximum.reduceat(np.abs(curves["pressure"]), starts, axis=1).T
-
-
-def _limit(data: xr.Dataset, beyond: float) -> float:
-    return beyond * np.abs(data["pressure"].values).max()

@@ -31,7 +31,7 @@ class Integrator(ABC):
     """
 
     by_points: ClassVar[bool]
-    """Whether misfits are computed from the curves at all points, and need their arrays."""
+    """True if misfits are computed from the curves at all points, and need their arrays."""
     with_force: bool
     by_test: bool
 
@@ -53,7 +53,7 @@ class Integrator(ABC):
 
     @abstractmethod
     def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
-        """Return the arrays of targets, NaN if there is none, for :meth:`differences`."""
+        """Return the arrays of targets, which may be NaN, for :meth:`differences`."""
 
     @abstractmethod
     def differences(

@@ -37,10 +37,9 @@ _MOST_ROUNDS = 4
 
 
 class ForwardModel:
-    """What a tube shows where it was measured, for any parameters.
+    """Pressures, axial forces and slopes of a tube at the measured points, for any parameters.
 
-    The data enter compiled expressions as shared variables: :meth:`set_data` puts others in their
-    place.
+    The data enter compiled expressions as shared variables: :meth:`set_data` replaces them.
 
     Parameters
     ----------
@@ -49,15 +48,15 @@ class ForwardModel:
     data : xarray.Dataset
         Inflation data.
     parameters, geometry : dict of str to TensorVariable
-        Distributions, or random expressions, of what is inferred of the material, and of what is
-        not known of the tube, by name: curves are right over their range. What was measured of the
-        tube with an error is :class:`Measured`.
+        Distributions, or random expressions, of the unknown material parameters and geometry, by
+        name: curves are accurate over their range. A geometry that was measured with an error is
+        :class:`Measured`.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated.
     with_force : bool
         Whether axial force is measured.
     error_in : {"pressure", "radius"}
-        What was measured with an error, and what a misfit tells.
+        The quantity that was measured with an error, whose misfit is computed.
     by_test : bool
         Whether each test has parameters of its own, vectors of the length of the tests.
     tolerance : float
@@ -67,7 +66,7 @@ class ForwardModel:
         stiffen by orders of magnitude within a hundredth of a wall. It may be larger for callers
         that refine the curves of the materials that they find, see :func:`until_accurate`.
     replaceable : bool
-        Whether other data may take the place of these. Else what quadrature needs of them alone is
+        If True, other data may replace these. If False, terms that depend on the data alone are
         computed when a function is compiled.
 
     Raises
@@ -125,14 +124,14 @@ class ForwardModel:
     ) -> Array:
         """Return the largest error of the curves of each material, see :meth:`Integrator.errors`.
 
-        The `parameters`, and what is unknown of the geometry, are given by name, with one number
-        for each material. A geometry that is missing is the measured one.
+        The `parameters` and the unknown `geometry` are given by name, with one number for each
+        material. A geometry that is missing is the measured one.
         """
         return self.integrator.errors(data, self._in_numbers(parameters, geometry))
 
     @property
     def unknown(self) -> tuple[list[str], list[str]]:
-        """Names of the unknown material parameters, and of what is unknown of the geometry."""
+        """Names of the unknown material parameters, and of the unknown geometry."""
         return [*self._distributions], [*self._stated.geometry]
 
     def refined(
@@ -164,7 +163,7 @@ class ForwardModel:
         return self.with_data(_between(self.data))
 
     def set_data(self, data: xr.Dataset) -> None:
-        """Put other data of the same kind in the place of these, in all that was made of them."""
+        """Replace the data by others of the same kind, in all compiled expressions."""
         if not self._replaceable:
             raise TypeError("these data are constants here: make the forward model replaceable")
         if data is self.data:
@@ -185,7 +184,7 @@ class ForwardModel:
     ) -> dict[str, SharedVariable]:
         """Shared variables of arrays that are made of the data, and follow them.
 
-        Where arrays of the same `key` have been shared, those are returned. Data of other lengths
+        Shared variables of the same `key` are returned again. Data of other lengths
         may replace these.
         """
         if key not in self._shared:
@@ -203,8 +202,8 @@ class ForwardModel:
     ) -> "SymbolicTube":
         """The tube with variables of a model in place of the distributions.
 
-        The `deviations` of what was measured of the tube, in standard deviations, are vectors of
-        the length of the tests.
+        The `deviations` of the measured geometry, in standard deviations, are vectors with one
+        entry for each test.
         """
         wall: Any = self._wall
         if not isinstance(wall, StrainEnergy):
@@ -238,17 +237,17 @@ def until_accurate[T](
 
 
 class Misfits(NamedTuple):
-    """Sums of squared differences between a model and what was measured, by quantity."""
+    """Sums of squared differences between a model and measurements, by quantity."""
 
     squares: dict[str, TensorVariable]
     conditions: list[TensorVariable]
-    """What must hold for there to be any."""
+    """Conditions for the tube, and for a sum of squares that does not overflow."""
     force_sums: TensorVariable | None = None
-    """Of each test, the sum of the differences themselves."""
+    """Sum of the differences of forces in each test."""
 
 
 class SymbolicTube(NamedTuple):
-    """What a tube of variable material and geometry shows at the points of the data."""
+    """A tube of variable material and geometry at the points of the data."""
 
     forward: ForwardModel
     wall: WallVariables
@@ -256,14 +255,14 @@ class SymbolicTube(NamedTuple):
     def curves(self) -> dict[str, TensorVariable]:
         """Pressure and stiffness at the points, by their names.
 
-        With measured forces ``axial_force`` as well, and ``radius``, the internal one, where it
-        depends on what is unknown of the tube.
+        With measured forces there is ``axial_force``, and if the internal radius depends on an
+        unknown geometry, ``radius``.
         """
         integrator = self.forward.integrator
         return integrator.curves(self.forward.share("curves", integrator.curve_arrays), self.wall)
 
     def conditions(self) -> list[TensorVariable]:
-        """What must hold for there to be such a tube, where that is not known beforehand."""
+        """Conditions under which the tube is possible, unless it is known to be."""
         integrator = self.forward.integrator
         return integrator.conditions(
             self.forward.share("curves", integrator.curve_arrays), self.wall
@@ -280,9 +279,9 @@ class SymbolicTube(NamedTuple):
     def misfits(self, key: Hashable, targets_of: Callable[[xr.Dataset], Arrays]) -> Misfits:
         """Sums of squared differences between the curves and targets.
 
-        `targets_of` gives what was measured at each point of data, NaN where nothing was:
+        `targets_of` returns the measured value at each point of data, or NaN:
         ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"``
-        (mN). Its `key` tells them from other targets of the same data. The sums have these names;
+        (mN). Other targets have another `key`. The sums have these names;
         with the error in the radius there is ``"radius"`` (mm²) in place of the pressure. With
         ``"force_sum"``, the forces once more, their differences are added up test by test as well.
         """
@@ -308,7 +307,7 @@ class SymbolicTube(NamedTuple):
         """A linear map of the pressures, and of the slopes by the radius that was measured.
 
         `linear_of` gives the map that belongs to data: it takes both as columns over ``obs``, and
-        mixes no two tests. Its `key` tells it from other maps of the same data.
+        mixes no two tests. Another map has another `key`.
         """
         integrator = self.forward.integrator
         inputs = self._inputs(

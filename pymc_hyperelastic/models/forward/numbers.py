@@ -85,7 +85,7 @@ class TubeNumbers(NamedTuple):
     layers: list[LayerNumbers]
     """From the inside out; of a wall of one material it is one."""
     geometry: dict[str, Array]
-    """Of the whole tube, by the names of GEOMETRY, in their order."""
+    """Geometry of the whole tube, by the names of GEOMETRY, in their order."""
 
     @classmethod
     @np.errstate(all="ignore")  # an impossible tube has no radius
@@ -94,8 +94,8 @@ class TubeNumbers(NamedTuple):
     ) -> tuple["TubeNumbers", Array]:
         """Return tubes (material, point) of a wall in numbers, and their internal radii.
 
-        The `inputs` are those of :func:`tube_inputs`, of so many points, with their ``test``; the
-        numbers of the wall have shape (material), and deviations (material, test).
+        The `inputs` are those of :func:`tube_inputs` at each point, with its ``test``. The numbers
+        of the wall have shape (material), and deviations (material, test).
         """
 
         def column(values: Any) -> Array:
@@ -152,7 +152,7 @@ class TubeNumbers(NamedTuple):
         return self._replace(geometry={**self.geometry, "axial_stretch": axial_stretch})
 
     def current(self, reference: Array, radius: Any) -> Array:
-        """Where circles are when the internal radius is `radius`."""
+        """Return the current radii of circles at an internal radius."""
         return current_radius(reference, radius, **self._unloaded)
 
     def pressure(self, radius: Any, order: int = WALL_ORDER) -> tuple[Array, Array]:
@@ -214,7 +214,7 @@ class TubeNumbers(NamedTuple):
         hoop, axial = np.full_like(current, np.nan), np.full_like(current, np.nan)
         for i, layer in enumerate(self.layers):
             last = i == len(self.layers) - 1
-            # What lies beyond a circle is a tube as well: its pressure is what the circle carries.
+            # The wall beyond a circle is a tube; its pressure is the radial stress at the circle.
             begin = np.maximum(reference, layer.inner_radius)
             begin = begin if last else np.minimum(begin, layer.outer_radius)
             own = self.current(begin, radius)
@@ -227,7 +227,7 @@ class TubeNumbers(NamedTuple):
         return Stresses(current, -load, hoop - load, axial - load)
 
     def radius_at(self, pressure: Array) -> Array:
-        """Internal radius at pressures, on the rising branch of the curve; NaN if there is none.
+        """Internal radius at pressures, on the rising branch of the curve, or NaN.
 
         Newton's method in the logarithm of the radius. It starts at ``a₀`` and moves along the
         branch in short steps until the pressure has been passed, or the slope is no longer

@@ -63,14 +63,14 @@ class PointwiseQuadrature(Integrator):
     geometry_sd: tuple[tuple[str, float | None], ...] = ()
 
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
-        """Arrays by which the data enter :meth:`curves`."""
+        """Return the arrays of the data for :meth:`curves`, :meth:`slopes`, :meth:`conditions`."""
         arrays = tube_inputs(data) | error_inputs(data, dict(self.geometry_sd))
         if self.by_test or self.geometry_sd:
             arrays["test"] = data["test"].values
         return arrays
 
     def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
-        """What the model says at the points."""
+        """Return pressure and stiffness at the points, and the axial force if it is measured."""
         current = self._tube(inputs, wall)
         pressure, stiffness = wall_pressure(current.tubes, self.order)
         curves = {"pressure": pressure, "stiffness": stiffness}
@@ -81,7 +81,7 @@ class PointwiseQuadrature(Integrator):
         return curves
 
     def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
-        """How the curves rise with the radius that was measured."""
+        """Return derivatives of the curves by the radius that was measured."""
         current = self._tube(inputs, wall)
         slopes = {"pressure": wall_pressure(current.tubes, self.order)[1]}
         if self.with_force:
@@ -89,16 +89,13 @@ class PointwiseQuadrature(Integrator):
         return {name: _bounded(slope) * current.growth for name, slope in slopes.items()}
 
     def conditions(self, inputs: Mapping[str, Any], wall: WallVariables) -> list[TensorVariable]:
-        """Conditions of there being such a tube, where it depends on what is unknown."""
+        """Return the condition under which the tube is possible, unless it is known to be."""
         if wall.known_tube:
             return []
         return [self._tube(inputs, wall).possible]
 
     def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
-        """Arrays by which targets, NaN where there are none, enter :meth:`differences`.
-
-        Beside those of the curves.
-        """
+        """Return the arrays of targets, which may be NaN, for :meth:`differences`."""
         arrays: Arrays = {}
         for name, target in targets.items():
             rows = np.flatnonzero(np.isfinite(target))
@@ -111,10 +108,10 @@ class PointwiseQuadrature(Integrator):
     def differences(
         self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
     ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
-        """Differences between curves and targets, and conditions of there being any.
+        """Return differences between curves and targets, and the conditions for them.
 
-        With the error in the radius pressure is what was controlled: radius and force are those of
-        the tube at the measured pressure.
+        With the error in the radius, radius and force are those of the tube at the measured
+        pressure.
         """
         if error_in != "radius":
             return self._at_radius(inputs, wall)
@@ -127,7 +124,7 @@ class PointwiseQuadrature(Integrator):
         return response, [*self.conditions(inputs, wall), found]
 
     def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
-        """Arrays by which a linear map of each test enters :meth:`mapped`, beside the curves'."""
+        """Return the arrays of a linear map of each test for :meth:`mapped`."""
         identity = identity_of_tests(data)
         zero = np.zeros_like(identity)
         of_pressure = block_arrays(data, linear(identity, zero))
@@ -139,7 +136,7 @@ class PointwiseQuadrature(Integrator):
         }
 
     def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
-        """A linear map of the pressures and of the slopes by what was measured."""
+        """Return a linear map of pressures and of slopes by the radius that was measured."""
         pressure = self.curves(inputs, wall)["pressure"]
         slope = self.slopes(inputs, wall)["pressure"]
         return block_product(inputs["of_pressure"], inputs, pressure) + block_product(
@@ -192,7 +189,7 @@ class PointwiseQuadrature(Integrator):
     def _at_pressure(
         self, current: CurrentTube, pressure: Any
     ) -> tuple[TensorVariable, CurrentTube]:
-        """Whether there are radii of the measured pressures, and the tube at these."""
+        """Return a condition for radii at the measured pressures, and the tube at these radii."""
         energies, inputs = [], []
         for tube in current.tubes:
             _, inner_radius, outer_radius, *_ = tube.geometry
@@ -209,12 +206,12 @@ class PointwiseQuadrature(Integrator):
 def force_differences(
     inputs: Mapping[str, Any], force: TensorVariable
 ) -> dict[str, list[TensorVariable]]:
-    """Differences between forces and targets, and where these are asked for, their sums."""
+    """Return differences between forces and targets, and their sums if these have a target."""
     error = force[inputs["force_rows"]] - inputs["force_target"]
     sums = {"force_sum": [table_of(error, inputs).sum(axis=-1)]} if "points" in inputs else {}
     return {"force": [error]} | sums
 
 
 def _bounded(stiffness: TensorVariable) -> TensorVariable:
-    """Where it overflows, the gradient by the growth of the radius would be 0 * inf."""
+    """Return a bounded stiffness: the gradient of an infinite one would be 0 * inf."""
     return pt.where(pt.isfinite(stiffness), stiffness, _OVERFLOW)

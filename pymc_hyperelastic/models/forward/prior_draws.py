@@ -5,6 +5,7 @@ from itertools import count as numbers
 
 import numpy as np
 import pymc as pm
+import xarray as xr
 from numpy.typing import NDArray
 from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.distributions.shape_utils import change_dist_size
@@ -15,6 +16,11 @@ from pytensor.graph.traversal import ancestors, graph_inputs
 from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
 from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.models.forward.integrator import ends_of_tests
+from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
+from pymc_hyperelastic.models.forward.tube_variables import WallVariables
 
 Array = NDArray[np.float64]
 
@@ -29,6 +35,13 @@ _BATCH = 500
 # For each draw, how many points are spread evenly over the box that holds the draws: few draws are
 # near its corners. Chosen by experiment.
 _EVENLY = 2
+# Order by which the size of pressures is known: enough for the wall of an artery.
+_CHEAP_ORDER = 12
+# Materials whose pressures exceed the largest measured one by this factor do not count, because
+# their likelihood is nil.
+BEYOND = 10.0
+# Fewest materials by which a range is known.
+FEWEST = 32
 # Cached draws: more than the priors of a session.
 _CACHED = 64
 _draws: dict[tuple, list[Array]] = {}
@@ -55,6 +68,30 @@ def spread(materials: Sequence[Array]) -> list[Array]:
         )
         found.append(np.concatenate([values, even]))
     return found
+
+
+def in_numbers(wall: WallVariables, data: xr.Dataset, draws: Sequence[Array]) -> WallVariables:
+    """Return the wall with these draws of all that is unknown."""
+    values = dict(zip(wall.unknown, draws, strict=True))
+    if not isinstance(wall.energy, StrainEnergy):
+        # Draws of an impossible layer are left out.
+        thick = [values[x.thickness] > 0 for x in wall.energy if x.thickness in values]
+        if thick:
+            values = {name: v[np.all(thick, axis=0)] for name, v in values.items()}
+    return wall.with_values(values, data.sizes["test"])
+
+
+def largest_pressures(wall: WallVariables, data: xr.Dataset, draws: Sequence[Array]) -> Array:
+    """Return the largest pressure (test, material) at the ends of each test, kPa."""
+    numbers, ends = in_numbers(wall, data, draws), ends_of_tests(data)
+    curves = PointwiseQuadrature(_CHEAP_ORDER).values(data, numbers, np.concatenate(ends))
+    starts = np.cumsum([0, *map(len, ends)])[:-1]
+    return np.maximum.reduceat(np.abs(curves["pressure"]), starts, axis=1).T
+
+
+def largest_measured(data: xr.Dataset, beyond: float) -> float:
+    """Return a multiple of the largest measured pressure, kPa."""
+    return beyond * np.abs(data["pressure"].values).max()
 
 
 def representative_values(parameters: Sequence[TensorVariable]) -> list[Array]:

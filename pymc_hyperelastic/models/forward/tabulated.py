@@ -108,7 +108,7 @@ class TabulatedQuadrature(Integrator):
         return []
 
     def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
-        """Return the arrays of targets, NaN if there is none, for :meth:`differences`.
+        """Return the arrays of targets, which may be NaN, for :meth:`differences`.
 
         As many numbers as there are nodes stand for all points, see :func:`collocate`.
         """
@@ -205,7 +205,7 @@ class TabulatedQuadrature(Integrator):
         return PointwiseQuadrature(WALL_ORDER, self.with_force, self.by_test)
 
     def with_materials(self, data: xr.Dataset, wall: WallVariables) -> "TabulatedQuadrature | None":
-        """Return the same with a basis for these materials, too; None if there is none."""
+        """Return the same with a basis for these materials, too, or None."""
         tubes, groups = self._groups(data)
         materials = wall.materials
         settings = {"with_force": self.with_force}
@@ -213,7 +213,9 @@ class TabulatedQuadrature(Integrator):
             basis = self.basis.with_materials(tubes, groups, materials, **settings)
             return replace(self, basis=basis)
         count = nodes_needed(wall.energy, tubes, groups, materials, **settings)
-        return count and replace(self, basis=ChebyshevNodes(max(count, self.basis.count)))
+        if count is None:
+            return None
+        return replace(self, basis=ChebyshevNodes(max(count, self.basis.nodes)))
 
     def _groups(self, data: xr.Dataset) -> tuple[KnownTubes, list[Group]]:
         """The tubes of the data, and groups of points that share nodes."""
@@ -258,7 +260,7 @@ def _force_sum_arrays(
     of_groups = [group.points[measured[group.points]] for group in groups]
     rows, tests = np.concatenate(of_groups), data.sizes["test"]
     group = np.repeat(np.arange(len(groups)), [len(points) for points in of_groups])
-    # What a test has in one group, group by group, and then test by test.
+    # The forces of a test in a group are summed, and the sums are sorted by test.
     both, part_of = np.unique(group * tests + data["test"].values[rows], return_inverse=True)
     group, test = np.divmod(both, tests)
     position, width = positions(group)

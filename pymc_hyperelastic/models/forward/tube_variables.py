@@ -45,7 +45,7 @@ class WallVariables(NamedTuple):
     energy: Any
     """A strain energy, or layers."""
     parameters: dict[str, Any]
-    """Of the strain energy; layers bring their own."""
+    """Parameters of the strain energy; layers have their own."""
     geometry: Mapping[str, Any]
     """Unknown geometry of the tube, by name."""
     deviations: Mapping[str, Any] = MappingProxyType({})
@@ -53,7 +53,7 @@ class WallVariables(NamedTuple):
 
     @property
     def known_tube(self) -> bool:
-        """Whether the wall has one material and the geometry is known."""
+        """True if the wall has one material and the geometry is known."""
         known = not self.geometry and not self.deviations
         return known and isinstance(self.energy, StrainEnergy)
 
@@ -87,7 +87,7 @@ class WallVariables(NamedTuple):
         return list(dict.fromkeys(inferred))
 
     def with_values(self, values: Mapping[Variable, Array], tests: int) -> "WallVariables":
-        """Return the wall in numbers, of which there are so many for each of the :attr:`unknown`.
+        """Return the wall in numbers, with one number of each :attr:`unknown` for each material.
 
         The tests have the same deviations.
         """
@@ -121,7 +121,7 @@ class CurrentTube(NamedTuple):
     radius: Any
     """Internal radius, mm; that of another tube if this one is impossible."""
     possible: TensorVariable
-    """Whether the tube is possible."""
+    """Condition for a possible tube."""
     excess: Any = None
     """``r_o² − a²``, if the outer radius ``r_o`` was measured."""
 
