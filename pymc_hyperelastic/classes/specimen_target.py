@@ -45,8 +45,8 @@ class SpecimenPrior(Protocol):
 class SpecimenTarget(Target):
     """The variables of a model on which its curves depend, under a prior of their own.
 
-    Where experiments differ a specimen has, besides the coordinates of each test, its own and an
-    effect: a funnel, in which particles get lost. Both can be integrated out of the prior.
+    If experiments differ, a specimen has its own coordinates and an effect besides the coordinates
+    of each test: a funnel, in which particles get lost. Both can be integrated out of the prior.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class SpecimenTarget(Target):
         self.dimension = len(places)
 
     def particles(self, points: Array) -> Array:
-        """Return points of all variables; those that do not matter to the curves are 0."""
+        """Return points of all variables; variables without influence on the curves are 0."""
         particles = np.zeros((len(points), self.whole.dimension))
         particles[:, self.places] = points
         return particles
@@ -114,14 +114,14 @@ class SpecimenTarget(Target):
         return Derivatives(values[:, 0], gradient, curvature)
 
     def squares(self, points: Array, *, compressed: bool) -> Array:
-        """Sums of squares of all standard errors, of errors whose size is known.
+        """Return sums of squares of all standard errors, for a noise of known size.
 
-        Of a likelihood that is `compressed`, of sums of squares, they take far less time.
+        They take far less time if the likelihood is `compressed` to sums of squares.
         """
         particles = self.particles(points)
         if not compressed:
             return np.square(self.misfits(particles)[1]).sum(axis=1)
-        # Half of it is what the log likelihood lacks, which is the same everywhere.
+        # Half of the sum is a constant less the log likelihood.
         likelihood, errors = self.misfits(particles[:1])
         lacking = likelihood - self.log_likelihood(particles)[0]
         return np.square(errors).sum() + 2 * lacking
@@ -131,16 +131,16 @@ class SpecimenTarget(Target):
         """Width of the prior in each variable."""
         return width_of(self.draw_prior(_DRAWS, np.random.default_rng(1)))
 
-    @np.errstate(invalid="ignore")  # what is impossible by both is not unlike
+    @np.errstate(invalid="ignore")  # points that are impossible for both targets agree
     def unlike(self, quick: "SpecimenTarget", points: Array) -> Array:
         """Those of the points whose likelihood is not that of a quicker target."""
-        # Particles may be there several times. The first of them are learned from.
+        # Particles may occur several times; the first ones are used to choose nodes.
         _, first = np.unique(points, axis=0, return_index=True)
         points = points[np.sort(first)]
         exact, found = (of.score(points)[1] for of in (self, quick))
         return points[~((np.abs(found - exact) < _LARGEST_DIFFERENCE) | (found == exact))]
 
-    @np.errstate(invalid="ignore")  # where no draw is possible nothing can be told
+    @np.errstate(invalid="ignore")  # the comparison needs one possible draw
     def roughly_unlike(self, quick: "SpecimenTarget") -> Array:
         """Draws of the prior whose likelihood is far from that of a quicker target."""
         tried = self.draw_prior(_COMPARED, np.random.default_rng(2))
@@ -160,5 +160,5 @@ class SpecimenTarget(Target):
 
     @cached_property
     def has_gradients(self) -> bool:
-        """Whether PyTensor gives gradients of the whole model."""
+        """True if PyTensor gives gradients of the whole model."""
         return self.whole.has_gradients
