@@ -1,4 +1,4 @@
-"""Checks of results of classes: what the draws that stand for their specimens leave open."""
+"""Checks of results of classes: residuals of specimens, and the error of their draws."""
 
 import numpy as np
 import xarray as xr

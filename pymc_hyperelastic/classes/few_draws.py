@@ -1,4 +1,4 @@
-"""What tests of one specimen say of its classes, by few draws: for very many specimens."""
+"""Evidences of one specimen under several classes from few draws, for very many specimens."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 _OF_CLASS = 0.25
 # Components of a proposal, at most.
 _COMPONENTS = 60
-# Variances of a proposal, relative to those of what it is fitted to.
+# Factor by which the variances of a fitted proposal are enlarged.
 _WIDER = 1.2
 # Degrees of freedom of a proposal.
 _FREEDOM = 6.0
@@ -45,19 +45,19 @@ _STEP = 1e-2
 
 
 class KnownClass(NamedTuple):
-    """A class, and its specimens with so many tests as a mixture of normal distributions."""
+    """A class, and its specimens with some number of tests as a mixture of normal distributions."""
 
     distributions: ClassDistribution
     near: ClassDistribution
-    """One distribution like it, and wider."""
+    """A single distribution like those of the class, and wider."""
     means: Array
-    """Of points of the target, (draw, entry)."""
+    """Means of points of the target, (draw, entry)."""
     precisions: Array
     """Inverses of the covariances."""
 
 
 def known_class(distributions: ClassDistribution, tests: int, measures: int) -> KnownClass:
-    """A class of specimens with so many tests, and measures of the tube that are not known."""
+    """Return a class of specimens with a number of tests and of inferred measures of the tube."""
     means, covariances = _moments(distributions, tests)
     # The deviations of the tube come last, and are standard normal.
     tube = np.ones((len(means), measures))
@@ -69,11 +69,11 @@ def known_class(distributions: ClassDistribution, tests: int, measures: int) -> 
 class FewDraws:
     """Draws of what a specimen may be, and their weights under each class.
 
-    The proposal of a class is a mixture of the class itself, where tests tell little, and of what
-    it would be if the tests' standard errors were linear around the best specimen; the class being
-    a mixture of normal distributions, so is that. All draws count for all classes, as draws of the
-    mixture of all proposals. For classes of which too few are effective, proposals are fitted to
-    the draws; these are then dropped, and fresh ones are made of all proposals.
+    The proposal of a class is a mixture of the class itself and of its posterior under the
+    assumption that the tests' standard errors are linear around the best specimen. The class is a
+    mixture of normal distributions, and so is this posterior. All draws count for all classes, as
+    draws of the mixture of all proposals. For classes of which too few are effective, proposals are
+    fitted to the draws; these are then dropped, and fresh ones are made of all proposals.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class FewDraws:
 
 
 def _best_of_prior(target: SpecimenTarget, count: int, rng: np.random.Generator) -> Array:
-    """The best of so many points of the prior."""
+    """Return the best of `count` points of the prior."""
     points = target.draw_prior(count, rng)
     return points[[np.argmax(np.add(*target.score(points)))]]
 
@@ -175,7 +175,7 @@ def _moments(distributions: ClassDistribution, tests: int) -> tuple[Array, Array
 
 
 def _and_independent(matrices: Array, more: Array) -> Array:
-    """Matrices (draw, entry, entry), continued by so much (draw, entry) on their diagonals."""
+    """Return matrices (draw, entry, entry) with more entries (draw, entry) on their diagonals."""
     size = matrices.shape[1]
     continued = np.pad(matrices, [(0, 0), (0, more.shape[1]), (0, more.shape[1])])
     places = np.arange(size, size + more.shape[1])
@@ -184,10 +184,10 @@ def _and_independent(matrices: Array, more: Array) -> Array:
 
 
 def _around(target: SpecimenTarget, top: Maxima, known: KnownClass) -> GaussianMixture:
-    """A specimen of normal distributions, whose standard errors are linear around a point.
+    """Return the posterior of a specimen whose standard errors are linear around a point.
 
-    Of a distribution ``N(m, P⁻¹)`` and a log likelihood with the slope ``g`` and the curvature
-    ``H`` at ``x`` it is ``N(V (P m + H x + g), V)`` with ``V = (P + H)⁻¹``.
+    For a prior ``N(m, P⁻¹)`` and a log likelihood with the gradient ``g`` and the curvature ``H``
+    at ``x`` the posterior is ``N(V (P m + H x + g), V)`` with ``V = (P + H)⁻¹``.
     """
     (x,), (width,) = top.points, top.widths
     _, (gradient,), curvatures = target.derivatives(top.points, top.widths)

@@ -37,8 +37,8 @@ class SpecimenPrior(Protocol):
 class SpecimenTarget(Target):
     """The variables of a model on which its curves depend, under a prior of their own.
 
-    Where experiments differ a specimen has, besides the coordinates of each test, its own and an
-    effect: a funnel, in which particles get lost. Both can be integrated out of the prior.
+    If experiments differ, a specimen has its own coordinates and an effect besides the coordinates
+    of each test: a funnel, in which particles get lost. Both can be integrated out of the prior.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class SpecimenTarget(Target):
         self.dimension = len(places)
 
     def particles(self, points: Array) -> Array:
-        """Return points of all variables; those that do not matter to the curves are 0."""
+        """Return points of all variables; variables without influence on the curves are 0."""
         particles = np.zeros((len(points), self.whole.dimension))
         particles[:, self.places] = points
         return particles
@@ -126,5 +126,5 @@ class SpecimenTarget(Target):
 
     @cached_property
     def has_gradients(self) -> bool:
-        """Whether PyTensor gives gradients of the whole model."""
+        """True if PyTensor gives gradients of the whole model."""
         return self.whole.has_gradients

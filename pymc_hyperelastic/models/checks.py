@@ -38,7 +38,7 @@ def checks_of_curves(tree: xr.DataTree, evidence: xr.Dataset) -> list[Check]:
 
 
 def doubts_of_fit(evidence: xr.Dataset) -> str:
-    """Return what is doubtful about how a model fits its data; empty if nothing is."""
+    """Return the reasons to doubt the fit of a model to its data; empty without any."""
     checks = checks_of_limits(evidence)
     if "chi_square" in evidence:
         checks.append(check_of_residuals(evidence["chi_square"], evidence["points"]))
