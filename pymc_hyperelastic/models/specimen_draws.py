@@ -35,7 +35,7 @@ class SpecimenDraws:
     centre, scatter : array, shape (coordinate, draw)
         Mean of the tests' coordinates, and the sum of their squared deviations from it.
     log_size : array, shape (noise, draw)
-        ``ln σ`` of each noise that is inferred.
+        Logarithm of each inferred size of an error.
     log_weight : array, shape (draw)
         Logarithm of the weights.
     tests : int
@@ -43,8 +43,8 @@ class SpecimenDraws:
     standard_error : float
         Standard error of the logarithm of all weights together.
     points : array, shape (draw, entry)
-        What the curves depend on: the coordinates of each test, each ``ln σ`` that is not known,
-        and the deviations of the tube.
+        Unknowns of the curves: the coordinates of each test, the logarithm of each inferred size of
+        an error, and the deviations of the tube.
     deviations : array, shape (measure, draw)
         By how much measures of the tube differ from what was measured, in standard deviations.
         Their prior is that of all classes, and is no part of the weights.

@@ -77,7 +77,7 @@ class SlopeAugmented(Likelihood):
     >>> data = ph.load_dataset("simulated_sheep_aorta")
     >>> likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)
     >>> likelihood
-    SlopeAugmented(sigma=0.666612, slope_weight=1)
+    SlopeAugmented(sigma=0.666611937075, slope_weight=1.0)
     >>> model = ph.inflation_model(ph.Ogden(), data, likelihood)
     >>> [potential.name for potential in model.potentials]
     ['likelihood']
