@@ -118,6 +118,11 @@ class Pooled(ClassKind):
     def of_tree(cls, fitted: xr.DataTree) -> "Pooled":
         """Settings of a fitted class."""
         settings = model_settings_of(fitted)
+        if settings["likelihood"].observed:
+            raise ValueError(
+                f"class {fitted.name!r} was sampled with observed variables, "
+                f"{settings['likelihood']!r}: make classes by ph.fit_classes"
+            )
         with reading(fitted):
             complete_priors(settings["energy"], settings["priors"])
             return cls(**settings)

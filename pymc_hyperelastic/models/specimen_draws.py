@@ -52,8 +52,8 @@ class SpecimenDraws:
     standard_error : float
         Standard error of the logarithm of the sum of the weights.
     points : array, shape (draw, entry)
-        Points of the specimen's target density: the coordinates of each test, ``ln σ`` of each
-        inferred noise, and the deviations of the tube.
+        Points of the specimen's target density: the coordinates of each test, the logarithm of each
+        inferred size of an error, and the deviations of the tube.
     deviations : array, shape (measure, draw)
         Deviations of the tube's measures from their measured values, in standard deviations. Their
         prior is the same in all classes and is not part of the weights.

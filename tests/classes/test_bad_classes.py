@@ -26,6 +26,11 @@ def altered(key: str, value: str, *names: str) -> xr.DataTree:
     return classes
 
 
+def observed() -> xr.DataTree:
+    likelihood = ph.SlopeAugmented(sigma=1.0, slope_weight=1.0, observed=True)
+    return altered("likelihood", json.dumps(likelihood.to_record()), "C1", "C2")
+
+
 def other_noise(*names: str) -> xr.DataTree:
     likelihood = ph.SlopeAugmented(sigma=2.0, slope_weight=1.0)
     return altered("likelihood", json.dumps(likelihood.to_record()), *names)
@@ -71,6 +76,7 @@ BAD_INPUT = [
     (lambda: classify(class_prior=[0.5, 0.5]), TypeError, "class_prior", "dict", "[0.5, 0.5]"),
     (lambda: classify(with_nan()), ValueError, PLACE, "row 43", "pressure is nan kPa"),
     (lambda: classify(classes=altered("priors", "{}", "C2")), ValueError, "'C2'", "priors {}"),
+    (lambda: classify(classes=observed()), ValueError, "'C1'", "observed variables", "fit_classes"),
     (lambda: classify(classes=other_noise("C2")), ValueError, "class 'C2'", "one likelihood"),
     (lambda: classify(classes=altered("variability", "x", "C1")), ValueError, "'x'", "['none',"),
     (lambda: classify(average_over=[other_noise("C1", "C2")]), ValueError, "do not compare"),

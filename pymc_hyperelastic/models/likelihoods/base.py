@@ -239,7 +239,7 @@ class Likelihood(ABC):
         return record | {"units": self.units}
 
     @classmethod
-    def of_record(cls, record: Mapping[str, Any]) -> Self:
+    def from_record(cls, record: Mapping[str, Any]) -> Self:
         """Return the likelihood that :meth:`to_record` wrote, of this class.
 
         Raises

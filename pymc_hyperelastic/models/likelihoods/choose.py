@@ -56,4 +56,4 @@ def likelihood_from_record(record: Any) -> Likelihood:
             f"the likelihood is {shown(record)}; expected a record with a name of "
             f"{list(LIKELIHOODS)}"
         )
-    return LIKELIHOODS[name].of_record(record)
+    return LIKELIHOODS[name].from_record(record)
