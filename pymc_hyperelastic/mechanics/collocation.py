@@ -275,7 +275,8 @@ def _chunks(group: Group, interpolation: Interpolation) -> list[slice]:
     """Slices of the points of a group whose weights have a bounded size."""
     each = len(interpolation.places[0]) * interpolation.order * (1 + interpolation.split)
     step = max(1, _CHUNK // each)
-    return [slice(start, start + step) for start in range(0, len(group.points), step)]
+    count = len(group.points)
+    return [slice(start, min(start + step, count)) for start in range(0, count, step)]
 
 
 def _matrices(
