@@ -27,7 +27,7 @@ _QUANTITIES: dict[str, Quantity] = {
     "diameter_sd": "length",
 }
 _NAMES = (*_QUANTITIES, "slope_weight")
-# Sizes that only a Gaussian likelihood has, and those that only a slope-augmented one has.
+# Sizes of a Gaussian likelihood only, and sizes of a slope-augmented likelihood only.
 _WITHOUT_SLOPES = "pressure_sd", "force_sd", "diameter_sd"
 _WITH_SLOPES = "force_sigma", "slope_weight"
 # Scales of the half-normal priors of unknown sizes, by quantity. They are wide: an error as large

@@ -132,6 +132,13 @@ def test_compare_reports_differences_of_groups(run, table, tmp_path):
     assert "Differences" in (study / "report.html").read_text(encoding="utf-8")
 
 
+def test_a_settings_file_may_state_the_likelihood(run, table, tmp_path):
+    settings = tmp_path / "study.toml"
+    settings.write_text('[likelihood]\npressure_sd = "5"\n')
+    with pytest.raises(SystemExit, match=r"likelihood\.pressure_sd is '5'; expected a number"):
+        run("fit", table, settings)
+
+
 def test_sizes_of_errors_are_converted_to_units_of_the_package():
     assert size_of("--pressure-sd", "2 mmHg", "pressure") == pytest.approx(2 * ph.mmHg)
     assert size_of("--diameter-sd", " 5e1 um ", "length") == pytest.approx(0.05)
