@@ -19,6 +19,7 @@ from pymc_hyperelastic.cohorts.open import open_cohort
 from pymc_hyperelastic.command.sizes import likelihood_of_options, size_of
 from pymc_hyperelastic.command.study import CLASSES, CLASSIFIED, COMPARISON, classes_of, results_of
 from pymc_hyperelastic.data.files import read_tests
+from pymc_hyperelastic.data.files.read import settings_of_study
 from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.files.results import save_result
@@ -149,20 +150,22 @@ def fit(
     """Learn a class of each group of specimens.
 
     If a table has a column 'split', its rows marked 'train' are used. After an interrupt the same
-    command continues.
+    command continues. The options of errors may stand in a table [likelihood] of the TOML file.
     """
     data = _split(read_tests(files, settings), "train")
     groups = list(dict.fromkeys(data["group"].values.tolist()))
     training = {str(group): select(data, group=group) for group in groups}
-    sizes = {
+    options = {
         "pressure_sd": pressure_sd,
         "force_sd": force_sd,
         "force_offset_sd": force_offset_sd,
         "diameter_sd": diameter_sd,
         "sigma": sigma,
         "force_sigma": force_sigma,
+        "slope_weight": slope_weight,
     }
-    likelihood = likelihood_of_options(sizes, slope_weight, data)
+    stated = settings_of_study(files, settings).likelihood
+    likelihood = likelihood_of_options(options, stated, data)
     out.mkdir(parents=True, exist_ok=True)
     for each in law or [Law("Ogden")]:
         path = out / f"{CLASSES}-{each.value}.nc"
@@ -258,13 +261,13 @@ def compare(
     between = None
     if pressure_range is not None:
         low, dash, rest = pressure_range.partition("-")
-        high = size_of("pressure_range", rest if dash else "", "pressure")
-        between = [size_of("pressure_range", low + _unit_of(rest), "pressure"), high]
+        high = size_of("--pressure-range", rest if dash else "", "pressure")
+        between = [size_of("--pressure-range", low + _unit_of(rest), "pressure"), high]
     trees = classes_of(study)
     result = compare_classes(
         trees if len(trees) > 1 else trees[0],
         quantity or ["log compliance", "circumferential_material_stiffness"],
-        pressure=size_of("pressure", pressure, "pressure"),
+        pressure=size_of("--pressure", pressure, "pressure"),
         pressure_range=between,
         pair=pair,
         covariates=covariate,

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import pymc as pm
 import xarray as xr
@@ -26,6 +26,10 @@ _QUANTITIES: dict[str, Quantity] = {
     "force_offset_sd": "force",
     "diameter_sd": "length",
 }
+_NAMES = (*_QUANTITIES, "slope_weight")
+# Sizes of a Gaussian likelihood only, and sizes of a slope-augmented likelihood only.
+_WITHOUT_SLOPES = "pressure_sd", "force_sd", "diameter_sd"
+_WITH_SLOPES = "force_sigma", "slope_weight"
 # Scales of the half-normal priors of unknown sizes, by quantity. They are wide: an error as large
 # as the scale is visible on a curve of an artery.
 _PRIOR_SDS: dict[Quantity, float] = {
@@ -35,72 +39,87 @@ _PRIOR_SDS: dict[Quantity, float] = {
 }
 
 
+class Stated(NamedTuple):
+    """A size that the user stated, and where."""
+
+    place: str
+    """An option such as ``--pressure-sd``, or a key such as ``likelihood.pressure_sd``."""
+    value: str | float
+
+
 def likelihood_of_options(
-    sizes: Mapping[str, str | None], slope_weight: float | None, data: xr.Dataset
+    options: Mapping[str, str | float | None], table: Mapping[str, str | float], data: xr.Dataset
 ) -> Likelihood:
     """Return the likelihood of the options ``--pressure-sd``, ``--sigma`` and so on.
 
     Parameters
     ----------
-    sizes : dict of str to str
-        Texts such as ``"2 mmHg"`` or ``"unknown"`` by the name of a size; None if not given.
-    slope_weight : float, optional
-        The weight of slopes, mm².
+    options : dict of str to str or float
+        Texts such as ``"2 mmHg"`` or ``"unknown"`` by the name of a size, and a number for
+        ``slope_weight``; None if not given.
+    table : dict of str to str or float
+        The table ``[likelihood]`` of a settings file. An option replaces its value.
     data : xarray.Dataset
         Inflation data, for the balanced slope weight.
 
     Raises
     ------
     ValueError
-        If a size is no number with a unit, or options exclude each other.
+        If a size is no number with a unit, or sizes exclude each other.
     """
-    given = {name: text for name, text in sizes.items() if text is not None}
+    given = {name: Stated(f"likelihood.{name}", value) for name, value in table.items()}
+    for name, value in options.items():
+        if value is not None:
+            given[name] = Stated(_option(name), value)
+    strangers = [stated.place for name, stated in given.items() if name not in _NAMES]
+    if strangers:
+        raise ValueError(f"{strangers[0]} is not known; expected some of {list(_NAMES)}")
     with_slopes = "sigma" in given
-    excluded = ("pressure_sd", "force_sd", "diameter_sd") if with_slopes else ("force_sigma",)
-    for name in excluded:
+    for name in _WITHOUT_SLOPES if with_slopes else _WITH_SLOPES:
         if name in given:
-            other = "belongs to --pressure-sd, not to" if with_slopes else "needs"
-            raise ValueError(f"{_option(name)} {other} --sigma: leave one of the two away")
-    if slope_weight is not None and not with_slopes:
-        raise ValueError(
-            "--slope-weight is given without --sigma: give --sigma, √2 standard deviations of "
-            "pressures, in place of --pressure-sd; or leave --slope-weight away"
-        )
-    errors = {name: _error(name, text) for name, text in given.items()}
+            needed = "pressure_sd" if with_slopes else "sigma"
+            raise ValueError(
+                f"{given[name].place} is given, but it belongs to {needed}: give {needed}, or "
+                f"leave {given[name].place} away"
+            )
+    weight = given.pop("slope_weight", None)
+    errors = {name: _error(name, stated) for name, stated in given.items()}
     if not with_slopes:
-        return Gaussian(**{"pressure_sd": _error("pressure_sd", UNKNOWN)} | errors)
-    weight = balanced_slope_weight(data) if slope_weight is None else slope_weight
-    return SlopeAugmented(slope_weight=weight, **errors)
+        return Gaussian(**{"pressure_sd": _error("pressure_sd", Stated("", UNKNOWN))} | errors)
+    if weight is None:
+        return SlopeAugmented(slope_weight=balanced_slope_weight(data), **errors)
+    return SlopeAugmented(slope_weight=weight.value, **errors)
 
 
-def size_of(name: str, text: str, quantity: Quantity) -> float:
+def size_of(place: str, text: str | float, quantity: Quantity) -> float:
     """Return a positive number with its unit, in the unit of the package.
+
+    The `place` is where the user wrote it, such as ``--pressure-sd``, for messages.
 
     Raises
     ------
     ValueError
         If the text is something else.
     """
-    option = _option(name)
-    found = re.fullmatch(r"\s*([-+\d.eE]+)\s*([^\d\s].*?)\s*", text)
+    found = re.fullmatch(r"\s*([-+\d.eE]+)\s*([^\d\s.].*?)\s*", str(text))
     try:
         number = float(found[1])  # type: ignore[index]
     except (TypeError, ValueError):
         raise ValueError(
-            f"{option} is {text!r}; expected a number and its unit, as in '2 mmHg'"
+            f"{place} is {text!r}; expected a number and its unit, as in '2 mmHg'"
         ) from None
     if not number > 0:
-        raise ValueError(f"{option} is {text!r}; expected a positive number")
+        raise ValueError(f"{place} is {text!r}; expected a positive number")
     assert found is not None
-    return float(to_internal(number, found[2], quantity, keyword=option))
+    return float(to_internal(number, found[2], quantity, keyword=place))
 
 
-def _error(name: str, text: str) -> Any:
+def _error(name: str, stated: Stated) -> Any:
     """Return the size of an error; for an unknown size, its prior."""
     quantity = _QUANTITIES[name]
-    if text == UNKNOWN and name != "force_offset_sd":
+    if stated.value == UNKNOWN and name != "force_offset_sd":
         return pm.HalfNormal.dist(_PRIOR_SDS[quantity])
-    return size_of(name, text, quantity)
+    return size_of(stated.place, stated.value, quantity)
 
 
 def _option(name: str) -> str:
