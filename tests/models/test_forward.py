@@ -173,3 +173,15 @@ def test_the_table_of_tests_has_as_many_columns_as_the_longest_test():
     found = table_arrays(np.array([0, 0, 0, 2, 2]), 3)
     assert found["there"].tolist() == [[True] * 3, [False] * 3, [True, True, False]]
     assert found["place"].tolist() == [0, 1, 2, 6, 7]
+
+
+def test_a_prior_that_cannot_be_drawn_from_is_warned_of():
+    """Nothing is known of the range of flat priors: walls are integrated with 32 nodes."""
+    priors = {name: pm.Flat.dist() for name in ("mu", "alpha")}
+    data = shared_errors.dataset()
+    with pytest.warns(UserWarning, match=r"cannot be drawn from.*32 nodes"):
+        forward = ForwardModel(ph.Ogden(), data, priors)
+    assert forward.integrator.by_points and forward.integrator.order == 32
+    with pytest.raises(ValueError, match=r"cannot be drawn from.*mode='quadrature'"):
+        ForwardModel(ph.Ogden(), data, priors, mode="collocation")
+    assert ForwardModel(ph.Ogden(), data, priors, mode="quadrature").integrator.order == 32

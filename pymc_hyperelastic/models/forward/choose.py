@@ -86,10 +86,12 @@ def choose_integrator(
     try:
         draws = representative_values(wall.unknown) if wall.unknown else []
     except (MissingInputError, NotImplementedError) as error:
+        unknown = f"the prior cannot be drawn from ({str(error).splitlines()[0]})"
+        if mode == "collocation":
+            raise ValueError(f"{unknown}: use mode='quadrature'") from error
         warnings.warn(
-            f"the prior cannot be drawn from ({str(error).splitlines()[0]}), so that its range is "
-            f"not known: walls are integrated with {WALL_ORDER} nodes; mode='quadrature' asks for "
-            "this, and priors that can be drawn from let the number follow from their range",
+            f"{unknown}, so that its range is not known: walls are integrated with {WALL_ORDER} "
+            "nodes. mode='quadrature' asks for this without a warning",
             skip_file_prefixes=(PACKAGE,),
         )
         return quadrature(WALL_ORDER)
