@@ -26,5 +26,8 @@ def checks_of_specimens(tree: xr.DataTree, evidence: xr.Dataset) -> list[Check]:
 
 
 CHECKS_OF_SPECIMENS = ModelChecks(
-    checks_of_specimens, variables={"specimens_se": ()}, with_advice=("specimens",)
+    checks_of_specimens,
+    variables={"specimens_se": ()},
+    together={"specimens_se": "specimens"},
+    with_advice=("specimens",),
 )

@@ -24,7 +24,7 @@ _VARIABLES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("at_bounds", "unmet"), ()),
     "at_limit": ("limit",),
 }
-# Variables of which each needs another one.
+# Variables that are needed if another variable is there.
 _TOGETHER = {"ancestors": "moves", "forward_se": "forward", "at_modes_se": "at_modes"}
 
 
@@ -57,7 +57,8 @@ def evidence_of(tree: xr.DataTree) -> xr.Dataset:
             together |= checks.together
         for name, dims in variables.items():
             partner = together.get(name)
-            if name in evidence or name in _NEEDED or partner in evidence:
+            needed = name in _NEEDED or partner in evidence or partner in tree.children
+            if needed or name in evidence:
                 check_numbers(tree, evidence, name, dims, " of 'evidence'", finite=False)
         return evidence
     stats = tree.get("sample_stats", xr.DataTree()).to_dataset()

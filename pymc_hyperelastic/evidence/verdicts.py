@@ -32,7 +32,7 @@ class ModelChecks:
     variables: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Dimensions of the variables of ``evidence`` that the checks read."""
     together: Mapping[str, str] = field(default_factory=dict)
-    """Variables of which each needs another one."""
+    """Variables that are needed if another variable, or a group of the result, is there."""
     about_fit: tuple[str, ...] = ()
     """Names of checks that compare the model with its data: the evidence may be right."""
     with_advice: tuple[str, ...] = ()
