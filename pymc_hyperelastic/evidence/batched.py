@@ -1,8 +1,8 @@
 """Compile functions of a model's variables that take many points at once."""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from math import prod
 from typing import Any
 
@@ -116,14 +116,6 @@ class BatchedFunction:
                 for start in range(0, len(particles), size)
             ]
         return [np.concatenate(outputs) for outputs in zip(*parts, strict=True)]
-
-    def with_values(self, values: Mapping[SharedVariable, Array]) -> "BatchedFunction":
-        """Return the same function with other values of some shared variables."""
-        shared = tuple(
-            pytensor.shared(values[v], name=v.name, shape=v.type.shape) if v in values else v
-            for v in self.shared
-        )
-        return replace(self, shared=shared)
 
     @property
     def data_size(self) -> int:
