@@ -156,8 +156,7 @@ def test_specimens_with_an_unknown_radius_are_fitted(tmp_path):
     data = data.assign(inner_radius=data["inner_radius"] * np.nan)
     settings = {"geometry": {"inner_radius": pm.Uniform.dist(0.9 * inner, 1.05 * inner)}}
     settings["priors"] = {"mu": pm.Uniform.dist(1.0, 60.0)}
-    noise = {"noise_sd": 5.0, "slope_weight": 0.0}
-    ph.fit_cohort(ph.NeoHookean(), data, tmp_path / "store", **settings, **noise, **SERIAL)
+    ph.fit_cohort(ph.NeoHookean(), data, 5.0, tmp_path / "store", **settings, **SERIAL)
     found = ph.open_cohort(tmp_path / "store")
     assert found["evidence"]["error"].values.tolist() == [""]
     radius = found["posterior"]["inner_radius"].values
