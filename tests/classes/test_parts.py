@@ -114,7 +114,7 @@ def test_the_rival_is_the_most_probable_other_class():
 
 @pytest.mark.filterwarnings("ignore:class .* evidence")
 def test_parts_of_fitted_classes_are_material_and_noise():
-    """The noise is inferred. Of specimens with the same noise only the part of the material differs."""
+    """The part of an inferred noise is the same for two specimens with the same noise."""
     ends = {"soft": ["A1", "A3"], "stiff": ["B1", "B3"]}
     training = {name: ph.select(TRAINING[name], specimen=own) for name, own in ends.items()}
     noise = pm.LogNormal.dist(np.log(PRESSURE_SD), 0.4)
