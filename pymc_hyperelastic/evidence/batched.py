@@ -45,7 +45,9 @@ _CHUNK_NUMBERS = 2**22
 
 # Modules whose distributions draw batches.
 _IN_LIBRARIES = re.compile(r"(pymc|pytensor)\.")
-# Compiled functions by their expressions.
+# Compiled functions that are kept: those of all models of a long session.
+_MOST_COMPILED = 500
+# Compiled functions by their expressions, the oldest first.
 _compiled: dict[tuple, Any] = {}
 
 
@@ -87,21 +89,25 @@ class BatchedFunction:
         constants = (v for v in ancestors(outputs) if isinstance(v, TensorConstant))
         largest = max((np.size(v.data) for v in constants), default=0)
         key = expressions, *shapes.values(), str(compile_kwargs)
-        if key not in _compiled:
+
+        def make() -> Any:
             # Joining all variables takes as long as the comparison of expressions.
             point = {name: np.zeros(shape) for name, shape in shapes.items()}
-            outputs, joined = join_nonshared_inputs(point, outputs, values)
+            of_joined, joined = join_nonshared_inputs(point, outputs, values)
             inputs = {v: v.type() for v in shared}
-            batch, outputs = _of_a_batch(joined, outputs)
-            _compiled[key] = pytensor.function(
+            batch, of_batch = _of_a_batch(joined, of_joined)
+            function = pytensor.function(
                 [batch, *inputs.values()],
-                clone_replace(outputs, inputs),
+                clone_replace(of_batch, inputs),
                 on_unused_input="ignore",
                 **compile_kwargs,
             )
             # NumPy accepts any array, and checks take longer than operations on small arrays.
-            _compiled[key].trust_input = compile_kwargs["mode"] is IN_NUMPY
-        return cls(_compiled[key], shared, sum(map(prod, shapes.values())), largest)
+            function.trust_input = compile_kwargs["mode"] is IN_NUMPY
+            return function
+
+        size = sum(map(prod, shapes.values()))
+        return cls(_compile_once(key, make), shared, size, largest)
 
     def __call__(self, particles: Array) -> list[Array]:
         """Return every output at every particle, the particles along the first axis."""
@@ -213,21 +219,22 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
     at_once = all(map(_draws_batches, nodes))
     shared = _shared_inputs(expressions)
     key = FrozenFunctionGraph.from_io(shared, expressions), "prior"
-    if key not in _compiled:
+
+    def make() -> Any:
         count = pt.lscalar("count")
-        if at_once:
-            expressions = _of_size(expressions, count)
+        outputs = _of_size(expressions, count) if at_once else expressions
         inputs = {v: v.type() for v in shared}
-        expressions = clone_replace(expressions, inputs)
+        outputs = clone_replace(outputs, inputs)
         # PyTensor locks constants of which it asks this. A view that was taken before seems to be
         # open, and SciPy fails to open it.
-        for variable in ancestors(expressions):
+        for variable in ancestors(outputs):
             if isinstance(variable, TensorConstant):
                 variable.unique_value
-        _compiled[key] = compile_pymc(
-            [count, *inputs.values()], expressions, mode=IN_NUMPY, on_unused_input="ignore"
+        return compile_pymc(
+            [count, *inputs.values()], outputs, mode=IN_NUMPY, on_unused_input="ignore"
         )
-    function = _compiled[key]
+
+    function = _compile_once(key, make)
 
     def sample(count: int, rng: np.random.Generator) -> dict[str, Array]:
         def draw(size: int) -> list[Array]:
@@ -256,18 +263,28 @@ def unconstrain(model: pm.Model, values: Sequence[Array]) -> list[Array]:
     outputs = vectorize_graph(outputs, draws)
     shared = _shared_inputs(outputs)
     key = FrozenFunctionGraph.from_io([*draws.values(), *shared], outputs), "unconstrain"
-    if key not in _compiled:
+
+    def make() -> Any:
         inputs = {v: v.type() for v in shared}
-        _compiled[key] = pytensor.function(
+        return pytensor.function(
             [*draws.values(), *inputs.values()],
             clone_replace(outputs, inputs),
             mode=IN_NUMPY,
             on_unused_input="ignore",
         )
+
+    numbers = *(np.asarray(v, float) for v in values), *(v.get_value(borrow=True) for v in shared)
     with np.errstate(all="ignore"):
-        return _compiled[key](
-            *(np.asarray(v, float) for v in values), *(v.get_value(borrow=True) for v in shared)
-        )
+        return _compile_once(key, make)(*numbers)
+
+
+def _compile_once(key: tuple, make: Callable[[], Any]) -> Any:
+    """Return the compiled function of a key, from :data:`_compiled` if it is there."""
+    if key not in _compiled:
+        if len(_compiled) >= _MOST_COMPILED:
+            del _compiled[next(iter(_compiled))]
+        _compiled[key] = make()
+    return _compiled[key]
 
 
 def _fresh_value(variable: SharedVariable, rng: np.random.Generator) -> Any:

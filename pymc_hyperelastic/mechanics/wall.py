@@ -1,7 +1,7 @@
 """Integrals over the wall of a tube: their rule of quadrature, and the Op that they share."""
 
-from collections.abc import Mapping, Sequence
-from functools import cache
+from collections.abc import Sequence
+from functools import cache, lru_cache
 from itertools import pairwise
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -27,8 +27,8 @@ WALL_ORDER = 32
 # Integrals beyond this count as overflow, in kPa or their units: derivatives of an exponential
 # overflow earlier than its value.
 _OVERFLOW = np.float64(1e100)
-# Built Ops by their class, types of inputs and settings.
-_ops: dict[tuple[Any, ...], "TubeOp"] = {}
+# Built Ops that are kept: those of all laws for scalars, vectors and batches.
+_MOST_OPS = 500
 
 
 class TubeOp(TensorSymbolicOp):
@@ -48,8 +48,9 @@ class TubeOp(TensorSymbolicOp):
         """Apply it, by the same Op wherever inputs are of the same types."""
         inputs, op = self.filter_inputs(*inputs), self
         if not hasattr(self, "fgraph"):
+            kind: Any = type(self)
             given = self._props_dict() | self._init_kwargs
-            op = _built(type(self), tuple(x.type for x in inputs), given)
+            op = _built(kind, tuple(x.type for x in inputs), tuple(given.items()))
         return super(TubeOp, op).__call__(*inputs, **settings)
 
     @staticmethod
@@ -90,12 +91,12 @@ class TubeOp(TensorSymbolicOp):
         return self.strain_energy.stress_difference(log_hoop, log_axial, **parameters)
 
 
-def _built(kind: Any, input_types: tuple[Any, ...], settings: Mapping[str, Any]) -> TubeOp:
-    """The Op for inputs of these types: most models ask for one that was built before."""
-    key = kind, input_types, *settings.items()
-    if key not in _ops:
-        _ops[key] = kind(list(input_types), **settings)
-    return _ops[key]
+@lru_cache(maxsize=_MOST_OPS)
+def _built(
+    kind: Any, input_types: tuple[Any, ...], settings: tuple[tuple[str, Any], ...]
+) -> TubeOp:
+    """Return the Op for inputs of these types; most models need one that was built before."""
+    return kind(list(input_types), **dict(settings))
 
 
 def zero_at_overflow(
