@@ -31,6 +31,8 @@ __all__ = [
 
 # First coefficients C_i of the series of the eight-chain energy in I₁ (Arruda and Boyce 1993).
 _EIGHT_CHAIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
+# Power in place of 0 in a divisor: so small that stresses vanish, as in the limit of the power 0.
+_SMALLEST_POWER = 1e-200
 
 _RANGE = "; the range covers soft tissue, from loose veins to stiff aortas"
 _MU = Parameter("mu", r"\mu", "kPa", (0.0, 200.0), "small-strain shear modulus" + _RANGE)
@@ -360,4 +362,6 @@ class PowerLawNeoHookean(_FirstInvariant):
 
     def derivative(self, excess: Tensor, *, mu: Any, n: Any) -> Tensor:
         """``(μ/2) [1 + (I₁ − 3)/n]^{n−1}``."""
-        return mu / 2 * pt.exp((n - 1) * pt.log1p(excess / n))
+        # A sampler may round a positive n to 0, where the gradient would be 0 · ∞.
+        divisor = pt.where(pt.eq(n, 0.0), _SMALLEST_POWER, n)
+        return mu / 2 * pt.exp((n - 1) * pt.log1p(excess / divisor))
