@@ -10,6 +10,7 @@ from scipy.stats import chi2
 
 from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
+from pymc_hyperelastic.evidence.importance import LARGEST_RELIABLE_K
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.stored_evidence import evidence_of, stored_diagnosis
 from pymc_hyperelastic.evidence.verdicts import (
@@ -42,8 +43,6 @@ _TOO_FEW_ANCESTORS = 0.01
 _MANY_ANCESTORS = 0.15
 # Fraction of stages at which particles may have moved too little.
 _MOST_CAPPED = 0.5
-# Pareto shape up to which a mean of weights converges at a practical rate (Vehtari et al. 2024).
-_LARGEST_SHAPE = 0.7
 # Share of the posterior within 1 % of a limit of a prior from which the limit decides about it.
 _MOST_AT_LIMIT = 0.5
 # Largest share of other particles where the reference has too few draws, for a good evidence. Few
@@ -210,8 +209,8 @@ def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
     if "pareto_k" in evidence and not np.isnan(evidence["pareto_k"]).all():
         shape = float(np.nanmax(evidence["pareto_k"]))
         words = f"a few weights decide: their Pareto shape is {shape:.2f}"
-        verdict = verdict_of(shape, _LARGEST_SHAPE, np.finfo(float).max)
-        checks.append(Check("weights", shape, _LARGEST_SHAPE, verdict, words))
+        verdict = verdict_of(shape, LARGEST_RELIABLE_K, np.finfo(float).max)
+        checks.append(Check("weights", shape, LARGEST_RELIABLE_K, verdict, words))
     return checks
 
 

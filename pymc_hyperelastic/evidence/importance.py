@@ -21,7 +21,7 @@ from pymc_hyperelastic.evidence.weights import (
 LARGEST_PARETO_K = 0.5
 # Pareto shape up to which the mean of Pareto-smoothed weights is reliable (Vehtari et al. 2024).
 LARGEST_RELIABLE_K = 0.7
-# Effective draws without which a mean is unknown: its error is then at most a twentieth.
+# Fewest effective draws by which a mean is known: its relative error is then at most 1/20.
 ENOUGH = 400
 # Unknowns up to which proposals are adapted. More cannot be: a mixture that is fitted to draws of
 # itself loses more by errors of its correlations than it gains. A class of five coordinates has 20.

@@ -15,9 +15,9 @@ _GRADIENT_TOLERANCE = 0.05
 _GRADIENT_TOLERANCE_BFGS = 0.005
 # Smallest width of a mode, in widths of the prior.
 _NARROWEST = 1e-8
-# Steps of one optimisation, at most.
+# Steps that any optimisation may take.
 _FEWEST_STEPS = 100
-# More steps for each unknown.
+# Steps that an optimisation may take in addition, for each unknown.
 _STEPS_PER_UNKNOWN = 5
 # Evaluations for each step, on average, at most: the others are steps that were rejected.
 _EVALUATIONS_PER_STEP = 2

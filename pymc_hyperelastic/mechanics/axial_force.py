@@ -13,7 +13,7 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
-from pymc_hyperelastic.mechanics.wall import WallIntegral
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER, WallIntegral
 
 
 class AxialForceIntegral(WallIntegral):
@@ -71,7 +71,7 @@ def axial_force(
     outer_radius: Any = None,
     axial_stretch: Any = 1.0,
     opening_angle: Any = 0.0,
-    order: int = 32,
+    order: int = WALL_ORDER,
     **parameters: Any,
 ) -> Tensor:
     r"""Reduced axial force that holds a tube at the given internal radius and axial stretch.
@@ -114,14 +114,14 @@ def axial_force(
     return wall_force(tubes, order)
 
 
-def wall_force(tubes: Sequence[Tube], order: int = 32) -> Tensor:
+def wall_force(tubes: Sequence[Tube], order: int = WALL_ORDER) -> Tensor:
     """Axial force of a wall in mN, the sum over its concentric tubes."""
     return sum(
         AxialForceIntegral(strain_energy=tube.energy, order=order)(*tube.inputs) for tube in tubes
     )
 
 
-def wall_force_slope(tubes: Sequence[Tube], order: int = 32) -> Tensor:
+def wall_force_slope(tubes: Sequence[Tube], order: int = WALL_ORDER) -> Tensor:
     """Derivative of the axial force of a wall by its internal radius, mN/mm."""
     slope = 0.0
     for tube in tubes:

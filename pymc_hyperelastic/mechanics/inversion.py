@@ -14,7 +14,12 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.wall import TubeOp, broadcast_batches, zero_at_overflow
+from pymc_hyperelastic.mechanics.wall import (
+    WALL_ORDER,
+    TubeOp,
+    broadcast_batches,
+    zero_at_overflow,
+)
 
 # Steps of Newton's method, and the largest fraction of the radius that one of them is long.
 _STEPS, _LARGEST_STEP = 10, 0.1
@@ -45,7 +50,7 @@ class RadiusAtPressure(TensorSymbolicOp):
         input_types: Any = None,
         *,
         strain_energies: tuple[StrainEnergy, ...],
-        order: int = 32,
+        order: int = WALL_ORDER,
         **settings: Any,
     ) -> None:
         settings.setdefault("name", f"{type(self).__name__}{list(strain_energies)}")

@@ -21,7 +21,7 @@ class Residuals:
     Parameters
     ----------
     model : pymc.Model
-    study : InflationStudy or None
+    study : Study or None
         What the model was made from; without one there are no residuals.
     """
 

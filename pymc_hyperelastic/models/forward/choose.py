@@ -42,12 +42,14 @@ Mode = Literal["auto", "collocation", "quadrature"]
 
 # Orders of quadrature that are compared with the reference order.
 _ORDERS = (4, 6, 8, 12, 16, 24, 32)
-# Largest error of an order, relative to the largest value of a curve: a tenth of what constant
-# matrices may err, whose error shows in the tenth digit of a log density.
+# Largest error of an order, relative to the largest value of a curve: a hundredth of the usual
+# tolerance of matrices, so that pointwise quadrature is the more accurate integrator.
 _ORDER_TOLERANCE = 1e-11
-# The same factor for Chebyshev nodes, which are chosen for more materials than any data want.
+# Largest pressures of the materials for which Chebyshev nodes are chosen, in largest measured ones:
+# 100 times as large as for the other integrators; chosen by experiment.
 _FAR_BEYOND = 1000.0
-# Tolerance of Chebyshev coefficients then: exponentials of squares have larger rounding errors.
+# Tolerance of Chebyshev coefficients of these materials, relative to the largest coefficient: ten
+# times the usual one, because exponentials of squares have larger rounding errors.
 _COEFFICIENT_TOLERANCE = 1e-13
 # Points and materials for which orders are compared.
 _MOST_POINTS = 16
@@ -72,7 +74,8 @@ def choose_integrator(
 
     These are Chebyshev nodes if the stretch of each test is held and the response is smooth; nodes
     that are selected in the walls, for many points; else quadrature of the least order that will
-    do. Curves may err by the `tolerance`. `geometry_sd` are the errors of a measured geometry.
+    do. Curves by selected nodes may err by the `tolerance`. `geometry_sd` are the errors of a
+    measured geometry.
     """
     if mode not in get_args(Mode):
         raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")

@@ -83,7 +83,7 @@ class Integrator(ABC):
     def reference(
         self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
     ) -> dict[str, Array]:
-        """Return the same curves by quadrature of the order REFERENCE_ORDER."""
+        """Return the same curves by quadrature of a higher order, at least REFERENCE_ORDER."""
 
     @np.errstate(all="ignore")  # some of the materials may be impossible
     def errors(self, data: xr.Dataset, wall: WallVariables) -> Array:
@@ -91,7 +91,8 @@ class Integrator(ABC):
 
         It is relative to the largest value of the curve in the tests of a specimen. Forces may be
         nil: they are compared with the thrust ``π a² p`` of the pressure, if that is larger. An
-        error that is not a number counts as infinite.
+        error that is not a number counts as infinite. Matrices are compared by their pressures and
+        forces alone, and not by their slopes.
         """
         specimen = np.unique(data["specimen"].values, return_inverse=True)[1]
         of_points = specimen[data["test"].values]

@@ -60,7 +60,8 @@ class ForwardModel:
     by_test : bool
         Whether each test has parameters of its own, vectors of the length of the tests.
     tolerance : float
-        Largest error of curves, relative to their largest value, over the range of the prior.
+        Largest error of curves by selected nodes and by refined matrices, relative to the largest
+        value of each. Chebyshev nodes and pointwise quadrature are chosen for smaller errors.
     inaccurate : float
         Fraction of the materials of the prior whose curves may err by more: a few have fibres that
         stiffen by orders of magnitude within a hundredth of a wall. It may be larger for callers

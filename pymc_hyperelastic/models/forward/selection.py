@@ -29,7 +29,8 @@ _MOST_ROUNDS = 4
 # Largest error of the few materials that may be inaccurate, relative to the largest value: the size
 # of an error of measurement.
 _VISIBLE = 1e-2
-# Accepted error of all materials, in tolerances: there quadrature is no better.
+# Accepted error of all materials, in tolerances: far below an error of measurement. Chosen by
+# experiment.
 _ALL = 100.0
 # Fraction of inaccurate materials with which no selection of nodes will do.
 _TOO_MANY = 0.5

@@ -50,9 +50,10 @@ def inflation_likelihood(
         (rad) in place of those of the data, as for an unknown unloaded radius: scalars for all
         tests.
     mode : {"auto", "collocation", "quadrature"}
-        How the integral over the wall is taken. With "auto" it is a constant matrix, whose cost
-        does not depend on the number of points, where that reaches rounding error over the range of
-        the parameters' prior, and else direct quadrature at every point.
+        How the integral over the wall is computed: by constant matrices, whose cost does not depend
+        on the number of points, or by quadrature at every point. "auto" chooses matrices if their
+        curves are accurate over the range of the parameters' prior; see the theory page "How the
+        wall is integrated" for the limits.
 
     Returns
     -------
