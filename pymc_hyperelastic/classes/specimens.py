@@ -361,7 +361,7 @@ class SpecimenSampler:
     def _compressed(self, forward: ForwardModel, specimens: Specimens) -> TensorVariable | None:
         """The log likelihood by sums of squares; None with slopes or errors of diameters."""
         likelihood = self.population.likelihood
-        if likelihood.with_slopes:
+        if likelihood.needs_slopes:
             return None
         own = {name: size[0] for name, size in specimens.noises.items()}
         tube = tube_of(self.population, forward, specimens)

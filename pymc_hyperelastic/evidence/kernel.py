@@ -43,8 +43,8 @@ class BatchedSMC(SMC_KERNEL):
     with a share of the prior, is the reference. Often it is so near the posterior that one stage is
     enough.
 
-    Moves are drawn from a mixture with heavy tails, fitted to the places of the stage before, in
-    turn with local ones: Hamiltonian Monte Carlo with the covariance of the component at hand, or
+    Moves are drawn from a mixture with heavy tails, fitted to the places of the stage before the
+    last one, in turn with local ones: Hamiltonian Monte Carlo with the covariance of the component at hand, or
     random walks where there are few unknowns or no slopes. The places are in part weighted as at
     a later, larger ``β``: the few particles that will carry the weight then are met by proposals
     now.

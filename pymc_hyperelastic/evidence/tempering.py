@@ -194,8 +194,10 @@ class TemperedSMC:
     def adapt(self) -> None:
         """Fit the mixture that proposes moves.
 
-        It is fitted to the places of the stage before: fitted to particles that it then moves, it
-        would draw them back to where they are, and the more so the more variables there are.
+        It is fitted to the places of the stage before the last one. Fitted to the particles that it
+        then moves, it would draw them back to their places, and the more so the more unknowns there
+        are. The first stage from a reference has the mixture of the reference; the first stage from
+        the prior alone has no earlier places, and takes those of its own particles.
         """
         before, self._before = self._before, (self._visited, self._last_beta)
         if before is None and self.path.reference is not None:

@@ -103,7 +103,7 @@ class Likelihood(ABC):
         return "force_offset_sd" in self.sizes
 
     @property
-    def with_slopes(self) -> bool:
+    def needs_slopes(self) -> bool:
         """True if slopes of curves are needed, by the likelihood or to propagate an error."""
         errors = self.errors()
         return errors.with_slopes or errors.diameter_sd is not None
