@@ -44,10 +44,10 @@ class BatchedSMC(SMC_KERNEL):
     enough.
 
     Moves are drawn from a mixture with heavy tails, fitted to the places of the stage before the
-    last one, in turn with local ones: Hamiltonian Monte Carlo with the covariance of the component at hand, or
-    random walks where there are few unknowns or no slopes. The places are in part weighted as at
-    a later, larger ``β``: the few particles that will carry the weight then are met by proposals
-    now.
+    last one, in turn with local ones: Hamiltonian Monte Carlo with the covariance of the component
+    at hand, or random walks where there are few unknowns or no gradients. The places are in part
+    weighted as at a later, larger ``β``: the few particles that will carry the weight then are met
+    by proposals now.
 
     It works for any PyMC model with continuous variables, and in ``pm.sample_smc(kernel=...)``.
 
