@@ -39,7 +39,7 @@ FOLDER.mkdir(exist_ok=True)
 data = ph.load_dataset("simulated_sheep_aorta")
 groups = {name: ph.select(data, group=name) for name in ("C1", "C2")}
 classes = ph.fit_classes(
-    ph.Ogden(), groups, noise_sd=3 * ph.mmHg, slope_weight=0, variability="specimen", **SAMPLING
+    ph.Ogden(), groups, ph.Gaussian(3 * ph.mmHg), variability="specimen", **SAMPLING
 )
 
 # Fit: the pressure of two specimens.
@@ -60,9 +60,9 @@ known = {
     "C2": ph.select(data, specimen=["S4", "S5"]),
 }
 # As in the ten lines above the pictures, whose numbers these are.
-settings = {"noise_sd": 3 * ph.mmHg, "variability": "specimen"}
+likelihood = ph.Gaussian(pressure_sd=3 * ph.mmHg)
 seed = {"random_seed": 1, "progressbar": False}
-learned = ph.fit_classes(ph.Ogden(), known, **settings, **seed)
+learned = ph.fit_classes(ph.Ogden(), known, likelihood, variability="specimen", **seed)
 answer = ph.classify(ph.select(data, specimen="S3"), learned, by="specimen", **seed)
 ax = axes("", "probability")
 chance = answer["class_probability"].squeeze().to_series()
@@ -101,9 +101,7 @@ save("compare")
 laws = (ph.Demiray(), ph.Ogden(), ph.CriscioneType(), ph.PowerLawNeoHookean())
 evidence = {}
 for law in laws:
-    model = ph.inflation_model(
-        law, ph.select(data, specimen="S1"), noise_sd=3 * ph.mmHg, slope_weight=0
-    )
+    model = ph.inflation_model(law, ph.select(data, specimen="S1"), likelihood)
     evidence[law.name] = ph.log_evidence(ph.sample_smc(model, **SAMPLING))
 best = max(e.value for e in evidence.values())
 ax = axes("log evidence less the largest (nats)")

@@ -27,8 +27,10 @@ data = ph.load_dataset("simulated_sheep_aorta")
 classes = ph.fit_classes(
     ph.Ogden(),
     {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")},
-    sigma=15 * ph.mmHg,
-    slope_weight=ph.balanced_slope_weight(ph.select(data, experiment=[1, 2])),
+    ph.SlopeAugmented(
+        sigma=15 * ph.mmHg,
+        slope_weight=ph.balanced_slope_weight(ph.select(data, experiment=[1, 2])),
+    ),
     draws=1000,
     chains=2,
     random_seed=1,

@@ -55,9 +55,11 @@ data = data.assign(thickness_sd=("test", sd))
 animals = dict(zip(geometry["specimen"], geometry["animal"], strict=True))
 FACTOR_TEN = np.log(10) / 2
 SETTINGS = {
-    "noise_sd": pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
-    "force_noise_sd": pm.LogNormal.dist(np.log(1.0), FACTOR_TEN),
-    "force_offset_sd": 20.0,
+    "likelihood": ph.Gaussian(
+        pressure_sd=pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
+        force_sd=pm.LogNormal.dist(np.log(1.0), FACTOR_TEN),
+        force_offset_sd=20.0,
+    ),
     "geometry": {"thickness": ph.Measured()},
     "variability": "specimen",
 }

@@ -34,7 +34,7 @@ groups = {name: ph.select(known, group=name) for name in sorted(set(known["group
 classes = ph.fit_classes(
     ph.Ogden(),
     groups,
-    noise_sd=pm.HalfNormal.dist(1.0),
+    ph.Gaussian(pressure_sd=pm.HalfNormal.dist(1.0)),
     variability="specimen",
     draws=1000,
     chains=2,

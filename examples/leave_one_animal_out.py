@@ -61,8 +61,8 @@ settings = {
 pooled = ph.calibration_report(
     LAWS,
     classes,
+    ph.Gaussian(pressure_sd=2 * ph.mmHg),
     variability="none",
-    noise_sd=2 * ph.mmHg,
     priors=None,
     draws=DRAWS,
     **settings,
@@ -70,7 +70,7 @@ pooled = ph.calibration_report(
 population = ph.calibration_report(
     LAWS,
     classes,
-    sigma=pm.LogNormal.dist(np.log(np.sqrt(2) * ph.mmHg), np.log(10) / 2),
+    ph.Gaussian(pressure_sd=pm.LogNormal.dist(np.log(ph.mmHg), np.log(10) / 2)),
     experiment_effect=True,
     draws=DRAWS,
     **settings,

@@ -71,9 +71,11 @@ FACTOR_TEN = np.log(10) / 2
 report = ph.calibration_report(
     [getattr(ph, name)() for name in LAWS],
     classes,
-    noise_sd=pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
-    force_noise_sd=pm.LogNormal.dist(np.log(1.0), FACTOR_TEN),
-    force_offset_sd=20.0,
+    ph.Gaussian(
+        pressure_sd=pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
+        force_sd=pm.LogNormal.dist(np.log(1.0), FACTOR_TEN),
+        force_offset_sd=20.0,
+    ),
     geometry=None if KNOWN_THICKNESS else {"thickness": ph.Measured()},
     leave_out=animals,
     draws=DRAWS,

@@ -43,7 +43,7 @@ def every_other_point(data: xr.Dataset, first: int) -> xr.Dataset:
 # The slope weight makes errors of slope and of pressure weigh alike. It is computed once, from all
 # data: evidences of classes can only be compared under one likelihood.
 data = ph.load_dataset("murine_pulmonary_artery")
-slope_weight = ph.balanced_slope_weight(data)
+likelihood = ph.SlopeAugmented(sigma=SIGMA, slope_weight=ph.balanced_slope_weight(data))
 training = {name: ph.select(every_other_point(data, 0), group=name) for name in GROUPS}
 new = every_other_point(data, 1).assign_attrs(title=f"points left out: {data.attrs['title']}")
 
@@ -59,8 +59,7 @@ for energy in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()):
     fitted[law] = ph.fit_classes(
         energy,
         training,
-        sigma=SIGMA,
-        slope_weight=slope_weight,
+        likelihood,
         draws=DRAWS,
         chains=CHAINS,
         random_seed=1,
@@ -87,7 +86,7 @@ for law, classes in fitted.items():
         )
         row["KL from the other class"] = f"{ph.kl_divergence(classes, name, other).value:.1f}"
         rows.append(row)
-print(f"\n{data.attrs['title']}: σ {SIGMA / ph.mmHg:.3g} mmHg, β {slope_weight:.3g} mm²")
+print(f"\n{data.attrs['title']}: {likelihood.in_words}")
 print(pd.DataFrame(rows).to_string(index=False))
 
 rows = []

@@ -76,11 +76,11 @@ EXTENSION = ["force_length1", "force_length2", "force_length3", "force_length4"]
 PROTOCOLS = INFLATION + EXTENSION
 LAWS = [ph.Ogden(), ph.HolzapfelGasserOgden(), ph.FourFiber()]  # the last: 5 minutes a class
 FACTOR_TEN = np.log(10) / 2
-NOISE = {
-    "noise_sd": pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
-    "force_noise_sd": pm.LogNormal.dist(np.log(1.0), FACTOR_TEN),
-    "force_offset_sd": 20.0,
-}
+LIKELIHOOD = ph.Gaussian(
+    pressure_sd=pm.LogNormal.dist(np.log(ph.mmHg), FACTOR_TEN),
+    force_sd=pm.LogNormal.dist(np.log(1.0), FACTOR_TEN),
+    force_offset_sd=20.0,
+)
 SIGNALS = ["outer_diameter", "axial_force"]
 
 
@@ -169,12 +169,12 @@ def fitted_to(energy: ph.StrainEnergy, protocols: list[str]) -> xr.DataTree:
     return ph.fit_classes(
         energy,
         {group: ph.select(kept, group=group) for group in there},
+        LIKELIHOOD,
         variability="specimen",
         draws=DRAWS,
         chains=1,
         random_seed=1,
         store=OUT / f"store of {energy.name}, {' '.join(protocols)}",
-        **NOISE,
     )
 
 

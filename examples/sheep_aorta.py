@@ -31,7 +31,7 @@ OUT.mkdir(parents=True, exist_ok=True)
 # The slope weight makes errors of slope and of pressure weigh alike. It is computed once, from all
 # data: evidences of classes can only be compared under one likelihood.
 data = ph.load_dataset("simulated_sheep_aorta")
-slope_weight = ph.balanced_slope_weight(data)
+likelihood = ph.SlopeAugmented(sigma=SIGMA, slope_weight=ph.balanced_slope_weight(data))
 training = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
 new = ph.select(data, experiment=3)
 
@@ -48,8 +48,7 @@ for energy in (ph.PowerLawNeoHookean(), ph.Ogden(), ph.CriscioneType()):
     classes = ph.fit_classes(
         energy,
         training,
-        sigma=SIGMA,
-        slope_weight=slope_weight,
+        likelihood,
         draws=DRAWS,
         chains=CHAINS,
         random_seed=1,
@@ -77,7 +76,7 @@ for law, classes in fitted.items():
         )
         row["KL from the other class"] = f"{ph.kl_divergence(classes, name, other).value:.1f}"
         rows.append(row)
-print(f"\n{data.attrs['title']}: σ {SIGMA / ph.mmHg:.3g} mmHg, β {slope_weight:.3g} mm²")
+print(f"\n{data.attrs['title']}: {likelihood.in_words}")
 print(pd.DataFrame(rows).to_string(index=False))
 
 rows = []

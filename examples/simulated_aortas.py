@@ -256,7 +256,7 @@ known.assign_attrs(title="SIMULATED mouse aortas", simulated=1).to_netcdf(OUT / 
 # Priors are the package's own. Seven protocols a specimen tell what its material is; eight
 # specimens tell what a class is. In which coordinates they are spread normally is not known
 # beforehand: those are taken of which the evidence is larger.
-NOISE = {"noise_sd": ERROR, "force_noise_sd": FORCE_ERROR, "force_offset_sd": OFFSET}
+LIKELIHOOD = ph.Gaussian(pressure_sd=ERROR, force_sd=FORCE_ERROR, force_offset_sd=OFFSET)
 settings = {"random_seed": SEED}
 COORDINATES = {"strain and ratios of stresses": 20.0, "logarithms of moduli": None}
 
@@ -265,7 +265,7 @@ def learn(name: str) -> xr.DataTree:
     """Classes of both groups, in the coordinates with a stress of reference (kPa) or without."""
     population = {"variability": "specimen", "reference_stress": COORDINATES[name]}
     population |= {"draws": DRAWS, "chains": 2, "store": OUT / f"store of {name}"}
-    return ph.fit_classes(LAW, training, **population, **NOISE, **settings)
+    return ph.fit_classes(LAW, training, LIKELIHOOD, **population, **settings)
 
 
 classes = {name: learn(name) for name in COORDINATES}
@@ -401,12 +401,12 @@ for number, (group, own) in enumerate(studies):
     together = ph.fit_classes(
         LAW,
         {group: ph.select(new, specimen=list(own))},
+        LIKELIHOOD,
         variability="specimen",
         reference_stress=COORDINATES[better],
         draws=DRAWS,
         chains=1,
         store=OUT / f"store of study {number}",
-        **NOISE,
         **settings,
     )
     for name in own:

@@ -133,8 +133,7 @@ for scheme, variability in {"variability": "specimen", "pooled": "none"}.items()
     fitted[scheme] = ph.fit_classes(
         ph.Ogden(),
         training,
-        noise_sd=ERROR,
-        slope_weight=0,
+        ph.Gaussian(pressure_sd=ERROR),
         variability=variability,
         draws=1000,
         chains=2,

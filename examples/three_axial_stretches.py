@@ -79,8 +79,7 @@ def fit(energy: ph.StrainEnergy, curves: xr.Dataset) -> xr.DataTree:
     model = ph.inflation_model(
         energy,
         curves,
-        sigma=pm.HalfNormal.dist(np.sqrt(2) * 4 * ph.mmHg),
-        slope_weight=0,
+        ph.Gaussian(pressure_sd=pm.HalfNormal.dist(4 * ph.mmHg)),
         priors=LAWS[energy],
     )
     return ph.sample_smc(model, DRAWS, CHAINS, 1)
@@ -96,8 +95,8 @@ def predicted_diameter(tree: xr.DataTree, pressure: np.ndarray, stretch: float) 
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "of .* draws .* do not reach")
         inflated = ph.tube_properties(tree, pressure, axial_stretch=stretch)
-    sigma = tree["posterior"]["sigma"]
-    error = sigma / np.sqrt(2) * sigma.copy(data=rng.normal(size=sigma.shape))
+    sd = tree["posterior"]["pressure_sd"]
+    error = sd * sd.copy(data=rng.normal(size=sd.shape))
     outer = inflated["outer_radius"]
     measured = outer + inflated["radius"] / (outer * inflated["stiffness"]) * error
     low, high = measured.quantile([0.025, 0.975], dim=("chain", "draw")).values

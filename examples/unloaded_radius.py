@@ -89,8 +89,7 @@ def fit(energy: ph.StrainEnergy, curve: xr.Dataset) -> xr.DataTree:
     model = ph.inflation_model(
         energy,
         curve,
-        sigma=pm.HalfNormal.dist(np.sqrt(2) * 5 * ph.mmHg),
-        slope_weight=0,
+        ph.Gaussian(pressure_sd=pm.HalfNormal.dist(5 * ph.mmHg)),
         geometry={
             "inner_radius": pm.Uniform.dist(0.1, 0.5),
             "wall_area": pm.Normal.dist(area.mean(), area.std(ddof=1)),
@@ -104,14 +103,13 @@ def predicted_diameter(tree: xr.DataTree, pressure: np.ndarray) -> list[np.ndarr
     """Outer diameter (µm) at pressures in kPa: median, and ends of 95 % of measurements.
 
     An error of pressure moves the inner radius by 1/stiffness, and the outer one, as the wall keeps
-    its area, by inner/outer of that. σ is √2 standard deviations. Draws whose curve ends below a
-    pressure are left out there.
+    its area, by inner/outer of that. Draws whose curve ends below a pressure are left out there.
     """
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "of .* draws .* do not reach")
         inflated = ph.tube_properties(tree, pressure)
-    sigma = tree["posterior"]["sigma"]
-    error = sigma / np.sqrt(2) * sigma.copy(data=rng.normal(size=sigma.shape))
+    sd = tree["posterior"]["pressure_sd"]
+    error = sd * sd.copy(data=rng.normal(size=sd.shape))
     outer = inflated["outer_radius"]
     measured = outer + inflated["radius"] / (outer * inflated["stiffness"]) * error
     low, high = measured.quantile([0.025, 0.975], dim=("chain", "draw")).values
@@ -140,7 +138,7 @@ for (law, group), tree in fitted.items():
     posterior = tree["posterior"]
     radius = 1e3 * posterior["inner_radius"]
     low, high = radius.quantile([0.025, 0.975]).values
-    error = posterior["sigma"] / np.sqrt(2) / ph.mmHg
+    error = posterior["pressure_sd"] / ph.mmHg
     rows.append(
         {
             "group": group,

@@ -46,8 +46,12 @@ from pymc_hyperelastic.models.inflation import (
     ogden_model,
     power_law_neo_hookean_model,
 )
-from pymc_hyperelastic.models.observation import inflation_likelihood
-from pymc_hyperelastic.models.observation.slopes import balanced_slope_weight
+from pymc_hyperelastic.models.likelihoods import (
+    Gaussian,
+    SlopeAugmented,
+    balanced_slope_weight,
+    inflation_likelihood,
+)
 from pymc_hyperelastic.models.population import population_model
 from pymc_hyperelastic.plots.calibration import plot_calibration_ranks, plot_reliability
 from pymc_hyperelastic.plots.comparison import plot_comparison
@@ -88,6 +92,8 @@ __all__ = [
     "inflation_pressure",
     "inflation_stiffness",
     "axial_force",
+    "Gaussian",
+    "SlopeAugmented",
     "balanced_slope_weight",
     "inflation_likelihood",
     "inflation_model",

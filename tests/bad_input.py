@@ -12,7 +12,7 @@ import pymc_hyperelastic as ph
 
 OGDEN = ph.Ogden()
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
-NOISE = {"sigma": 1.0, "slope_weight": 1.0}
+SLOPES = ph.SlopeAugmented(sigma=1.0, slope_weight=1.0)
 PLACE = "specimen 'S2', experiment 3"
 """Specimen and experiment of the curves here, as errors name them."""
 
@@ -65,17 +65,17 @@ def two_tubes() -> xr.Dataset:
     return ph.inflation_data(frame, inner_radius="A", outer_radius=9.0)
 
 
-def model(data=None, energy=OGDEN, **settings) -> pm.Model:
-    return ph.inflation_model(energy, curves() if data is None else data, **{**NOISE, **settings})
+def model(data=None, energy=OGDEN, likelihood=SLOPES, **settings) -> pm.Model:
+    data = curves() if data is None else data
+    return ph.inflation_model(energy, data, likelihood, **settings)
 
 
-def likelihood(parameters=None, energy=OGDEN, name="curves", data=None, **settings) -> None:
-    """Add the likelihood to another model."""
+def potential(parameters=None, energy=OGDEN, name="curves", likelihood=SLOPES, **settings) -> None:
+    """Add a likelihood to another model."""
     with pm.Model():
         mu = pm.Uniform("mu", 0, 50)
         parameters = {"mu": mu, "alpha": 6.0} if parameters is None else parameters
-        data = curves() if data is None else data
-        ph.inflation_likelihood(name, energy, data, parameters, **{**NOISE, **settings})
+        ph.inflation_likelihood(name, energy, curves(), likelihood, parameters, **settings)
 
 
 def plain_model() -> pm.Model:
@@ -86,10 +86,10 @@ def plain_model() -> pm.Model:
     return plain
 
 
-def fit(classes=None, energy=OGDEN, **settings) -> xr.DataTree:
+def fit(classes=None, energy=OGDEN, likelihood=SLOPES, **settings) -> xr.DataTree:
     classes = {"C1": curves(), "C2": curves()} if classes is None else classes
     few = {"draws": 50, "chains": 1, "progressbar": False}
-    return ph.fit_classes(energy, classes, **{**NOISE, **few, **settings})
+    return ph.fit_classes(energy, classes, likelihood, **{**few, **settings})
 
 
 @cache

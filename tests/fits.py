@@ -25,6 +25,7 @@ SOURCES = (Path(__file__), Path(__file__).with_name("variable_classes.py"))
 LIBRARIES = ("numpy", "scipy", "xarray", "pytensor", "pymc", "arviz-base")
 # Fits of the simulated aortas: enough draws for every test that reads them, and quick to make.
 SETTINGS = {"draws": 500, "chains": 2, "random_seed": 1, "progressbar": False}
+SLOPE_AUGMENTED = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=3.0)
 
 
 def training() -> dict[str, xr.Dataset]:
@@ -36,20 +37,19 @@ def training() -> dict[str, xr.Dataset]:
 def sampled() -> xr.DataTree:
     """Sample the posterior of one material for the tests of one specimen."""
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
-    return ph.sample_smc(ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0), **SETTINGS)
+    return ph.sample_smc(ph.ogden_model(data, SLOPE_AUGMENTED), **SETTINGS)
 
 
 def pooled() -> xr.DataTree:
     """Fit two classes whose specimens share one material, though those of C1 differ."""
-    noise = {"sigma": 5 * ph.mmHg, "slope_weight": 3.0}
     with pytest.warns(UserWarning, match=r"class 'C1': the fit is doubtful.*specimen 'S3'"):
-        return ph.fit_classes(ph.Ogden(), training(), **noise, **SETTINGS)
+        return ph.fit_classes(ph.Ogden(), training(), SLOPE_AUGMENTED, **SETTINGS)
 
 
 def hierarchical() -> xr.DataTree:
     """Fit two classes whose specimens differ."""
-    settings = SETTINGS | {"chains": 1, "noise_sd": 5 * ph.mmHg, "variability": "specimen"}
-    return ph.fit_classes(ph.Ogden(), training(), **settings)
+    settings = SETTINGS | {"chains": 1, "variability": "specimen"}
+    return ph.fit_classes(ph.Ogden(), training(), 5 * ph.mmHg, **settings)
 
 
 def neo_hookean_classes() -> xr.DataTree:

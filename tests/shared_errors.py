@@ -160,10 +160,10 @@ class Dense:
     data: object
     layers: list
     inner: float = 7.0
-    noise_sd: Any = 0.4
-    force_noise_sd: Any = 3.0
+    pressure_sd: Any = 0.4
+    force_sd: Any = 3.0
     force_offset_sd: float = 0.0
-    diameter_noise_sd: Any = 0.0
+    diameter_sd: Any = 0.0
 
     @property
     def rows(self):
@@ -202,7 +202,7 @@ class Dense:
     @property
     def covariance(self):
         points, forces = self.data.sizes["obs"], len(self.rows)
-        sd = np.repeat([self.noise_sd, self.force_noise_sd], [points, forces])
+        sd = np.repeat([self.pressure_sd, self.force_sd], [points, forces])
         covariance = np.diag(sd**2)
         same_test = self.test[:, None] == self.test
         covariance[points:, points:] += self.force_offset_sd**2 * same_test
@@ -210,7 +210,7 @@ class Dense:
         # Pressure and force of one point share the error of its diameter.
         point = np.concatenate([np.arange(points), self.rows])
         same_point = point[:, None] == point
-        return covariance + self.diameter_noise_sd**2 * np.outer(slope, slope) * same_point
+        return covariance + self.diameter_sd**2 * np.outer(slope, slope) * same_point
 
     def log_density(self, rows=slice(None)):
         """Log density of some of the measurements, by default of all."""

@@ -10,7 +10,7 @@ import pymc_hyperelastic as ph
 
 def evidence(specimen):
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=specimen, experiment=1)
-    model = ph.inflation_model(ph.NeoHookean(), data, noise_sd=5.0, slope_weight=0.0)
+    model = ph.inflation_model(ph.NeoHookean(), data, 5.0)
     return ph.log_evidence(ph.sample_smc(model, 100, 1, random_seed=1, progressbar=False))
 
 

@@ -13,7 +13,9 @@ from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 SEED = 911
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
 RADIUS = np.linspace(7.3, 9.0, 7)
+# kPa: errors of pressures, as the paper states them and as a standard deviation.
 SIGMA = 0.5
+PRESSURE_SD = SIGMA / np.sqrt(2)
 NAMES = ("soft", "stiff")
 
 
@@ -31,7 +33,7 @@ def curves(specimens, seed):
     tables = []
     for name, moduli in specimens.items():
         for experiment, mu in enumerate(moduli, start=1):
-            noise = SIGMA / np.sqrt(2) * rng.standard_normal(RADIUS.size)
+            noise = PRESSURE_SD * rng.standard_normal(RADIUS.size)
             points = {"radius": RADIUS, "pressure": mu * UNIT_PRESSURE + noise}
             labels = {"specimen": name, "experiment": experiment, "group": "all"}
             tables.append(pd.DataFrame(labels | points))
@@ -44,10 +46,16 @@ TRAINING = {
 }
 
 
-def fit(energy=None, training=None, **settings):
-    defaults = {"draws": 500, "chains": 2, "sigma": SIGMA, "slope_weight": 0.0}
-    defaults |= {"variability": "specimen", "random_seed": SEED, "progressbar": False}
-    return ph.fit_classes(energy or ph.NeoHookean(), training or TRAINING, **defaults | settings)
+def fit(energy=None, training=None, likelihood=PRESSURE_SD, **settings):
+    defaults = {
+        "draws": 500,
+        "chains": 2,
+        "variability": "specimen",
+        "random_seed": SEED,
+        "progressbar": False,
+    }
+    energy, training = energy or ph.NeoHookean(), training or TRAINING
+    return ph.fit_classes(energy, training, likelihood, **defaults | settings)
 
 
 def classify(data, classes, **settings):

@@ -71,8 +71,7 @@ def main() -> None:
     classes = ph.fit_classes(
         LAW,
         {name: ph.select(training, group=name) for name in GROUPS},
-        noise_sd=NOISE,
-        slope_weight=0.0,
+        ph.Gaussian(pressure_sd=NOISE),
         variability="specimen" if args.kind == "variable" else "none",
         draws=1000,
         chains=2,

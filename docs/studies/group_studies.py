@@ -140,7 +140,7 @@ def study(number: int) -> dict[str, float]:
     }
     settings = {"random_seed": number, "draws": 2000}
     classes = ph.fit_classes(
-        LAW, groups, noise_sd=NOISE, variability="specimen", chains=1, progressbar=False, **settings
+        LAW, groups, NOISE, variability="specimen", chains=1, progressbar=False, **settings
     )
     result = ph.compare_classes(
         classes, "log compliance", pressure=AT, specimens=4, **settings

@@ -34,7 +34,7 @@ LATENCY = 0.2
 OLD_PAGE = "the old page"
 RESULT = xr.Dataset({"number": ("x", np.arange(50_000.0))})
 DATA = ph.load_dataset("simulated_sheep_aorta")
-SETTINGS = {"noise_sd": 0.5, "slope_weight": 0.0, "draws": 50, "random_seed": 1}
+SETTINGS = {"draws": 50, "random_seed": 1}
 
 
 def create(folder: Path) -> None:
@@ -50,7 +50,14 @@ def write_manifest(folder: Path) -> None:
 def fit(folder: Path) -> None:
     """Fit specimens, one batch each."""
     ph.fit_cohort(
-        ph.Ogden(), DATA, folder / "store", batch_size=1, cores=1, progressbar=False, **SETTINGS
+        ph.Ogden(),
+        DATA,
+        0.5,
+        folder / "store",
+        batch_size=1,
+        cores=1,
+        progressbar=False,
+        **SETTINGS,
     )
 
 

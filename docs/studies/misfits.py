@@ -27,10 +27,10 @@ STRETCHES = (1.2, 1.4, 1.6)  # axial, of the three tests of a specimen
 POINTS = 15  # of a test
 HIGHEST = 20.0  # kPa, where a test ends
 WIDEST = 1.8  # radius, relative to the unloaded one, where a test of a soft tube ends
-NOISE_SD = 0.3  # kPa, about 2 mmHg
-FORCE_NOISE_SD = 10.0  # mN
+PRESSURE_SD = 0.3  # kPa, about 2 mmHg
+FORCE_SD = 10.0  # mN
 OFFSET_SD = 100.0  # mN, of the zero of the force transducer
-RADIUS_NOISE_SD = 0.02  # mm
+RADIUS_SD = 0.02  # mm
 # Laws with the names of the parameters, a typical tube of each, and factors by which tubes differ.
 LAWS: dict[str, tuple[ph.StrainEnergy, dict[str, float]]] = {
     "Ogden": (ph.Ogden(), {"mu": 20.0, "alpha": 6.0}),
@@ -76,8 +76,8 @@ def curves(
         test["axial_force"] = ph.axial_force(energy, radius, **known).eval(mode="FAST_COMPILE")
         tests.append(pd.DataFrame(test).assign(experiment=number, axial_stretch=stretch))
     frame = pd.concat(tests, ignore_index=True).assign(specimen=specimen)
-    frame["pressure"] += NOISE_SD * rng.standard_normal(len(frame))
-    frame["axial_force"] += FORCE_NOISE_SD * rng.standard_normal(len(frame))
+    frame["pressure"] += PRESSURE_SD * rng.standard_normal(len(frame))
+    frame["axial_force"] += FORCE_SD * rng.standard_normal(len(frame))
     return frame
 
 
@@ -102,31 +102,31 @@ def from_prior(law: str, rng: np.random.Generator, **settings: Any) -> tuple[dic
 def known_noise(rng: np.random.Generator, seed: int) -> xr.DataTree:
     _, frame = from_prior("Ogden", rng)
     data = data_of(frame.drop(columns="axial_force"))
-    model = ph.inflation_model(ph.Ogden(), data, noise_sd=NOISE_SD, slope_weight=0.0)
+    model = ph.inflation_model(ph.Ogden(), data, PRESSURE_SD)
     return ph.sample_smc(model, random_seed=seed, **SETTINGS)
 
 
 def forces_with_offset(rng: np.random.Generator, seed: int) -> xr.DataTree:
     _, frame = from_prior("HGO", rng)
     frame["axial_force"] += (OFFSET_SD * rng.standard_normal(4))[frame["experiment"]]
-    noise = {"noise_sd": NOISE_SD, "force_noise_sd": FORCE_NOISE_SD, "force_offset_sd": OFFSET_SD}
-    model = ph.inflation_model(ph.HolzapfelGasserOgden(), data_of(frame), slope_weight=0.0, **noise)
+    likelihood = ph.Gaussian(PRESSURE_SD, force_sd=FORCE_SD, force_offset_sd=OFFSET_SD)
+    model = ph.inflation_model(ph.HolzapfelGasserOgden(), data_of(frame), likelihood)
     return ph.sample_smc(model, random_seed=seed, **SETTINGS)
 
 
 def error_of_diameter(rng: np.random.Generator, seed: int) -> xr.DataTree:
     _, frame = from_prior("Demiray", rng)
-    frame["radius"] += RADIUS_NOISE_SD * rng.standard_normal(len(frame))
-    noise = {"noise_sd": NOISE_SD, "diameter_noise_sd": 2 * RADIUS_NOISE_SD}
+    frame["radius"] += RADIUS_SD * rng.standard_normal(len(frame))
+    likelihood = ph.Gaussian(PRESSURE_SD, diameter_sd=2 * RADIUS_SD)
     data = data_of(frame.drop(columns="axial_force"))
-    model = ph.inflation_model(ph.Demiray(), data, slope_weight=0.0, **noise)
+    model = ph.inflation_model(ph.Demiray(), data, likelihood)
     return ph.sample_smc(model, random_seed=seed, **SETTINGS)
 
 
 def inferred_noise(rng: np.random.Generator, seed: int) -> xr.DataTree:
     _, frame = from_prior("PowerLawNeoHookean", rng)
-    data, noise = data_of(frame.drop(columns="axial_force")), pm.HalfNormal.dist(2 * NOISE_SD)
-    model = ph.inflation_model(ph.PowerLawNeoHookean(), data, noise_sd=noise, slope_weight=0.0)
+    data, noise = data_of(frame.drop(columns="axial_force")), pm.HalfNormal.dist(2 * PRESSURE_SD)
+    model = ph.inflation_model(ph.PowerLawNeoHookean(), data, noise)
     return ph.sample_smc(model, random_seed=seed, **SETTINGS)
 
 
@@ -137,8 +137,8 @@ def specimens_that_differ(rng: np.random.Generator, seed: int) -> xr.DataTree:
         values = {k: v * np.exp(0.2 * rng.standard_normal()) for k, v in typical.items()}
         frames.append(curves("Ogden", values, rng, name))
     data = data_of(pd.concat(frames, ignore_index=True).drop(columns="axial_force"))
-    settings = SETTINGS | {"variability": "specimen", "noise_sd": NOISE_SD, "random_seed": seed}
-    return ph.fit_classes(ph.Ogden(), {"group": data}, **settings)["group"]
+    settings = SETTINGS | {"variability": "specimen", "random_seed": seed}
+    return ph.fit_classes(ph.Ogden(), {"group": data}, PRESSURE_SD, **settings)["group"]
 
 
 RIGHT: dict[str, Callable[[np.random.Generator, int], xr.DataTree]] = {
@@ -185,7 +185,7 @@ def wrong_axial_stretch(frame: pd.DataFrame, law: str, _: dict) -> Mistaken:
 
 def outliers(frame: pd.DataFrame, law: str, _: dict) -> Mistaken:
     far = np.isin(np.arange(len(frame)), [7, 33])
-    return Mistaken(frame.assign(pressure=frame["pressure"] + 6 * NOISE_SD * far), law)
+    return Mistaken(frame.assign(pressure=frame["pressure"] + 6 * PRESSURE_SD * far), law)
 
 
 def drift(frame: pd.DataFrame, law: str, _: dict) -> Mistaken:
@@ -226,17 +226,14 @@ def mistaken(kind: Callable[..., Mistaken], number: int, law: str) -> xr.DataTre
     values = dict(LAWS[law][1])
     values[next(iter(values))] *= FACTORS[number]
     study = kind(curves(law, values, rng), law, values)
-    noise = {"noise_sd": NOISE_SD}
     # Half of the studies have measured forces, too.
-    if number % 2:
-        noise["force_noise_sd"] = FORCE_NOISE_SD
+    likelihood = ph.Gaussian(PRESSURE_SD, force_sd=FORCE_SD if number % 2 else None)
     frame = study.frame if number % 2 else study.frame.drop(columns="axial_force")
     model = ph.inflation_model(
         LAWS[study.law][0],
         data_of(frame, **study.tube),
+        likelihood,
         priors=dict(study.priors),
-        slope_weight=0.0,
-        **noise,
     )
     return ph.sample_smc(model, random_seed=number, **SETTINGS)
 

@@ -36,7 +36,7 @@ PRESSURE, NOISE = np.linspace(1.0, 16.0, 20), 0.3  # kPa
 AT, PILOT = 13.0, 5
 SCALE = NaturalScale(LAW)
 NAMES = ["log_alpha", "log compliance"]
-SETTINGS = {"noise_sd": NOISE, "variability": "specimen", "chains": 1, "progressbar": False}
+SETTINGS = {"likelihood": NOISE, "variability": "specimen", "chains": 1, "progressbar": False}
 
 
 def specimens(rng: np.random.Generator, x: np.ndarray, name: str) -> xr.Dataset:

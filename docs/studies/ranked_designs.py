@@ -70,7 +70,7 @@ def main() -> None:
     settings = {"random_seed": args.seed, "progressbar": False}
     groups = {name: specimens(args.train, name, DESIGNS["many, all"])[0] for name in PLACES}
     classes = ph.fit_classes(
-        LAW, groups, noise_sd=NOISE, variability="specimen", draws=2000, chains=2, **settings
+        LAW, groups, NOISE, variability="specimen", draws=2000, chains=2, **settings
     )
     told = ph.expected_information(classes, DESIGNS, specimens=400, random_seed=args.seed)
     first = told["design"].values[0]

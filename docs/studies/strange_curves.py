@@ -174,11 +174,11 @@ def fit(study, training, noise, seed):
     training = {
         name: ph.inflation_data(pd.concat(tables), **TUBE) for name, tables in training.items()
     }
-    noise_sd = NOISE if noise == "known" else pm.LogNormal.dist(np.log(NOISE), 1.0)
+    pressure_sd = NOISE if noise == "known" else pm.LogNormal.dist(np.log(NOISE), 1.0)
     return ph.fit_classes(
         LAWS[study.law][0],
         training,
-        noise_sd=noise_sd,
+        pressure_sd,
         variability="specimen",
         experiment_effect=study.effect,
         random_seed=seed,

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import log_softmax, logsumexp, softmax
 
-from pymc_hyperelastic.classes.comparable import Fit, check_comparable, noise_of
+from pymc_hyperelastic.classes.comparable import Fit, check_comparable, likelihood_said
 from pymc_hyperelastic.classes.interface import (
     ClassKind,
     Prediction,
@@ -21,7 +21,7 @@ from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.study import wall_of
+from pymc_hyperelastic.models.records import wall_of
 
 Array = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def laws_of(
     labels = list(labels or labels_of(kinds))
     check_comparable(
         [
-            Fit(label, tree.children, noise_of(next(iter(tree.children.values()))))
+            Fit(label, tree.children, likelihood_said(next(iter(tree.children.values()))))
             for label, tree in zip(labels, trees, strict=True)
         ],
         argument,
@@ -149,7 +149,8 @@ def laws_of_fits(fits: Mapping[str, xr.DataTree] | Sequence[xr.DataTree]) -> Law
         )
     labels = labels or labels_of_results(trees)
     check_comparable(
-        [Fit(name, {"": t}, noise_of(t)) for name, t in zip(labels, trees, strict=True)], "fits"
+        [Fit(name, {"": t}, likelihood_said(t)) for name, t in zip(labels, trees, strict=True)],
+        "fits",
     )
     return Laws(labels, [], [log_evidence(tree) for tree in trees])
 

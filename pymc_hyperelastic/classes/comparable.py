@@ -1,4 +1,4 @@
-"""Whether evidences of laws compare: they do where data, noise and likelihood are the same."""
+"""Check that evidences of laws are comparable: they need the same data and likelihood."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -7,8 +7,12 @@ from typing import NamedTuple
 import xarray as xr
 
 from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.stored import read_json, read_text
-from pymc_hyperelastic.models.study import holds_inflation_data, inflation_data_of
+from pymc_hyperelastic.files.stored import read_text
+from pymc_hyperelastic.models.records import (
+    holds_inflation_data,
+    inflation_data_of,
+    likelihood_of,
+)
 
 
 class Fit(NamedTuple):
@@ -17,28 +21,27 @@ class Fit(NamedTuple):
     label: str
     fitted: Mapping[str, xr.DataTree]
     """By class; a result that is no class by itself has the name ``""``."""
-    noise: str | None
-    """How measurements differ from curves, in words; None if the result does not say."""
+    likelihood: str | None
+    """The likelihood in words; None if the result does not state it."""
 
 
-def noise_of(tree: xr.DataTree) -> str | None:
-    """How measurements differ from curves, by what one result says of noise and likelihood."""
-    if "variability" in tree.attrs:
-        # Noise is a part of such a model, and may differ; what was measured may not.
-        settings = read_json(tree, "variability_settings", {})
-        forces = " and forces" if {"force_sigma", "force_noise_sd"} & set(settings) else ""
-        return f"variability={read_text(tree, 'variability')!r}, of pressures{forces}"
-    noise, likelihood = read_text(tree, "noise", None), read_text(tree, "likelihood", None)
-    if noise is None:
+def likelihood_said(tree: xr.DataTree) -> str | None:
+    """Return the likelihood of one result in words; None if the result does not state it."""
+    likelihood = likelihood_of(tree)
+    if likelihood is None:
         return None
-    return f"the noise {noise}" + (f" and the likelihood {likelihood!r}" if likelihood else "")
+    if "variability" in tree.attrs:
+        # Errors belong to each specimen and may differ between laws; the signals may not.
+        forces = " and forces" if likelihood.with_force else ""
+        return f"variability={read_text(tree, 'variability')!r}, of pressures{forces}"
+    return f"the likelihood {likelihood!r}"
 
 
 def check_comparable(fits: Sequence[Fit], argument: str) -> None:
     """Raise, naming what differs, unless the evidences of these laws compare.
 
-    The `argument` is that by which they were given. Of what does not say how it was made, it is
-    warned: nothing is known against it.
+    The `argument` is the name of the argument that holds them. Warn about fits that do not record
+    their data or likelihood.
     """
     first = fits[0]
     for fit in fits:
@@ -47,10 +50,10 @@ def check_comparable(fits: Sequence[Fit], argument: str) -> None:
                 f"{argument} holds the classes {list(fit.fitted)}, not {list(first.fitted)} as the "
                 "others"
             )
-        if None not in (fit.noise, first.noise) and fit.noise != first.noise:
+        if None not in (fit.likelihood, first.likelihood) and fit.likelihood != first.likelihood:
             raise ValueError(
-                f"{argument} holds {fit.label} with {fit.noise}, but {first.label} has "
-                f"{first.noise}: their evidences do not compare"
+                f"{argument} holds {fit.label} with {fit.likelihood}, but {first.label} has "
+                f"{first.likelihood}: their evidences do not compare"
             )
         for name, tree in fit.fitted.items():
             data = [_data_of(t) for t in (tree, first.fitted[name])]
@@ -65,19 +68,19 @@ def check_comparable(fits: Sequence[Fit], argument: str) -> None:
 
 
 def _warn_of_unknown(fits: Sequence[Fit], argument: str) -> None:
-    """Warn of what does not say from which data, or with which noise, it was made."""
+    """Warn about fits that do not record their data or likelihood."""
     if len(fits) == 1:
         return
     for fit in fits:
         known = {
             "from which inflation data": all(_data_of(t) is not None for t in fit.fitted.values()),
-            "with which noise": fit.noise is not None,
+            "with which likelihood": fit.likelihood is not None,
         }
         unknown = " and ".join(what for what, is_known in known.items() if not is_known)
         if unknown:
             warnings.warn(
                 f"{argument}: {fit.label} does not say {unknown} it was made; evidences compare "
-                "only under the same data, noise and likelihood: see to it that they are",
+                "only under the same data and likelihood: see to it that they are",
                 skip_file_prefixes=(PACKAGE,),
             )
 

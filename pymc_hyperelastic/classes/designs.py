@@ -70,7 +70,7 @@ def _as_test(name: str, given: Any, kind: Variability, pressure_unit: str) -> Pl
         raise ValueError(f"{who}: a test has either a 'pressure' or a 'radius'; got {controls}")
     points = given.get("points", _POINTS)
     check_count(f"{who}: points", points, 1)
-    with_force = kind.observation.with_force
+    with_force = kind.likelihood.with_force
     force = given.get("force", with_force)
     if force and not with_force:
         raise ValueError(
@@ -171,7 +171,7 @@ def empty_data(
     )
     blank = np.full(len(of_points), np.nan)
     variables |= {"radius": ("obs", blank), "pressure": ("obs", blank)}
-    if kind.observation.with_force:
+    if kind.likelihood.with_force:
         variables["axial_force"] = "obs", blank
     return xr.Dataset(variables, _labels(of_points, len(tests)))
 

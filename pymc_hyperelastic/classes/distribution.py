@@ -10,6 +10,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.compile.sharedvalue import SharedVariable
 
+from pymc_hyperelastic.classes.checks import CHECKS_OF_SPECIMENS
 from pymc_hyperelastic.classes.specimen_evidence import variance_of_specimen
 from pymc_hyperelastic.classes.specimens import (
     PARTICLES,
@@ -20,13 +21,20 @@ from pymc_hyperelastic.classes.specimens import (
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.evidence.checks import PACKAGE, no_progress
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
-from pymc_hyperelastic.evidence.importance import MOST_UNKNOWNS, Integral, by_importance
+from pymc_hyperelastic.evidence.importance import (
+    LARGEST_PARETO_K,
+    MOST_UNKNOWNS,
+    Integral,
+    importance_sampling,
+)
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
-from pymc_hyperelastic.evidence.many import Led
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
+from pymc_hyperelastic.evidence.particle_bridge import BridgeFromParticles
+from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.evidence.verdicts import register_checks
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, stacked
@@ -51,6 +59,8 @@ _MOST_FITS, _PARTICLES, _DISTRIBUTIONS, _PRIOR_DRAWS = 4, 500, 200, 2000
 _DRAWS_OF_EACH = 4
 
 Specimens = Mapping[str, SpecimenDraws]
+
+register_checks(CHECKS_OF_SPECIMENS)
 
 
 class ClassDraws(NamedTuple):
@@ -133,7 +143,7 @@ class _Fit:
     ) -> None:
         self.model, self.draws, self.size, self.known = model, draws, size, known
         self._mixture: GaussianMixture | None = None
-        self._led: Led | None = None
+        self._bridge: BridgeFromParticles | None = None
         self.kernel = self._kernel(size, count)
 
     def _kernel(self, size: int, count: int) -> BatchedSMC:
@@ -185,22 +195,28 @@ class _Fit:
         """
         target, count = self.kernel.target, self.kernel.draws
         if target.dimension > MOST_UNKNOWNS:
-            self._led = self._led or Led(target, rng, self.known, self._guide)
-            found = self._led.integral(count, rng)
+            self._bridge = self._bridge or BridgeFromParticles(target, rng, self.known, self._guide)
+            found = self._bridge.integral(count, rng)
             self.known = found.particles
             return found
-        found = by_importance(
-            target.score, self._like(rng), count, rng, target.draw_prior, _DRAWS_OF_EACH * count
+        found = importance_sampling(
+            target.score,
+            self._initial_proposal(rng),
+            ExpectationMaximisation(),
+            count,
+            rng,
+            draw_prior=target.draw_prior,
+            draws=_DRAWS_OF_EACH * count,
         )
-        if not found.trusted:
+        if not found.pareto_k < LARGEST_PARETO_K:
             found = integrate(target, count, rng)
             self.known = None
         if self.known is None:
             self.known, self._mixture = found.particles, None
         return found
 
-    def _like(self, rng: np.random.Generator) -> GaussianMixture:
-        """Mixture that is somehow like the posterior."""
+    def _initial_proposal(self, rng: np.random.Generator) -> GaussianMixture:
+        """Return a mixture that is roughly like the posterior, or wider."""
         if self.known is None:
             target = self.kernel.target
             return GaussianMixture.fit(target.draw_prior(_PRIOR_DRAWS, rng), 1, rng)
@@ -229,7 +245,7 @@ def fit_distribution(
     dims = {
         "centre": ("specimen", "coordinate", "particle"),
         "scatter": ("specimen", "coordinate", "particle"),
-        "log_sigma": ("specimen", "noise", "particle"),
+        "log_size": ("specimen", "noise", "particle"),
         "deviations": ("specimen", "measure", "particle"),
         "log_weight": ("specimen", "particle"),
         "tests": ("specimen",),

@@ -1,52 +1,63 @@
-"""What tests of one specimen say of its classes, by few draws: for very many specimens."""
+"""Evidences of one specimen under several classes from few draws, for very many specimens."""
 
 from collections.abc import Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
-from scipy import stats
 from scipy.special import log_softmax, logsumexp
 
 from pymc_hyperelastic.classes.specimen_evidence import near_class
 from pymc_hyperelastic.classes.specimen_target import SpecimenTarget
-from pymc_hyperelastic.classes.specimens import SpecimenSampler, fresh_specimens
-from pymc_hyperelastic.evidence.climbs import Summits, climb_together
-from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
-from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step, systematic
+from pymc_hyperelastic.classes.specimens import SpecimenSampler, one_draw
+from pymc_hyperelastic.evidence.mixture import GaussianMixture
+from pymc_hyperelastic.evidence.optimise import Maxima, maximize_batch
+from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
+from pymc_hyperelastic.evidence.reference import Reference
+from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.specimen_draws import mean_density
 
 Array = NDArray[np.float64]
 
-# Share of the first draws that are from the classes themselves, and how many components a mixture
-# around the best specimen has, how much wider than they are, with Student's tails.
-_OF_CLASSES, _COMPONENTS, _WIDER, _FREEDOM = 0.25, 60, 1.2, 6.0
-# Share of the draws of a class that are to be effective, where it has at least such a probability;
-# and how often it gets as many once more for that.
-_EFFECTIVE, _IMPROBABLE, _MOST_ROUNDS = 0.25, 1e-3, 8
-# For each dimension, effective draws of which a shape is learned; and draws it is learned from.
-_FOR_SHAPE, _LEARNED_FROM = 4, 1000
-# Steps of differences, in widths of the posterior.
+# Share of the draws of a class's proposal that are from the class itself.
+_OF_CLASS = 0.25
+# Components of a proposal, at most.
+_COMPONENTS = 60
+# Factor by which the variances of a fitted proposal are enlarged.
+_WIDER = 1.2
+# Degrees of freedom of a proposal.
+_FREEDOM = 6.0
+# Fraction of the draws of a class that are to be effective.
+_EFFECTIVE = 0.25
+# Probability of a class below which it does not matter how many are.
+_IMPROBABLE = 1e-3
+# Rounds of fresh draws, at most; a proposal that was not good enough gets twice as many draws.
+_MOST_ROUNDS = 3
+# Effective draws to which a proposal is fitted, for each dimension.
+_FOR_SHAPE = 4
+# Largest fraction of the draws that is to be effective for such a fit.
+_MOST_FOR_SHAPE = 0.5
+# Draws of the prior for each draw of a proposal, of which the best is a starting point.
+_DRAWS_OF_PRIOR = 20
+# Step of central differences of a prior, in widths of the posterior.
 _STEP = 1e-2
 
 
 class KnownClass(NamedTuple):
-    """A class, and its specimens with so many tests as a mixture of normal distributions."""
+    """A class, and its specimens with some number of tests as a mixture of normal distributions."""
 
     distributions: ClassDistribution
     near: ClassDistribution
-    """One distribution like it, and wider."""
+    """A single distribution like those of the class, and wider."""
     means: Array
-    """Of points of the target, (draw, entry)."""
+    """Means of points of the target, (draw, entry)."""
     precisions: Array
     """Inverses of the covariances."""
 
 
 def known_class(distributions: ClassDistribution, tests: int, measures: int) -> KnownClass:
-    """A class of specimens with so many tests, and measures of the tube that are not known."""
+    """Return a class of specimens with a number of tests and of inferred measures of the tube."""
     means, covariances = _moments(distributions, tests)
     # The deviations of the tube come last, and are standard normal.
     tube = np.ones((len(means), measures))
@@ -56,14 +67,13 @@ def known_class(distributions: ClassDistribution, tests: int, measures: int) -> 
 
 
 class FewDraws:
-    """Draws of what a specimen may be, and what they weigh under each class.
+    """Draws of what a specimen may be, and their weights under each class.
 
-    They are from a mixture of
-
-    - the classes themselves, where its tests tell little;
-    - for each class, what it would be if the tests' standard errors were linear around the best
-      specimen; the class being a mixture of normal distributions, so is that;
-    - where that is not like it, as many draws again, from a mixture learned from all before.
+    The proposal of a class is a mixture of the class itself and of its posterior under the
+    assumption that the tests' standard errors are linear around the best specimen. The class is a
+    mixture of normal distributions, and so is this posterior. All draws count for all classes, as
+    draws of the mixture of all proposals. For classes of which too few are effective, proposals are
+    fitted to the draws; these are then dropped, and fresh ones are made of all proposals.
 
     Attributes
     ----------
@@ -74,11 +84,13 @@ class FewDraws:
         means are the evidences.
     effective : array, shape (class)
         Effective draws of each class; infinite where it is too improbable to matter.
+    proposals : list of Reference
+        Of the classes.
 
     References
     ----------
-    J.-M. Cornuet, J.-M. Marin, A. Mira and C. P. Robert, Adaptive multiple importance sampling,
-    Scandinavian Journal of Statistics 39 (2012) 798.
+    E. Veach and L. J. Guibas, Optimally combining sampling techniques for Monte Carlo rendering,
+    SIGGRAPH 95 (1995) 419.
     """
 
     def __init__(
@@ -91,77 +103,54 @@ class FewDraws:
         count: int,
         rng: np.random.Generator,
     ) -> None:
-        self._sampler, self._data = sampler, data
-        self._classes = [known.distributions for known in classes]
-        self._target = sampler.target(data)
-        self._mixtures: list[tuple[GaussianMixture, int]] = []
-        self._log_likelihood, self._of_classes = np.empty(0), np.empty((len(classes), 0))
-        self.points = np.empty((0, self._target.dimension))
-        self._wide = round(_OF_CLASSES * count)
+        tests = data.sizes["test"]
+        self._target, self._log_prior = sampler.target(data), log_prior
+        self._priors = [sampler.prior(known.distributions, tests) for known in classes]
+        self.proposals, counts = [], np.full(len(classes), count)
         for known in classes:
-            target = sampler.target(data, partial(sampler.log_density, distribution=known.near))
-            starts = _best_of_prior(target, 20 * count, rng) if start is None else start
-            top = climb_together(target.ascent, starts, target.prior_width)
-            around = _around(target, top, known)
-            self._add(around, count - self._wide, known.distributions, rng)
-        self._weigh(log_prior)
-        for _ in range(_MOST_ROUNDS):
+            target = sampler.target(data, sampler.prior(one_draw(known.near), tests))
+            starts = start
+            if starts is None:
+                starts = _best_of_prior(target, _DRAWS_OF_PRIOR * count, rng)
+            top = maximize_batch(target.derivatives, starts, target.prior_width)
+            self.proposals.append(Reference(_around(target, top, known), _OF_CLASS))
+        for _ in range(1 + _MOST_ROUNDS):
+            self._draw(counts, rng)
             lacking = np.flatnonzero(self.effective < _EFFECTIVE * count)
             if not lacking.size:
                 break
-            for learned in [self._learned(self.log_terms[k], rng) for k in lacking]:
-                self._add(learned, count, None, rng)
-            self._weigh(log_prior)
+            counts[lacking] *= 2
+            for k in lacking.tolist():
+                self.proposals[k] = Reference(self._fitted(k, rng), _OF_CLASS)
 
-    def _add(
-        self,
-        mixture: GaussianMixture,
-        count: int,
-        fresh_of: ClassDistribution | None,
-        rng: np.random.Generator,
-    ) -> None:
-        """Draw so many points, and some more fresh ones of a class."""
-        drawn = [mixture.draw(count, rng)]
-        self._mixtures.append((mixture, count))
-        if fresh_of is not None:
-            chosen = fresh_of.at(rng.integers(len(fresh_of.location[0]), size=self._wide))
-            tests = self._data.sizes["test"]
-            fresh = fresh_specimens(self._sampler.population, chosen, tests, rng)
-            drawn.append(self._sampler.points_of(fresh))
-        x = np.concatenate(drawn)
-        self.points = np.concatenate([self.points, x])
-        likelihood = self._target.score(x)[1]
-        self._log_likelihood = np.concatenate([self._log_likelihood, likelihood])
-        draws = self._sampler.draws_at(x)
-        log_tube = stats.norm.logpdf(draws.deviations).sum(axis=0)
-        of_classes = [mean_density(draws, d) + log_tube for d in self._classes]
-        self._of_classes = np.concatenate([self._of_classes, of_classes], axis=1)
-
-    def _weigh(self, log_prior: Array) -> None:
-        """Weights of all draws so far, as if from the mixture of all that they are from."""
-        density = [np.log(n) + m.log_density(self.points) for m, n in self._mixtures]
-        density += [np.log(self._wide) + row for row in self._of_classes]
-        log_density = logsumexp(density, axis=0) - np.log(len(self.points))
-        self.log_terms = self._log_likelihood + self._of_classes - log_density
-        probability = np.exp(log_softmax(log_prior + logsumexp(self.log_terms, axis=1)))
+    def _draw(self, counts: Array, rng: np.random.Generator) -> None:
+        """Draw points of all proposals, and weight them for each class."""
+        drawn = zip(self.proposals, self._priors, counts, strict=True)
+        self.points = np.concatenate([q.draw(prior.draw, n, rng) for q, prior, n in drawn])
+        of_classes = np.stack([prior.log_density(self.points) for prior in self._priors])
+        density = [
+            np.log(n) + q.log_density(self.points, own)
+            for q, own, n in zip(self.proposals, of_classes, counts, strict=True)
+        ]
+        log_proposal = logsumexp(density, axis=0) - np.log(len(self.points))
+        self.log_terms = self._target.score(self.points)[1] + of_classes - log_proposal
+        probability = np.exp(log_softmax(self._log_prior + logsumexp(self.log_terms, axis=1)))
         effective = [effective_sample_size(terms) for terms in self.log_terms]
         self.effective = np.where(probability < _IMPROBABLE, np.inf, effective)
 
-    def _learned(self, log_terms: Array, rng: np.random.Generator) -> GaussianMixture:
-        """A mixture like weighted draws, of which so few may count that they are evened out."""
-        possible = np.isfinite(log_terms)
-        points, log_terms = self.points[possible], log_terms[possible]
-        dimension = points.shape[1]
-        fraction = min(_FOR_SHAPE * dimension / len(points), 0.5)
-        evened = largest_step(log_terms, fraction, 1.0) * log_terms
-        weights = np.exp(evened - evened.max())
-        chosen = points[systematic(weights, _LEARNED_FROM, rng)]
-        components = components_for(effective_sample_size(evened), dimension)
-        return GaussianMixture.fit(chosen, components, rng).widened(_WIDER, _FREEDOM)
+    def _fitted(self, k: int, rng: np.random.Generator) -> GaussianMixture:
+        """Fit a mixture to draws weighted for one class, tempered until enough are effective."""
+        possible = np.isfinite(self.log_terms[k])
+        points, log_terms = self.points[possible], self.log_terms[k, possible]
+        fraction = min(_FOR_SHAPE * points.shape[1] / len(points), _MOST_FOR_SHAPE)
+        tempered = largest_step(log_terms, fraction, 1.0) * log_terms
+        builder, current = ExpectationMaximisation(), self.proposals[k].mixture
+        fitted = builder.fitted(points, tempered, rng, current, final=True)
+        return fitted.widened(_WIDER, _FREEDOM)
 
 
 def _best_of_prior(target: SpecimenTarget, count: int, rng: np.random.Generator) -> Array:
-    """The best of so many points of the prior."""
+    """Return the best of `count` points of the prior."""
     points = target.draw_prior(count, rng)
     return points[[np.argmax(np.add(*target.score(points)))]]
 
@@ -176,17 +165,17 @@ def _moments(distributions: ClassDistribution, tests: int) -> tuple[Array, Array
         alike, own = np.ones((tests, tests)), np.eye(tests)
         of_tests = within[:, :, None] * np.eye(within.shape[1])
         covariance = np.kron(covariance, alike) + np.kron(of_tests, own)
-    if distributions.log_sigma is None:
+    if distributions.log_size is None:
         return location, covariance
     noise, spread = (
         np.stack([np.ravel(x) for x in values], axis=1)
-        for values in (distributions.log_sigma, distributions.noise_spread)
+        for values in (distributions.log_size, distributions.noise_spread)
     )
     return np.concatenate([location, noise], axis=1), _and_independent(covariance, spread**2)
 
 
 def _and_independent(matrices: Array, more: Array) -> Array:
-    """Matrices (draw, entry, entry), continued by so much (draw, entry) on their diagonals."""
+    """Return matrices (draw, entry, entry) with more entries (draw, entry) on their diagonals."""
     size = matrices.shape[1]
     continued = np.pad(matrices, [(0, 0), (0, more.shape[1]), (0, more.shape[1])])
     places = np.arange(size, size + more.shape[1])
@@ -194,18 +183,18 @@ def _and_independent(matrices: Array, more: Array) -> Array:
     return continued
 
 
-def _around(target: SpecimenTarget, top: Summits, known: KnownClass) -> GaussianMixture:
-    """A specimen of normal distributions, whose standard errors are linear around a point.
+def _around(target: SpecimenTarget, top: Maxima, known: KnownClass) -> GaussianMixture:
+    """Return the posterior of a specimen whose standard errors are linear around a point.
 
-    Of a distribution ``N(m, P⁻¹)`` and a log likelihood with the slope ``g`` and the curvature
-    ``H`` at ``x`` it is ``N(V (P m + H x + g), V)`` with ``V = (P + H)⁻¹``.
+    For a prior ``N(m, P⁻¹)`` and a log likelihood with the gradient ``g`` and the curvature ``H``
+    at ``x`` the posterior is ``N(V (P m + H x + g), V)`` with ``V = (P + H)⁻¹``.
     """
     (x,), (width,) = top.points, top.widths
-    rise = target.ascent(top.widths)(top.points)
-    curvature = np.asarray(rise.curvature)[0] - np.diag(target.prior_width**-2.0)
-    steps = np.diag(_STEP * width)
-    of_prior = (target.log_prior(x + steps) - target.log_prior(x - steps)) / (2 * _STEP * width)
-    pull = curvature @ x + rise.slope[0] - of_prior
+    _, (gradient,), curvatures = target.derivatives(top.points, top.widths)
+    curvature = np.asarray(curvatures)[0] - np.diag(target.prior_width**-2.0)
+    steps, log_prior = np.diag(_STEP * width), target.prior.log_density
+    of_prior = (log_prior(x + steps) - log_prior(x - steps)) / (2 * _STEP * width)
+    pull = curvature @ x + gradient - of_prior
     means, precisions = known.means, known.precisions
     after = np.linalg.inv(precisions + curvature)
     pulled = (precisions @ means[..., None])[..., 0]

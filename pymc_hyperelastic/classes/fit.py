@@ -20,6 +20,7 @@ from pymc_hyperelastic.files.store import remembering
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.geometry import Measured
+from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.parallel import one_thread
 
 
@@ -27,12 +28,8 @@ from pymc_hyperelastic.parallel import one_thread
 def fit_classes(
     energy: StrainEnergy | Sequence[Layer],
     classes: Mapping[str, xr.Dataset],
+    likelihood: Likelihood | Any,
     *,
-    noise_sd: Any = None,
-    sigma: Any = None,
-    slope_weight: Any = None,
-    force_noise_sd: Any = None,
-    force_sigma: Any = None,
     priors: dict[str, Any] | None = None,
     geometry: Mapping[str, Measured] | None = None,
     variability: Literal["none", "specimen"] = "none",
@@ -43,7 +40,6 @@ def fit_classes(
     random_seed: Any = None,
     progressbar: bool = True,
     store: str | Path | None = None,
-    **noise: Any,
 ) -> xr.DataTree:
     """Sample the posterior of each class from its training experiments.
 
@@ -63,10 +59,13 @@ def fit_classes(
         inside out, see :func:`~pymc_hyperelastic.population_model`.
     classes : dict of str to xarray.Dataset
         Training data of each class by its name.
-    noise_sd, sigma, slope_weight, force_noise_sd, force_sigma, priors
-        See :func:`pymc_hyperelastic.inflation_model`; they hold for all classes. With variability
-        they are those of :func:`~pymc_hyperelastic.population_model`, and `slope_weight` need not
-        be given.
+    likelihood : Gaussian, SlopeAugmented, float or distribution
+        The measured quantities and their errors, of all classes, see
+        :class:`~pymc_hyperelastic.Gaussian` and :class:`~pymc_hyperelastic.SlopeAugmented`. A
+        number or a distribution alone is the standard deviation of a pressure, kPa.
+    priors : dict of str to distribution, optional
+        Priors of the material parameters, see :func:`pymc_hyperelastic.inflation_model`; with
+        variability those of the class, see :func:`~pymc_hyperelastic.population_model`.
     geometry : dict of str to Measured, optional
         Measures of the tube that have an error, of each specimen its own, see
         :func:`~pymc_hyperelastic.population_model`; only with variability.
@@ -81,15 +80,12 @@ def fit_classes(
         A folder that keeps what is computed: classes, or with variability the draws of each
         specimen, which take most of the time. After an interrupt, or a kill, the same call goes on
         from there.
-    **noise
-        Errors of what else was measured: ``force_offset_sd`` and ``diameter_noise_sd`` of the
-        same functions.
 
     Returns
     -------
     xarray.DataTree
         One child a class, each with posterior, evidence, training data and settings; the attribute
-        ``noise_in_words`` says what the noise is as ``σ`` and in standard deviations. With
+        ``likelihood_in_words`` says with which errors. With
         variability each has draws of its ``specimens`` too; ``specimens`` and ``evidence`` then say
         by which ``method`` each was integrated, "importance", "tempering" or, a distribution of
         more than 24 unknowns, "bridge", with the Pareto shape ``pareto_k`` of the weights (NaN
@@ -120,14 +116,15 @@ def fit_classes(
 
     Classes whose specimens share one material:
 
-    >>> noise = {"sigma": 5 * ph.mmHg, "slope_weight": 3.0}
-    >>> pooled = ph.fit_classes(ph.Ogden(), train, chains=2, **noise, **settings)
+    >>> likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=3.0)
+    >>> pooled = ph.fit_classes(ph.Ogden(), train, likelihood, chains=2, **settings)
     >>> ph.save_result(pooled, "pooled.nc")
 
     Classes whose specimens differ:
 
-    >>> noise = {"noise_sd": 5 * ph.mmHg, "variability": "specimen"}
-    >>> hierarchical = ph.fit_classes(ph.Ogden(), train, chains=1, **noise, **settings)
+    >>> likelihood = ph.Gaussian(pressure_sd=5 * ph.mmHg)
+    >>> settings |= {"chains": 1, "variability": "specimen"}
+    >>> hierarchical = ph.fit_classes(ph.Ogden(), train, likelihood, **settings)
     >>> ph.save_result(hierarchical, "hierarchical.nc")
     >>> list(hierarchical.children)
     ['C1', 'C2']
@@ -136,12 +133,7 @@ def fit_classes(
     kind = kind_of_settings(
         variability,
         energy,
-        noise,
-        noise_sd=noise_sd,
-        sigma=sigma,
-        slope_weight=slope_weight,
-        force_noise_sd=force_noise_sd,
-        force_sigma=force_sigma,
+        likelihood,
         priors=priors,
         geometry=geometry,
         experiment_effect=experiment_effect,
@@ -159,7 +151,7 @@ def fit_classes(
             warn_of_evidence(fitted, f"class {name!r}: ")
             tree[name] = sealed(fitted)
     except KeyboardInterrupt:
-        # What a store has, the same call goes on with: nobody is to take a part for the whole.
+        # With a store the same call continues; a partial result could be mistaken for a whole.
         if not tree.children or store is not None:
             raise
         warnings.warn(
@@ -169,7 +161,7 @@ def fit_classes(
         said = f"class {name!r} cannot be fitted: {error}"
         if not tree.children:
             raise ValueError(said) from error
-        # What the others took is not to be lost.
+        # Keep the classes that were fitted.
         warnings.warn(said, skip_file_prefixes=(PACKAGE,))
     tree.attrs |= kind.attrs() | {"random_seed": json.dumps(seed.entropy)}
     return tree
@@ -178,7 +170,7 @@ def fit_classes(
 def _manifest(
     kind: ClassKind, classes: Data, seed: np.random.SeedSequence, draws: int, chains: int
 ) -> dict[str, Any]:
-    """What decides the numbers of fitted classes, as a store says it."""
+    """Return the settings on which the numbers of fitted classes depend, for a store."""
     return {
         "work": "fit_classes",
         **kind.manifest(),

@@ -20,15 +20,16 @@ from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.classes.training import check_left_out
 from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.diagnosis import worst_of
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.evidence.verdicts import worst_of
 from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.store import Remember, named, remembering
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.geometry import Measured
+from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.parallel import one_thread
 
 Array = NDArray[np.float64]
@@ -38,10 +39,8 @@ Array = NDArray[np.float64]
 def calibration_report(
     energy: StrainEnergy | Sequence[StrainEnergy | Layer | Sequence[Layer]],
     classes: Mapping[str, xr.Dataset],
+    likelihood: Likelihood | Any,
     *,
-    noise_sd: Any = None,
-    sigma: Any = None,
-    slope_weight: float = 0.0,
     variability: Literal["none", "specimen"] = "specimen",
     experiment_effect: bool = False,
     reference_stress: float | None = 20.0,
@@ -53,7 +52,6 @@ def calibration_report(
     random_seed: Any = None,
     progressbar: bool = True,
     store: str | Path | None = None,
-    **noise: Any,
 ) -> xr.Dataset:
     r"""Leave specimens out, one after another, and classify them by all others.
 
@@ -71,7 +69,7 @@ def calibration_report(
         ``OgdenSeries(2)``, are labelled with their settings.
     classes : dict of str to xarray.Dataset
         Data of each class by its name, as for :func:`fit_classes`.
-    noise_sd, sigma, slope_weight, variability, experiment_effect, reference_stress
+    likelihood, variability, experiment_effect, reference_stress
         See :func:`~pymc_hyperelastic.fit_classes`.
     priors, geometry
         Likewise.
@@ -86,8 +84,6 @@ def calibration_report(
         Whether to show progress. After an interrupt what is not yet known is NaN.
     store : str or Path, optional
         A folder that keeps what is computed, fit after fit: the same call goes on from there.
-    **noise
-        Errors of what else was measured, see :func:`pymc_hyperelastic.fit_classes`.
 
     Returns
     -------
@@ -120,7 +116,7 @@ def calibration_report(
     >>> report = ph.calibration_report(
     ...     ph.Ogden(),
     ...     {name: ph.select(data, group=name) for name in ("C1", "C2")},
-    ...     noise_sd=4 * ph.mmHg,
+    ...     ph.Gaussian(pressure_sd=4 * ph.mmHg),
     ...     draws=500,
     ...     random_seed=1,
     ...     progressbar=False,
@@ -147,10 +143,7 @@ def calibration_report(
         kind_of_settings(
             variability,
             law,
-            noise,
-            noise_sd=noise_sd,
-            sigma=sigma,
-            slope_weight=slope_weight,
+            likelihood,
             priors=priors,
             geometry=geometry,
             experiment_effect=experiment_effect,
@@ -161,19 +154,7 @@ def calibration_report(
     for kind in kinds:
         kind.check_classes(classes)
     seed = seed_kept(random_seed, store)
-
-    def manifest() -> dict[str, Any]:
-        return {
-            "work": "calibration_report",
-            "laws": [kind.manifest() for kind in kinds],
-            "left_out": {specimen: str(unit) for specimen, unit in units.items()},
-            "draws": draws,
-            "chains": chains,
-            "random_seed": seed.entropy,
-            "data": digests_of(classes),
-        }
-
-    remember = remembering(store, manifest)
+    remember = remembering(store, lambda: _manifest(kinds, classes, units, draws, chains, seed))
     seeds = seed.spawn(len(kinds))
     found = _leave_out_each(
         kinds, classes, true_class, units, draws, chains, seeds, progressbar, remember
@@ -183,6 +164,26 @@ def calibration_report(
         report = report.drop_vars("p_value")
     report.attrs = {"variability": variability, "random_seed": json.dumps(seed.entropy)}
     return _with_scores(report)
+
+
+def _manifest(
+    kinds: Sequence[ClassKind],
+    classes: Mapping[str, xr.Dataset],
+    units: Mapping[str, Hashable],
+    draws: int,
+    chains: int,
+    seed: np.random.SeedSequence,
+) -> dict[str, Any]:
+    """Return the settings on which the numbers of a report depend, for a store."""
+    return {
+        "work": "calibration_report",
+        "laws": [kind.manifest() for kind in kinds],
+        "left_out": {specimen: str(unit) for specimen, unit in units.items()},
+        "draws": draws,
+        "chains": chains,
+        "random_seed": seed.entropy,
+        "data": digests_of(classes),
+    }
 
 
 def _walls(energy: Any) -> list[Any]:

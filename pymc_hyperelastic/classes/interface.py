@@ -89,8 +89,20 @@ class ClassKind(ABC):
 
     @classmethod
     @abstractmethod
-    def of_settings(cls, energy: Any, **settings: Any) -> Self:
-        """The kind with what :func:`~pymc_hyperelastic.fit_classes` was given, if it uses that."""
+    def of_settings(
+        cls,
+        energy: Any,
+        likelihood: Any,
+        *,
+        priors: Any = None,
+        geometry: Any = None,
+        experiment_effect: bool = False,
+        reference_stress: float | None = 20.0,
+    ) -> Self:
+        """Return the kind with arguments of :func:`~pymc_hyperelastic.fit_classes`.
+
+        Arguments that the kind does not use must have their defaults.
+        """
 
     @classmethod
     @abstractmethod

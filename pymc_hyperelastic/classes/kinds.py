@@ -15,7 +15,7 @@ from pymc_hyperelastic.files.seal import check_seal
 from pymc_hyperelastic.files.stored import read_text
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.observation.noise import NOISE_UNITS
+from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.predictions.measured import warn_user
 
 # Attributes that say of what material a class is.
@@ -32,19 +32,14 @@ _KINDS: dict[str, type[ClassKind]] = {kind.variability: kind for kind in (Pooled
 def kind_of_settings(
     variability: Any,
     energy: StrainEnergy | Sequence[Layer],
-    noise: dict[str, Any],
+    likelihood: Likelihood | Any,
     **settings: Any,
 ) -> ClassKind:
     """The kind of class that :func:`~pymc_hyperelastic.fit_classes` is asked for."""
-    strangers = [name for name in noise if name not in NOISE_UNITS]
-    if strangers:
-        raise TypeError(
-            f"{strangers[0]!r} is no setting of classes; of errors there are {list(NOISE_UNITS)}"
-        )
     if variability not in _KINDS:
         names = " or ".join(map(repr, _KINDS))
         raise ValueError(f"variability must be {names}, not {variability!r}")
-    return _KINDS[variability].of_settings(energy, **settings, **noise)
+    return _KINDS[variability].of_settings(energy, likelihood, **settings)
 
 
 def kind_of_classes(classes: xr.DataTree, *, whole: bool = True) -> ClassKind:
@@ -70,11 +65,6 @@ def kind_of_classes(classes: xr.DataTree, *, whole: bool = True) -> ClassKind:
             raise ValueError(
                 f"classes must be the result of ph.fit_classes, all of it; {name!r} is no class"
             )
-        if "likelihood" in fitted.attrs:
-            raise ValueError(
-                f"class {name!r} has the likelihood {fitted.attrs['likelihood']!r}: classes come "
-                "from ph.fit_classes"
-            )
         for key in (*_MATERIAL, *kind.common_attrs):
             # All classes have the common ones, and only layers their own.
             missing = () if key in kind.common_attrs else (None,)
@@ -82,7 +72,7 @@ def kind_of_classes(classes: xr.DataTree, *, whole: bool = True) -> ClassKind:
             if mine != theirs:
                 raise ValueError(
                     f"class {name!r} was fitted with {key} {mine}, others with {theirs}: evidences "
-                    "can only be compared under one strain energy, one prior and one noise"
+                    "can only be compared under one strain energy, one prior and one likelihood"
                 )
     found = kind.of_tree(first)
     for fitted in classes.children.values() if whole else ():

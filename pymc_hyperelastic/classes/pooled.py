@@ -1,7 +1,7 @@
 """Classes whose specimens share one set of parameters, as in the paper."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
@@ -24,38 +24,36 @@ from pymc_hyperelastic.classes.interface import (
 from pymc_hyperelastic.classes.signals import with_hybrids
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, without_specimens
 from pymc_hyperelastic.evidence.batched import BatchedFunction, value_shapes, without_traces
-from pymc_hyperelastic.evidence.diagnosis import check_evidence, worst_verdict
+from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
+    CANDIDATE_DRAWS,
     DRAWS,
-    FIRST_DRAWS,
     LARGEST_PARETO_K,
     at_modes,
-    by_importance,
-    draw_heavy_tailed,
+    importance_sampling,
     mean_weight,
+    weighted_draws,
 )
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
-from pymc_hyperelastic.evidence.modes import modes_from
-from pymc_hyperelastic.evidence.nearby import modes_near
+from pymc_hyperelastic.evidence.modes import find_modes, modes_near
+from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
 from pymc_hyperelastic.evidence.reference import Reference
-from pymc_hyperelastic.evidence.search import width_of
 from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
-from pymc_hyperelastic.evidence.target import Slope, by_differences
+from pymc_hyperelastic.evidence.stored_evidence import check_evidence
+from pymc_hyperelastic.evidence.target import gradient_by_differences, width_of
 from pymc_hyperelastic.evidence.weights import effective_sample_size
 from pymc_hyperelastic.files.store import Remember, compute_now
 from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers, reading
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.inflation import tube_model
-from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES
-from pymc_hyperelastic.models.priors import complete_priors, is_inferred, prior_to_record
-from pymc_hyperelastic.models.study import (
+from pymc_hyperelastic.models.likelihoods import OFFSET_VARIABLES, Likelihood, as_likelihood
+from pymc_hyperelastic.models.priors import complete_priors, prior_to_record
+from pymc_hyperelastic.models.records import (
     inflation_data_of,
     model_settings_of,
-    noise_records,
     values_of_parameter,
     wall_attrs,
 )
@@ -81,22 +79,22 @@ class Pooled(ClassKind):
 
     variability: ClassVar[str] = "none"
     has_p_value: ClassVar[bool] = False
-    common_attrs: ClassVar[tuple[str, ...]] = ("priors", "noise")
+    common_attrs: ClassVar[tuple[str, ...]] = ("priors", "likelihood")
 
     energy: StrainEnergy
-    observation: Observation
+    likelihood: Likelihood
     priors: dict[str, Any] | None = None
 
     @classmethod
     def of_settings(
         cls,
         energy: StrainEnergy,
+        likelihood: Likelihood | Any,
         *,
         priors: dict[str, Any] | None = None,
         geometry: Mapping[str, Any] | None = None,
         experiment_effect: bool = False,
         reference_stress: float | None = 20.0,
-        **noise: Any,
     ) -> "Pooled":
         """The kind, of settings that say nothing of how specimens differ."""
         only = "it is used only with variability='specimen'"
@@ -106,21 +104,28 @@ class Pooled(ClassKind):
             raise ValueError(f"experiment_effect is {experiment_effect!r}: {only}")
         if reference_stress != 20.0:
             raise ValueError(f"reference_stress is {reference_stress!r}: {only}")
-        if noise.get("slope_weight") is None:
-            raise TypeError(
-                "slope_weight is not given, which says how much slopes count: 0 leaves them out, "
-                "ph.balanced_slope_weight(data) weighs them as pressures"
+        return cls(energy, as_likelihood(likelihood), priors)
+
+    def __post_init__(self) -> None:
+        """Refuse a likelihood of observed variables: new data are held against the Potential."""
+        if self.likelihood.observed:
+            raise ValueError(
+                f"likelihood is {self.likelihood!r}; classes without variability need the "
+                "Potential: leave observed=True away"
             )
-        return cls(energy, Observation(**noise), priors)
 
     @classmethod
     def of_tree(cls, fitted: xr.DataTree) -> "Pooled":
         """Settings of a fitted class."""
         settings = model_settings_of(fitted)
-        energy, priors = settings.pop("energy"), settings.pop("priors")
+        if settings["likelihood"].observed:
+            raise ValueError(
+                f"class {fitted.name!r} was sampled with observed variables, "
+                f"{settings['likelihood']!r}: make classes by ph.fit_classes"
+            )
         with reading(fitted):
-            complete_priors(energy, priors)
-            return cls(energy, Observation(**settings), priors)
+            complete_priors(settings["energy"], settings["priors"])
+            return cls(**settings)
 
     def check_stored(self, fitted: xr.DataTree) -> None:
         """Raise unless a class has its data, and draws of all that is not known."""
@@ -133,9 +138,8 @@ class Pooled(ClassKind):
         check_evidence(fitted)
         for p in self.energy.parameters:
             values_of_parameter(fitted, p)
-        for name, value in self.observation.noise.items():
-            if is_inferred(value):
-                read_numbers(fitted, "posterior", name, ("chain", "draw"))
+        for name in self.likelihood.unknowns:
+            read_numbers(fitted, "posterior", name, ("chain", "draw"))
         particles = read_draws(fitted, "unconstrained_posterior")
         for name in map(str, particles.data_vars):
             read_numbers(fitted, "unconstrained_posterior", name, None)
@@ -143,11 +147,11 @@ class Pooled(ClassKind):
     @property
     def parts(self) -> tuple[str, ...]:
         """What was measured: a class is told from another by each."""
-        return self.observation.signals
+        return self.likelihood.signals
 
     def model(self, data: xr.Dataset) -> pm.Model:
         """Model of a class with these data."""
-        return tube_model(self.energy, data, self.observation, priors=self.priors)
+        return tube_model(self.energy, data, self.likelihood, priors=self.priors)
 
     def attrs(self) -> dict[str, str]:
         """Settings are those of the models, and stored with each."""
@@ -159,12 +163,12 @@ class Pooled(ClassKind):
         return wall_attrs(self.energy) | {
             "variability": self.variability,
             "priors": {name: prior_to_record(name, prior) for name, prior in priors.items()},
-            "noise": noise_records(self.observation.noise),
+            "likelihood": self.likelihood.to_record(),
         }
 
     def check(self, data: xr.Dataset) -> None:
         """Raise unless these data can be modelled so."""
-        self.observation.check(self.energy, data, complete_priors(self.energy, self.priors))
+        self.likelihood.check(self.energy, data, complete_priors(self.energy, self.priors))
 
     def fit(
         self,
@@ -204,7 +208,7 @@ class Pooled(ClassKind):
         """What classes say of parts of new data: everything is compiled once, for all of them."""
         self.check(like)
         priors = complete_priors(self.energy, self.priors)
-        forward = self.observation.forward_model(self.energy, like, priors)
+        forward = self.likelihood.forward_model(self.energy, like, priors)
         rng = np.random.default_rng(seed)
         predictives = [ClassPredictive(fitted, self, forward, rng) for fitted in classes.values()]
 
@@ -219,7 +223,7 @@ class Pooled(ClassKind):
                 predictive, state = own[number]
                 return predictive.log_evidence_of(signals, int(state))
 
-            measured = self.observation.measured(data)
+            measured = self.likelihood.measured(data)
             return with_hybrids(known, self.parts, measured, evidence_of)
 
         return predict
@@ -320,16 +324,15 @@ class ClassPredictive:
     def __init__(
         self, fitted: xr.DataTree, kind: Pooled, forward: ForwardModel, rng: np.random.Generator
     ) -> None:
-        model, variables = kind.model(inflation_data_of(fitted)), kind.observation.noise
-        noise = {name: model[name] for name in variables if name in model.named_vars}
+        model = kind.model(inflation_data_of(fitted))
+        sizes = {name: model[name] for name in kind.likelihood.unknowns}
         parameters = {name: model[name] for name in kind.energy.parameter_names}
-        observation, signals = replace(kind.observation, **noise), kind.parts
+        signals = kind.parts
         # One signal is never left out.
         names = signals if len(signals) > 1 else ()
         self._switches = {name: pytensor.shared(1.0, name=f"with_{name}") for name in names}
-        log_likelihood = observation.log_likelihood(
-            forward.tube(parameters), self._switches or None
-        )
+        tube = forward.tube(parameters)
+        log_likelihood = kind.likelihood.log_likelihood(tube, sizes, self._switches or None)
         with model:
             new = pm.Potential("new", log_likelihood)
 
@@ -347,22 +350,18 @@ class ClassPredictive:
         components = components_for(len(some), self._kernel.dimension)
         self._mixture = GaussianMixture.fit(some, components, rng, iterations=20)
         self._modes = self._modes_of_class(some)
-        points, log_density = draw_heavy_tailed(self._mixture, _CLASS_DRAWS, rng)
-        self._normaliser, self._normaliser_k = mean_weight(
-            self._kernel.score(points)[0] - log_density
-        )
+        proposal = self._mixture.heavy_tailed()
+        _, log_weights = weighted_draws(self._score_of_class, proposal, _CLASS_DRAWS, rng)
+        self._normaliser, self._normaliser_k = mean_weight(log_weights)
+
+    def _score_of_class(self, points: Array) -> tuple[Array, Array]:
+        """Return the log density of the class alone, and a likelihood of 1."""
+        return self._kernel.score(points)[0], np.zeros(len(points))
 
     def _modes_of_class(self, draws: Array) -> GaussianMixture | None:
-        """Modes of the class's posterior, climbed to from where its draws are."""
-
-        def score(points: Array) -> tuple[Array, Array]:
-            of_class = self._kernel.score(points)[0]
-            return of_class, np.zeros(len(points))
-
-        def ascent(width: Array) -> Slope:
-            return by_differences(score, width)
-
-        modes = modes_from(ascent, [self._mixture.means], width_of(draws))
+        """Find modes of the class's posterior from where its draws are."""
+        derivatives = gradient_by_differences(self._score_of_class)
+        modes = find_modes(derivatives, [self._mixture.means], width_of(draws))
         return modes and modes.mixture
 
     def __call__(self, random_seed: int) -> Prediction:
@@ -402,7 +401,7 @@ class ClassPredictive:
             return None
         log_weights = self._log_likelihood(effort.class_draws)
         estimate, pareto_k = mean_weight(log_weights)
-        if pareto_k >= LARGEST_PARETO_K:
+        if not pareto_k < LARGEST_PARETO_K:
             return None
         return _prediction(estimate, "class draws", pareto_k)
 
@@ -411,11 +410,18 @@ class ClassPredictive:
         return np.nan_to_num(self._likelihood(points)[0], nan=-np.inf, neginf=-np.inf)
 
     def _from_adapted_draws(self, effort: "_Effort", rng: np.random.Generator) -> Prediction | None:
-        if self._normaliser_k >= LARGEST_PARETO_K:
+        if not self._normaliser_k < LARGEST_PARETO_K:
             return None
-        score, draws, alike = self._kernel.score, effort.draws, self._alike()
-        found = by_importance(score, self._mixture, 1, rng, first_draws=draws, alike=alike)
-        if not found.trusted:
+        found = importance_sampling(
+            self._kernel.score,
+            self._mixture,
+            ExpectationMaximisation(),
+            1,
+            rng,
+            draws=effort.draws,
+            candidate_proposals=self._candidate_proposals(),
+        )
+        if not found.pareto_k < LARGEST_PARETO_K:
             return None
         estimate = Estimate(
             found.log_value.value - self._normaliser.value,
@@ -423,8 +429,8 @@ class ClassPredictive:
         )
         return _prediction(estimate, "adapted draws", max(found.pareto_k, self._normaliser_k))
 
-    def _alike(self) -> list[tuple[Reference, int]]:
-        """What may be like the posterior, and how many draws of each are tried.
+    def _candidate_proposals(self) -> list[tuple[Reference, int]]:
+        """Return proposals that may be like the posterior, with numbers of draws.
 
         The modes of a class move a little for one more specimen. Some draws of the class itself
         meet what there may be elsewhere.
@@ -432,10 +438,10 @@ class ClassPredictive:
         modes = self._modes and modes_near(self._log_density, self._modes)
         if modes is None:
             return []
-        of_class = round(_SHARE_OF_CLASS * FIRST_DRAWS)
+        of_class = round(_SHARE_OF_CLASS * CANDIDATE_DRAWS)
         return [
             (Reference(self._mixture.heavy_tailed(), 0.0), of_class),
-            (Reference(at_modes(modes), 0.0), FIRST_DRAWS - of_class),
+            (Reference(at_modes(modes), 0.0), CANDIDATE_DRAWS - of_class),
         ]
 
     def _log_density(self, points: Array) -> Array:

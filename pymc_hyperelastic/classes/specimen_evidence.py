@@ -25,13 +25,16 @@ Array = NDArray[np.float64]
 PARTS: dict[str, tuple[str, ...]] = {
     "material": ("location", "spread", "factor"),
     "experiments": ("experiment_spread", "effect_spread"),
-    "noise": ("log_sigma", "noise_spread"),
+    "noise": ("log_size", "noise_spread"),
 }
 """Parts of a class's distribution, and of what each consists."""
 
-# Distributions under which all draws of a specimen are looked at, the error that the choice of some
-# of them may add to a log evidence, and how many there are at least.
-_DISTRIBUTIONS, _ERROR_OF_DRAWS, _FEWEST_DRAWS = 100, 0.01, 200
+# Distributions of a class for which all draws of a specimen are weighted.
+_DISTRIBUTIONS = 100
+# Error of a log evidence, in nats, that a smaller number of draws may add.
+_ERROR_OF_DRAWS = 0.01
+# Draws of a specimen, at least.
+_FEWEST_DRAWS = 200
 # Draws of two distributions whose parts are exchanged.
 _EXCHANGED = 250
 
@@ -42,11 +45,11 @@ def variance_of_specimen(
     r"""Variance of a class's log evidence if `count` of the draws stand for one of its specimens.
 
     The evidence is a mean over the class's distributions ``φ`` of products of sums over draws. To
-    first order each draw changes its logarithm by what it has of its sum, averaged over ``φ``:
-    what one distribution makes of it another may undo.
+    first order each draw changes its logarithm by its share of the sum, averaged over ``φ``:
+    effects under different distributions may cancel.
 
-    All draws tell of it. By those `count` alone, how many are needed would be chosen as soon as
-    they look good, which is where the ones that matter most are missing.
+    The variance is estimated from all draws. An estimate from `count` of them would be too small
+    if the most important draws are missing.
     """
     log_shares = draws.log_weight + log_densities(draws, distributions)
     return variance_of_shares(log_shares, draws.standard_error, count)
@@ -80,9 +83,10 @@ class SpecimenEvidence(NamedTuple):
 def specimen_evidence(draws: SpecimenDraws, distributions: ClassDistribution) -> SpecimenEvidence:
     """Evidence of a specimen that is a fresh draw from a class, its distribution averaged over.
 
-    Mostly the distributions of a class differ in the evidence, and hardly the draws of a specimen,
-    whose curves say what it is like. Under a few distributions, all of the draws tell how many of
-    them are needed, and whether they can be trusted; under all distributions, so many are held.
+    The evidence mostly varies with the distribution of the class, and hardly with the draws of a
+    specimen, which its curves determine. From all draws under a few distributions the number of
+    draws that are needed is computed, and their Pareto shape; the evidence is the mean over this
+    number of draws under all distributions.
     """
     size = known = len(draws.log_weight)
     count = len(distributions.location[0])
@@ -131,9 +135,9 @@ def hybrid_evidences(
 
     One axis a part, two entries long: `own` part, and the `other`'s. Parts are exchanged draw by
     draw of the two distributions, of which some are enough: what these few make the evidences under
-    the classes themselves differ from the `ends`, which are known from more, is divided evenly. Of
-    the `samples` of the specimen, the first of which is tried first, that is taken whose weights
-    have the smallest Pareto shape; NaN where none can be trusted.
+    the classes themselves differ from the `ends`, which are known from more, is divided evenly. The
+    result is that of the sample in `samples` whose weights have the smallest Pareto shape, and NaN
+    if no shape is small enough; the first sample is tried first.
     """
     shape = (2,) * len(parts)
     if len(parts) == 1:
@@ -173,7 +177,7 @@ def _densities_of_parts(
             known[wall] = log_densities(draws, replace(pair[wall[0]], **changes))
         if "noise" not in parts:
             return known[wall]
-        return known[wall] + log_density_of_noise(np, draws.log_sigma, pair[whose["noise"]])
+        return known[wall] + log_density_of_noise(np, draws.log_size, pair[whose["noise"]])
 
     return densities
 
@@ -191,8 +195,8 @@ def near_class(distributions: ClassDistribution) -> ClassDistribution:
             "experiment_spread": 1.5 * np.sqrt((within**2).mean(axis=1)),
             "effect_spread": np.sqrt(np.mean(np.square(d.effect_spread))),
         }
-    if d.log_sigma is not None:
-        logs, spreads = (np.asarray(v)[..., 0] for v in (d.log_sigma, d.noise_spread))
+    if d.log_size is not None:
+        logs, spreads = (np.asarray(v)[..., 0] for v in (d.log_size, d.noise_spread))
         spread_of = logs.var(axis=1) + (spreads**2).mean(axis=1)
-        optional |= {"log_sigma": logs.mean(axis=1), "noise_spread": 1.5 * np.sqrt(spread_of)}
+        optional |= {"log_size": logs.mean(axis=1), "noise_spread": 1.5 * np.sqrt(spread_of)}
     return ClassDistribution(mean, wide, np.eye(len(mean)), **optional)

@@ -2,38 +2,52 @@
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.search import width_of
-from pymc_hyperelastic.evidence.target import Rise, Slope, Target, by_differences, differences
+from pymc_hyperelastic.evidence.target import (
+    Derivatives,
+    Evaluation,
+    Target,
+    evaluation,
+    finite_differences,
+    gradient_by_differences,
+    width_of,
+)
 
 Array = NDArray[np.float64]
 
-# Draws by which it is known how wide the prior is.
+# Draws from which the width of the prior is estimated.
 _DRAWS = 1000
-# Draws of the prior by which quicker functions are tried. They may be wrong by this fraction of how
-# deep a draw lies below the highest, and one, in nats; so deep all are alike. Of what is found they
-# may differ by the last number.
-_TRIED, _LARGEST_WRONG, _DEEP, _LARGEST_DIFFERENCE = 400, 0.1, 300.0, 0.003
+
+
+class SpecimenPrior(Protocol):
+    """A prior of points of a :class:`SpecimenTarget`."""
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """Draw points, shape (count, d)."""
+
+    def log_density(self, points: Array) -> Array:
+        """Return the log density of points."""
 
 
 class SpecimenTarget(Target):
     """The variables of a model on which its curves depend, under a prior of their own.
 
-    Where experiments differ a specimen has, besides the coordinates of each test, its own and an
-    effect: a funnel, in which particles get lost. Both can be integrated out of the prior.
+    If experiments differ, a specimen has its own coordinates and an effect besides the coordinates
+    of each test: a funnel, in which particles get lost. Both can be integrated out of the prior.
 
     Parameters
     ----------
-    whole : Target
+    model : Target
         The model with all its variables.
     places : array of int
         Columns of those on which the curves depend.
-    log_prior : callable
-        Log density of points of these alone.
+    prior : SpecimenPrior
+        Prior of points of these variables.
     log_likelihood : BatchedFunction
         Log likelihood of points of all variables.
     misfits : callable
@@ -44,105 +58,73 @@ class SpecimenTarget(Target):
 
     def __init__(
         self,
-        whole: Target,
+        model: Target,
         places: NDArray[np.intp],
-        log_prior: Callable[[Array], Array],
+        prior: SpecimenPrior,
         log_likelihood: BatchedFunction,
         misfits: Callable[[Array], Sequence[Array]],
     ) -> None:
-        self.whole, self.places, self.log_prior = whole, places, log_prior
-        self.misfits = misfits
-        self.dimension, self.nan_scores = len(places), 0
-        self.effort, self.most_effort = 0.0, np.inf
-        self._score = log_likelihood
+        # The variables are those of the model: the base class would compile them once more.
+        self.whole, self.places, self.prior = model, places, prior
+        self.misfits, self.log_likelihood = misfits, log_likelihood
+        self.dimension = len(places)
 
     def particles(self, points: Array) -> Array:
-        """Points among all variables, of which the others do not matter to the curves."""
+        """Return points of all variables; variables without influence on the curves are 0."""
         particles = np.zeros((len(points), self.whole.dimension))
         particles[:, self.places] = points
         return particles
 
     def draw_prior(self, count: int, rng: np.random.Generator) -> Array:
         """Draw points from the prior, shape (count, d)."""
-        return self.whole.draw_prior(count, rng)[:, self.places]
+        return self.prior.draw(count, rng)
 
-    def score(self, points: Array) -> tuple[Array, Array]:
-        """Log prior and log likelihood of every point; NaN and ``+inf`` count as ``−inf``."""
-        self.effort += len(points) / self.at_once
-        (likelihood,) = self._score(self.particles(points))
-        return self._possible(self.log_prior(points), likelihood)
+    def evaluate(self, points: Array) -> Evaluation:
+        """Return the log prior and the log likelihood of every point."""
+        (likelihood,) = self.log_likelihood(self.particles(points))
+        return evaluation(self.prior.log_density(points), likelihood)
 
-    def ascent(self, width: Array) -> Slope:
-        """Log density of the posterior and its slope, for variables of such a width.
+    def cost(self) -> int:
+        """Return how many numbers are computed for one point."""
+        return self.log_likelihood.cost()
 
-        Of a sum of squares of standard errors the curvature is known from the slopes of these, as
-        Gauss and Newton have it.
+    def derivatives(self, points: Array, width: Array) -> Derivatives:
+        """Return the log density of the posterior, its gradient and its curvature.
+
+        The curvature is that of Gauss and Newton: the likelihood is a sum of squares of standard
+        errors, whose gradients are known.
         """
+        stencil, difference = finite_differences(points, width)
+        flat = stencil.reshape(-1, self.dimension)
+        likelihood, errors = self.misfits(self.particles(flat))
+        prior, likelihood, _ = evaluation(self.prior.log_density(flat), likelihood)
+        of_errors = difference(errors.reshape(*stencil.shape[:2], -1))
+        of_errors = np.nan_to_num(of_errors, posinf=0, neginf=0)
+        curvature = of_errors @ of_errors.mT + np.diag(self.prior_width**-2.0)
+        values = (prior + likelihood).reshape(len(points), -1)
+        gradient = np.nan_to_num(difference(values), posinf=0, neginf=0)
+        return Derivatives(values[:, 0], gradient, curvature)
 
-        def slope(points: Array) -> Rise:
-            around, change = differences(points, width)
-            flat = around.reshape(-1, self.dimension)
-            self.effort += len(flat) / self.at_once
-            likelihood, *errors = self.misfits(self.particles(flat))
-            heights = np.add(*self._possible(self.log_prior(flat), likelihood))
-            of_errors = np.nan_to_num(
-                change(errors[0].reshape(*around.shape[:2], -1)), posinf=0, neginf=0
-            )
-            curvature = of_errors @ of_errors.transpose(0, 2, 1) + np.diag(self.prior_width**-2.0)
-            heights = heights.reshape(len(points), -1)
-            slopes = np.nan_to_num(change(heights), posinf=0, neginf=0)
-            return Rise(heights[:, 0], slopes, curvature)
-
-        return slope
-
-    def squares(self, points: Array, *, compressed: bool) -> Array:
-        """Sums of squares of all standard errors, of errors whose size is known.
-
-        Of a likelihood that is `compressed`, of sums of squares, they take far less time.
-        """
-        particles = self.particles(points)
-        if not compressed:
-            return np.square(self.misfits(particles)[1]).sum(axis=1)
-        # Half of it is what the log likelihood lacks, which is the same everywhere.
-        likelihood, errors = self.misfits(particles[:1])
-        lacking = likelihood - self._score(particles)[0]
-        return np.square(errors).sum() + 2 * lacking
+    def squares(self, points: Array) -> Array:
+        """Return the sum of squared standardised errors of each point."""
+        return np.square(self.misfits(self.particles(points))[1]).sum(axis=1)
 
     @cached_property
     def prior_width(self) -> Array:
-        """How wide the prior of the model is, by variable."""
+        """Width of the prior in each variable."""
         return width_of(self.draw_prior(_DRAWS, np.random.default_rng(1)))
 
-    @np.errstate(invalid="ignore")  # what is impossible by both is not unlike
-    def unlike(self, quick: "SpecimenTarget", points: Array) -> Array:
-        """Those of the points whose likelihood is not that of a quicker target."""
-        # Particles may be there several times. The first of them are learned from.
-        _, first = np.unique(points, axis=0, return_index=True)
-        points = points[np.sort(first)]
-        exact, found = (of.score(points)[1] for of in (self, quick))
-        return points[~((np.abs(found - exact) < _LARGEST_DIFFERENCE) | (found == exact))]
+    def gradients(self, points: Array) -> tuple[Evaluation, Array, Array]:
+        """Return densities, and the gradients of log prior and log likelihood, (n, d) each."""
+        (_, likelihood, _), _, of_likelihood = self.whole.gradients(self.particles(points))
 
-    @np.errstate(invalid="ignore")  # where no draw is possible nothing can be told
-    def roughly_unlike(self, quick: "SpecimenTarget") -> Array:
-        """Draws of the prior whose likelihood is far from that of a quicker target."""
-        tried = self.draw_prior(_TRIED, np.random.default_rng(2))
-        exact, found = (of.score(tried)[1] for of in (self, quick))
-        depth, by_quick = (np.minimum(exact.max() - x, _DEEP) for x in (exact, found))
-        return tried[~(np.abs(by_quick - depth) < _LARGEST_WRONG * (1 + depth))]
-
-    def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
-        """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""
-        _, likelihood, _, of_likelihood = super().slopes(self.particles(points))
-        prior, of_prior, _ = self._prior_slope(points)
-        return *self._possible(prior, likelihood), of_prior, of_likelihood[:, self.places]
-
-    @cached_property
-    def _with_slopes(self) -> BatchedFunction | None:
-        return self.whole._with_slopes
-
-    @cached_property
-    def _prior_slope(self) -> Slope:
         def score(points: Array) -> tuple[Array, Array]:
-            return self.log_prior(points), np.zeros(len(points))
+            return self.prior.log_density(points), np.zeros(len(points))
 
-        return by_differences(score, self.prior_width)
+        prior, of_prior, _ = gradient_by_differences(score)(points, self.prior_width)
+        return evaluation(prior, likelihood), of_prior, of_likelihood[:, self.places]
+
+    @cached_property
+    def has_gradients(self) -> bool:
+        """True if PyTensor gives gradients of the whole model."""
+        return self.whole.has_gradients

@@ -23,20 +23,20 @@ from pytensor.tensor.variable import TensorVariable
 from scipy import stats
 from scipy.special import logsumexp
 
-from pymc_hyperelastic.classes.specimen_target import SpecimenTarget
+from pymc_hyperelastic.classes.specimen_target import SpecimenPrior, SpecimenTarget
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import PACKAGE
-from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import Integral, by_importance
+from pymc_hyperelastic.evidence.importance import Integral, importance_sampling
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
+from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
 from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
 from pymc_hyperelastic.models.geometry import deviation_name
-from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.population import (
     Population,
     Specimens,
@@ -58,12 +58,10 @@ Array = NDArray[np.float64]
 PARTICLES = 2000
 # Share of the first draws of a specimen that is kept where it is sampled again.
 _KEPT = 0.25
-# Particles whose curves are looked at, and how often these are made right.
-_MATERIALS, _MOST_TRIES = 16, 4
-# Draws of the prior whose curves those of few nodes are made for.
-_LEARNED_FROM = 600
-# Specimens far from what priors expect whose curves are kept.
-_REMEMBERED = 16
+# Particles whose curves are compared with quadrature.
+_MATERIALS = 16
+# Specimens with refined curves that are kept.
+_REFINED = 16
 # Spreads of the reference distribution, in medians of a class's.
 _WIDER = 2.0
 _EFFECT = 1.0
@@ -119,15 +117,16 @@ class SpecimenSampler:
         self.population, self.scale = population, population.scale
         self.forward, self.reference = forward, reference
         self._models: dict[int, _SpecimenModel] = {}
-        self._right_for: dict[str, SpecimenSampler] = {}
+        self._refined: dict[str, SpecimenSampler] = {}
 
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data."""
 
         def take(sampler: SpecimenSampler) -> Taken:
-            return sampler._integral(data, None, lambda of: integrate(of, PARTICLES, rng))
+            target = sampler.target(data)
+            return integrate(target, PARTICLES, rng), target
 
-        found, target = self._by_right_curves(data, take)
+        found, target = self._with_accurate_curves(data, take)
         draws = self._with_misfit(data, self.draws_at(found.particles), target)
         value, error = found.log_value
         return _weighted(draws, self.log_reference(found.particles) - value, error, found)
@@ -152,78 +151,78 @@ class SpecimenSampler:
         Such weights: E. Veach and L. J. Guibas, Optimally combining sampling techniques for Monte
         Carlo rendering, SIGGRAPH 95 (1995) 419.
         """
-
-        def log_prior(points: Array) -> Array:
-            return mean_density(self.draws_at(points), distributions)
-
-        def draw_prior(count: int, rng: np.random.Generator) -> Array:
-            chosen = distributions.at(rng.integers(len(distributions.location[0]), size=count))
-            fresh = fresh_specimens(self.population, chosen, data.sizes["test"], rng)
-            return self.points_of(fresh)
-
+        prior = self.prior(distributions, data.sizes["test"])
         components = components_for(*draws.points.shape)
         mixture = GaussianMixture.fit(draws.points, components, rng)
 
         def take(sampler: SpecimenSampler) -> Taken:
-            def of_target(target: Target) -> Integral:
-                return by_importance(target.score, mixture, PARTICLES, rng, draw_prior)
+            target, builder = sampler.target(data, prior), ExpectationMaximisation()
+            found = importance_sampling(
+                target.score, mixture, builder, PARTICLES, rng, draw_prior=target.draw_prior
+            )
+            return found, target
 
-            return sampler._integral(data, log_prior, of_target)
-
-        found, target = self._by_right_curves(data, take)
-        if not found.known:
+        found, target = self._with_accurate_curves(data, take)
+        if not found.reliable:
             return draws
         count = len(draws.points)
         if np.isinf(draws.standard_error):
             points = found.particles[:count]
             again = self._with_misfit(data, self.draws_at(points), target)
             value, error = found.log_value
-            return _weighted(again, log_prior(points) - value, error, found)
+            return _weighted(again, prior.of_class(points) - value, error, found)
         old = round(_KEPT * count)
         points = np.concatenate([draws.points[:old], found.particles[: count - old]])
         points = rng.permutation(points)
         known = logsumexp(draws.log_weight + self.log_reference(draws.points))
         log_density = np.logaddexp(
             np.log(_KEPT) + self.log_reference(points) - known,
-            np.log1p(-_KEPT) + log_prior(points) - found.log_value.value,
+            np.log1p(-_KEPT) + prior.of_class(points) - found.log_value.value,
         )
         errors = _KEPT * draws.standard_error, (1 - _KEPT) * found.log_value.standard_error
         again = replace(self.draws_at(points), misfit=draws.misfit, freedom=draws.freedom)
         return _weighted(again, log_density, float(np.hypot(*errors)), found)
 
-    def _by_right_curves(
+    def _with_accurate_curves(
         self, data: xr.Dataset, take: Callable[["SpecimenSampler"], Taken]
     ) -> Taken:
-        """An integral over materials whose curves are right.
+        """Take an integral until the curves of its particles are accurate.
 
-        They are over the range of the class's default priors. If the data want others, curves are
-        made right for these, and the integral is taken again. Other specimens keep their curves.
+        Curves are accurate over the range of the class's default priors. If the data want other
+        materials, the integrator is refined for these, and the integral is taken again. Other
+        specimens keep their curves.
         """
         (name,) = specimens_of(data)[0]
-        sampler = self._right_for.get(name, self if self.forward.takes(data) else self._for_all)
-        for _ in range(1 + _MOST_TRIES):
+
+        def with_curves(forward: ForwardModel) -> tuple[Taken, tuple[Any, ...]]:
+            sampler = self._with(forward, name)
             found, target = take(sampler)
-            parameters = self._parameters(found.particles[:_MATERIALS])
-            if sampler.forward.errors(data, parameters).max() <= CURVES_ERR:
-                return found, target
-            if sampler is self and self.forward.in_walls:
-                sampler = self._for_all
-            else:
-                right = sampler.forward.right_for(parameters)
-                sampler = SpecimenSampler(self.population, right, self.reference)
-            # It is asked for again when the class is known, and soon.
-            self._right_for = {**dict([*self._right_for.items()][1 - _REMEMBERED :]), name: sampler}
+            return (found, target), (data, self._parameters(found.particles[:_MATERIALS]))
+
+        start = self._refined.get(name, self).forward
+        (found, target), accurate = until_accurate(start, with_curves, LARGEST_CURVE_ERROR)
+        if accurate:
+            return found, target
         warnings.warn(
-            f"curves of specimen {name!r} are wrong by more than {CURVES_ERR:.0e} of their largest "
-            "value, and its evidence has no error: its material is far from what priors expect",
+            f"curves of specimen {name!r} are wrong by more than {LARGEST_CURVE_ERROR:.0e} of "
+            "their largest value, and its evidence has no error: its material is far from what "
+            "priors expect",
             skip_file_prefixes=(PACKAGE,),
         )
         return found._replace(log_value=Estimate(found.log_value.value, np.inf)), target
 
-    @cached_property
-    def _for_all(self) -> "SpecimenSampler":
-        """The same by curves for all materials of the priors, at any number of points."""
-        return SpecimenSampler(self.population, self.forward.for_all(), self.reference)
+    def _with(self, forward: ForwardModel, name: str) -> "SpecimenSampler":
+        """The sampler with this forward model; one with a refined integrator is kept a while.
+
+        The specimen is sampled again, and soon, when the distribution of its class is known.
+        """
+        if forward is self.forward:
+            return self
+        kept = self._refined.get(name)
+        if kept is None or kept.forward is not forward:
+            kept = SpecimenSampler(self.population, forward, self.reference)
+            self._refined = {**dict([*self._refined.items()][1 - _REFINED :]), name: kept}
+        return kept
 
     def _parameters(self, points: Array) -> dict[str, Array]:
         """Material parameters of particles, of all their tests."""
@@ -233,71 +232,20 @@ class SpecimenSampler:
         """Coordinates (coordinate, draw, test), noises and deviations of particles."""
         sizes = len(self.population.noises), len(self.population.geometry)
         ends = points.shape[1] - np.cumsum([0, *sizes[::-1]])[::-1]
-        of_tests, log_sigma, deviations = np.split(points, ends[:-1], axis=1)
+        of_tests, log_size, deviations = np.split(points, ends[:-1], axis=1)
         of_tests = of_tests.reshape(len(points), len(self.scale.names), -1)
-        return np.moveaxis(of_tests, 1, 0), log_sigma, deviations
+        return np.moveaxis(of_tests, 1, 0), log_size, deviations
 
-    def _integral(
-        self,
-        data: xr.Dataset,
-        log_prior: Callable[[Array], Array] | None,
-        take: Callable[[Target], Integral],
-    ) -> Taken:
-        """An integral over what the specimen of these data may be, under such a prior.
-
-        Where curves have many nodes it is taken by those of a few, as long as these are right.
-        """
-        target = self.target(data, log_prior)
-        learn_from = np.empty((0, target.dimension))
-        for _ in range(_MOST_TRIES):
-            quick = self._nearby(data, target, learn_from)
-            if quick is None:
-                break
-            unlike = target.roughly_unlike(quick)
-            if not len(unlike):
-                found = take(quick)
-                unlike = target.unlike(quick, found.particles)
-                if not len(unlike):
-                    return found, quick
-            learn_from = np.concatenate([learn_from, unlike[:_LEARNED_FROM]])
-        return take(target), target
-
-    def _nearby(
-        self, data: xr.Dataset, target: SpecimenTarget, points: Array
-    ) -> SpecimenTarget | None:
-        """The same by curves of few nodes, right for draws of the prior, and for materials there.
-
-        None where they have few nodes already.
-        """
+    def target(self, data: xr.Dataset, prior: SpecimenPrior | None = None) -> SpecimenTarget:
+        """Return the specimen of these data under a prior; under the reference if it is missing."""
         model = self._model_for(data)
-        functions = model.log_likelihood, model.misfits
-
-        def draw() -> dict[str, Array]:
-            of_prior = target.draw_prior(_LEARNED_FROM, np.random.default_rng(1))
-            return self._parameters(np.concatenate([of_prior, points]))
-
-        values = model.forward.nearby(draw, {v for f in functions for v in f.shared})
-        if not values:
-            return None
-        fewer = [f.with_values(values) for f in functions]
-        return SpecimenTarget(target.whole, target.places, target.log_prior, *fewer)
-
-    def target(
-        self, data: xr.Dataset, log_prior: Callable[[Array], Array] | None = None
-    ) -> SpecimenTarget:
-        """The specimen, under a prior of what its classes are held against, and of its tube.
-
-        Without one it is the reference.
-        """
-        model, of_specimen = self._model_for(data), log_prior or self.log_reference
-
-        def with_tube(points: Array) -> Array:
-            deviations = points[:, points.shape[1] - len(self.population.geometry) :]
-            return of_specimen(points) + stats.norm.logpdf(deviations).sum(axis=1)
-
-        prior = with_tube if self.population.geometry else of_specimen
+        prior = prior or self.prior(one_draw(self.reference), data.sizes["test"])
         functions = model.log_likelihood, model.misfits
         return SpecimenTarget(model.whole, self._places(model.whole), prior, *functions)
+
+    def prior(self, distributions: ClassDistribution, tests: int) -> "ClassPrior":
+        """Return the prior of a specimen with so many tests that belongs to a class."""
+        return ClassPrior(self, distributions, tests)
 
     def simulator(
         self, data: xr.Dataset, seed: int
@@ -356,12 +304,12 @@ class SpecimenSampler:
     def draws_at(self, points: Array) -> SpecimenDraws:
         """Points of the target as draws of a specimen; they are not weighted yet."""
         own = self.reference.experiment_spread is not None
-        of_tests, log_sigma, deviations = self._parts(points)
+        of_tests, log_size, deviations = self._parts(points)
         centre = of_tests.mean(axis=2)
         scatter = ((of_tests - centre[..., None]) ** 2).sum(axis=2)
         tests = of_tests.shape[2] if own else 1
         unweighted = np.zeros(len(points))
-        known = centre, scatter, log_sigma.T, unweighted, tests, 0.0, points, deviations.T
+        known = centre, scatter, log_size.T, unweighted, tests, 0.0, points, deviations.T
         return SpecimenDraws(*known)
 
     def _with_misfit(
@@ -370,8 +318,7 @@ class SpecimenSampler:
         """Draws of a target with their misfit, which is told by errors whose size is known."""
         if not self.population.known_noise:
             return draws
-        compressed = not self.population.observation.with_slopes
-        squares = target.squares(draws.points, compressed=compressed)
+        squares = target.squares(draws.points)
         misfit, freedom = self._misfit(data, squares, target.dimension)
         return replace(draws, misfit=misfit, freedom=freedom)
 
@@ -382,7 +329,7 @@ class SpecimenSampler:
         tell, which is half of the variance over the draws.
         """
         count = data.sizes["obs"]
-        if self.population.observation.with_force:
+        if self.population.likelihood.with_force:
             count += int(data["axial_force"].notnull().sum())
         with np.errstate(over="ignore", invalid="ignore"):
             told = np.var(squares) / 2 if np.isfinite(squares).all() else 0.0
@@ -412,15 +359,63 @@ class SpecimenSampler:
         return _SpecimenModel(forward, Target(model), compressed)
 
     def _compressed(self, forward: ForwardModel, specimens: Specimens) -> TensorVariable | None:
-        """The paper's log likelihood, where it is the generative one, and is not by points."""
-        sigmas = self.population.observation.sigmas
-        if self.population.observation.with_slopes:
+        """The log likelihood by sums of squares; None with slopes or errors of diameters."""
+        likelihood = self.population.likelihood
+        if likelihood.needs_slopes:
             return None
-        own = {name: sigma[0] for name, sigma in specimens.noises.items()}
+        own = {name: size[0] for name, size in specimens.noises.items()}
         tube = tube_of(self.population, forward, specimens)
-        total = Observation(**sigmas | own).log_likelihood(tube)
+        total = likelihood.log_likelihood(tube, own)
         # What overflows is no number, and counts as one that is none.
         return pt.where(pt.isinf(total), np.nan, total)
+
+
+class ClassPrior:
+    """A specimen of a class whose distribution is one of several draws, and its tube.
+
+    Parameters
+    ----------
+    sampler : SpecimenSampler
+    distributions : ClassDistribution
+        Draws of the class's distribution.
+    tests : int
+        Number of tests of the specimen.
+    """
+
+    def __init__(
+        self, sampler: SpecimenSampler, distributions: ClassDistribution, tests: int
+    ) -> None:
+        self._sampler, self._distributions, self._tests = sampler, distributions, tests
+
+    def draw(self, count: int, rng: np.random.Generator) -> Array:
+        """Draw points, shape (count, d)."""
+        distributions = self._distributions
+        chosen = distributions.at(rng.integers(len(distributions.location[0]), size=count))
+        fresh = fresh_specimens(self._sampler.population, chosen, self._tests, rng)
+        return self._sampler.points_of(fresh)
+
+    def log_density(self, points: Array) -> Array:
+        """Return the log density of points."""
+        deviations = points[:, points.shape[1] - len(self._sampler.population.geometry) :]
+        return self.of_class(points) + stats.norm.logpdf(deviations).sum(axis=1)
+
+    def of_class(self, points: Array) -> Array:
+        """Return the log density without that of the tube, which is the same for all classes."""
+        return mean_density(self._sampler.draws_at(points), self._distributions)
+
+
+def one_draw(distribution: ClassDistribution) -> ClassDistribution:
+    """Return a single distribution as draws of a class's distribution, of which there is one."""
+    d = distribution
+    vectors = "location", "spread", "experiment_spread", "log_size", "noise_spread"
+    changes: dict[str, Any] = {
+        name: np.asarray(getattr(d, name), float)[:, None, None]
+        for name in vectors
+        if getattr(d, name) is not None
+    }
+    if d.effect_spread is not None:
+        changes["effect_spread"] = np.full((1, 1), float(np.squeeze(d.effect_spread)))
+    return replace(d, factor=np.asarray(d.factor)[None], **changes)
 
 
 def _weighted(
@@ -438,18 +433,17 @@ def _weighted(
 
 def reference_of(population: Population) -> ClassDistribution:
     """Distribution of a specimen of which not even the class is known."""
-    sigmas = population.observation.sigmas
     mean, sd = population.scale.location_prior
     spread = _WIDER * np.exp(population.scale.spread_prior[0])
     optional: dict[str, Any] = {}
     if population.experiment_effect:
         optional |= {"experiment_spread": spread / 2, "effect_spread": _EFFECT}
-    inferred = [sigmas[name] for name in population.noises]
+    inferred = [population.likelihood.sizes[name] for name in population.noises]
     if inferred:
         drawn = pm.draw(inferred, draws=_NOISE_DRAWS, random_seed=1, mode="FAST_COMPILE")
         logs = np.log(drawn)
         spreads = np.hypot(logs.std(axis=1), 0.5)
-        optional |= {"log_sigma": logs.mean(axis=1), "noise_spread": spreads}
+        optional |= {"log_size": logs.mean(axis=1), "noise_spread": spreads}
     return ClassDistribution(mean, np.hypot(sd, spread), np.eye(len(mean)), **optional)
 
 
@@ -473,7 +467,7 @@ def fresh_specimens(
             within = distributions.experiment_spread[i] * np.exp(draws["log_effect"])
             draws[f"{name}_of_test"] = draws[name] + within * noise(tests)
     for i, name in enumerate(population.noises):
-        logs = distributions.log_sigma[i] + distributions.noise_spread[i] * noise()
+        logs = distributions.log_size[i] + distributions.noise_spread[i] * noise()
         draws[log_noise_name(name)] = logs
     return draws | {deviation_name(name): noise() for name in population.geometry}
 

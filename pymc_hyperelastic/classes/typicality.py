@@ -88,11 +88,11 @@ def noise_p_value(
     count = len(distributions.location[0])
     p_values = []
     for i, (prior, spread) in enumerate(
-        zip(reference.log_sigma, reference.noise_spread, strict=True)
+        zip(reference.log_size, reference.noise_spread, strict=True)
     ):
-        here = (draws.log_sigma[i] - prior) / spread
+        here = (draws.log_size[i] - prior) / spread
         left = min(float(here.var()), 1.0)
-        members = distributions.log_sigma[i][:, 0]
+        members = distributions.log_size[i][:, 0]
         members = members + distributions.noise_spread[i][:, 0] * rng.standard_normal(count)
         members = (1 - left) * (members - prior) / spread
         members += np.sqrt(left * (1 - left)) * rng.standard_normal(count)
@@ -144,7 +144,7 @@ def repeated(d: ClassDistribution, count: int) -> ClassDistribution:
         d.factor,
         vector(d.experiment_spread),
         d.effect_spread,
-        d.log_sigma,
+        d.log_size,
         d.noise_spread,
     )
 

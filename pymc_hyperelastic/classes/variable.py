@@ -41,14 +41,14 @@ from pymc_hyperelastic.classes.typicality import (
     either,
     misfit_p_value,
     noise_p_value,
-    repeated,
     typical_p_value,
 )
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of, tests_at
 from pymc_hyperelastic.evidence.checks import check_count, no_progress
-from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR, check_evidence, worst_verdict
+from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.smc import seed_of
+from pymc_hyperelastic.evidence.stored_evidence import check_evidence
 from pymc_hyperelastic.files.store import Remember, compute_now, named
 from pymc_hyperelastic.files.stored import (
     damaged,
@@ -60,6 +60,7 @@ from pymc_hyperelastic.files.stored import (
 from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR
 from pymc_hyperelastic.models.class_distribution import (
     SPREAD_OF_NOISE,
     ClassDistribution,
@@ -68,28 +69,30 @@ from pymc_hyperelastic.models.class_distribution import (
 )
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import check_geometry, measured_from_records
-from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, noise_in_words
+from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.priors import prior_to_record, priors_from_records
-from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
-from pymc_hyperelastic.models.study import (
-    Study,
+from pymc_hyperelastic.models.records import (
     holds_inflation_data,
     inflation_data_of,
-    noise_from_records,
-    noise_records,
+    likelihood_attrs,
+    likelihood_of,
     reference_stress_of,
     stated_wall_of,
     wall_attrs,
 )
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
+from pymc_hyperelastic.models.study import Study
 
 Array = NDArray[np.float64]
 
-# Of each class, materials whose curves are looked at, and tests in which they are.
-_MATERIALS, _TESTS = 64, 12
-# Materials of priors, some of which are like what was measured.
-_OF_PRIORS = 1000
+# Fraction of the materials of the prior whose curves may be inaccurate, as those of fibres that
+# slacken within a wall: the curves of each specimen are refined for its own material.
+_INACCURATE = 0.25
+# Materials of each class whose curves are compared with quadrature.
+_MATERIALS = 64
+# Tests in which they are compared.
+_TESTS = 12
 # A misfit whose size is known exactly.
 _AS_NOISE = xr.DataArray([1e9])
 
@@ -101,25 +104,23 @@ class Variability(Population, ClassKind):
     variability: ClassVar[str] = "specimen"
     has_p_value: ClassVar[bool] = True
     fresh_specimens: ClassVar[bool] = True
-    common_attrs: ClassVar[tuple[str, ...]] = ("variability_settings",)
+    common_attrs: ClassVar[tuple[str, ...]] = ("variability_settings", "likelihood")
 
     @classmethod
     def of_settings(
         cls,
         energy: StrainEnergy | Sequence[Layer],
+        likelihood: Likelihood | Any,
         *,
-        slope_weight: Any = None,
         priors: Mapping[str, Any] | None = None,
         geometry: Mapping[str, Any] | None = None,
         experiment_effect: bool = False,
         reference_stress: float | None = 20.0,
-        **noise: Any,
     ) -> "Variability":
         """The kind, of settings of :func:`~pymc_hyperelastic.population_model`."""
-        weight = 0.0 if slope_weight is None else slope_weight
-        noise |= {"slope_weight": weight, "likelihood": "generative"}
+        observed = as_likelihood(likelihood).as_observed()
         settings = experiment_effect, reference_stress, priors, check_geometry(geometry)
-        return cls(energy, Observation(**noise), *settings)
+        return cls(energy, observed, *settings)
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -144,30 +145,34 @@ class Variability(Population, ClassKind):
     def _curves_of_specimens(self, data: xr.Dataset) -> ForwardModel:
         """Forward model of specimens, each by itself."""
         # Without an effect all tests of a specimen share its parameters, and matrices.
-        own = bool(self.experiment_effect)
-        return self.forward_model(data, by_test=own, nearby=not self.observation.with_slopes)
+        own, accuracy = bool(self.experiment_effect), {"tolerance": LARGEST_CURVE_ERROR}
+        return self.forward_model(data, by_test=own, **accuracy, inaccurate=_INACCURATE)
 
     def attrs(self) -> dict[str, str]:
         """The settings as text; ValueError if a prior, or one of the law's, cannot be written."""
-        noise = {k: v for k, v in self.observation.noise.items() if k != "slope_weight" or v}
-        settings = noise_records(noise) | {
+        settings: dict[str, Any] = {
             "experiment_effect": bool(self.experiment_effect),
             "reference_stress": self.reference_stress,
             "priors": {k: prior_to_record(k, v) for k, v in (self.priors or {}).items()},
         }
         if self.geometry:
             settings["geometry_sd"] = {name: v.sd for name, v in self.geometry.items()}
-        return wall_attrs(self.energy) | {
-            "variability": self.variability,
-            "variability_settings": json.dumps(settings),
-            "noise_in_words": noise_in_words(noise),
-        }
+        return (
+            wall_attrs(self.energy)
+            | {
+                "variability": self.variability,
+                "variability_settings": json.dumps(settings),
+            }
+            | likelihood_attrs(self.likelihood)
+        )
 
     @classmethod
     def of_tree(cls, fitted: xr.DataTree) -> "Variability":
         """Settings of a fitted class."""
         settings, wall = read_dict(fitted, "variability_settings"), stated_wall_of(fitted)
-        noise = {name: settings[name] for name in NOISE_UNITS if name in settings}
+        likelihood = likelihood_of(fitted)
+        if likelihood is None:
+            raise damaged(fitted, "its attribute 'likelihood' is missing")
         effect = settings.get("experiment_effect")
         if not isinstance(effect, bool):
             raise damaged(
@@ -177,7 +182,7 @@ class Variability(Population, ClassKind):
         with reading(fitted):
             return cls(
                 wall,
-                Observation(**noise_from_records(noise), likelihood="generative"),
+                likelihood,
                 effect,
                 stress,
                 priors_from_records(settings.get("priors")),
@@ -247,38 +252,23 @@ class Variability(Population, ClassKind):
     def predictor(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> Predictor:
         """What classes say of new specimens, each of which is sampled by itself."""
         self.check(like)
-        forward = self._right_for_classes(classes, like, seed)
+        forward = self._accurate_for_classes(classes, like, seed)
         sampler = SpecimenSampler(self, forward, self.reference)
         predictive = SpecimenPredictive(self, classes, sampler)
         return lambda data, seed: predictive(data, np.random.default_rng(seed))
 
-    def _right_for_classes(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> ForwardModel:
-        """Curves that are right for specimens of the classes, and not for those of priors alone.
-
-        Constant matrices need not be right for all that priors allow: of that, hardly anything
-        could be what was measured.
-        """
-        forward = self._curves_of_specimens(like)
-        if forward.in_walls:
-            # Of each specimen these are made right for what it is found to be.
-            return forward
-        rng = np.random.default_rng(seed)
+    def _accurate_for_classes(self, classes: Fitted, like: xr.Dataset, seed: Seed) -> ForwardModel:
+        """Curves that are accurate for new specimens of the classes, too."""
+        rng, forward = np.random.default_rng(seed), self._curves_of_specimens(like)
         specimens = [self.new_specimens(fitted, rng) for fitted in classes.values()]
         materials = {
             name: np.concatenate([of_class[name][:_MATERIALS] for of_class in specimens])
             for name in specimens[0]
         }
         some = tests_at(like, evenly(like.sizes["test"], _TESTS))
-        quick = forward.by_matrices()
-        if quick is not None:
-            others = self._materials(repeated(self.reference, _OF_PRIORS), rng)
-            could_be = quick.could_show(some, others)
-            matter = {n: np.concatenate([v, others[n][could_be]]) for n, v in materials.items()}
-            if quick.errors(some, matter).max() <= CURVES_ERR:
-                return quick
-        if forward.errors(some, materials).max() <= CURVES_ERR:
+        if forward.errors(some, materials).max() <= LARGEST_CURVE_ERROR:
             return forward
-        return forward.right_for(materials)
+        return forward.refined(some, materials)
 
     def leave_out(
         self, classes: Data, seed: Seed, remember: Remember = compute_now
@@ -349,7 +339,7 @@ def sample_specimens(
             return sampler(part, np.random.default_rng(seed_of(seed, name))).as_dataset()
 
         try:
-            draws[name] = SpecimenDraws.of_dataset(remember(f"specimen-{i}", sample))
+            draws[name] = SpecimenDraws.from_dataset(remember(f"specimen-{i}", sample))
             advance()
         except (ValueError, ArithmeticError) as error:
             raise ValueError(f"specimen {name!r} cannot be sampled: {error}") from error

@@ -16,35 +16,38 @@ from pymc_hyperelastic.cohorts.work import DOUBTFUL, Prepared, Work, failure, jo
 from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.diagnosis import CURVES_ERR, doubts_of_fit
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.limits import mass_at_limits
-from pymc_hyperelastic.evidence.residuals import Residuals
+from pymc_hyperelastic.evidence.results import study_of
 from pymc_hyperelastic.evidence.smc import seed_kept, seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR, doubts_of_fit
+from pymc_hyperelastic.models.forward import ForwardModel, until_accurate
 from pymc_hyperelastic.models.geometry import Measured, check_geometry
 from pymc_hyperelastic.models.inflation import tube_model
-from pymc_hyperelastic.models.observation import Observation
+from pymc_hyperelastic.models.likelihoods import (
+    Likelihood,
+    as_likelihood,
+    likelihood_from_record,
+)
 from pymc_hyperelastic.models.priors import (
     complete_wall,
     prior_from_record,
     prior_to_record,
     priors_from_records,
 )
-from pymc_hyperelastic.models.study import noise_from_records, noise_records, wall_attrs
+from pymc_hyperelastic.models.records import wall_attrs
+from pymc_hyperelastic.models.residuals import Residuals
 from pymc_hyperelastic.parallel import LOCK
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
 
 # Quantiles that are kept of the posterior of a property.
 QUANTILES = {"2.5 %": 0.025, "50 %": 0.5, "97.5 %": 0.975}
-# Draws whose curves are compared with exact ones: a few show whether the curves suit the posterior.
-_LOOKED_AT = 16
-# Attempts to adapt curves to a posterior, after which a specimen fails: one or two usually suffice.
-_MOST_TRIES = 4
+# Draws whose curves are compared with quadrature: a few show whether the integrator suits them.
+_COMPARED = 16
 
 
 @dataclass(frozen=True)
@@ -56,9 +59,10 @@ class Fitting(Work):
     by: str
     energy: StrainEnergy | Sequence[Layer]
     like: xr.Dataset
-    noise: dict[str, Any]
+    record: dict[str, Any]
+    """Record of the likelihood: distributions cannot be sent to a worker."""
     priors: dict[str, Any]
-    """Records of them: distributions do not travel."""
+    """Records of the priors."""
     geometry: dict[str, Any]
     properties: dict[str, Any]
     draws: int
@@ -68,7 +72,7 @@ class Fitting(Work):
         """The law, priors and settings."""
         return {
             "strain_energy": wall_attrs(self.energy),
-            "noise": self.noise,
+            "likelihood": self.record,
             "priors": self.priors,
             "geometry": self.geometry,
             "properties": self.properties,
@@ -81,9 +85,9 @@ class Fitting(Work):
         return Fits(self).of
 
     @property
-    def observation(self) -> Observation:
+    def likelihood(self) -> Likelihood:
         """The measured signals and their errors."""
-        return Observation(**noise_from_records(self.noise))
+        return likelihood_from_record(self.record)
 
     @property
     def unknown(self) -> dict[str, Any]:
@@ -106,7 +110,7 @@ class Fits:
     def __init__(self, work: Fitting) -> None:
         wall, *unknown = work.stated()
         self._work = work
-        self._forward = work.observation.forward_model(wall, work.like, *unknown)
+        self._forward = work.likelihood.forward_model(wall, work.like, *unknown)
         self._models: dict[int, _Model] = {}
 
     def of(self, data: xr.Dataset) -> xr.Dataset:
@@ -127,16 +131,18 @@ class Fits:
         if tests not in self._models:
             self._models[tests] = _Model(self._work, data, self._forward)
         model = self._models[tests]
-        for _ in range(_MOST_TRIES):
-            found = model.sample(data, self._work.draws, rng)
-            right = model.right_for(data, found.posterior)
-            if right is None:
-                break
+
+        def take(forward: ForwardModel) -> tuple[_Fit, tuple[Any, ...]]:
             # Other specimens keep their curves: the result of one depends on no other.
-            model = _Model(self._work, data, right)
-        else:
+            own = model if forward is model.forward else _Model(self._work, data, forward)
+            found = own.sample(data, self._work.draws, rng)
+            return found, (data, *own.materials(found.posterior))
+
+        found, accurate = until_accurate(model.forward, take, LARGEST_CURVE_ERROR)
+        if not accurate:
             raise ValueError(
-                "its curves are not right for its material, which is far from what priors expect"
+                f"curves of its posterior err by more than {LARGEST_CURVE_ERROR:.0e} of their "
+                "largest value: its material is far from what priors expect"
             )
         return found.as_row(self._work, data)
 
@@ -187,14 +193,13 @@ class _Model:
     @without_traces
     def __init__(self, work: Fitting, data: xr.Dataset, forward: ForwardModel) -> None:
         self._model = tube_model(
-            work.energy, data, work.observation, **work.unknown, forward=forward.with_data(data)
+            work.energy, data, work.likelihood, **work.unknown, forward=forward.with_data(data)
         )
-        self._energy = work.energy
         self.forward: ForwardModel = self._model.study.forward
         self._target = Target(self._model)
         free = self._model.free_RVs
         self._names = [rv.name for rv in free]
-        self._residuals = Residuals(self._model)
+        self._residuals = Residuals(self._model, study_of(self._model))
         self._constrain = BatchedFunction.of_model(
             self._model, self._model.replace_rvs_by_values(free)
         )
@@ -210,19 +215,16 @@ class _Model:
         doubtful = doubts_of_fit(limits.merge(self._residuals.of(data, found.particles)))
         return _Fit(values, evidence | {"method": found.method, DOUBTFUL: doubtful})
 
-    def right_for(self, data: xr.Dataset, posterior: Mapping[str, Any]) -> ForwardModel | None:
-        """Curves that are right for such materials; None if these are."""
-        if not isinstance(self._energy, StrainEnergy):
-            return None
-        some = {name: posterior[name][:_LOOKED_AT] for name in self._energy.parameter_names}
-        if self.forward.errors(data, some).max() <= CURVES_ERR:
-            return None
-        return self.forward.right_for(some)
+    def materials(self, posterior: Mapping[str, Any]) -> list[dict[str, Any]]:
+        """Return some draws of the material parameters, and of the unknown geometry."""
+        some = {name: values[:_COMPARED] for name, values in posterior.items()}
+        return [{n: some[n] for n in names if n in some} for names in self.forward.unknown]
 
 
 def fit_cohort(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
+    likelihood: Likelihood | Any,
     store: str | Path,
     *,
     by: Literal["specimen", "test"] = "specimen",
@@ -235,7 +237,6 @@ def fit_cohort(
     batch_size: int = 64,
     random_seed: Any = None,
     progressbar: bool = True,
-    **noise: Any,
 ) -> None:
     """Sample many specimens separately, in batches, and keep finished batches in a folder.
 
@@ -254,6 +255,9 @@ def fit_cohort(
         The material.
     data : xarray.Dataset
         Inflation data of the cohort.
+    likelihood : Gaussian, SlopeAugmented, float or distribution
+        The measured quantities and their errors, see
+        :func:`~pymc_hyperelastic.inflation_model`; distributions with numbers for parameters.
     store : str or Path
         The folder. It is made if it is missing; with a `client` all its workers have to reach it.
     by : {"specimen", "test"}
@@ -276,9 +280,6 @@ def fit_cohort(
         The same seed gives the same result. Without one it is chosen, and kept in the store.
     progressbar : bool
         Whether to show progress.
-    **noise
-        Errors of what was measured: ``noise_sd`` or ``sigma``, ``slope_weight`` and the others of
-        :func:`~pymc_hyperelastic.inflation_model`.
 
     See Also
     --------
@@ -304,9 +305,9 @@ def fit_cohort(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen=["S1", "S2"])
-    >>> noise = {"noise_sd": 0.5, "slope_weight": 0.0}
+    >>> likelihood = ph.Gaussian(pressure_sd=0.5)
     >>> settings = {"random_seed": 1, "cores": 1, "progressbar": False}
-    >>> ph.fit_cohort(ph.Ogden(), data, "fitted", **noise, **settings)
+    >>> ph.fit_cohort(ph.Ogden(), data, likelihood, "fitted", **settings)
     >>> ph.open_cohort("fitted")["evidence"]["error"].values.tolist()
     ['', '']
     """
@@ -317,7 +318,7 @@ def fit_cohort(
         by,
         energy,
         representatives(data),
-        noise_records(Observation(**noise).noise),
+        as_likelihood(likelihood).to_record(),
         {name: prior_to_record(name, prior) for name, prior in (priors or {}).items()},
         {name: _record(name, value) for name, value in (geometry or {}).items()},
         _as_json(properties or {}),
@@ -326,7 +327,7 @@ def fit_cohort(
     )
     with LOCK:  # not around the batches: workers may be threads of this process
         wall, *unknown = work.stated()
-        work.observation.check(wall, data, *unknown)
+        work.likelihood.check(wall, data, *unknown)
     running = {"client": client, "cores": cores, "batch_size": batch_size}
     run_cohort(work, data, store, **running, progressbar=progressbar)
 

@@ -72,9 +72,8 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
     >>> ph.fit_cohort(
     ...     ph.Ogden(),
     ...     data,
+    ...     ph.Gaussian(pressure_sd=0.5),
     ...     "cohort",
-    ...     noise_sd=0.5,
-    ...     slope_weight=0.0,
     ...     random_seed=1,
     ...     cores=1,
     ...     progressbar=False,

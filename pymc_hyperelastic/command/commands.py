@@ -1,16 +1,14 @@
 """The commands of the command line."""
 
-import re
 import shutil
 from collections.abc import Callable
 from enum import Enum, StrEnum
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import pandas as pd
-import pymc as pm
 import typer
 import xarray as xr
 
@@ -18,15 +16,15 @@ from pymc_hyperelastic.classes.fit import fit_classes
 from pymc_hyperelastic.classes.groups import compare_classes
 from pymc_hyperelastic.cohorts.classify import classify_cohort
 from pymc_hyperelastic.cohorts.open import open_cohort
+from pymc_hyperelastic.command.sizes import likelihood_of_options, size_of
 from pymc_hyperelastic.command.study import CLASSES, CLASSIFIED, COMPARISON, classes_of, results_of
 from pymc_hyperelastic.data.files import read_tests
+from pymc_hyperelastic.data.files.read import settings_of_study
 from pymc_hyperelastic.data.select import select
-from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.files.results import save_result
 from pymc_hyperelastic.files.store import OtherWork
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy, list_strain_energies
-from pymc_hyperelastic.models.observation.slopes import balanced_slope_weight
 from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.reports.report import report as write_report
 
@@ -66,14 +64,6 @@ class By(StrEnum):
 
 
 _INSTEAD = "replace it with --overwrite, or name another folder with --out"
-Quantity = Literal["pressure", "length", "force", "angle"]
-# kPa, mN and mm: of errors that are to be inferred, the size that half-normal priors have.
-_UNKNOWN = {"noise_sd": 1.0, "force_noise_sd": 10.0, "diameter_noise_sd": 0.05}
-_QUANTITIES: dict[str, Quantity] = {
-    "noise_sd": "pressure",
-    "force_noise_sd": "force",
-    "diameter_noise_sd": "length",
-}
 
 
 def _show_version(asked: bool) -> None:
@@ -119,24 +109,36 @@ def fit(
     experiment_effect: Annotated[
         bool, typer.Option(help="Experiments on a specimen differ by more than noise.")
     ] = False,
-    noise: Annotated[
-        str, typer.Option(help="Standard deviation of pressures, as in '2 mmHg', or 'unknown'.")
-    ] = "unknown",
-    force_noise: Annotated[
+    pressure_sd: Annotated[
+        str | None,
+        typer.Option(
+            help="Standard deviation of pressures, as in '2 mmHg', or 'unknown' (the default)."
+        ),
+    ] = None,
+    force_sd: Annotated[
         str | None,
         typer.Option(
             help="The same of axial forces, as in '0.5 mN'; without it they are left out."
         ),
     ] = None,
-    force_offset: Annotated[
+    force_offset_sd: Annotated[
         str | None, typer.Option(help="Standard deviation of the zero of the force transducer.")
     ] = None,
-    diameter_noise: Annotated[
+    diameter_sd: Annotated[
         str | None, typer.Option(help="Standard deviation of diameters, as in '5 um'.")
     ] = None,
+    sigma: Annotated[
+        str | None,
+        typer.Option(
+            help="In place of --pressure-sd, with slopes: √2 standard deviations of pressures."
+        ),
+    ] = None,
+    force_sigma: Annotated[
+        str | None,
+        typer.Option(help="With --sigma in place of --force-sd: √2 standard deviations of forces."),
+    ] = None,
     slope_weight: Annotated[
-        float | None,
-        typer.Option(help="Weight of slopes, mm²; none with variability, else balanced."),
+        float | None, typer.Option(help="With --sigma, weight of slopes, mm²; else balanced.")
     ] = None,
     draws: Annotated[int, typer.Option(help="Draws of a chain.")] = 1000,
     chains: Annotated[int, typer.Option(help="Independent runs.")] = 4,
@@ -148,17 +150,22 @@ def fit(
     """Learn a class of each group of specimens.
 
     If a table has a column 'split', its rows marked 'train' are used. After an interrupt the same
-    command continues.
+    command continues. The options of errors may stand in a table [likelihood] of the TOML file.
     """
     data = _split(read_tests(files, settings), "train")
     groups = list(dict.fromkeys(data["group"].values.tolist()))
     training = {str(group): select(data, group=group) for group in groups}
-    pooled = variability is Variability.none
-    errors = _errors(noise, force_noise, diameter_noise)
-    if force_offset is not None:
-        errors["force_offset_sd"] = _size("force_offset", force_offset, "force")
-    if slope_weight is None and pooled:
-        slope_weight = 0.0 if diameter_noise else balanced_slope_weight(data)
+    options = {
+        "pressure_sd": pressure_sd,
+        "force_sd": force_sd,
+        "force_offset_sd": force_offset_sd,
+        "diameter_sd": diameter_sd,
+        "sigma": sigma,
+        "force_sigma": force_sigma,
+        "slope_weight": slope_weight,
+    }
+    stated = settings_of_study(files, settings).likelihood
+    likelihood = likelihood_of_options(options, stated, data)
     out.mkdir(parents=True, exist_ok=True)
     for each in law or [Law("Ogden")]:
         path = out / f"{CLASSES}-{each.value}.nc"
@@ -169,15 +176,14 @@ def fit(
             fit_classes,
             StrainEnergy.from_name(each.value),
             training,
+            likelihood,
             variability=variability.value,
             experiment_effect=experiment_effect,
-            slope_weight=slope_weight,
             draws=draws,
             chains=chains,
             random_seed=seed,
             progressbar=not quiet,
             store=store,
-            **errors,
         )
         classes = _computed(compute, store, overwrite=overwrite)
         save_result(classes, path)
@@ -255,13 +261,13 @@ def compare(
     between = None
     if pressure_range is not None:
         low, dash, rest = pressure_range.partition("-")
-        high = _size("pressure_range", rest if dash else "", "pressure")
-        between = [_size("pressure_range", low + _unit_of(rest), "pressure"), high]
+        high = size_of("--pressure-range", rest if dash else "", "pressure")
+        between = [size_of("--pressure-range", low + _unit_of(rest), "pressure"), high]
     trees = classes_of(study)
     result = compare_classes(
         trees if len(trees) > 1 else trees[0],
         quantity or ["log compliance", "circumferential_material_stiffness"],
-        pressure=_size("pressure", pressure, "pressure"),
+        pressure=size_of("--pressure", pressure, "pressure"),
         pressure_range=between,
         pair=pair,
         covariates=covariate,
@@ -303,34 +309,6 @@ def _computed(compute: Callable[[], Any], store: Path, *, overwrite: bool) -> An
 def _split(data: xr.Dataset, which: str) -> xr.Dataset:
     """Return the tests of one split, if the tables have a column split."""
     return select(data, split=which) if "split" in data.coords else data
-
-
-def _errors(noise: str, force: str | None, diameter: str | None) -> dict[str, Any]:
-    """Return the sizes of errors; for unknown sizes, their priors."""
-    given = {"noise_sd": noise, "force_noise_sd": force, "diameter_noise_sd": diameter}
-    return {
-        name: pm.HalfNormal.dist(_UNKNOWN[name])
-        if text == "unknown"
-        else _size(name.removesuffix("_sd"), text, _QUANTITIES[name])
-        for name, text in given.items()
-        if text is not None
-    }
-
-
-def _size(name: str, text: str, quantity: Quantity) -> float:
-    """A positive number with its unit, in the unit of the package."""
-    option = f"--{name.replace('_', '-')}"
-    found = re.fullmatch(r"\s*([-+\d.eE]+)\s*([^\d\s].*?)\s*", text)
-    try:
-        number = float(found[1])  # type: ignore[index]
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"{option} is {text!r}; expected a number and its unit, as in '2 mmHg'"
-        ) from None
-    if not number > 0:
-        raise ValueError(f"{option} is {text!r}; expected a positive number")
-    assert found is not None
-    return float(to_internal(number, found[2], quantity, keyword=option))
 
 
 def _unit_of(text: str) -> str:

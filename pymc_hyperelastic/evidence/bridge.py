@@ -1,4 +1,4 @@
-"""The evidence from draws of any sampler, by bridge sampling."""
+"""Compute the evidence from draws of any sampler, by bridge sampling."""
 
 import warnings
 from collections.abc import Callable
@@ -26,14 +26,16 @@ from pymc_hyperelastic.parallel import one_thread
 
 Proposal = Literal["auto", "normal", "warped", "mixture"]
 
-# A chain shorter than this has no autocorrelation that could be estimated, and fewer draws in all
-# have no shape.
-_SHORTEST_CHAIN, _FEWEST_DRAWS = 10, 200
-# Proposals are fitted as often as there are chains, but not more often than this.
+# Draws of a chain, at least: the autocorrelation of fewer cannot be estimated.
+_SHORTEST_CHAIN = 10
+# Draws of all chains, at least: a proposal cannot be fitted to fewer.
+_FEWEST_DRAWS = 200
+# Largest number of proposals; else there is one for each chain.
 _MOST_PARTS = 8
-# Errors were honest down to 48 effective draws, with 8 they were eight times too small.
+# Effective draws, at least: errors were right with 48, and eight times too small with 8.
 _FEWEST_EFFECTIVE = 40
-# What honest draws give has a standard normal distribution: it is less 19999 times of 20000.
+# Largest score, whose distribution is standard normal for draws of the posterior: larger ones have
+# a probability of 1 in 20000.
 _LARGEST_SCORE = 4.0
 
 
@@ -55,8 +57,8 @@ def log_evidence_by_bridge(
         h = \frac{1}{s_1 q + s_2 Z g}, \quad s_i = \frac{n_i}{n_1 + n_2},
 
     with means over ``n₂`` draws of the proposal, and over the draws of the posterior, of which
-    ``n₁`` are effective. A poor proposal costs little: 4000 draws of a posterior of 1000 unknowns
-    can tell its evidence to 0.03 nats.
+    ``n₁`` are effective. A poor proposal costs little: from 4000 draws of a posterior of 1000
+    unknowns the standard error can be 0.03 nats.
 
     Parameters
     ----------
@@ -116,8 +118,8 @@ def log_evidence_by_bridge(
     the parts differ more than that one time in a hundred by chance, their spread counts instead.
 
     The odds of a draw to be from the posterior, and not from the proposal, are ``c q/g``, and not
-    ``c (q/g)ᵇ`` for any ``b`` but 1. A score test of that tells a posterior that was sampled 5 %
-    too wide, or draws of other data. A tutorial of the method is [5]_.
+    ``c (q/g)ᵇ`` for any ``b`` but 1. A score test finds a posterior that was sampled 5 % too wide,
+    or draws of other data. A tutorial of the method is [5]_.
 
     References
     ----------
@@ -178,9 +180,10 @@ def bridged(
     proposal: Proposal,
     size: int,
 ) -> tuple[Estimate, list[str]]:
-    """Evidence from draws of at least two chains, (chain, draw, unknown), and what is against it.
+    """Return the evidence from draws of at least two chains, (chain, draw, unknown), and doubts.
 
-    Each part of the chains is compared with so many draws, in all, of what is fitted to the others.
+    Each part of the chains is compared with draws of a proposal that is fitted to the others;
+    `size` is the number of these draws for all parts.
     """
     parts = np.arange(len(draws)) % _MOST_PARTS
     count = int(parts.max()) + 1
@@ -263,7 +266,7 @@ def _log_ratios(
 
 
 class _Bridge(NamedTuple):
-    """What one part of the draws tells."""
+    """The evidence from one part of the draws."""
 
     log_evidence: float
     variance: float
@@ -307,13 +310,13 @@ def _bridge(drawn: Array, proposed: Array) -> _Bridge:
 
 
 def _relative_variance(values: Array, size: float) -> float:
-    """Of the mean of so many independent ones."""
+    """Return the relative variance of a mean of independent values."""
     mean = values.mean()
     return float((values / mean).var() / size) if mean > 0 else np.inf
 
 
 def _misfit(bridges: list[_Bridge]) -> list[str]:
-    """Whether too few draws count, or they are no draws of the density."""
+    """Return doubts: too few effective draws, or draws of another density."""
     doubts = []
     effective = np.sum([b.effective for b in bridges], axis=0).min()
     if not effective >= _FEWEST_EFFECTIVE:

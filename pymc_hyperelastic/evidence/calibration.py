@@ -1,4 +1,4 @@
-"""Simulation-based calibration: whether posteriors of parameters mean what they say."""
+"""Simulation-based calibration: compare posteriors with parameters that are known."""
 
 import json
 import warnings
@@ -25,14 +25,15 @@ from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.store import Remember, remembering
 from pymc_hyperelastic.parallel import one_thread
 
-# Simulations that are a part of a store together.
+# Simulations in one part of a store.
 _KEPT_TOGETHER = 10
-# The chi-square distribution of the test is an approximation that needs so many counts in a bin.
-# What is wrong with a posterior shifts many ranks a little, which few bins show better than many.
-_LEAST_EXPECTED, _MOST_BINS = 10, 20
+# Expected counts in a bin, at least: the chi-square distribution of the test is an approximation.
+_LEAST_EXPECTED = 10
+# Bins, at most: a wrong posterior shifts many ranks a little, which few bins show better.
+_MOST_BINS = 20
 _NO_DATA = (
     "they have a density, but nothing can be drawn from them; give the likelihood as observed "
-    'variables, as ph.inflation_model(..., likelihood="generative") does, and leave others out'
+    "variables, as ph.Gaussian(..., observed=True) does, and leave others out"
 )
 
 
@@ -59,8 +60,8 @@ def simulation_based_calibration(
     .. math:: r = \sum_{l=1}^{L} 1[θ_l < θ], \qquad P(r = k) = \frac{1}{L + 1},
         \quad k = 0, \dots, L
 
-    Ranks that pile up at both ends tell of posteriors that are too narrow, ranks in the middle of
-    such that are too wide, and ranks at one end of such that are biased.
+    Ranks pile up at both ends if posteriors are too narrow, in the middle if they are too wide, and
+    at one end if they are biased.
 
     Parameters
     ----------
@@ -118,8 +119,8 @@ def simulation_based_calibration(
     than 20 simulations, or if no such number divides ``L + 1``, the p-value is NaN. Each parameter
     is tested by itself: of twenty, one has a p-value below 0.05 by chance.
 
-    A posterior that ignores the data, and equals the prior, passes too. Whether the data tell
-    anything is seen in ``posterior_sd`` beside the spread of ``truth``.
+    A posterior that ignores the data, and equals the prior, passes too. Compare
+    ``posterior_sd`` with the spread of ``truth`` to see how informative the data are.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Whether chains of draws have come to the same distribution, and how many draws are effective."""
+"""Convergence of chains of draws: R-hat, effective sample sizes and divergences."""
 
 from collections.abc import Sequence
 
@@ -8,14 +8,17 @@ from arviz_stats.base import array_stats
 
 from pymc_hyperelastic.evidence.mixture import Array
 
-# Chains that agree have a smaller split R-hat, and of ESS, in the bulk and in the tails, more: a
-# mode that is seldom met is a tail.
-LARGEST_RHAT, _FEWEST_EFFECTIVE, _TAILS = 1.05, 40, (0.05, 0.95)
+# Largest split R-hat of chains that agree.
+LARGEST_RHAT = 1.05
+# Effective draws, in the bulk and in the tails, at least.
+_FEWEST_EFFECTIVE = 40
+# Quantiles of the tails: a mode that is seldom met is a tail.
+_TAILS = (0.05, 0.95)
 # Digits to which R-hat and effective sample sizes are rounded before the worst unknown is named, so
 # that the first of several equal ones is named.
 DIGITS = 6
-# With somewhat more divergent transitions, or many more, NUTS missed a fifth of the mass in the
-# neck of a hierarchy; with fewer nothing was missing.
+# Share of divergent transitions, at most: with more, NUTS missed a fifth of the mass in the neck of
+# a hierarchy; with fewer it missed no mass.
 _MOST_DIVERGENT = 0.001
 
 
@@ -25,7 +28,7 @@ def effective_size(values: Array, method: str = "mean") -> float:
 
 
 def disagreement(names: Sequence[str], draws: Array, log_density: Array) -> list[str]:
-    """Whether the chains differ in one of the unknowns, which have these names, or the density."""
+    """Return doubts if the chains differ in an unknown, or in the log density."""
     values = np.concatenate([draws, log_density[..., None]], axis=2)
     axes = {"chain_axis": 0, "draw_axis": 1}
     with np.errstate(all="ignore"):
@@ -51,7 +54,7 @@ def disagreement(names: Sequence[str], draws: Array, log_density: Array) -> list
 
 
 def divergence(tree: xr.DataTree) -> list[str]:
-    """Whether the sampler itself said that it could not go everywhere."""
+    """Return doubts if transitions of the sampler diverged."""
     stats = tree.children.get("sample_stats", {})
     diverging = np.asarray(stats["diverging"]) if "diverging" in stats else np.zeros(1)
     if diverging.mean() <= _MOST_DIVERGENT:

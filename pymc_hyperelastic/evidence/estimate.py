@@ -8,10 +8,11 @@ from scipy.stats import chi2
 
 from pymc_hyperelastic.evidence.mixture import Array
 
-# The spread of a few chains is a poor estimate of their variance, unless it refutes the other one.
+# Probability below which the spread of chains refutes their errors; else the errors count, since
+# the spread of a few chains is a poor estimate.
 _CHANCE = 0.01
-# Nats by which chains may differ whose evidences are alike.
-_ALIKE = 1.2
+# Range of log evidences, in nats, up to which their relative errors compare.
+_COMPARABLE = 1.2
 
 
 class Estimate(NamedTuple):
@@ -54,7 +55,7 @@ def combine_chains(log_evidences: Array, standard_errors: Array) -> Estimate:
         return Estimate(value, np.inf)
     if chains > 1:
         spread = np.var(np.exp(log_evidences - value), ddof=1)
-        if np.ptp(log_evidences) > _ALIKE:
+        if np.ptp(log_evidences) > _COMPARABLE:
             spread = max(spread, np.var(log_evidences, ddof=1))
         if spread > variance * chi2.isf(_CHANCE, chains - 1) / (chains - 1):
             variance = spread

@@ -1,4 +1,4 @@
-"""Importance sampling from a mixture that is adapted to the posterior."""
+"""Importance sampling: adapt a proposal to a density, then average the weights of fresh draws."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -6,13 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.mixture import (
-    Array,
-    GaussianMixture,
-    components_for,
-    log_sum_exp,
-)
-from pymc_hyperelastic.evidence.proposal import normal_of_halves
+from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, log_sum_exp
+from pymc_hyperelastic.evidence.proposal import ProposalBuilder
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.target import DrawPrior, Score
 from pymc_hyperelastic.evidence.weights import (
@@ -22,132 +17,219 @@ from pymc_hyperelastic.evidence.weights import (
     systematic,
 )
 
-# Below this Pareto shape of the largest weights, weights have a variance, and their mean an error
-# that is known.
+# Pareto shape of the weights from which their variance is infinite, and with it the error unknown.
 LARGEST_PARETO_K = 0.5
-# Below this one the mean is still known, by many draws: what the next one may add to it is part of
-# its error.
-LARGEST_KNOWN_K = 0.7
-# Effective draws without which nothing is known of a mean: its error is then a twentieth at most.
+# Pareto shape up to which the mean of Pareto-smoothed weights is reliable (Vehtari et al. 2024).
+LARGEST_RELIABLE_K = 0.7
+# Fewest effective draws by which a mean is known: its relative error is then at most 1/20.
 ENOUGH = 400
-# With more unknowns no mixture is learned from draws of itself: it loses more of them by what it
-# does not know of correlations than it gains. A class of five coordinates has 20.
+# Unknowns up to which proposals are adapted. More cannot be: a mixture that is fitted to draws of
+# itself loses more by errors of its correlations than it gains. A class of five coordinates has 20.
 MOST_UNKNOWNS = 24
-# Draws from the final mixture. Where they are not like the posterior another one is made of them,
-# from which twice as many are drawn, and so on, so many at most. If that is not enough, the last is
-# adapted once more.
-DRAWS, _MOST_DRAWS, _MOST_ADAPTED = 8000, 64000, 2
-# Share of the prior in them.
+# Fresh draws of the first round; each further round has twice as many.
+DRAWS = 8000
+# Fresh draws of the last round.
+_MOST_DRAWS = 64_000
+# Share of the prior in a proposal: weights are then bounded if the likelihood is (Owen and Zhou).
 PRIOR_SHARE = 0.1
-# Draws of what may be like the posterior already, and the error of a logarithm with which they are
-# enough.
-FIRST_DRAWS, LARGEST_ERROR = 1500, 0.03
-# By how much modes are widened for these, and degrees of freedom of their tails.
-_WIDER, _FREEDOM = 1.1, 4.0
-# Draws of a step of adaptation, for each number that a component has, at least and at most; it goes
-# so far that this fraction of them is effective.
-_STEP_DRAWS, _FEWEST_DRAWS, _LARGEST_STEP = 80, 1000, 12_000
-# So many times as many are made where these are too few for the components that there are.
-_MORE_DRAWS = 4
-_STEP_EFFECTIVE, _MOST_STEPS = 0.13, 60
-# Effective fraction at which a mixture is like the posterior, and steps after which it is as like
-# as it becomes.
-_ALIKE, _LAST_STEPS = 0.3, 6
+# Draws of the candidate proposals.
+CANDIDATE_DRAWS = 1500
+# Standard error, in nats, with which a log integral is accurate enough.
+LARGEST_ERROR = 0.03
+# Variance of proposals at modes, relative to that of the modes: chosen by experiment.
+_WIDER = 1.1
+# Degrees of freedom of proposals at modes: heavy tails for skewed modes.
+_FREEDOM = 4.0
+# Adaptive steps, at most.
+_MOST_STEPS = 40
+# Adaptive steps at the density itself, once it is reached.
+_LAST_STEPS = 2
+# Effective draws below which no shape is learned, for each unknown.
+_FEWEST_EFFECTIVE = 2
 
 
 class Integral(NamedTuple):
-    """The logarithm of an integral, with what it rests on."""
+    """The logarithm of an integral, and how it was computed."""
 
     log_value: Estimate
     pareto_k: float
-    """Shape of the largest weights; NaN where there are none."""
+    """Shape of the largest weights; NaN for other methods than importance sampling."""
     method: str
     """``"importance"``, ``"tempering"`` or ``"bridge"``."""
     particles: Array
     """Draws from the density, in random order."""
 
     @property
-    def trusted(self) -> bool:
-        """Whether the error is known."""
-        return not self.pareto_k >= LARGEST_PARETO_K
+    def reliable(self) -> bool:
+        """True if the Pareto shape shows that the value is right; False if it is NaN."""
+        return self.pareto_k < LARGEST_RELIABLE_K
 
     @property
-    def known(self) -> bool:
-        """Whether the value is, by many draws of a mixture."""
-        return self.pareto_k < LARGEST_KNOWN_K
+    def accurate(self) -> bool:
+        """True if the error is known, and small."""
+        return self.pareto_k < LARGEST_PARETO_K and self.log_value.standard_error < LARGEST_ERROR
 
 
-def by_importance(
+def importance_sampling(
     score: Score,
-    like: GaussianMixture,
+    initial_proposal: GaussianMixture,
+    builder: ProposalBuilder,
     size: int,
     rng: np.random.Generator,
+    *,
     draw_prior: DrawPrior | None = None,
-    first_draws: int = DRAWS,
-    alike: Sequence[tuple[Reference, int]] = (),
+    draws: int = DRAWS,
+    candidate_proposals: Sequence[tuple[Reference, int]] = (),
 ) -> Integral:
-    """Integral by importance sampling from a mixture, adapted from one that it is somehow like.
+    """Integrate a density by importance sampling, and draw particles from it.
 
-    Where the prior can be drawn from it has a share: where the likelihood is bounded, so are then
-    the weights, and what the mixture has missed shows.
+    1. Numbers of draws of `candidate_proposals` are weighted. If their mean is accurate, it is the
+       result: no proposal was fitted.
+    2. The initial proposal is adapted to the density, see :func:`adapted_proposal`.
+    3. Fresh draws of the final proposal are weighted. If their mean is not accurate, a proposal is
+       fitted to them, they are dropped, and twice as many fresh draws are made of this proposal.
 
-    So many draws of each of some distributions that may be `alike` already are tried first. If they
-    are enough, no mixture is adapted; if not, they count among the others.
+    Draws to which a proposal was fitted are never averaged: their weights are too small.
+
+    If the prior can be drawn from it has a share in each proposal: weights are then bounded if the
+    likelihood is, and mass that the mixture has missed shows.
+
+    Parameters
+    ----------
+    score : callable
+        Log prior and log likelihood of points, (n, d); their sum is the log density.
+    initial_proposal : GaussianMixture
+        Roughly like the density, or wider.
+    builder : ProposalBuilder
+        Fits a proposal to weighted draws.
+    size : int
+        Number of particles.
+    draw_prior : callable, optional
+        Draws of the prior.
+    draws : int
+        Number of fresh draws of the first round.
 
     References
     ----------
-    A share of the prior: A. Owen and Y. Zhou, Safe and effective importance sampling, Journal of
-    the American Statistical Association 95 (2000) 135. All draws are kept: J.-M. Cornuet,
-    J.-M. Marin, A. Mira and C. P. Robert, Adaptive multiple importance sampling, Scandinavian
-    Journal of Statistics 39 (2012) 798.
+    A. Owen and Y. Zhou, Safe and effective importance sampling, Journal of the American Statistical
+    Association 95 (2000) 135.
     """
-    if like.means.shape[1] > MOST_UNKNOWNS:
+    dimension = initial_proposal.means.shape[1]
+    if dimension > MOST_UNKNOWNS:
         unknown = Estimate(-np.inf, np.inf)
-        return Integral(unknown, np.inf, "importance", like.draw(size, rng))
-    drawn = Drawn(score, draw_prior)
-    if alike and (at_once := by_alike(drawn, alike, size, rng)):
-        return at_once
-    mixture, share = like, PRIOR_SHARE if draw_prior else 0.0
-    first_draws = min(first_draws, _MOST_DRAWS)
-    for _ in range(_MOST_ADAPTED):
-        mixture = adapted_mixture(score, mixture, rng)
-        for draws in (first_draws << i for i in range((_MOST_DRAWS // first_draws).bit_length())):
-            drawn.add([(Reference(mixture.heavy_tailed(), share), draws)], rng)
-            points, log_weights = drawn.weighted()
-            mean = _, pareto_k = mean_weight(log_weights)
-            effective = effective_sample_size(log_weights)
-            if pareto_k < LARGEST_PARETO_K or not effective:
-                break
-            # So many draws tell more of the posterior's shape than those of a step.
-            if effective > 2 * points.shape[1]:
-                mixture = _fitted(points, log_weights, effective, DRAWS, rng, start=mixture)
-        if pareto_k < LARGEST_KNOWN_K or not effective:
-            break
-    return integral_of(mean, points, log_weights, size, rng)
+        return Integral(unknown, np.inf, "importance", initial_proposal.draw(size, rng))
+    if candidate_proposals:
+        pool = Pool(score, draw_prior)
+        pool.add(candidate_proposals, rng)
+        found = integral_of(*pool.weighted(), size, rng)
+        if found.accurate and effective_sample_size(pool.weighted()[1]) > size:
+            return found
+    share = PRIOR_SHARE if draw_prior else 0.0
+    mixture = adapted_proposal(score, initial_proposal, builder, rng, draw_prior)
+    draws = min(draws, _MOST_DRAWS)
+    while True:
+        fresh = Pool(score, draw_prior)
+        fresh.add([(Reference(mixture.heavy_tailed(), share), draws)], rng)
+        points, log_weights = fresh.weighted()
+        found = integral_of(points, log_weights, size, rng)
+        few = effective_sample_size(log_weights) < _FEWEST_EFFECTIVE * dimension
+        draws *= 2
+        if found.accurate or few or draws > _MOST_DRAWS:
+            return found
+        mixture = builder.fitted(points, log_weights, rng, mixture, final=True)
 
 
-def by_alike(
-    drawn: "Drawn", alike: Sequence[tuple[Reference, int]], size: int, rng: np.random.Generator
-) -> Integral | None:
-    """The integral by draws of what may be alike; None where they are not worth the particles."""
-    drawn.add(alike, rng)
-    points, log_weights = drawn.weighted()
-    mean = log_value, pareto_k = mean_weight(log_weights)
-    sure = pareto_k < LARGEST_PARETO_K and log_value.standard_error < LARGEST_ERROR
-    if sure and effective_sample_size(log_weights) > size:
-        return integral_of(mean, points, log_weights, size, rng)
-    return None
-
-
-def integral_of(
-    mean: tuple[Estimate, float],
-    points: Array,
-    log_weights: Array,
-    size: int,
+def adapted_proposal(
+    score: Score,
+    initial_proposal: GaussianMixture,
+    builder: ProposalBuilder,
     rng: np.random.Generator,
-) -> Integral:
-    """An integral that is a mean weight, with so many particles of the density."""
-    log_value, pareto_k = mean
+    draw_prior: DrawPrior | None = None,
+) -> GaussianMixture:
+    r"""Adapt a proposal :math:`q` to a density :math:`p`: adaptive multiple importance sampling.
+
+    Each step adds draws of the last proposal to all draws before, weights all of them as if from
+    the mixture of their proposals, and fits the next proposal to the tempered density
+    :math:`q^{1-\beta} p^\beta`. The exponent :math:`\beta` is the largest one at which enough draws
+    are effective.
+
+    References
+    ----------
+    J.-M. Cornuet, J.-M. Marin, A. Mira and C. P. Robert, Adaptive multiple importance sampling,
+    Scandinavian Journal of Statistics 39 (2012) 798.
+    """
+    share = PRIOR_SHARE if draw_prior else 0.0
+    start = Reference(initial_proposal.heavy_tailed(), share)
+    mixture, arrived = initial_proposal, 0
+    draws, effective = builder.step_size(initial_proposal.means.shape[1])
+    pool = Pool(score, draw_prior)
+    for _ in range(_MOST_STEPS):
+        pool.add([(Reference(mixture.heavy_tailed(), share), draws)], rng)
+        log_density = pool.prior + pool.likelihood
+        possible = np.isfinite(log_density)
+        if possible.sum() < effective:
+            break
+        points = pool.points[possible]
+        log_start = start.log_density(points, pool.prior[possible])
+        ratio = log_density[possible] - log_start
+        log_weights = log_start - pool.log_proposal[possible]
+        beta = largest_step(ratio, effective / len(points), 1.0, log_weights)
+        arrived += beta == 1
+        log_weights += beta * ratio
+        mixture = builder.fitted(points, log_weights, rng, mixture, final=arrived > 0)
+        if arrived == _LAST_STEPS:
+            break
+    return mixture
+
+
+class Pool:
+    """Draws of several proposals, weighted as if each were from the mixture of all proposals."""
+
+    points: Array
+    """Shape (n, d)."""
+    prior: Array
+    """Log prior of each, shape (n,)."""
+    likelihood: Array
+    log_proposal: Array
+    """Log density of the mixture of proposals, plus ``ln n``."""
+
+    def __init__(self, score: Score, draw_prior: DrawPrior | None) -> None:
+        self._score, self._draw_prior = score, draw_prior
+        self._proposals: list[tuple[Reference, int]] = []
+
+    def add(self, proposals: Sequence[tuple[Reference, int]], rng: np.random.Generator) -> None:
+        """Draw numbers of points from proposals; the points are evaluated together."""
+        drawn = [proposal.draw(self._draw_prior, draws, rng) for proposal, draws in proposals]
+        points = np.concatenate(drawn)
+        prior, likelihood = self._score(points)
+        before, self._proposals = self._proposals, [*self._proposals, *proposals]
+        log_proposal = _log_density(self._proposals, points, prior)
+        if before:
+            of_new = _log_density(proposals, self.points, self.prior)
+            known = np.logaddexp(self.log_proposal, of_new)
+            points = np.concatenate([self.points, points])
+            prior = np.concatenate([self.prior, prior])
+            likelihood = np.concatenate([self.likelihood, likelihood])
+            log_proposal = np.concatenate([known, log_proposal])
+        self.points, self.prior, self.likelihood = points, prior, likelihood
+        self.log_proposal = log_proposal
+
+    def weighted(self) -> tuple[Array, Array]:
+        """Return all points, and their log weights, whose mean is the integral."""
+        log_weights = self.prior + self.likelihood - self.log_proposal + np.log(len(self.points))
+        return self.points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
+
+
+def _log_density(
+    proposals: Sequence[tuple[Reference, int]], points: Array, log_prior: Array
+) -> Array:
+    """Return the log of the sum of the densities of proposals times their numbers of draws."""
+    return np.logaddexp.reduce([np.log(n) + q.log_density(points, log_prior) for q, n in proposals])
+
+
+def integral_of(points: Array, log_weights: Array, size: int, rng: np.random.Generator) -> Integral:
+    """Return the integral that is the mean weight, with particles of the density."""
+    log_value, pareto_k = mean_weight(log_weights)
     particles = points
     if np.isfinite(log_value.value):
         weights = np.exp(log_weights - log_weights.max())
@@ -156,156 +238,25 @@ def integral_of(
 
 
 def at_modes(modes: GaussianMixture) -> GaussianMixture:
-    """Distribution to draw from where modes are what there is, with tails for what is skewed."""
+    """Return a proposal at modes, with heavier tails for modes that are skewed."""
     return modes.widened(_WIDER, freedom=_FREEDOM)
-
-
-class Drawn:
-    """All draws so far, from one proposal after another, as if from the mixture of these.
-
-    To keep the last draws alone would choose those whose weights look good: the ones that have
-    missed what the others have met.
-    """
-
-    points: Array
-    """Shape (n, d)."""
-    prior: Array
-    """Log prior of each, shape (n,)."""
-    likelihood: Array
-    log_density: Array
-    """Of the mixture, times `n`."""
-
-    def __init__(self, score: Score, draw_prior: DrawPrior | None) -> None:
-        self._score, self._draw_prior = score, draw_prior
-        self._proposals: list[tuple[Reference, int]] = []
-
-    def add(self, proposals: Sequence[tuple[Reference, int]], rng: np.random.Generator) -> None:
-        """Draw so many from each of other proposals; all of them are scored together."""
-        drawn = [proposal.draw(self._draw_prior, draws, rng) for proposal, draws in proposals]
-        points = np.concatenate(drawn)
-        prior, likelihood = self._score(points)
-        before, self._proposals = self._proposals, [*self._proposals, *proposals]
-        log_density = _log_density(self._proposals, points, prior)
-        if before:
-            known = np.logaddexp(self.log_density, _log_density(proposals, self.points, self.prior))
-            points = np.concatenate([self.points, points])
-            prior = np.concatenate([self.prior, prior])
-            likelihood = np.concatenate([self.likelihood, likelihood])
-            log_density = np.concatenate([known, log_density])
-        self.points, self.prior, self.likelihood = points, prior, likelihood
-        self.log_density = log_density
-
-    def weighted(self) -> tuple[Array, Array]:
-        """All points, and the logarithms of their weights."""
-        log_weights = self.prior + self.likelihood - self.log_density + np.log(len(self.points))
-        return self.points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
-
-
-def _log_density(
-    proposals: Sequence[tuple[Reference, int]], points: Array, log_prior: Array
-) -> Array:
-    """Of so many draws of each proposal, all together."""
-    return np.logaddexp.reduce([np.log(n) + q.log_density(points, log_prior) for q, n in proposals])
-
-
-def adapted_mixture(
-    score: Score, like: GaussianMixture, rng: np.random.Generator
-) -> GaussianMixture:
-    """Mixture like the posterior ``p``, along ``q^(1-β) p^β`` from the mixture ``q`` that is given.
-
-    References
-    ----------
-    O. Cappé, R. Douc, A. Guillin, J.-M. Marin and C. P. Robert, Adaptive importance sampling in
-    general mixture classes, Statistics and Computing 18 (2008) 447.
-    """
-    dimension = like.means.shape[1]
-    numbers = (dimension + 1) * (dimension + 2) // 2
-    draws = min(max(_FEWEST_DRAWS, _STEP_DRAWS * numbers), _LARGEST_STEP)
-    most = min(_MORE_DRAWS * draws, _LARGEST_STEP)
-    beta, last, mixture = 0.0, 0, like
-    start = like.heavy_tailed()
-    for _ in range(_MOST_STEPS):
-        points, log_density = draw_heavy_tailed(mixture, draws, rng)
-        posterior = np.add(*score(points))
-        possible = np.isfinite(posterior)
-        if not possible.any():
-            break
-        points, posterior = points[possible], posterior[possible]
-        before = start.log_density(points)
-        log_weights = before - log_density[possible] + beta * (posterior - before)
-        step = largest_step(posterior - before, _STEP_EFFECTIVE, 1.0 - beta, log_weights)
-        beta = 1.0 if step == 1.0 - beta else beta + step
-        log_weights += step * (posterior - before)
-        effective = effective_sample_size(log_weights)
-        last += beta == 1
-        # From hardly more draws than there are unknowns no shape is learned.
-        if (last and effective > _ALIKE * draws) or effective < 2 * dimension:
-            break
-        # Of too few a ridge would be fitted by one normal distribution, and lost.
-        if len(mixture.means) > 1 == components_for(effective, dimension) and draws < most:
-            draws, last = min(2 * draws, most), 0
-            continue
-        mixture = _fitted(points, log_weights, effective, draws, rng, start=mixture)
-        if last == _LAST_STEPS:
-            break
-    return mixture
-
-
-def _fitted(
-    points: Array,
-    log_weights: Array,
-    effective: float,
-    size: int,
-    rng: np.random.Generator,
-    start: GaussianMixture | None = None,
-) -> GaussianMixture:
-    """Mixture fitted to so many of the weighted points, of which some are effective.
-
-    Where there are too few for several components, correlations may be those of chance: in many
-    dimensions a normal distribution that keeps them is thinner than the posterior somewhere.
-    """
-    weights = np.exp(log_weights - log_weights.max())
-    # A ridge needs more components than it has modes, which many draws can tell apart.
-    components = components_for(effective, points.shape[1])
-    if components == 1 and (start is None or len(start.means) == 1):
-        # A half in which one point has all the weight has no spread.
-        parts = [slice(half, None, 2) for half in range(2)]
-        if all(np.ptp(weights[part]) < weights[part].sum() for part in parts):
-            early, late = (points[p][systematic(weights[p], size // 2, rng)] for p in parts)
-            return normal_of_halves(early, late)
-    learn_from = points[systematic(weights, size, rng)]
-    if start is None:
-        return GaussianMixture.fit(learn_from, components, rng)
-    known = start if len(start.means) >= components else None
-    return GaussianMixture.fit(
-        learn_from, components, rng, start=known, iterations=6, worth=effective / size
-    )
 
 
 def weighted_draws(
     score: Score, proposal: GaussianMixture, draws: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Points from a proposal, and the logarithms of their weights."""
+    """Return draws of a proposal, and their log weights."""
     points = proposal.draw(draws, rng)
     log_weights = sum(score(points)) - proposal.log_density(points)
     return points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
 
 
-def draw_heavy_tailed(
-    mixture: GaussianMixture, draws: int, rng: np.random.Generator
-) -> tuple[Array, Array]:
-    """Points from the mixture with heavy tails, and its log density there."""
-    proposal = mixture.heavy_tailed()
-    points = proposal.draw(draws, rng)
-    return points, proposal.log_density(points)
-
-
 def mean_weight(log_weights: Array) -> tuple[Estimate, float]:
-    """Mean of independent weights, as its logarithm with a standard error; their Pareto shape.
+    """Return the log mean of independent weights with its standard error, and their Pareto shape.
 
-    With fewer effective weights than are enough nothing is known of it. As many more may well have
-    one that is larger than all of these: in a tail of shape ``k`` it is ``1 / (1 - k)`` times as
-    large as the largest, on average, which counts as an error, too.
+    With fewer than 400 effective weights the mean is unknown. Twice as many draws may well have a
+    weight that is larger than all of these: in a tail of shape ``k`` it is ``1 / (1 - k)`` times
+    the largest, on average, which is added to the error.
     """
     effective = effective_sample_size(log_weights)
     if effective < ENOUGH:

@@ -1,4 +1,4 @@
-"""How functions of many points run: in NumPy, without a loop over the points in Python."""
+"""A mode of PyTensor in which functions of many points run in NumPy, without a Python loop."""
 
 from collections.abc import Callable, Sequence
 from functools import partial, reduce
@@ -60,7 +60,7 @@ def _batch_of_graphs(fgraph: FunctionGraph, node: Apply) -> list[Variable] | Non
 
 @node_rewriter([Blockwise])
 def _batch_of_splits(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
-    """A split, as of the slope of what was joined, is a Python loop otherwise."""
+    """A split, as in the gradient of joined arrays, is a Python loop otherwise."""
     core = node.op.core_op
     if not isinstance(core, Split):
         return None
@@ -83,7 +83,7 @@ class _NumpyCall(Op):
         return Apply(self, inputs, [self.type()])
 
     def perform(self, node: Apply, inputs: Sequence[Any], outputs: Any) -> None:
-        # Of numbers NumPy makes numbers, not arrays.
+        # NumPy returns numbers for numbers, not arrays.
         outputs[0][0] = np.asarray(self.function(*inputs))
 
 
@@ -124,7 +124,7 @@ def _eigenvalues_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] 
 
 
 def _eigh(matrices: Array) -> Array:
-    """Eigenvalues in the first row, eigenvectors in columns below; NaN of what is infinite."""
+    """Return eigenvalues in the first row, eigenvectors in columns below; NaN if not finite."""
     finite = np.isfinite(matrices).all(axis=(-2, -1))[..., None, None]
     values, vectors = np.linalg.eigh(np.where(finite, matrices, 0.0))
     return np.where(finite, np.concatenate([values[..., None, :], vectors], axis=-2), np.nan)
@@ -132,7 +132,7 @@ def _eigh(matrices: Array) -> Array:
 
 @node_rewriter([Blockwise])
 def _triangles_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | None:
-    """Factors of covariances, and what is solved by them, are a Python loop otherwise."""
+    """Cholesky factors and triangular solves are a Python loop otherwise."""
     core, result = node.op.core_op, node.outputs[0].type
     if result.dtype != "float64":
         return None
@@ -145,7 +145,7 @@ def _triangles_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] | 
 
 
 def _cholesky(matrices: Array) -> Array:
-    """Lower Cholesky factors, NaN in place of those that do not exist."""
+    """Return lower Cholesky factors; NaN for matrices that have none."""
     try:
         return np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:
@@ -177,11 +177,11 @@ def _solve_upper(ndim: int, factors: Array, known: Array) -> Array:
     return _solve_lower(ndim, factors[..., ::-1, ::-1], known[turned])[turned]
 
 
-# What runs a hundred times on thousands of points is best left to NumPy: it compiles in a second,
+# Functions that run a hundred times on thousands of points are compiled for NumPy in a second, for
 # numba or C in a minute. Fused operations, and powers made of them, would run point by point.
 _FUSED = ["fusion", "inplace", "local_pow_to_nested_squaring", "local_div_exp_to_mul_exp"]
-# Graphs inside of operations are opened where PyTensor opens those that are no batches: when no
-# rewrite comes any more that is not right for infinite numbers, which they may hold.
+# Position at which graphs inside of operations are opened: later rewrites are right for infinite
+# numbers, which these graphs may hold.
 _STABILISED = 1.9
 IN_NUMPY = (
     Mode("py", RewriteDatabaseQuery(include=["fast_run"], exclude=_FUSED))

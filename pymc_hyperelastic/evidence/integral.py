@@ -1,98 +1,102 @@
-"""An integral: by importance sampling where that can be trusted, else by tempering."""
+"""Compute one integral: by importance sampling if that is reliable, else by tempering."""
 
 import numpy as np
 
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import (
+    CANDIDATE_DRAWS,
     DRAWS,
-    FIRST_DRAWS,
     MOST_UNKNOWNS,
     PRIOR_SHARE,
     Integral,
     at_modes,
-    by_importance,
+    importance_sampling,
     weighted_draws,
 )
-from pymc_hyperelastic.evidence.laplace import by_curvature
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
-from pymc_hyperelastic.evidence.modes import modes_from
+from pymc_hyperelastic.evidence.modes import find_modes, starting_points
+from pymc_hyperelastic.evidence.path import GeometricPath
+from pymc_hyperelastic.evidence.proposal import (
+    ExpectationMaximisation,
+    LaplaceMixture,
+    ProposalBuilder,
+)
 from pymc_hyperelastic.evidence.reference import Reference
-from pymc_hyperelastic.evidence.ridges import along_ridges
-from pymc_hyperelastic.evidence.search import find_reference, places_to_climb_from, width_of
-from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.evidence.tempering import Tempering
+from pymc_hyperelastic.evidence.search import find_reference
+from pymc_hyperelastic.evidence.target import Target, width_of
+from pymc_hyperelastic.evidence.tempering import TemperedSMC
 from pymc_hyperelastic.evidence.weights import effective_sample_size
 
-# Tempering scores so many times as many points as fit into cache at most: about a minute, and with
-# many unknowns more, in proportion to their square.
-_MOST_EFFORT, _FEW = 20_000, 8
-# Share of the modes in the mixture from which importance sampling starts; draws by which it is seen
-# whether they are like the posterior, and the effective share of these at which they are.
-_SHARE_OF_MODES, _SEEN_BY, _ALIKE = 0.8, 400, 0.4
-# Draws of modes that are alike, for each particle.
-_FOR_EACH = 2
-# Draws of the prior, some of which are climbed from.
+# Evaluations of the density by tempering, at most: about a minute of a specimen's curves.
+_MOST_EVALUATIONS = 4_000_000
+# Unknowns up to which this number holds; with more it grows with their square.
+_FEW_UNKNOWNS = 8
+# Share of the modes in the initial proposal; the rest has the shape of the prior.
+_SHARE_OF_MODES = 0.8
+# Draws that show whether modes are like the posterior.
+_TEST_DRAWS = 400
+# Effective fraction of these draws from which modes are like the posterior.
+_LIKE_POSTERIOR = 0.4
+# Unknowns up to which Laplace approximations are made with second differences: their number grows
+# with the square of the unknowns.
+_MOST_FOR_DIFFERENCES = 12
+# Draws of the modes for each particle: hardly a draw is then a particle twice.
+_DRAWS_PER_PARTICLE = 2
+# Draws of the prior, some of which are starting points of optimisation.
 _PRIOR_DRAWS = 2000
 
 
-def _alike(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -> bool:
-    """Whether a mixture is so much like the posterior that nothing has to be learned of it."""
-    proposal = mixture.heavy_tailed()
-    _, log_weights = weighted_draws(target.score, proposal, _SEEN_BY, rng)
-    return effective_sample_size(log_weights) > _ALIKE * _SEEN_BY
-
-
-def _draws_of(modes: GaussianMixture, size: int) -> list[tuple[Reference, int]]:
-    """Draws of modes and the prior, so many that hardly one is among the particles twice."""
-    draws = max(FIRST_DRAWS, _FOR_EACH * size)
-    return [(Reference(at_modes(modes), PRIOR_SHARE), draws)] if draws <= DRAWS else []
-
-
-@np.errstate(all="ignore")  # a climb may be so wild that it overflows
+@np.errstate(all="ignore")  # an optimisation may be so wild that it overflows
 def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
-    """Evidence of a model, with so many particles of its posterior.
+    """Compute the evidence of a target, with particles of its posterior.
 
-    Posteriors here have few variables and mostly one mode: importance sampling from a mixture that
-    starts at the modes and the prior gives them in a tenth of the time of tempering, which is left
-    the others. Where that takes too long, or its particles are stuck, the error is infinite.
+    A posterior of few unknowns with mostly one mode is left to importance sampling, which starts at
+    the modes and the prior; tempering, which takes ten times as long, does all others. The error is
+    infinite if tempering takes too long, or its particles are stuck.
     """
     prior = target.draw_prior(_PRIOR_DRAWS, rng)
     # A posterior that is hardly narrower than the prior is not like its mode.
-    like, first = GaussianMixture.fit(prior, 1, rng), []
-    few = target.dimension <= MOST_UNKNOWNS
-    by_curvatures = few and target.knows_curvature
-    if few:
-        width = width_of(prior)
-        places = places_to_climb_from(prior, np.add(*target.score(prior)))
-        modes = modes_from(target.ascent, [next(places)], width, places)
+    initial, candidates = GaussianMixture.fit(prior, 1, rng), []
+    if target.dimension <= MOST_UNKNOWNS:
+        starts = starting_points(prior, np.add(*target.score(prior)))
+        modes = find_modes(target.derivatives, [next(starts)], width_of(prior), starts)
         if modes is not None:
-            joined = like.joined(modes.mixture, _SHARE_OF_MODES)
-            if _alike(target, joined, rng):
-                first = _draws_of(modes.mixture, size)
-            elif not by_curvatures:
-                ridges = along_ridges(target.ascent, modes, width)
-                joined = like.joined(ridges, _SHARE_OF_MODES)
-            like = joined
-    if by_curvatures:
-        quick = by_curvature(target, like, size, rng, first)
-    else:
-        quick = by_importance(target.score, like, size, rng, target.draw_prior, alike=first)
-    if quick.known:
-        return quick
-    allowed = _MOST_EFFORT * max(1.0, target.dimension / _FEW) ** 2
-    target.most_effort = target.effort + allowed
-    reference = find_reference(target, rng, probed=False).reference
+            initial = initial.joined(modes.mixture, _SHARE_OF_MODES)
+            draws = max(CANDIDATE_DRAWS, _DRAWS_PER_PARTICLE * size)
+            if draws <= DRAWS and _is_like_posterior(target, initial, rng):
+                candidates = [(Reference(at_modes(modes.mixture), PRIOR_SHARE), draws)]
+    by_laplace = target.knows_curvature or target.dimension <= _MOST_FOR_DIFFERENCES
+    builder: ProposalBuilder = LaplaceMixture(target) if by_laplace else ExpectationMaximisation()
+    found = importance_sampling(
+        target.score,
+        initial,
+        builder,
+        size,
+        rng,
+        draw_prior=target.draw_prior,
+        candidate_proposals=candidates,
+    )
+    return found if found.reliable else _by_tempering(target, size, rng, found.log_value)
+
+
+def _is_like_posterior(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -> bool:
+    """Return True if a mixture is like the posterior: no proposal has to be adapted then."""
+    _, log_weights = weighted_draws(target.score, mixture.heavy_tailed(), _TEST_DRAWS, rng)
+    return effective_sample_size(log_weights) > _LIKE_POSTERIOR * _TEST_DRAWS
+
+
+def _by_tempering(target: Target, size: int, rng: np.random.Generator, quick: Estimate) -> Integral:
+    """Compute the integral by tempering from a reference, and compare it with a `quick` value."""
+    reference = find_reference(target, rng, checked=False).reference
     particles = reference.draw(target.draw_prior, size, rng)
-    sampled = Tempering(target, particles, rng, reference=reference).run()
-    # Particles that do not move lack what they have not met, and know nothing of it.
-    unknown = target.exhausted or sampled.stuck
-    error = np.inf if unknown else float(np.sqrt(sampled.variance))
-    if np.isfinite(quick.log_value.standard_error):
-        # Two estimates that share nothing: what lies between them is not known.
-        error = float(np.hypot(error, sampled.log_evidence - quick.log_value.value))
+    most = _MOST_EVALUATIONS * max(1.0, target.dimension / _FEW_UNKNOWNS) ** 2
+    path = GeometricPath(target, reference)
+    smc = TemperedSMC(path, particles, rng, max_evaluations=most).run()
+    # Particles that do not move miss mass, and do not show that they do.
+    error = np.inf if smc.exhausted or smc.stuck else float(np.sqrt(smc.variance))
+    if np.isfinite(quick.standard_error):
+        # Two estimates that share nothing: their difference is an error of unknown origin.
+        error = float(np.hypot(error, smc.log_evidence - quick.value))
     return Integral(
-        Estimate(sampled.log_evidence, error),
-        np.nan,
-        "tempering",
-        rng.permutation(sampled.particles),
+        Estimate(smc.log_evidence, error), np.nan, "tempering", rng.permutation(smc.particles)
     )

@@ -9,15 +9,19 @@ from pymc.smc.kernels import SMC_KERNEL
 
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.evidence.mixture import Array
+from pymc_hyperelastic.evidence.path import GeometricPath
 from pymc_hyperelastic.evidence.search import Search, find_reference
-from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.evidence.tempering import THRESHOLD, Tempering
+from pymc_hyperelastic.evidence.target import Target, check_possible
+from pymc_hyperelastic.evidence.tempering import THRESHOLD, TemperedSMC
 
-# A covariance of more unknowns is not known from some thousand particles; and of more than the
-# second number, if hardly so many particles can be scored at once, it would take hours.
-_MOST_UNKNOWNS, _MOST_COSTLY = 300, 50
-# Stages of a chain at which particles may not have forgotten their places after `max_moves`, before
-# it goes on in haste. Posteriors that come out right have had six at most.
+# Unknowns of a reference, at most: a covariance of more is not known from some thousand particles.
+_MOST_UNKNOWNS = 300
+# Unknowns times numbers that are computed for a point, at most: more would take hours.
+_MOST_NUMBERS = 1_000_000
+# Unknowns up to which it does not matter how many numbers are computed.
+_FEW_UNKNOWNS = 50
+# Stages at which particles have not forgotten their places after `max_moves`, before a chain goes
+# on in haste: posteriors that come out right have had six at most.
 _MOST_CAPPED = 6
 # Fraction of the effective sample size that stages keep on the long way from the prior alone.
 _FAR = 0.8
@@ -31,19 +35,19 @@ class BatchedSMC(SMC_KERNEL):
     fraction; resampled particles then move until they have forgotten where they were, and all
     places on their way count at the next stage [1]_.
 
-    The reference is found from both ends [2]_. Particles tempered from the prior find what has
-    mass, but are left behind at a sudden transition: up to a certain ``β`` a poor curve with large
-    noise is preferred, from there on a good curve with small noise, which no particle has met.
-    Climbs from draws of the prior find that, but not what is skewed or has no mode. From a mixture
-    of both, and of the prior, particles are tempered once more; a mixture fitted to these, with
-    a share of the prior, is the reference. Often it is so near the posterior that one stage is
+    The reference is found from both ends [2]_. Particles tempered from the prior find mass, but are
+    left behind at a sudden transition: up to a certain ``β`` a poor curve with large noise is
+    preferred, from there on a good curve with small noise, which no particle has met. Optimisation
+    from draws of the prior finds that mode, but not a skewed density, or one without a mode. From a
+    mixture of both, and of the prior, particles are tempered once more; a mixture fitted to these,
+    with a share of the prior, is the reference. Often it is so near the posterior that one stage is
     enough.
 
-    Moves are drawn from a mixture with heavy tails, fitted to the places of the stage before, in
-    turn with local ones: Hamiltonian Monte Carlo with the covariance of the component at hand, or
-    random walks where there are few unknowns or no slopes. The places are in part weighted as at
-    a later, larger ``β``: the few particles that will carry the weight then are met by proposals
-    now.
+    Moves are drawn from a mixture with heavy tails, fitted to the places of the stage before the
+    last one, in turn with local ones: Hamiltonian Monte Carlo with the covariance of the component
+    at hand, or random walks where there are few unknowns or no gradients. The places are in part
+    weighted as at a later, larger ``β``: the few particles that will carry the weight then are met
+    by proposals now.
 
     It works for any PyMC model with continuous variables, and in ``pm.sample_smc(kernel=...)``.
 
@@ -142,7 +146,7 @@ class BatchedSMC(SMC_KERNEL):
         "nan_scores": (int, []),
     }
     search: Search | None
-    """What is known of the posterior beforehand; found at the start of a chain if it is missing."""
+    """Search for a reference; made at the start of a chain if it is missing."""
 
     def __init__(
         self,
@@ -191,7 +195,7 @@ class BatchedSMC(SMC_KERNEL):
         """Raise if there are too many unknowns for a reference."""
         if self.dimension > _MOST_UNKNOWNS:
             why = f"more than the {_MOST_UNKNOWNS} of which particles can know a reference"
-        elif self.dimension > max(_MOST_COSTLY, self.target.at_once):
+        elif self.dimension > _FEW_UNKNOWNS and self.dimension * self.target.cost() > _MOST_NUMBERS:
             why = "and its density takes so long that it would be hours until a reference is known"
         else:
             return
@@ -236,18 +240,19 @@ class BatchedSMC(SMC_KERNEL):
                 )
             particles = self.columns(start)
         self.draws = len(particles)
-        self.target.nan_scores = 0
-        self.tempering = Tempering(
-            self.target,
+        self.tempering = TemperedSMC(
+            GeometricPath(self.target, reference),
             particles,
             self.rng,
-            reference=reference,
             threshold=self.threshold,
             forget=self.forget,
             max_moves=self.max_moves,
             most_capped=_MOST_CAPPED,
         )
-        self.target.check_possible(self.tempering.possible, f"the {self.draws} initial particles")
+        path, self._nan_before = self.tempering.path, 0
+        check_possible(
+            self.tempering.possible, path.nan_count, f"the {self.draws} initial particles"
+        )
         self._read()
 
     def update_beta_and_weights(self) -> None:
@@ -262,23 +267,23 @@ class BatchedSMC(SMC_KERNEL):
 
     def tune(self) -> None:
         """Fit the mixture from which moves are drawn."""
-        self.tempering.learn()
+        self.tempering.adapt()
 
     def mutate(self) -> None:
         """Move the particles until they have forgotten their places."""
-        self.target.nan_scores = 0
+        self._nan_before = self.tempering.path.nan_count
         self.tempering.move()
         self._read()
 
     def _read(self) -> None:
-        """What PyMC reads of a kernel."""
+        """Set the attributes of a kernel that PyMC reads."""
         self.beta = self.tempering.beta
         self.log_marginal_likelihood = self.tempering.log_evidence
         self.log_evidence_variance = self.tempering.variance
         self.tempered_posterior = self.tempering.particles
 
     def sample_stats(self) -> dict[str, float]:
-        """What is reported of each stage."""
+        """Return the statistics of the last stage."""
         tempering = self.tempering
         return {
             "beta": tempering.beta,
@@ -289,7 +294,7 @@ class BatchedSMC(SMC_KERNEL):
             "moves": tempering.moves,
             "ancestors": tempering.ancestors,
             "pareto_k": tempering.pareto_k,
-            "nan_scores": self.target.nan_scores,
+            "nan_scores": tempering.path.nan_count - self._nan_before,
         }
 
     def sample_settings(self) -> dict[str, float]:

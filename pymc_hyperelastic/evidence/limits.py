@@ -1,4 +1,4 @@
-"""Whether a posterior is pressed against a limit of a prior."""
+"""Find posteriors that are pressed against a limit of a prior."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""A mixture fitted to a population of particles, from which SMC proposes moves."""
+"""Mixtures of normal or Student-t distributions, fitted by expectation maximisation."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,9 +9,9 @@ from scipy.special import gammaln
 
 Array = NDArray[np.float64]
 
-# So many points for each dimension, and one, count as much as the covariance known before.
+# Weight of the covariance at the start, in points for each dimension and one.
 _KNOWN = 2.0
-# Components times points whose densities are kept in cache together.
+# Components times points whose densities are computed together: they stay in the cache.
 _AT_ONCE = 20_000
 # Added to each variance, as a fraction of the population's: it keeps a component of coinciding
 # particles a proper distribution, and is too small to blur a mode a millionth as wide as the prior.
@@ -44,8 +44,9 @@ class GaussianMixture:
     ) -> "GaussianMixture":
         """Fit by expectation maximisation, from `start` or from distinct points drawn far apart.
 
-        Where each point is worth but so much of an independent one, a component of few of them
-        keeps a part of the covariance from which it starts: its own may be thin by chance.
+        `worth` is the number of independent points to which each point is equivalent. If it is
+        finite, a component of few points keeps a part of its covariance at the start, since the
+        covariance of few points may be thin by chance.
 
         Examples
         --------
@@ -165,8 +166,8 @@ class GaussianMixture:
             steps[chosen] = standard[chosen] @ (factor if transposed else factor.T)
         return steps
 
-    def slope(self, points: Array) -> tuple[Array, Array]:
-        """Logarithm of the density and its slope at each point, shapes (n,) and (n, d)."""
+    def gradient(self, points: Array) -> tuple[Array, Array]:
+        """Log density and its gradient at each point, shapes (n,) and (n, d)."""
         z = self._standardised(points)
         distance = (z**2).sum(axis=1).T
         terms = self._terms_at(distance)

@@ -15,8 +15,8 @@ class Reference:
     mixture: GaussianMixture
     """With heavy tails."""
     prior_share: float
-    """What the mixture has missed has this share of the prior, so that no weight is without bound
-    if the likelihood is not."""
+    """Share of the prior: weights are bounded if the likelihood is, also where the mixture has no
+    mass."""
 
     def draw(self, draw_prior: DrawPrior | None, size: int, rng: np.random.Generator) -> Array:
         """Points, shape (size, d), in exact shares."""
@@ -35,10 +35,12 @@ class Reference:
             np.log1p(-self.prior_share) + self.mixture.log_density(points),
         )
 
-    def slope(self, points: Array, log_prior: Array, prior_slope: Array) -> tuple[Array, Array]:
-        """Log density and its slope at points where those of the prior are given."""
-        of_mixture, mixture_slope = self.mixture.slope(points)
+    def gradient(
+        self, points: Array, log_prior: Array, prior_gradient: Array
+    ) -> tuple[Array, Array]:
+        """Log density and its gradient at points where those of the prior are given."""
+        of_mixture, mixture_gradient = self.mixture.gradient(points)
         of_prior = np.log(self.prior_share) + log_prior
         total = np.logaddexp(of_prior, np.log1p(-self.prior_share) + of_mixture)
         share = np.exp(of_prior - total)[:, None]
-        return total, share * prior_slope + (1 - share) * mixture_slope
+        return total, share * prior_gradient + (1 - share) * mixture_gradient

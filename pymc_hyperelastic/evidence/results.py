@@ -1,4 +1,4 @@
-"""What is stored of a sampled model: ArviZ's schema, in a DataTree that netCDF can hold.
+"""Store a sampled model in ArviZ's schema, in a DataTree that netCDF can hold.
 
 ArviZ calls the schema InferenceData; its container is :class:`xarray.DataTree`. A sampled model
 has the groups
@@ -8,22 +8,21 @@ has the groups
 ``sample_stats`` : (chain, stage)
     What each stage of tempering did; NaN where a chain had fewer stages.
 ``evidence`` : (chain)
-    ``log_evidence`` and ``log_evidence_se`` of each chain, and what tells how far they can be
-    trusted: the fraction of stages at which ``moves`` were not enough and of ``ancestors`` that are
-    left; the Pareto shape of weights (``pareto_k``); the evidence by tempering from the prior alone
-    (``forward``) and from the modes (``at_modes``, with the shape ``at_modes_k`` of its weights),
-    and the ``log_masses`` of these; the log evidence ``at_bounds`` of priors, and the share
-    ``unmet`` of other particles that chains have not met; ``curve_error``, the largest error of
-    the posterior's curves, relative to the largest value of each; the share ``at_limit`` of the
-    posterior within 1 % of each limit of a prior; of curves, ``chi_square``, the squared
-    differences of the best curve from what was measured, in standard deviations of the noise, and
-    the number of ``points``, by test and signal. Where chains were integrated, in classes with
-    variability, the ``method`` of each.
+    ``log_evidence`` and ``log_evidence_se`` of each chain; the fraction of stages at which
+    ``moves`` were not enough; the fraction of ``ancestors`` that are left; the Pareto shape of
+    weights (``pareto_k``); the evidence by tempering from the prior alone (``forward``); the
+    evidence from the modes (``at_modes``, with the shape ``at_modes_k`` of its weights), and the
+    ``log_masses`` of the modes; the log evidence ``at_bounds`` of priors; the share ``unmet`` of
+    other particles that the reference lacks; the share ``at_limit`` of the posterior within 1 % of
+    each limit of a prior; the ``method`` of each chain of a class with variability. Models of
+    curves add ``curve_error``, the largest error of the posterior's curves, relative to the largest
+    value of each; ``chi_square``, the squared residuals of the best curve in variances of the
+    noise; and the number of ``points``, by test and signal.
 ``diagnosis`` : (check)
     What :func:`diagnose_evidence` says.
 ``observed_data``, ``constant_data``
-    What was observed, and the other data of the model, as PyMC's samplers store them, unless the
-    model says more of what it was made from.
+    The observed and constant data of the model, as PyMC's samplers store them; a model with a study
+    may store more.
 """
 
 import json
@@ -50,33 +49,29 @@ _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy")
 
 
 class Study(Protocol):
-    """What a model was made from."""
+    """The data and settings from which a model was made."""
 
     def result_groups(self, model: pm.Model) -> dict[str, xr.Dataset]:
         """Groups that its result has besides those of sampling."""
 
     @property
     def data(self) -> xr.Dataset:
-        """What the model was made of."""
+        """The data from which the model was made."""
 
     def result_attrs(self, model: pm.Model) -> dict[str, str]:
         """Attributes of its result."""
 
-    def residuals(self, model: pm.Model) -> dict[str, Any]:
-        """Differences of curves from what was measured, in standard deviations, by signal."""
-
-    def chi_squares(self, data: xr.Dataset, residuals: Mapping[str, Array]) -> xr.Dataset:
-        """Their squares by test and signal, of the best of some draws (draw, point)."""
-
-    def curve_error(self, posterior: Mapping[str, Array]) -> float:
-        """Largest relative error of curves of the posterior; NaN where it is not known."""
+    def diagnostics(
+        self, model: pm.Model, posterior: Mapping[str, Array], particles: Array
+    ) -> xr.Dataset:
+        """Return variables of the group ``evidence``, for the checks that are registered."""
 
 
 def attach_study(model: pm.Model, study: Study) -> None:
-    """Let a model say what it was made from, as ``model.study``, and so that copies of it do.
+    """Attach a study to a model, as ``model.study``, and to copies of the model.
 
     PyMC's ``observe``, ``do`` and ``copy`` make a new model, of clones of the variables: these
-    carry a tag. Of a deterministic what it shows is cloned.
+    carry a tag. For a deterministic its input is cloned.
     """
     model.study = study
     shown = [v.owner.inputs[0] for v in model.deterministics]
@@ -85,7 +80,7 @@ def attach_study(model: pm.Model, study: Study) -> None:
 
 
 def study_of(model: pm.Model) -> Study | None:
-    """What a model, or the one of which it is a copy, was made from, if that is known."""
+    """Return the study of a model, or of the model of which it is a copy; None without one."""
     tags = (getattr(v.tag, "study", None) for v in model.named_vars.values())
     return next((study for study in tags if study is not None), None)
 
@@ -112,8 +107,8 @@ def sampling_tree(
 ) -> xr.DataTree:
     """Collect what sampling gave: arrays by (chain, draw), and one dict of stages a chain.
 
-    `found` is what is known of the evidence beforehand. A model that says what it was made from,
-    see :func:`attach_study`, has that in its result too.
+    `found` holds further variables of the group ``evidence``. The groups of the model's study, see
+    :func:`attach_study`, are added.
     """
     coords, dims = coords_and_dims_for_inferencedata(model)
     stages = max(len(chain["beta"]) for chain in stats)
@@ -134,8 +129,6 @@ def sampling_tree(
         evidence["pareto_k"] = np.array([chain["pareto_k"][-1] for chain in stats])
     found = (xr.Dataset() if found is None else found).merge(mass_at_limits(model, unconstrained))
     study = study_of(model)
-    if study and np.isfinite(error := study.curve_error(posterior)):
-        found = found.assign(curve_error=error)
     tree = xr.DataTree.from_dict(
         (study.result_groups(model) if study else data_groups(model))
         | {
@@ -156,7 +149,7 @@ def sampling_tree(
 
 
 def thinned_draws(tree: xr.DataTree, most: int) -> xr.DataTree:
-    """A result with so many draws of its posterior at most."""
+    """Return a result with at most `most` draws of its posterior."""
     posterior = tree["posterior"].to_dataset()
     step = -(-posterior.sizes["chain"] * posterior.sizes["draw"] // most)
     thinned = tree.copy()

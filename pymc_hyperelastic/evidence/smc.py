@@ -18,7 +18,6 @@ from pymc_hyperelastic.evidence.checks import PACKAGE, check_count, check_model
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence, with_diagnosis
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
-from pymc_hyperelastic.evidence.residuals import Residuals
 from pymc_hyperelastic.evidence.results import sampling_tree, study_of
 from pymc_hyperelastic.files.store import seed_in
 from pymc_hyperelastic.parallel import one_thread
@@ -87,7 +86,8 @@ def sample_smc(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
-    >>> model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
+    >>> likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=3.0)
+    >>> model = ph.ogden_model(data, likelihood)
     >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
     >>> tree["posterior"].sizes["draw"]
     500
@@ -120,7 +120,7 @@ def run_smc(
     var_names: Sequence[str] | None = None,
     **kernel_settings: Any,
 ) -> xr.DataTree:
-    """What :func:`sample_smc` returns, without a warning of its evidence."""
+    """Return the result of :func:`sample_smc`, without a warning of its evidence."""
     check_model(model)
     check_count("chains", chains, 1)
     if start is not None and len(start) != chains:
@@ -173,7 +173,7 @@ def seed_kept(random_seed: Any, store: str | Path | None) -> np.random.SeedSeque
 
 
 def seed_of(seed: np.random.SeedSequence, label: str) -> np.random.SeedSequence:
-    """Seed of what has this label, whatever else there is and in which order."""
+    """Return the seed of a label; it does not depend on other labels, or on their order."""
     words = np.frombuffer(hashlib.sha256(label.encode()).digest()[:16], "<u4")
     return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *words.tolist()))
 
@@ -220,7 +220,7 @@ def particles_to_tree(
     unconstrained = kernel.target.by_name(particles)
     found = kernel.search.as_dataset() if kernel.search else xr.Dataset()
     if study := study_of(model):
-        found = found.merge(Residuals(model).of(study.data, np.concatenate(populations)))
+        found = found.merge(study.diagnostics(model, posterior, np.concatenate(populations)))
     return sampling_tree(
         model, posterior, unconstrained, stats, kernel.sample_settings(), random_seed, found
     )

@@ -1,4 +1,4 @@
-"""What is sampled: the prior and the likelihood of a model, with their slopes, for many points."""
+"""Log prior and log likelihood of a model, with their gradients, for many points at once."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
@@ -27,41 +27,48 @@ Array = NDArray[np.float64]
 
 # Log prior and log likelihood of points, shape (n, d).
 Score = Callable[[Array], tuple[Array, Array]]
-# So many draws of the prior, shape (n, d).
+# Draws of the prior, shape (count, d).
 DrawPrior = Callable[[int, np.random.Generator], Array]
 
 
-class Rise(NamedTuple):
-    """How a density rises at points."""
+class Evaluation(NamedTuple):
+    """Log prior and log likelihood of points; an impossible point has ``−inf``."""
 
-    height: Array
-    """Its logarithm, (n)."""
-    slope: Array
-    """Of that, (n, d)."""
+    log_prior: Array
+    log_likelihood: Array
+    nan_count: int
+    """Number of points whose density is NaN or ``+inf``: they count as impossible."""
+
+
+class Derivatives(NamedTuple):
+    """A log density with its derivatives at points."""
+
+    log_density: Array
+    """Shape (n)."""
+    gradient: Array
+    """Shape (n, d)."""
     curvature: Array | None = None
-    """About what it would be at a summit, if that is known, (n, d, d): positive definite."""
+    """Positive definite approximation of the negative Hessian, (n, d, d); None if unknown."""
 
 
-Slope = Callable[[Array], Rise]
-# The same for variables of a given width, (d) or (n, d), on whose scale differences are taken.
-Ascent = Callable[[Array], Slope]
+# Derivatives at points, shape (n, d). The second argument is the width of each variable, (d) or
+# (n, d): finite differences have steps in proportion to it.
+LogDensityGradient = Callable[[Array, Array], Derivatives]
 
-# So few unknowns are climbed by differences, in less time than slopes take to compile.
-_FEW = 4
-# Logarithm of the smallest number there is.
+# Unknowns up to which gradients are finite differences: PyTensor needs longer to compile gradients
+# than these differences need in a whole run.
+_FEW_UNKNOWNS = 4
+# Logarithm of the smallest positive number.
 _LOG_SMALLEST = np.log(np.nextafter(0.0, 1.0))
-# About the logarithm of the largest number there is.
-_FARTHEST = 700.0
-# Bytes of intermediate results that are one unit of effort.
-_UNIT = 2**21
-# Slopes take so many times as long as a score.
-_COST_OF_SLOPES = 3
-# Step of a difference, as a fraction of a variable's width.
+# About the logarithm of the largest number.
+_LOG_LARGEST = 700.0
+# Step of a finite difference, in widths of a variable: about the square root of the rounding error
+# of a log density.
 _STEP = 1e-4
 
 
 class Target:
-    """Prior and likelihood of a PyMC model on its unconstrained scale, for many points at once.
+    """Log prior and log likelihood of a PyMC model on its unconstrained scale, for many points.
 
     Parameters
     ----------
@@ -79,7 +86,7 @@ class Target:
         If the model has discrete variables, or no likelihood.
     """
 
-    # Whether ascents know the curvature wherever they are.
+    # True if `derivatives` returns curvatures.
     knows_curvature = False
 
     def __init__(
@@ -92,13 +99,11 @@ class Target:
         self.model = model
         self.var_info = {name: (shape, prod(shape)) for name, shape in value_shapes(model).items()}
         self.dimension = sum(size for _, size in self.var_info.values())
-        self.nan_scores = 0
-        self.effort, self.most_effort = 0.0, np.inf
-        self._hot = _tempered(model, tempered)
+        self._likelihood_terms = _tempered(model, tempered)
         self._compile_kwargs = compile_kwargs
 
     def columns(self, points: Mapping[str, Array]) -> Array:
-        """Points by the name of the value variable as a matrix, in which each has a row."""
+        """Return points, given by the name of the value variable, as a matrix with a row each."""
         return side_by_side([points[name] for name in self.var_info]).astype(float)
 
     def draw_prior(self, count: int, rng: np.random.Generator) -> Array:
@@ -118,7 +123,7 @@ class Target:
             ) from error
 
     def by_name(self, points: Array) -> dict[str, Array]:
-        """Unconstrained variables of points (..., d), each with its own shape at the end."""
+        """Return points (..., d) by the name of the variable, each with its own shape."""
         ends = np.cumsum([size for _, size in self.var_info.values()])
         columns = np.split(points, ends[:-1], axis=-1)
         shapes = [shape for shape, _ in self.var_info.values()]
@@ -128,7 +133,7 @@ class Target:
         }
 
     def log_evidence_at_bounds(self, count: int, rng: np.random.Generator) -> float:
-        """Logarithm of what the prior's draws at a bound contribute to the evidence.
+        """Return the logarithm of what draws of the prior at a bound contribute to the evidence.
 
         A number that rounds to 0, or a probability that rounds to 1, is infinitely far on the
         unconstrained scale, where no sampler arrives. Such draws are rare, unless a prior has most
@@ -147,69 +152,47 @@ class Target:
     def _draw(self) -> Callable[[int, np.random.Generator], dict[str, Array]]:
         return prior_sampler(self.model)
 
-    def score(self, points: Array) -> tuple[Array, Array]:
-        """Log prior and log likelihood of every point; NaN and ``+inf`` count as ``−inf``."""
-        self.effort += len(points) / self.at_once
+    def evaluate(self, points: Array) -> Evaluation:
+        """Return the log prior and the log likelihood of every point."""
         # A Potential of plain numbers may come in single precision.
         prior, likelihood = (np.asarray(logp, float) for logp in self._score(points))
-        return self._possible(prior, likelihood)
+        return evaluation(prior, likelihood)
 
-    @property
-    def at_once(self) -> int:
-        """How many points are one unit of effort: few if each takes long."""
-        return self._score.filling(_UNIT)
+    def score(self, points: Array) -> tuple[Array, Array]:
+        """Return the log prior and the log likelihood of every point."""
+        return self.evaluate(points)[:2]
 
-    @property
-    def exhausted(self) -> bool:
-        """Whether more was done than allowed, in units of so many points."""
-        return self.effort > self.most_effort
+    def cost(self) -> int:
+        """Return how many numbers are computed for one point."""
+        return self._score.cost()
 
     @cached_property
-    def has_slopes(self) -> bool:
-        """Whether there are slopes of the prior and the likelihood, at little cost."""
-        return self.dimension > _FEW and self._with_slopes is not None
+    def has_gradients(self) -> bool:
+        """True if PyTensor gives gradients, and these are faster than finite differences."""
+        return self.dimension > _FEW_UNKNOWNS and self._with_gradients is not None
 
-    def slopes(self, points: Array) -> tuple[Array, Array, Array, Array]:
-        """Log prior and log likelihood, and the slope of each, which is 0 where it is not known."""
-        assert self._with_slopes is not None
-        self.effort += _COST_OF_SLOPES * len(points) / self.at_once
-        prior, likelihood, *slopes = self._with_slopes(points)
-        return *self._possible(prior, likelihood), *(
-            np.nan_to_num(s, posinf=0, neginf=0) for s in slopes
-        )
+    def gradients(self, points: Array) -> tuple[Evaluation, Array, Array]:
+        """Return densities, and the gradients of log prior and log likelihood, (n, d) each.
 
-    def ascent(self, width: Array) -> Slope:
-        """Log density of the posterior and its slope, for variables of such a width."""
-        if not self.has_slopes:
-            return by_differences(self.score, width)
+        An entry that is not finite is 0: it only leads a proposal astray, which is then rejected.
+        """
+        assert self._with_gradients is not None
+        prior, likelihood, *gradients = self._with_gradients(points)
+        of_prior, of_likelihood = (np.nan_to_num(g, posinf=0, neginf=0) for g in gradients)
+        return evaluation(prior, likelihood), of_prior, of_likelihood
 
-        def slope(points: Array) -> Rise:
-            prior, likelihood, of_prior, of_likelihood = self.slopes(points)
-            return Rise(prior + likelihood, of_prior + of_likelihood)
-
-        return slope
-
-    def check_possible(self, possible: NDArray[np.bool_], points: str) -> None:
-        """Raise, naming the points, unless one of those that were scored is possible."""
-        if not possible.any():
-            raise ValueError(
-                f"none of {points} has a finite likelihood ({self.nan_scores} are NaN): is the "
-                "prior far from what the data allow, or is a unit wrong? If little of the prior is "
-                "possible, give the model a prior of that part alone, such as pm.Truncated, or "
-                "sample it with pm.sample and take ph.log_evidence_by_bridge"
-            )
-
-    def _possible(self, prior: Array, likelihood: Array) -> tuple[Array, Array]:
-        # What overflows is no number either.
-        bad = ~(prior < np.inf) | ~(likelihood < np.inf)
-        self.nan_scores += int(bad.sum())
-        return np.where(bad, -np.inf, prior), np.where(bad, -np.inf, likelihood)
+    def derivatives(self, points: Array, width: Array) -> Derivatives:
+        """Return the log density of the posterior and its gradient."""
+        if not self.has_gradients:
+            return gradient_by_differences(self.score)(points, width)
+        (prior, likelihood, _), of_prior, of_likelihood = self.gradients(points)
+        return Derivatives(prior + likelihood, of_prior + of_likelihood)
 
     @cached_property
     @without_traces
     def _terms(self) -> list[TensorVariable]:
         """Log density of all that counts as prior, and of all that is tempered."""
-        model, hot = self.model, self._hot
+        model, hot = self.model, self._likelihood_terms
         others = (term for term in (*model.observed_RVs, *model.potentials) if term not in hot)
         cold = [*model.free_RVs, *others]
         logp = model.logp([*cold, *hot], sum=False)
@@ -222,18 +205,38 @@ class Target:
 
     @cached_property
     @without_traces
-    def _with_slopes(self) -> BatchedFunction | None:
+    def _with_gradients(self) -> BatchedFunction | None:
         variables = self.model.value_vars
         try:
-            slopes = [
+            gradients = [
                 pt.concatenate(
-                    [pt.flatten(s) for s in pt.grad(term, variables, disconnected_inputs="ignore")]
+                    [pt.flatten(g) for g in pt.grad(term, variables, disconnected_inputs="ignore")]
                 )
                 for term in self._terms
             ]
         except (NotImplementedError, NullTypeGradError):
             return None
-        return BatchedFunction.of_model(self.model, [*self._terms, *slopes], self._compile_kwargs)
+        return BatchedFunction.of_model(
+            self.model, [*self._terms, *gradients], self._compile_kwargs
+        )
+
+
+def evaluation(prior: Array, likelihood: Array) -> Evaluation:
+    """Return log densities in which NaN and ``+inf`` are replaced by ``−inf``."""
+    bad = ~(prior < np.inf) | ~(likelihood < np.inf)
+    prior, likelihood = (np.where(bad, -np.inf, values) for values in (prior, likelihood))
+    return Evaluation(prior, likelihood, int(bad.sum()))
+
+
+def check_possible(possible: NDArray[np.bool_], nan_count: int, points: str) -> None:
+    """Raise ValueError, naming the `points`, unless one of them is possible."""
+    if not possible.any():
+        raise ValueError(
+            f"none of {points} has a finite likelihood ({nan_count} are NaN): is the "
+            "prior far from what the data allow, or is a unit wrong? If little of the prior is "
+            "possible, give the model a prior of that part alone, such as pm.Truncated, or "
+            "sample it with pm.sample and take ph.log_evidence_by_bridge"
+        )
 
 
 def in_one_period(model: pm.Model) -> TensorVariable:
@@ -250,44 +253,53 @@ def in_one_period(model: pm.Model) -> TensorVariable:
     return pt.switch(pt.any(pt.stack(outside)), -np.inf, 0.0) if outside else pt.constant(0.0)
 
 
-def by_differences(score: Score, width: Array) -> Slope:
-    """Log density and its slope from a score alone, by differences of so wide variables."""
+def gradient_by_differences(score: Score) -> LogDensityGradient:
+    """Return the log density of a score and its gradient by finite differences."""
 
-    def slope(points: Array) -> Rise:
-        around, change = differences(points, width)
-        values = np.add(*score(around.reshape(-1, points.shape[1])))
+    def derivatives(points: Array, width: Array) -> Derivatives:
+        stencil, difference = finite_differences(points, width)
+        values = np.add(*score(stencil.reshape(-1, points.shape[1])))
         values = values.reshape(len(points), -1)
-        return Rise(values[:, 0], np.nan_to_num(change(values), posinf=0, neginf=0))
+        gradient = np.nan_to_num(difference(values), posinf=0, neginf=0)
+        return Derivatives(values[:, 0], gradient)
 
-    return slope
+    return derivatives
 
 
-def differences(points: Array, width: Array) -> tuple[Array, Callable[[Array], Array]]:
-    """Points and others beside each of them, (n, d + 1, d); slopes of what is known at these.
+def finite_differences(points: Array, width: Array) -> tuple[Array, Callable[[Array], Array]]:
+    """Return the stencil of forward differences, and a function that takes the differences.
 
-    Slopes are along the second axis, of values whose first two are those of the points. They are
-    one-sided: of a mode as wide as it is said to be they are wrong by half a step's worth of nats.
+    The stencil, (n, d + 1, d), holds each point and its neighbours. The function takes values whose
+    first two axes are those of the stencil, and returns derivatives along the second axis. At a
+    mode of the given width a derivative is wrong by half a step, in nats for one width.
     """
     step = np.broadcast_to(_STEP * width, points.shape)
     beside = step[:, None] * np.eye(points.shape[1])
-    around = points[:, None] + np.concatenate([0 * beside[:, :1], beside], axis=1)
+    stencil = points[:, None] + np.concatenate([0 * beside[:, :1], beside], axis=1)
 
-    def change(values: Array) -> Array:
+    def difference(values: Array) -> Array:
         with np.errstate(invalid="ignore"):
             return (values[:, 1:] - values[:, :1]) / step.reshape(
                 *step.shape, *(1,) * (values.ndim - 2)
             )
 
-    return around, change
+    return stencil, difference
+
+
+def width_of(points: Array) -> Array:
+    """Return the sd of each variable as if it were normal, from its quartiles: robust to tails."""
+    lower, upper = np.quantile(points, [0.25, 0.75], axis=0)
+    # The quartiles of a normal distribution are 1.349 sds apart.
+    return np.maximum((upper - lower) / 1.349, np.finfo(float).tiny)
 
 
 def _finite(points: Array) -> Array:
     """Move draws that were rounded to a bound to the last place whose exponential is a number."""
-    return np.nan_to_num(points, nan=np.nan, posinf=_FARTHEST, neginf=_LOG_SMALLEST)
+    return np.nan_to_num(points, nan=np.nan, posinf=_LOG_LARGEST, neginf=_LOG_SMALLEST)
 
 
 def _tempered(model: pm.Model, names: Sequence[str] | None) -> list[TensorVariable]:
-    """Observed variables and Potentials of these names; all when missing."""
+    """Return the observed variables and Potentials of these names; all when missing."""
     terms = [*model.observed_RVs, *model.potentials]
     known = [term.name for term in terms]
     unknown = sorted(set(names or ()) - set(known))

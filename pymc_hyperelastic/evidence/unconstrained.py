@@ -1,4 +1,4 @@
-"""Draws of any sampler on the scale on which a model's variables have no bounds."""
+"""Transform draws of any sampler to the unconstrained scale of a model's variables."""
 
 from collections.abc import Callable, Sequence
 
@@ -17,7 +17,7 @@ from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.evidence.target import in_one_period
 
-# The logarithm of a density that vanishes, as a number with which one can go on.
+# Logarithm of a density of zero: a finite number, so that differences are defined.
 NOTHING = -1e300
 
 _DRAWS = ("chain", "draw")
@@ -33,8 +33,8 @@ def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> tuple[Array, list
 
     And the names of the variables that the unknowns belong to.
 
-    Where the tree holds them on this scale too, as ``unconstrained_posterior``, they are taken from
-    there: nothing has been rounded to a bound.
+    If the tree holds unconstrained draws, as ``unconstrained_posterior``, these are returned: no
+    draw has been rounded to a bound.
 
     Raises
     ------
@@ -72,7 +72,7 @@ def log_density_function(model: pm.Model, names: Sequence[str]) -> Callable[[Arr
     def density(points: Array) -> Array:
         flat = points.reshape(-1, points.shape[-1])
         values = function(flat)[0].astype(float)
-        # So far out that numbers overflow, a density may come out infinite.
+        # A density may be infinite where numbers overflow.
         values[~np.isfinite(values)] = NOTHING
         return values.reshape(points.shape[:-1])
 

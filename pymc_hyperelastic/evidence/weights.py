@@ -1,4 +1,4 @@
-"""Weights of particles: how many of them count, how far to temper, which particles to keep."""
+"""Weights of particles: effective sample size, Pareto shape, tempering step and resampling."""
 
 from typing import Any
 
@@ -11,16 +11,16 @@ Array = NDArray[np.float64]
 
 # Logarithm of the largest weight over the mean one below which no weight decides.
 _FAR_ABOVE = np.log(10)
-# Range of the logarithms of the largest weights up to which all of them are equal: log densities
-# have rounding errors up to about 1e-9, to which a distribution must not be fitted.
+# Range of the largest log weights up to which they count as equal: log densities have rounding
+# errors up to about 1e-9, to which no distribution must be fitted.
 _EQUAL = 1e-6
 
 
 def largest_step(logp: Array, fraction: float, largest: float, log_weights: Any = 0.0) -> float:
     """Step of ``β`` after which this fraction of the particles is effective, `largest` at most.
 
-    Particles weigh ``exp(step logp)``, times weights that they may have before. Where these are
-    already worse than that, the step is 0.
+    Particles weigh ``exp(step logp)``, times weights that they may have before. The step is 0 if
+    fewer are effective without it.
     """
     possible = np.isfinite(logp + log_weights)
     target = fraction * possible.sum()
@@ -50,9 +50,9 @@ def effective_sample_size(log_weights: Array) -> float:
 def pareto_shape(log_weights: Array) -> float:
     """Shape of the generalised Pareto distribution of the largest weights; infinite without any.
 
-    The largest of `n` weights with such a tail is about ``n^k`` times their mean. Where it is less
-    than ten times that, so is what the shape can be: fitted to weights with a common bound, which
-    decide nothing, it would be anything.
+    The largest of `n` weights with such a tail is about ``n^k`` times their mean. If it is less
+    than ten times their mean, the shape is bounded accordingly: a fit to weights with a common
+    bound, which do not matter, may give any shape.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Interpolation at Chebyshev points: nodes, and the coefficients of what is known there."""
+"""Chebyshev points, and the coefficients of a function from its values at these points."""
 
 from functools import cache
 

@@ -1,13 +1,10 @@
-"""The pressure integral as a constant matrix, for known radii and geometry.
+"""The integrals over the wall as constant matrices, for tubes with known radii and geometry.
 
-Pressure and stiffness are linear in the material's response ``T(ln λθ)``. Where radii and geometry
-are known, they are ``M g`` and ``S g``: ``g`` holds the response at ``K`` Chebyshev stretches that
-span the walls, and the matrices do not depend on the material. The squared misfit to any number
-of points is then, by a QR factorisation, that of ``K`` numbers.
-
-Walls at one axial stretch make a group. Where the stretch varies within a group, the response is
-known on a grid of hoop and axial stretches: a product of Chebyshev points in ``ln λθ`` and
-``ln λz``.
+Pressure, stiffness and axial force are linear in the response of the material. If radii and
+geometry are known, they are constant matrices times the responses ``g`` at ``K`` nodes in the
+walls, which do not depend on the material. A QR factorisation reduces the squared misfit of any
+number of points to that of ``K`` numbers. :mod:`~pymc_hyperelastic.mechanics.interpolation` and
+:mod:`~pymc_hyperelastic.mechanics.selected_nodes` choose the nodes.
 """
 
 from collections.abc import Sequence
@@ -24,14 +21,14 @@ from pytensor.tensor.blockwise import vectorize_node_fallback
 from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.axial_force import force_response
-from pymc_hyperelastic.mechanics.interpolation import Basis, Group, Interpolation, Matrices
-from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
-from pymc_hyperelastic.mechanics.wall import TubeOp, finite_or_zero
+from pymc_hyperelastic.mechanics.interpolation import Basis, Interpolation
+from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes
+from pymc_hyperelastic.mechanics.wall import TubeOp, zero_at_overflow
 
 Array = NDArray[np.float64]
 
-# Points whose walls are handled at once: bounds memory, whatever the size of the data.
-_CHUNK = 2048
+# Numbers in the weights (node, point, quadrature node) that are computed at once: 32 MB.
+_CHUNK = 4_000_000
 
 
 class CollocatedIntegral(TubeOp):
@@ -76,7 +73,7 @@ class CollocatedIntegral(TubeOp):
         return [disconnected_type() for _ in range(self.constants)] + of_entries
 
     def connection_pattern(self, node: Apply) -> list[list[bool]]:
-        """What depends on what: nothing is differentiated by constants."""
+        """Outputs depend on the parameters; gradients by the constants are disconnected."""
         pattern = super().connection_pattern(node)
         return [[False] * len(node.outputs)] * self.constants + pattern[self.constants :]
 
@@ -129,7 +126,8 @@ class CollocatedGradient(CollocatedIntegral):
         """Differentiate the integral: the response at the nodes is that of its value."""
         count = self.constants + len(self.strain_energy.entry_names)
         integral = self.integral(strain_energy=self.strain_energy, per_group=self.per_group)
-        outputs = compress(integral.build_inner_graph(*inputs[:count]), self.known)
+        values = integral.build_inner_graph(*inputs[:count])
+        outputs = [*compress(values, self.known)]
         cotangents = inputs[count:]
         gradients = grad(
             None,
@@ -137,7 +135,8 @@ class CollocatedGradient(CollocatedIntegral):
             known_grads=dict(zip(outputs, cotangents, strict=True)),
             disconnected_inputs="ignore",
         )
-        return finite_or_zero(gradients)
+        batch_ndim = int(values[0].type.ndim > 2)
+        return zero_at_overflow(gradients, outputs, batch_ndim)
 
 
 @_vectorize_node.register(CollocatedIntegral)
@@ -170,17 +169,17 @@ def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: Tensor) 
 def collocate(
     tubes: KnownTubes, groups: Sequence[Group], basis: Basis, targets: dict[str, Array]
 ) -> dict[str, Any]:
-    """Matrices of :class:`CollocatedIntegral`, compressed against the measured values.
+    """Return matrices of :class:`CollocatedIntegral`, compressed against the measured values.
 
     With a QR factorisation ``[M y] = Q [R c; 0 ρ]`` of a group, ``|M g − y|² = |R g − c|² + ρ²``
     for every response ``g``. Each kind of measurement is compressed separately, so that their
-    weights may be unknown. The `targets` are what was measured at each point, NaN where nothing
-    was: ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"``
+    weights may be unknown. The `targets` are the measured values at each point, or NaN:
+    ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"``
     (mN).
 
-    Given back are ``log_hoop`` and ``log_axial`` (group, node), and for each target the ``_matrix``
-    (group, row, node), ``_target`` (group, row) and ``_residual`` (the sum of all ``ρ²``). There
-    are as many rows as nodes, or points where these are fewer.
+    The result holds ``log_hoop`` and ``log_axial`` (group, node), and for each target the
+    ``_matrix`` (group, row, node), ``_target`` (group, row) and ``_residual`` (the sum of all
+    ``ρ²``). There are as many rows as nodes, or as points if these are fewer.
     """
     interpolations = [basis.interpolation(tubes, group) for group in groups]
     collocated: dict[str, Any] = _places(interpolations)
@@ -189,11 +188,10 @@ def collocate(
     count = collocated["log_hoop"].shape[1]
     for group, interpolation in zip(groups, interpolations, strict=True):
         augmented = {name: np.zeros((0, count + 1)) for name in factors}
-        for start in range(0, len(group.points), _CHUNK):
-            chunk = group.points[start : start + _CHUNK]
-            matrices = _matrices(tubes, chunk, interpolation, count)
+        for chunk in _chunks(group, interpolation):
+            matrices = _matrices(tubes, group.points[chunk], interpolation, count)
             for name, target in targets.items():
-                rows = np.column_stack([matrices[name], target[chunk]])
+                rows = np.column_stack([matrices[name], target[group.points[chunk]]])
                 rows = rows[~np.isnan(rows[:, -1])]
                 stacked = np.concatenate([augmented[name], rows])
                 few = len(stacked) <= count
@@ -202,7 +200,7 @@ def collocate(
             factors[name].append(rows[:count])
             residual[name] += float(np.sum(rows[count:, -1] ** 2))
     for name, of_groups in factors.items():
-        most = max((len(rows) for rows in of_groups), default=0)
+        most = max(len(rows) for rows in of_groups)
         stacked = np.zeros((len(groups), most, count + 1))
         for rows, block in zip(of_groups, stacked, strict=True):
             block[: len(rows)] = rows
@@ -215,32 +213,54 @@ def collocate(
 def curve_matrices(
     tubes: KnownTubes, groups: Sequence[Group], basis: Basis
 ) -> tuple[dict[str, Array], NDArray[np.intp]]:
-    """Matrices of :class:`CollocatedIntegral` for the points themselves, uncompressed.
+    """Return matrices of :class:`CollocatedIntegral` for the points themselves, uncompressed.
 
     Groups are padded to the same number of rows. With the matrices come the places of the points
-    among all rows, group by group; 0 for points that are in none. Slopes of pressure and force are
-    by the internal radius.
+    among all rows, group by group. Slopes of pressure and force are by the internal radius.
     """
     interpolations = [basis.interpolation(tubes, group) for group in groups]
     places = _places(interpolations)
-    most = max(1, *(len(group.points) for group in groups))
+    most = max(len(group.points) for group in groups)
     shape = len(groups), most, places["log_hoop"].shape[1]
     names = ("pressure", "stiffness", "force", "force_slope")
     matrices = {name: np.zeros(shape) for name in names}
     place = np.zeros(len(tubes.radius), int)
     for number, (group, interpolation) in enumerate(zip(groups, interpolations, strict=True)):
         place[group.points] = number * most + np.arange(len(group.points))
-        for start in range(0, len(group.points), _CHUNK):
-            chunk = group.points[start : start + _CHUNK]
-            rows = slice(start, start + len(chunk))
-            blocks = _matrices(tubes, chunk, interpolation, shape[2])
+        for chunk in _chunks(group, interpolation):
+            blocks = _matrices(tubes, group.points[chunk], interpolation, shape[2])
             for name, matrix in matrices.items():
-                matrix[number, rows] = blocks[name]
+                matrix[number, chunk] = blocks[name]
     return places | {f"{name}_matrix": matrix for name, matrix in matrices.items()}, place
 
 
+def wall_matrices(tubes: KnownTubes, interpolation: Interpolation) -> dict[str, Array]:
+    """Return matrices (point, node) from responses at the nodes to pressures, forces and slopes.
+
+    Besides ``"pressure"`` and ``"force"`` there are ``"stiffness"`` and ``"force_slope"``, by the
+    internal radius, and ``"slope"`` of the pressure, by the radius that was measured.
+    """
+    rule, log_axial = tubes.quadrature(interpolation.order, split=interpolation.split)
+    values, slopes = (
+        weights.reshape(-1, *rule.log_hoop.shape)
+        for weights in interpolation.weights(rule.log_hoop.ravel(), log_axial.ravel())
+    )
+
+    def integral(weight: Array, of_nodes: Array) -> Array:
+        return np.einsum("nq,knq->nk", weight, of_nodes)
+
+    stiffness = integral(rule.stiffness_weight, slopes / 2 - values)
+    return {
+        "pressure": integral(rule.pressure_weight, values),
+        "stiffness": stiffness,
+        "slope": stiffness * tubes.growth[:, None],
+        "force": integral(rule.force_weight, values),
+        "force_slope": np.pi * tubes.radius[:, None] * integral(rule.pressure_weight, slopes),
+    }
+
+
 def _places(interpolations: Sequence[Interpolation]) -> dict[str, Array]:
-    """Where the response is to be known: (group, node), the first node in place of none."""
+    """Stretches of the nodes (group, node); groups with fewer nodes repeat their first one."""
     places = [interpolation.places for interpolation in interpolations]
     count = max(len(log_hoop) for log_hoop, _ in places)
 
@@ -251,9 +271,17 @@ def _places(interpolations: Sequence[Interpolation]) -> dict[str, Array]:
     return {"log_hoop": log_hoop, "log_axial": log_axial}
 
 
+def _chunks(group: Group, interpolation: Interpolation) -> list[slice]:
+    """Slices of the points of a group whose weights have a bounded size."""
+    each = len(interpolation.places[0]) * interpolation.order * (1 + interpolation.split)
+    step = max(1, _CHUNK // each)
+    count = len(group.points)
+    return [slice(start, min(start + step, count)) for start in range(0, count, step)]
+
+
 def _matrices(
     tubes: KnownTubes, points: NDArray[np.intp], interpolation: Interpolation, count: int
-) -> Matrices:
-    """From responses at so many nodes to what is measured at the points: (point, node) each."""
-    matrices = interpolation.matrices(tubes, points)
+) -> dict[str, Array]:
+    """Matrices of some points, with columns of zeros up to `count` nodes."""
+    matrices = wall_matrices(tubes.at(points), interpolation)
     return {n: np.pad(m, [(0, 0), (0, count - m.shape[1])]) for n, m in matrices.items()}

@@ -14,7 +14,12 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.wall import TubeOp, broadcast_batches, finite_or_zero
+from pymc_hyperelastic.mechanics.wall import (
+    WALL_ORDER,
+    TubeOp,
+    broadcast_batches,
+    zero_at_overflow,
+)
 
 # Steps of Newton's method, and the largest fraction of the radius that one of them is long.
 _STEPS, _LARGEST_STEP = 10, 0.1
@@ -45,7 +50,7 @@ class RadiusAtPressure(TensorSymbolicOp):
         input_types: Any = None,
         *,
         strain_energies: tuple[StrainEnergy, ...],
-        order: int = 32,
+        order: int = WALL_ORDER,
         **settings: Any,
     ) -> None:
         settings.setdefault("name", f"{type(self).__name__}{list(strain_energies)}")
@@ -61,7 +66,7 @@ class RadiusAtPressure(TensorSymbolicOp):
         return [radius, pt.abs(step)]
 
     def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
-        """Gradient of the exact solution; zero where it is not finite."""
+        """Gradient of the exact solution; zero if no solution was found."""
         cotangent = cotangents[0]
         if isinstance(cotangent.type, DisconnectedType):
             return [disconnected_type() for _ in inputs]
@@ -78,7 +83,7 @@ class RadiusAtPressure(TensorSymbolicOp):
         )
         known = zip([*own, radius, weight], [*inputs, outputs[0], cotangent], strict=True)
         gradients = clone_replace(gradients, dict(known))
-        return finite_or_zero(gradients)
+        return zero_at_overflow(gradients, outputs)
 
     def tubes(self, radius: Tensor, wall: Sequence[Any]) -> list[Tube]:
         """Layers at an internal radius, from the inputs behind it."""

@@ -1,41 +1,40 @@
-"""Tubes whose radii and geometry are known, and parts of their walls."""
+"""Tubes with known radii and reference geometry, for integrators that tabulate a wall."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.mechanics.tube import opening_factor, stretches
+from pymc_hyperelastic.mechanics.tube import stretches
+from pymc_hyperelastic.mechanics.wall import WallRule, wall_rule
 
 Array = NDArray[np.float64]
 
 
 class KnownTubes(NamedTuple):
-    """Tubes whose radii and geometry are known, one entry a point; or parts of their walls."""
+    """Tubes with known radii and reference geometry: one entry per measured point."""
 
     radius: Array
-    """Internal radius, mm."""
+    """Current internal radius, mm."""
     inner_radius: Array
     outer_radius: Array
     axial_stretch: Array
     opening_angle: Array
     growth: Array
-    """How the internal radius of the whole wall grows with the one that was measured."""
-    share: Array | float = 1.0
-    """How its own internal radius grows with that of the whole wall."""
+    """Derivative of the current internal radius by the radius that was measured."""
 
     def at(self, points: NDArray) -> "KnownTubes":
-        """Some of the points."""
-        return KnownTubes(*(np.broadcast_to(v, self.radius.shape)[points] for v in self))
+        """Return the tubes at some of the points."""
+        return KnownTubes(*(values[points] for values in self))
 
     @property
     def walls(self) -> list[Array]:
-        """Internal radius and geometry, each (point, 1)."""
+        """Current internal radius and reference geometry, each of shape (point, 1)."""
         return [values[:, None] for values in self[:5]]
 
     @property
     def log_hoop(self) -> tuple[Array, Array]:
-        """``ln λθ`` at the inner and at the outer face, between which it is monotonic."""
+        """``ln λθ`` at the inner and at the outer face; it is monotonic between them."""
         tube = {
             "inner_radius": self.inner_radius,
             "axial_stretch": self.axial_stretch,
@@ -47,26 +46,39 @@ class KnownTubes(NamedTuple):
         )
         return inner, outer
 
-    def divided(self) -> tuple["KnownTubes", "KnownTubes"]:
-        r"""Each wall in two, where ``λθ ≥ 1`` and where ``λθ < 1``.
+    def quadrature(self, order: int, *, split: bool = False) -> tuple[WallRule, Array]:
+        """Return the quadrature rule of each wall, and ``ln λz`` of its nodes (point, node).
 
-        .. math:: λ_θ = \frac{k r}{R} = 1 \quad\Leftrightarrow\quad
-            R^2 \left(1 - \frac{k}{λ_z}\right) = k^2 a^2 - \frac{k}{λ_z} A^2
-
-        A part of a wall is a tube in the tube. Where a wall has only one of them, the other has no
-        thickness.
+        With `split` the rule is split where ``λθ = 1``, if any of the walls holds this stretch:
+        fibres in the hoop direction slacken there.
         """
         inner, outer = self.log_hoop
-        crossed = (inner < 0) != (outer < 0)
-        k = opening_factor(self.opening_angle)
-        ratio = np.where(crossed, k / self.axial_stretch, 0.0)
-        square = ((k * self.radius) ** 2 - ratio * self.inner_radius**2) / (1 - ratio)
-        place = np.clip(np.sqrt(np.where(crossed, square, 0.0)), self.inner_radius, None)
-        place = np.where(crossed, np.minimum(place, self.outer_radius), self.outer_radius)
-        within = self._replace(outer_radius=place, share=np.ones_like(place))
-        around = self._replace(radius=place / k, inner_radius=place, share=self.radius * k / place)
-        taut, slack = (
-            KnownTubes(*(np.where(first, a, b) for a, b in zip(within, around, strict=True)))
-            for first in (inner >= 0, inner < 0)
-        )
-        return taut, slack
+        kinks = [np.zeros(())] if split and np.any((inner < 0) != (outer < 0)) else []
+        rule = wall_rule(np, *self.walls, order=order, kinks=kinks)
+        log_axial = np.broadcast_to(np.log(self.axial_stretch)[:, None], rule.log_hoop.shape)
+        return rule, log_axial
+
+
+class Group(NamedTuple):
+    """Points whose walls share the nodes of a basis."""
+
+    points: NDArray[np.intp]
+    hoop: tuple[float, float]
+    """Centre and half width of the range of ``ln λθ`` in the walls."""
+
+
+def groups_by(tubes: KnownTubes, key: NDArray) -> list[Group]:
+    """Return groups of the points that have the same `key`."""
+    groups = []
+    for value in np.unique(key):
+        own = np.flatnonzero(key == value)
+        log_hoop = tubes.at(own).log_hoop
+        low, high = float(np.min(log_hoop)), float(np.max(log_hoop))
+        # A range of one stretch is widened, so that a polynomial can be differentiated there.
+        half = max((high - low) / 2, _NARROWEST)
+        groups.append(Group(own, (low + half, half)))
+    return groups
+
+
+# Smallest half width of a range of ln λθ: below a thousandth no test can distinguish stretches.
+_NARROWEST = 1e-3

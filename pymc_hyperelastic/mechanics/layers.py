@@ -1,4 +1,8 @@
-"""A wall as a sequence of layers, each a tube within the tube."""
+"""Walls of one material or of several layers, as a list of concentric tubes.
+
+The integrals for pressure and axial force add up over these tubes. Public functions check numbers
+that users give here, before a wall is integrated.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -9,19 +13,14 @@ from pytensor.graph.basic import Variable
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius
 
-_NO_LAYERS = (
-    ": walls of layers are for curves, ph.inflation_model, ph.population_model and predictions"
-)
-
 
 class Layer:
-    """One layer of a wall: a material, its thickness and its parameters.
+    """One layer of a wall: its material, thickness and parameters.
 
-    A list of layers, from the inside out, takes the place of the strain energy and the outer radius
-    in :func:`~pymc_hyperelastic.inflation_pressure`,
+    A list of layers, from the inside out, replaces the strain energy and the outer radius in
+    :func:`~pymc_hyperelastic.inflation_pressure`,
     :func:`~pymc_hyperelastic.inflation_stiffness`, :func:`~pymc_hyperelastic.axial_force` and
-    :func:`~pymc_hyperelastic.inflation_model`. All layers are free of stress in the same opened
-    tube.
+    :func:`~pymc_hyperelastic.inflation_model`. All layers are stress-free in the same opened tube.
 
     Parameters
     ----------
@@ -30,16 +29,16 @@ class Layer:
     thickness : tensor_like
         Thickness in the reference tube, mm.
     **parameters : tensor_like
-        The material parameters by name. In a model distributions are inferred, also that of a
-        thickness; one distribution in two layers is one parameter of both; and what is missing has
-        its default prior.
+        Material parameters by name. In a model, a distribution makes a parameter or the thickness a
+        random variable; a distribution that is used in two layers makes one variable of both; and
+        missing parameters have their default priors.
 
     Raises
     ------
     TypeError
-        If `energy` is no strain energy, or a parameter is unknown.
+        If `energy` is no strain energy, a parameter is unknown, or the thickness is no number.
     ValueError
-        If a number given as thickness is not positive.
+        If the thickness is a number that is not positive and finite.
 
     See Also
     --------
@@ -57,13 +56,12 @@ class Layer:
 
     def __init__(self, energy: StrainEnergy, thickness: Any, **parameters: Any) -> None:
         check_energy(energy)
-        strangers = sorted(set(parameters) - set(energy.parameter_names))
-        if strangers:
+        unknown = sorted(set(parameters) - set(energy.parameter_names))
+        if unknown:
             raise TypeError(
-                f"{energy.name} has the parameters {list(energy.parameter_names)}, not {strangers}"
+                f"{energy.name} has the parameters {list(energy.parameter_names)}, not {unknown}"
             )
-        if not isinstance(thickness, Variable) and not np.all(np.asarray(thickness, float) > 0):
-            raise ValueError(f"thickness must be positive; got {thickness}")
+        check_geometry(thickness=thickness)
         self.energy = energy
         self.thickness = thickness
         self.parameters = parameters
@@ -74,24 +72,25 @@ class Layer:
 
 
 class Tube(NamedTuple):
-    """A tube of one material: inputs of an integral over its wall."""
+    """A tube of one material: the inputs of an integral over its wall."""
 
     energy: StrainEnergy
+    """Strain energy of the material."""
     geometry: tuple[Any, ...]
-    """Internal, inner and outer radius, axial stretch, opening angle."""
+    """Internal, inner and outer radius (mm), axial stretch, opening angle (radians)."""
     entries: list[Any]
-    """Entries of the parameters."""
+    """Entries of the material parameters, see :meth:`StrainEnergy.split`."""
     within: bool = False
-    """Whether it lies around another one."""
+    """True for all layers of a wall except the innermost."""
 
     @property
     def radius(self) -> Any:
-        """Current internal radius."""
+        """Current internal radius, mm."""
         return self.geometry[0]
 
     @property
     def inputs(self) -> tuple[Any, ...]:
-        """Geometry and parameters, as an integral takes them."""
+        """Geometry and entries of the parameters, in the order of a wall integral's inputs."""
         return *self.geometry, *self.entries
 
 
@@ -101,10 +100,11 @@ def tubes_of(
     reference: Sequence[Any],
     parameters: Mapping[str, Any],
 ) -> list[Tube]:
-    """The tubes, one within the other, that make up a wall of one material or of layers.
+    """Return the concentric tubes of a wall of one material or of layers, from the inside out.
 
-    `reference` states the tube in the order of GEOMETRY; with layers its outer radius is None.
-    Raises TypeError for what is no such wall, and for parameters that are not those of its law.
+    `reference` holds the reference tube in the order of GEOMETRY. For layers its outer radius is
+    None, and `parameters` is empty. Raise TypeError for any other input, and for missing or unknown
+    parameters.
     """
     inner_radius, outer_radius, axial_stretch, opening_angle = reference
     if isinstance(energy, str) or not isinstance(energy, Sequence):
@@ -115,7 +115,9 @@ def tubes_of(
     check_layers(energy)
     if outer_radius is not None or parameters:
         given = [*(["outer_radius"] if outer_radius is not None else []), *sorted(parameters)]
-        raise TypeError(f"{given} cannot be given with layers: each has its own thickness and law")
+        raise TypeError(
+            f"{given} cannot be given with layers: each layer has its own thickness and parameters"
+        )
     unloaded = {
         "inner_radius": _number_or_variable(inner_radius),
         "axial_stretch": _number_or_variable(axial_stretch),
@@ -139,36 +141,60 @@ def checked_tubes(
     reference: Sequence[Any],
     parameters: Mapping[str, Any],
 ) -> list[Tube]:
-    """The tubes that make up a wall, see :func:`tubes_of`, after a check of given numbers."""
-    known = dict(zip(GEOMETRY, reference, strict=True))
-    if known["outer_radius"] is None:
-        del known["outer_radius"]
-    check_geometry(internal_radius=internal_radius, **known)
+    """Return the tubes of :func:`tubes_of`, after :func:`check_geometry`."""
+    geometry = dict(zip(GEOMETRY, reference, strict=True))
+    if geometry["outer_radius"] is None:
+        del geometry["outer_radius"]
+    check_geometry(internal_radius=internal_radius, **geometry)
     return tubes_of(energy, internal_radius, reference, parameters)
 
 
 def check_geometry(**geometry: Any) -> None:
-    """Raise for impossible numbers; random variables have no value to look at yet."""
-    known = {
+    """Raise TypeError or ValueError for impossible numbers; variables have no value to check."""
+    numbers = {
         name: _as_numbers(name, value)
         for name, value in geometry.items()
         if not isinstance(value, Variable)
     }
-    for name, value in known.items():
+    for name, value in numbers.items():
         if name != "opening_angle" and not np.all((value > 0) & (value < np.inf)):
             raise ValueError(f"{name} must be positive and finite; got {value}")
-    if {"inner_radius", "outer_radius"} <= set(known) and not np.all(
-        known["outer_radius"] > known["inner_radius"]
+    if {"inner_radius", "outer_radius"} <= set(numbers) and not np.all(
+        numbers["outer_radius"] > numbers["inner_radius"]
     ):
         raise ValueError(
-            f"outer_radius must exceed inner_radius; got {known['outer_radius']} and "
-            f"{known['inner_radius']}"
+            f"outer_radius must exceed inner_radius; got {numbers['outer_radius']} and "
+            f"{numbers['inner_radius']}"
         )
-    if not np.all(np.abs(known.get("opening_angle", 0.0)) < 2 * np.pi):
+    if not np.all(np.abs(numbers.get("opening_angle", 0.0)) < 2 * np.pi):
         raise ValueError(
-            f"opening_angle is in radians and below 2π; got {known['opening_angle']} (from "
-            "degrees: np.deg2rad(angle))"
+            f"opening_angle must be in radians and below 2π; got {numbers['opening_angle']}. "
+            "Convert degrees by np.deg2rad(angle)"
         )
+
+
+def check_layers(layers: Sequence[Any]) -> None:
+    """Raise TypeError unless `layers` is a sequence of at least one :class:`Layer`."""
+    others = [layer for layer in layers if not isinstance(layer, Layer)]
+    if others or not layers:
+        raise TypeError(
+            f"a list of layers holds {others[0] if others else 'nothing'!r}; expected layers such "
+            "as ph.Layer(ph.NeoHookean(), 0.3, mu=20.0)"
+        )
+
+
+def check_energy(energy: Any) -> None:
+    """Raise TypeError unless `energy` is a strain energy."""
+    if isinstance(energy, StrainEnergy):
+        return
+    hint = ""
+    if isinstance(energy, type):
+        hint = " (call the class)"
+    elif isinstance(energy, list | tuple):
+        hint = (
+            ": only curves, ph.inflation_model, ph.population_model and predictions accept layers"
+        )
+    raise TypeError(f"expected a strain energy such as ph.Ogden(), got {energy!r}{hint}")
 
 
 def _as_numbers(name: str, value: Any) -> np.ndarray:
@@ -178,25 +204,5 @@ def _as_numbers(name: str, value: Any) -> np.ndarray:
         raise TypeError(f"{name} is {value!r}; expected a number or an array of numbers") from None
 
 
-def check_layers(layers: Sequence[Any]) -> None:
-    """Raise TypeError unless these are layers."""
-    strangers = [layer for layer in layers if not isinstance(layer, Layer)]
-    if strangers or not layers:
-        raise TypeError(
-            "a wall is a strain energy or a list of layers such as ph.Layer(ph.NeoHookean(), 0.3, "
-            f"mu=20.0); this list holds {strangers[0] if strangers else 'nothing'!r}"
-        )
-
-
 def _number_or_variable(value: Any) -> Any:
     return value if isinstance(value, Variable) else np.asarray(value, float)
-
-
-def check_energy(energy: Any) -> None:
-    """Raise TypeError unless `energy` is a strain energy."""
-    if not isinstance(energy, StrainEnergy):
-        raise TypeError(
-            f"a strain energy such as ph.Ogden() is needed, not {energy!r}"
-            + (" (call the class)" if isinstance(energy, type) else "")
-            + (_NO_LAYERS if isinstance(energy, list | tuple) else "")
-        )

@@ -1,4 +1,7 @@
-"""What the material of an inflated tube stores, and how stiff it is, added up over the wall."""
+"""Stored energy and incremental stiffness of the material, integrated over the wall of a tube.
+
+Predictions use the integrals for the energy that a pulse stores and for mean wall moduli.
+"""
 
 import pytensor.tensor as pt
 from pytensor.graph.basic import Variable
@@ -9,31 +12,31 @@ from pymc_hyperelastic.mechanics.wall import WallIntegral
 
 
 class MaterialIntegral(WallIntegral):
-    r"""Stored energy and linearised stiffness, integrated over the current area of the wall.
+    r"""Stored energy and two incremental moduli, integrated over the current area of the wall.
 
     .. math:: \int_a^b w \, 2π r \, dr = \frac{2π}{k λ_z} \int_{\ln A}^{\ln B} w R^2 \, d(\ln R)
 
-    of the energy ``w = Ŵ`` per unit of volume, less that of the stress-free state, and of two
-    moduli of small strains that are superposed on the large ones of the inflated tube,
+    The integrand ``w`` is, in turn, the energy ``Ŵ`` per unit of volume less that of the
+    stress-free state, and the moduli of small strains superposed on the inflated state,
 
     .. math::
 
         C_θ = \frac{∂^2 \hat W}{∂(\ln λ_θ)^2} = \frac{∂(σ_{θθ} - σ_{rr})}{∂\ln λ_θ}, \qquad
         C_z = \frac{∂^2 \hat W}{∂(\ln λ_z)^2} = \frac{∂(σ_{zz} - σ_{rr})}{∂\ln λ_z} .
 
-    Inputs and attributes are those of :class:`PressureIntegral`. The three outputs are in mN, which
-    is kPa mm²: over the area of the wall, ``π (B² − A²)/(k λz)``, they are means.
+    Inputs and attributes are those of :class:`PressureIntegral`. The three outputs are in mN
+    (kPa mm²); divided by the area of the wall, ``π (B² − A²)/(k λz)``, they are means in kPa.
     """
 
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
-        """Gauss-Legendre quadrature over a last axis, which the sums remove."""
+        """Gauss-Legendre quadrature over the last axis, which the sums remove."""
         wall, log_axial, entries = self.wall(inputs)
         energy, parameters = self.strain_energy, self.strain_energy.join(entries)
-        # Of the axial stretch each node needs one of its own to be differentiated by.
+        # The derivatives are elementwise, so that each node needs its own axial stretch.
         stretches = wall.log_hoop, log_axial + pt.zeros_like(wall.log_hoop)
         rest = (pt.zeros_like(stretch) for stretch in stretches)
-        stored = energy._reduced_energy(*stretches, **parameters)
-        stored -= energy._reduced_energy(*rest, **parameters)
+        stored = energy.reduced_energy(*stretches, **parameters)
+        stored -= energy.reduced_energy(*rest, **parameters)
         hoop = energy.stress_difference(*stretches, **parameters)
         axial = energy.axial_stress_difference(*stretches, **parameters)
         moduli = [

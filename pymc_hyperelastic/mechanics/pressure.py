@@ -8,7 +8,7 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
-from pymc_hyperelastic.mechanics.wall import WallIntegral
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER, WallIntegral
 
 
 class PressureIntegral(WallIntegral):
@@ -77,7 +77,7 @@ def inflation_pressure(
     outer_radius: Any = None,
     axial_stretch: Any = 1.0,
     opening_angle: Any = 0.0,
-    order: int = 32,
+    order: int = WALL_ORDER,
     **parameters: Any,
 ) -> Tensor:
     r"""Internal pressure that holds a tube at the given internal radius.
@@ -145,7 +145,7 @@ def inflation_stiffness(
     outer_radius: Any = None,
     axial_stretch: Any = 1.0,
     opening_angle: Any = 0.0,
-    order: int = 32,
+    order: int = WALL_ORDER,
     **parameters: Any,
 ) -> Tensor:
     r"""Stiffness ``dp/da`` of a tube: derivative of its pressure by the internal radius.
@@ -182,7 +182,7 @@ def inflation_stiffness(
     return wall_pressure(tubes, order)[1]
 
 
-def wall_pressure(tubes: Sequence[Tube], order: int = 32) -> tuple[Tensor, Tensor]:
+def wall_pressure(tubes: Sequence[Tube], order: int = WALL_ORDER) -> tuple[Tensor, Tensor]:
     """Pressure and stiffness of a wall, added up over the tubes that it is made of."""
     pressure, stiffness = 0.0, 0.0
     for tube in tubes:

@@ -1,21 +1,24 @@
 r"""Kinematics of an incompressible thick-walled tube that is opened, stretched and inflated.
 
-The reference tube has inner radius ``A`` and outer radius ``B``. A cut ring that springs open by
-the angle ``Φ`` enters through the opening factor ``k = 2π/(2π − Φ)``. At axial stretch ``λz`` and
-internal radius ``a`` the material circle of radius ``R`` has the current radius
+Wall integrals, data and predictions use these functions. The reference tube has inner radius ``A``
+and outer radius ``B``. A cut ring that springs open by the angle ``Φ`` enters through the opening
+factor ``k = 2π/(2π − Φ)``. At axial stretch ``λz`` and internal radius ``a`` the material circle of
+radius ``R`` has the current radius
 
 .. math:: r(R)^2 = a^2 + \frac{R^2 - A^2}{k λ_z}, \qquad
     λ_θ = \frac{k r}{R}, \qquad λ_r = \frac{1}{λ_θ λ_z}.
 
-Every function uses nothing but arithmetic, so numbers, NumPy arrays, xarray objects and PyTensor
-variables all pass through. Lengths share one unit (mm inside this package), angles are radians.
+All functions use arithmetic only and accept numbers, NumPy arrays, xarray objects and PyTensor
+variables. Lengths have one common unit (mm inside this package), angles are in radians. Source:
+C. J. Chuong and Y. C. Fung, On residual stresses in arteries, Journal of Biomechanical Engineering
+108 (1986) 189-192.
 """
 
 from collections.abc import Mapping
 from math import pi
 from typing import Any
 
-# What states the reference tube, in the order in which functions take it.
+# Names of the measures of the reference tube, in the order in which functions take them.
 GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
 
 
@@ -38,13 +41,12 @@ def hoop_elongation(
     axial_stretch: Any = 1.0,
     opening_angle: Any = 0.0,
 ) -> Any:
-    r"""Excess ``δ`` of the squared hoop stretch over that of the unloaded tube (``k = 1``).
+    r"""Relative excess ``δ`` of the squared hoop stretch over ``k/λz``.
 
     .. math:: δ(R) = \frac{k λ_z a^2 - A^2}{R^2}, \qquad λ_θ^2 = \frac{k}{λ_z} (1 + δ)
 
-    With ``k = 1`` an isotropic tube carries no pressure at ``δ = 0``. The difference of squares is
-    factored, so that ``δ`` keeps all its digits when the internal radius ``a`` is close to ``A``,
-    where measured curves start.
+    For ``k = 1`` the pressure of an isotropic tube is 0 at ``δ = 0``. The difference of squares is
+    factored, so that ``δ`` is accurate to rounding near ``a = A``, where measured curves start.
 
     Examples
     --------
@@ -131,9 +133,9 @@ def internal_radius_from_outer_radius(
     axial_stretch: Any = 1.0,
     opening_angle: Any = 0.0,
 ) -> Any:
-    """Internal radius ``a`` from the measured outer radius ``ro``: the wall keeps its volume.
+    """Internal radius ``a`` from the measured outer radius ``ro`` of an incompressible wall.
 
-    ``a² = ro² − (B² − A²)/(k λz)``; for a measured outer diameter pass half of it.
+    ``a² = ro² − (B² − A²)/(k λz)``. Pass half of a measured outer diameter.
 
     Examples
     --------
@@ -148,19 +150,17 @@ def internal_radius_from_outer_radius(
 def opened_sector(inner_radius: Any, outer_radius: Any, *, opening_angle: Any) -> tuple[Any, Any]:
     r"""Radii of the sector to which a closed ring springs open by the whole angle ``Φ``.
 
-    The wall keeps its area, and its length along the axis, so that one more condition is needed.
-    It is that the line in the middle of the wall keeps its length,
-    ``(2π − Φ) (A + B)/2 = π (a + b)`` of a ring with radii ``a < b``; together with the area the
-    wall then keeps its thickness:
+    A closed ring has the radii ``a < b``. The cross-section of the wall keeps its area, because the
+    wall is incompressible and keeps its axial length. The second condition is an assumption: the
+    middle line of the wall keeps its length, ``(2π − Φ) (A + B)/2 = π (a + b)``. Both conditions
+    together imply that the wall keeps its thickness:
 
     .. math:: A = a + (k - 1) \frac{a + b}{2}, \qquad B = b + (k - 1) \frac{a + b}{2}
 
-    Where the neutral line really is follows from the material: a ring in bending alone carries no
-    force, and to the first order in thickness over radius that puts the line into the middle of the
-    wall, of whatever one material it is. Source: R. S. Rivlin, Large elastic deformations of
-    isotropic materials V, The problem of flexure, Proceedings of the Royal Society A 195 (1949)
-    463-473; opened sectors as the reference: C. J. Chuong, Y. C. Fung, On residual stresses in
-    arteries, Journal of Biomechanical Engineering 108 (1986) 189-192.
+    The exact position of the neutral line depends on the material. A ring in pure bending carries
+    no resultant force; to first order in thickness over radius, this puts the neutral line of a
+    homogeneous wall in the middle. Source: R. S. Rivlin, Large elastic deformations of isotropic
+    materials V, The problem of flexure, Proceedings of the Royal Society A 195 (1949) 463-473.
 
     Examples
     --------
@@ -172,11 +172,11 @@ def opened_sector(inner_radius: Any, outer_radius: Any, *, opening_angle: Any) -
 
 
 def inferred_geometry(known: Mapping[str, Any]) -> dict[str, Any]:
-    r"""Reference tube, as far as some of its measures state it.
+    r"""Measures of the reference tube, with the outer radius inferred from other measures.
 
-    Of ``inner_radius``, ``outer_radius``, ``axial_stretch``, ``opening_angle`` what is there is
-    kept. With an inner radius ``A``, ``thickness`` ``h`` or ``wall_area`` ``S`` (of the
-    cross-section of the unloaded ring, mm²) gives the outer one,
+    ``inner_radius``, ``outer_radius``, ``axial_stretch`` and ``opening_angle`` are returned
+    unchanged if `known` has them. The outer radius follows from the inner radius ``A`` and the
+    ``thickness`` ``h``, or the ``wall_area`` ``S`` (cross-section of the unloaded ring, mm²):
 
     .. math:: B = A + h, \qquad B = \sqrt{A^2 + k S/π} .
 
@@ -196,7 +196,7 @@ def inferred_geometry(known: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def measure_of(name: str, geometry: Mapping[str, Any]) -> Any:
-    r"""A measure of a tube that is known: ``h = B − A``, ``S = π (B² − A²)/k``, or as it is stated.
+    r"""One measure of a known tube; ``thickness`` is ``B − A``, ``wall_area`` ``π (B² − A²)/k``.
 
     Examples
     --------
@@ -212,9 +212,9 @@ def measure_of(name: str, geometry: Mapping[str, Any]) -> Any:
 
 
 def reopened(geometry: Mapping[str, Any], opening_angle: Any) -> dict[str, Any]:
-    """The tube whose closed ring is the same, and opens by another angle.
+    """Sector with another opening angle that has the same closed ring.
 
-    It keeps its middle line and its thickness, see :func:`opened_sector`.
+    The middle line of the wall and its thickness do not change, see :func:`opened_sector`.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """Integrals over the wall of a tube: their rule of quadrature, and the Op that they share."""
 
-from collections.abc import Mapping, Sequence
-from functools import cache
+from collections.abc import Sequence
+from functools import cache, lru_cache
 from itertools import pairwise
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -21,12 +21,18 @@ from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import hoop_elongation, opening_factor
 
-# Built Ops by their class, types of inputs and settings.
-_ops: dict[tuple[Any, ...], "TubeOp"] = {}
+# Nodes of the Gauss-Legendre rule of a wall, or of each piece between kinks: exact to 1e-10 for
+# the thickest tubes, see PressureIntegral.
+WALL_ORDER = 32
+# Integrals beyond this count as overflow, in kPa or their units: derivatives of an exponential
+# overflow earlier than its value.
+_OVERFLOW = np.float64(1e100)
+# Built Ops that are kept: those of all laws for scalars, vectors and batches.
+_MOST_OPS = 500
 
 
 class TubeOp(TensorSymbolicOp):
-    """What the integrals over the wall have in common: a strain energy, and a tame gradient."""
+    """Base class of integrals over the wall of a strain energy, with a gradient."""
 
     # Inlined when compiled, value and gradient share their common terms: two to four times faster.
     inline = True
@@ -42,20 +48,21 @@ class TubeOp(TensorSymbolicOp):
         """Apply it, by the same Op wherever inputs are of the same types."""
         inputs, op = self.filter_inputs(*inputs), self
         if not hasattr(self, "fgraph"):
+            kind: Any = type(self)
             given = self._props_dict() | self._init_kwargs
-            op = _built(type(self), tuple(x.type for x in inputs), given)
+            op = _built(kind, tuple(x.type for x in inputs), tuple(given.items()))
         return super(TubeOp, op).__call__(*inputs, **settings)
 
     @staticmethod
     def filter_inputs(*inputs: Any) -> tuple[Tensor, ...]:
-        """Inputs in double precision: PyTensor reads the number 7.0 as a single-precision one."""
+        """Return inputs in double precision: PyTensor reads the number 7.0 as single precision."""
         return tuple(pt.cast(pt.as_tensor_variable(x), "float64") for x in inputs)
 
     def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
         """Gradient by every input: the same rule, differentiated under the integral.
 
-        Where pressure overflows no gradient exists. Zero is returned there, so that a likelihood
-        that rejects such pressures has the gradient zero and not NaN.
+        If the integral overflows, its gradient is zero, so that a likelihood that rejects such
+        pressures has the gradient zero and not NaN.
         """
         # Variables of their own keep inputs apart that depend on each other.
         own = [x.type() for x in inputs]
@@ -72,33 +79,48 @@ class TubeOp(TensorSymbolicOp):
             return_disconnected="disconnected",
         )
         gradients = clone_replace(gradients, dict(zip(own, inputs, strict=True)))
-        return finite_or_zero(gradients)
+        return zero_at_overflow(gradients, outputs)
 
     def link_mode(self, impl: str | None) -> Mode:
         """Python for Python: PyMC asks for shapes in this way, and needs no compiler for it."""
         return link_only_mode("py") if impl == "py" else super().link_mode(impl)
 
     def response(self, log_hoop: Tensor, log_axial: Tensor, entries: Sequence[Any]) -> Tensor:
-        """What the integral is linear in: the stress difference ``T`` of the material."""
+        """Return the response ``T`` of the material, a stress that the integral is linear in."""
         parameters = self.strain_energy.join(entries)
         return self.strain_energy.stress_difference(log_hoop, log_axial, **parameters)
 
 
-def _built(kind: Any, input_types: tuple[Any, ...], settings: Mapping[str, Any]) -> TubeOp:
-    """The Op for inputs of these types: most models ask for one that was built before."""
-    key = kind, input_types, *settings.items()
-    if key not in _ops:
-        _ops[key] = kind(list(input_types), **settings)
-    return _ops[key]
+@lru_cache(maxsize=_MOST_OPS)
+def _built(
+    kind: Any, input_types: tuple[Any, ...], settings: tuple[tuple[str, Any], ...]
+) -> TubeOp:
+    """Return the Op for inputs of these types; most models need one that was built before."""
+    return kind(list(input_types), **dict(settings))
 
 
-def finite_or_zero(gradients: Sequence[Variable]) -> list[Variable]:
-    """Gradients with 0 in place of what is not finite; those that are disconnected stay."""
-    return [pt.where(pt.isfinite(g), g, 0.0) if isinstance(g, Tensor) else g for g in gradients]
+def zero_at_overflow(
+    gradients: Sequence[Variable], values: Sequence[Tensor], batch_ndim: int = 0
+) -> list[Variable]:
+    """Return gradients with non-finite entries set to 0, if one of the values overflows.
+
+    A gradient that is not a number at finite values stays visible. The first `batch_ndim` axes of
+    the values and gradients are those of a batch. Disconnected gradients stay.
+    """
+    overflow: Any = np.array(False)
+    for value in values:
+        axes = tuple(range(batch_ndim, value.type.ndim))
+        overflow = overflow | pt.any(~(pt.abs(value) < _OVERFLOW), axis=axes)
+
+    def tame(gradient: Tensor) -> Tensor:
+        padded = pt.shape_padright(overflow, max(0, gradient.type.ndim - batch_ndim))
+        return pt.where(pt.isfinite(gradient) | ~padded, gradient, 0.0)
+
+    return [tame(g) if isinstance(g, Tensor) else g for g in gradients]
 
 
 class WallRule(NamedTuple):
-    """Quadrature of a wall, over the last axis: where, and weights of what is integrated.
+    """Quadrature rule of a wall: nodes and weights along the last axis.
 
     Pressure is the weighted sum of ``T``, stiffness that of ``½ ∂T/∂ln λθ − T``, and axial force
     that of ``2 (σzz − σrr) − T``.
@@ -120,7 +142,9 @@ class WallIntegral(TubeOp):
 
     __props__ = ("strain_energy", "order")
 
-    def __init__(self, input_types: Any = None, *, order: int = 32, **settings: Any) -> None:
+    def __init__(
+        self, input_types: Any = None, *, order: int = WALL_ORDER, **settings: Any
+    ) -> None:
         super().__init__(input_types, order=order, **settings)
 
     def wall(self, inputs: Sequence[Tensor]) -> tuple[WallRule, Tensor, Any]:
@@ -140,7 +164,7 @@ def wall_rule(
     axial_stretch: Any,
     opening_angle: Any,
     *,
-    order: int = 32,
+    order: int = WALL_ORDER,
     kinks: Sequence[Any] = (),
 ) -> WallRule:
     """Quadrature of a wall, in pieces between the `kinks`, values of ``ln λθ``.
@@ -158,8 +182,9 @@ def wall_rule(
     node, weight = gauss_legendre(order)
     if kinks:
         excess = hoop_elongation(internal_radius, inner_radius, **tube)
-        places = [_place(kink + xp.log(axial_stretch / k) / 2, excess, log_ratio) for kink in kinks]
-        node, weight = _divided(node, weight, places)
+        relative = [kink + xp.log(axial_stretch / k) / 2 for kink in kinks]
+        places = [_place(xp, log_stretch, excess, log_ratio) for log_stretch in relative]
+        node, weight = _split(xp, node, weight, places)
     radius = inner_radius * xp.exp(node * log_ratio)
     delta = hoop_elongation(internal_radius, radius, **tube)
     log_hoop = (xp.log(k) - xp.log(axial_stretch) + xp.log1p(delta)) / 2
@@ -172,34 +197,35 @@ def wall_rule(
     )
 
 
-def _place(log_stretch: Any, excess: Any, log_ratio: Any) -> Tensor:
+def _place(xp: ModuleType, log_stretch: Any, excess: Any, log_ratio: Any) -> Any:
     """Place of a hoop stretch in the wall, from 0 inside to 1 outside; 0 if it is not there.
 
     The stretch is given relative to that of the unloaded tube. Its square exceeds 1 by ``δ``, which
     falls with the square of the radius from `excess` at the inner surface.
     """
-    beyond = pt.expm1(2 * log_stretch)
-    ratio = excess / pt.where(pt.eq(beyond, 0.0), 1.0, beyond)
-    inside = (ratio > 1) & (ratio < pt.exp(2 * log_ratio)) & pt.neq(beyond, 0.0)
-    return pt.where(inside, pt.log(pt.where(inside, ratio, 1.0)) / (2 * log_ratio), 0.0)
+    beyond = xp.expm1(2 * log_stretch)
+    there = abs(beyond) > 0
+    ratio = excess / xp.where(there, beyond, 1.0)
+    inside = (ratio > 1) & (ratio < xp.exp(2 * log_ratio)) & there
+    return xp.where(inside, xp.log(xp.where(inside, ratio, 1.0)) / (2 * log_ratio), 0.0)
 
 
-def _divided(node: Any, weight: Any, places: Sequence[Any]) -> tuple[Any, Any]:
+def _split(xp: ModuleType, node: Any, weight: Any, places: Sequence[Any]) -> tuple[Any, Any]:
     """The rule on [0, 1] as one rule on each piece between the given places."""
-    ends = [pt.zeros_like(places[0]), *_in_order(places), pt.ones_like(places[0])]
+    ends = [xp.zeros_like(places[0]), *_in_order(xp, places), xp.ones_like(places[0])]
     pieces = list(pairwise(ends))
     return (
-        pt.concatenate([low + (high - low) * node for low, high in pieces], axis=-1),
-        pt.concatenate([(high - low) * weight for low, high in pieces], axis=-1),
+        xp.concatenate([low + (high - low) * node for low, high in pieces], axis=-1),
+        xp.concatenate([(high - low) * weight for low, high in pieces], axis=-1),
     )
 
 
-def _in_order(places: Sequence[Any]) -> list[Any]:
-    """Few variables by their size; the gradient of PyTensor's own sort does not run in JAX."""
+def _in_order(xp: ModuleType, places: Sequence[Any]) -> list[Any]:
+    """Sort a few variables by size; the gradient of PyTensor's own sort does not run in JAX."""
     ordered: list[Any] = []
     for place in places:
         for i, other in enumerate(ordered):
-            ordered[i], place = pt.minimum(other, place), pt.maximum(other, place)
+            ordered[i], place = xp.minimum(other, place), xp.maximum(other, place)
         ordered.append(place)
     return ordered
 

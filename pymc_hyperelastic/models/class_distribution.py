@@ -1,4 +1,10 @@
-"""The distribution of a class's specimens, its priors and its draws."""
+"""Distribution of the specimens of a class: its variables and priors in a model, and its draws.
+
+Specimens are normally distributed in the coordinates of
+:class:`~pymc_hyperelastic.models.natural_scale.NaturalScale`. The population model and the classes
+with variability register the distribution in a model; classification, comparison and predictions
+read its posterior draws.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,49 +18,61 @@ from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers
+from pymc_hyperelastic.models.likelihoods import Likelihood
+from pymc_hyperelastic.models.likelihoods.errors import SIZES
 from pymc_hyperelastic.models.natural_scale import SPREAD, NaturalScale
-from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, in_sigmas
-from pymc_hyperelastic.models.priors import is_inferred, register_prior
+from pymc_hyperelastic.models.priors import register_prior
 
 Array = NDArray[np.float64]
 
-# Draws of a class's distribution against which a specimen is held.
+# Default number of posterior draws of a class's distribution, over which densities are averaged.
 _DISTRIBUTIONS = 1000
-# Errors that may differ from specimen to specimen, as the paper's ``σ`` where there is one, and the
-# name of the standard deviation of their logarithms.
+# Measurement errors that may differ between specimens, and the names of the standard deviations of
+# their logarithms.
 SPREAD_OF_NOISE = {
+    "pressure_sd": "noise_spread",
     "sigma": "noise_spread",
+    "force_sd": "force_noise_spread",
     "force_sigma": "force_noise_spread",
-    "diameter_noise_sd": "diameter_noise_spread",
+    "diameter_sd": "diameter_noise_spread",
 }
-# Priors of a class, each as the median and the standard deviation of a logarithm.
-_EXPERIMENT_SPREAD, _EFFECT_SPREAD, _NOISE_SPREAD = (0.15, 0.8), (0.5, 0.5), (0.3, 0.5)
-# What is stored of a class by draw, and by draw and coordinate.
-_NUMBERS_OF_CLASS = ("effect_spread", *SPREAD_OF_NOISE.values(), *NOISE_UNITS)
-_VECTORS_OF_CLASS = ("location", "spread", "experiment_spread")
-# Exponent of the prior of a correlation matrix, its determinant to the power of η − 1.
+# Log-normal priors, dimensionless: median, and standard deviation of the logarithm.
+# Spread of the tests of one specimen, for coordinates whose specimens have the median spread 0.4:
+# tests of one specimen differ less than specimens.
+_EXPERIMENT_SPREAD = (0.15, 0.8)
+# Standard deviation, between specimens, of the logarithm of the spread of their tests.
+_EFFECT_SPREAD = (0.5, 0.5)
+# Standard deviation, between specimens, of the logarithm of the measurement error.
+_NOISE_SPREAD = (0.3, 0.5)
+# Concentration η of the LKJ prior of correlations, ∝ det(R)^(η − 1): correlations near ±1, and thus
+# nearly singular covariance matrices, are improbable.
 _CONCENTRATION = 2.0
+# Scalar and vector variables of a class's posterior; vectors have one entry per coordinate.
+_SCALARS = ("effect_spread", *SPREAD_OF_NOISE.values(), *SIZES)
+_VECTORS = ("location", "spread", "experiment_spread")
 
 
 @dataclass(frozen=True)
 class ClassDistribution:
-    """The distribution of a class's specimens: variables of a model, or numbers.
+    """Distribution of the specimens of a class, as variables of a model or as draws.
+
+    Draws have two further axes after those below, (draw, 1); the factor has one before, (draw).
 
     Attributes
     ----------
     location, spread : tensor_like, shape (coordinate)
-        Mean and standard deviation of the specimens' coordinates.
+        Mean and standard deviation of the coordinates of specimens.
     factor : tensor_like, shape (coordinate, coordinate)
-        Lower Cholesky factor of their correlation matrix; of several, one after the other.
+        Lower Cholesky factor of the correlation matrix of specimens.
     experiment_spread : tensor_like, shape (coordinate), optional
-        Standard deviation by which experiments on a typical specimen differ from it.
+        Standard deviation of the tests of a typical specimen about its coordinates.
     effect_spread : tensor_like, optional
-        Standard deviation of the logarithm of that, between specimens.
-    log_sigma, noise_spread : tensor_like, shape (noise), optional
-        Mean and standard deviation of ``ln σ`` of the specimens, for each noise that is inferred.
+        Standard deviation, between specimens, of the logarithm of `experiment_spread`.
+    log_size, noise_spread : tensor_like, shape (noise), optional
+        Mean and standard deviation, between specimens, of the logarithm of each inferred size of an
+        error.
     effects : sequence of tensor_like, shape (coordinate)
-        By how much one of each covariate moves the location.
+        Change of the location per unit of each covariate.
     """
 
     location: Any
@@ -62,17 +80,17 @@ class ClassDistribution:
     factor: Any
     experiment_spread: Any = None
     effect_spread: Any = None
-    log_sigma: Any = None
+    log_size: Any = None
     noise_spread: Any = None
     effects: Sequence[Any] = ()
 
     @property
     def size(self) -> int:
-        """Number of the coordinates."""
+        """Number of coordinates."""
         return getattr(self.factor, "type", self.factor).shape[-1]
 
     def at(self, draws: NDArray[np.intp]) -> "ClassDistribution":
-        """Some of the draws, in the order in which they are named; a number is that of all."""
+        """Return the draws with these indices; values without a draw axis are kept."""
 
         def some(values: Any) -> Any:
             return values if np.ndim(values) < 2 else np.asarray(values)[..., draws, :]
@@ -83,34 +101,30 @@ class ClassDistribution:
         return ClassDistribution(factor=factor, effects=effects, **rest)
 
     def without_effects(self) -> "ClassDistribution":
-        """That of specimens whose covariates are all 0."""
+        """Return the distribution of specimens whose covariates are all 0."""
         return replace(self, effects=())
 
     def coordinates(self, standard: Array) -> Array:
-        """Coordinates (coordinate, draw, specimen) of specimens, from standard normal numbers.
+        """Transform standard normal numbers to coordinates (coordinate, draw, specimen).
 
-        These are (coordinate, specimen) for all draws, or for each (draw, coordinate, specimen).
+        `standard` has the shape (coordinate, specimen), or (draw, coordinate, specimen).
         """
         mixed = self.factor @ standard
         of_draws = np.moveaxis(mixed.reshape(-1, *mixed.shape[-2:]), 0, 1)
         return np.asarray(self.location) + np.asarray(self.spread) * of_draws
 
     def covariance(self) -> Array:
-        """Covariance matrices (draw, coordinate, coordinate), of numbers."""
-        root = self._root()
+        """Covariance matrices of the draws, (draw, coordinate, coordinate)."""
+        root = np.asarray(self.spread)[..., 0].T[..., None] * self.factor
         return root @ root.transpose(0, 2, 1)
 
     def variance_of_tests(self) -> Array:
-        """Variance (draw, coordinate) of experiments around their specimen, over all specimens."""
+        """Variance of the tests of one specimen, averaged over specimens: (draw, coordinate)."""
         spread, effect = np.asarray(self.experiment_spread), np.ravel(self.effect_spread)
         return (spread[..., 0] ** 2 * np.exp(2 * effect**2)).T
 
-    def _root(self) -> Array:
-        """Lower Cholesky factors of them."""
-        return np.asarray(self.spread)[..., 0].T[..., None] * self.factor
-
     def with_covariance(self, covariance: Array, location: Array) -> "ClassDistribution":
-        """The same with other covariance matrices, and other locations."""
+        """Return the draws with these covariance matrices and locations."""
         root = np.linalg.cholesky(covariance)
         spread = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         factor = root / spread[:, :, None]
@@ -119,11 +133,15 @@ class ClassDistribution:
 
 def register_class(
     scale: NaturalScale,
-    observation: Observation,
+    likelihood: Likelihood,
     experiment_effect: bool,
     priors: Mapping[str, Any] | None = None,
 ) -> ClassDistribution:
-    """Variables of a class's distribution, in the model of the context."""
+    """Register the variables of a class's distribution in the model in context.
+
+    With `experiment_effect` the tests of one specimen differ. An inferred size of an error in
+    `likelihood` differs between specimens. `priors` replace default priors by name.
+    """
     given = dict(priors or {})
     size = len(scale.names)
 
@@ -140,41 +158,42 @@ def register_class(
     factor = correlation_factor(size)
     optional: dict[str, Any] = {}
     if experiment_effect:
-        # Experiments differ less than specimens, on any scale in the same proportion.
+        # The median spreads of tests and specimens have the same ratio in all coordinates.
         medians = logs + np.log(_EXPERIMENT_SPREAD[0] / SPREAD[0])
         prior = pm.LogNormal.dist(medians, _EXPERIMENT_SPREAD[1], shape=size)
         optional["experiment_spread"] = variable("experiment_spread", prior)
         prior = pm.LogNormal.dist(np.log(_EFFECT_SPREAD[0]), _EFFECT_SPREAD[1])
         optional["effect_spread"] = variable("effect_spread", prior, dims=None)
-    inferred = noises_of(observation)
+    inferred = noises_of(likelihood)
     if inferred:
-        sigmas = observation.with_variables().sigmas
+        sizes = likelihood.register_unknowns()
         prior = pm.LogNormal.dist(np.log(_NOISE_SPREAD[0]), _NOISE_SPREAD[1])
-        optional["log_sigma"] = [pt.log(sigmas[name]) for name in inferred]
+        optional["log_size"] = [pt.log(sizes[name]) for name in inferred]
         optional["noise_spread"] = [
             variable(SPREAD_OF_NOISE[name], prior, dims=None) for name in inferred
         ]
     return ClassDistribution(location, spread, factor, **optional)
 
 
-def noises_of(observation: Observation) -> list[str]:
-    """Errors that differ from specimen to specimen: those that are inferred."""
-    sigmas = observation.sigmas
-    return [name for name in SPREAD_OF_NOISE if is_inferred(sigmas.get(name))]
+def noises_of(likelihood: Likelihood) -> list[str]:
+    """Return the inferred sizes of measurement errors, which differ between specimens."""
+    return [name for name in SPREAD_OF_NOISE if name in likelihood.unknowns]
 
 
 def correlation_factor(size: int, prefix: str = "") -> Any:
-    r"""Cholesky factor of a random correlation matrix.
+    r"""Cholesky factor of a correlation matrix with an LKJ prior.
 
-    With the partial correlations :math:`r_{ij}` of one coordinate and another, given those before
-    both, its entries are :math:`r_{ij} \prod_{k<j} \sqrt{1 - r_{ik}^2}`, and those of its diagonal
-    this without the first factor.
+    The entries are :math:`r_{ij} \prod_{k<j} \sqrt{1 - r_{ik}^2}`, with :math:`r_{ii} = 1` and
+    the partial correlations :math:`r_{ij}` of coordinates i > j given the coordinates before j.
+    Their independent beta priors imply the LKJ prior of the matrix: D. Lewandowski, D. Kurowicka
+    and H. Joe, Generating random correlation matrices based on vines and extended onion method,
+    Journal of Multivariate Analysis 100 (2009) 1989-2001.
     """
     if size == 1:
         return np.ones((1, 1))
     shape = shape_of_partial_correlations(size)
     partial = 2 * pm.Beta(f"{prefix}correlation_unit", shape, shape, shape=len(shape)) - 1
-    # Few operations on whole matrices, not many on numbers, since each takes time by itself.
+    # Few operations on matrices are faster than many on scalars.
     below, place = np.tril_indices(size, -1), np.zeros((size, size), int)
     place[below] = np.arange(len(shape))
     entries = partial[place] * np.tri(size, k=-1)
@@ -187,13 +206,13 @@ def correlation_factor(size: int, prefix: str = "") -> Any:
 
 
 def shape_of_partial_correlations(size: int) -> Array:
-    """Both parameters of the beta prior of (1 + r)/2, for partial correlations r row by row."""
+    """Both parameters of the beta prior of (1 + r)/2, for the partial correlations row by row."""
     _, column = np.tril_indices(size, -1)
     return _CONCENTRATION + (size - 2 - column) / 2
 
 
 def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDistribution:
-    """Draws of a class's distribution, so many at most, along the first of two axes."""
+    """Read at most `count` posterior draws of a class's distribution from a fitted class."""
     posterior = some_of_posterior(tree, count)
 
     def vector(name: str) -> Array | None:
@@ -204,18 +223,16 @@ def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDis
     optional = {}
     if "effect_spread" in posterior:
         optional["effect_spread"] = posterior["effect_spread"].values[:, None]
-    given = {name: posterior[name].values for name in NOISE_UNITS if name in posterior}
-    sigmas = in_sigmas(given)
-    lacking = [
-        n for n, spread in SPREAD_OF_NOISE.items() if spread in posterior and n not in sigmas
-    ]
-    if lacking:
-        raise damaged(tree, f"its posterior has the spread of {lacking[0]!r}, but not the size")
-    inferred = [name for name, spread in SPREAD_OF_NOISE.items() if spread in posterior]
+    inferred = [name for name in SPREAD_OF_NOISE if name in posterior]
+    spreads = [SPREAD_OF_NOISE[name] for name in inferred]
+    for name in dict.fromkeys(SPREAD_OF_NOISE.values()):
+        if (name in posterior) != (name in spreads):
+            raise damaged(
+                tree, f"its posterior has only one of {name!r} and the size of that error"
+            )
     if inferred:
-        spreads = [posterior[SPREAD_OF_NOISE[name]].values for name in inferred]
-        optional["log_sigma"] = np.log([sigmas[name] for name in inferred])[..., None]
-        optional["noise_spread"] = np.array(spreads)[..., None]
+        optional["log_size"] = np.log([posterior[name].values for name in inferred])[..., None]
+        optional["noise_spread"] = np.array([posterior[name].values for name in spreads])[..., None]
     return ClassDistribution(
         vector("location"),
         vector("spread"),
@@ -226,34 +243,42 @@ def distributions_of(tree: xr.DataTree, count: int = _DISTRIBUTIONS) -> ClassDis
 
 
 def some_of_posterior(tree: xr.DataTree, count: int) -> xr.Dataset:
-    """So many draws at most, evenly spread over the chains, by sample."""
+    """Return at most `count` draws, evenly spaced in the chains, along one dimension sample."""
     posterior = class_posterior(tree).stack(sample=("chain", "draw"))
     chosen = np.linspace(0, posterior.sizes["sample"] - 1, count).round().astype(int)
     return posterior.isel(sample=np.unique(chosen))
 
 
 def class_posterior(tree: xr.DataTree) -> xr.Dataset:
-    """Draws of a class's distribution, or of several; ValueError unless they are sound."""
+    """Return the checked posterior of a fitted class.
+
+    Raises
+    ------
+    ValueError
+        If a spread is not positive, or a correlation matrix is not positive definite.
+    """
     posterior, sample = read_draws(tree, "posterior"), ("chain", "draw")
     by_coordinate = (*sample, "coordinate")
     for name in map(str, posterior.data_vars):
-        if name in _NUMBERS_OF_CLASS:
+        if name in _SCALARS:
             read_numbers(tree, "posterior", name, sample)
-        elif name in _VECTORS_OF_CLASS:
+        elif name in _VECTORS:
             read_numbers(tree, "posterior", name, by_coordinate)
             if name != "location" and not np.all(posterior[name] > 0):
-                raise damaged(tree, f"{name!r} of 'posterior' holds numbers that are not positive")
+                raise damaged(tree, f"{name!r} of 'posterior' has values that are not positive")
         elif name == "correlation":
             matrices = read_numbers(tree, "posterior", name, (*by_coordinate, "coordinate_2"))
             try:
                 np.linalg.cholesky(matrices.transpose(*by_coordinate, "coordinate_2").values)
             except np.linalg.LinAlgError:
-                raise damaged(tree, "'correlation' of 'posterior' holds no correlations") from None
+                raise damaged(
+                    tree, "'correlation' of 'posterior' is no correlation matrix"
+                ) from None
     return posterior
 
 
 def check_class(tree: xr.DataTree, names: Sequence[str], needed: Sequence[str]) -> None:
-    """Raise unless a fitted class has these coordinates, and draws of all that is needed."""
+    """Raise ValueError unless a fitted class has these coordinates and all needed variables."""
     posterior = class_posterior(tree)
     lacking = [name for name in needed if name not in posterior]
     lacking += ["correlation"] * (len(names) > 1 and "correlation" not in posterior)
@@ -262,13 +287,13 @@ def check_class(tree: xr.DataTree, names: Sequence[str], needed: Sequence[str]) 
     stored = posterior["coordinate"].values.tolist() if "coordinate" in posterior.coords else names
     if stored != list(names) or posterior.sizes["coordinate"] != len(names):
         raise ValueError(
-            f"the specimens of class {tree.name!r} have the coordinates {stored}, and those of its "
-            f"material are now {list(names)}: fit the class again"
+            f"class {tree.name!r} was fitted with the coordinates {stored}, but its material now "
+            f"has the coordinates {list(names)}. Fit the class again"
         )
 
 
 def factor_of(posterior: xr.Dataset, name: str) -> Array:
-    """Cholesky factors (sample, coordinate, coordinate) of a correlation matrix by sample."""
+    """Cholesky factors (sample, coordinate, coordinate) of the correlation matrices `name`."""
     if posterior.sizes["coordinate"] == 1:
         return np.ones((posterior.sizes["sample"], 1, 1))
     if name not in posterior:

@@ -1,6 +1,6 @@
-"""What is not known of a tube: priors, and measured values with their errors."""
+"""Unknown geometry of a tube: priors, and measured values with their errors."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import e, isfinite
 from numbers import Real
@@ -19,10 +19,12 @@ from pymc_hyperelastic.data.inflation import (
     points_of,
 )
 from pymc_hyperelastic.data.select import specimens_of
+from pymc_hyperelastic.mechanics.layers import Layer
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, measure_of, reopened
 from pymc_hyperelastic.models.priors import check_prior
 
-# What stands for the outer radius, by the inner one.
+# Measures that give the outer radius, together with the inner one.
 _OUTER = ("outer_radius", "thickness", "wall_area")
 
 
@@ -35,9 +37,9 @@ class Measured:
     .. math:: v \, e^{z s/v}, \qquad z \sim N(0, 1),
 
     of a length, an area or a stretch, which stay positive, and ``v + z s`` of an angle. The value
-    is that of the data: a thickness is what lies between both radii. What is not named is as it was
-    measured: with a thickness the inner radius stays, and with an opening angle the closed ring,
-    its middle line and thickness, while the radii of the sector follow.
+    is that of the data, and a thickness is the difference of both radii. Other measures keep their
+    measured values: a thickness leaves the inner radius as it is, and an opening angle leaves the
+    middle line and the thickness of the closed ring, from which the radii of the sector follow.
 
     Tests of one specimen share ``z``, its *deviation*; specimens have one each. An error that
     several share, as where one value of a batch stands for all, is taken as if each had its own.
@@ -62,9 +64,8 @@ class Measured:
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> noise = {"noise_sd": 4 * ph.mmHg, "slope_weight": 0}
     >>> model = ph.inflation_model(
-    ...     ph.Ogden(), data, **noise, geometry={"thickness": ph.Measured(sd=0.1)}
+    ...     ph.Ogden(), data, 4 * ph.mmHg, geometry={"thickness": ph.Measured(sd=0.1)}
     ... )
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha', 'thickness_deviation']
@@ -83,7 +84,7 @@ class Measured:
 
 
 def check_geometry(geometry: Any, model: pm.Model | None = None) -> dict[str, Any]:
-    """What is not known of the geometry, or an error if it is not stated."""
+    """Return the unknown geometry as a dict, or raise if it is unsound."""
     if geometry is not None and not isinstance(geometry, Mapping):
         raise TypeError(
             'geometry must be a dict such as {"inner_radius": pm.Uniform.dist(0.3, 0.5)}, not '
@@ -138,7 +139,7 @@ def priors_of(geometry: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_measured(data: xr.Dataset, measured: Mapping[str, Measured], layered: bool) -> None:
-    """Raise unless the data hold values, and errors, of what was measured of the tube."""
+    """Raise unless the data hold the values and errors of all measures with an error."""
     if layered and set(measured) & set(_OUTER):
         raise ValueError(
             "layers state the thickness of the wall: give a layer's thickness a prior, "
@@ -159,8 +160,32 @@ def check_measured(data: xr.Dataset, measured: Mapping[str, Measured], layered: 
             check_known(data, f"{name}_sd", ", and ph.Measured() needs it")
 
 
+def check_tube(
+    wall: StrainEnergy | Sequence[Layer], data: xr.Dataset, geometry: Mapping[str, Any] | None
+) -> None:
+    """Raise unless the data or the `geometry` state the whole tube."""
+    check_measured(data, measured_of(geometry or {}), not isinstance(wall, StrainEnergy))
+    inferred = inferred_geometry(priors_of(geometry or {}))
+    needed = set(GEOMETRY) - set(inferred)
+    if not isinstance(wall, StrainEnergy):
+        needed.discard("outer_radius")
+        if "outer_radius" in inferred or not data["outer_radius"].isnull().all():
+            raise ValueError(
+                "layers state the thickness of the wall, and the data its outer radius: leave that "
+                "away, ph.inflation_data(..., outer_radius=None)"
+            )
+    if "axial_stretch" in inferred:
+        then = (
+            ", in which it was measured, and geometry holds one value for all tests: leave it out"
+        )
+        check_held(data, then)
+    for name in sorted(needed):
+        prior = f"give it a prior, geometry={{{name!r}: ...}}"
+        check_known(data, name, f": state it with the data, or {prior}")
+
+
 def _measures_behind(name: str) -> tuple[str, ...]:
-    """What the data must hold for there to be a value of a measure."""
+    """Return the data variables from which a measure follows."""
     radii = ("inner_radius", "outer_radius")
     return {"thickness": radii, "wall_area": (*radii, "opening_angle")}.get(name, (name,))
 
@@ -207,7 +232,7 @@ def register_measures(
 
 
 def tube_of_specimens(data: xr.Dataset, errors: Mapping[str, float | None]) -> dict[str, Any]:
-    """What was measured of each specimen's tube, and the errors; None is that of the data."""
+    """Return the measured tube of each specimen, and its errors; None is the error in the data."""
     first = np.unique(specimens_of(data)[1], return_index=True)[1]
     points = [points_of(data, int(test)).start for test in first]
     tube: dict[str, Any] = {name: at_points(data, name)[points] for name in GEOMETRY}
@@ -217,10 +242,10 @@ def tube_of_specimens(data: xr.Dataset, errors: Mapping[str, float | None]) -> d
 
 
 def deviated_tube(tube: Mapping[str, Any], deviations: Mapping[str, Any]) -> dict[str, Any]:
-    """A tube so many standard deviations from what was measured, see :class:`Measured`.
+    """Return a tube that deviates from the measured one, see :class:`Measured`.
 
-    The `tube` holds what was measured, and the errors by names such as ``thickness_sd``. What does
-    not deviate is given back as it is.
+    The `tube` holds measured values, and their errors by names such as ``thickness_sd``. Deviations
+    are in standard deviations. Measures without one keep their measured values.
     """
     measured = {name: tube[name] for name in GEOMETRY}
     if not deviations:

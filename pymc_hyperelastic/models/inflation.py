@@ -30,34 +30,27 @@ from pymc_hyperelastic.models.geometry import (
     register_deviations,
     register_measures,
 )
-from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.observation.observation import ErrorIn, Likelihood
+from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.priors import belongs_to, complete_wall, register_priors
 from pymc_hyperelastic.models.study import Study
 from pymc_hyperelastic.parallel import one_thread
 
-# Draws from the prior by which it is known how many of them have a pressure that rises: to 3 % at
-# the least share.
-_PRIOR_DRAWS, _LEAST_SHARE = 20000, 0.05
+# Draws from the prior that estimate the probability of a rising pressure: to 3 % at the smallest
+# probability that is accepted.
+_PRIOR_DRAWS = 20000
+# Smallest accepted prior probability of a rising pressure. Below it priors contradict `rising`.
+_LEAST_SHARE = 0.05
 
 
 @one_thread
 def inflation_model(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
+    likelihood: Likelihood | Any,
     *,
-    noise_sd: Any = None,
-    sigma: Any = None,
-    slope_weight: Any,
-    force_noise_sd: Any = None,
-    force_sigma: Any = None,
-    force_offset_sd: Any = None,
-    diameter_noise_sd: Any = None,
-    error_in: ErrorIn = "pressure",
     priors: dict[str, Any] | None = None,
     geometry: dict[str, Any] | None = None,
     rising: bool = False,
-    likelihood: Likelihood = "paper",
     mode: Mode = "auto",
     name: str = "",
 ) -> pm.Model:
@@ -65,12 +58,11 @@ def inflation_model(
 
     The model holds one random variable for each parameter, the deterministics ``pressure`` and
     ``stiffness`` (with measured forces also ``axial_force``, with `geometry` also ``radius``) over
-    ``obs``, and the Potential ``likelihood`` (see :func:`~pymc_hyperelastic.inflation_likelihood`)
-    or observed variables. Any PyMC sampler takes it.
+    ``obs``, and the Potential ``likelihood`` or observed variables. Any PyMC sampler takes it.
 
-    Made in the context of another model it is a part of that, as every ``pm.Model`` is: its
-    variables are registered there, under the prefix `name`, and the whole is what is sampled. In
-    the place of priors there may then be variables of that model, which are registered once. If
+    In the context of another model it becomes a part of that model, as every ``pm.Model`` does: its
+    variables are registered there, under the prefix `name`, and the whole model is sampled. Priors
+    may then be variables of that model, which are registered once. If
     only the likelihood is wanted, use :func:`~pymc_hyperelastic.inflation_likelihood`.
 
     Parameters
@@ -81,33 +73,13 @@ def inflation_model(
         number, as in ``mu_1``.
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
-    noise_sd : float or distribution
-        Standard deviation of the errors, kPa. With a distribution, such as
-        ``pm.HalfNormal.dist(1)``, it is inferred, as the random variable ``noise_sd``. With slopes
-        it is a bound on the standard deviation of a pressure.
-    sigma : float or distribution
-        In place of `noise_sd` the paper's ``σ``, kPa, which is ``√2`` standard deviations. A
-        distribution is one of ``σ``, and ``sigma`` the random variable.
-    slope_weight : float or distribution
-        The paper's ``β``, mm², likewise; 0 leaves the slopes out. They are those of inflation
-        tests: tests in which the axial stretch varies have none.
-    force_noise_sd, force_sigma : float or distribution, optional
-        The same for measured axial forces, mN; without one of them they play no part.
-    force_offset_sd : float or distribution, optional
-        Standard deviation, mN, of the offset of the force transducer: what it shows beyond the
-        axial force of the tube, one number for all points of a test, another one for the next.
-        Each has a normal prior about 0 and is integrated out exactly. See
-        :func:`~pymc_hyperelastic.force_offsets` for what is learned of them.
-    diameter_noise_sd : float or distribution, optional
-        Standard deviation, mm, of the error of a measured outer diameter; where internal radii were
-        measured, of twice such a radius. It is an error besides that of the pressure, and slopes
-        play no part then. To first order it is a shift along the curves of the model, which
-        pressure and force of a point share: see :func:`~pymc_hyperelastic.inflation_likelihood`.
-    error_in : {"pressure", "radius"}
-        What was measured with an error; with "radius", where curves are steep, `noise_sd` and
-        `sigma` are in mm (of the internal radius, or of half an outer diameter) and slopes play no
-        part. Forces are then compared with those at the model's radius, where it has the measured
-        pressure; the deterministics remain those at the measured radius.
+    likelihood : Gaussian, SlopeAugmented, float or distribution
+        The measured quantities and their errors: ``ph.Gaussian(pressure_sd=2 * ph.mmHg)``, or the
+        paper's ``ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)``. See
+        :class:`~pymc_hyperelastic.Gaussian` and :class:`~pymc_hyperelastic.SlopeAugmented`. A size
+        that is a distribution is inferred, as the random variable of that name. A number or a
+        distribution alone is the standard deviation of a pressure, kPa. The deterministics are at
+        the measured radius, whatever has the error.
     priors : dict of str to distribution, optional
         Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. For the others the
         default of the strain energy is taken: uniform over a documented physical range. A vector
@@ -125,21 +97,6 @@ def inflation_model(
         and the largest radius of a test. The Potential ``rising`` then divides by the prior
         probability of the others, so that the evidence stays one. What a posterior holds of them
         without it is told by :func:`~pymc_hyperelastic.admissible`.
-    likelihood : {"paper", "generative"}
-        How the data enter. With "paper" it is the Potential. With "generative" the measured
-        pressures ``y`` of each test are the observed variable ``measured_pressure``,
-
-        .. math:: y \sim \mathcal{N}\left(P^{-1} (m + β D^T s),\ \tfrac{σ^2}{2} P^{-1}\right),
-            \qquad P = I + β D^T D,
-
-        with the model's pressures ``m`` and slopes ``s`` and the matrix ``D`` of central
-        differences. This is the paper's form as a density of the pressures, without its factor for
-        the small gap between ``s`` and ``D m``: data can be simulated from it, and it has a
-        log-likelihood by points, each given those before it in its test. Forces are
-        ``measured_axial_force``, each given those before it where they share an offset, and given
-        the pressures where they share the error of a diameter. The values are in the ``pm.Data``
-        ``pressure_data`` and ``axial_force_data``. `slope_weight` must be a number, and the error
-        in the pressure.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated, see :func:`~pymc_hyperelastic.inflation_likelihood`.
     name : str, optional
@@ -155,7 +112,7 @@ def inflation_model(
     Raises
     ------
     TypeError
-        If the strain energy, the data or a prior is not one, or an error is not given, or twice.
+        If the strain energy, the data, the likelihood or a prior is not one.
     ValueError
         If the data are unsound, a prior belongs to no parameter, or a number is impossible; if the
         model of the context has such names already; or if `rising` is to divide by the prior
@@ -169,20 +126,16 @@ def inflation_model(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> model = ph.inflation_model(ph.Ogden(), data, sigma=5 * ph.mmHg, slope_weight=1.0)
+    >>> likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)
+    >>> model = ph.inflation_model(ph.Ogden(), data, likelihood)
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha']
 
     A tube whose unloaded inner radius was not measured:
 
     >>> import pymc as pm
-    >>> model = ph.inflation_model(
-    ...     ph.Ogden(),
-    ...     data,
-    ...     sigma=5 * ph.mmHg,
-    ...     slope_weight=1.0,
-    ...     geometry={"inner_radius": pm.Uniform.dist(6, 8), "thickness": pm.Uniform.dist(1, 3)},
-    ... )
+    >>> geometry = {"inner_radius": pm.Uniform.dist(6, 8), "thickness": pm.Uniform.dist(1, 3)}
+    >>> model = ph.inflation_model(ph.Ogden(), data, likelihood, geometry=geometry)
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha', 'inner_radius', 'thickness']
 
@@ -190,31 +143,30 @@ def inflation_model(
 
     >>> import numpy as np
     >>> forces = data.assign(axial_force=("obs", np.full(data.sizes["obs"], 50.0)))
-    >>> noise = {"noise_sd": pm.HalfNormal.dist(1), "force_noise_sd": pm.HalfNormal.dist(10)}
-    >>> model = ph.inflation_model(
-    ...     ph.Ogden(), forces, **noise, force_offset_sd=100.0, slope_weight=0.0
+    >>> likelihood = ph.Gaussian(
+    ...     pressure_sd=pm.HalfNormal.dist(1),
+    ...     force_sd=pm.HalfNormal.dist(10),
+    ...     force_offset_sd=100.0,
     ... )
+    >>> model = ph.inflation_model(ph.Ogden(), forces, likelihood)
     >>> [rv.name for rv in model.free_RVs]
-    ['mu', 'alpha', 'noise_sd', 'force_noise_sd']
+    ['mu', 'alpha', 'pressure_sd', 'force_sd']
     >>> [v.name for v in model.deterministics if "offset" in v.name]
     ['force_offset_mean', 'force_offset_error']
 
     Measurements as an observed variable:
 
-    >>> model = ph.inflation_model(
-    ...     ph.Ogden(), data, sigma=5 * ph.mmHg, slope_weight=1.0, likelihood="generative"
-    ... )
-    >>> [rv.name for rv in model.observed_RVs]
+    >>> likelihood = ph.Gaussian(pressure_sd=4 * ph.mmHg, observed=True)
+    >>> [rv.name for rv in ph.inflation_model(ph.Ogden(), data, likelihood).observed_RVs]
     ['measured_pressure']
 
     Two arteries in a model of one's own, of one exponent:
 
-    >>> noise = {"noise_sd": 4 * ph.mmHg, "slope_weight": 0}
     >>> with pm.Model() as both:
     ...     alpha = pm.Uniform("alpha", 0, 40)
     ...     for group in ("C1", "C2"):
     ...         tests, own = ph.select(data, group=group), {"alpha": alpha}
-    ...         part = ph.inflation_model(ph.Ogden(), tests, **noise, priors=own, name=group)
+    ...         part = ph.inflation_model(ph.Ogden(), tests, 4 * ph.mmHg, priors=own, name=group)
     >>> [rv.name for rv in both.free_RVs]
     ['alpha', 'C1::mu', 'C2::mu']
     """
@@ -224,18 +176,16 @@ def inflation_model(
             f"name is {name!r}, a prefix in the model of the context, but no model is in context: "
             "make this one inside `with pm.Model():`, or leave the name away"
         )
-    noise = {"noise_sd": noise_sd, "force_noise_sd": force_noise_sd}
-    noise |= {"force_offset_sd": force_offset_sd, "diameter_noise_sd": diameter_noise_sd}
-    observation = Observation(sigma, slope_weight, force_sigma, error_in, likelihood, **noise)
+    likelihood = as_likelihood(likelihood)
     unknown: dict[str, Any] = {"priors": priors, "geometry": geometry, "rising": rising}
-    return tube_model(energy, data, observation, **unknown, mode=mode, parent=context, name=name)
+    return tube_model(energy, data, likelihood, **unknown, mode=mode, parent=context, name=name)
 
 
 @without_traces
 def tube_model(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
-    observation: Observation,
+    likelihood: Likelihood,
     *,
     priors: dict[str, Any] | None = None,
     geometry: dict[str, Any] | None = None,
@@ -245,17 +195,17 @@ def tube_model(
     name: str = "",
     forward: ForwardModel | None = None,
 ) -> pm.Model:
-    """Model of :func:`inflation_model`, a part of `parent` or by itself, whatever the context.
+    """Return the model of :func:`inflation_model`, a part of `parent` or by itself.
 
-    The `forward` model of these data may be known already.
+    The context is ignored. A caller that has a `forward` model of these data can give it.
     """
     wall, distributions = complete_wall(energy, priors, parent)
     unknown = check_geometry(geometry, parent)
-    observation.check(wall, data, distributions, unknown)
+    likelihood.check(wall, data, distributions, unknown)
     # Classes fit one compiled Potential to the data of each; observed variables are not shared.
-    settings = {"mode": mode, "replaceable": observation.likelihood == "paper"}
+    settings = {"mode": mode, "replaceable": not likelihood.observed}
     if forward is None:
-        forward = observation.forward_model(wall, data, distributions, unknown, **settings)
+        forward = likelihood.forward_model(wall, data, distributions, unknown, **settings)
     if rising and any(
         belongs_to(v, parent) for v in [*distributions.values(), *priors_of(unknown).values()]
     ):
@@ -263,39 +213,46 @@ def tube_model(
             "rising=True divides by the prior probability of the curves that rise, which is not "
             "known where parameters are variables of your own model: give distributions instead"
         )
-    model = pm.Model(name=name, model=parent)
-    points = model.name_for("obs")
-    coords = {
-        points: np.arange(data.sizes["obs"]),
-        model.name_for("test"): [describe_test(data, test) for test in range(data.sizes["test"])],
-    }
-    specimens, of_test = specimens_of(data)
     measured = measured_of(unknown)
-    of_specimen = model.name_for("specimen")
-    if measured:
-        coords[of_specimen] = specimens
-    if parent is not None:
-        _check_names(parent, [*coords, model.name_for("pressure")])
-    model.add_coords(coords)
+    model = _empty_model(data, bool(measured), parent, name)
+    points, of_specimen = model.name_for("obs"), model.name_for("specimen")
+    _, of_test = specimens_of(data)
     with model:
         parameters = register_priors(distributions)
         of_tube = register_priors(priors_of(unknown))
         deviations = register_deviations(measured, of_specimen)
         register_measures(data, measured, deviations, of_specimen)
         known = of_tube, {name: z[of_test] for name, z in deviations.items()}
-        tube, observed = forward.tube(parameters, *known), observation.with_variables()
+        tube, sizes = forward.tube(parameters, *known), likelihood.register_unknowns()
         curves = {
             curve: pm.Deterministic(curve, values, dims=points)
             for curve, values in tube.curves().items()
         }
-        observed.register(tube, curves, dims=points)
+        likelihood.register(tube, curves, sizes, dims=points)
         if rising:
             rises = pt.all(forward.between().tube(parameters, *known).curves()["stiffness"] > 0)
             share = _prior_probability(rises, model.free_RVs)
             pm.Potential("rising", pt.where(rises, -np.log(share), -np.inf))
     if parent is None:
-        study = Study(energy, data, distributions, observation, unknown, rising, forward=forward)
+        study = Study(energy, data, distributions, likelihood, unknown, rising, forward=forward)
         attach_study(model, study)
+    return model
+
+
+def _empty_model(
+    data: xr.Dataset, by_specimen: bool, parent: pm.Model | None, name: str
+) -> pm.Model:
+    """Return a model with the dimensions of the data and no variables."""
+    model = pm.Model(name=name, model=parent)
+    coords: dict[str, Any] = {
+        model.name_for("obs"): np.arange(data.sizes["obs"]),
+        model.name_for("test"): [describe_test(data, test) for test in range(data.sizes["test"])],
+    }
+    if by_specimen:
+        coords[model.name_for("specimen")] = specimens_of(data)[0]
+    if parent is not None:
+        _check_names(parent, [*coords, model.name_for("pressure")])
+    model.add_coords(coords)
     return model
 
 
@@ -310,7 +267,9 @@ def _check_names(model: pm.Model, names: Sequence[str]) -> None:
 
 
 @one_thread
-def power_law_neo_hookean_model(data: xr.Dataset, **settings: Any) -> pm.Model:
+def power_law_neo_hookean_model(
+    data: xr.Dataset, likelihood: Likelihood | Any, **settings: Any
+) -> pm.Model:
     """Model of the power-law neo-Hookean tube; see :func:`inflation_model` for the settings.
 
     See Also
@@ -321,13 +280,14 @@ def power_law_neo_hookean_model(data: xr.Dataset, **settings: Any) -> pm.Model:
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> model = ph.power_law_neo_hookean_model(data, sigma=5 * ph.mmHg, slope_weight=1.0)
+    >>> likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)
+    >>> model = ph.power_law_neo_hookean_model(data, likelihood)
     """
-    return inflation_model(PowerLawNeoHookean(), data, **settings)
+    return inflation_model(PowerLawNeoHookean(), data, likelihood, **settings)
 
 
 @one_thread
-def ogden_model(data: xr.Dataset, **settings: Any) -> pm.Model:
+def ogden_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: Any) -> pm.Model:
     """Model of the Ogden tube; see :func:`inflation_model` for the settings.
 
     The posterior is symmetric in ``alpha``: with the default prior it has two mirrored modes.
@@ -341,15 +301,14 @@ def ogden_model(data: xr.Dataset, **settings: Any) -> pm.Model:
     --------
     >>> import pymc as pm, pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> model = ph.ogden_model(
-    ...     data, sigma=5 * ph.mmHg, slope_weight=1.0, priors={"alpha": pm.Uniform.dist(0, 40)}
-    ... )
+    >>> likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)
+    >>> model = ph.ogden_model(data, likelihood, priors={"alpha": pm.Uniform.dist(0, 40)})
     """
-    return inflation_model(Ogden(), data, **settings)
+    return inflation_model(Ogden(), data, likelihood, **settings)
 
 
 @one_thread
-def criscione_model(data: xr.Dataset, **settings: Any) -> pm.Model:
+def criscione_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: Any) -> pm.Model:
     """Model of the Criscione-type tube; see :func:`inflation_model` for the settings.
 
     The posterior is symmetric in ``b``; see :func:`ogden_model`.
@@ -362,9 +321,10 @@ def criscione_model(data: xr.Dataset, **settings: Any) -> pm.Model:
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> model = ph.criscione_model(data, sigma=5 * ph.mmHg, slope_weight=1.0)
+    >>> likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)
+    >>> model = ph.criscione_model(data, likelihood)
     """
-    return inflation_model(CriscioneType(), data, **settings)
+    return inflation_model(CriscioneType(), data, likelihood, **settings)
 
 
 def _prior_probability(condition: TensorVariable, variables: Sequence[TensorVariable]) -> float:

@@ -1,4 +1,9 @@
-"""Moduli of a law from the stress that they bear in a state of reference."""
+"""Moduli of a law, computed from the stress that each modulus contributes at a reference strain.
+
+:class:`~pymc_hyperelastic.models.natural_scale.NaturalScale` describes specimens by a reference
+strain and stress ratios instead of moduli; the functions here convert them to moduli. The choice of
+wall integrators asks :func:`has_additive_stress`. The page Variability derives the equations.
+"""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -14,30 +19,35 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
 
-# A modulus that would bear so many times its own size is taken for 0: numbers are at their end.
+# Stress of a modulus of 1 kPa, in kPa, from which on the modulus is set to 0: about the square root
+# of the largest double, so that products of such stresses do not overflow in gradients.
 _LARGEST_STRESS = np.float64(1e150)
-# A strain at which no material bears so much.
+# Strain that replaces one at which stress overflows, in the unused branch: no law overflows here.
 _SMALL_STRAIN = 1e-6
-# Materials by which it is known whether a law is additive, and what rounding leaves of stresses.
-_TRIED, _ROUNDING = 20, 1e-8
+# Number of random materials by which `has_additive_stress` tests a law.
+_TRIAL_MATERIALS = 20
+# Limit of the relative error of the sum of stresses in that test: derivatives of energies are
+# accurate to about 1e-10, and stresses of laws that are not additive differ by much more.
+_SUM_TOLERANCE = 1e-8
 
 
 def moduli_by_ratio(
     energy: StrainEnergy,
     entries: Sequence[Any],
-    places: Sequence[int],
+    indices: Sequence[int],
     strain: Tensor,
     log_ratios: Sequence[Tensor],
     stress: float,
 ) -> list[Tensor]:
-    r"""Moduli in given ratios to the first that bear ``σθθ − σrr = stress`` at a hoop strain.
+    r"""Moduli with given ratios to the first and ``σθθ − σrr = stress`` at a hoop strain.
 
-    There is no axial strain. `entries` are those of the law's parameters, `places` those of its
-    moduli among them, and `log_ratios` the logarithms of all moduli but the first, over the first.
-    Stress must be proportional to all moduli together.
+    The axial strain is 0, `strain` is ``ln λθ``, and `stress` is in kPa. `indices` are the indices
+    of the moduli in `entries`, the entries of all parameters, and `log_ratios` the logarithms of
+    all moduli but the first, divided by the first. The stress of the law must be proportional to
+    all moduli together.
     """
     moduli = [pt.ones_like(strain), *(pt.exp(x) for x in log_ratios)]
-    parameters = energy.join(_with(entries, places, moduli))
+    parameters = energy.join(_replaced(entries, indices, moduli))
     unit = energy.stress_difference(strain, pt.zeros_like(strain), **parameters)
     return [modulus * stress / unit for modulus in moduli]
 
@@ -45,90 +55,94 @@ def moduli_by_ratio(
 def moduli_by_stress(
     energy: StrainEnergy,
     entries: Sequence[Any],
-    places: Sequence[int],
+    indices: Sequence[int],
     strain: Tensor,
     log_ratios: Sequence[Tensor],
     stress: float,
 ) -> list[Tensor]:
-    r"""Moduli that bear given ratios of a stress ``T₀`` at an equibiaxial strain ``e``.
+    r"""Moduli whose stresses have given ratios and the sum ``T₀`` at an equibiaxial strain ``e``.
 
-    With the stress ``t_i`` of a modulus of 1 kPa, see :func:`biaxial_stress`, they are
+    With the stress ``t_i`` of a modulus of 1 kPa, see :func:`biaxial_stress`, the moduli are
 
-    .. math:: θ_i = \frac{T_i}{t_i(e)}, \qquad \sum_i T_i = T_0, \quad \ln\frac{T_i}{T_1} = x_i,
+    .. math:: θ_i = \frac{T_i}{t_i(e)}, \qquad \sum_i T_i = T_0, \quad \ln\frac{T_i}{T_1} = x_i .
 
-    if stress is their sum. Arguments are those of :func:`moduli_by_ratio`, `log_ratios` the
-    ``x_i`` of all but the first. A modulus of which even the smallest number would bear more is 0.
+    The stress of the law must be the sum of the stresses of its moduli, see
+    :func:`has_additive_stress`. A modulus is 0 if ``t_i`` exceeds 1e150 kPa. Parameters are those
+    of :func:`moduli_by_ratio`, with ``e`` as `strain` and the ``x_i``, ``i > 1``, as `log_ratios`.
     """
     log_ratios = [pt.zeros_like(strain), *log_ratios]
     moduli = []
-    for place, x in zip(places, log_ratios, strict=True):
-        bears = _stress_of(energy, entries, places, place, strain) < _LARGEST_STRESS
-        # Else the gradient of what overflows would be 0 * inf.
-        bearable = pt.where(bears, strain, _SMALL_STRAIN)
-        unit = _stress_of(energy, entries, places, place, bearable)
-        borne = stress / sum(pt.exp(other - x) for other in log_ratios)
-        moduli.append(pt.where(bears, borne / unit, 0.0))
+    for index, x in zip(indices, log_ratios, strict=True):
+        finite = _unit_stress(energy, entries, indices, index, strain) < _LARGEST_STRESS
+        # Without a strain of its own the unused branch would have the gradient 0 · inf.
+        safe = pt.where(finite, strain, _SMALL_STRAIN)
+        unit = _unit_stress(energy, entries, indices, index, safe)
+        contribution = stress / sum(pt.exp(other - x) for other in log_ratios)
+        moduli.append(pt.where(finite, contribution / unit, 0.0))
     return moduli
 
 
 def biaxial_stress(energy: StrainEnergy, strain: Tensor, entries: Sequence[Any]) -> Tensor:
-    r"""Mean of ``σθθ − σrr`` and ``σzz − σrr`` at the equibiaxial strain ``ln λθ = ln λz = e``.
+    r"""Mean of ``σθθ − σrr`` and ``σzz − σrr`` in kPa at the equibiaxial strain ``e``.
 
-    It is half of the slope of the stored energy, :math:`\tfrac12 \, d\hat W(e, e)/de`.
+    The state is ``ln λθ = ln λz = e``. The mean is :math:`\tfrac12 \, d\hat W(e, e)/de`.
     """
-    # Two variables: a derivative by one must not be that by both.
+    # Two copies, because the derivative by one stretch must not include the other.
     stretches, parameters = (strain.copy(), strain.copy()), energy.join(entries)
     hoop = energy.stress_difference(*stretches, **parameters)
     return (hoop + energy.axial_stress_difference(*stretches, **parameters)) / 2
 
 
-@lru_cache
+@lru_cache(maxsize=128)
 def has_additive_stress(energy: StrainEnergy) -> bool:
-    """Whether stress is a sum over the moduli, to which each adds its own, in tension a pull.
+    """Return True if the biaxial stress is a sum of one tensile stress per modulus.
 
-    Moduli that bear a stress in given ratios if it is so, must bear it: in numbers, for several
-    materials of the law at small strains.
+    The test is numerical. Moduli are computed by :func:`moduli_by_stress` for random materials; the
+    stress of these moduli equals the given stress only if the law is additive.
     """
     parameters = [p for p in energy.parameters for _ in range(p.size or 1)]
-    places = [i for i, p in enumerate(parameters) if p.unit == "kPa" and p.natural_scale == "log"]
+    indices = [i for i, p in enumerate(parameters) if p.unit == "kPa" and p.natural_scale == "log"]
     rng = np.random.default_rng(1)
-    strain = pt.constant(rng.uniform(0.02, 0.2, _TRIED))
+    # Small strains, and parameters in the lower half of their ranges: few stresses overflow.
+    strain = pt.constant(rng.uniform(0.02, 0.2, _TRIAL_MATERIALS))
     entries: list[Any] = []
     for p in parameters:
         low, high = p.prior_range
-        entries.append(pt.constant(low + (high - low) * rng.uniform(0.05, 0.5, _TRIED)))
-    log_ratios = [pt.constant(rng.standard_normal(_TRIED)) for _ in places[1:]]
-    moduli = moduli_by_stress(energy, entries, places, strain, log_ratios, 1.0)
-    stress = biaxial_stress(energy, strain, _with(entries, places, moduli))
+        fraction = rng.uniform(0.05, 0.5, _TRIAL_MATERIALS)
+        entries.append(pt.constant(low + (high - low) * fraction))
+    log_ratios = [pt.constant(rng.standard_normal(_TRIAL_MATERIALS)) for _ in indices[1:]]
+    moduli = moduli_by_stress(energy, entries, indices, strain, log_ratios, 1.0)
+    stress = biaxial_stress(energy, strain, _replaced(entries, indices, moduli))
     stress, *moduli = pytensor.function([], [stress, *moduli], mode="FAST_COMPILE")()
-    known = np.isfinite(stress)
-    positive = all((modulus[known] > 0).all() for modulus in moduli)
-    return bool(known.any() and positive and np.allclose(stress[known], 1, atol=_ROUNDING, rtol=0))
+    finite = np.isfinite(stress)
+    positive = all((modulus[finite] > 0).all() for modulus in moduli)
+    additive = np.allclose(stress[finite], 1, atol=_SUM_TOLERANCE, rtol=0)
+    return bool(finite.any() and positive and additive)
 
 
-def _stress_of(
-    energy: StrainEnergy, entries: Sequence[Any], places: Sequence[int], place: int, strain: Tensor
+def _unit_stress(
+    energy: StrainEnergy, entries: Sequence[Any], indices: Sequence[int], index: int, strain: Tensor
 ) -> Tensor:
-    """What the modulus of one place adds to the biaxial stress, by kPa."""
-    entries = _with(entries, places, [pt.ones_like(strain) for _ in places])
+    """Biaxial stress of the modulus at `index`, divided by the modulus."""
+    entries = _replaced(entries, indices, [pt.ones_like(strain) for _ in indices])
     given = [strain, *map(pt.as_tensor_variable, entries)]
-    graph = _stress_of_symbols(energy, place, tuple(x.type for x in given))
+    graph = _unit_stress_graph(energy, index, tuple(x.type for x in given))
     (stress,) = graph.bind(dict(zip(graph.inputs, given, strict=True)))
     return stress
 
 
-@lru_cache
-def _stress_of_symbols(
-    energy: StrainEnergy, place: int, types: tuple[TensorType, ...]
+@lru_cache(maxsize=128)
+def _unit_stress_graph(
+    energy: StrainEnergy, index: int, types: tuple[TensorType, ...]
 ) -> FrozenFunctionGraph:
-    """The same of symbols: it is copied far sooner than made, and most of it cancels."""
+    """Graph of :func:`_unit_stress`, simplified once, because copying it is faster."""
     strain, *entries = symbols = [of_type() for of_type in types]
-    stress = elementwise_derivative(biaxial_stress(energy, strain, entries), entries[place])
-    # A copy is simplified: what a law holds of its own stays as it is.
+    stress = elementwise_derivative(biaxial_stress(energy, strain, entries), entries[index])
+    # Rewrite a clone: variables that belong to the law must not change.
     return FrozenFunctionGraph.from_io(symbols, [rewrite_graph(stress, clone=True)])
 
 
-def _with(entries: Sequence[Any], places: Sequence[int], values: Sequence[Any]) -> list[Any]:
-    """The entries with others in some places."""
-    others = dict(zip(places, values, strict=True))
-    return [others.get(place, entry) for place, entry in enumerate(entries)]
+def _replaced(entries: Sequence[Any], indices: Sequence[int], values: Sequence[Any]) -> list[Any]:
+    """Return the entries with new values at some indices."""
+    new = dict(zip(indices, values, strict=True))
+    return [new.get(i, entry) for i, entry in enumerate(entries)]

@@ -34,16 +34,15 @@ from pymc_hyperelastic.models.geometry import (
     register_deviations,
     register_measures,
 )
+from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.natural_scale import NaturalScale, check_moduli
-from pymc_hyperelastic.models.observation import Observation
-from pymc_hyperelastic.models.observation.noise import SIGMA_OF, sd_of_sigma
 from pymc_hyperelastic.models.priors import check_prior, complete_wall, is_inferred
 from pymc_hyperelastic.models.study import Study
 from pymc_hyperelastic.parallel import one_thread
 
-# Standard deviations of the coordinates over which curves must be right.
+# Range of each coordinate over which curves must be accurate, in prior standard deviations.
 _REACH = 3.0
-# Draws of a prior that tell whether it is one of positive numbers.
+# Draws of a prior, to check that all are positive.
 _SIGMA_DRAWS = 2000
 
 
@@ -53,7 +52,8 @@ class Population:
 
     energy: Any
     """A strain energy, or layers."""
-    observation: Observation
+    likelihood: Likelihood
+    """With observed variables."""
     experiment_effect: bool = False
     reference_stress: float | None = 20.0
     priors: Mapping[str, Any] | None = None
@@ -66,23 +66,24 @@ class Population:
 
     @property
     def noises(self) -> list[str]:
-        """Errors that specimens have of their own, since they are inferred."""
-        return noises_of(self.observation)
+        """Inferred sizes of errors: each specimen has its own."""
+        return noises_of(self.likelihood)
 
     @property
     def known_noise(self) -> bool:
-        """Whether the noise of pressures or forces is known."""
-        return bool({"sigma", "force_sigma"} & {*self.observation.sigmas} - {*self.noises})
+        """True if the size of the errors of pressures or forces is a number."""
+        errors = self.likelihood.errors()
+        sizes = (errors.pressure_sd, errors.force_sd)
+        return any(size is not None and not is_inferred(size) for size in sizes)
 
     def check(self, data: xr.Dataset) -> None:
         """Raise unless these data can be modelled so."""
         wall, parameters = complete_wall(self.energy)
         check_moduli(self.energy)
-        observation = self.observation
-        for name, value in observation.noise.items():
-            if is_inferred(value):
-                _check_positive(name, value)
-        if is_inferred(observation.force_offset_sd):
+        unknowns = self.likelihood.unknowns
+        for name, prior in unknowns.items():
+            _check_positive(name, prior)
+        if "force_offset_sd" in unknowns:
             raise ValueError(
                 "force_offset_sd is a distribution; where specimens differ, expected a number of "
                 "mN: each test has an offset of its own, and the number is their prior"
@@ -94,7 +95,7 @@ class Population:
                 "where each modulus keeps its own logarithm"
             )
         check_measured_only(self.geometry)
-        observation.check(wall, data, parameters, self.geometry)
+        self.likelihood.check(wall, data, parameters, self.geometry)
         self._check_priors()
 
     def _check_priors(self) -> None:
@@ -118,7 +119,7 @@ class Population:
 
     def register_class(self) -> ClassDistribution:
         """Variables of the class's distribution, in the model of the context."""
-        return register_class(self.scale, self.observation, self.experiment_effect, self.priors)
+        return register_class(self.scale, self.likelihood, self.experiment_effect, self.priors)
 
     def forward_model(
         self, data: xr.Dataset, *, by_test: bool = True, **settings: Any
@@ -134,21 +135,15 @@ class Population:
         parameters = self.scale.parameters(coordinates)
         wall = self.scale.wall_of(parameters)
         settings |= {"geometry": self.geometry, "by_test": by_test}
-        return self.observation.forward_model(wall, data, parameters, **settings)
+        return self.likelihood.forward_model(wall, data, parameters, **settings)
 
 
 @one_thread
 def population_model(
     energy: StrainEnergy | Sequence[Layer],
     data: xr.Dataset,
+    likelihood: Likelihood | Any,
     *,
-    noise_sd: Any = None,
-    sigma: Any = None,
-    slope_weight: float = 0.0,
-    force_noise_sd: Any = None,
-    force_sigma: Any = None,
-    force_offset_sd: float | None = None,
-    diameter_noise_sd: Any = None,
     geometry: Mapping[str, Measured] | None = None,
     experiment_effect: bool = False,
     reference_stress: float | None = 20.0,
@@ -161,12 +156,12 @@ def population_model(
 
     .. math:: x_s \sim N(m, \mathrm{diag}(τ) R \, \mathrm{diag}(τ)), \qquad
         x_t \sim N(x_{s(t)}, κ_s^2 \, \mathrm{diag}(ω)^2), \qquad
-        p_i \sim N(p(a_i; θ(x_t)), σ_s^2/2)
+        p_i \sim N(p(a_i; θ(x_t)), ς_s^2)
 
-    Specimens differ also in how much their experiments differ, ``ln κ_s ~ N(0, η²)``, and with an
-    unknown ``σ`` in their noise, ``ln σ_s ~ N(ln σ, ν²)``: likewise in each other noise that is
-    unknown. The likelihood is the generative one of :func:`~pymc_hyperelastic.inflation_model`,
-    with forces, slopes, offsets and an error of the diameter where they are asked for.
+    Specimens differ also in how much their experiments differ, ``ln κ_s ~ N(0, η²)``. If the size
+    ``ς`` of an error is a distribution, specimens differ in it too, ``ln ς_s ~ N(ln ς, ν²)``.
+    Measurements are observed variables, as those of :func:`~pymc_hyperelastic.inflation_model` with
+    ``observed=True``.
 
     The model stands by itself: made in the context of another one it is no part of that, and a
     warning says so.
@@ -179,21 +174,12 @@ def population_model(
         distribution; numbers are those of all.
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`: the specimens of one class.
-    noise_sd : float or distribution
-        Standard deviation of a pressure, ``σ/√2``, kPa. With a distribution, that of the class's
-        median, each specimen has its own: ``specimen_noise_sd``.
-    sigma : float or distribution
-        In place of `noise_sd` the paper's ``σ``, kPa, ``√2`` times the standard deviation.
-    slope_weight : float, default 0
-        The paper's ``β``, mm²; 0 leaves the slopes out.
-    force_noise_sd, force_sigma : float or distribution, optional
-        The same for measured axial forces, mN; without one of them they play no part. With a
-        distribution each specimen has its own: ``specimen_force_noise_sd``.
-    force_offset_sd : float, optional
-        Standard deviation, mN, of the offset of the force transducer, one for each test.
-    diameter_noise_sd : float or distribution, optional
-        Standard deviation, mm, of the error of a measured outer diameter; with a distribution each
-        specimen has its own.
+    likelihood : Gaussian, SlopeAugmented, float or distribution
+        The measured quantities and their errors, see :class:`~pymc_hyperelastic.Gaussian` and
+        :class:`~pymc_hyperelastic.SlopeAugmented`. A number or a distribution alone is the standard
+        deviation of a pressure, kPa. The distribution of a size is the prior of the class's
+        median; each specimen has its own size, such as ``specimen_pressure_sd``. Pressures must
+        have the error, and `slope_weight` and `force_offset_sd` must be numbers.
     geometry : dict of str to Measured, optional
         Measures of the tube that have an error, such as ``{"thickness": ph.Measured(sd=0.01)}``:
         each specimen then has a deviation of its own, ``thickness_deviation``, and its
@@ -226,7 +212,7 @@ def population_model(
     Raises
     ------
     TypeError
-        If the strain energy, the data or a prior is not one, or the noise is not given, or twice.
+        If the strain energy, the data, the likelihood or a prior is not one.
     ValueError
         If the data are unsound, or a number is impossible.
 
@@ -259,15 +245,13 @@ def population_model(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), group="C1")
-    >>> model = ph.population_model(ph.Ogden(), data, noise_sd=4 * ph.mmHg)
+    >>> model = ph.population_model(ph.Ogden(), data, ph.Gaussian(pressure_sd=4 * ph.mmHg))
     >>> [rv.name for rv in model.free_RVs]
     ['location', 'spread', 'correlation_unit', 'log_reference_strain', 'log_alpha']
     """
-    noise = {"noise_sd": noise_sd, "force_noise_sd": force_noise_sd}
-    noise |= {"force_offset_sd": force_offset_sd, "diameter_noise_sd": diameter_noise_sd}
-    observation = Observation(sigma, slope_weight, force_sigma, likelihood="generative", **noise)
+    observed = as_likelihood(likelihood).as_observed()
     settings = experiment_effect, reference_stress, priors, check_geometry(geometry)
-    population = Population(energy, observation, *settings)
+    population = Population(energy, observed, *settings)
     population.check(data)
     if pm.Model.get_context(error_if_none=False) is not None:
         warnings.warn(
@@ -288,7 +272,7 @@ def population_model(
     with pm.Model(coords=coords, model=None) as model:
         distribution = population.register_class()
         of_specimens = register_specimens(population, distribution, of_test)
-        _register_noises(population, of_specimens)
+        _register_noises(of_specimens)
         forward = population.forward_model(data)
         register_curves(population, forward, of_specimens, dims="obs")
         register_measures(data, population.geometry, of_specimens.deviations)
@@ -316,9 +300,9 @@ class Specimens(NamedTuple):
     coordinates: list[TensorVariable]
     """Of every test."""
     noises: dict[str, TensorVariable]
-    """Of every specimen, those that are inferred, as the paper's ``σ`` where there is one."""
+    """Inferred sizes of errors of every specimen."""
     deviations: dict[str, TensorVariable]
-    """Of every specimen, how far its tube is from what was measured."""
+    """Standardised deviation of each specimen's tube from its measured value."""
 
 
 def register_specimens(
@@ -349,7 +333,7 @@ def register_specimens(
         ]
     noises = {}
     for i, name in enumerate(population.noises):
-        moments = distribution.log_sigma[i], distribution.noise_spread[i]
+        moments = distribution.log_size[i], distribution.noise_spread[i]
         noises[name] = pt.exp(pm.Normal(log_noise_name(name), *moments, dims="specimen"))
     return Specimens(of_test, of_tests, noises, register_deviations(population.geometry))
 
@@ -359,14 +343,10 @@ def log_noise_name(name: str) -> str:
     return f"log_specimen_{name}"
 
 
-def _register_noises(population: Population, specimens: Specimens) -> None:
-    """Standard deviations of the specimens, of errors that were given so."""
+def _register_noises(specimens: Specimens) -> None:
+    """Add the inferred sizes of errors of the specimens."""
     for name, value in specimens.noises.items():
-        as_given = next(sd for sd in population.observation.noise if SIGMA_OF.get(sd, sd) == name)
-        if as_given in SIGMA_OF:
-            pm.Deterministic(f"specimen_{as_given}", sd_of_sigma(value), dims="specimen")
-        elif name not in SIGMA_OF.values():
-            pm.Deterministic(f"specimen_{name}", value, dims="specimen")
+        pm.Deterministic(f"specimen_{name}", value, dims="specimen")
 
 
 def tube_of(population: Population, forward: ForwardModel, specimens: Specimens) -> SymbolicTube:
@@ -381,13 +361,12 @@ def tube_of(population: Population, forward: ForwardModel, specimens: Specimens)
 def register_curves(
     population: Population, forward: ForwardModel, specimens: Specimens, dims: str | None = None
 ) -> None:
-    """Curves of the tests, and what was measured about them."""
+    """Add the curves of the tests, and the measurements, to the model of the context."""
     tube = tube_of(population, forward, specimens)
     curves = {
         name: pm.Deterministic(name, values, dims=dims) for name, values in tube.curves().items()
     }
     test = forward.share("test", lambda data: {"test": data["test"].values})["test"]
-    own = {name: sigma[specimens.of_test][test] for name, sigma in specimens.noises.items()}
-    observation = Observation(**population.observation.sigmas | own, likelihood="generative")
-    # Specimens are scored many at a time, where curves that overflow are found out anyway.
-    observation.register(tube, curves, dims=dims, bounded=False)
+    own = {name: size[specimens.of_test][test] for name, size in specimens.noises.items()}
+    # Specimens are scored in batches, in which curves that overflow are rejected anyway.
+    population.likelihood.register(tube, curves, own, dims=dims, bounded=False)

@@ -1,5 +1,10 @@
-"""Priors of material parameters: documented defaults, the user's own, and how they are stored."""
+"""Priors of material parameters: defaults, checks, registration in a model, and records in files.
 
+Model factories complete the priors that a user gives and register them as random variables. Results
+store priors as lists of names and numbers, so that reading a file executes no code from it.
+"""
+
+import re
 from collections.abc import Mapping, Sequence
 from math import isnan
 from typing import Any
@@ -31,10 +36,18 @@ def complete_priors(
 ) -> dict[str, TensorVariable]:
     """Priors of all parameters of `energy`: those given, and uniform defaults for the others.
 
-    A default prior is uniform over :attr:`Parameter.prior_range`, as in the paper. It is a fixed
-    physical range and knows nothing of the data. In place of a prior there may be a variable of the
-    `model` that is going to have them.
+    A default prior is uniform over :attr:`Parameter.prior_range`, as in the paper; this physical
+    range does not depend on the data. A given prior is a distribution, or a variable of `model`.
 
+    Raises
+    ------
+    TypeError
+        If `priors` is no dict, or a prior is no such distribution of the parameter's size.
+    ValueError
+        If a name is no parameter of `energy`.
+
+    Examples
+    --------
     >>> import pymc as pm, pymc_hyperelastic as ph
     >>> from pymc_hyperelastic.models.priors import complete_priors
     >>> list(complete_priors(ph.Ogden(), {"alpha": pm.Uniform.dist(0, 20)}))
@@ -55,6 +68,11 @@ def complete_priors(
     for p in energy.parameters:
         if p.name in given:
             check_prior(p.name, given[p.name], p.size, model)
+    return _with_defaults(energy, given)
+
+
+def _with_defaults(energy: StrainEnergy, given: Mapping[str, Any]) -> dict[str, Any]:
+    """All parameters of a law: those given, and uniform default priors for the others."""
     return {
         p.name: given[p.name] if p.name in given else pm.Uniform.dist(*p.prior_range, shape=p.size)
         for p in energy.parameters
@@ -66,13 +84,15 @@ def complete_wall(
     priors: dict[str, TensorVariable] | None = None,
     model: pm.Model | None = None,
 ) -> tuple[StrainEnergy | list[Layer], dict[str, TensorVariable]]:
-    """A material, or layers in which nothing is missing, and the priors of all parameters."""
+    """Return the material, or the layers with all parameters, and the priors of all parameters."""
     check_precision()
     if not isinstance(energy, Sequence):
         check_energy(energy)
         return energy, complete_priors(energy, priors, model)
     if priors:
-        raise TypeError("layers take their own priors, Layer(..., mu=...): give no others")
+        raise TypeError(
+            "layers take their own priors: give them as Layer(..., mu=...), not as `priors`"
+        )
     check_layers(energy)
     return complete_layers(energy, model)
 
@@ -80,20 +100,22 @@ def complete_wall(
 def complete_layers(
     layers: Sequence[Layer], model: pm.Model | None = None
 ) -> tuple[list[Layer], dict[str, TensorVariable]]:
-    """Layers in which nothing is missing, and the distributions in them by name.
+    """Add default priors to layers, and return the layers and their distributions by name.
 
-    A name carries the number of the layer, counted from inside, unless the distribution stands in
-    several layers.
+    The name of a distribution ends with the number of its layer, counted from the inside. A
+    distribution that several layers share has a name without a number.
+
+    Raises
+    ------
+    TypeError
+        If a value is neither a number nor a distribution of the parameter's size.
+    ValueError
+        If two distributions would have the same name.
     """
     filled = []
     places: dict[TensorVariable, list[tuple[str, int]]] = {}
     for number, layer in enumerate(layers, start=1):
-        parameters = {
-            p.name: layer.parameters[p.name]
-            if p.name in layer.parameters
-            else pm.Uniform.dist(*p.prior_range, shape=p.size)
-            for p in layer.energy.parameters
-        }
+        parameters = _with_defaults(layer.energy, layer.parameters)
         sizes = {p.name: p.size for p in layer.energy.parameters} | {"thickness": None}
         for name, value in {**parameters, "thickness": layer.thickness}.items():
             if is_inferred(value):
@@ -107,8 +129,8 @@ def complete_layers(
         named[name if others else f"{name}_{number}"] = prior
     if len(named) < len(places):
         raise ValueError(
-            "two distributions would have one name: what is shared must be shared by all layers "
-            f"that have it; here are {sorted(named)}"
+            f"two distributions would have the same name; the names are {sorted(named)}. If layers "
+            "share the distribution of a parameter, all layers with this parameter must share it"
         )
     return filled, named
 
@@ -118,7 +140,7 @@ def with_variables(
     distributions: Mapping[str, TensorVariable],
     variables: Mapping[str, TensorVariable],
 ) -> list[Layer]:
-    """The layers with random variables in place of their distributions."""
+    """Return the layers with the random variables `variables` instead of their distributions."""
     registered = {prior: variables[name] for name, prior in distributions.items()}
 
     def variable(value: Any) -> Any:
@@ -137,22 +159,22 @@ def with_variables(
 def check_prior(
     name: str, prior: Any, size: int | None = None, model: pm.Model | None = None
 ) -> None:
-    """Raise TypeError unless `prior` is a distribution of that size that belongs to no model yet.
+    """Raise TypeError unless `prior` is an unregistered distribution, or a variable of `model`.
 
-    A scalar has no size. With a `model`, it may be a variable of that instead.
+    `size` is the number of entries of a vector, None for a scalar.
     """
     if not belongs_to(prior, model):
         _check_distribution(name, prior)
     shape = () if size is None else (size,)
     static = prior.type.shape
-    # What is computed need not know its size beforehand.
+    # The static shape of a computed variable may be unknown.
     if len(static) != len(shape) or any(s not in (n, None) for s, n in zip(static, shape)):
         expected = "a scalar" if size is None else f"{size} entries, as with shape={size}"
         raise TypeError(f"the prior of {name!r} has the shape {static}; expected {expected}")
 
 
 def belongs_to(variable: Any, model: pm.Model | None) -> bool:
-    """Whether something is a variable of a model, or computed from such."""
+    """Return True for a variable of `model`, and for one computed from such variables."""
     if model is None or not is_inferred(variable):
         return False
     named = set(model.root.named_vars.values())
@@ -162,7 +184,7 @@ def belongs_to(variable: Any, model: pm.Model | None) -> bool:
 
 
 def _check_distribution(name: str, prior: Any) -> None:
-    """Raise TypeError unless `prior` is a distribution that belongs to no model yet."""
+    """Raise TypeError unless `prior` is a distribution that does not depend on a model."""
     node = getattr(prior, "owner", None)
     if node is None or not isinstance(node.op, RandomVariable | SymbolicRandomVariable):
         raise TypeError(
@@ -177,10 +199,9 @@ def _check_distribution(name: str, prior: Any) -> None:
     if linked:
         culprit = linked[0].name or linked[0]
         raise TypeError(
-            f"the prior of {name!r} depends on the random variable {culprit!r}; "
-            "expected a distribution by itself, such as pm.Uniform.dist(0, 50). Variables of a "
-            "model of your own are taken by ph.inflation_model, where that is called inside "
-            "`with model:`, and by ph.inflation_likelihood"
+            f"the prior of {name!r} depends on the random variable {culprit!r}; expected an "
+            "independent distribution, such as pm.Uniform.dist(0, 50). To use variables of your "
+            "own model, call ph.inflation_model inside `with model:`, or ph.inflation_likelihood"
         )
 
 
@@ -195,74 +216,75 @@ def _check_number(name: str, value: Any, size: int | None) -> None:
 
 
 def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
-    """Distribution as ``[name, parameters]``, for attributes of a file; a vector's size follows."""
+    """Return a distribution as ``[name, parameters]``, or ``[name, parameters, size]`` of a vector.
+
+    Raises
+    ------
+    ValueError
+        If the distribution is not univariate, or its parameters are not numbers.
+    """
     node = prior.owner
-    distribution = _DISTRIBUTIONS.get(type(node.op))
+    distribution = _NAMES.get(type(node.op))
     try:
-        if distribution is not None and _takes_scalars(node.op):
+        if distribution is not None:
             parameters = constant_fold(_in_double(node.op.dist_params(node)))
             return [distribution, [p.tolist() for p in parameters], *prior.type.shape]
     except NotConstantValueError:
         pass
     raise ValueError(
-        f"the prior of {name!r} cannot be stored with the results: use one of PyMC's univariate "
-        "distributions with numbers for parameters, such as pm.Gamma.dist(2, 0.1)"
+        f"the prior of {name!r} cannot be stored with the results; expected a univariate "
+        "distribution of PyMC whose parameters are numbers, such as pm.Gamma.dist(2, 0.1)"
     )
 
 
 def prior_from_record(record: Any, name: str = "") -> TensorVariable:
-    """Distribution from what :func:`prior_to_record` stored, under a name.
+    """Return the distribution of a record of :func:`prior_to_record`; `name` is for messages.
 
     Raises
     ------
     ValueError
-        If it is no such record: it may come from a file, and is looked up in a table of known
-        distributions alone.
+        If it is no such record. A record from a file can only name distributions of PyMC.
     """
-    if not isinstance(record, list) or len(record) < 2:
-        raise ValueError(
-            f"the prior of {name!r} is {shown(record)}; expected [name, [parameters]], and the "
-            "size of a vector"
+    try:
+        distribution, parameters, *size = record
+        member, count = _STORABLE[distribution]
+        valid = (
+            isinstance(parameters, list)
+            and len(parameters) == count
+            and len(size) <= 1
+            and all(type(n) is int and 1 <= n <= _LARGEST_SIZE for n in size)
+            and all(_is_parameter(p, size) for p in parameters)
         )
-    distribution, parameters, *size = record
-    if not isinstance(distribution, str) or distribution not in _READABLE:
+    except (TypeError, ValueError, KeyError):
+        valid = False
+    if not valid:
+        subject = f"the prior of {name!r}" if name else "a prior"
         raise ValueError(
-            f"the prior of {name!r} is {shown(distribution)}, which is no distribution that is "
-            f"stored with results; these are {sorted(_READABLE)}"
+            f"{subject} is {shown(record)}; expected [name, parameters], or [name, "
+            "parameters, size] for a vector, with the name of a univariate distribution of PyMC "
+            f"and its parameters as numbers. The size is at most {_LARGEST_SIZE}"
         )
-    known, count = _READABLE[distribution]
-    if len(size) > 1 or not all(type(n) is int and 1 <= n <= _LARGEST_SIZE for n in size):
-        raise ValueError(
-            f"the prior of {name!r} has the size {shown(size)}; expected nothing, or one whole "
-            "number"
-        )
-    if not isinstance(parameters, list) or len(parameters) != count:
-        raise ValueError(
-            f"the prior of {name!r}, {distribution}, has the parameters {shown(parameters)}; "
-            f"expected a list of {count}"
-        )
-    for parameter in parameters:
-        entries = parameter if isinstance(parameter, list) else [parameter]
-        whole = not isinstance(parameter, list) or len(parameter) in (1, *size)
-        if not whole or not all(is_number(x) and not isnan(x) for x in entries):
-            raise ValueError(
-                f"the prior of {name!r}, {distribution}, has the parameter {shown(parameter)}; "
-                "expected a number, or as many as its size"
-            )
-    return _rebuild(
-        known.rv_op, [pt.constant(p, dtype="float64") for p in parameters], size or None
-    )
+    variables = [pt.constant(p, dtype="float64") for p in parameters]
+    return _rebuild(member.rv_op, variables, size or None)
+
+
+def _is_parameter(value: Any, size: Sequence[int]) -> bool:
+    """Return True for a number, and for a list of one number or of `size` numbers."""
+    if isinstance(value, list) and len(value) not in (1, *size):
+        return False
+    entries = value if isinstance(value, list) else [value]
+    return all(is_number(x) and not isnan(x) for x in entries)
 
 
 def priors_from_records(records: Any) -> dict[str, TensorVariable]:
-    """Distributions by name from records by name."""
+    """Return the distributions of a dict of records; ValueError as :func:`prior_from_record`."""
     if not isinstance(records, dict):
-        raise ValueError(f"priors are {shown(records)}; expected a JSON object of names to records")
+        raise ValueError(f"priors are {shown(records)}; expected a JSON object of records by name")
     return {name: prior_from_record(record, name) for name, record in records.items()}
 
 
 def class_name_of(record: Any) -> str:
-    """Name of the class of a distribution that :func:`prior_to_record` stored; some have two names.
+    """Name of the PyMC class of a record; a few distributions have a second name.
 
     Raises ValueError as :func:`prior_from_record` does.
 
@@ -272,54 +294,45 @@ def class_name_of(record: Any) -> str:
     'Uniform'
     """
     prior_from_record(record)
-    return _READABLE[record[0]][0].__name__
+    return _STORABLE[record[0]][0].__name__
 
 
 def _parameters_of(op: type) -> int | None:
-    """How many numbers state a distribution of numbers; None of any other distribution."""
+    """Number of scalar parameters of a univariate distribution; None for any other."""
     symbolic = issubclass(op, SymbolicRandomVariable)
     signature = getattr(op, "extended_signature" if symbolic else "signature", None) or ""
-    given, _, made = signature.partition("->")
-    if symbolic and not given.startswith("[rng],[size]"):
-        return None
-    if symbolic:
-        given, made = given.removeprefix("[rng],[size]"), made.removeprefix("[rng],")
-    if made != "()" or given.replace("()", "").replace(",", ""):
-        return None
-    return given.count("()")
+    inputs = r"\[rng\],\[size\](,\(\))*->\[rng\]," if symbolic else r"(\(\),?)*->"
+    return signature.count("()") - 1 if re.fullmatch(inputs + r"\(\)", signature) else None
 
 
-# PyMC's distributions by the type of the random variable that they make.
-_DISTRIBUTIONS: dict[type, str] = {
-    member.rv_type: name
-    for name, member in vars(pm.distributions).items()
-    if isinstance(getattr(member, "rv_type", None), type)
-}
-# Those that `prior_to_record` writes, under all their names, and how many numbers state each.
-_READABLE: dict[str, tuple[Any, int]] = {
+# Distributions that can be stored, by all their names: class, and number of scalar parameters.
+_STORABLE: dict[str, tuple[Any, int]] = {
     name: (member, count)
     for name, member in vars(pm.distributions).items()
     if isinstance(op := getattr(member, "rv_type", None), type)
     and (count := _parameters_of(op)) is not None
 }
-# Entries of a vector: of more no law has as many.
+_NAMES: dict[type, str] = {member.rv_type: name for name, (member, _) in _STORABLE.items()}
+# Largest size of a vector prior in a file; no law has as many entries, and a damaged file must not
+# exhaust the memory.
 _LARGEST_SIZE = 10_000
 
 
 def is_inferred(value: Any) -> bool:
-    """Whether a quantity is a variable, and not a number."""
+    """Return True if a quantity is a PyTensor variable rather than a number."""
     return isinstance(value, Variable)
 
 
 def register_priors(priors: Mapping[str, TensorVariable]) -> dict[str, TensorVariable]:
-    """Make priors random variables of the model in context."""
+    """Register priors as random variables of the model in context, see :func:`register_prior`."""
     return {name: register_prior(name, prior) for name, prior in priors.items()}
 
 
 def register_prior(name: str, prior: TensorVariable) -> TensorVariable:
-    """Make `prior` a random variable of the model in context, unless it is a part of that already.
+    """Register `prior` as a random variable of the model in context, and return the variable.
 
-    A copy is registered: one distribution may serve several models, or several parameters.
+    A copy is registered, so that one distribution can be the prior of several parameters. A
+    variable that already belongs to the model is returned unchanged.
     """
     model = pm.modelcontext(None)
     if belongs_to(prior, model):
@@ -335,7 +348,7 @@ def register_prior(name: str, prior: TensorVariable) -> TensorVariable:
 
 
 def _in_double(variables: Sequence[Variable]) -> list[Variable]:
-    """Copies in which numbers have double precision: as 3 or 0.5, PyTensor keeps them in less."""
+    """Copy variables with all constants in double precision; PyTensor stores 3 or 0.5 in less."""
     short = ("int8", "int16", "float16", "float32")
     numbers = [
         v
@@ -349,7 +362,7 @@ def _in_double(variables: Sequence[Variable]) -> list[Variable]:
 
 
 def _rebuild(op: Any, parameters: Sequence[Any], size: Sequence[int] | None) -> TensorVariable:
-    """Distribution of the same kind, with a random generator of its own."""
+    """Make a distribution of the type `op` with a new random generator."""
     if isinstance(op, RandomVariable):
         return op(*parameters, size=size, rng=_generator(), return_next_rng=True)[1]
     return getattr(op, "rv_op", op)(*parameters, size=size)
@@ -360,9 +373,9 @@ def _is_random(x: Variable) -> bool:
 
 
 def _takes_scalars(op: Any) -> bool:
-    """Whether a distribution is stated by scalars alone, and by no other distributions."""
-    of_its_own = isinstance(op, RandomVariable) or str(op.extended_signature).startswith("[rng]")
-    return of_its_own and not any(op.ndims_params)
+    """Return True if the parameters are scalars, and none is another distribution."""
+    is_basic = isinstance(op, RandomVariable) or str(op.extended_signature).startswith("[rng]")
+    return is_basic and not any(op.ndims_params)
 
 
 def _generator() -> Variable:

@@ -35,8 +35,8 @@ _SEED = 1  # new specimens are the same at every call
 _OF_CLASS = ("location[", "spread[")
 # Shown only if there is nothing else.
 _NUISANCE = (
-    "sigma noise_sd noise_spread specimen_noise_sd force_sigma force_noise_sd force_offset_sd "
-    "force_offset_mean force_offset_error diameter_noise_sd slope_weight "
+    "sigma pressure_sd noise_spread specimen_sigma specimen_pressure_sd force_sigma force_sd "
+    "force_offset_sd force_offset_mean force_offset_error diameter_sd slope_weight "
     "experiment_spread effect_spread correlation_unit"
 ).split()
 _LOG_FROM = 10.0  # ratio of the ends of an axis of positive numbers, from which it is logarithmic

@@ -92,7 +92,7 @@ def plot_axial_force(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
-    >>> model = ph.inflation_model(ph.Demiray(), data, sigma=5 * ph.mmHg, slope_weight=0)
+    >>> model = ph.inflation_model(ph.Demiray(), data, ph.Gaussian(5 * ph.mmHg))
     >>> tree = ph.sample_smc(model, draws=500, chains=2, random_seed=1, progressbar=False)
     >>> figure = ph.plot_axial_force(tree, backend="none")
     >>> "points" in figure.viz.children  # nobody measured a force

@@ -103,7 +103,7 @@ def plot_law_probability(
     >>> data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1", experiment=1)
     >>> fits = [
     ...     ph.sample_smc(
-    ...         ph.inflation_model(energy, data, noise_sd=2 * ph.mmHg, slope_weight=0),
+    ...         ph.inflation_model(energy, data, 2 * ph.mmHg),
     ...         draws=500,
     ...         chains=2,
     ...         random_seed=1,

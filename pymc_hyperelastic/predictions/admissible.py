@@ -5,7 +5,7 @@ from typing import Any, Unpack
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.mechanics.strain_energy.isotropic import _Isotropic
+from pymc_hyperelastic.mechanics.strain_energy.base import IsotropicStrainEnergy
 from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.draws import (
@@ -105,7 +105,7 @@ def admissible(
     extrapolated = warned(draws.extrapolated_radii(radius))
     _, slope = draws.tube.pressure(radius)
     passed: dict[str, Any] = {"pressure_rises": ((slope > 0) & (slope < np.inf)).all(axis=-1)}
-    if all(isinstance(layer.energy, _Isotropic) for layer in draws.tube.layers):
+    if all(isinstance(layer.energy, IsotropicStrainEnergy) for layer in draws.tube.layers):
         passed["baker_ericksen"] = _baker_ericksen(draws.tube.with_axis(), radius[:, None])
     result = draws.dataset({}, **passed)
     words = {"pressure_rises": "pressure rises", "baker_ericksen": "Baker-Ericksen holds"}

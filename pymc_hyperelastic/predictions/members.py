@@ -25,8 +25,7 @@ from pymc_hyperelastic.models.geometry import (
     tube_of_specimens,
 )
 from pymc_hyperelastic.models.natural_scale import NaturalScale
-from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities
-from pymc_hyperelastic.models.study import (
+from pymc_hyperelastic.models.records import (
     NamedLayer,
     holds_inflation_data,
     inflation_data_of,
@@ -34,6 +33,7 @@ from pymc_hyperelastic.models.study import (
     stated_wall_of,
     wall_of,
 )
+from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities
 from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]
@@ -242,14 +242,14 @@ def stored_draws(fitted: xr.DataTree, specimen: str) -> SpecimenDraws:
     check_numbers(fitted, of_one, "standard_error", (), where, finite=False)
     if not of_one["standard_error"] >= 0:
         raise damaged(fitted, f"the 'standard_error'{where} is {of_one['standard_error'].item()}")
-    for name, dim in (("log_sigma", "noise"), ("deviations", "measure")):
+    for name, dim in (("log_size", "noise"), ("deviations", "measure")):
         if name in of_one and of_one[name].size:
             dims = ("particle", *({dim} & set(of_one[name].dims)))
             check_numbers(fitted, of_one, name, dims, where)
     return SpecimenDraws(
         centre=of_one["centre"].transpose("coordinate", "particle").values,
         scatter=of_one["scatter"].transpose("coordinate", "particle").values,
-        log_sigma=_rows(of_one, "log_sigma", "noise"),
+        log_size=_rows(of_one, "log_size", "noise"),
         log_weight=of_one["log_weight"].values,
         tests=int(of_one["tests"]),
         standard_error=float(of_one["standard_error"]),

@@ -6,7 +6,7 @@ import xarray as xr
 from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.files.stored import read_numbers
-from pymc_hyperelastic.models.observation.signals import OFFSET_VARIABLES
+from pymc_hyperelastic.models.likelihoods import OFFSET_VARIABLES
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
 
@@ -68,7 +68,7 @@ def force_offsets(tree: xr.DataTree) -> xr.Dataset:
     if not knows_offsets(tree):
         raise ValueError(
             "the result knows of no offset of a transducer: sample a model that has them, "
-            "ph.inflation_model(..., force_noise_sd=..., force_offset_sd=...), and keep the "
+            "ph.Gaussian(..., force_sd=..., force_offset_sd=...), and keep the "
             f"variables {list(OFFSET_VARIABLES)} in its posterior"
         )
     mean, error = (read_numbers(tree, "posterior", n, _BY_TEST) for n in OFFSET_VARIABLES)

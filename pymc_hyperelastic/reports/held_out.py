@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.classes.scores import score_probabilities
-from pymc_hyperelastic.evidence.diagnosis import VERDICTS
+from pymc_hyperelastic.evidence.verdicts import VERDICTS
 from pymc_hyperelastic.plots.calibration import plot_reliability
 from pymc_hyperelastic.reports.blocks import (
     BAD,

@@ -9,8 +9,9 @@ import xarray as xr
 
 from pymc_hyperelastic.files.stored import damaged, read_json, shown
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.models.likelihoods.errors import SIZES
 from pymc_hyperelastic.models.priors import class_name_of
-from pymc_hyperelastic.models.study import NamedLayer, wall_of
+from pymc_hyperelastic.models.records import NamedLayer, wall_of
 from pymc_hyperelastic.reports.blocks import short
 
 _RAISED = str.maketrans("0123456789+-i", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁱ")
@@ -113,5 +114,5 @@ def units_of(tree: xr.DataTree) -> dict[str, str]:
         raise damaged(tree, f"its attribute 'units' is {shown(told)}; expected the unit of each")
     layers = wall_in_words(tree)
     of_law = {p.name: p.unit for layer in layers for p in layer.energy.parameters}
-    units = of_law | {"noise_sd": "kPa", "force_noise_sd": "mN"} | dict(told)
+    units = of_law | {name: size.unit for name, size in SIZES.items()} | dict(told)
     return {name: unit.replace("mm2", "mm²") for name, unit in units.items()}

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.data.inflation import extension_tests, held_stretches, points_of
 from pymc_hyperelastic.evidence.results import thinned_draws
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
-from pymc_hyperelastic.models.study import inflation_data_of
+from pymc_hyperelastic.models.records import inflation_data_of
 from pymc_hyperelastic.plots.properties import PROPERTY_LABELS, plot_elastic_properties
 from pymc_hyperelastic.plots.style import fitted_classes, per_kilopascal
 from pymc_hyperelastic.predictions.properties import tube_properties

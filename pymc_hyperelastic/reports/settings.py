@@ -1,4 +1,4 @@
-"""What results were made with: law, priors, errors, sampler, as they are stored with them."""
+"""Settings that are stored with results: law, priors, likelihood and sampler."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,10 +8,11 @@ import pymc as pm
 import xarray as xr
 
 from pymc_hyperelastic.classes.variable import Variability
-from pymc_hyperelastic.files.stored import read_dict, read_draws, read_json, reading
-from pymc_hyperelastic.models.observation.noise import NOISE_UNITS, SIGMA_OF, sd_of_sigma
-from pymc_hyperelastic.models.priors import prior_to_record
-from pymc_hyperelastic.models.study import NamedLayer, noise_from_records
+from pymc_hyperelastic.files.stored import read_draws, read_json, reading
+from pymc_hyperelastic.models.likelihoods import Likelihood
+from pymc_hyperelastic.models.likelihoods.errors import SIZES
+from pymc_hyperelastic.models.priors import is_inferred, prior_to_record
+from pymc_hyperelastic.models.records import NamedLayer, likelihood_of
 from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ
 from pymc_hyperelastic.reports.blocks import in_words, plural, short
@@ -22,15 +23,6 @@ from pymc_hyperelastic.reports.laws import (
     wall_in_words,
 )
 
-# Of what errors are.
-_MEASURED = {
-    "sigma": "pressures",
-    "noise_sd": "pressures",
-    "force_sigma": "axial forces",
-    "force_noise_sd": "axial forces",
-    "diameter_noise_sd": "diameters",
-}
-
 
 @dataclass(frozen=True)
 class Settings:
@@ -39,12 +31,12 @@ class Settings:
     wall: list[NamedLayer]
     variability: Variability | None
     differ: bool
-    """Whether each specimen has parameters of its own."""
-    noise: dict[str, Any]
-    """Numbers, or distributions as they are stored."""
-    noise_in_words: str
+    """True if each specimen has parameters of its own."""
+    likelihood: Likelihood | None
+    """None if the result does not state it."""
+    likelihood_in_words: str
     priors: dict[str, str]
-    """By the name of what they are of."""
+    """By the name of the variable."""
     draws: int
     chains: int
     seed: str
@@ -63,28 +55,27 @@ def settings_of(tree: xr.DataTree) -> Settings:
     kind: Variability | None = None
     if "variability_settings" in first.attrs:
         kind = Variability.of_tree(first)
-        stored = read_dict(first, "variability_settings")
-        noise = {name: stored[name] for name in NOISE_UNITS if name in stored}
+        likelihood: Likelihood | None = kind.likelihood
         priors = priors_of_class(kind)
     else:
-        noise, units = read_json(first, "noise", {}), units_of(first)
+        likelihood, units = likelihood_of(first), units_of(first)
         with reading(first):
-            noise_from_records(noise)
             priors = {
                 name: distribution_in_words(record, units.get(name, ""))
                 for name, record in read_json(first, "priors", {}).items()
             }
+            unknowns = likelihood.unknowns if likelihood else {}
             priors |= {
-                name: distribution_in_words(value, NOISE_UNITS[name].replace("mm2", "mm²"))
-                for name, value in noise.items()
-                if isinstance(value, list)
+                name: distribution_in_words(prior_to_record(name, prior), likelihood.units[name])
+                for name, prior in unknowns.items()
+                if likelihood
             }
     return Settings(
         wall_in_words(first),
         kind,
         specimens_differ(first),
-        noise,
-        first.attrs.get("noise_in_words", ""),
+        likelihood,
+        first.attrs.get("likelihood_in_words", ""),
         priors,
         posterior.sizes["draw"],
         posterior.sizes["chain"],
@@ -105,7 +96,7 @@ def priors_of_class(kind: Variability) -> dict[str, str]:
         distribution, parameters, *size = prior_to_record(variable.name, variable)
         if not size:
             record = [distribution, parameters]
-            unit = NOISE_UNITS.get(variable.name, "")
+            unit = SIZES[variable.name].unit if variable.name in SIZES else ""
             priors[variable.name] = distribution_in_words(record, unit)
             continue
         of_each = np.broadcast_arrays(*parameters, np.empty(size))[:-1]
@@ -115,47 +106,50 @@ def priors_of_class(kind: Variability) -> dict[str, str]:
     return priors
 
 
-def size_of_error(name: str, value: Any) -> str:
-    """How large an error is, or how much slopes count, in words.
+def size_in_words(likelihood: Likelihood, name: str) -> str:
+    """Return how large an error is, or how much slopes count, in words.
 
-    >>> size_of_error("sigma", 2.0)
+    >>> import pymc_hyperelastic as ph
+    >>> size_in_words(ph.SlopeAugmented(sigma=2.0, slope_weight=1.0), "sigma")
     'a standard deviation of 1.414 kPa'
     """
-    unit, is_sigma = NOISE_UNITS[name].replace("mm2", "mm²"), name in SIGMA_OF.values()
-    if isinstance(value, list):
-        prior = distribution_in_words(value, unit)
-        if name == "slope_weight":
-            return f"prior {prior}"
-        times = " times √2" if is_sigma else ""
-        return f"a standard deviation{times} that was inferred, with the prior {prior}"
-    if name == "slope_weight":
-        return f"{short(value)} {unit}"
-    return f"a standard deviation of {short(sd_of_sigma(value) if is_sigma else value)} {unit}"
+    value, unit = likelihood.sizes[name], likelihood.units[name]
+    of_sigma = {"sigma": "pressure_sd", "force_sigma": "force_sd"}
+    what = "a weight" if name == "slope_weight" else "a standard deviation"
+    if is_inferred(value):
+        times = " times √2" if name in of_sigma else ""
+        prior = distribution_in_words(prior_to_record(name, value), unit)
+        return f"{what}{times} that was inferred, with the prior {prior}"
+    size = getattr(likelihood.errors(), of_sigma.get(name, name))
+    return f"{what} of {short(float(size))} {unit}"
 
 
 def noise_sentences(settings: Settings) -> list[str]:
-    """What is said of the errors, as sentences of an article."""
+    """Return the errors of the likelihood, as sentences of an article."""
+    likelihood = settings.likelihood
+    if likelihood is None:
+        words = settings.likelihood_in_words
+        return [f"Errors were taken as normal ({words})."] if words else []
     sentences = []
-    for name, value in settings.noise.items():
-        size = size_of_error(name, value)
+    for name, value in likelihood.sizes.items():
+        size = size_in_words(likelihood, name)
         if name == "slope_weight":
-            if value:
-                words = f"Slopes of the curves counted too, with a weight of {size}."
-                sentences.append(words)
+            if is_inferred(value) or value:
+                sentences.append(f"Slopes of the curves counted too, with {size}.")
         elif name == "force_offset_sd":
             words = f"Each test had an offset of the force transducer, normal with {size}."
             sentences.append(words)
         else:
-            own = " in each specimen" if settings.variability and isinstance(value, list) else ""
-            words = f"Errors of {_MEASURED[name]} were taken as normal{own}, with {size}."
-            sentences.append(words)
-    if not settings.noise and settings.noise_in_words:
-        sentences.append(f"Errors were taken as normal ({settings.noise_in_words}).")
+            own = " in each specimen" if settings.variability and is_inferred(value) else ""
+            of_what = SIZES[name].of_what
+            if likelihood.error_in == "radius" and name == "pressure_sd":
+                of_what = "errors of radii"
+            sentences.append(f"{of_what.capitalize()} were taken as normal{own}, with {size}.")
     return sentences
 
 
 def settings_rows(settings: Settings) -> list[list[Any]]:
-    """What the settings were, as rows of a table."""
+    """Return the settings as rows of a table."""
     rows: list[list[Any]] = []
     for number, layer in enumerate(settings.wall, start=1):
         of = f" of layer {number}, from inside" if len(settings.wall) > 1 else ""
@@ -177,14 +171,15 @@ def settings_rows(settings: Settings) -> list[list[Any]]:
         for name, error in kind.geometry.items():
             rows.append([f"error of the measured {name.replace('_', ' ')}", str(error)])
     rows += [[f"prior of {name}", prior] for name, prior in settings.priors.items()]
-    rows += [["errors", settings.noise_in_words]] if settings.noise_in_words else []
+    words = settings.likelihood_in_words
+    rows += [["likelihood", words]] if words else []
     rows += [["draws of a chain", settings.draws], ["chains", settings.chains]]
     rows += [["random seed", settings.seed]] if settings.seed else []
     return rows
 
 
 def model_sentences(settings: Settings, several: bool) -> list[str]:
-    """What was modelled of one specimen or `several`, as sentences of an article."""
+    """Describe the model of one specimen, or of `several`, in sentences of an article."""
     energies = [layer.energy for layer in settings.wall]
     laws = [f"{e.name}, {equation_of(e).rstrip('.')}" for e in energies]
     tube = "Each vessel was modelled as a thick-walled, incompressible, hyperelastic tube"

@@ -29,7 +29,7 @@ FEW = 100
 POINTS = (60, 600, 6_000, 60_000)
 PARTICLES = (500, 1000, 2000, 4000, 8000)
 NEW_EXPERIMENTS = (10, 100, 1000)
-NOISE = {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT}
+LIKELIHOOD = ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT)
 # Modulus and exponent of two classes that differ enough to classify most curves.
 CLASSES = {"soft": (45.0, 7.5), "stiff": (60.0, 8.0)}
 
@@ -84,7 +84,7 @@ def data_of(points):
 
 @cache
 def model_of(points):
-    return ph.ogden_model(data_of(points), priors=priors(), **NOISE)
+    return ph.ogden_model(data_of(points), LIKELIHOOD, priors=priors())
 
 
 @pytest.mark.parametrize("points", POINTS)
@@ -93,7 +93,7 @@ def test_model_by_points(benchmark, points):
     data = data_of(points)
     benchmark.group = "model by points"
     benchmark.pedantic(
-        lambda: ph.ogden_model(data, priors=priors(), **NOISE), rounds=5, warmup_rounds=1
+        lambda: ph.ogden_model(data, LIKELIHOOD, priors=priors()), rounds=5, warmup_rounds=1
     )
 
 
@@ -164,7 +164,7 @@ def fitted_classes():
         for name, center in CLASSES.items()
     }
     settings = {"draws": 2000, "chains": 2, "random_seed": SEED, "progressbar": False}
-    return ph.fit_classes(ph.Ogden(), training, priors=priors(), **settings, **NOISE)
+    return ph.fit_classes(ph.Ogden(), training, LIKELIHOOD, priors=priors(), **settings)
 
 
 @pytest.mark.parametrize("experiments", NEW_EXPERIMENTS)

@@ -63,8 +63,7 @@ def known_model():
 
     return ph.ogden_model(
         as_inflation_data(known_curves()),
-        sigma=SIGMA,
-        slope_weight=SLOPE_WEIGHT,
+        ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT),
         priors={"mu": pm.Uniform.dist(*MU), "alpha": pm.Uniform.dist(*ALPHA)},
     )
 

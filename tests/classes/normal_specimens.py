@@ -20,7 +20,7 @@ def repeated_class(count, factor, **changes):
         "spread": [0.3, 0.4],
         "experiment_spread": [0.1, 0.3],
         "effect_spread": 0.3,
-        "log_sigma": [-1.0],
+        "log_size": [-1.0],
         "noise_spread": [0.3],
     } | changes
     repeated = {name: np.multiply.outer(v, np.ones((count, 1))) for name, v in numbers.items()}

@@ -155,14 +155,14 @@ def test_unknown_parts_of_a_negligible_law_are_ignored():
 def test_labels_distinguish_laws_of_the_same_name():
     """By the settings of the law, the experiment effect, and otherwise by a number."""
     layers = [ph.Layer(ph.NeoHookean(), 1), ph.Layer(ph.Ogden(), 1)]
-    kind_of = partial(Variability.of_settings, sigma=1.0)
+    kind_of = partial(Variability.of_settings, likelihood=1.0)
     labels = {
         "Ogden": kind_of(ph.Ogden()),
         "Ogden with experiment effect": kind_of(ph.Ogden(), experiment_effect=True),
         "OgdenSeries(terms=1)": kind_of(ph.OgdenSeries(1)),
         "OgdenSeries(terms=2)": kind_of(ph.OgdenSeries(2)),
         "NeoHookean": kind_of(ph.NeoHookean(), experiment_effect=True),
-        "Ogden (2)": kind_of(ph.Ogden(), sigma=2.0),
+        "Ogden (2)": kind_of(ph.Ogden(), likelihood=2.0),
         "NeoHookean in Ogden": kind_of(layers),
     }
     assert labels_of([*labels.values()]) == [*labels]

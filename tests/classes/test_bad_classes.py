@@ -9,9 +9,12 @@ from bad_input import PLACE, assert_refused, curves, fit, fitted, with_nan
 
 import pymc_hyperelastic as ph
 
-HALF_NORMAL = pm.HalfNormal.dist()
+UNKNOWN_WEIGHT = ph.SlopeAugmented(1.0, pm.HalfNormal.dist())
+WITH_FORCE = ph.Gaussian(1.0, force_sd=3.0)
 OTHER_LAW = "strain_energy", "Fung", "C2"
-CUSTOM = pm.CustomDist.dist(1.0, logp=lambda x, m: -((x - m) ** 2))
+CUSTOM = pm.CustomDist.dist(
+    1.0, logp=lambda x, m: -((x - m) ** 2), random=lambda m, rng, size: rng.normal(m, size=size)
+)
 
 
 def altered(key: str, value: str, *names: str) -> xr.DataTree:
@@ -23,9 +26,14 @@ def altered(key: str, value: str, *names: str) -> xr.DataTree:
     return classes
 
 
+def observed() -> xr.DataTree:
+    likelihood = ph.SlopeAugmented(sigma=1.0, slope_weight=1.0, observed=True)
+    return altered("likelihood", json.dumps(likelihood.to_record()), "C1", "C2")
+
+
 def other_noise(*names: str) -> xr.DataTree:
-    noise = json.loads(fitted()["C1"].attrs["noise"]) | {"sigma": 2.0}
-    return altered("noise", json.dumps(noise), *names)
+    likelihood = ph.SlopeAugmented(sigma=2.0, slope_weight=1.0)
+    return altered("likelihood", json.dumps(likelihood.to_record()), *names)
 
 
 def variable(**settings) -> xr.DataTree:
@@ -47,16 +55,14 @@ BAD_INPUT = [
     (lambda: fit({"C/1": curves()}), ValueError, "'/'", "'C/1'"),
     (lambda: fit({"..": curves()}), ValueError, "'.'", "'..'"),
     (lambda: fit({"a\0b": curves()}), ValueError, "the class 'a\\x00b'", "remove it"),
-    (lambda: fit(slope_weight=None), TypeError, "slope_weight is not", "balanced_slope_weight"),
     (lambda: fit({"C1": curves(), "C2": with_nan()}), ValueError, "class 'C2'", PLACE, "row 43"),
     (lambda: fit({"C1": curves(), "C2": None}), TypeError, "class 'C2'", "inflation_data("),
     (lambda: fit(priors={"mu": CUSTOM}), ValueError, "'mu'", "cannot be stored"),
     (lambda: fit(experiment_effect=True), ValueError, "experiment_effect is True", "only with"),
     (lambda: fit(draws=0), ValueError, "draws is 0", "at least"),
-    (lambda: fit(radius_sd=1.0), TypeError, "'radius_sd' is no setting"),
     (lambda: fit(variability="specimens"), ValueError, "'none' or 'specimen'", "'specimens'"),
-    (lambda: variable(slope_weight=HALF_NORMAL), ValueError, "slope_weight must be a number"),
-    (lambda: variable(force_sigma=3.0), ValueError, "force_sigma is given", "no axial forces"),
+    (lambda: variable(likelihood=UNKNOWN_WEIGHT), ValueError, "must be a number"),
+    (lambda: variable(likelihood=WITH_FORCE), ValueError, "force_sd is", "no axial forces"),
     (lambda: variable(reference_stress=-1.0), ValueError, "'C1': reference_stress is -1.0"),
     (lambda: variable(draws=99), ValueError, "draws is 99", "at least 100"),
     (lambda: ph.log_evidence(fitted()), ValueError, "['C1', 'C2']", "(classes['C1'])"),
@@ -70,7 +76,8 @@ BAD_INPUT = [
     (lambda: classify(class_prior=[0.5, 0.5]), TypeError, "class_prior", "dict", "[0.5, 0.5]"),
     (lambda: classify(with_nan()), ValueError, PLACE, "row 43", "pressure is nan kPa"),
     (lambda: classify(classes=altered("priors", "{}", "C2")), ValueError, "'C2'", "priors {}"),
-    (lambda: classify(classes=other_noise("C2")), ValueError, "class 'C2'", "one noise"),
+    (lambda: classify(classes=observed()), ValueError, "'C1'", "observed variables", "fit_classes"),
+    (lambda: classify(classes=other_noise("C2")), ValueError, "class 'C2'", "one likelihood"),
     (lambda: classify(classes=altered("variability", "x", "C1")), ValueError, "'x'", "['none',"),
     (lambda: classify(average_over=[other_noise("C1", "C2")]), ValueError, "do not compare"),
     (lambda: classify(average_over=fitted()), TypeError, "average_over must be a list"),

@@ -8,7 +8,7 @@ import xarray as xr
 from interrupts import interrupt
 from scipy import stats
 from scipy.special import logsumexp, softmax
-from variable_classes import SEED, SIGMA, UNIT_PRESSURE, classify, curves, fit
+from variable_classes import PRESSURE_SD, SEED, UNIT_PRESSURE, classify, curves, fit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import pooled
@@ -29,7 +29,7 @@ PAIRS, POOLED_DRAWS = {1: "a", 2: "b", 3: "a", 4: "b"}, 500
 
 
 def report_of(energy=None, classes=SMALL, **settings):
-    defaults = {"sigma": SIGMA, "draws": 200, "random_seed": SEED, "progressbar": False}
+    defaults = {"likelihood": PRESSURE_SD, "draws": 200, "random_seed": SEED, "progressbar": False}
     return ph.calibration_report(energy or ph.NeoHookean(), classes, **defaults | settings)
 
 
@@ -117,8 +117,7 @@ def test_pooled_classes_equal_quadrature_over_the_modulus(pooled_report):
     for name, data in FEW.items():
         for specimen in data["specimen"].values.tolist():
             pressure = ph.select(data, specimen=specimen)["pressure"].values
-            # The parameter sigma is √2 times the standard deviation.
-            normal = stats.norm(mu[:, None] * UNIT_PRESSURE, SIGMA / np.sqrt(2))
+            normal = stats.norm(mu[:, None] * UNIT_PRESSURE, PRESSURE_SD)
             likelihoods[specimen] = normal.logpdf(pressure).sum(axis=1)
             of_class[specimen] = name
     for specimen, likelihood in likelihoods.items():
@@ -148,15 +147,15 @@ def test_after_an_interrupt_only_complete_results_are_reported(pooled_report, mo
 def test_wrong_input_is_named_before_anything_is_sampled():
     third = {"third": curves({"C1": [30.0]}, 7)}
     for settings, error, message in (
-        ({"energy": ph.Ogden}, TypeError, r"such as ph\.Ogden\(\) is needed.*call the class"),
+        ({"energy": ph.Ogden}, TypeError, r"such as ph\.Ogden\(\).*call the class"),
         ({"energy": ()}, ValueError, "energy holds no strain energy"),
         ({"leave_out": SPECIMENS}, TypeError, "leave_out must be a dict .*not list"),
         ({"leave_out": {"A1": "x"}}, ValueError, "leave_out does not say .* 'A2' belongs"),
         ({"leave_out": dict.fromkeys(SPECIMENS, "x")}, ValueError, "'soft' has no specimen left"),
         ({"classes": SMALL | third}, ValueError, "'third' has no specimen left without 'C1'"),
         ({"classes": SMALL | {"b": SMALL["soft"]}}, ValueError, "'A1' stands in the classes"),
-        ({"sigma": -1.0}, ValueError, "class 'soft': sigma is -1.0"),
+        ({"likelihood": -1.0}, ValueError, "pressure_sd is -1.0"),
     ):
-        arguments = {"energy": ph.NeoHookean(), "classes": SMALL, "sigma": SIGMA} | settings
+        arguments = {"energy": ph.NeoHookean(), "classes": SMALL, "likelihood": 1.0} | settings
         with pytest.raises(error, match=message):
             ph.calibration_report(**arguments)

@@ -11,15 +11,14 @@ from pymc_hyperelastic.classes.few_draws import known_class
 from pymc_hyperelastic.classes.specimen_evidence import near_class
 from pymc_hyperelastic.classes.specimens import fresh_specimens, reference_of
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
-from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.population import Population, log_noise_name
 
 SEED = 912
 # Specimens: enough to know a variance to 0.5 %, and covariances are compared to 3 %.
 COUNT, TOLERANCE = 100_000, 0.03
-NOISE = Observation(pm.LogNormal.dist(-0.7, 0.3), likelihood="generative")
+NOISE = ph.Gaussian(pm.LogNormal.dist(-0.7, 0.3), observed=True)
 POPULATION = Population(ph.Ogden(), NOISE, experiment_effect=True)
-NAME_OF_NOISE, NOISE_MOMENTS = log_noise_name("sigma"), ("log_sigma", "noise_spread")
+NAME_OF_NOISE, NOISE_MOMENTS = log_noise_name("pressure_sd"), ("log_size", "noise_spread")
 CORRELATION = np.array([[1.0, 0.6], [0.6, 1.0]])
 
 
@@ -33,7 +32,7 @@ def points_of(specimens):
     return np.concatenate([specimens[name] for name in names], axis=1)
 
 
-def test_moments_are_those_of_random_specimens():
+def test_moments_equal_those_of_random_specimens():
     """Two coordinates of two tests each, and noise: all variances and covariances."""
     fresh = fresh_specimens(POPULATION, distribution(COUNT), 2, np.random.default_rng(SEED))
     covariance = np.cov(points_of(fresh).T)
@@ -54,20 +53,20 @@ def test_covariances_can_be_replaced():
     np.testing.assert_allclose(other.location[:, 0, 0], [1.0, 2.0])
 
 
-def test_the_proposal_near_a_class_is_half_as_wide_again():
+def test_proposal_near_a_class_is_wider_by_half():
     """Over all draws of the class's distribution, which differ in everything."""
     rng = np.random.default_rng(SEED)
     one, varied = distribution(COUNT), {}
     for name in ("location", "spread", "experiment_spread", "effect_spread", *NOISE_MOMENTS):
         change = 0.3 * rng.standard_normal(getattr(one, name).shape)
-        moved = name in ("location", "log_sigma")
+        moved = name in ("location", "log_size")
         varied[name] = getattr(one, name) + change if moved else getattr(one, name) * np.exp(change)
     of_class = ClassDistribution(factor=one.factor, **varied)
     near = near_class(of_class)
     fresh = fresh_specimens(POPULATION, of_class, 1, rng)
     drawn = [fresh[name] for name in (*POPULATION.scale.names, NAME_OF_NOISE)]
     means, widths = [x.mean() for x in drawn], [1.5 * x.std() for x in drawn]
-    np.testing.assert_allclose([*near.location, *near.log_sigma], means, atol=0.01)
+    np.testing.assert_allclose([*near.location, *near.log_size], means, atol=0.01)
     np.testing.assert_allclose([*near.spread, *near.noise_spread], widths, rtol=TOLERANCE)
     # The logarithm of a factor is normal with an sd of 0.3: its mean square is exp(2 0.3²).
     grown = np.exp(0.3**2)
@@ -77,7 +76,7 @@ def test_the_proposal_near_a_class_is_half_as_wide_again():
     np.testing.assert_array_equal(near.factor, np.eye(2))
 
 
-def test_the_reference_is_wider_than_every_class():
+def test_reference_is_wider_than_every_class():
     """Spreads are twice the median of a class, and add to the sd of its location."""
     reference = reference_of(POPULATION)
     mean, sd = POPULATION.scale.location_prior
@@ -87,18 +86,18 @@ def test_the_reference_is_wider_than_every_class():
     np.testing.assert_allclose(reference.experiment_spread, median)
     assert reference.effect_spread == 1.0
     # Estimated from 2000 draws of the prior.
-    np.testing.assert_allclose(reference.log_sigma, -0.7, atol=0.03)
+    np.testing.assert_allclose(reference.log_size, -0.7, atol=0.03)
     np.testing.assert_allclose(reference.noise_spread, np.hypot(0.3, 0.5), rtol=TOLERANCE)
 
 
-def test_draws_of_a_class_are_those_of_its_posterior():
+def test_draws_of_a_class_are_read_from_its_posterior():
     """A class of two coordinates and an inferred standard deviation; unsound draws are refused."""
     rng, dims = np.random.default_rng(SEED), ("chain", "draw", "coordinate", "coordinate_2")
     values = {
         "location": rng.standard_normal((3, 40, 2)),
         "spread": rng.uniform(1, 2, (3, 40, 2)),
         "correlation": np.tile(CORRELATION, (3, 40, 1, 1)),
-        "noise_sd": rng.uniform(1, 2, (3, 40)),
+        "pressure_sd": rng.uniform(1, 2, (3, 40)),
         "noise_spread": rng.uniform(1, 2, (3, 40)),
     }
     posterior = xr.Dataset({name: (dims[: v.ndim], v) for name, v in values.items()})
@@ -108,13 +107,13 @@ def test_draws_of_a_class_are_those_of_its_posterior():
         expected = posterior[name].values.reshape(-1, 2).T
         np.testing.assert_array_equal(getattr(found, name)[..., 0], expected)
     np.testing.assert_allclose(found.factor @ found.factor.mT, [CORRELATION] * 120)
-    expected = np.log(np.sqrt(2) * posterior["noise_sd"].values.ravel())
-    np.testing.assert_allclose(found.log_sigma[0, :, 0], expected)
+    expected = np.log(posterior["pressure_sd"].values.ravel())
+    np.testing.assert_allclose(found.log_size[0, :, 0], expected)
     some = distributions_of(xr.DataTree.from_dict({"posterior": posterior}), 4)
     np.testing.assert_array_equal(some.location, found.location[:, [0, 40, 79, 119]])
     for changed, message in (
-        (posterior.drop_vars("noise_sd"), "the spread of 'sigma', but not the size"),
-        (posterior.assign(correlation=posterior["correlation"] - 0.9), "holds no correlations"),
+        (posterior.drop_vars("pressure_sd"), "only one of 'noise_spread' and the size"),
+        (posterior.assign(correlation=posterior["correlation"] - 0.9), "is no correlation matrix"),
         (posterior.drop_vars("correlation"), "'correlation' of 'posterior' is missing"),
     ):
         with pytest.raises(ValueError, match=message):

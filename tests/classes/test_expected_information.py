@@ -118,7 +118,9 @@ def test_information_about_a_modulus_equals_a_sum_over_a_plane(classes):
     # The densities of kernels are somewhat too wide.
     check(found.sel(design="few"), expected, bias=0.02)
     # Both kernel densities have errors.
-    assert -0.08 < found["information"].sel(design="nothing").item() < 0.03
+    nothing = found.sel(design="nothing")
+    allowed = STANDARD_ERRORS * nothing["information_se"].item() + 0.03
+    assert abs(nothing["information"].item()) < allowed < 0.2
 
 
 def test_information_after_tests_that_a_specimen_has_had(classes):
@@ -146,9 +148,9 @@ def test_axial_forces_and_materials_that_differ_by_test():
         for (name, data), mu in zip(TRAINING.items(), (40.0, 80.0), strict=True)
     }
     force_sd, effect = 1.0, 0.3
-    noise = {"sigma": None, "slope_weight": 0.0, "noise_sd": NOISE, "force_noise_sd": force_sd}
+    likelihood = ph.Gaussian(NOISE, force_sd=force_sd)
     settings = {"draws": 100, "chains": 1, "experiment_effect": True}
-    fitted = fit(training=training, **settings, **noise)
+    fitted = fit(training=training, likelihood=likelihood, **settings)
     known = {"experiment_spread": effect, "effect_spread": 1e-6}
     classes = with_distribution(fitted, FAR, **known)
     found = information(classes, {"with": FEW, "without": FEW | {"force": False}})
@@ -212,8 +214,8 @@ def test_radii_of_planned_tests(classes):
 @pytest.mark.deep
 def test_probabilities_after_the_tests_are_calibrated():
     """The log probability of the true class has the mean that the probabilities expect."""
-    noise = {"sigma": None, "noise_sd": pm.LogNormal.dist(np.log(NOISE), 0.3)}
-    fitted = fit(draws=200, chains=1, geometry={"thickness": ph.Measured(sd=0.3)}, **noise)
+    noise = pm.LogNormal.dist(np.log(NOISE), 0.3)
+    fitted = fit(draws=200, chains=1, geometry={"thickness": ph.Measured(sd=0.3)}, likelihood=noise)
     classes = with_distribution(fitted, NEAR)
     found = information(classes, {"one": {"radius": (7.3, 8.2), "points": 6}}, specimens=200)
     chance = np.exp(found["gain"].squeeze("design").values) / 2

@@ -41,9 +41,9 @@ def give_up(take):
         return sampled
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(integral, "_MOST_EFFORT", 0)
-        patch.setattr(integral, "by_curvature", unknown(integral.by_curvature))
-        patch.setattr(specimens, "by_importance", unknown(specimens.by_importance))
+        patch.setattr(integral, "_MOST_EVALUATIONS", 0)
+        for module in (integral, specimens):
+            patch.setattr(module, "importance_sampling", unknown(module.importance_sampling))
         return take()
 
 

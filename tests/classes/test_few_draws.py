@@ -5,13 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.special import logsumexp, softmax
-from variable_classes import SIGMA, curves, log_evidence_of_specimen
+from variable_classes import PRESSURE_SD, curves, log_evidence_of_specimen
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.few_draws import FewDraws, KnownClass, _around, known_class
 from pymc_hyperelastic.classes.variable import Variability
-from pymc_hyperelastic.evidence.climbs import Summits
-from pymc_hyperelastic.evidence.target import Rise
+from pymc_hyperelastic.evidence.optimise import Maxima
+from pymc_hyperelastic.evidence.target import Derivatives
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 
 SEED, DRAWS, STANDARD_ERRORS = 913, 1000, 4
@@ -27,7 +27,7 @@ EFFECTIVE = {False: 1060, True: 1300}
 def test_evidences_are_those_of_a_grid(effect):
     """Draws are as good as designed: no further round is made for a class that matters."""
     data = curves({"A": [38.0, 46.0] if effect else [38.0]}, 3)
-    kind = Variability.of_settings(ph.NeoHookean(), sigma=SIGMA, experiment_effect=effect)
+    kind = Variability.of_settings(ph.NeoHookean(), PRESSURE_SD, experiment_effect=effect)
     # Distributions of a class differ in their location.
     shifts = np.zeros(1) if effect else np.linspace(-0.1, 0.1, 9)
     rows, more = np.ones((len(shifts), 1)), (WITHIN, EFFECT) if effect else ()
@@ -49,7 +49,7 @@ def test_evidences_are_those_of_a_grid(effect):
         assert abs(value - exact) < STANDARD_ERRORS * error
         assert error < 0.05
         # The proposal has a component for each distribution; curves are not quite linear.
-        weights = np.exp(found._mixtures[i][0].log_weights)
+        weights = np.exp(found.proposals[i].mixture.log_weights)
         np.testing.assert_allclose(weights, np.sort(softmax(each))[::-1], atol=0.03)
     assert len(found.points) == len(CLASSES) * DRAWS
     assert np.all(found.effective[:2] > EFFECTIVE[effect])
@@ -61,10 +61,11 @@ def test_proposal_of_a_normal_likelihood_is_the_product_with_the_class():
     wide, place, precision = np.array([2.0, 3.0]), np.array([0.4, -0.3]), np.diag([9.0, 4.0])
     top, mean = np.array([0.1, 0.2]), np.array([-0.5, 0.6])
     slope = -precision @ (top - place) - top / wide**2
-    rise = Rise(np.zeros(1), slope[None], (precision + np.diag(wide**-2.0))[None])
-    target = SimpleNamespace(prior_width=wide, ascent=lambda width: lambda points: rise)
-    target.log_prior = lambda points: -np.sum((points / wide) ** 2, axis=1) / 2
+    at_top = Derivatives(np.zeros(1), slope[None], (precision + np.diag(wide**-2.0))[None])
+    target = SimpleNamespace(prior_width=wide, derivatives=lambda points, width: at_top)
+    log_prior = lambda points: -np.sum((points / wide) ** 2, axis=1) / 2  # noqa: E731
+    target.prior = SimpleNamespace(log_density=log_prior)
     known = KnownClass(None, None, mean[None], np.eye(2)[None])
-    summits = Summits(top[None], np.zeros(1), np.zeros((1, 2)), np.ones((1, 2)))
+    maxima = Maxima(top[None], np.zeros(1), np.zeros((1, 2)), np.ones((1, 2)), None)
     expected = np.linalg.solve(np.eye(2) + precision, mean + precision @ place)
-    np.testing.assert_allclose(_around(target, summits, known).means, [expected])
+    np.testing.assert_allclose(_around(target, maxima, known).means, [expected])

@@ -8,7 +8,7 @@ import variable_classes
 import xarray as xr
 from scipy import stats
 from scipy.special import logsumexp, softmax
-from variable_classes import GRID, NAMES, SEED, SIGMA, TRAINING, classify, curves, fit
+from variable_classes import GRID, NAMES, PRESSURE_SD, SEED, SIGMA, TRAINING, classify, curves, fit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import variable
@@ -117,7 +117,7 @@ def test_a_specimen_is_sampled_again_near_a_class_that_has_few_of_its_draws(clas
 
 @pytest.mark.filterwarnings("ignore:class .* evidence")
 def test_one_seed_gives_one_result(classes, by_specimen, monkeypatch):
-    """Also with a standard deviation in place of sigma; each specimen and chain moves the bar."""
+    """Also with sigma in place of a standard deviation; each specimen and chain moves the bar."""
 
     class Bar(nullcontext):
         total, done = 0, 0
@@ -131,11 +131,11 @@ def test_one_seed_gives_one_result(classes, by_specimen, monkeypatch):
     bar = Bar()
     monkeypatch.setattr(variable, "create_simple_progress", lambda wanted: bar)
     few = {"training": {"soft": TRAINING["soft"]}, "draws": 100, "chains": 2}
-    sd = {"sigma": None, "noise_sd": SIGMA / np.sqrt(2)}
-    one, two = (fit(**few, **noise)["soft"] for noise in ({}, sd))
+    of_sigma = ph.SlopeAugmented(SIGMA, slope_weight=0.0)
+    one, two = (fit(**few, likelihood=form)["soft"] for form in (PRESSURE_SD, of_sigma))
     # Three specimens, a first fit and two chains.
     assert bar.done == bar.total == 2 * 6
-    assert "a standard deviation of 0.353553 kPa" in two.attrs["noise_in_words"]
+    assert "a standard deviation of 0.353553 kPa" in two.attrs["likelihood_in_words"]
     for group in ("posterior", "evidence", "specimens"):
         xr.testing.assert_equal(one[group].to_dataset(), two[group].to_dataset())
     settings = {"random_seed": SEED + 1, "undecided_below": 0.999}

@@ -16,7 +16,7 @@ STANDARD_ERRORS, NATS = 3, 0.07
 # Errors of means, standard deviations and probabilities of the draws: four standard errors, the
 # first two in posterior sds.
 OF_MEANS, OF_SDS, OF_CHANCES = 4 / np.sqrt([DRAWS, 2 * DRAWS, 4 * DRAWS])
-KIND = Variability.of_settings(ph.NeoHookean(), sigma=1.0)
+KIND = Variability.of_settings(ph.NeoHookean(), 1.0)
 SCALE = KIND.scale
 (MEAN,), (MEDIAN,) = SCALE.location_prior[0], np.exp(SCALE.spread_prior[0])
 APART = Apart(1.3, 0.6)

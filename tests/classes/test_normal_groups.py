@@ -17,7 +17,7 @@ OF_CHAINS = 0.06
 
 
 def kind_of(energy):
-    return Variability.of_settings(energy, sigma=1.0)
+    return Variability.of_settings(energy, 1.0)
 
 
 def sampled(scale, groups, draws=1000):

@@ -7,7 +7,7 @@ import numpy as np
 import pymc as pm
 import pytest
 from normal_specimens import repeated_class
-from variable_classes import SIGMA, TRAINING, classify, curves, fit
+from variable_classes import PRESSURE_SD, TRAINING, classify, curves, fit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.average import Laws
@@ -65,7 +65,7 @@ def parts_of(own, other):
         ({"spread": [0.3, 1.2]}, "material"),
         ({"experiment_spread": [0.4, 0.6]}, "experiments"),
         ({"effect_spread": 1.0}, "experiments"),
-        ({"log_sigma": [-0.2]}, "noise"),
+        ({"log_size": [-0.2]}, "noise"),
         ({"noise_spread": [1.0]}, "noise"),
     ],
 )
@@ -78,9 +78,9 @@ def test_the_whole_log_ratio_is_the_only_part_that_differs(changes, part):
 
 def test_mixed_evidences_are_densities_of_mixed_distributions():
     own = distribution()
-    other = distribution(location=[0.5, 1.3], effect_spread=0.6, log_sigma=[-0.5])
+    other = distribution(location=[0.5, 1.3], effect_spread=0.6, log_size=[-0.5])
     draws = specimen()
-    mixed = replace(own, effect_spread=other.effect_spread, log_sigma=other.log_sigma)
+    mixed = replace(own, effect_spread=other.effect_spread, log_size=other.log_size)
     expected = np.log(np.mean(np.exp(log_density(np, vars(draws), mixed)[0])))
     ends = tuple(specimen_evidence(draws, d).log_evidence.value for d in (own, other))
     values = hybrid_evidences([draws], own, other, tuple(PARTS), ends)
@@ -92,7 +92,7 @@ def test_mixed_evidences_are_densities_of_mixed_distributions():
 
 def test_mixed_evidences_that_cannot_be_trusted_are_nan():
     """A second sample of the specimen, near the other class, is used instead if there is one."""
-    own, other = distribution(), distribution(location=[9.0, 1.0], log_sigma=[-0.5])
+    own, other = distribution(), distribution(location=[9.0, 1.0], log_size=[-0.5])
     bad, good = specimen(), specimen(location=(9.0, 1.0))
     settings = own, other, ("material", "noise"), (0.0, 0.0)
     assert np.isnan(hybrid_evidences([bad], *settings)[1, 0])
@@ -114,14 +114,16 @@ def test_the_rival_is_the_most_probable_other_class():
 
 @pytest.mark.filterwarnings("ignore:class .* evidence")
 def test_parts_of_fitted_classes_are_material_and_noise():
-    """Both classes have the same noise, which is inferred."""
+    """The part of an inferred noise is the same for two specimens with the same noise."""
     ends = {"soft": ["A1", "A3"], "stiff": ["B1", "B3"]}
     training = {name: ph.select(TRAINING[name], specimen=own) for name, own in ends.items()}
-    sigma = pm.LogNormal.dist(np.log(SIGMA), 0.4)
-    classes = fit(training=training, sigma=sigma, draws=100, chains=1)
-    result = classify(curves({"N1": [42.0]}, 3), classes)
-    parts = result["log_ratio_part"]
-    assert parts["part"].values.tolist() == ["material", "noise"]
-    log_ratio = -np.diff(result["log_evidence"], axis=1)[:, 0]
-    np.testing.assert_allclose(parts.sel(class_label="soft").sum("part"), log_ratio)
-    assert np.all(abs(parts.sel(part="noise")) < abs(parts.sel(part="material")))
+    noise = pm.LogNormal.dist(np.log(PRESSURE_SD), 0.4)
+    classes = fit(training=training, likelihood=noise, draws=100, chains=1)
+    results = [classify(curves({"N1": [modulus]}, 3), classes) for modulus in (36.0, 50.0)]
+    parts = [result["log_ratio_part"].sel(class_label="soft") for result in results]
+    assert parts[0]["part"].values.tolist() == ["material", "noise"]
+    for result, own in zip(results, parts, strict=True):
+        log_ratio = -np.diff(result["log_evidence"], axis=1)[:, 0]
+        np.testing.assert_allclose(own.sum("part"), log_ratio)
+    material, noise = (parts[0] - parts[1]).values.ravel()
+    assert material > 0.5 > 0.25 > abs(noise)

@@ -51,7 +51,7 @@ NEW["axial_force"][NEW["test"].values == 2] = np.nan
 
 
 def fit(names=("soft", "stiff"), **settings):
-    defaults = {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT, "force_sigma": FORCE_SIGMA}
+    defaults = {"likelihood": ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT, force_sigma=FORCE_SIGMA)}
     defaults |= {"priors": {"mu": pm.Normal.dist(*PRIOR)}, "draws": 1000, "variability": "none"}
     training = {name: TRAINING[name] for name in names}
     return variable_classes.fit(training=training, **defaults | settings)
@@ -116,7 +116,7 @@ def test_signals_have_the_parts_of_closed_forms(result):
 def test_one_signal_is_never_divided(monkeypatch):
     """Its part is the log ratio; a class alone has no rival."""
     monkeypatch.delattr(ClassPredictive, "log_evidence_of")
-    classes = fit(slope_weight=0.0, force_sigma=None)
+    classes = fit(likelihood=SIGMA / np.sqrt(2))
     new = ph.select(NEW, specimen="N3")
     found = classify(new, classes)
     assert found["part"].values.tolist() == ["pressure"]

@@ -13,14 +13,13 @@ from pymc_hyperelastic.classes.specimens import class_model, shared_draws
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.models import specimen_draws
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities, log_density
 
 SEED = 911
 # Relative rounding error of sums of some hundred densities.
 ROUNDING = 1e-9
-# Nats: the stated error of five nodes over how much experiments differ, and in the tails of one.
+# Nats: the stated error of five quadrature nodes, for several tests and for a single test.
 QUADRATURE_TOLERANCE, SINGLE_TEST_TOLERANCE = 0.01, 0.1
 
 
@@ -56,22 +55,22 @@ def dense_density(x, location, spread, factor, within=None, effect=None):
 
 
 @pytest.mark.parametrize(("size", "tests"), [(1, 4), (3, 1), (3, 4)])
-def test_tests_of_a_specimen_are_jointly_normal(size, tests):
+def test_density_of_several_tests_equals_the_joint_normal_density(size, tests):
     """Experiments differ, and the specimen's own coordinates are integrated out."""
     rng = np.random.default_rng(SEED)
     draws, x = random_draws(rng, size, tests, 5)
     location, spread = rng.normal(0, 0.3, size), rng.uniform(0.2, 0.6, size)
     within, factor = rng.uniform(0.1, 0.3, size), normal_factor(rng, size)
-    noise = {"log_sigma": [-0.4], "noise_spread": [0.3]}
+    noise = {"log_size": [-0.4], "noise_spread": [0.3]}
     distribution = ClassDistribution(location, spread, factor, within, 0.7, **noise)
     expected = dense_density(x, location, spread, factor, within, 0.7)
-    expected += stats.norm(-0.4, 0.3).logpdf(draws.log_sigma[0])
+    expected += stats.norm(-0.4, 0.3).logpdf(draws.log_size[0])
     tolerance = QUADRATURE_TOLERANCE if tests > 1 else SINGLE_TEST_TOLERANCE
     found = log_density(np, vars(draws), distribution)
     np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance)
 
 
-def test_a_specimen_of_one_material_is_normal():
+def test_density_without_experiment_effect_is_normal():
     """Under each of many distributions, on average, and with a location moved by a covariate."""
     rng, count = np.random.default_rng(SEED), 6
     draws, x = random_draws(rng, 3, 1, 5)
@@ -92,10 +91,10 @@ def test_a_specimen_of_one_material_is_normal():
     np.testing.assert_allclose(found, expected, rtol=ROUNDING)
 
 
-def test_the_potential_of_a_class_is_the_mean_over_the_draws_of_its_specimens():
+def test_potential_of_a_class_equals_the_weighted_sum_over_draws():
     """The compiled model of a class, at one point, against weighted sums of SciPy's densities."""
     rng = np.random.default_rng(SEED)
-    noise = Observation(pm.LogNormal.dist(0.0, 1.0), likelihood="generative")
+    noise = ph.Gaussian(pm.LogNormal.dist(0.0, 1.0), observed=True)
     population = Population(ph.Ogden(), noise, experiment_effect=True)
     specimens = [random_draws(rng, 2, tests, 20) for tests in (2, 3)]
     model = class_model(population, shared_draws(draws for draws, _ in specimens))
@@ -106,7 +105,7 @@ def test_the_potential_of_a_class_is_the_mean_over_the_draws_of_its_specimens():
         "correlation_unit_logodds__": np.log(0.7 / 0.3),
         "experiment_spread_log__": np.log(within),
         "effect_spread_log__": np.log(0.6),
-        "sigma_log__": np.log(0.8),
+        "pressure_sd_log__": np.log(0.8),
         "noise_spread_log__": np.log(0.4),
     }
     outputs = model.replace_rvs_by_values([model["specimens"], model["correlation"]])
@@ -117,16 +116,16 @@ def test_the_potential_of_a_class_is_the_mean_over_the_draws_of_its_specimens():
     factor, expected = np.linalg.cholesky(correlation), 0.0
     for draws, x in specimens:
         density = dense_density(x, location, spread, factor, within, 0.6)
-        density += stats.norm(np.log(0.8), 0.4).logpdf(draws.log_sigma[0])
+        density += stats.norm(np.log(0.8), 0.4).logpdf(draws.log_size[0])
         expected += logsumexp(draws.log_weight + density)
     np.testing.assert_allclose(potential, expected, rtol=0, atol=2 * QUADRATURE_TOLERANCE)
 
 
-def test_a_part_of_the_draws_gets_the_weight_of_all():
+def test_first_draws_keep_the_total_weight_and_are_stored():
     draws, _ = random_draws(np.random.default_rng(SEED), 2, 3, 40)
     half = draws.first(20)
     np.testing.assert_allclose(half.log_weight, draws.log_weight[:20] + np.log(2))
     np.testing.assert_array_equal(half.scatter, draws.scatter[:, :20])
-    again = SpecimenDraws.of_dataset(draws.as_dataset())
+    again = SpecimenDraws.from_dataset(draws.as_dataset())
     for name, value in vars(draws).items():
         np.testing.assert_array_equal(getattr(again, name), value)

@@ -10,7 +10,6 @@ from variable_classes import SEED, classify, curves
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import typicality
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 
@@ -18,7 +17,7 @@ from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 NONE_BELOW = 0.05
 # P-values are ranks among 20,000 random specimens, whitened by 4000: 4 sd.
 COUNT, TOLERANCE = 20_000, 0.03
-NOISE = Observation(0.5, likelihood="generative")
+NOISE = ph.Gaussian(0.5, observed=True)
 OGDEN = Population(ph.Ogden(), NOISE, False, 20.0)
 
 
@@ -30,10 +29,10 @@ def exactly(mean, covariance, count=4000):
     return np.array(mean)[:, None] + np.linalg.cholesky(covariance) @ z
 
 
-def drawn(centre, scatter=None, tests=1, log_sigma=None):
+def drawn(centre, scatter=None, tests=1, log_size=None):
     """Draws of a specimen."""
     scatter = np.zeros_like(centre) if scatter is None else scatter
-    noise = centre[:0] if log_sigma is None else log_sigma
+    noise = centre[:0] if log_size is None else log_size
     return SpecimenDraws(centre, scatter, noise, centre[0], tests, 0.0, centre.T, centre[:0])
 
 
@@ -93,11 +92,11 @@ def test_noise_p_value_of_normal_distributions():
     prior, width = np.array([-1.0, 0.5]), np.array([0.8, 0.6])
     means, errors = np.array([-0.9, 0.55]), np.array([0.2, 0.3])
     location, spread = np.array([-1.3, 0.3]), np.array([0.25, 0.2])
-    reference = ClassDistribution(None, None, None, log_sigma=prior, noise_spread=width)
-    noise = {"log_sigma": location, "noise_spread": spread}
+    reference = ClassDistribution(None, None, None, log_size=prior, noise_spread=width)
+    noise = {"log_size": location, "noise_spread": spread}
     numbers = {name: np.multiply.outer(v, np.ones((COUNT, 1))) for name, v in noise.items()}
     of_class = ClassDistribution(np.zeros((1, COUNT, 1)), None, None, **numbers)
-    draws = drawn(np.zeros((1, 4000)), log_sigma=exactly(means, np.diag(errors**2)))
+    draws = drawn(np.zeros((1, 4000)), log_size=exactly(means, np.diag(errors**2)))
     left = (errors / width) ** 2
     middle = (1 - left) * (location - prior) / width
     sd = np.sqrt(((1 - left) * spread / width) ** 2 + left * (1 - left))

@@ -81,11 +81,10 @@ def test_answers_that_die_with_their_worker_are_computed_again(
 def test_workers_with_two_threads_give_the_numbers_of_one_process(processes, tmp_path):
     """Compiled functions keep their input between two steps: two threads could mix specimens."""
     data = ph.load_dataset("simulated_sheep_aorta")
-    noise = {"noise_sd": 0.5, "slope_weight": 0.0}
     settings = {"by": "test", "draws": 50, "batch_size": 1, "random_seed": 1, "progressbar": False}
 
     def fitted(name, **how):
-        ph.fit_cohort(ph.Ogden(), data, tmp_path / name, **noise, **settings, **how)
+        ph.fit_cohort(ph.Ogden(), data, 0.5, tmp_path / name, **settings, **how)
         return ph.open_cohort(tmp_path / name).load()
 
     workers = {"n_workers": 1, "threads_per_worker": 2, "processes": processes}

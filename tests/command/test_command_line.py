@@ -15,8 +15,9 @@ from pytensor.configdefaults import _filter_compiledir
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import pooled
-from pymc_hyperelastic.command.commands import _errors, _size, _without_formulas
+from pymc_hyperelastic.command.commands import _without_formulas
 from pymc_hyperelastic.command.main import main
+from pymc_hyperelastic.command.sizes import likelihood_of_options, size_of
 
 MESSY = Path(__file__).parents[1] / "data" / "messy"
 
@@ -69,7 +70,7 @@ MISFIT = pytest.mark.filterwarnings("ignore:.*the best curve is further from the
 @MISFIT
 def test_fit_classify_and_report_work_in_one_folder(run, table, tmp_path):
     study = tmp_path / "study"
-    settings = ["--variability", "none", "--noise", "5 mmHg", "--law", "NeoHookean"]
+    settings = ["--variability", "none", "--pressure-sd", "5 mmHg", "--law", "NeoHookean"]
     printed = run(
         "fit", table, *settings, "--draws", "100", "--chains", "1", "--quiet", "--out", study
     )
@@ -131,14 +132,34 @@ def test_compare_reports_differences_of_groups(run, table, tmp_path):
     assert "Differences" in (study / "report.html").read_text(encoding="utf-8")
 
 
+def test_a_settings_file_may_state_the_likelihood(run, table, tmp_path):
+    settings = tmp_path / "study.toml"
+    settings.write_text('[likelihood]\npressure_sd = "5"\n')
+    with pytest.raises(SystemExit, match=r"likelihood\.pressure_sd is '5'; expected a number"):
+        run("fit", table, settings)
+
+
 def test_sizes_of_errors_are_converted_to_units_of_the_package():
-    assert _size("noise", "2 mmHg", "pressure") == pytest.approx(2 * ph.mmHg)
-    assert _size("diameter_noise", " 5e1 um ", "length") == pytest.approx(0.05)
-    errors = _errors("unknown", "0.5 mN", "5 um")
-    assert errors["force_noise_sd"] == 0.5
-    assert errors["diameter_noise_sd"] == pytest.approx(0.005)
-    assert errors["noise_sd"].owner.op.name == "halfnormal"
-    assert set(_errors("1 kPa", None, None)) == {"noise_sd"}
+    assert size_of("--pressure-sd", "2 mmHg", "pressure") == pytest.approx(2 * ph.mmHg)
+    assert size_of("--diameter-sd", " 5e1 um ", "length") == pytest.approx(0.05)
+    data = ph.load_dataset("simulated_sheep_aorta")
+    sizes = {"force_sd": "0.5 mN", "diameter_sd": "5 um", "sigma": None}
+    found = likelihood_of_options(sizes, {}, data)
+    assert found.force_sd == 0.5 and found.diameter_sd == pytest.approx(0.005)
+    assert found.pressure_sd.owner.op.name == "halfnormal"
+    assert likelihood_of_options({}, {"pressure_sd": "1 kPa"}, data) == ph.Gaussian(1.0)
+    found = likelihood_of_options({"sigma": "1 kPa"}, {}, data)
+    assert found == ph.SlopeAugmented(1.0, ph.balanced_slope_weight(data))
+    stated = {"sigma": "9 kPa", "force_sigma": "2 mN", "slope_weight": 0.5}
+    found = likelihood_of_options({"sigma": "1 kPa", "slope_weight": None}, stated, data)
+    assert found == ph.SlopeAugmented(1.0, 0.5, force_sigma=2.0)
+    for table, message in (
+        ({"noise": "1 kPa"}, "likelihood.noise is not known; expected some of"),
+        ({"sigma": 1.0}, "likelihood.sigma is 1.0; expected a number and its unit"),
+        ({"sigma": "1 kPa", "diameter_sd": "5 um"}, "likelihood.diameter_sd is given, but it bel"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            likelihood_of_options({}, table, data)
 
 
 @pytest.mark.parametrize(
@@ -146,9 +167,21 @@ def test_sizes_of_errors_are_converted_to_units_of_the_package():
     [
         (["check", MESSY / "text_in_numbers.csv"], "text_in_numbers.csv, line"),
         (["check", "nothing.csv"], "nothing.csv"),
-        (["fit", "FILE", "--noise", "5"], "--noise is '5'; expected a number and its unit"),
-        (["fit", "FILE", "--noise", "0 mmHg"], "--noise is '0 mmHg'; expected a positive"),
-        (["fit", "FILE", "--noise", "1 mm"], "--noise='mm' does not measure pressure"),
+        (["fit", "FILE", "--pressure-sd", "5"], "--pressure-sd is '5'; expected a number and"),
+        (["fit", "FILE", "--pressure-sd", "0 mmHg"], "is '0 mmHg'; expected a positive"),
+        (["fit", "FILE", "--pressure-sd", "1 mm"], "--pressure-sd='mm' does not measure pressure"),
+        (
+            ["fit", "FILE", "--slope-weight", "1"],
+            "--slope-weight is given, but it belongs to",
+        ),
+        (
+            ["fit", "FILE", "--force-sigma", "1 mN"],
+            "--force-sigma is given, but it belongs to",
+        ),
+        (
+            ["fit", "FILE", "--sigma", "1 kPa", "--diameter-sd", "5 um"],
+            "--diameter-sd is given, but it belongs to pressure_sd",
+        ),
         (["classify", "FILE", "--out", "OUT"], "holds no classes: make them with"),
         (["report", "OUT"], "holds no classes: make them with 'pymc-hyperelastic fit'"),
         (["compare", "--out", "OUT"], "holds no classes"),

@@ -5,7 +5,7 @@ import pytest
 from tables import build, curve
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.models.observation.slopes import (
+from pymc_hyperelastic.models.likelihoods.slopes import (
     compressed_spectrum,
     half_log_determinant,
     precision_root,
@@ -27,8 +27,8 @@ def test_slopes_between_equal_radii_are_refused_unless_their_weight_is_0(step, p
         with pytest.raises(ValueError, match=rf"{PLACE}: radius repeats at rows 0 and 2"):
             function(data)
     with pytest.raises(ValueError, match="slope_weight=0"):
-        ph.ogden_model(data, sigma=1.0, slope_weight=1.0)
-    ph.ogden_model(data, sigma=1.0, slope_weight=0)
+        ph.ogden_model(data, ph.SlopeAugmented(1.0, 1.0))
+    ph.ogden_model(data, ph.SlopeAugmented(1.0, slope_weight=0))
 
 
 def test_slope_weight_at_which_the_determinant_would_be_rounding_is_refused():

@@ -63,6 +63,8 @@ def test_labels_may_be_constants_of_each_file(written):
 # TOML, and the beginning of its message.
 BAD = {
     "no TOML": ("a = ", "study.toml is not a TOML file in UTF-8: "),
+    "likelihood": ("likelihood = '2 mmHg'", "study.toml: likelihood is '2 mmHg'; expected"),
+    "size": ("likelihood = {sigma = [1]}", "study.toml: likelihood.sigma is [1]; expected"),
     "key": ("presure_unit = 'kPa'", "study.toml: 'presure_unit' is not known; expected some of"),
     "unit": ("pressure_unit = 'mm'", "study.toml: pressure_unit is 'mm', which is not a known"),
     "column": ("columns = {druck = 'P'}", "study.toml: columns has 'druck', which is not known"),

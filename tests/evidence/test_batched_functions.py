@@ -11,7 +11,10 @@ from pytensor.tensor.elemwise import Elemwise
 from pytensor.tensor.special import xlogy
 from scipy import linalg, special, stats
 
+import pymc_hyperelastic as ph
+from pymc_hyperelastic.evidence import batched
 from pymc_hyperelastic.evidence.batched import BatchedFunction, unconstrain
+from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.target import Target
 
 SEED = 911
@@ -116,7 +119,7 @@ def test_density_of_mixtures_and_correlated_normals():
     terms = model.logp([model["y"], model["z"]], sum=False)
     batched = BatchedFunction.of_model(model, terms)
     assert_no_loop(batched)
-    points = rng.standard_normal((5, batched.dimension))
+    points = rng.standard_normal((5, 8))
     for x, of_mixture, of_normal in zip(points, *batched(points), strict=True):
         logs = special.log_softmax([*x[:2], -x[:2].sum()])
         density = special.logsumexp(logs + stats.norm([-1, 0, 1]).logpdf(y[:, None]), axis=1)
@@ -127,22 +130,54 @@ def test_density_of_mixtures_and_correlated_normals():
         np.testing.assert_allclose(of_normal, normal.logpdf(z), rtol=ROUNDING)
 
 
-def test_memory_of_a_point_depends_on_the_current_shared_data_only():
+def test_chunk_depends_on_the_current_shared_data_only():
+    """Points that exceed the chunk are evaluated in parts."""
     data = pytensor.shared(np.zeros(10), shape=(None,))
     with pm.Model() as model:
         x = pm.Normal("x")
         pm.Potential("sum", pt.sum(pt.exp(x * data)))
     function = BatchedFunction.of_model(model, model.replace_rvs_by_values(model.potentials))
-    few = function.filling(2**24)
-    data.set_value(np.zeros(10_000))
-    assert 500 * function.filling(2**24) < few
-    # Points that exceed the memory of one call are scored in parts.
-    points = np.random.default_rng(SEED).standard_normal((3 * function.at_once + 1, 1))
-    data.set_value(np.linspace(0, 1, 10_000))
-    parts = [function(points[i : i + 50])[0] for i in range(0, len(points), 50)]
-    np.testing.assert_allclose(function(points)[0], np.concatenate(parts), rtol=ROUNDING)
+    assert function.chunk == 512 and function.data_size == 10
+    data.set_value(np.linspace(0, 1, 2**20))
+    assert function.chunk == 4 and function.data_size == 2**20
+    points = np.random.default_rng(SEED).standard_normal((9, 1))
+    each = [function(point[None])[0] for point in points]
+    np.testing.assert_allclose(function(points)[0], np.concatenate(each), rtol=ROUNDING)
     data.set_value(np.zeros(10))
-    assert function.filling(2**24) == few
+    assert function.chunk == 512
+
+
+def test_cost_is_the_number_of_numbers_that_are_computed():
+    """It grows with the data, and not with what was evaluated before."""
+    data = pytensor.shared(np.zeros(10), shape=(None,))
+    with pm.Model() as model:
+        x = pm.Normal("x")
+        pm.Potential("sum", pt.sum(pt.exp(x * data)))
+    function = BatchedFunction.of_model(model, model.replace_rvs_by_values(model.potentials))
+    few = function.cost()
+    # Products, exponentials, a sum, and a few reshaped inputs.
+    assert 20 < few < 60
+    data.set_value(np.zeros(10_000))
+    assert 20_000 < function.cost() < 40_000
+    data.set_value(np.zeros(10))
+    function(np.zeros((2000, 1)))
+    assert function.cost() == few
+
+
+def test_seeded_results_do_not_depend_on_the_chunk(monkeypatch):
+    """Nor on measured memory: the number of points of a search is fixed."""
+    with pm.Model() as model:
+        x = pm.Normal("x", 0, 1, shape=2)
+        pm.Normal("y", x, [0.1, 0.3], observed=[1.0, -0.5])
+    found = []
+    for chunk in (256, 512, 1024):
+        monkeypatch.setattr(batched, "CHUNK", chunk)
+        tree = ph.sample_smc(model, 600, 2, random_seed=SEED, progressbar=False)
+        integral = integrate(Target(model), 600, np.random.default_rng(SEED))
+        found.append([tree["posterior"]["x"].values, ph.log_evidence(tree), *integral[:2]])
+    for other in found[1:]:
+        np.testing.assert_array_equal(other[0], found[0][0])
+        assert other[1:] == found[0][1:]
 
 
 def test_models_that_differ_in_shared_values_share_a_compilation():
@@ -152,14 +187,12 @@ def test_models_that_differ_in_shared_values_share_a_compilation():
             x = pm.Normal("x")
             pm.Potential("product", (x * data).sum())
         outputs = model.replace_rvs_by_values(model.potentials)
-        return BatchedFunction.of_model(model, outputs), data
+        return BatchedFunction.of_model(model, outputs)
 
-    (first, data), (second, _) = function(np.array([2.0])), function(np.array([3.0]))
+    first, second = function(np.array([2.0])), function(np.array([3.0]))
     assert first.function is second.function
     point = np.array([[0.5]])
     assert [float(f(point)[0][0]) for f in (first, second)] == [1.0, 1.5]
-    assert float(first.with_values({data: np.array([7.0])})(point)[0][0]) == 3.5
-    assert float(first(point)[0][0]) == 1.0
 
 
 def test_variables_of_unknown_length_have_separate_compilations():

@@ -122,8 +122,8 @@ def test_scores_that_are_impossible_or_overflow():
         pm.Normal("y", 0, scale, observed=1.3)
         pm.Potential("steep", pt.exp(pt.exp(scale)) - np.e)
     target, points = Target(model), np.array([[-1.0], [1.0], [9.0]])
-    prior, likelihood = target.score(points)
+    prior, likelihood, nan_count = target.evaluate(points)
     assert prior.tolist() == pytest.approx([*stats.norm.logpdf([-1, 1]), -np.inf])
     exact = stats.norm.logpdf(1.3) + np.exp(np.e) - np.e
     assert likelihood.tolist() == pytest.approx([-np.inf, exact, -np.inf])
-    assert target.nan_scores == 1
+    assert nan_count == 1

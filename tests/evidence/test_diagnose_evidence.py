@@ -12,9 +12,9 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.evidence.diagnosis import (
     warn_of_evidence,
     with_diagnosis,
-    worst_of,
     worst_verdict,
 )
+from pymc_hyperelastic.evidence.verdicts import worst_of
 
 SEED = 20250
 GOOD, DOUBTFUL, BAD = "good", "doubtful", "not to be trusted"
@@ -57,7 +57,7 @@ def chains_of_spread(sd):
 def test_result_without_faults_is_good():
     diagnosis = ph.diagnose_evidence(result(forward=-10.5, forward_se=0.1, curve_error=1e-8))
     assert diagnosis.attrs == {"verdict": GOOD, "words": "nothing is against it"}
-    names = ["chains", "R-hat", "moves", "ancestors", "prior's side", "curves", "weights"]
+    names = ["chains", "R-hat", "moves", "ancestors", "weights", "prior's side", "curves"]
     assert diagnosis["check"].values.tolist() == names
     assert np.all(diagnosis["verdict"] == GOOD)
     value, error = ph.log_evidence(result())

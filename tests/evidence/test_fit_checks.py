@@ -39,7 +39,7 @@ def two_tests(shift=0.0):
 
 
 def sampled(data, **noise):
-    model = ph.inflation_model(ph.NeoHookean(), data, noise_sd=SD, slope_weight=0.0, **noise)
+    model = ph.inflation_model(ph.NeoHookean(), data, ph.Gaussian(SD, **noise))
     return ph.sample_smc(model, draws=300, chains=2, random_seed=SEED, progressbar=False)
 
 
@@ -64,7 +64,7 @@ def test_squared_residuals_are_those_of_least_squares():
 
 def test_an_offset_of_forces_is_no_residual():
     data = two_tests()
-    tree = sampled(data, force_noise_sd=FORCE_SD, force_offset_sd=OFFSET_SD)
+    tree = sampled(data, force_sd=FORCE_SD, force_offset_sd=OFFSET_SD)
     squares, points = residuals_of(tree)
 
     def of_signals(mu):
@@ -83,7 +83,7 @@ def test_an_offset_of_forces_is_no_residual():
 
 def test_an_error_of_the_diameter_is_one_of_the_pressure_by_the_slope():
     data = two_tests().drop_vars("axial_force")
-    squares, _ = residuals_of(sampled(data, diameter_noise_sd=DIAMETER_SD))
+    squares, _ = residuals_of(sampled(data, diameter_sd=DIAMETER_SD))
 
     def sum_of_squares(mu):
         variance = SD**2 + (mu * SLOPE * DIAMETER_SD / 2) ** 2

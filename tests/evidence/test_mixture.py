@@ -51,9 +51,9 @@ def test_density_equals_that_of_scipy(dimension):
 def test_gradient_equals_differences_of_the_density(heavy):
     of = mixture(5).heavy_tailed() if heavy else mixture(2)
     points = np.random.default_rng(SEED).normal(0, 2, (5, of.means.shape[1]))
-    value, slope = of.slope(points)
+    value, gradient = of.gradient(points)
     np.testing.assert_allclose(value, of.log_density(points))
-    assert_gradients(slope, of.log_density, points)
+    assert_gradients(gradient, of.log_density, points)
 
 
 def test_draws_have_the_density_of_the_mixture():

@@ -1,7 +1,5 @@
 """Modes of a posterior: maximisation of many points together, Laplace masses, and the search."""
 
-from functools import partial
-
 import numpy as np
 import pymc as pm
 import pytest
@@ -10,12 +8,22 @@ from scipy import stats
 from scipy.optimize import least_squares, minimize
 from scipy.special import logsumexp, softmax
 
-from pymc_hyperelastic.evidence.climbs import climb_together
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
-from pymc_hyperelastic.evidence.modes import modes_from
-from pymc_hyperelastic.evidence.nearby import modes_near
-from pymc_hyperelastic.evidence.search import find_reference, places_to_climb_from, width_of
-from pymc_hyperelastic.evidence.target import Rise, Target, by_differences, differences
+from pymc_hyperelastic.evidence.modes import (
+    find_modes,
+    modes_near,
+    second_differences,
+    starting_points,
+)
+from pymc_hyperelastic.evidence.optimise import maximize_batch
+from pymc_hyperelastic.evidence.search import find_reference
+from pymc_hyperelastic.evidence.target import (
+    Derivatives,
+    Target,
+    finite_differences,
+    gradient_by_differences,
+    width_of,
+)
 
 SEED = 20261124
 # Maximisation ends a twentieth of a posterior sd from the maximum: errors of a density, in nats.
@@ -40,17 +48,15 @@ def without_prior(log_density):
 def valley(units=1.0, *, curvature):
     """Return the gradient of the valley, with Gauss-Newton curvatures or without curvatures."""
 
-    def ascent(width):
-        def slope(points):
-            plain = by_differences(without_prior(height_of), width / units)(points / units)
-            around, change = differences(points / units, width / units)
-            errors = residuals(around.reshape(-1, 6)).reshape(*around.shape[:2], -1)
-            known = change(errors) @ change(errors).transpose(0, 2, 1) / np.outer(units, units)
-            return Rise(plain.height, plain.slope / units, known if curvature else None)
+    def derivatives(points, width):
+        score = without_prior(height_of)
+        plain = gradient_by_differences(score)(points / units, width / units)
+        stencil, difference = finite_differences(points / units, width / units)
+        errors = difference(residuals(stencil.reshape(-1, 6)).reshape(*stencil.shape[:2], -1))
+        known = errors @ errors.mT / np.outer(units, units) if curvature else None
+        return Derivatives(plain.log_density, plain.gradient / units, known)
 
-        return slope
-
-    return ascent
+    return derivatives
 
 
 @pytest.mark.parametrize("curvature", [True, False])
@@ -58,10 +64,10 @@ def test_all_points_reach_the_maximum_of_a_bent_valley(curvature):
     """SciPy's least squares finds the same maximum; units and other starts do not matter."""
     starts = np.random.default_rng(SEED).normal(0, 1, (6, 6))
     exact = least_squares(lambda x: residuals(x[None])[0], np.ones(6), xtol=1e-12)
-    found = climb_together(valley(curvature=curvature), starts, np.ones(6))
-    np.testing.assert_allclose(found.heights, height_of(exact.x[None])[0], atol=NATS)
-    np.testing.assert_allclose(found.heights, height_of(found.points))
-    alone = climb_together(valley(curvature=curvature), starts[:1], np.ones(6))
+    found = maximize_batch(valley(curvature=curvature), starts, np.ones(6))
+    np.testing.assert_allclose(found.log_densities, height_of(exact.x[None])[0], atol=NATS)
+    np.testing.assert_allclose(found.log_densities, height_of(found.points))
+    alone = maximize_batch(valley(curvature=curvature), starts[:1], np.ones(6))
     np.testing.assert_allclose(alone.points, found.points[:1], rtol=1e-6)
     sds = np.sqrt(np.diagonal(np.linalg.inv(exact.jac.T @ exact.jac + np.eye(6))))
     # Curvatures that are learned from gradients are rough.
@@ -69,8 +75,8 @@ def test_all_points_reach_the_maximum_of_a_bent_valley(curvature):
     if curvature:
         np.testing.assert_allclose(found.widths, np.broadcast_to(sds, (6, 6)), rtol=0.02)
         units = 10.0 ** np.arange(-3, 3)
-        scaled = climb_together(valley(units, curvature=True), starts * units, units)
-        np.testing.assert_allclose(scaled.heights, found.heights, atol=NATS)
+        scaled = maximize_batch(valley(units, curvature=True), starts * units, units)
+        np.testing.assert_allclose(scaled.log_densities, found.log_densities, atol=NATS)
         np.testing.assert_allclose(scaled.widths / units, found.widths, rtol=0.02)
 
 
@@ -82,7 +88,7 @@ def test_points_far_out_in_a_heavy_tail_reach_the_maximum():
 
     starts = np.array([[-9.0, 4.0, 0.0], [30.0, 20.0, -40.0], [3.0, 3.0, 3.0]])
     score = without_prior(log_density)
-    found = climb_together(partial(by_differences, score), starts, np.ones(3))
+    found = maximize_batch(gradient_by_differences(score), starts, np.ones(3))
     exact = minimize(lambda x: -log_density(x[None])[0], np.zeros(3)).x
     np.testing.assert_allclose(found.points, np.tile(exact, (3, 1)), atol=0.1)
 
@@ -95,8 +101,8 @@ def test_impossible_starts_stay_and_impossible_steps_are_shortened():
 
     starts = np.array([[-1.0], [2.0], [1e-3]])
     score = without_prior(log_density)
-    found = climb_together(partial(by_differences, score), starts, np.ones(1))
-    assert found.heights[0] == -np.inf and found.points[0] == -1.0
+    found = maximize_batch(gradient_by_differences(score), starts, np.ones(1))
+    assert found.log_densities[0] == -np.inf and found.points[0] == -1.0
     np.testing.assert_allclose(found.points[1:], 0.2, atol=0.02)
 
 
@@ -135,7 +141,7 @@ def test_modes_have_the_means_covariances_and_masses_of_normal_densities(
     rng = np.random.default_rng(SEED)
     starts = np.concatenate([rng.normal(centre, 1e-3, (4, len(centre))) for centre in centres])
     width = np.full(len(means[0]), 4.0)
-    found = modes_from(partial(by_differences, score), [starts], width)
+    found = find_modes(gradient_by_differences(score), [starts], width)
     order = np.argsort(found.mixture.means[:, 0])
     sds = np.sqrt(np.diagonal(posterior, axis1=1, axis2=2))
     assert len(found.log_masses) == len(means)
@@ -156,7 +162,7 @@ def test_density_without_bound_has_no_mode():
 
     starts, score = np.random.default_rng(SEED).normal(size=(8, 4)), without_prior(log_density)
     with np.errstate(all="ignore"):
-        assert modes_from(partial(by_differences, score), [starts], np.ones(4)) is None
+        assert find_modes(gradient_by_differences(score), [starts], np.ones(4)) is None
 
 
 def test_mode_at_the_edge_of_a_regime_is_found_inside_of_a_wide_one():
@@ -164,21 +170,18 @@ def test_mode_at_the_edge_of_a_regime_is_found_inside_of_a_wide_one():
     mean, sd, rise = np.array([0.0, 0.5, -0.3, 0.8, 0.1]), np.array([1.0] + 4 * [0.02]), 2.0
     narrow_log_norm = stats.norm(0, sd[1:]).logpdf(0).sum()
 
-    def ascent(width):
-        def slope(points):
-            inside, z = points[:, :1] < -1, (points - mean) / sd
-            z[:, 0] = 0
-            height = np.where(
-                inside[:, 0],
-                narrow_log_norm - (z**2).sum(axis=1) / 2 + rise * (points[:, 0] + 1),
-                stats.norm.logpdf(points).sum(axis=1),
-            )
-            return Rise(height, np.where(inside, rise * np.eye(5)[0] - z / sd, -points))
-
-        return slope
+    def derivatives(points, width):
+        inside, z = points[:, :1] < -1, (points - mean) / sd
+        z[:, 0] = 0
+        value = np.where(
+            inside[:, 0],
+            narrow_log_norm - (z**2).sum(axis=1) / 2 + rise * (points[:, 0] + 1),
+            stats.norm.logpdf(points).sum(axis=1),
+        )
+        return Derivatives(value, np.where(inside, rise * np.eye(5)[0] - z / sd, -points))
 
     starts = np.random.default_rng(SEED).normal(size=(20, 5))
-    found = modes_from(ascent, [starts[:10], starts[10:]], np.ones(5))
+    found = find_modes(derivatives, [starts[:10], starts[10:]], np.ones(5))
     exact = np.array([-np.log(rise), 0.0])
     # At an edge the normal density of Laplace's approximation has the tail of an exponential one.
     np.testing.assert_allclose(np.sort(found.log_masses), np.sort(exact), atol=1.0)
@@ -191,7 +194,7 @@ def test_starting_points_are_spread_over_the_better_half_of_draws_and_over_all()
     rng = np.random.default_rng(SEED)
     points = rng.normal(0, [1.0, 100.0], (400, 2))
     score = stats.norm(0, [1.0, 100.0]).logpdf(points).sum(axis=1)
-    groups = list(places_to_climb_from(points, score))
+    groups = list(starting_points(points, score))
     assert [len(group) for group in groups] == [16, 16, 16, 16]
     chosen, width = np.concatenate(groups), width_of(points)
     np.testing.assert_allclose(width, [1.0, 100.0], rtol=0.15)
@@ -230,6 +233,24 @@ def test_modes_of_a_product_are_found_near_those_of_a_factor():
     np.testing.assert_allclose(np.exp(found.log_weights), [0.3, 0.7], atol=1e-3)
     assert modes_near(lambda points: points[:, 0], known) is None
     assert modes_near(lambda points: np.full(len(points), -np.inf), known) is None
+
+
+def test_second_differences_are_derivatives_and_negative_curvature_is_dropped():
+    """The curvature of a normal density is exact; at a saddle only its positive part is kept."""
+    rng = np.random.default_rng(SEED)
+    root = np.tril(rng.standard_normal((4, 4))) + 2 * np.eye(4)
+    precision = np.linalg.inv(root @ root.T)
+    points, width = rng.standard_normal((3, 4)), np.array([1.0, 2.0, 0.5, 1.0])
+
+    def log_density(x):
+        return -np.einsum("ni,ij,nj->n", x, precision, x) / 2
+
+    value, gradient, curvature = second_differences(log_density, points, width)
+    np.testing.assert_allclose(value, log_density(points))
+    np.testing.assert_allclose(gradient, -points @ precision, atol=1e-9)
+    np.testing.assert_allclose(curvature, np.tile(precision, (3, 1, 1)), atol=1e-9)
+    *_, saddle = second_differences(lambda x: x[:, 0] ** 2 - 2 * x[:, 1] ** 2, points, width)
+    np.testing.assert_allclose(saddle, np.tile(np.diag([0, 4.0, 0, 0]), (3, 1, 1)), atol=1e-9)
 
 
 def test_search_finds_the_evidence_from_the_prior_and_from_the_modes():

@@ -162,7 +162,7 @@ def unlike(**changes):
     [
         (3, {}, "the model must be a pm.Model, not int"),
         (unlike(potential=True, data=False), {}, r"no observed.*\['soft'\] are Potentials"),
-        (unlike(potential=True), {}, r"the model has the Potentials \['soft'\].*\"generative\""),
+        (unlike(potential=True), {}, r"the model has the Potentials \['soft'\].*observed=True"),
         (conjugate(), {"simulator": unlike(parameter="mu")}, r"no variables \['mean'\]"),
         (conjugate(), {"simulator": unlike(points=3)}, r"shape \(3,\), the model's \(20,\)"),
         (unlike(discrete=True), {}, r"discrete: \['events'\]"),

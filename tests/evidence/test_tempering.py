@@ -13,12 +13,13 @@ from scipy.special import logsumexp
 from tiers import deep
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.evidence.many import Led
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
+from pymc_hyperelastic.evidence.particle_bridge import BridgeFromParticles
+from pymc_hyperelastic.evidence.path import GeometricPath
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.search import find_reference
 from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.evidence.tempering import Tempering
+from pymc_hyperelastic.evidence.tempering import TemperedSMC
 
 
 @wrap_py([pt.dvector], [pt.dvector])
@@ -44,19 +45,19 @@ def test_gradients_of_prior_and_likelihood_equal_differences():
         sigma = pm.HalfNormal("sigma", 1)
         pm.Normal("y", design @ slope, sigma, observed=design.sum(axis=1) + rng.normal(size=20))
     target, points = Target(model), rng.normal(0, 0.5, (4, 7))
-    assert target.has_slopes and not Target(normal_means(4)[0]).has_slopes
-    found = target.slopes(points)
-    np.testing.assert_allclose(found[:2], target.score(points))
+    assert target.has_gradients and not Target(normal_means(4)[0]).has_gradients
+    densities, *found = target.gradients(points)
+    np.testing.assert_allclose(densities[:2], target.score(points))
     for part in (0, 1):
 
         def height(columns, part=part):
             return target.score(columns.reshape(7, -1).T)[part].reshape(columns.shape[1:])
 
         expected = [jacobian(height, point).df for point in points]
-        np.testing.assert_allclose(found[2 + part], expected, rtol=1e-5, atol=1e-5)
-    value, slope, _ = target.ascent(np.ones(7))(points)
-    np.testing.assert_allclose(value, found[0] + found[1])
-    np.testing.assert_allclose(slope, found[2] + found[3])
+        np.testing.assert_allclose(found[part], expected, rtol=1e-5, atol=1e-5)
+    value, gradient, _ = target.derivatives(points, np.ones(7))
+    np.testing.assert_allclose(value, sum(densities[:2]))
+    np.testing.assert_allclose(gradient, sum(found))
 
 
 def test_reference_is_the_prior_and_a_mixture_in_given_shares():
@@ -76,9 +77,9 @@ def test_reference_is_the_prior_and_a_mixture_in_given_shares():
     log_prior = prior.logpdf(points).sum(axis=1)
     expected = np.logaddexp(np.log(0.2) + log_prior, np.log(0.8) + mixture.log_density(points))
     np.testing.assert_allclose(log_density(points), expected)
-    value, slope = reference.slope(points, log_prior, -points / 9)
+    value, gradient = reference.gradient(points, log_prior, -points / 9)
     np.testing.assert_allclose(value, expected)
-    assert_gradients(slope, log_density, points)
+    assert_gradients(gradient, log_density, points)
     drawn = reference.draw(lambda n, rng: np.zeros((n, 2)), 50, np.random.default_rng(SEED))
     assert np.sum(drawn[:, 0] == 0) == 10
 
@@ -88,7 +89,7 @@ def test_first_step_of_tempering():
     model, _ = normal_means(3)
     target, rng = Target(model), np.random.default_rng(SEED)
     particles = target.draw_prior(400, rng)
-    tempering = Tempering(target, particles, rng, threshold=0.6)
+    tempering = TemperedSMC(GeometricPath(target), particles, rng, threshold=0.6)
     _, log_likelihood = target.score(particles)
 
     def effective(beta):
@@ -116,14 +117,13 @@ def test_particles_stay_distributed_as_the_posterior(dimension):
     rng = np.random.default_rng(SEED)
     mean, sd = 2 * np.arange(dimension) / 2 / 5, np.sqrt(1 / 5)
     start = mean + sd * rng.standard_normal((500, dimension))
-    tempering = Tempering(Target(model), start, rng, arrived=True)
-    tempering._walk_length *= 20
-    tempering._leap_length *= 5
+    tempering = TemperedSMC(GeometricPath(Target(model)), start, rng, arrived=True)
+    tempering.local_move._length *= 20 if dimension < 5 else 5
     for _ in range(8):
         tempering.stay()
     assert 0.3 < tempering.acceptance < 0.95
     assert tempering.capped == 0 and not tempering.stuck
-    draws, log_density = tempering.paths
+    draws, log_density = tempering.trajectories
     assert draws.shape == (500, tempering.moves, dimension)
     np.testing.assert_allclose(log_density[:, 0], sum(Target(model).score(draws[:, 0])))
     last = draws[:, -1]
@@ -132,24 +132,42 @@ def test_particles_stay_distributed_as_the_posterior(dimension):
     np.testing.assert_allclose(last.std(axis=0), sd, rtol=4 / np.sqrt(1000))
 
 
-def test_tempering_without_effort_left_is_stuck():
+def test_tempering_without_evaluations_left_is_stuck():
+    """The limit is an argument: nothing of it stays with the target."""
     model, _ = normal_means(3)
     target, rng = Target(model), np.random.default_rng(SEED)
-    target.most_effort = 0.0
-    tempering = Tempering(target, target.draw_prior(100, rng), rng).run()
-    assert target.exhausted and tempering.stuck and tempering.moves == 1
+    particles, before = target.draw_prior(100, rng), dict(vars(target))
+    tempering = TemperedSMC(GeometricPath(target), particles, rng, max_evaluations=0).run()
+    assert tempering.exhausted and tempering.stuck and tempering.moves == 1
+    assert before.keys() <= vars(target).keys()
+    assert all(vars(target)[name] is value for name, value in before.items())
+    assert not TemperedSMC(GeometricPath(target), particles, rng).run().exhausted
+
+
+def test_evaluations_and_nans_are_counted_by_path():
+    """A gradient counts as three evaluations."""
+    with pm.Model() as model:
+        x = pm.Normal("x", 0, 1, shape=5)
+        pm.Potential("p", pt.sqrt(x[0]) - pt.sum(x**2))
+    path = GeometricPath(Target(model))
+    points = np.random.default_rng(SEED).standard_normal((50, 5))
+    path.at(points)
+    assert path.evaluations == 50 and path.nan_count == np.sum(points[:, 0] < 0)
+    path.gradient(points, 0.5)
+    assert path.evaluations == 200
 
 
 def test_model_without_gradients_is_sampled():
     model, exact = normal_means(5, doubled)
-    assert not Target(model).has_slopes
+    assert not Target(model).has_gradients
     tree = ph.sample_smc(model, 300, 1, random_seed=SEED, progressbar=False)
     assert_agrees(ph.log_evidence(tree), exact, 0.1)
 
 
-def test_search_with_a_density_that_takes_one_point_at_a_time():
+def test_search_with_a_costly_density():
     class Costly(Target):
-        at_once = 1
+        def cost(self):
+            return 10**9
 
     model, exact = normal_means(1)
     found = find_reference(Costly(model), np.random.default_rng(SEED))
@@ -160,9 +178,9 @@ def test_bridge_from_tempered_particles():
     """Each call moves the particles further, and returns as many draws as it is asked for."""
     model, exact = normal_means(30)
     rng = np.random.default_rng(1)
-    led = Led(Target(model), rng)
+    bridge = BridgeFromParticles(Target(model), rng)
     sizes = 1000, 6000
-    found = [led.integral(size, rng) for size in sizes]
+    found = [bridge.integral(size, rng) for size in sizes]
     for size, integral in zip(sizes, found, strict=True):
         assert len(integral.particles) == size
         assert_agrees(integral.log_value, exact, 0.1)
@@ -174,12 +192,13 @@ def test_guide_with_wrong_gradients_leads_to_the_right_distribution(factor):
     """Gradients are too steep or of another sign."""
 
     class Wrong(Target):
-        def slopes(self, points):
-            return tuple(factor * values for values in super().slopes(points))
+        def gradients(self, points):
+            densities, *gradients = super().gradients(points)
+            return densities, *(factor * values for values in gradients)
 
     problem, rng = Regression(40), np.random.default_rng(2)
     model = problem.model
-    found = Led(Target(model), rng, guide=Wrong(model)).integral(2000, rng)
+    found = BridgeFromParticles(Target(model), rng, guide=Wrong(model)).integral(2000, rng)
     value, error = found.log_value
     assert abs(value - problem.log_evidence) < 4 * error
     if factor > 0:

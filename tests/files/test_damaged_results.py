@@ -17,7 +17,7 @@ from tiers import deep
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.priors import prior_from_record
-from pymc_hyperelastic.models.study import noise_from_records, wall_attrs
+from pymc_hyperelastic.models.records import wall_attrs
 from pymc_hyperelastic.reports.settings import settings_of
 
 # Words of Python's own errors, which do not help a user.
@@ -190,7 +190,7 @@ SETTINGS = "variability_settings"
 # A kind of result, its damage, a call, and a regular expression of the message.
 DAMAGE = {
     "half an attribute": ("pooled", attribute("priors", "{"), "classify", "'priors'.*JSON"),
-    "negative noise": ("pooled", within("noise", "sigma", value=-1), "classify", "sigma.*-1"),
+    "negative noise": ("pooled", within("likelihood", "sigma", value=-1), "classify", "sigma.*-1"),
     "no priors": ("pooled", attribute("priors", "{}"), "classify", "'priors' lacks.*'mu'"),
     "unknown law": ("pooled", attribute("strain_energy", "Own"), "classify", "'Own'.*import"),
     "variability": (
@@ -214,7 +214,7 @@ DAMAGE = {
     ),
     "effect": ("variable", within(SETTINGS, "experiment_effect", value=1), "classify", "is 1; exp"),
     "stress": ("variable", within(SETTINGS, "reference_stress", value=-1), "classify", "is -1; ex"),
-    "errors": ("variable", within(SETTINGS, "sigma", value=[]), "classify", "'sigma' is .]; exp"),
+    "errors": ("variable", within("likelihood", "pressure_sd", value=[]), "classify", "is .]; exp"),
     "no layer": ("variable", layered(attribute("layers", "[]")), "classify", "holds no layers"),
     "no list": ("variable", layered(attribute("layers", "{}")), "classify", "expected a JSON list"),
     "no record": ("variable", layered(within("layers", 0, value=3)), "classify", "holds 3; expect"),
@@ -256,19 +256,29 @@ def test_message_names_the_file_of_the_result(tmp_path):
     ph.save_result(result("pooled"), tmp_path / "classes.nc")
     classes = ph.open_result(tmp_path / "classes.nc")
     for fitted_class in classes.children.values():
-        del fitted_class.attrs["checksum"], fitted_class.attrs["noise"]
+        del fitted_class.attrs["checksum"], fitted_class.attrs["likelihood"]
     assert refusal(classify, classes) == (
-        f"class 'C1' of {tmp_path / 'classes.nc'}: its attribute 'noise' is missing; {BLAME}"
+        f"class 'C1' of {tmp_path / 'classes.nc'}: its attribute 'likelihood' is missing; {BLAME}"
     )
 
 
 @pytest.mark.parametrize(
     "change, message",
     [
-        (within("priors", "mu", value=["logp", [0.0, 1.0]]), "'logp', which is no distribution"),
-        (within("priors", "mu", value=["Nothing", [0.0]]), "'Nothing', which is no distribution"),
-        (within("noise", "weight", value=1.0), "'weight' is no error"),
-        (attribute("noise", "[" * 100_000), "'noise' is no JSON"),
+        (
+            within("priors", "mu", value=["logp", [0.0, 1.0]]),
+            "a prior is ['logp', [0.0, 1.0]]; expected [name",
+        ),
+        (
+            within("priors", "mu", value=["Nothing", [0.0]]),
+            "a prior is ['Nothing', [0.0]]; expected [name",
+        ),
+        (within("likelihood", "weight", value=1.0), "the argument 'weight'; expected one of"),
+        (within("likelihood", "units", value=[]), "has the units []; expected {'sigma': 'kPa'"),
+        (within("likelihood", "name", value=["os"]), "expected a record with a name of"),
+        (within("likelihood", "sigma", value=["os.system", [1.0]]), "[1.0]]; expected [name"),
+        (within("likelihood", "observed", value=1), "observed is 1; expected True or False"),
+        (attribute("likelihood", "[" * 100_000), "'likelihood' is no JSON"),
         (attribute("units", '{"mu": [1]}'), "'units' is {'mu': [1]}; expected the unit of each"),
     ],
 )
@@ -280,23 +290,17 @@ def test_settings_of_a_report_look_up_no_name_of_a_file_in_a_library(change, mes
 UNIFORM = ["Uniform", [0.0, 1.0]]
 
 
-def test_records_of_priors_and_of_noise_are_looked_up_in_a_table_and_checked():
-    for record, message in (
-        *(([name, [0.0, 1.0]], "is no distribution") for name in ("os.system", "Mixture")),
-        ("Uniform", r"'mu' is 'Uniform'; expected \[name, \[parameters\]\]"),
-        ([*UNIFORM, 0], "'mu' has the size .0.; expected"),
-        ([*UNIFORM, 2, 2], "'mu' has the size .2, 2.; expected"),
-        (["Uniform", [0.0]], "Uniform, has the parameters .0.0.; expected a list of 2"),
-        (["Uniform", [0.0, "1"]], "has the parameter '1'; expected a number"),
-        (["Uniform", [0.0, np.nan]], "has the parameter nan; expected a number"),
-        (["Uniform", [0.0, [1.0, 2.0, 3.0]], 2], "or as many as its size"),
-    ):
-        with pytest.raises(ValueError, match=message):
+def test_records_of_priors_are_looked_up_in_a_table_and_checked():
+    limits, parameters = [0.0, 1.0], ([0.0], "01", [0.0, "1"], [0.0, np.nan], [0.0, [1.0, 2.0]])
+    sizes = [*UNIFORM, 0], [*UNIFORM, 2, 2], [*UNIFORM, True]
+    names = ("os.system", "Mixture", ["Uniform"])
+    records = [["Uniform", p] for p in parameters] + [[name, limits] for name in names]
+    for record in ("Uniform", *records, *sizes, ["Uniform", [0.0, [1.0, 2.0, 3.0]], 2]):
+        with pytest.raises(ValueError) as refused:
             prior_from_record(record, "mu")
-    with pytest.raises(ValueError, match="'weight' is no error"):
-        noise_from_records({"weight": 1.0})
+        assert f"'mu' is {record!r}; expected [name, parameters], or [name" in str(refused.value)
     shape = prior_from_record([*UNIFORM, 2], "mu").type.shape
-    assert shape == (2,) and noise_from_records({"sigma": 2}) == {"sigma": 2.0}
+    assert shape == (2,)
 
 
 CARD_COMMENT = re.compile("<!--.*?-->", re.DOTALL)

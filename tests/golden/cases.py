@@ -121,11 +121,34 @@ def layers(outer=HGO, thickness=0.1, **parameters):
     return [inner, ph.Layer(law(outer), thickness, **parameters)]
 
 
+# Arguments of likelihoods; the other settings of a row are arguments of the model.
+SIZES = ("pressure_sd", "force_sd", "force_offset_sd", "diameter_sd", "sigma", "slope_weight")
+ERRORS = (*SIZES, "force_sigma", "error_in", "observed")
+
+
+def split(settings):
+    """Likelihood of the errors among settings, by default of 0.5 kPa, and the other settings.
+
+    With slopes standard deviations become the paper's sigma.
+    """
+    errors = {name: value for name, value in settings.items() if name in ERRORS}
+    others = {name: value for name, value in settings.items() if name not in ERRORS}
+    weight = errors.pop("slope_weight", 0.0)
+    if isinstance(weight, float) and weight == 0.0:
+        return ph.Gaussian(**{"pressure_sd": 0.5} | errors), others
+    for name, sigma in (("pressure_sd", "sigma"), ("force_sd", "force_sigma")):
+        default = {"pressure_sd": 0.5}.get(name)
+        sd = errors.pop(name, None if sigma in errors else default)
+        if sd is not None:
+            errors[sigma] = np.sqrt(2) * sd
+    return ph.SlopeAugmented(slope_weight=weight, **errors), others
+
+
 def inflation(energy, data=None, /, **settings):
     """Model in which all tests share the parameters: by default errors of 0.5 kPa, no slopes."""
-    noise = {} if "sigma" in settings else {"noise_sd": 0.5}
     data = aorta() if data is None else data
-    return ph.inflation_model(law(energy), data, **{"slope_weight": 0.0} | noise | settings)
+    likelihood, others = split(settings)
+    return ph.inflation_model(law(energy), data, likelihood, **others)
 
 
 def slopes(energy, data=None, /, **settings):
@@ -141,13 +164,14 @@ def forces(energy, data=None, /, **settings):
 
 def generative(energy, data=None, /, **settings):
     """Generative likelihood of pressures, slopes and axial forces."""
-    return forces(energy, data, likelihood="generative", **{"slope_weight": 0.01} | settings)
+    return forces(energy, data, observed=True, **{"slope_weight": 0.01} | settings)
 
 
 def population(energy, data=None, /, **settings):
     """Model in which specimens differ."""
     data = aorta(group="C1", experiment=[1, 2]) if data is None else data
-    return ph.population_model(law(energy), data, **{"noise_sd": 0.5} | settings)
+    likelihood, others = split(settings)
+    return ph.population_model(law(energy), data, likelihood, **others)
 
 
 def two_arteries():
@@ -163,10 +187,10 @@ def own_model(data=None, /, *, geometry=None, **settings):
     """A user's model that adds the likelihood of the curves to its own variables."""
     with pm.Model() as model:
         parameters = {"mu": pm.LogNormal("mu", 2.0, 1.0), "alpha": pm.Normal("alpha", 6.0, 3.0)}
-        settings = {"noise_sd": pm.HalfNormal("noise", 1.0), "slope_weight": 0.0} | settings
-        settings["geometry"] = {n: pm.Normal(n, *prior) for n, prior in (geometry or {}).items()}
+        likelihood, others = split({"pressure_sd": pm.HalfNormal("noise", 1.0)} | settings)
+        others["geometry"] = {n: pm.Normal(n, *prior) for n, prior in (geometry or {}).items()}
         data = aorta() if data is None else data
-        ph.inflation_likelihood("curves", law("Ogden"), data, parameters, **settings)
+        ph.inflation_likelihood("curves", law("Ogden"), data, likelihood, parameters, **others)
     return model
 
 
@@ -185,9 +209,9 @@ log_normal = partial(priors, pm.LogNormal)
 # Data of two specimens, with outer diameters, with an extension test, of an unknown outer radius.
 two, diameters = partial(artery, specimens="AB"), partial(artery, by="outer_diameter")
 extended, unlayered = partial(artery, extension=True), partial(artery, outer=None)
-FORCE, EFFECT = {"force_noise_sd": 5.0}, {"experiment_effect": True}
-OFFSET, DIAMETER = {"force_offset_sd": 30.0}, {"diameter_noise_sd": 0.02}
-GENERATIVE, RADIUS = {"likelihood": "generative"}, {"error_in": "radius", "noise_sd": 0.05}
+FORCE, EFFECT = {"force_sd": 5.0}, {"experiment_effect": True}
+OFFSET, DIAMETER = {"force_offset_sd": 30.0}, {"diameter_sd": 0.02}
+GENERATIVE, RADIUS = {"observed": True}, {"error_in": "radius", "pressure_sd": 0.05}
 
 
 def unknown(**ranges):
@@ -228,13 +252,13 @@ DENSITIES = {
     "measured thickness": lambda: generative("Demiray", two(), **measured(thickness=0.02)),
     "measured angle": lambda: forces(HGO, two(), **measured(opening_angle=0.1, axial_stretch=0.02)),
     "measured, in data": lambda: forces("Ogden", two(thickness=0.02), **measured(thickness=None)),
-    "diameters, slopes": lambda: slopes("Ogden", diameters(), noise_sd=5.0),
+    "diameters, slopes": lambda: slopes("Ogden", diameters(), pressure_sd=5.0),
     "diameters, radius": lambda: forces("Ogden", diameters(), **unknown(inner_radius=(0.9, 1.1))),
     "diameter noise, pressures": lambda: inflation("Ogden", diameters(force=False), **DIAMETER),
     "diameter noise, forces": lambda: forces("Demiray", diameters(), **DIAMETER),
     "diameter noise, all": lambda: forces(FUNG, diameters(), **DIAMETER, **OFFSET, **GENERATIVE),
     "diameter noise, inferred": lambda: forces(
-        "Ogden", diameters(), **half_normal(diameter_noise_sd=0.05)
+        "Ogden", diameters(), **half_normal(diameter_sd=0.05)
     ),
     "radius error": lambda: inflation("Ogden", **RADIUS),
     "radius error, forces": lambda: forces("Demiray", **RADIUS),
@@ -248,16 +272,16 @@ DENSITIES = {
     "layer thickness": lambda: forces(
         layers("Demiray", **log_normal(thickness=(-2.3, 0.3))), unlayered()
     ),
-    "noise": lambda: inflation("Ogden", **half_normal(noise_sd=1)),
+    "noise": lambda: inflation("Ogden", **half_normal(pressure_sd=1)),
     "noise, slope weight": lambda: inflation("Ogden", **half_normal(sigma=1, slope_weight=2)),
-    "noise, generative": lambda: generative("Ogden", **half_normal(noise_sd=1)),
-    "noise, forces": lambda: forces("Demiray", **half_normal(noise_sd=1, force_noise_sd=10)),
+    "noise, generative": lambda: generative("Ogden", **half_normal(sigma=np.sqrt(2))),
+    "noise, forces": lambda: forces("Demiray", **half_normal(pressure_sd=1, force_sd=10)),
     "population": lambda: population("Ogden"),
     "population, experiments": lambda: population("Ogden", **EFFECT),
     "population, own logarithms": lambda: population("Demiray", reference_stress=None),
     "population, slopes": lambda: population("Yeoh", slope_weight=1.5),
     "population, noise": lambda: population(
-        "PowerLawNeoHookean", two(), **log_normal(noise_sd=(-1, 0.5), force_noise_sd=(2, 0.5))
+        "PowerLawNeoHookean", two(), **log_normal(pressure_sd=(-1, 0.5), force_sd=(2, 0.5))
     ),
     "population, offset": lambda: population("Demiray", two(), **FORCE, **OFFSET, **EFFECT),
     "population, diameters": lambda: population(
@@ -271,6 +295,20 @@ DENSITIES = {
     "own law, paper": lambda: slopes("Cubic"),
     "own law, generative": lambda: generative("Cubic"),
     "own law, population": lambda: population("Cubic"),
+}
+
+# Value variables of recorded points that have another name now, and the difference of their values:
+# by case, or of all cases. A standard deviation became the paper's sigma, or the other way round.
+HALF_LOG_2 = np.log(2) / 2
+RENAMED = {
+    "": {
+        "noise_sd_log__": ("pressure_sd_log__", 0.0),
+        "force_noise_sd_log__": ("force_sd_log__", 0.0),
+        "diameter_noise_sd_log__": ("diameter_sd_log__", 0.0),
+        "log_specimen_sigma": ("log_specimen_pressure_sd", -HALF_LOG_2),
+        "log_specimen_force_sigma": ("log_specimen_force_sd", -HALF_LOG_2),
+    },
+    "noise, generative": {"noise_sd_log__": ("sigma_log__", HALF_LOG_2)},
 }
 
 # Points that are not searched for, by case: near the upper ends of all priors pressures overflow.
@@ -346,7 +384,7 @@ TO_SAMPLE = {
     "Ogden": positive,
     "two modes": lambda: slopes("Ogden"),
     "tempering": positive,
-    "NeoHookean": lambda: inflation("NeoHookean", noise_sd=2.0),
+    "NeoHookean": lambda: inflation("NeoHookean", pressure_sd=2.0),
     "HGO": lambda: forces(HGO, priors=uniform(k2=(0, 5), beta=(25, 60))),
     "forces": lambda: generative("Demiray", **OFFSET),
     "geometry": lambda: positive(**unknown(inner_radius=(6.5, 7.5))),
@@ -393,8 +431,7 @@ def predicted(name, seed):
 # Two training specimens for each class, and a new specimen. Errors (kPa) are chosen so that the
 # class of the new specimen stays uncertain.
 TRAINING, NEW = {"C1": ["S1", "S2"], "C2": ["S4", "S5"]}, "S3"
-POOLED = {"noise_sd": 8.0, "slope_weight": 0.0}
-SPECIMENS = {"noise_sd": 0.5, "variability": "specimen"}
+POOLED, SPECIMENS = {"likelihood": 8.0}, {"likelihood": 0.5, "variability": "specimen"}
 
 
 @cache

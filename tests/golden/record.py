@@ -97,8 +97,12 @@ def density_entry(case, stored):
     density = model.compile_fn(outputs, inputs=variables, mode=cases.AS_WRITTEN)
     points = stored["points"] if stored else cases.STATED.get(case) or make_points(model, density)
     names, densities = [variable.name for variable in variables], []
+    renamed = cases.RENAMED[""] | cases.RENAMED.get(case, {})
+    recorded = {new: old for old, (new, _) in renamed.items()} if stored else {}
+    names = [recorded.get(name, name) for name in names]
     for point in points:
-        value, *gradient = density({name: np.asarray(x, float) for name, x in point.items()})
+        now = {renamed.get(name, (name, 0.0)): x for name, x in point.items()}
+        value, *gradient = density({n: np.asarray(x, float) + d for (n, d), x in now.items()})
         gradient = dict(zip(names, gradient, strict=True))
         densities.append({"log density": value, "gradient": gradient})
     return {"points": points, "densities": densities}

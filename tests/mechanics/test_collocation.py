@@ -10,9 +10,10 @@ from pytensor.graph.traversal import ancestors
 from pytensor.tensor.blockwise import Blockwise
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.mechanics import collocation, empirical, interpolation, wall_nodes
+from pymc_hyperelastic.mechanics import collocation, interpolation
 from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral, AxialForceSlope
-from pymc_hyperelastic.mechanics.known_tubes import KnownTubes
+from pymc_hyperelastic.mechanics.known_tubes import KnownTubes, groups_by
+from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 
 # Coefficients of the response are left out below 1e-14 of the largest.
 CURVE_TOLERANCE, SLOPE_TOLERANCE = 1e-11, 1e-9
@@ -37,9 +38,8 @@ def direct(energy, tubes, entries):
     outputs = [*ph.PressureIntegral(strain_energy=energy)(*inputs)]
     outputs += [op(strain_energy=energy)(*inputs) for op in (AxialForceIntegral, AxialForceSlope)]
     pressure, stiffness, force, slope = pytensor.function([], outputs, mode=AS_WRITTEN)()
-    share = tubes.share
     names = ("pressure", "stiffness", "slope", "force", "force_slope")
-    values = pressure, stiffness * share, stiffness * share * tubes.growth, force, slope * share
+    values = pressure, stiffness, stiffness * tubes.growth, force, slope
     return dict(zip(names, values, strict=True))
 
 
@@ -52,7 +52,7 @@ def collocated(op, matrices, *entries):
 def assert_curves_are_exact(basis, groups, energy, tubes, tolerance=CURVE_TOLERANCE):
     """Compare curves of all points by constant matrices with those by quadrature."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(collocation, "_CHUNK", 5)  # points are taken in parts
+        patch.setattr(collocation, "_CHUNK", 20_000)  # points are taken in parts
         matrices, place = collocation.curve_matrices(tubes, groups, basis)
     expected = direct(energy, tubes, MATERIALS[energy])
     for kind, names in (
@@ -70,33 +70,24 @@ def assert_curves_are_exact(basis, groups, energy, tubes, tolerance=CURVE_TOLERA
             assert np.abs(found - expected[name]).max() <= loss * tolerance * scale, name
 
 
-@pytest.mark.parametrize("varied", [False, True], ids=["groups of one stretch", "a grid"])
-def test_curves_by_chebyshev_nodes_equal_quadrature(varied):
-    """The walls are layers, which move 0.8 times as much as the inner surface of the whole wall."""
-    tubes = tubes_of()._replace(share=np.full(14, 0.8))
-    points = np.arange(len(tubes.radius))
-    key = np.zeros(len(points)) if varied else tubes.axial_stretch
-    groups = interpolation.groups_by(tubes, key, points, varied=varied)
-    assert [list(g.points) for g in groups] == (
-        [[*points]] if varied else [[*points[:7]], [*points[7:]]]
-    )
+def test_curves_by_chebyshev_nodes_equal_quadrature():
+    tubes = tubes_of().at(np.arange(12))
+    groups = groups_by(tubes, tubes.axial_stretch)
+    assert [list(g.points) for g in groups] == [[*range(7)], [*range(7, 12)]]
     entries = [np.array([x]) for x in MATERIALS[OGDEN]]
-    needed = interpolation.nodes_needed(OGDEN, groups, entries, with_force=True)
-    assert needed.axial > 4 if varied else needed.axial == 1
-    assert_curves_are_exact(needed, groups, OGDEN, tubes)
-    settings = {"with_force": True}
-    errors = interpolation.curve_errors(OGDEN, needed, tubes, groups, entries, **settings)
-    assert errors.shape == (1,) and errors[0] < CURVE_TOLERANCE
-    fewer = needed._replace(hoop=needed.hoop - 6)
-    (error,) = interpolation.curve_errors(OGDEN, fewer, tubes, groups, entries, **settings)
-    assert 1e-12 < error < 1e-5
+    needed = interpolation.nodes_needed(OGDEN, tubes, groups, entries, with_force=True)
+    assert 8 < needed < 40
+    assert_curves_are_exact(interpolation.ChebyshevNodes(needed), groups, OGDEN, tubes)
+    with pytest.raises(AssertionError, match="pressure"):
+        fewer = interpolation.ChebyshevNodes(needed - 6)
+        assert_curves_are_exact(fewer, groups, OGDEN, tubes, tolerance=1e-12)
     # Fibres that slacken within a wall need too many nodes.
     entries = [np.array([x]) for x in MATERIALS[HGO]]
-    assert interpolation.nodes_needed(HGO, groups, entries) is None
+    assert interpolation.nodes_needed(HGO, tubes, groups, entries) is None
 
 
 class Polynomial:
-    """A law whose response is a polynomial: of degree 3 in ``ln λθ``, and of 2 in ``ln λz``."""
+    """A law whose response is a polynomial of degree 3 in ``ln λθ``."""
 
     entry_names = ("mu",)
 
@@ -104,55 +95,38 @@ class Polynomial:
         return {"mu": entries[0]}
 
     def stress_difference(self, log_hoop, log_axial, *, mu):
-        return mu * (log_hoop**3 + log_axial**2)
+        return mu * (log_hoop**3 + log_axial)
 
 
 def test_a_polynomial_needs_one_node_more_than_its_degree():
-    groups = [interpolation.Group(np.arange(3), (0.2, 0.3), (0.4, 0.1))]
-    needed = interpolation.nodes_needed(Polynomial(), groups, [np.array([2.0])], tolerance=1e-12)
-    assert needed == interpolation.Nodes(4, 3)
+    tubes = tubes_of()
+    groups, entries = groups_by(tubes, tubes.axial_stretch), [np.array([2.0])]
+    assert interpolation.nodes_needed(Polynomial(), tubes, groups, entries, tolerance=1e-12) == 4
 
 
-def test_error_of_curves_is_relative_to_the_largest_value():
-    """That of a force is relative to the thrust of the pressure, if that is larger."""
-    tubes, few = tubes_of(stretches=(1.0,)), interpolation.Nodes(5)
-    groups = interpolation.groups_by(tubes, np.zeros(7), np.arange(7), varied=False)
-    matrices, place = collocation.curve_matrices(tubes, groups, few)
-    exact, errors = direct(OGDEN, tubes, MATERIALS[OGDEN]), {}
-    for name, kind in (("pressure", "PressureIntegral"), ("force", "AxialForce")):
-        op = getattr(collocation, f"Collocated{kind}")(strain_energy=OGDEN)
-        own = matrices | {"of_outputs": [matrices[f"{name}_matrix"]] * (2 - (name == "force"))}
-        found = collocated(op, own, *MATERIALS[OGDEN])[0].eval(mode=AS_WRITTEN).ravel()[place]
-        errors[name] = np.abs(found - exact[name]).max()
-    pressure = np.abs(exact["pressure"]).max()
-    thrust = np.pi * tubes.radius.max() ** 2 * pressure
-    assert np.abs(exact["force"]).max() < thrust
-    of_pressure, of_force = errors["pressure"] / pressure, errors["force"] / thrust
-    entries = [np.array([x]) for x in MATERIALS[OGDEN]]
-    for with_force, expected in ((False, of_pressure), (True, max(of_pressure, of_force))):
-        settings = {"with_force": with_force}
-        (error,) = interpolation.curve_errors(OGDEN, few, tubes, groups, entries, **settings)
-        np.testing.assert_allclose(error, expected, rtol=1e-6)
+def test_evenly_spread_numbers_include_both_ends():
     assert list(interpolation.evenly(9, 3)) == [0, 4, 8] and len(interpolation.evenly(3, 60)) == 3
 
 
 def test_compressed_matrices_have_the_squared_misfit_of_all_points(monkeypatch):
     """``|M g − y|² = |R g − c|² + ρ²`` for each kind of measurement, with missing values."""
-    monkeypatch.setattr(collocation, "_CHUNK", 15)  # points are taken in parts
+    monkeypatch.setattr(collocation, "_CHUNK", 20_000)  # points are taken in parts
     tubes = tubes_of(points=40)
-    groups = interpolation.groups_by(tubes, tubes.axial_stretch, np.arange(80), varied=False)
+    groups = groups_by(tubes, tubes.axial_stretch)
     rng = np.random.default_rng(SEED)
     targets = {name: rng.normal(20, 9, 80) for name in ("pressure", "slope", "force")}
     targets["slope"][[3, 50]] = np.nan
-    needed = interpolation.nodes_needed(OGDEN, groups, [np.array([3.0, 9.0]), np.array([5.0, 9.0])])
-    compressed = collocation.collocate(tubes, groups, needed, targets)
+    entries = [np.array([3.0, 9.0]), np.array([5.0, 9.0])]
+    needed = interpolation.nodes_needed(OGDEN, tubes, groups, entries)
+    basis = interpolation.ChebyshevNodes(needed)
+    compressed = collocation.collocate(tubes, groups, basis, targets)
     for entries in ((3.0, 5.0), (7.0, 8.0)):
         exact = direct(OGDEN, tubes, entries)
         for name, target in targets.items():
             kind = "AxialForce" if name == "force" else "PressureIntegral"
             op = getattr(collocation, f"Collocated{kind}")(strain_energy=OGDEN)
             matrix = compressed[f"{name}_matrix"]
-            assert matrix.shape[1] == needed.hoop
+            assert matrix.shape[1] == needed
             own = compressed | {"of_outputs": [matrix] * (1 if name == "force" else 2)}
             found = collocated(op, own, *entries)[0].eval(mode=AS_WRITTEN)
             misfit = np.sum((found - compressed[f"{name}_target"]) ** 2)
@@ -164,8 +138,8 @@ def test_compressed_matrices_have_the_squared_misfit_of_all_points(monkeypatch):
 def test_gradient_and_batches_of_collocated_curves(per_group):
     """Gradients equal difference quotients; a batch of parameters equals a loop, without one."""
     tubes = tubes_of()
-    groups = interpolation.groups_by(tubes, tubes.axial_stretch, np.arange(14), varied=False)
-    matrices, _ = collocation.curve_matrices(tubes, groups, interpolation.Nodes(20))
+    groups = groups_by(tubes, tubes.axial_stretch)
+    matrices, _ = collocation.curve_matrices(tubes, groups, interpolation.ChebyshevNodes(20))
     matrices |= {"of_outputs": [matrices["pressure_matrix"], matrices["stiffness_matrix"]]}
     kind, of_batch = (pt.dvector, pt.dmatrix) if per_group else (pt.dscalar, pt.dvector)
     parameters, symbols = [kind(), kind()], [of_batch(), of_batch()]
@@ -199,48 +173,47 @@ def draw_materials(count=150):
     return lambda: [rng.uniform(*of_entry, count) for of_entry in ends]
 
 
-def test_curves_by_empirical_nodes_equal_quadrature():
+@pytest.mark.parametrize("one_by_one", [True, False], ids=["single moduli", "materials"])
+def test_curves_and_slopes_by_selected_nodes_equal_quadrature(one_by_one):
     """The nodes are few, although both stretches vary; they serve other materials, too."""
-    tubes = tubes_of(stretches=(1.3, 1.5, 1.7)).divided()[0]
-    groups = interpolation.groups_by(tubes, np.zeros(21), np.arange(21), varied=True)
-    nodes = empirical.empirical_nodes(HGO, tubes, groups, draw_materials(), with_force=True)
-    assert len(nodes.interpolation(tubes, groups[0]).places[0]) < 150
-    assert_curves_are_exact(nodes, groups, HGO, tubes, tolerance=empirical.TOLERANCE)
+    tubes = tubes_of(stretches=(1.3, 1.5, 1.7))
+    tubes = tubes.at(np.flatnonzero(tubes.log_hoop[1] > 0))  # fibres are taut
+    groups = groups_by(tubes, np.zeros(len(tubes.radius)))
+    empty = SelectedNodes(HGO, one_by_one, tolerance=3e-12)
+    basis = empty.with_materials(tubes, groups, draw_materials()(), with_force=True)
+    assert len(basis.interpolation(tubes, groups[0]).places[0]) < 150
+    assert_curves_are_exact(basis, groups, HGO, tubes, tolerance=1e-9)
 
 
-def test_few_places_determine_the_responses_at_all():
-    """Responses of other materials are the weighted sums of those at the nodes."""
-    places = np.random.default_rng(SEED).uniform(0.0, 0.5, (2, 300))
-    nodes, weights = empirical.fewer_nodes(HGO, tuple(places), draw_materials()(), with_force=True)
-    assert len(nodes) < 60 and weights.shape == (len(nodes), 300)
-    others = [x.reshape(-1, 1) for x in draw_materials(170)()]
-    for force in (False, True):
-        function = interpolation.response_function(HGO, force)
-        (response,) = function(*(x[None] for x in places), *others)
-        error = np.abs(response[:, nodes] @ weights - response).max(axis=1)
-        assert (error < 1e-6 * np.abs(response).max(axis=1)).all()
+def test_selected_nodes_are_added_for_other_materials():
+    """Curves of stiffer fibres, with two more of the materials, become exact."""
+    tubes = tubes_of(stretches=(1.3, 1.5))
+    tubes = tubes.at(np.flatnonzero(tubes.log_hoop[1] > 0))
+    groups = groups_by(tubes, np.zeros(len(tubes.radius)))
+    some = [values[:3] for values in draw_materials()()]
+    basis = SelectedNodes(HGO, True, tolerance=3e-12)
+    basis = basis.with_materials(tubes, groups, some, with_force=True)
+    with pytest.raises(AssertionError, match="pressure"):
+        assert_curves_are_exact(basis, groups, HGO, tubes, tolerance=1e-9)
+    own = [np.array([x, 1.01 * x]) for x in MATERIALS[HGO]]
+    basis = basis.with_materials(tubes, groups, own, with_force=True)
+    assert_curves_are_exact(basis, groups, HGO, tubes, tolerance=1e-9)
 
 
-def test_nodes_in_walls_are_exact_for_walls_divided_where_fibres_slacken():
-    """The curves, and the matrices of the responses at the nodes, are those of quadrature."""
+def test_walls_are_split_where_fibres_in_the_hoop_direction_slacken():
+    """Quadrature that is split at ``λθ = 1`` is exact, and quadrature that is not is not."""
     energy = ph.FourFiber()
     entries = (10.0, 8.0, 0.05, 6.0, 0.1, 0.0, 0.5, 40.0)  # only hoop fibres slacken
     tubes = tubes_of(points=20, stretches=(1.2, 1.4))
     exact = direct(energy, tubes, entries)
-    materials = [np.array([x]) for x in entries]
+    columns = [np.array([[x]]) for x in entries]
     errors = []
-    for divided in (True, False):
-        nodes = wall_nodes.WallNodes(24, divided)
-        pressure, force = nodes.curves(energy, tubes, materials, with_force=True)
-        found = {"pressure": pressure[0], "force": force[0]}
-        errors.append([np.abs(found[n] - exact[n]).max() / np.abs(exact[n]).max() for n in found])
-        points = np.array([4, 1, 30])
-        own = nodes.interpolation(tubes, interpolation.Group(points, (0.0, 0.0), (0.0, 0.0)))
-        matrices = own.matrices(tubes, points)
-        for number, name in enumerate(found):
-            function = interpolation.response_function(energy, bool(number))
-            (response,) = function(*(x[None] for x in own.places), *(v[:, None] for v in materials))
-            curve = matrices[name] @ response[0]
-            np.testing.assert_allclose(curve, found[name][points], rtol=1e-10, atol=1e-12)
-        assert np.isnan(matrices["slope"]).all()
-    assert max(errors[0]) < CURVE_TOLERANCE < 1e-7 < max(errors[1])
+    for split in (True, False):
+        rule, log_axial = tubes.quadrature(24, split=split)
+        places = rule.log_hoop.reshape(1, -1), log_axial.reshape(1, -1)
+        for name, weight in (("pressure", rule.pressure_weight), ("force", rule.force_weight)):
+            function = interpolation.response_function(energy, name == "force")
+            (response,) = function(*places, *columns)
+            curve = (response.reshape(weight.shape) * weight).sum(axis=1)
+            errors.append(np.abs(curve - exact[name]).max() / np.abs(exact[name]).max())
+    assert max(errors[:2]) < CURVE_TOLERANCE < 1e-7 < max(errors[2:])

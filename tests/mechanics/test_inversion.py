@@ -102,8 +102,8 @@ def model_of(energy):
     data = ph.inflation_data(frame, **tube)
     geometry = {"inner_radius": pm.Normal.dist(1, 1), "thickness": pm.Normal.dist(1, 1)}
     priors = {p.name: pm.Normal.dist(0, 50) for p in energy.parameters}
-    settings = {"sigma": SIGMA, "slope_weight": 0, "error_in": "radius"}
-    return ph.inflation_model(energy, data, geometry=geometry, priors=priors, **settings)
+    likelihood = ph.Gaussian(SIGMA / np.sqrt(2), error_in="radius")
+    return ph.inflation_model(energy, data, likelihood, geometry=geometry, priors=priors)
 
 
 def function_of(model):

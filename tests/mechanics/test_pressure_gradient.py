@@ -17,6 +17,7 @@ from wall_integrals import (
     response,
 )
 
+import pymc_hyperelastic as ph
 from pymc_hyperelastic import PressureIntegral
 
 # The oracle, with differences of step 1e-15, cannot distinguish a smaller number from 0.
@@ -95,3 +96,28 @@ def test_compilers_agree(law, mode):
     # The gradient by an input is a sum that may cancel: its rounding is that of output over input.
     allowed = np.abs(expected_gradients) + np.abs(expected)[:, None] / size
     assert (np.abs(gradients - expected_gradients) <= BACKEND_TOLERANCE * allowed).all()
+
+
+class Root(ph.StrainEnergy):
+    """A law whose stress is 0 at ``m = 0``, and has no derivative there."""
+
+    parameters = (ph.Parameter("m", "m", "kPa", (0.0, 50.0), "modulus"),)
+
+    def energy(self, radial, hoop, axial, *, m):
+        return pt.sqrt(m) * 0 * (radial**2 + hoop**2 + axial**2 - 3)
+
+
+@pytest.mark.parametrize(
+    ("law", "value", "expected"), [(Root(), 0.0, np.nan), (ph.Demiray(), 1e4, 0)]
+)
+def test_a_gradient_is_zero_only_where_the_pressure_overflows(law, value, expected):
+    """A gradient that is not a number at a finite pressure is not hidden."""
+    parameters = {name: pt.dscalar(name) for name in law.parameter_names}
+    tube = {"inner_radius": 7.0, "outer_radius": 9.0}
+    pressure = ph.inflation_pressure(law, [8.0, 12.0], **tube, **parameters)
+    outputs = [pressure.sum(), *pytensor.grad(pressure.sum(), [*parameters.values()])]
+    found, *gradients = pytensor.function([*parameters.values()], outputs, mode=AS_WRITTEN)(
+        *[value] * len(parameters)
+    )
+    assert np.isfinite(found) == np.isnan(expected)
+    np.testing.assert_array_equal(gradients, expected)

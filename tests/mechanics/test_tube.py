@@ -63,7 +63,7 @@ def test_stretches_are_the_slopes_of_the_wall_map(state):
 
 
 @pytest.mark.parametrize("excess", [1e-9, -1e-15, 0.0])
-def test_hoop_elongation_keeps_its_digits_near_zero_pressure(excess):
+def test_hoop_elongation_is_accurate_near_zero_pressure(excess):
     """A difference of squares would lose nine digits at ``a = A(1 + 1e-9)``."""
     internal_radius = INNER * (1 + excess)
     delta = tube.hoop_elongation(internal_radius, OUTER, inner_radius=INNER)
@@ -80,7 +80,7 @@ def test_internal_radius_follows_from_the_outer_radius(state):
     np.testing.assert_allclose(back, internal_radius, rtol=5 * ROUNDING)
 
 
-def test_invariants_are_those_of_the_cauchy_green_tensor():
+def test_invariants_equal_those_of_the_cauchy_green_tensor():
     """With eigenvalues ``x`` of the tensor, ``I₁`` is their sum, ``I₂`` that of their products."""
     rng = np.random.default_rng(20)  # any stretches will do
     hoop, axial = rng.uniform(0.6, 1.9, (2, 10))
@@ -107,8 +107,8 @@ def test_opened_sectors_keep_area_and_middle_line_of_the_ring():
     assert tube.reopened(sector, -0.7)["opening_angle"] == -0.7
 
 
-def test_measures_state_the_outer_radius():
-    """Thickness, or the area of the cross-section; measures of the tube are the same again."""
+def test_outer_radius_follows_from_thickness_or_wall_area():
+    """And the measures follow from the tube again."""
     stated = {"inner_radius": 1.0, "opening_angle": 1.5, "axial_stretch": 1.2}
     by_thickness = tube.inferred_geometry(stated | {"thickness": 0.25})
     assert by_thickness == stated | {"outer_radius": 1.25}

@@ -7,14 +7,14 @@ import pytest
 import shared_errors
 import xarray as xr
 from bad_input import (
-    NOISE,
     OGDEN,
     PLACE,
+    SLOPES,
     assert_refused,
     curves,
     fit,
-    likelihood,
     model,
+    potential,
     unknown_curves,
     with_nan,
 )
@@ -25,9 +25,7 @@ SERIES = ph.OgdenSeries(terms=2)
 NEO_HOOKEAN = ph.Layer(ph.NeoHookean(), 1.0)
 RADIUS, HALF = pm.Uniform.dist(6, 7), pm.HalfNormal.dist()
 TWICE, THICK = (RADIUS, HALF) * 2, unknown_curves(outer_radius=None)
-PLAIN = {"slope_weight": 0.0, "noise_sd": 1.0}
-FORCED = {**PLAIN, "force_noise_sd": 3.0}
-NO_SIGMA = {"sigma": None, "slope_weight": 0.0}
+SLOPED, PLAIN = ph.SlopeAugmented, ph.Gaussian
 EXTENDED = shared_errors.EXTENDED
 
 
@@ -45,20 +43,15 @@ def layers(*walls, data=None, **settings):
     return model(data, energy=list(walls or (NEO_HOOKEAN, NEO_HOOKEAN)), **settings)
 
 
-def forced(**settings):
-    data = unknown_curves([30.0, 40.0, np.nan, 55.0])
-    return model(data, sigma=None, **FORCED | settings)
-
-
-def extension(**settings):
+def extension(likelihood=1.0, **settings):
     """A model of two tests in which the axial stretch varies."""
     data = ph.select(shared_errors.extended(), experiment=list(EXTENDED))
-    return model(data, **{"sigma": 1.0, "slope_weight": 0.0} | settings)
+    return model(data, likelihood=likelihood, **settings)
 
 
-def population(energy=OGDEN, data=None, **settings):
-    settings = {"sigma": 0.8} | settings
-    return ph.population_model(energy, curves() if data is None else data, **settings)
+def population(energy=OGDEN, data=None, likelihood=0.8, **settings):
+    data = curves() if data is None else data
+    return ph.population_model(energy, data, likelihood, **settings)
 
 
 def inside(make):
@@ -77,24 +70,24 @@ GIVEN, FOREIGN = ph.Layer(ph.Demiray(), 0.2, b=HALF), inside(lambda mu: mu)
 NO_OFFSETS = xr.DataTree.from_dict({"posterior": curves()})
 # Calls and fragments of the message, by the error that they raise.
 TYPE_ERRORS = [
-    # Material, data, noise.
+    # Material, data, likelihood.
     (lambda: model(pd.DataFrame({"radius": [1.0]})), "inflation_data(|DataFrame"),
-    (lambda: model(sigma="5 mmHg"), "sigma is '5 mmHg'|5 * ph.mmHg|distribution"),
-    (lambda: model(sigma=None), "noise_sd|sigma is None|√2"),
-    (lambda: model(sigma=1.0, noise_sd=1.0), "both noise_sd and sigma|√2"),
-    (lambda: model(sigma=pm.HalfNormal.dist(shape=3)), "sigma|1 dimension|scalar"),
-    (lambda: model(**NO_SIGMA, noise_sd=1.0, force_offset_sd=5.0), "force_noise_sd|mN"),
-    (lambda: fit(error_in="radius"), "error_in"),
+    (lambda: model(likelihood="paper"), "likelihood is 'paper'|ph.Gaussian(pressure_sd="),
+    (lambda: SLOPED("5 mmHg", 1.0), "sigma is '5 mmHg'|5 * ph.mmHg|distribution"),
+    (lambda: SLOPED(sigma=None, slope_weight=0.0), "sigma is None|√2"),
+    (lambda: PLAIN(None), "pressure_sd is None|kPa"),
+    (lambda: PLAIN(pm.HalfNormal.dist(shape=3)), "pressure_sd|1 dimension|scalar"),
+    (lambda: PLAIN(1.0, observed="yes"), "observed is 'yes'|True or False"),
     # Priors.
     (lambda: prior(6.0), "'mu' is 6.0|pm.Uniform.dist(0, 50)"),
     (lambda: prior(pm.Normal.dist(pm.HalfNormal.dist(), 1)), "'mu'|halfnormal"),
     (lambda: model(priors=[pm.Uniform.dist(0, 50)]), 'priors|dict|{"mu": pm.Uniform.dist(0, 50)}'),
     (lambda: prior(pm.Uniform.dist(0, 50), energy=SERIES), "'mu'|shape ()|2 entries|shape=2"),
     # Parameters of the likelihood.
-    (lambda: ph.inflation_likelihood("x", OGDEN, curves(), {}, **NOISE), "with pm.Model():"),
-    (lambda: likelihood({"mu": 6.0}), "Ogden|['mu', 'alpha']|['mu'] were given"),
-    (lambda: likelihood({"mu": np.ones(2), "alpha": 6.0}), "'mu'|1 dimension|scalar"),
-    (lambda: likelihood(energy=[NEO_HOOKEAN]), "ph.Ogden()|Layer(NeoHookean()"),
+    (lambda: ph.inflation_likelihood("x", OGDEN, curves(), SLOPES, {}), "with pm.Model():"),
+    (lambda: potential({"mu": 6.0}), "Ogden|['mu', 'alpha']|['mu'] were given"),
+    (lambda: potential({"mu": np.ones(2), "alpha": 6.0}), "'mu'|1 dimension|scalar"),
+    (lambda: potential(energy=[NEO_HOOKEAN]), "ph.Ogden()|Layer(NeoHookean()"),
     # Geometry.
     (lambda: population(geometry={"inner_radius": RADIUS}), "where specimens differ, expected"),
     # Layers.
@@ -107,34 +100,37 @@ TYPE_ERRORS = [
     # Models in the context of another one.
     (lambda: inside(lambda _: prior(FOREIGN)), "'mu'|with model:"),
     (lambda: inside(lambda mu: prior(pm.LogNormal.dist(mu, 1))), "depends on the random variable"),
-    (lambda: inside(lambda mu: fit(priors={"mu": mu})), "'mu'|by itself"),
+    (lambda: inside(lambda mu: fit(priors={"mu": mu})), "'mu'|independent"),
     (ph.sample_smc, "no model is given|in context"),
     (lambda: ph.force_offsets(curves()), "DataTree"),
 ]
 VALUE_ERRORS = [
-    # Data, noise, slopes.
+    # Data, likelihood, slopes.
     (lambda: model(with_nan()), f"{PLACE}|row 43|pressure is nan kPa"),
-    (lambda: model(sigma=0), "sigma is 0|positive|kPa"),
-    (lambda: model(slope_weight=-0.5), "slope_weight is -0.5|mm²|0 to leave the slopes out"),
+    (lambda: SLOPED(0, 1.0), "sigma is 0|positive|kPa"),
+    (lambda: SLOPED(1.0, -0.5), "slope_weight is -0.5|mm²|0 to leave the slopes out"),
     (lambda: model(curves([7.2, 7.6], [2.0, 4.0])), f"{PLACE}|2 point(s)|at least 3"),
     (lambda: ph.balanced_slope_weight(curves(pressure=[5.0] * 4)), "all slopes|zero"),
     (lambda: model(mode="fast"), "mode is 'fast'|'collocation'|'quadrature'"),
-    (lambda: model(likelihood="exact"), "likelihood is 'exact'|'generative'"),
     # Forces, radii with errors, slopes that are no part of a likelihood.
-    (lambda: model(force_sigma=1.0), "force_sigma|no axial forces|'axial_force'"),
-    (lambda: forced(diameter_noise_sd=0.1, slope_weight=1.0), "diameter_noise_sd|expected 0"),
-    (lambda: forced(diameter_noise_sd=0.1, error_in="radius"), "leave diameter_noise_sd away"),
-    (lambda: model(error_in="radius"), "slope_weight is 1.0|error_in='radius'|expected 0"),
-    (lambda: forced(error_in="radius", likelihood="generative"), "known radii"),
-    (lambda: model(slope_weight=HALF, likelihood="generative"), "slope_weight must be a number"),
+    (lambda: model(likelihood=SLOPED(1.0, 1.0, force_sigma=1.0)), "force_sigma|no axial forces"),
+    (lambda: PLAIN(1.0, force_offset_sd=5.0), "force_offset_sd|force_sd|mN"),
+    (lambda: SLOPED(1.0, 1.0, force_offset_sd=5.0), "force_offset_sd|force_sigma|√2"),
+    (lambda: PLAIN(1.0, error_in="force"), "error_in is 'force'|'radius'"),
+    (lambda: PLAIN(1.0, diameter_sd=0.1, error_in="radius"), "leave diameter_sd away"),
+    (lambda: PLAIN(1.0, error_in="radius", observed=True), "known radii"),
+    (lambda: SLOPED(1.0, HALF, observed=True), "slope_weight is a distribution|must be a number"),
+    (lambda: potential(likelihood=PLAIN(1.0, observed=True)), "observed=True|ph.inflation_model"),
+    (lambda: fit(likelihood=PLAIN(1.0, observed=True)), "observed=True away"),
+    (lambda: fit(likelihood=PLAIN(1.0, error_in="radius")), "error in the pressure"),
     (lambda: ph.force_offsets(NO_OFFSETS), "no offset of a transducer"),
     # Priors.
     (lambda: prior(pm.Uniform.dist(0, 5), "n"), "'n'|Ogden|['mu', 'alpha']"),
-    (lambda: likelihood(name="mu"), "mu|already"),
-    (lambda: likelihood({"mu": np.nan, "alpha": 6.0}), "'mu' is nan|finite"),
+    (lambda: potential(name="mu"), "mu|already"),
+    (lambda: potential({"mu": np.nan, "alpha": 6.0}), "'mu' is nan|finite"),
     # Geometry.
     (lambda: model(unknown_curves(inner_radius=None)), f"{PLACE}|geometry={{'inner_radius': ...}}"),
-    (lambda: likelihood(geometry={"thickness": 2.0}), "geometry holds 'thickness'|'outer_radius'"),
+    (lambda: potential(geometry={"thickness": 2.0}), "geometry holds 'thickness'|'outer_radius'"),
     (lambda: unknown(radius=RADIUS), "'radius'|'wall_area'|'opening_angle'"),
     (lambda: unknown(outer_radius=RADIUS, thickness=RADIUS), "['outer_radius', 'thickness']"),
     (lambda: model(geometry={"inner_radius": RADIUS}, mode="collocation"), "mode='quadrature'"),
@@ -143,17 +139,25 @@ VALUE_ERRORS = [
     # Layers.
     (lambda: layers(data=curves()), "layers state the thickness|outer_radius=None"),
     (lambda: layers(geometry={"thickness": ph.Measured(0.1)}), "give a layer's thickness a prior"),
-    (lambda: layers(*(ph.Layer(ph.NeoHookean(), 1, mu=mu) for mu in TWICE)), "one name|'mu'"),
+    (lambda: layers(*(ph.Layer(ph.NeoHookean(), 1, mu=mu) for mu in TWICE)), "same name|'mu'"),
     (lambda: fit({"C1": THICK}, energy=[NEO_HOOKEAN]), "class 'C1'|layers|do not make a class"),
     # Extension tests.
-    (lambda: extension(slope_weight=1.0), "experiment 0: axial_stretch varies|slope_weight=0"),
+    (lambda: extension(SLOPES), "experiment 0: axial_stretch varies|ph.Gaussian"),
     (lambda: extension(geometry={"axial_stretch": RADIUS}), "stretch varies|leave it out"),
     # Populations.
-    (lambda: population(EitherSign()), "'c01' of EitherSign|'real'|prior_range above zero"),
-    (lambda: population(sigma=pm.Normal.dist(0.5, 0.3)), "'sigma' holds numbers such as -"),
+    (lambda: population(EitherSign()), "'c01' of EitherSign|'real'|positive prior_range"),
+    (
+        lambda: population(likelihood=pm.Normal.dist(0.5, 0.3)),
+        "'pressure_sd' holds numbers such as -",
+    ),
     (lambda: population(reference_stress=0.0), "reference_stress is 0.0; expected a positive"),
     (lambda: population(priors={"mu": HALF}), "prior is given for 'mu'|spread"),
-    (lambda: population(force_sigma=1, force_offset_sd=HALF), "force_offset_sd is a distribution"),
+    (
+        lambda: population(likelihood=PLAIN(1, force_sd=1, force_offset_sd=HALF)),
+        "force_offset_sd is a distribution",
+    ),
+    (lambda: population(likelihood=SLOPED(1, HALF)), "slope_weight is a distribution"),
+    (lambda: population(likelihood=PLAIN(1, error_in="radius")), "known radii"),
     # Models in the context of another one.
     (lambda: inside(prior), "['test']|name='artery'|by itself"),
     (lambda: inside(lambda mu: prior(mu, rising=True)), "rising=True|variables of your own model"),

@@ -14,9 +14,9 @@ CHANCE = 0.01
 
 def one_curve_with_slopes():
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1", experiment=1)
-    noise = {"sigma": 5 * ph.mmHg, "slope_weight": 3.0, "likelihood": "generative"}
+    likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=3.0, observed=True)
     priors = {"a": pm.Uniform.dist(0.5, 5), "b": pm.Uniform.dist(1, 6)}
-    return ph.criscione_model(data, **noise, priors=priors)
+    return ph.criscione_model(data, likelihood, priors=priors)
 
 
 def population():
@@ -31,7 +31,7 @@ def population():
         "location": pm.Normal.dist(np.log([0.2, 7.0]), [0.15, 0.3], shape=2),
         "spread": pm.LogNormal.dist(np.log(0.2), 0.4, shape=2),
     }
-    return ph.population_model(ph.Ogden(), data, sigma=0.3, priors=priors)
+    return ph.population_model(ph.Ogden(), data, 0.3 / np.sqrt(2), priors=priors)
 
 
 def every_signal():
@@ -41,15 +41,18 @@ def every_signal():
     points = {"radius": radius, "stretch": stretch, "pressure": 1.0, "axial_force": 1.0}
     frame = pd.DataFrame(points).assign(specimen="a", experiment=np.repeat(["p", "f"], 5))
     tube = {"inner_radius": 1.0, "outer_radius": 1.4, "axial_stretch": "stretch"}
-    noise = {"noise_sd": pm.LogNormal.dist(0.0, 0.5), "force_offset_sd": 30.0, "slope_weight": 0.0}
+    likelihood = ph.Gaussian(
+        pressure_sd=pm.LogNormal.dist(0.0, 0.5),
+        force_sd=pm.LogNormal.dist(2.5, 0.5),
+        force_offset_sd=30.0,
+        observed=True,
+    )
     return ph.inflation_model(
         ph.Ogden(),
         ph.inflation_data(frame, **tube, check="ignore"),
-        **noise,
-        force_noise_sd=pm.LogNormal.dist(2.5, 0.5),
+        likelihood,
         geometry={"thickness": ph.Measured(sd=0.04)},
         priors={"mu": pm.LogNormal.dist(2.0, 0.3), "alpha": pm.LogNormal.dist(1.4, 0.2)},
-        likelihood="generative",
     )
 
 

@@ -16,7 +16,6 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import at_points
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.forward.blocks import table_arrays
-from pymc_hyperelastic.models.observation import Observation
 from pymc_hyperelastic.models.priors import complete_priors
 
 # Relative to the largest pressure, or force, of a curve.
@@ -86,9 +85,9 @@ def test_curves_of_every_law_are_those_of_the_stretch_of_each_point(name):
 # --- other data ----------------------------------------------------------------------------------
 
 
-SDS = {"noise_sd": 0.4, "force_noise_sd": 3.0}
+SDS = {"pressure_sd": 0.4, "force_sd": 3.0}
 OFFSET = SDS | {"force_offset_sd": 25.0}
-DIAMETER = SDS | {"diameter_noise_sd": 0.1}
+DIAMETER = SDS | {"diameter_sd": 0.1}
 
 
 def dense(data, sds):
@@ -105,9 +104,9 @@ def dense(data, sds):
 )
 def test_a_compiled_likelihood_follows_other_data(sds, mode, measured):
     """Data of other lengths, with few or no forces, and with inflation or extension tests alone."""
-    observation, first = Observation(**sds), extended(measured)
-    forward = observation.forward_model(ph.Ogden(), first, PRIORS, mode=mode)
-    log_likelihood = observation.log_likelihood(forward.tube(OGDEN))
+    likelihood, first = ph.Gaussian(**sds), extended(measured)
+    forward = likelihood.forward_model(ph.Ogden(), first, PRIORS, mode=mode)
+    log_likelihood = likelihood.log_likelihood(forward.tube(OGDEN))
     function = pytensor.function([], log_likelihood, mode=AS_WRITTEN)
     inflated = [test for test in range(5) if test not in EXTENDED]
     others = [shared_errors.dataset(shared_errors.table((3, 7), seed=2), measured)]
@@ -120,13 +119,13 @@ def test_a_compiled_likelihood_follows_other_data(sds, mode, measured):
         forward.set_data(data)
         expected = dense(data, sds).log_density()
         assert function() == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
-    again = observation.log_likelihood(forward.with_data(others[1]).tube(OGDEN))
+    again = likelihood.log_likelihood(forward.with_data(others[1]).tube(OGDEN))
     expected = dense(others[1], sds).log_density()
     assert evaluated([again])[0] == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
 
 
 def test_data_that_cannot_take_the_place_of_the_first_are_refused():
-    """Constants, diameters in place of radii, and tests of a kind for which there are no nodes."""
+    """Constants, diameters in place of radii, and extension tests in place of inflation tests."""
     data, other = shared_errors.dataset(), shared_errors.dataset(measured="outer_diameter")
     fixed = ForwardModel(ph.Ogden(), data, PRIORS, replaceable=False)
     with pytest.raises(TypeError, match="constants"):
@@ -135,13 +134,11 @@ def test_data_that_cannot_take_the_place_of_the_first_are_refused():
     direct.tube(OGDEN).curves()
     with pytest.raises(ValueError, match=r"another kind.*current_outer_radius"):
         direct.set_data(other)
-    both = extended()
-    for tests, lacking in ((EXTENDED, "inflation"), ((1, 2, 4), "extension")):
-        own = ph.select(both, experiment=list(tests))
-        forward = ForwardModel(ph.Ogden(), own, PRIORS, mode="collocation")
-        forward.tube(OGDEN).curves()
-        with pytest.raises(ValueError, match=rf"hold {lacking} tests.*data that hold both"):
-            forward.set_data(both)
+    inflated = ph.select(extended(), experiment=[1, 2, 4])
+    forward = ForwardModel(ph.Ogden(), inflated, PRIORS, mode="collocation")
+    forward.tube(OGDEN).curves()
+    with pytest.raises(ValueError, match=r"axial_stretch varies.*data that hold extension tests"):
+        forward.set_data(extended())
 
 
 def test_points_between_those_of_the_data_are_evenly_spread():
@@ -156,15 +153,16 @@ def test_points_between_those_of_the_data_are_evenly_spread():
         np.testing.assert_allclose(own[along], np.linspace(*ends, 20))
 
 
-def test_a_law_that_cannot_be_collocated_falls_back_to_quadrature():
-    """Near n = 0 the response of this law has a pole."""
+@pytest.mark.parametrize("mode", ["auto", "collocation"])
+def test_curves_are_exact_where_chebyshev_polynomials_fail(mode):
+    """Near n = 0 the response of this law has a pole: nodes are selected, or walls integrated."""
     frame = pd.DataFrame({"specimen": "S", "experiment": 1, "radius": np.linspace(6.4, 10.5, 9)})
     frame = frame.assign(pressure=2 * (frame["radius"] - 6.0), axial=1.0)
     data, energy = shared_errors.dataset(frame), ph.PowerLawNeoHookean()
     priors = complete_priors(energy, {"n": pm.Normal.dist(0, 10)})
-    with pytest.raises(ValueError, match=r"PowerLawNeoHookean.*mode='quadrature'"):
-        ForwardModel(energy, data, priors, mode="collocation")
-    tube = ForwardModel(energy, data, priors).tube({"mu": 20.0, "n": pt.constant(2.0)})
+    forward = ForwardModel(energy, data, priors, mode=mode)
+    assert forward.integrator.by_points == (mode == "auto")
+    tube = forward.tube({"mu": 20.0, "n": pt.constant(2.0)})
     pressure = evaluated([tube.curves()["pressure"]])[0]
     known = {n: at_points(data, n) for n in ("inner_radius", "outer_radius", "axial_stretch")}
     exact = ph.inflation_pressure(energy, data["radius"].values, mu=20.0, n=2.0, **known)
@@ -175,3 +173,15 @@ def test_the_table_of_tests_has_as_many_columns_as_the_longest_test():
     found = table_arrays(np.array([0, 0, 0, 2, 2]), 3)
     assert found["there"].tolist() == [[True] * 3, [False] * 3, [True, True, False]]
     assert found["place"].tolist() == [0, 1, 2, 6, 7]
+
+
+def test_a_prior_that_cannot_be_drawn_from_is_warned_of():
+    """Nothing is known of the range of flat priors: walls are integrated with 32 nodes."""
+    priors = {name: pm.Flat.dist() for name in ("mu", "alpha")}
+    data = shared_errors.dataset()
+    with pytest.warns(UserWarning, match=r"cannot be drawn from.*32 nodes"):
+        forward = ForwardModel(ph.Ogden(), data, priors)
+    assert forward.integrator.by_points and forward.integrator.order == 32
+    with pytest.raises(ValueError, match=r"cannot be drawn from.*mode='quadrature'"):
+        ForwardModel(ph.Ogden(), data, priors, mode="collocation")
+    assert ForwardModel(ph.Ogden(), data, priors, mode="quadrature").integrator.order == 32

@@ -30,8 +30,10 @@ STEP, GRADIENT_TOLERANCE = 1e-4, 1e-5
 
 
 def generative(data, **settings):
-    settings = {"sigma": SIGMA, "slope_weight": 3, "likelihood": "generative"} | settings
-    return ph.inflation_model(ph.Ogden(), data, **settings)
+    errors = {"sigma": SIGMA, "slope_weight": 3, "observed": True}
+    errors |= {name: settings.pop(name) for name in ("sigma", "slope_weight") if name in settings}
+    errors |= {"force_sigma": settings.pop("force_sigma", None)}
+    return ph.inflation_model(ph.Ogden(), data, ph.SlopeAugmented(**errors), **settings)
 
 
 def density_of(model, *names, gradient=False):

@@ -16,11 +16,10 @@ from problems import AS_WRITTEN
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import at_points
 from pymc_hyperelastic.evidence.results import sampling_tree, study_of
-from pymc_hyperelastic.models.observation.noise import noise_in_words
-from pymc_hyperelastic.models.study import inflation_data_of, model_settings_of
+from pymc_hyperelastic.models.records import inflation_data_of, model_settings_of
 
 OGDEN, POINT = ph.Ogden(), {"mu": 6.0, "alpha": 8.0}
-NOISE = {"noise_sd": 0.5, "slope_weight": 0.0}
+NOISE, OBSERVED = ph.Gaussian(0.5), ph.Gaussian(0.5, observed=True)
 # One expression twice, and sums of squares by two rules of different order.
 ROUNDING, SAME_LIKELIHOOD = 1e-12, 1e-9
 GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
@@ -43,7 +42,7 @@ def log_density(model, **point):
 
 
 def test_variables_are_named_and_have_the_curves_of_the_tube(data):
-    model = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=1.0)
+    model = ph.ogden_model(data, ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0))
     assert [rv.name for rv in model.free_RVs] == ["mu", "alpha"]
     assert [v.name for v in model.deterministics] == ["pressure", "stiffness"]
     assert [v.name for v in model.potentials] == ["likelihood"]
@@ -66,8 +65,9 @@ def test_factories_make_the_model_of_their_law_with_all_settings(data):
         (ph.criscione_model, ph.CriscioneType()),
     ):
         last = energy.parameter_names[-1]
-        settings = {**NOISE, "priors": {last: pm.Uniform.dist(1, 9)}, "mode": "quadrature"}
-        special, general = factory(data, **settings), ph.inflation_model(energy, data, **settings)
+        settings = {"priors": {last: pm.Uniform.dist(1, 9)}, "mode": "quadrature"}
+        special = factory(data, NOISE, **settings)
+        general = ph.inflation_model(energy, data, NOISE, **settings)
         assert special.study.energy == energy
         assert special.study.attrs() == general.study.attrs()
 
@@ -78,8 +78,8 @@ def test_a_prior_of_rising_pressures_integrates_to_1():
     frame = {"specimen": "A", "experiment": 1, "radius": radius, "pressure": radius - 7}
     tube = {"inner_radius": 7.0, "outer_radius": 9.0}
     data = ph.inflation_data(pd.DataFrame(frame), **tube)
-    settings = {**NOISE, "priors": {"n": pm.Uniform.dist(0.3, 5.0)}, "rising": True}
-    model = ph.power_law_neo_hookean_model(data, **settings)
+    settings = {"priors": {"n": pm.Uniform.dist(0.3, 5.0)}, "rising": True}
+    model = ph.power_law_neo_hookean_model(data, NOISE, **settings)
     # The modulus is a factor, and does not change the sign of the stiffness.
     exponents, between = np.linspace(0.3, 5.0, 401), np.linspace(*radius[[0, -1]], 200)[:, None]
     known = {**tube, "mu": 1.0, "n": exponents}
@@ -91,7 +91,7 @@ def test_a_prior_of_rising_pressures_integrates_to_1():
     assert np.abs(found + np.log(share)) < 0.02  # the share among 20000 draws from the prior
     with pytest.raises(ValueError, match=r"have a pressure that rises.*do not contradict"):
         ph.power_law_neo_hookean_model(
-            data, **settings | {"priors": {"n": pm.Uniform.dist(0.3, 0.31)}}
+            data, NOISE, **settings | {"priors": {"n": pm.Uniform.dist(0.3, 0.31)}}
         )
 
 
@@ -102,18 +102,18 @@ def test_tubes_in_one_model_have_prefixes_and_add_up():
     """Different data and laws, dimensions included; a context without a prefix works as well."""
     short = curves((7.2, 7.6, 8.0), (2.0, 4.0, 7.0))
     forces = unknown_curves([30.0, np.nan, 40.0, 50.0])
-    settings = NOISE | {"likelihood": "generative"}
+    with_forces = ph.Gaussian(0.5, force_sd=3.0, observed=True)
     with pm.Model() as own:
         x = pm.Normal("x")
-        part = ph.inflation_model(OGDEN, short, **settings)
-        ph.inflation_model(ph.Demiray(), forces, **settings, force_noise_sd=3.0, name="two")
+        part = ph.inflation_model(OGDEN, short, OBSERVED)
+        ph.inflation_model(ph.Demiray(), forces, with_forces, name="two")
     assert part.root is own
     assert [rv.name for rv in own.free_RVs] == ["x", "mu", "alpha", "two::mu", "two::b"]
     assert own.named_vars_to_dims["two::pressure"] == ("two::obs",)
     assert len(own.coords["obs"]) == 3 and len(own.coords["two::obs"]) == 4
     assert own.named_vars_to_dims["two::measured_axial_force"] == ("two::force_obs",)
-    one = ph.inflation_model(OGDEN, short, **settings)
-    two = ph.inflation_model(ph.Demiray(), forces, **settings, force_noise_sd=3.0)
+    one = ph.inflation_model(OGDEN, short, OBSERVED)
+    two = ph.inflation_model(ph.Demiray(), forces, with_forces)
     points = one.initial_point(), two.initial_point()
     expected = log_density(one, **points[0]) + log_density(two, **points[1])
     expected += pm.logp(x, 0.0).eval(mode=AS_WRITTEN)
@@ -126,17 +126,17 @@ def test_parameters_noise_and_geometry_may_be_variables_of_the_context():
     with pm.Model() as own:
         log_mu, alpha = pm.Normal("log_mu", 1, 0.3), pm.Uniform("alpha", 0, 20)
         sd, radius = pm.HalfNormal("sd"), pm.Uniform("unloaded", 6.9, 7.1)
-        settings = {"priors": {"mu": pm.math.exp(log_mu), "alpha": alpha}, "slope_weight": 0}
-        settings |= {"noise_sd": sd, "geometry": {"inner_radius": radius}, "mode": "quadrature"}
-        part = ph.inflation_model(OGDEN, curves(), **settings)
+        settings = {"priors": {"mu": pm.math.exp(log_mu), "alpha": alpha}}
+        settings |= {"geometry": {"inner_radius": radius}, "mode": "quadrature"}
+        part = ph.inflation_model(OGDEN, curves(), sd, **settings)
         layers = [ph.Layer(ph.Demiray(), 1.0, b=alpha), ph.Layer(ph.Demiray(), 1.0, b=alpha)]
         thick = unknown_curves(outer_radius=None)
-        ph.inflation_model(layers, thick, **NOISE, name="wall", mode="quadrature")
+        ph.inflation_model(layers, thick, NOISE, name="wall", mode="quadrature")
     names = ["log_mu", "alpha", "sd", "unloaded", "wall::mu_1", "wall::mu_2"]
     assert [rv.name for rv in own.free_RVs] == names and not list(part.free_RVs)
     values = {"log_mu": np.log(6.0), "alpha": 8.0, "sd": 0.4, "unloaded": 7.0}
     (found,) = at(own, ["likelihood"], values)
-    known = ph.inflation_model(OGDEN, curves(), noise_sd=0.4, slope_weight=0)
+    known = ph.inflation_model(OGDEN, curves(), 0.4)
     (expected,) = at(known, ["likelihood"], POINT)
     assert found == pytest.approx(float(expected), rel=SAME_LIKELIHOOD)
 
@@ -160,24 +160,23 @@ def test_a_result_holds_what_is_needed_to_make_the_model_again(tmp_path):
     tree = xr.load_datatree(tmp_path / "result.nc", engine="h5netcdf")
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1")
     xr.testing.assert_identical(inflation_data_of(tree), data)
-    first = ph.ogden_model(data, sigma=5 * ph.mmHg, slope_weight=3.0)
+    first = ph.ogden_model(data, ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=3.0))
     again = ph.inflation_model(data=inflation_data_of(tree), **model_settings_of(tree))
     assert again.study.attrs() == first.study.attrs()
     for draw in (0, 250):
         particles = tree["unconstrained_posterior"].to_dataset().isel(chain=0, draw=draw)
         point = {name: value.values for name, value in particles.data_vars.items()}
         assert log_density(again, **point) == pytest.approx(log_density(first, **point), ROUNDING)
-    units = {"sigma": "kPa", "slope_weight": "mm2", "mu": "kPa", "alpha": ""}
+    units = {"sigma": "kPa", "slope_weight": "mm²", "mu": "kPa", "alpha": ""}
     assert json.loads(tree.attrs["units"]) == units
     assert json.loads(tree.attrs["versions"])["pymc"] == pm.__version__
     assert tree["posterior"]["pressure"].dims == ("chain", "draw", "obs")
 
 
 def test_copies_know_what_they_were_made_from():
-    generative = ph.ogden_model(curves(), **NOISE, likelihood="generative")
-    for model in (generative, ph.population_model(OGDEN, curves(), noise_sd=0.5)):
+    generative = ph.ogden_model(curves(), OBSERVED)
+    for model in (generative, ph.population_model(OGDEN, curves(), 0.5)):
         expected = result_of(model)
-        assert "noise_in_words" in expected.attrs
         for other in (copy.copy(copy.deepcopy(model)), cloudpickle.loads(cloudpickle.dumps(model))):
             found = result_of(other)
             assert found.attrs == expected.attrs
@@ -187,12 +186,12 @@ def test_copies_know_what_they_were_made_from():
 
 @pytest.mark.parametrize(
     ("change", "group", "likelihood"),
-    [(pm.observe, "observed_data", "paper"), (pm.do, "constant_data", "generative")],
+    [(pm.observe, "observed_data", NOISE), (pm.do, "constant_data", OBSERVED)],
 )
 def test_a_model_that_was_observed_or_set_keeps_its_data_but_not_its_priors(
     change, group, likelihood
 ):
-    model = ph.ogden_model(curves(), **NOISE, likelihood=likelihood)
+    model = ph.ogden_model(curves(), likelihood)
     changed = change(model, {"alpha": 8.0})
     assert [rv.name for rv in changed.free_RVs] == ["mu"]
     assert study_of(changed).data is model.study.data
@@ -201,17 +200,3 @@ def test_a_model_that_was_observed_or_set_keeps_its_data_but_not_its_priors(
     xr.testing.assert_equal(inflation_data_of(tree)["pressure"], curves()["pressure"])
     with pytest.raises(ValueError, match="does not say from which model"):
         model_settings_of(tree)
-
-
-def test_noise_is_reported_as_sigma_and_as_standard_deviations():
-    noise = {"noise_sd": 0.5, "slope_weight": 2.0, "force_noise_sd": pm.HalfNormal.dist(1)}
-    noise |= {"force_offset_sd": 25.0, "diameter_noise_sd": pm.HalfNormal.dist(1)}
-    assert noise_in_words(noise) == (
-        "sigma = 0.707107 kPa (a standard deviation of 0.5 kPa), slope_weight = 2 mm2, "
-        "force_noise_sd inferred, in mN (one standard deviation), "
-        "force_offset_sd = 25 mN (one standard deviation of the transducer's offset, one for each "
-        "test), diameter_noise_sd inferred, in mm (one standard deviation of a measured diameter)"
-    )
-    inferred = {"sigma": pm.HalfNormal.dist(1), "slope_weight": 0.0}
-    assert "sigma inferred, in kPa (√2 standard deviations)" in noise_in_words(inferred)
-    assert "a standard deviation of 0.05 mm" in noise_in_words({"noise_sd": 0.05}, "radius")

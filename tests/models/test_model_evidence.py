@@ -58,7 +58,7 @@ def test_quadrature_and_sampler_give_the_evidence_of_the_known_problem():
     assert abs(value - known.LOG_EVIDENCE) < EXACT_TOLERANCE
     names = ("mu", "alpha")
     priors = {n: pm.Uniform.dist(*ends) for n, ends in zip(names, KNOWN_BOX, strict=True)}
-    model = ph.ogden_model(data, priors=priors, **KNOWN_NOISE)
+    model = ph.ogden_model(data, ph.SlopeAugmented(**KNOWN_NOISE), priors=priors)
     tree = ph.sample_smc(model, 500, 2, random_seed=SEED, progressbar=False, var_names=names)
     assert_evidence(*ph.log_evidence(tree), known.LOG_EVIDENCE)
 

@@ -1,4 +1,4 @@
-"""Coordinates of specimens, and the moduli that follow from the stresses that they bear."""
+"""Coordinates of specimens, and moduli from their stresses."""
 
 from functools import cache
 
@@ -86,8 +86,8 @@ def stress_of(energy, biaxial):
 
 
 @pytest.mark.parametrize("energy", [*LAWS, *deep(DEEP)])
-def test_moduli_bear_the_reference_stress_in_the_given_ratios(energy):
-    """The strain is a root of the stress; other parameters have logarithms and logits."""
+def test_moduli_give_the_reference_stress_and_the_stress_ratios(energy):
+    """The strain is where the stress equals `STRESS`; others have logarithms and logits."""
     scale = NaturalScale(energy, STRESS)
     x, biaxial = draws_of(scale), BIAXIAL in scale.names
     parameters = [p for p in energy.parameters for _ in range(p.size or 1)]
@@ -162,11 +162,19 @@ def test_moduli_and_their_gradients_are_finite_in_extreme_materials():
         np.testing.assert_allclose(of_matrix, STRESS * expit(-point[1]), rtol=SLOPE, err_msg=name)
 
 
+def test_thickness_needs_a_distribution_of_positive_numbers():
+    """Also one whose draws are NaN is refused, since no comparison with NaN is true."""
+    for mean, sd in ((0.3, 1.0), (np.nan, 1.0)):
+        layer = ph.Layer(ph.NeoHookean(), pm.Normal.dist(mean, sd))
+        with pytest.raises(ValueError, match=r"'thickness_1' has draws such as.*positive numbers"):
+            _ = NaturalScale([layer]).names
+
+
 # --- layers ---------------------------------------------------------------------------------------
 
 
 def test_layers_have_the_coordinates_of_their_laws():
-    """Numbers have none, beside a known modulus there are logarithms, thicknesses come last."""
+    """Numbers have no coordinate, and thicknesses come last."""
     layers = [
         ph.Layer(ph.HolzapfelGasserOgden(), 0.3, beta=30.0),
         ph.Layer(ph.Demiray(), pm.LogNormal.dist(-1.5, 0.3)),

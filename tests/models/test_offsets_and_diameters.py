@@ -19,7 +19,6 @@ from shared_errors import (
 )
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.models.observation import Observation
 
 SEED = 7
 # Both sides are exact to about 1e-12 of the largest misfit, which enters as a square.
@@ -29,15 +28,16 @@ STANDARD_ERRORS = 4.5
 
 OGDEN, POINT = ph.Ogden(), {"mu": 6.0, "alpha": 5.0}
 LAYERS = [(ogden(**POINT), 2.0)]
-SDS = {"noise_sd": 0.4, "force_noise_sd": 3.0, "force_offset_sd": 25.0, "diameter_noise_sd": 0.1}
-OFFSET = {name: SDS[name] for name in ("noise_sd", "force_noise_sd", "force_offset_sd")}
+SDS = {"pressure_sd": 0.4, "force_sd": 3.0, "force_offset_sd": 25.0, "diameter_sd": 0.1}
+OFFSET = {name: SDS[name] for name in ("pressure_sd", "force_sd", "force_offset_sd")}
 DIAMETER = {name: sd for name, sd in SDS.items() if name != "force_offset_sd"}
-PLAIN = {name: SDS[name] for name in ("noise_sd", "force_noise_sd")}
+PLAIN = {name: SDS[name] for name in ("pressure_sd", "force_sd")}
 ERRORS = {"none": PLAIN, "offset": OFFSET, "diameter": DIAMETER, "both": SDS}
 
 
-def model_of(data, energy=OGDEN, **settings):
-    return ph.inflation_model(energy, data, **{"slope_weight": 0} | settings)
+def model_of(data, energy=OGDEN, *, errors, observed=False, **settings):
+    likelihood = ph.Gaussian(**errors, observed=observed)
+    return ph.inflation_model(energy, data, likelihood, **settings)
 
 
 def free(*names):
@@ -45,9 +45,9 @@ def free(*names):
     return {name: pm.Flat.dist() for name in names}
 
 
-def unknown(noise, **settings):
+def unknown(noise):
     """Settings of a model in which material and errors are inferred."""
-    return {"priors": free(*POINT), **free(*noise), "mode": "quadrature"} | settings
+    return {"priors": free(*POINT), "errors": free(*noise), "mode": "quadrature"}
 
 
 def function_of(model, outputs=None, gradient=False):
@@ -64,22 +64,22 @@ def function_of(model, outputs=None, gradient=False):
 
 
 @pytest.mark.parametrize(
-    ("errors", "likelihood", "measured", "data_of"),
+    ("errors", "observed", "measured", "data_of"),
     [
-        ("none", "paper", "radius", extended),
-        ("none", "generative", "outer_diameter", extended),
-        ("offset", "paper", "outer_diameter", extended),
-        ("offset", "generative", "radius", dataset),
-        ("diameter", "paper", "radius", dataset),
-        ("diameter", "generative", "outer_diameter", extended),
-        ("both", "paper", "outer_diameter", dataset),
-        ("both", "generative", "outer_diameter", extended),
+        ("none", False, "radius", extended),
+        ("none", True, "outer_diameter", extended),
+        ("offset", False, "outer_diameter", extended),
+        ("offset", True, "radius", dataset),
+        ("diameter", False, "radius", dataset),
+        ("diameter", True, "outer_diameter", extended),
+        ("both", False, "outer_diameter", dataset),
+        ("both", True, "outer_diameter", extended),
     ],
 )
-def test_log_likelihood_is_that_of_the_multivariate_normal(errors, likelihood, measured, data_of):
+def test_log_likelihood_is_that_of_the_multivariate_normal(errors, observed, measured, data_of):
     """For errors of any size that are inferred; tests have from none to all of their forces."""
     data, noise = data_of(measured=measured), ERRORS[errors]
-    model = model_of(data, likelihood=likelihood, **unknown(noise))
+    model = model_of(data, observed=observed, **unknown(noise))
     assert set(noise) <= {rv.name for rv in model.free_RVs}
     value = function_of(model)
     for scale in (1.0, 0.1, 30.0):
@@ -88,11 +88,11 @@ def test_log_likelihood_is_that_of_the_multivariate_normal(errors, likelihood, m
         assert value(**POINT, **sds)[0] == pytest.approx(expected, rel=LIKELIHOOD_TOLERANCE)
 
 
-@pytest.mark.parametrize(("errors", "likelihood"), [("offset", "generative"), ("both", "paper")])
-def test_offsets_have_the_conditional_normal_distribution(errors, likelihood):
+@pytest.mark.parametrize(("errors", "observed"), [("offset", True), ("both", False)])
+def test_offsets_have_the_conditional_normal_distribution(errors, observed):
     """Without a measured force it is the prior."""
     data, noise = extended(), ERRORS[errors]
-    model = model_of(data, likelihood=likelihood, **unknown(noise))
+    model = model_of(data, observed=observed, **unknown(noise))
     assert model.named_vars_to_dims["force_offset_mean"] == ("test",)
     outputs = [model["force_offset_mean"], model["force_offset_error"]]
     mean, sd = function_of(model, outputs)(**POINT, **noise)
@@ -105,7 +105,8 @@ def test_offsets_have_the_conditional_normal_distribution(errors, likelihood):
 def test_with_the_error_in_the_radius_pressures_are_exact():
     """Radii and forces are those of the tube at the measured pressure and stretch.
 
-    The radius is found here by bisection, and the offset follows by Bayes' rule for normals.
+    A warning says that nothing is known of the range of flat priors. The radius is found here by
+    bisection, and the offset follows by Bayes' rule for normals.
     """
     data = extended()
     axial, measured = data["axial_stretch"].values, data["radius"].values
@@ -119,8 +120,9 @@ def test_with_the_error_in_the_radius_pressures_are_exact():
     each = zip(axial, data["pressure"].values, strict=True)
     radius = np.array([optimize.brentq(excess, 6, 10, args=a, xtol=1e-13) for a in each])
     force = pressure_and_force(LAYERS, radius, 7.0, axial)[1]
-    sds = {"noise_sd": 0.1, "force_noise_sd": 3.0, "force_offset_sd": 25.0}
-    model = model_of(data, error_in="radius", priors=free(*POINT), **sds)
+    errors = {"pressure_sd": 0.1, "force_sd": 3.0, "force_offset_sd": 25.0, "error_in": "radius"}
+    with pytest.warns(UserWarning, match=r"cannot be drawn from.*32 nodes"):
+        model = model_of(data, errors=errors, priors=free(*POINT))
     outputs = [*model.potentials, model["force_offset_mean"], model["force_offset_error"]]
     found, mean, error = function_of(model, outputs)(**POINT)
     expected = stats.norm.logpdf(measured, radius, 0.1).sum()
@@ -140,8 +142,8 @@ def test_layers_of_unknown_geometry_share_errors_too():
     data = dataset(measured="outer_diameter", outer_radius=None)
     media = ph.Layer(ph.NeoHookean(), 1.2, mu=pm.Flat.dist())
     adventitia = ph.Layer(OGDEN, pm.Flat.dist(), mu=4.0, alpha=5.0)
-    settings = {"geometry": free("inner_radius"), "likelihood": "generative", "mode": "quadrature"}
-    model = model_of(data, [media, adventitia], **settings, **SDS)
+    settings = {"geometry": free("inner_radius"), "observed": True, "mode": "quadrature"}
+    model = model_of(data, [media, adventitia], errors=SDS, **settings)
     function = function_of(model)
     (found,) = function(mu_1=20.0, thickness_2=0.7, inner_radius=7.1)
     layers = [(neo_hookean(20.0), 1.2), (ogden(4.0, 5.0), 0.7)]
@@ -156,11 +158,11 @@ def test_layers_of_unknown_geometry_share_errors_too():
 def test_each_signal_alone_has_its_marginal_density(errors):
     """Forces alone have the full variance of the errors that they share with pressures."""
     data, sds = extended(), ERRORS[errors]
-    observation = Observation(**sds)
+    likelihood = ph.Gaussian(**sds)
     priors = {"mu": pm.Uniform.dist(3, 9), "alpha": pm.Uniform.dist(4, 6)}
-    forward = observation.forward_model(OGDEN, data, priors, mode="collocation")
-    switches = {name: pytensor.shared(1.0) for name in observation.signals}
-    log_likelihood = observation.log_likelihood(forward.tube(POINT), switches)
+    forward = likelihood.forward_model(OGDEN, data, priors, mode="collocation")
+    switches = {name: pytensor.shared(1.0) for name in likelihood.signals}
+    log_likelihood = likelihood.log_likelihood(forward.tube(POINT), switches=switches)
     function = pytensor.function([], log_likelihood, mode=AS_WRITTEN)
     normal, points = Dense(data, LAYERS, **sds), data.sizes["obs"]
     rows = {("pressure",): slice(points), ("force",): slice(points, None)}
@@ -173,7 +175,7 @@ def test_each_signal_alone_has_its_marginal_density(errors):
 
 def test_gradient_agrees_with_differences_and_is_0_where_curves_overflow():
     """By material and errors: variances depend on the material through its slopes."""
-    model = model_of(extended("outer_diameter"), likelihood="generative", **unknown(SDS))
+    model = model_of(extended("outer_diameter"), observed=True, **unknown(SDS))
     function, point = function_of(model, gradient=True), POINT | SDS
     _, *gradient = function(**point)
     for rv, found in zip(model.free_RVs, gradient, strict=True):
@@ -199,7 +201,7 @@ def test_draws_of_offsets_are_normal_with_the_stored_mean_and_error():
 
 
 def test_predictions_share_offsets_and_errors_of_diameters():
-    model = model_of(extended(), likelihood="generative", mode="quadrature", **SDS)
+    model = model_of(extended(), observed=True, mode="quadrature", errors=SDS)
     normal = Dense(extended(), LAYERS, **SDS)
     assert_predicted(model, POINT, normal.mean, normal.covariance, 600, SEED)
 
@@ -214,9 +216,9 @@ def test_extension_tests_have_no_slopes():
     for mode in ("quadrature", "collocation"):
         found = {}
         for name, slope_weight in (("both", 2.0), ("inflation", 2.0), ("extension", 0.0)):
-            observation = Observation(noise_sd=0.4, slope_weight=slope_weight)
-            forward = observation.forward_model(OGDEN, data[name], priors, mode=mode)
-            log_likelihood = observation.log_likelihood(forward.tube(POINT))
+            likelihood = ph.SlopeAugmented(sigma=0.5, slope_weight=slope_weight)
+            forward = likelihood.forward_model(OGDEN, data[name], priors, mode=mode)
+            log_likelihood = likelihood.log_likelihood(forward.tube(POINT))
             found[name] = log_likelihood.eval(mode=AS_WRITTEN)
         together = found["inflation"] + found["extension"]
         assert found["both"] == pytest.approx(together, rel=LIKELIHOOD_TOLERANCE)

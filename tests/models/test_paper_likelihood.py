@@ -63,15 +63,17 @@ MIXED = dataset(*FRAMES)
 
 def likelihood_of(energy, data=MIXED, gradient=False, **settings):
     """The log-likelihood by the parameters and by the noise that has a range and not a number."""
-    settings = {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT} | settings
+    errors = {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT}
+    errors |= {name: settings.pop(name) for name in errors if name in settings}
 
     def uniform(name, ends):
         return pm.Uniform(name, *ends, default_transform=None)
 
     with pm.Model() as model:
         parameters = {p.name: uniform(p.name, p.prior_range) for p in energy.parameters}
-        noise = {n: uniform(n, v) if isinstance(v, tuple) else v for n, v in settings.items()}
-        ph.inflation_likelihood("curves", energy, data, parameters, **noise)
+        errors = {n: uniform(n, v) if isinstance(v, tuple) else v for n, v in errors.items()}
+        likelihood = ph.SlopeAugmented(**errors)
+        ph.inflation_likelihood("curves", energy, data, likelihood, parameters, **settings)
     (value,) = model.replace_rvs_by_values([model["curves"]])
     outputs = [value, *(pytensor.grad(value, model.value_vars) if gradient else ())]
     function = pytensor.function(model.value_vars, outputs, mode=AS_WRITTEN)
@@ -145,11 +147,11 @@ def test_gradient_by_material_and_noise_is_that_of_the_exact_likelihood(mode):
 
 def test_parameters_and_geometry_may_be_numbers():
     """Numbers have double precision, and a geometry takes the place of that of the data."""
-    data, noise = dataset(FRAMES[0]), {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT}
+    data, likelihood = dataset(FRAMES[0]), ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT)
     parameters, geometry = {"mu": 30, "alpha": 6.7}, {"inner_radius": pt.constant(7.1)}
     with pm.Model() as model:
-        settings = noise | {"geometry": geometry}
-        ph.inflation_likelihood("curves", ph.Ogden(), data, parameters, **settings)
+        settings = {"geometry": geometry}
+        ph.inflation_likelihood("curves", ph.Ogden(), data, likelihood, parameters, **settings)
     moved = data.assign(inner_radius=("test", [7.1]))
     expected = exact_likelihood(ph.Ogden(), [[30.0, 6.7]], moved)
     found = model["curves"].eval(mode=AS_WRITTEN)
@@ -173,8 +175,8 @@ def test_extreme_parameters_never_give_nan(law, mode, unbounded):
     """The log-likelihood is a number, or minus infinity with a gradient of 0."""
     energy = LAWS[law]
     priors = {n: UNBOUNDED[n] for n in energy.parameter_names} if unbounded else None
-    noise = {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT}
-    model = ph.inflation_model(energy, MIXED, **noise, priors=priors, mode=mode)
+    likelihood = ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT)
+    model = ph.inflation_model(energy, MIXED, likelihood, priors=priors, mode=mode)
     (likelihood,) = model.replace_rvs_by_values([model["likelihood"]])
     inputs = model.value_vars
     # Simplified, as in a sampler: unconstrained coordinates reach the limits of sigmoids.

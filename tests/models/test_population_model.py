@@ -14,7 +14,6 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.models.class_distribution import register_class
 from pymc_hyperelastic.models.natural_scale import NaturalScale
-from pymc_hyperelastic.models.observation import Observation
 
 SEED = 733
 # Sums and logarithms of a few numbers of order one.
@@ -52,7 +51,7 @@ def test_correlations_have_the_distribution_of_lewandowski_kurowicka_and_joe():
     determinant is the product of 1 - ρ², whose mean is 2 a/(2 a + 1) for Beta(a, a).
     """
     with pm.Model(coords={"coordinate": [0, 1, 2], "coordinate_2": [0, 1, 2]}) as model:
-        register_class(NaturalScale(ph.Yeoh()), Observation(1.0), False)
+        register_class(NaturalScale(ph.Yeoh()), ph.Gaussian(1.0), False)
     drawn = pm.draw(model["correlation"], draws=3000, random_seed=SEED, mode=MODE)
     for i, j in ((1, 0), (2, 0), (2, 1)):
         assert stats.kstest((drawn[:, i, j] + 1) / 2, stats.beta(2.5, 2.5).cdf).pvalue > CHANCE
@@ -87,7 +86,7 @@ def test_density_is_that_of_the_stated_model(data, differ):
     if differ:
         settings["priors"] = {"location": pm.Normal.dist([-1.0, 2.0], 0.4, shape=2)}
         settings["priors"] |= {"effect_spread": pm.Exponential.dist(3.0)}
-    model = ph.population_model(ph.Ogden(), data, sigma=sigma, **settings)
+    model = ph.population_model(ph.Ogden(), data, ph.SlopeAugmented(sigma, 0.0), **settings)
     rng = np.random.default_rng(SEED)
     specimens, of_test = specimens_of(data)
     assert specimens == ["S2", "S1"] and of_test.tolist() == [0, 1, 0]
@@ -138,19 +137,18 @@ def test_density_is_that_of_the_stated_model(data, differ):
 def test_specimens_have_noises_of_their_own_for_every_signal():
     """Pressures, forces with an offset and diameters: the density of a dense normal."""
     data, sd = extended("outer_diameter"), pm.LogNormal.dist(0, 1)
-    settings = {"noise_sd": sd, "force_noise_sd": sd, "diameter_noise_sd": sd}
-    model = ph.population_model(ph.Ogden(), data, **settings, force_offset_sd=25.0)
-    assert model.named_vars_to_dims["specimen_force_noise_sd"] == ("specimen",)
-    own = {"sigma": 0.5, "force_sigma": 4.0, "diameter_noise_sd": 0.08}
+    likelihood = ph.Gaussian(sd, force_sd=sd, diameter_sd=sd, force_offset_sd=25.0)
+    model = ph.population_model(ph.Ogden(), data, likelihood)
+    assert model.named_vars_to_dims["specimen_force_sd"] == ("specimen",)
+    own = {"pressure_sd": 0.4, "force_sd": 3.0, "diameter_sd": 0.08}
     point = model.initial_point() | {f"log_specimen_{n}": np.log([v]) for n, v in own.items()}
-    names = ("mu", "alpha", "specimen_noise_sd", "specimen_diameter_noise_sd")
+    names = ("mu", "alpha", "specimen_pressure_sd", "specimen_diameter_sd")
     outputs = [model.logp(model.observed_RVs), *(model[name] for name in names)]
     outputs[1:] = model.replace_rvs_by_values(outputs[1:])
     settings = {"inputs": model.value_vars, "on_unused_input": "ignore", "mode": AS_WRITTEN}
-    found, mu, alpha, noise_sd, diameter_sd = model.compile_fn(outputs, **settings)(point)
-    np.testing.assert_allclose([*noise_sd, *diameter_sd], [0.5 / np.sqrt(2), 0.08])
-    sds = {"noise_sd": 0.5 / np.sqrt(2), "force_noise_sd": 4.0 / np.sqrt(2)}
-    sds |= {"force_offset_sd": 25.0, "diameter_noise_sd": 0.08}
+    found, mu, alpha, pressure_sd, diameter_sd = model.compile_fn(outputs, **settings)(point)
+    np.testing.assert_allclose([*pressure_sd, *diameter_sd], [0.4, 0.08])
+    sds = own | {"force_offset_sd": 25.0}
     expected = Dense(data, [(ogden(mu[0], alpha[0]), 2.0)], **sds).log_density()
     np.testing.assert_allclose(found, expected, rtol=DENSITY_TOLERANCE)
 
@@ -162,7 +160,7 @@ def test_specimens_of_layers_have_layers_of_their_own():
     frame = pd.DataFrame({"specimen": np.repeat(["S1", "S2"], 4), "experiment": 1})
     frame = frame.assign(radius=np.tile(radius, 2), pressure=np.tile(np.linspace(2.0, 8.0, 4), 2))
     data = ph.inflation_data(frame, inner_radius=1.0, outer_radius=None)
-    model = ph.population_model([thin, ph.Layer(ph.Ogden(), 0.1)], data, noise_sd=0.5)
+    model = ph.population_model([thin, ph.Layer(ph.Ogden(), 0.1)], data, 0.5)
     point = model.initial_point()
     point |= {"log_thickness_1": np.log([0.08, 0.13]), "log_alpha_2": np.log([4.0, 7.0])}
     outputs = [model[name] for name in ("pressure", "thickness_1", "mu_2", "alpha_2")]
@@ -181,7 +179,7 @@ def test_a_population_stands_by_itself_and_can_be_drawn_from(data):
     with pm.Model(coords={"obs": [0]}) as other:
         pm.Normal("location")
         with pytest.warns(UserWarning, match="stands by itself.*name="):
-            model = ph.population_model(ph.Ogden(), data, sigma=SIGMA)
+            model = ph.population_model(ph.Ogden(), data, SIGMA)
     assert [v.name for v in other.free_RVs] == ["location"]
     settings = {"random_seed": SEED, "compile_kwargs": {"mode": MODE}}
     tree = pm.sample_prior_predictive(20, model=model, **settings)

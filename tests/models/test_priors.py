@@ -72,9 +72,11 @@ def test_registered_priors_have_the_density_in_double_precision():
 
 
 def test_a_prior_that_cannot_be_stored_can_be_registered():
+    """Distributions of distributions, and of matrices, cannot be read from a record."""
     prior = pm.Truncated.dist(pm.HalfNormal.dist(2), upper=3)
-    with pytest.raises(ValueError, match=r"prior of 'mu' cannot be stored"):
-        prior_to_record("mu", prior)
+    for refused in (prior, pm.LKJCorr.dist(n=2, eta=2)):
+        with pytest.raises(ValueError, match=r"prior of 'mu' cannot be stored"):
+            prior_to_record("mu", refused)
     with pm.Model() as model:
         register_prior("mu", prior)
     assert [rv.name for rv in model.free_RVs] == ["mu"]

@@ -82,11 +82,12 @@ def test_likelihood_of_an_inferred_tube_is_exact_or_nil_if_it_is_impossible(
     """Gradients agree with differences, and are finite where there is no such tube."""
     names, steep = list(values), [(6.0, alpha, *values.values()) for alpha in (1e4, 1e6)]
     missing = {name: None for name in names if name in TUBE}
-    noise = {"sigma": SIGMA, "slope_weight": SLOPE_WEIGHT, "force_sigma": FORCE_SIGMA}
+    likelihood = ph.SlopeAugmented(SIGMA, SLOPE_WEIGHT, force_sigma=FORCE_SIGMA)
     unknown = {name: pm.Normal.dist(1.0, 50.0) for name in [*OGDEN, *names]}
     priors = {name: unknown.pop(name) for name in OGDEN}
     data = tube_data(measured, **missing)
-    model = ph.ogden_model(data, **noise, priors=priors, geometry=unknown, mode="quadrature")
+    settings = {"priors": priors, "geometry": unknown, "mode": "quadrature"}
+    model = ph.ogden_model(data, likelihood, **settings)
     (value,) = model.replace_rvs_by_values([model["likelihood"]])
     outputs = [value, *pytensor.grad(value, model.value_vars)]
     function = pytensor.function(model.value_vars, outputs, mode=AS_WRITTEN)
@@ -110,7 +111,7 @@ def test_likelihood_of_an_inferred_tube_is_exact_or_nil_if_it_is_impossible(
 # --- tubes of specimens that were measured with an error -----------------------------------------
 
 RING_ANGLE = 1.1
-NOISE = {"noise_sd": 0.4, "force_noise_sd": 2.0, "slope_weight": 0.0}
+NOISE = ph.Gaussian(pressure_sd=0.4, force_sd=2.0)
 
 
 def table():
@@ -189,7 +190,7 @@ def test_deviations_give_the_density_of_the_other_tube(sds, measured):
     stated = measured == "radius"  # by the data, or by the model
     data = other = ring_data(measured, geometry_sd=sds) if stated else ring_data(measured)
     geometry = {name: ph.Measured() if stated else ph.Measured(sd) for name, sd in sds.items()}
-    settings = NOISE | {"mode": "quadrature"}
+    settings = {"likelihood": NOISE, "mode": "quadrature"}
     model = ph.inflation_model(ph.Ogden(), data, **settings, geometry=geometry)
     for z, (name, sd) in zip(Z, sds.items(), strict=False):
         other = changed(other, name, z, sd)

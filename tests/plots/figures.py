@@ -84,7 +84,7 @@ def hierarchical_class(spread):
             "location": (dims, location),
             "spread": (dims, np.full_like(location, spread)),
             "correlation": ((*dims, "coordinate_2"), np.tile(np.eye(2), (1, 1000, 1, 1))),
-            "noise_sd": (dims[:2], noise),
+            "pressure_sd": (dims[:2], noise),
             "noise_spread": (dims[:2], 3 * noise),
         },
         {"coordinate": names, "coordinate_2": names},

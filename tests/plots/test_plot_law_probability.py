@@ -8,8 +8,10 @@ from scipy.special import softmax
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.average import laws_of_fits
+from pymc_hyperelastic.models.records import likelihood_attrs
 
-NOISE = '{"sigma": 1.0, "slope_weight": 0.0}'
+LIKELIHOOD, OTHER = (likelihood_attrs(ph.Gaussian(sd))["likelihood"] for sd in (1.0, 2.0))
+OBSERVED = likelihood_attrs(ph.Gaussian(1.0, observed=True))["likelihood"]
 # Log evidence and its standard error of each law.
 LAWS = {
     "Ogden": (-120.0, 0.05),
@@ -27,7 +29,7 @@ def fit(value, error=0.1, data=DATA, **attrs):
     """Return a sampled model of one chain with this log evidence."""
     evidence = {"log_evidence": ("chain", [value]), "log_evidence_se": ("chain", [error])}
     tree = fitted(data).assign({"evidence": xr.DataTree(xr.Dataset(evidence))})
-    tree.attrs = {"noise": NOISE, "priors": "{}", "strain_energy": "Ogden"} | attrs
+    tree.attrs = {"likelihood": LIKELIHOOD, "priors": "{}", "strain_energy": "Ogden"} | attrs
     return tree
 
 
@@ -151,8 +153,12 @@ OTHER_CURVE["C2"]["observed_data"]["pressure"].values[3] += 1.0
     ("first", "other", "message"),
     [
         (fit(-50.0), fit(-50.0, data=OTHER_TUBE), r"than under A \(in outer_radius\): .*not comp"),
-        (fit(-50.0), fit(-50.0, noise='{"sigma": 2.0}'), r"B with the noise .*2\.0.*A has the"),
-        (fit(-50.0), fit(-50.0, likelihood="generative"), "likelihood 'generative', but A"),
+        (
+            fit(-50.0),
+            fit(-50.0, likelihood=OTHER),
+            r"B with the likelihood Gaussian.*2\.0.*A has the",
+        ),
+        (fit(-50.0), fit(-50.0, likelihood=OBSERVED), r"observed=True\), but A"),
         (
             BOTH,
             BOTH.filter(lambda node: "C2" not in node.path),
@@ -172,6 +178,6 @@ def test_wrong_input_is_refused():
     with pytest.raises(ValueError, match=r"lacks 'strain_energy_log_evidence'; .*average_over"):
         ph.plot_law_probability(DATA)
     unknown = fit(-50.0)
-    del unknown.attrs["noise"]
-    with pytest.warns(UserWarning, match="fits: B does not say with which noise it was made"):
+    del unknown.attrs["likelihood"]
+    with pytest.warns(UserWarning, match="fits: B does not say with which likelihood it was made"):
         ph.plot_law_probability({"A": fit(-51.0), "B": unknown}, backend="none")

@@ -63,7 +63,7 @@ TYPE_ERRORS = [
     (lambda: predict(inner_radius="7 mm"), "inner_radius is '7 mm'.*number"),
     (
         lambda: predict(result(mu=[[2.0, 3.0]], alpha=[[2.0, 3.0]]), **THREE_TERMS),
-        "'mu' of OgdenSeries.* has 3 entries",
+        "'mu' of OgdenSeries.*; expected 3 entries",
     ),
 ]
 

@@ -16,7 +16,7 @@ import pymc_hyperelastic as ph
 SEED = 733
 # The same integral by the same rule, and through the inverse of a curve.
 ROUNDING, INVERSE = 1e-12, 1e-10
-NOISE = {"sigma": SIGMA, "slope_weight": 0.0}
+NOISE = ph.Gaussian(SIGMA / np.sqrt(2))
 LAYERS = [ph.Layer(ph.NeoHookean(), 1.2), ph.Layer(ph.Demiray(), pm.Uniform.dist(0.5, 1.0))]
 LAYER_DRAWS = {"mu_1": (30.0, 3.0), "mu_2": (20.0, 2.0), "b_2": (2.0, 0.1)}
 LAYER_DRAWS |= {"thickness_2": (0.8, 0.02)}
@@ -45,12 +45,12 @@ def measured(*unknown: str) -> xr.Dataset:
 
 def sampled(energy=None, data=None, geometry=None, **draws) -> xr.DataTree:
     data = measured() if data is None else data
-    model = ph.inflation_model(energy or ph.NeoHookean(), data, geometry=geometry, **NOISE)
+    model = ph.inflation_model(energy or ph.NeoHookean(), data, NOISE, geometry=geometry)
     return as_sampled(model, **draws)
 
 
 def population() -> xr.DataTree:
-    model = ph.population_model(ph.NeoHookean(), TRAINING["soft"], sigma=SIGMA)
+    model = ph.population_model(ph.NeoHookean(), TRAINING["soft"], NOISE)
     tree = as_sampled(model, mu=(40.0, 4.0))
     posterior = tree["posterior"].to_dataset()
     of_specimens = posterior["mu"] * xr.DataArray(
@@ -243,7 +243,7 @@ def test_naming_a_specimen_gives_its_tube():
     frame["radius"], frame["pressure"] = [7.2, 7.6, 8.0, 7.2, 7.6, 9.0], [2.0, 4.0, 7.0] * 2
     frame["B"] = [9.0] * 3 + [9.5] * 3
     data = ph.inflation_data(frame, inner_radius=7.0, outer_radius="B")
-    tree = as_sampled(ph.inflation_model(ph.NeoHookean(), data, **NOISE), mu=(40.0, 1.0))
+    tree = as_sampled(ph.inflation_model(ph.NeoHookean(), data, NOISE), mu=(40.0, 1.0))
     with pytest.raises(ValueError, match=r"outer_radius=.*specimen="):
         ph.predict_pressure(tree, [7.5])
     found = ph.predict_pressure(tree, [7.5, 8.5], specimen="S1")

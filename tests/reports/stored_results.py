@@ -7,6 +7,7 @@ import pandas as pd
 import xarray as xr
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.models.records import likelihood_attrs
 
 SEED = 20261126  # any would do: draws below stand for a posterior
 DATA = ph.load_dataset("simulated_sheep_aorta")
@@ -63,8 +64,7 @@ def fitted_class(data, energy="Demiray", draws=100, chains=2, shift=0.0, **attrs
         "strain_energy_settings": "{}",
         "units": json.dumps(units),
         "priors": json.dumps(priors),
-        "noise": json.dumps({"sigma": 2.0, "slope_weight": 0.0}),
-        "noise_in_words": "sigma = 2 kPa (a standard deviation of 1.41421 kPa), slope_weight = 0",
+        **likelihood_attrs(ph.SlopeAugmented(sigma=2.0, slope_weight=0.0)),
         "versions": json.dumps({"pymc-hyperelastic": "0.0.9", "pymc": "6.1.0"}),
     } | attrs
     return tree

@@ -3,10 +3,12 @@
 import json
 
 import numpy as np
+import pymc as pm
 import pytest
 from stored_results import DATA, classified, fitted_class, fitted_classes
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.models.records import likelihood_attrs
 from pymc_hyperelastic.reports.blocks import Found
 from pymc_hyperelastic.reports.decisions import classified_sentences
 from pymc_hyperelastic.reports.laws import in_text
@@ -39,25 +41,32 @@ def test_methods_settings_and_versions_of_pooled_classes(write_words):
     assert page.methods.endswith(f"with pymc_hyperelastic 0.0.9 on PyMC 6.1.0, {software}")
 
 
-SD = "with a standard deviation"
+SD, INFERRED = "with a standard deviation", pm.HalfNormal.dist(1.0)
 
 
 @pytest.mark.parametrize(
-    ("noise", "sentence"),
+    ("likelihood", "sentence"),
     [
-        ({"noise_sd": ["HalfNormal", [0.0, 1.0]]}, f"{SD} that was inferred, with the prior Half"),
-        ({"sigma": ["HalfNormal", [0.0, 1.0]]}, f"{SD} times √2 that was inferred, with the prior"),
-        ({"sigma": 2.0, "slope_weight": 3.0}, "curves counted too, with a weight of 3 mm²."),
-        ({"force_sigma": 1.0}, f"Errors of axial forces were taken as normal, {SD} of 0.7071 mN."),
-        ({"force_offset_sd": 3.0}, f"offset of the force transducer, normal {SD} of 3 mN."),
+        (ph.Gaussian(INFERRED), f"{SD} that was inferred, with the prior Half"),
+        (ph.SlopeAugmented(INFERRED, 0.0), f"{SD} times √2 that was inferred, with the prior"),
+        (ph.SlopeAugmented(2.0, 3.0), "curves counted too, with a weight of 3 mm²."),
+        (
+            ph.SlopeAugmented(2.0, 0.0, force_sigma=1.0),
+            f"Errors of axial forces were taken as normal, {SD} of 0.7071 mN.",
+        ),
+        (
+            ph.Gaussian(1.0, force_sd=1.0, force_offset_sd=3.0),
+            f"offset of the force transducer, normal {SD} of 3 mN.",
+        ),
     ],
 )
-def test_methods_state_the_size_of_each_error(noise, sentence):
-    found = methods(fitted_class(ONE, energy="NeoHookean", chains=1, noise=json.dumps(noise)))
+def test_methods_state_the_size_of_each_error(likelihood, sentence):
+    stated = likelihood_attrs(likelihood)
+    found = methods(fitted_class(ONE, energy="NeoHookean", chains=1, **stated))
     assert sentence in found
     assert "curves of 1 specimen were analysed: 1 experiment with 20 points." in found
     assert ("The prior was Uniform(0, 200) kPa for mu." in found) == ("inferred" not in found)
-    assert ("Slopes" in found) == ("slope_weight" in noise)
+    assert ("Slopes" in found) == ("weight" in sentence)
 
 
 def test_latex_fractions_powers_and_indices_become_text():

@@ -62,9 +62,9 @@ def test_failed_specimens_of_a_cohort_are_named_with_their_messages(write_words,
 
 @pytest.mark.deep
 def test_report_of_a_fitted_cohort(write, tmp_path):
-    settings = {"noise_sd": 0.4, "slope_weight": 0.0, "random_seed": 1, "cores": 1, "draws": 100}
+    settings = {"random_seed": 1, "cores": 1, "draws": 100}
     properties = {"pressure": [80, 120], "pressure_unit": "mmHg"}
-    ph.fit_cohort(ph.Ogden(), DATA, tmp_path / "s", properties=properties, **settings)
+    ph.fit_cohort(ph.Ogden(), DATA, 0.4, tmp_path / "s", properties=properties, **settings)
     page = write({"Cohort": ph.open_cohort(tmp_path / "s").load()})
     assert page.column("Posterior medians", "parameter") == ["mu", "alpha"]
     assert "compliance" in page.column("Elastic properties (posterior", "property")

@@ -126,5 +126,5 @@ def test_unknown_law_and_invalid_data_are_warnings(write_words):
     tree.attrs["strain_energy"] = "OfAnotherDay"
     data = DATA.assign(pressure=DATA["pressure"].where(DATA["pressure"] > 2.0))
     page = write_words({"Artery": tree, "Data": data})
-    assert "OfAnotherDay" in page.warnings and "run or import its class first" in page.warnings
+    assert "OfAnotherDay" in page.warnings and "Run or import its class first" in page.warnings
     assert "pressure is nan kPa; expected a finite number" in page.warnings

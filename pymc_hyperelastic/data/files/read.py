@@ -139,6 +139,11 @@ def read_tests(
     return data.assign_attrs(understood="\n".join(understood))
 
 
+def settings_of_study(files: Paths, settings: object = None) -> Settings:
+    """Return the settings of the arguments of :func:`read_tests`."""
+    return _given(files, settings)[1]
+
+
 def _given(files: Paths, settings: object) -> tuple[dict[str, Path], Settings]:
     """Tables by the names that messages give them, and settings."""
     several = [files] if isinstance(files, str | os.PathLike | io.IOBase) else files

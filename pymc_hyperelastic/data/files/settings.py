@@ -29,7 +29,16 @@ _SECTIONS = {"columns": _NAMES, "units": tuple(KINDS), "constants": _NAMES}
 # the square of its parts.
 _LARGEST_FILE = 200_000
 _LONGEST_LINE = 1000
-_KEYS = (*CONVENTIONS, *OF_KIND, "decimal", "separator", "ignore", *_SECTIONS, "files")
+_KEYS = (
+    *CONVENTIONS,
+    *OF_KIND,
+    "decimal",
+    "separator",
+    "ignore",
+    *_SECTIONS,
+    "files",
+    "likelihood",
+)
 
 
 class Constant(NamedTuple):
@@ -62,6 +71,8 @@ class Settings:
     ignore: tuple[str, ...] = ()
     decimal: str | None = None
     separator: str | None = None
+    likelihood: dict[str, str | float] = field(default_factory=dict)
+    """Sizes of errors by name, for the command line."""
 
     def unit_of(self, name: str) -> Unit | None:
         """Unit that is said for a column, or for all of its kind."""
@@ -95,6 +106,8 @@ def settings_of(said: Mapping[str, Any], place: str) -> Settings:
             _check_section(where, key, value)
         elif key == "files":
             _check_files(where, value)
+        elif key == "likelihood":
+            _check_likelihood(where, value)
         elif key == "ignore":
             if not _is_texts(value):
                 raise ValueError(
@@ -121,6 +134,7 @@ def settings_of(said: Mapping[str, Any], place: str) -> Settings:
         tuple(said.get("ignore", ())),
         said.get("decimal"),
         said.get("separator"),
+        dict(said.get("likelihood", {})),
     )
 
 
@@ -148,6 +162,17 @@ def _check_files(where: str, files: object) -> None:
         )
     for file, constants in files.items():
         _check_section(f"{where}files.{shown(file)}: ", "constants", constants)
+
+
+def _check_likelihood(where: str, section: object) -> None:
+    if not isinstance(section, Mapping):
+        raise ValueError(f"{where}likelihood is {shown(section)}; expected a table, [likelihood]")
+    for name, value in section.items():
+        if isinstance(value, bool) or not isinstance(value, str | int | float):
+            raise ValueError(
+                f"{where}likelihood.{name} is {shown(value)}; expected a number and its unit as "
+                "text, as in '2 mmHg', or a number of mm² for slope_weight"
+            )
 
 
 def _is_texts(value: object) -> bool:

@@ -1,19 +1,30 @@
-"""The zoo of strain energies, and the base class from which a user's own derives."""
+"""Strain energies: the base class :class:`StrainEnergy`, and one module per family of laws.
 
-from pymc_hyperelastic.mechanics.strain_energy import isotropic, orthotropic
+A new law is one class in the module of its family, with its name in that module's ``__all__``.
+"""
+
+from pymc_hyperelastic.mechanics.strain_energy import (
+    fibres,
+    invariants,
+    principal_stretches,
+    strain_components,
+)
 from pymc_hyperelastic.mechanics.strain_energy.base import (
     Parameter,
     StrainEnergy,
     list_strain_energies,
 )
-from pymc_hyperelastic.mechanics.strain_energy.isotropic import *  # noqa: F403
-from pymc_hyperelastic.mechanics.strain_energy.orthotropic import *  # noqa: F403
+from pymc_hyperelastic.mechanics.strain_energy.fibres import *  # noqa: F403
+from pymc_hyperelastic.mechanics.strain_energy.invariants import *  # noqa: F403
+from pymc_hyperelastic.mechanics.strain_energy.principal_stretches import *  # noqa: F403
+from pymc_hyperelastic.mechanics.strain_energy.strain_components import *  # noqa: F403
 
-# A law is exported from the one file in which it stands.
 __all__ = [
     "Parameter",
     "StrainEnergy",
     "list_strain_energies",
-    *isotropic.__all__,
-    *orthotropic.__all__,
+    *invariants.__all__,
+    *principal_stretches.__all__,
+    *strain_components.__all__,
+    *fibres.__all__,
 ]

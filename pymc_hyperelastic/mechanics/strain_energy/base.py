@@ -1,9 +1,14 @@
-"""What a strain energy is: its parameters and its equation."""
+"""Base class of all strain energies, their parameters, and their registry.
+
+Everything that depends on a material takes a :class:`StrainEnergy`: wall integrals, PyMC models,
+classification and plots. Kinematics and notation follow G. A. Holzapfel, Nonlinear Solid Mechanics,
+Wiley 2000, chapter 6.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from inspect import isabstract, signature
 from itertools import islice
 from typing import Any, ClassVar, Literal
@@ -17,39 +22,39 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.parallel import one_thread
 
-# Hoop and axial stretches at which stresses tell one formula from another: tension, both, and
-# compression along the hoop. They are small, so that the stresses of steep laws are finite.
+# Pairs of hoop and axial stretch at which the stresses of a fingerprint are computed: two in
+# tension, one in hoop compression, all small enough that no law overflows.
 _FINGERPRINT_STRETCHES = ((1.1, 1.05), (1.2, 1.1), (0.95, 1.02))
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One material parameter: what it is called, measured in, and believed to be beforehand.
+    """One material parameter: its name, unit and default priors.
 
     Attributes
     ----------
     name : str
-        Name in code; also the name of the random variable.
+        Name in code, and of the random variable in a model.
     symbol : str
         LaTeX symbol, without dollar signs.
     unit : str
-        ``"kPa"`` for a modulus, ``""`` for a pure number.
+        ``"kPa"`` for a modulus, ``""`` for a dimensionless parameter, ``"deg"`` for an angle.
     prior_range : tuple of float
-        Ends of the default uniform prior. It is an absolute physical range: it never depends on
-        the data, or evidences of two classes could not be compared.
+        Bounds of the default uniform prior, in `unit`. It is a fixed physical range: if it depended
+        on the data, the evidences of two classes could not be compared.
     description : str
-        What the parameter means, and where the range comes from.
+        Meaning of the parameter, and published values that support the range.
     size : int, optional
-        Number of entries of a vector, such as one modulus a term; a scalar when missing.
+        Number of entries of a vector parameter; by default the parameter is a scalar.
     scale : {"log", "logit", "real"}, optional
-        Where specimens of one kind are spread normally: in the logarithm, in the logit between the
-        ends of `prior_range`, or in the parameter itself. When missing, "log" if `prior_range`
-        holds no negative numbers, else "real". A parameter whose sign makes no difference is
-        positive on "log".
+        Transformation after which the specimens of a class are normally distributed: the logarithm,
+        the logit between the bounds of `prior_range`, or none. By default "log" if `prior_range`
+        has no negative values, else "real". Use "log" for a parameter whose sign has no effect; the
+        specimens of a class then have positive values.
     typical : tuple of float, optional
-        Of a pure number on "log": its median over tissues, and the standard deviation of its
-        logarithm. From it classes whose specimens differ have the prior of their location. When
-        missing, a sixth of the upper end of `prior_range`, and 1.2.
+        Median over tissues of a dimensionless parameter on the scale "log", and standard deviation
+        of its logarithm: the prior of a class's location. By default a sixth of the upper bound of
+        `prior_range`, and 1.2.
 
     See Also
     --------
@@ -58,7 +63,7 @@ class Parameter:
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> stiffening = ph.Parameter("b", "b", "", (0.0, 20.0), "how soon the wall stiffens")
+    >>> stiffening = ph.Parameter("b", "b", "", (0.0, 20.0), "stiffening exponent")
     >>> stiffening.natural_scale
     'log'
     """
@@ -74,19 +79,26 @@ class Parameter:
 
     @property
     def natural_scale(self) -> str:
-        """The scale, with its default filled in."""
+        """The attribute `scale`, or its default."""
         return self.scale or ("log" if self.prior_range[0] >= 0 else "real")
 
 
 class StrainEnergy(ABC):
-    r"""A hyperelastic material, stated by its strain energy.
+    r"""A hyperelastic material, defined by its strain energy.
 
-    A subclass names its :attr:`parameters` and writes :meth:`energy`, the energy ``W`` per unit of
-    reference volume as a PyTensor expression of the principal stretches. Nothing else is needed:
-    pressure, stiffness, axial force, their gradients, models, evidence and classification follow
-    from it. A vector parameter comes as a tuple of its entries.
+    A subclass states its :attr:`parameters` and implements :meth:`energy`: the energy ``W`` per
+    reference volume, as a PyTensor expression of the principal stretches. Pressure, stiffness,
+    axial force, gradients, models, evidence and classification follow from ``W``. A vector
+    parameter is passed as a tuple of its entries.
 
-    Two instances of one class with the same attributes are equal.
+    The attributes of an instance are settings of the law: numbers, text, or tuples of them. Two
+    instances of one class with equal attributes are equal.
+
+    **Names.** A result stores the name of the class, the attributes of the instance, and stresses
+    computed from its formula (:attr:`fingerprint`). The names of the package's own laws are
+    reserved: a subclass elsewhere that takes one raises TypeError. If two of your own classes have
+    one name, the name refers to the class that was defined last. A result of the other class is
+    refused when it is read, because its stored stresses differ.
 
     See Also
     --------
@@ -116,29 +128,27 @@ class StrainEnergy(ABC):
         super().__init_subclass__(**kwargs)
         if isabstract(cls):
             return
-        if not isinstance(cls.parameters, property):  # else known only of an instance
+        if not isinstance(cls.parameters, property):  # a property depends on the instance
             cls._check_parameters()
-        known = StrainEnergy._registry.get(cls.__name__)
-        if known and _is_of_the_zoo(known) and not _is_of_the_zoo(cls):
+        taken = StrainEnergy._registry.get(cls.__name__)
+        if taken and _is_built_in(taken) and not _is_built_in(cls):
             raise TypeError(
-                f"a strain energy {cls.__name__} is part of the package, and results refer to it "
-                "by this name: give your class another one"
+                f"the name {cls.__name__} is reserved: a strain energy {cls.__name__} is part of "
+                "the package, and results refer to it by this name. Rename your class"
             )
         StrainEnergy._registry[cls.__name__] = cls
 
     @classmethod
     def _check_parameters(cls) -> None:
-        """Raise TypeError unless :attr:`parameters` and :meth:`energy` name the same."""
+        """Raise TypeError unless :attr:`parameters` and :meth:`energy` have the same names."""
         stated = [p.name for p in cls.parameters]
         arguments = signature(cls.energy).parameters.values()
-        written = [
-            argument.name for argument in arguments if argument.kind is argument.KEYWORD_ONLY
-        ]
-        takes_any = any(argument.kind is argument.VAR_KEYWORD for argument in arguments)
-        if sorted(stated) != sorted(written) and not takes_any:
+        keywords = [a.name for a in arguments if a.kind is a.KEYWORD_ONLY]
+        takes_any = any(a.kind is a.VAR_KEYWORD for a in arguments)
+        if sorted(stated) != sorted(keywords) and not takes_any:
             raise TypeError(
-                f"strain energy {cls.__name__}: `parameters` names {stated} but `energy` takes the "
-                f"keyword-only arguments {written}; both must list the same names."
+                f"strain energy {cls.__name__}: `parameters` has the names {stated}, but `energy` "
+                f"has the keyword-only arguments {keywords}. Use the same names in both"
             )
 
     @abstractmethod
@@ -148,86 +158,76 @@ class StrainEnergy(ABC):
     def stress_difference(
         self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor
     ) -> Tensor:
-        r"""Cauchy stress difference ``σθθ − σrr`` in kPa, the wall's response to its stretches.
+        r"""Cauchy stress difference ``σθθ − σrr`` in kPa.
 
         .. math:: σ_{θθ} - σ_{rr} = λ_θ \frac{∂\hat W}{∂λ_θ} = \frac{∂\hat W}{∂\ln λ_θ}, \qquad
             \hat W(λ_θ, λ_z) = W(1/(λ_θ λ_z), λ_θ, λ_z)
 
-        It is derived from :meth:`energy`. A class may override it with a closed form where that is
-        faster, or keeps digits that the difference of two derivatives loses near zero stress.
+        The default differentiates :meth:`energy`. Override it with a closed form if that is faster
+        or more accurate: near zero stress the derivative is a small difference of large numbers.
 
         Parameters
         ----------
         log_hoop, log_axial : TensorVariable
             Natural logarithms of the stretches; ``log_hoop`` has the full broadcast shape.
         **parameters : TensorVariable
-            The material parameters, by name.
+            Material parameters by name.
         """
-        return elementwise_derivative(
-            self._reduced_energy(log_hoop, log_axial, **parameters), log_hoop
-        )
+        energy = self.reduced_energy(log_hoop, log_axial, **parameters)
+        return elementwise_derivative(energy, log_hoop)
 
     def axial_stress_difference(
         self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor
     ) -> Tensor:
-        r"""Cauchy stress difference ``σzz − σrr = ∂Ŵ/∂ln λz`` in kPa, which axial force feels.
+        r"""Cauchy stress difference ``σzz − σrr = ∂Ŵ/∂ln λz`` in kPa, needed for the axial force.
 
-        Like :meth:`stress_difference`, whose arguments it takes, it is derived from :meth:`energy`,
-        or overridden.
+        The default differentiates :meth:`energy`, as :meth:`stress_difference` does. The arguments
+        are the same.
         """
-        # Along a wall the axial stretch may be given once, but the stress differs: each entry of
-        # the energy needs one of its own to be differentiated by.
+        # One axial stretch may belong to many hoop stretches. The derivative is elementwise, so
+        # that log_axial must have one entry for each entry of the energy.
         log_axial = log_axial + pt.zeros_like(log_hoop)
-        return elementwise_derivative(
-            self._reduced_energy(log_hoop, log_axial, **parameters), log_axial
-        )
+        energy = self.reduced_energy(log_hoop, log_axial, **parameters)
+        return elementwise_derivative(energy, log_axial)
 
-    def _reduced_energy(self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor) -> Tensor:
-        """``Ŵ(λθ, λz) = W(1/(λθ λz), λθ, λz)`` of an incompressible solid."""
+    def reduced_energy(self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor) -> Tensor:
+        """Energy ``Ŵ(λθ, λz) = W(1/(λθ λz), λθ, λz)`` of the incompressible solid, kPa."""
         hoop, axial = pt.exp(log_hoop), pt.exp(log_axial)
         energy = self.energy(pt.exp(-log_hoop - log_axial), hoop, axial, **parameters)
         if not isinstance(energy, Variable):
             raise TypeError(
-                f"`energy` of {self.name} gave {energy!r}; expected an expression of the "
-                "stretches: does it end with `return`?"
+                f"`energy` of {self.name} gave {energy!r}; expected a PyTensor expression of the "
+                "stretches. Check that the method ends with `return`"
             )
         return energy
 
     def kinks(self, log_axial: Tensor, **parameters: Tensor) -> Sequence[Tensor]:
-        """Values of ``ln λθ`` at which the stress is not smooth, or NaN where there is none.
+        """Values of ``ln λθ`` at which the stress is not smooth; empty by default.
 
-        The wall is integrated piece by piece between them: fibres that carry load in tension only
-        have such a point. None by default.
+        Quadrature of the wall is split at these stretches. Laws have them if their fibres carry
+        load in tension only. The value is NaN, or beyond any wall, for materials without a kink.
         """
         return ()
 
     @property
-    def shortened(self) -> "StrainEnergy":
-        """The same law as far as ``λθ < 1``, with fewer terms if some are nil there.
-
-        It takes the same parameters. By default it is the law itself.
-        """
-        return self
-
-    @property
     def fingerprint(self) -> tuple[float, ...]:
-        """Stresses in kPa at fixed stretches and parameters, by which the formula is recognised.
+        """Stresses in kPa at fixed stretches and parameters, which identify the formula.
 
-        They are ``σθθ − σrr`` and ``σzz − σrr`` at three pairs of stretches, rounded to six digits,
-        with each parameter inside its prior range. Two laws with other
-        formulas have other stresses there, whatever they are called.
+        The values are ``σθθ − σrr`` and ``σzz − σrr`` at three pairs of stretches, rounded to six
+        digits, with each parameter inside its prior range. A result stores them: a law of the same
+        name with another formula is then recognised.
         """
         return _fingerprint(self)
 
     def split(self, parameters: Mapping[str, Any]) -> list[Any]:
-        """All entries of all parameters as one list, in the order of :attr:`parameters`.
+        """List all entries of all parameters, in the order of :attr:`parameters`.
 
-        The last axis of a vector parameter is that of its entries.
+        The entries of a vector parameter are along its last axis.
 
         Raises
         ------
         TypeError
-            If `parameters` are not those of this strain energy, or a vector has another length.
+            If a parameter is missing or unknown, or a vector has a wrong length.
         """
         if set(parameters) != set(self.parameter_names):
             raise TypeError(
@@ -240,21 +240,21 @@ class StrainEnergy(ABC):
             if p.size is None:
                 entries.append(value)
                 continue
-            if isinstance(value, tuple) and len(value) == p.size:  # as `join` gives it
+            if isinstance(value, tuple) and len(value) == p.size:  # the form that `join` returns
                 entries += value
                 continue
             value = value if isinstance(value, Variable) else np.asarray(value, float)
-            length = (value.type.shape if isinstance(value, Variable) else value.shape)[-1:]
-            if length != (p.size,) and length != (None,):
+            shape = value.type.shape if isinstance(value, Variable) else value.shape
+            if shape[-1:] not in ((p.size,), (None,)):
                 raise TypeError(
-                    f"parameter {p.name!r} of {self!r} has {p.size} entries along its last axis; "
-                    f"this has the shape {getattr(value, 'type', value).shape}"
+                    f"parameter {p.name!r} of {self!r} has the shape {shape}; expected {p.size} "
+                    "entries along the last axis"
                 )
             entries += [value[..., i] for i in range(p.size)]
         return entries
 
     def join(self, entries: Sequence[Any]) -> dict[str, Any]:
-        """Parameters by name from the list of :meth:`split`, vectors as tuples."""
+        """Return the parameters by name from the list of :meth:`split`, vectors as tuples."""
         rest = iter(entries)
         return {
             p.name: next(rest) if p.size is None else tuple(islice(rest, p.size))
@@ -263,7 +263,7 @@ class StrainEnergy(ABC):
 
     @property
     def name(self) -> str:
-        """Name under which results refer to this strain energy."""
+        """Name of the class, by which results refer to this strain energy."""
         return type(self).__name__
 
     @property
@@ -282,42 +282,58 @@ class StrainEnergy(ABC):
 
     @staticmethod
     def from_name(name: str, **settings: Any) -> "StrainEnergy":
-        """Strain energy whose class is called `name`: one of the zoo, or one defined by the user.
+        """Return an instance of the class called `name`, built in or defined by the user.
 
         Raises
         ------
         ValueError
-            If no such class has been defined, or it has no such settings.
+            If no class has this name, or the class does not accept these settings.
         """
         if not isinstance(name, str) or name not in StrainEnergy._registry:
             raise ValueError(
-                f"no strain energy is called {name!r}; known are {sorted(StrainEnergy._registry)}. "
-                "If it is your own, run or import its class first."
+                f"no strain energy is called {name!r}; expected one of "
+                f"{sorted(StrainEnergy._registry)}. Run or import its class first if it is yours"
             )
         law = StrainEnergy._registry[name]
-        known = signature(law).parameters.values()
-        strangers = sorted(set(settings) - {setting.name for setting in known})
-        if strangers and not any(s.kind is s.VAR_KEYWORD for s in known):
+        accepted = signature(law).parameters
+        unknown = sorted(set(settings) - set(accepted))
+        if unknown and not any(s.kind is s.VAR_KEYWORD for s in accepted.values()):
             raise ValueError(
-                f"{name} has the settings {[s.name for s in known]}, but {strangers} were given"
+                f"{name} has the settings {list(accepted)}, but {unknown} were given as well"
             )
-        return law(**settings)
+        # Files store tuples as lists.
+        return law(**{n: tuple(v) if isinstance(v, list) else v for n, v in settings.items()})
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and vars(self) == vars(other)
 
     def __hash__(self) -> int:
-        return hash((type(self), *sorted(vars(self).items())))
+        try:
+            return hash((type(self), *sorted(vars(self).items())))
+        except TypeError:
+            raise TypeError(
+                f"an attribute of {self!r} is not hashable; use tuples instead of lists and arrays"
+            ) from None
 
     def __repr__(self) -> str:
         settings = ", ".join(f"{name}={value!r}" for name, value in vars(self).items())
         return f"{self.name}({settings})"
 
 
-def list_strain_energies() -> list[str]:
-    """Names of all strain energies: those of the zoo, and those that the user has defined.
+class IsotropicStrainEnergy(StrainEnergy):
+    """Base class of laws whose energy is symmetric in the three principal stretches."""
 
-    Each is the name of a class, and :meth:`StrainEnergy.from_name` makes one.
+    def axial_stress_difference(
+        self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor
+    ) -> Tensor:
+        """``σzz − σrr``: :meth:`stress_difference` with hoop and axial stretch exchanged."""
+        return self.stress_difference(log_axial, log_hoop, **parameters)
+
+
+def list_strain_energies() -> list[str]:
+    """Names of all strain energies, built in and defined by the user.
+
+    :meth:`StrainEnergy.from_name` returns the law of a name.
 
     See Also
     --------
@@ -332,11 +348,11 @@ def list_strain_energies() -> list[str]:
     return list(StrainEnergy._registry)
 
 
-def _is_of_the_zoo(law: type[StrainEnergy]) -> bool:
+def _is_built_in(law: type[StrainEnergy]) -> bool:
     return law.__module__.startswith(f"{__name__.rpartition('.')[0]}.")
 
 
-@cache
+@lru_cache(maxsize=64)
 @one_thread
 def _fingerprint(law: StrainEnergy) -> tuple[float, ...]:
     hoop, axial = np.log(_FINGERPRINT_STRETCHES).T
@@ -344,9 +360,10 @@ def _fingerprint(law: StrainEnergy) -> tuple[float, ...]:
     for p in law.parameters:
         low, high = p.prior_range
         for _ in range(p.size or 1):
-            # No two parameters at the same share of their ranges: a swap of two shows.
-            share = 0.3 + 0.4 / (2 + len(entries))
-            entries.append(pt.constant(low + share * (high - low), dtype="float64"))
+            # Between 0.3 and 0.5 of the range, different for each entry, so that exchanging two
+            # parameters changes the stresses.
+            fraction = 0.3 + 0.4 / (2 + len(entries))
+            entries.append(pt.constant(low + fraction * (high - low), dtype="float64"))
     log_hoop, log_axial = pt.constant(hoop), pt.constant(axial)
     parameters = law.join(entries)
     stresses = [
@@ -358,7 +375,7 @@ def _fingerprint(law: StrainEnergy) -> tuple[float, ...]:
 
 
 def elementwise_derivative(y: Tensor, x: Tensor) -> Tensor:
-    """Derivative of `y` by `x`, where each entry of `y` depends on that of `x` alone."""
+    """Derivative ``∂y/∂x`` where each entry of `y` depends on the same entry of `x` only."""
     return grad(y.sum(), x, disconnected_inputs="ignore")
 
 
@@ -368,6 +385,6 @@ def half_difference(log_hoop: Tensor, log_axial: Tensor) -> Tensor:
 
 
 def first_invariant_excess(log_hoop: Tensor, log_axial: Tensor) -> Tensor:
-    """``I₁ − 3 = 4 e^{−z} sinh²(γ/2) + 2 e^{−z} + e^{2z} − 3``, with its digits near 0."""
+    """``I₁ − 3 = 4 e^{−z} sinh²(γ/2) + 2 e^{−z} + e^{2z} − 3``, accurate near 0."""
     across = 4 * pt.exp(-log_axial) * pt.sinh(log_hoop + log_axial / 2) ** 2
     return across + 2 * pt.expm1(-log_axial) + pt.expm1(2 * log_axial)

@@ -36,8 +36,8 @@ def block_product(
 def table_arrays(test: NDArray, tests: int) -> dict[str, NDArray]:
     """Table with a row for each test, of points whose `test` never falls; a test may have none.
 
-    Which ``points`` stand in it (test, column), whether there is one (``there``), and the ``place``
-    of each point in the flattened table.
+    The result holds the numbers of the ``points`` in the table (test, column), a mask ``there`` of
+    the entries that are points, and the ``place`` of each point in the flattened table.
     """
     position, size = positions(test)
     place = test * size + position
@@ -47,7 +47,7 @@ def table_arrays(test: NDArray, tests: int) -> dict[str, NDArray]:
 
 
 def table_of(vector: TensorVariable, inputs: Mapping[str, Any]) -> TensorVariable:
-    """A vector over points as such a table, 0 where there is none."""
+    """Return a vector over points as a table by test, padded with 0."""
     return pt.where(inputs["there"], vector[inputs["points"]], 0.0)
 
 

@@ -1,9 +1,7 @@
 """The forward model of a tube."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence, Set
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from copy import copy
-from dataclasses import replace
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,41 +20,26 @@ from pymc_hyperelastic.data.inflation import (
     extension_tests,
     points_of,
 )
-from pymc_hyperelastic.mechanics.empirical import fewer_nodes
-from pymc_hyperelastic.mechanics.interpolation import MOST_NODES
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.wall_nodes import WallNodes
-from pymc_hyperelastic.models.forward.collocated import Collocated
-from pymc_hyperelastic.models.forward.direct import ByPoints, Direct, WallVariables
-from pymc_hyperelastic.models.forward.rules import (
-    HIGHEST_ORDER,
-    Mode,
-    errors_of,
-    like_measured,
-    way_to_integrate,
-)
+from pymc_hyperelastic.models.forward.choose import Mode, choose_integrator
+from pymc_hyperelastic.models.forward.integrator import Integrator
+from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
 from pymc_hyperelastic.models.geometry import measured_of, priors_of
 from pymc_hyperelastic.models.priors import with_variables
 
-Array = NDArray[np.float64]
-Arrays = dict[str, NDArray]
-
-# kPa², or (kPa/mm)²: far beyond any tube; what is made of smaller numbers does not overflow.
+# kPa², or (kPa/mm)²: a misfit far beyond any tube, whose multiples do not overflow.
 _LARGEST_MISFIT = np.float64(1e60)
-# Points of a specimen up to which all nodes in its walls are candidates for few.
-_MOST_IN_WALLS = 400
-# Nodes of a specimen with which it pays to find few that are right for materials like some.
-_MANY_NODES = 100
-# Radii of a test at which a pressure is seen to rise.
+# Radii of a test at which it is checked that pressure rises.
 _RADII_BETWEEN = 20
+# Attempts to make curves accurate for the materials that are found; one or two usually suffice.
+_MOST_ROUNDS = 4
 
 
 class ForwardModel:
-    """What a tube shows where it was measured, for any parameters.
+    """Pressures, axial forces and slopes of a tube at the measured points, for any parameters.
 
-    The data enter compiled expressions as shared variables: :meth:`set_data` puts others in their
-    place.
+    The data enter compiled expressions as shared variables: :meth:`set_data` replaces them.
 
     Parameters
     ----------
@@ -65,22 +48,26 @@ class ForwardModel:
     data : xarray.Dataset
         Inflation data.
     parameters, geometry : dict of str to TensorVariable
-        Distributions, or random expressions, of what is inferred of the material, and of what is
-        not known of the tube, by name: curves are right over their range. What was measured of the
-        tube with an error is :class:`Measured`.
+        Distributions, or random expressions, of the unknown material parameters and geometry, by
+        name: curves are accurate over their range. A geometry that was measured with an error is
+        :class:`Measured`.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated.
     with_force : bool
         Whether axial force is measured.
     error_in : {"pressure", "radius"}
-        What was measured with an error, and what a misfit tells.
+        The quantity that was measured with an error, whose misfit is computed.
     by_test : bool
         Whether each test has parameters of its own, vectors of the length of the tests.
-    nearby : bool
-        Whether curves of a specimen are mostly those of :meth:`nearby` materials. All others take
-        long then, and slopes are not known.
+    tolerance : float
+        Largest error of curves by selected nodes and by refined matrices, relative to the largest
+        value of each. Chebyshev nodes and pointwise quadrature are chosen for smaller errors.
+    inaccurate : float
+        Fraction of the materials of the prior whose curves may err by more: a few have fibres that
+        stiffen by orders of magnitude within a hundredth of a wall. It may be larger for callers
+        that refine the curves of the materials that they find, see :func:`until_accurate`.
     replaceable : bool
-        Whether other data may take the place of these. Else what quadrature needs of them alone is
+        If True, other data may replace these. If False, terms that depend on the data alone are
         computed when a function is compiled.
 
     Raises
@@ -100,7 +87,8 @@ class ForwardModel:
         with_force: bool = False,
         error_in: str = "pressure",
         by_test: bool = False,
-        nearby: bool = False,
+        tolerance: float = 1e-9,
+        inaccurate: float = 1 / 200,
         replaceable: bool = True,
     ) -> None:
         self.data, self.error_in, self._replaceable = data, error_in, replaceable
@@ -110,12 +98,17 @@ class ForwardModel:
         deviations = {name: pm.Normal.dist() for name in measured}
         unknown = priors_of(geometry or {})
         self._stated = WallVariables(wall, self._parameters(parameters), unknown, deviations)
-        settings: dict[str, Any] = {"with_force": with_force, "by_test": by_test, "nearby": nearby}
-        settings["known_radii"] = error_in == "pressure"
-        settings["errors"] = {name: value.sd for name, value in measured.items()}
-        self._mode, self._settings = mode, settings
-        self.way: Any = way_to_integrate(self._stated, data, mode=mode, **settings)
-        self._known: Sequence[Array] = ()
+        self.integrator: Integrator = choose_integrator(
+            self._stated,
+            data,
+            mode=mode,
+            known_radii=error_in == "pressure",
+            geometry_sd={name: value.sd for name, value in measured.items()},
+            with_force=with_force,
+            by_test=by_test,
+            tolerance=tolerance,
+            inaccurate=inaccurate,
+        )
         self._shared: dict[Hashable, tuple[Callable, dict[str, SharedVariable]]] = {}
 
     def with_data(self, data: xr.Dataset) -> "ForwardModel":
@@ -124,94 +117,44 @@ class ForwardModel:
         other.data, other._shared = data, {}
         return other
 
-    def errors(self, data: xr.Dataset, parameters: Mapping[str, Any]) -> Array:
-        """Errors of curves of so many materials, relative to the largest value of each.
+    def errors(
+        self,
+        data: xr.Dataset,
+        parameters: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None = None,
+    ) -> Array:
+        """Return the largest error of the curves of each material, see :meth:`Integrator.errors`.
 
-        Curves are right over the range of the distributions, of which materials may lie outside.
-        Of layers nothing is said.
+        The `parameters` and the unknown `geometry` are given by name, with one number for each
+        material. A geometry that is missing is the measured one.
         """
-        if not isinstance(self._wall, StrainEnergy):
-            return np.zeros(1)
-        return errors_of(self.way, self._wall, data, self._wall.split(parameters))
-
-    def right_for(self, parameters: Mapping[str, Any]) -> "ForwardModel":
-        """The same with curves that are right for these materials too."""
-        if not isinstance(self._wall, StrainEnergy):
-            raise TypeError("layers have no materials that curves are made right for")
-        known = self._wall.split(parameters)
-        if self._known:
-            known = [np.concatenate(both) for both in zip(self._known, known, strict=True)]
-        other = self.for_all(known)
-        if isinstance(other.way, Direct):
-            other.way = replace(other.way, order=HIGHEST_ORDER)
-        return other
+        return self.integrator.errors(data, self._in_numbers(parameters, geometry))
 
     @property
-    def in_walls(self) -> bool:
-        """Whether curves are by all nodes in the walls of a specimen."""
-        return isinstance(self.way, Collocated) and isinstance(self.way.basis, WallNodes)
+    def unknown(self) -> tuple[list[str], list[str]]:
+        """Names of the unknown material parameters, and of the unknown geometry."""
+        return [*self._distributions], [*self._stated.geometry]
 
-    def takes(self, data: xr.Dataset) -> bool:
-        """Whether matrices of a specimen with these data are of a size that pays."""
-        return not self.in_walls or data.sizes["obs"] <= _MOST_IN_WALLS
-
-    def for_all(self, known: Sequence[Array] = ()) -> "ForwardModel":
-        """The same by curves for all materials of the priors, of specimens of any number of points.
-
-        They are right for materials that are `known`, entry by entry, too, and take long to make.
-        """
-        other, settings = copy(self), self._settings | {"known": known, "nearby": False}
-        other.way = way_to_integrate(self._stated, self.data, mode=self._mode, **settings)
-        other._known, other._shared = known, {}
-        return other
-
-    def nearby(
-        self, draw: Callable[[], Mapping[str, Any]], variables: Set[SharedVariable]
-    ) -> dict[SharedVariable, NDArray]:
-        """Values of some of the shared variables that are right for materials like drawn ones.
-
-        By these, whatever is made of curves takes less time. There are none where curves have few
-        nodes already.
-        """
-        if not isinstance(self.way, Collocated) or not isinstance(self._wall, StrainEnergy):
-            return {}
-        energy, known, draw = self._wall, {}, cache(draw)
-
-        def fewer(log_hoop: Array, log_axial: Array) -> tuple[NDArray[np.intp], Array]:
-            # Curves and misfits have the same places.
-            key = log_hoop.tobytes(), log_axial.tobytes()
-            if key not in known:
-                places, materials = (log_hoop, log_axial), energy.split(draw())
-                known[key] = fewer_nodes(energy, places, materials, with_force=self.way.with_force)
-            return known[key]
-
-        values: dict[SharedVariable, NDArray] = {}
-        for _, inputs in self._shared.values():
-            arrays = {name: v.get_value(borrow=True) for name, v in inputs.items()}
-            nodes = sum(v.size for name, v in arrays.items() if name.endswith("log_hoop"))
-            if nodes >= _MANY_NODES and not variables.isdisjoint(inputs.values()):
-                nearby = self.way.nearby_arrays(arrays, fewer)
-                values |= {inputs[name]: array for name, array in nearby.items()}
-        return values
-
-    def by_matrices(self) -> "ForwardModel | None":
-        """The same by constant matrices, of as many stretches as there may be; None if none can be.
-
-        They take a tenth of the time. For which materials they are right, :meth:`errors` tells.
-        """
-        way, known = self.way, self._stated.known_tube and self._settings["known_radii"]
-        if not isinstance(way, Direct) or not known or extension_tests(self.data).any():
-            return None
+    def refined(
+        self,
+        data: xr.Dataset,
+        parameters: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None = None,
+    ) -> "ForwardModel":
+        """Return the same with curves that are accurate for these materials, too."""
         other = copy(self)
-        other.way = Collocated(MOST_NODES, way.with_force, way.by_test)
-        other._shared = {}
+        wall = self._in_numbers(parameters, geometry)
+        other.integrator, other._shared = self.integrator.refined(data, wall), {}
         return other
 
-    def could_show(self, data: xr.Dataset, parameters: Mapping[str, Any]) -> NDArray[np.bool_]:
-        """Whether materials might have shown a test of the data, with errors as large as a half."""
-        if not isinstance(self._wall, StrainEnergy):
-            raise TypeError("of layers it is not known what they show")
-        return like_measured(self._wall, data, self._wall.split(parameters))
+    def _in_numbers(
+        self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None
+    ) -> WallVariables:
+        wall: Any = self._wall
+        if not isinstance(wall, StrainEnergy):
+            wall = with_variables(wall, self._distributions, parameters)
+        known = {name: v for name, v in (geometry or {}).items() if name in self._stated.geometry}
+        return WallVariables(wall, self._parameters(parameters), known)
 
     def between(self) -> "ForwardModel":
         """The same tests at radii evenly spread between the ends of each.
@@ -221,7 +164,7 @@ class ForwardModel:
         return self.with_data(_between(self.data))
 
     def set_data(self, data: xr.Dataset) -> None:
-        """Put other data of the same kind in the place of these, in all that was made of them."""
+        """Replace the data by others of the same kind, in all compiled expressions."""
         if not self._replaceable:
             raise TypeError("these data are constants here: make the forward model replaceable")
         if data is self.data:
@@ -242,11 +185,11 @@ class ForwardModel:
     ) -> dict[str, SharedVariable]:
         """Shared variables of arrays that are made of the data, and follow them.
 
-        Where arrays of the same `key` have been shared, those are returned. Data of other lengths
+        Shared variables of the same `key` are returned again. Data of other lengths
         may replace these.
         """
         if key not in self._shared:
-            folded = not self._replaceable and isinstance(self.way, Direct)
+            folded = not self._replaceable and self.integrator.by_points
             make = make or (pt.constant if folded else _shared_variable)
             inputs = {name: make(value, name) for name, value in arrays_of(self.data).items()}
             self._shared[key] = arrays_of, inputs
@@ -260,8 +203,8 @@ class ForwardModel:
     ) -> "SymbolicTube":
         """The tube with variables of a model in place of the distributions.
 
-        The `deviations` of what was measured of the tube, in standard deviations, are vectors of
-        the length of the tests.
+        The `deviations` of the measured geometry, in standard deviations, are vectors with one
+        entry for each test.
         """
         wall: Any = self._wall
         if not isinstance(wall, StrainEnergy):
@@ -274,18 +217,38 @@ class ForwardModel:
         return dict(parameters) if isinstance(self._wall, StrainEnergy) else {}
 
 
+def until_accurate[T](
+    forward: ForwardModel,
+    take: Callable[[ForwardModel], tuple[T, tuple[Any, ...]]],
+    tolerance: float,
+) -> tuple[T, bool]:
+    """Repeat a computation with finer integrators until the curves it depends on are accurate.
+
+    `take` computes a result with a forward model, and returns it with the data and materials for
+    which the curves must be accurate: the arguments of :meth:`ForwardModel.errors`. The second
+    value is False if the curves are still inaccurate after a few rounds.
+    """
+    for _ in range(1 + _MOST_ROUNDS):
+        found, materials = take(forward)
+        # An error that is not a number is infinite.
+        if forward.errors(*materials).max() <= tolerance:
+            return found, True
+        forward = forward.refined(*materials)
+    return found, False
+
+
 class Misfits(NamedTuple):
-    """Sums of squared differences between a model and what was measured, by quantity."""
+    """Sums of squared differences between a model and measurements, by quantity."""
 
     squares: dict[str, TensorVariable]
     conditions: list[TensorVariable]
-    """What must hold for there to be any."""
+    """Conditions for the tube, and for a sum of squares that does not overflow."""
     force_sums: TensorVariable | None = None
-    """Of each test, the sum of the differences themselves."""
+    """Sum of the differences of forces in each test."""
 
 
 class SymbolicTube(NamedTuple):
-    """What a tube of variable material and geometry shows at the points of the data."""
+    """A tube of variable material and geometry at the points of the data."""
 
     forward: ForwardModel
     wall: WallVariables
@@ -293,39 +256,41 @@ class SymbolicTube(NamedTuple):
     def curves(self) -> dict[str, TensorVariable]:
         """Pressure and stiffness at the points, by their names.
 
-        With measured forces ``axial_force`` as well, and ``radius``, the internal one, where it
-        depends on what is unknown of the tube.
+        With measured forces there is ``axial_force``, and if the internal radius depends on an
+        unknown geometry, ``radius``.
         """
-        way = self.forward.way
-        return way.curves(self.forward.share("curves", way.curve_arrays), self.wall)
+        integrator = self.forward.integrator
+        return integrator.curves(self.forward.share("curves", integrator.curve_arrays), self.wall)
 
     def conditions(self) -> list[TensorVariable]:
-        """What must hold for there to be such a tube, where that is not known beforehand."""
-        way = self.forward.way
-        return way.conditions(self.forward.share("curves", way.curve_arrays), self.wall)
+        """Conditions under which the tube is possible, unless it is known to be."""
+        integrator = self.forward.integrator
+        return integrator.conditions(
+            self.forward.share("curves", integrator.curve_arrays), self.wall
+        )
 
     def slopes(self) -> dict[str, TensorVariable]:
         """How the curves rise with the radius that was measured, by the names of the curves.
 
         ``pressure`` (kPa/mm), and with measured forces ``axial_force`` (mN/mm).
         """
-        way = self.forward.way
-        return way.slopes(self.forward.share("curves", way.curve_arrays), self.wall)
+        integrator = self.forward.integrator
+        return integrator.slopes(self.forward.share("curves", integrator.curve_arrays), self.wall)
 
     def misfits(self, key: Hashable, targets_of: Callable[[xr.Dataset], Arrays]) -> Misfits:
         """Sums of squared differences between the curves and targets.
 
-        `targets_of` gives what was measured at each point of data, NaN where nothing was:
+        `targets_of` returns the measured value at each point of data, or NaN:
         ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"``
-        (mN). Its `key` tells them from other targets of the same data. The sums have these names;
+        (mN). Other targets have another `key`. The sums have these names;
         with the error in the radius there is ``"radius"`` (mm²) in place of the pressure. With
         ``"force_sum"``, the forces once more, their differences are added up test by test as well.
         """
-        way = self.forward.way
+        integrator = self.forward.integrator
         inputs = self._inputs(
-            ("misfits", key), lambda data: way.misfit_arrays(data, targets_of(data))
+            ("misfits", key), lambda data: integrator.misfit_arrays(data, targets_of(data))
         )
-        differences, conditions = way.differences(inputs, self.wall, self.forward.error_in)
+        differences, conditions = integrator.differences(inputs, self.wall, self.forward.error_in)
         (force_sums,) = differences.pop("force_sum", [None])
         squares = {}
         for name, parts in differences.items():
@@ -343,19 +308,20 @@ class SymbolicTube(NamedTuple):
         """A linear map of the pressures, and of the slopes by the radius that was measured.
 
         `linear_of` gives the map that belongs to data: it takes both as columns over ``obs``, and
-        mixes no two tests. Its `key` tells it from other maps of the same data.
+        mixes no two tests. Another map has another `key`.
         """
-        way = self.forward.way
+        integrator = self.forward.integrator
         inputs = self._inputs(
-            ("mapped", key), lambda data: way.mapped_arrays(data, linear_of(data))
+            ("mapped", key), lambda data: integrator.mapped_arrays(data, linear_of(data))
         )
-        return way.mapped(inputs, self.wall)
+        return integrator.mapped(inputs, self.wall)
 
     def _inputs(self, key: Hashable, arrays_of: Callable[[xr.Dataset], Arrays]) -> dict[str, Any]:
         """Shared variables of a misfit or a map, with those of curves where it is made of these."""
-        way, own = self.forward.way, self.forward.share(key, arrays_of)
-        by_points = isinstance(way, ByPoints)
-        return self.forward.share("curves", way.curve_arrays) | own if by_points else own
+        integrator, own = self.forward.integrator, self.forward.share(key, arrays_of)
+        if not integrator.by_points:
+            return own
+        return self.forward.share("curves", integrator.curve_arrays) | own
 
 
 def _shared_variable(value: NDArray, name: str) -> Variable:

@@ -1,7 +1,7 @@
 """Tubes in numbers: curves, stresses and radii of as many tubes as there are draws, at once."""
 
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +13,17 @@ from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
 from pymc_hyperelastic.mechanics.material import MaterialIntegral
 from pymc_hyperelastic.mechanics.pressure import PressureIntegral
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import current_radius, hoop_elongation, opening_factor
+from pymc_hyperelastic.mechanics.tube import (
+    GEOMETRY,
+    current_radius,
+    hoop_elongation,
+    inferred_geometry,
+    internal_radius_from_outer_radius,
+    opening_factor,
+)
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER
+from pymc_hyperelastic.models.forward.tube_variables import WallVariables
+from pymc_hyperelastic.models.geometry import deviated_tube
 
 Array = NDArray[np.float64]
 
@@ -25,6 +35,8 @@ _STEP, _FARTHEST = 0.05, np.log(20.0)
 _NEWTON_STEP, _NO_LENGTH = 1e-9, 1e-13
 # Relative distance beyond the outer radius of a layer up to which a circle is at the interface.
 _AT_INTERFACE = 1e-12
+# Compiled functions that are kept: ten laws with a few orders each.
+_COMPILED = 64
 # Points that are integrated together: their arrays stay in the processor's cache.
 _PIECE = 4096
 
@@ -73,7 +85,50 @@ class TubeNumbers(NamedTuple):
     layers: list[LayerNumbers]
     """From the inside out; of a wall of one material it is one."""
     geometry: dict[str, Array]
-    """Of the whole tube, by the names of GEOMETRY, in their order."""
+    """Geometry of the whole tube, by the names of GEOMETRY, in their order."""
+
+    @classmethod
+    @np.errstate(all="ignore")  # an impossible tube has no radius
+    def of_wall(
+        cls, inputs: Mapping[str, Array], wall: WallVariables
+    ) -> tuple["TubeNumbers", Array]:
+        """Return tubes (material, point) of a wall in numbers, and their internal radii.
+
+        The `inputs` are those of :func:`tube_inputs` at each point, with its ``test``. The numbers
+        of the wall have shape (material), and deviations (material, test).
+        """
+
+        def column(values: Any) -> Array:
+            return np.reshape(values, (-1, 1))
+
+        deviations = {name: z[:, inputs["test"]] for name, z in wall.deviations.items()}
+        known = deviated_tube(inputs, deviations)
+        tube = inferred_geometry(known | {name: column(v) for name, v in wall.geometry.items()})
+        inner = tube["inner_radius"]
+        if isinstance(wall.energy, StrainEnergy):
+            entries = [column(entry) for entry in wall.energy.split(wall.parameters)]
+            layers = [LayerNumbers(wall.energy, inner, tube["outer_radius"], entries)]
+        else:
+            layers, begin = [], inner
+            for layer in wall.energy:
+                end = begin + column(layer.thickness)
+                entries = [column(entry) for entry in layer.energy.split(layer.parameters)]
+                layers.append(LayerNumbers(layer.energy, begin, end, entries))
+                begin = end
+            tube["outer_radius"] = begin
+        geometry = {name: tube[name] for name in GEOMETRY}
+        if "radius" in inputs:
+            return cls(layers, geometry), inputs["radius"]
+        outer = inputs["current_outer_radius"]
+        return cls(layers, geometry), internal_radius_from_outer_radius(outer, **geometry)
+
+    def curves(
+        self, radius: Any, order: int = WALL_ORDER, *, with_force: bool = False
+    ) -> dict[str, Array]:
+        """Pressure and stiffness at internal radii, and the axial force if it is asked for."""
+        pressure, stiffness = self.pressure(radius, order)
+        curves = {"pressure": pressure, "stiffness": stiffness}
+        return curves | ({"axial_force": self.axial_force(radius, order)} if with_force else {})
 
     def each(self, change: Callable[[Array], Array]) -> "TubeNumbers":
         """The same with every array changed."""
@@ -97,27 +152,28 @@ class TubeNumbers(NamedTuple):
         return self._replace(geometry={**self.geometry, "axial_stretch": axial_stretch})
 
     def current(self, reference: Array, radius: Any) -> Array:
-        """Where circles are when the internal radius is `radius`."""
+        """Return the current radii of circles at an internal radius."""
         return current_radius(reference, radius, **self._unloaded)
 
-    def pressure(self, radius: Any) -> tuple[Array, Array]:
+    def pressure(self, radius: Any, order: int = WALL_ORDER) -> tuple[Array, Array]:
         """Pressure and stiffness at internal radii."""
         pressure: Any = 0.0
         stiffness: Any = 0.0
         for i, layer in enumerate(self.layers):
             own = self.current(layer.inner_radius, radius) if i else radius
-            of_layer = self._integrate(PressureIntegral, layer, own, layer.inner_radius)
+            of_layer = self._integrate(PressureIntegral, layer, own, layer.inner_radius, order)
             pressure = pressure + of_layer[0]
             # The internal radius a' of a layer grows by a/a' when that of the wall grows by 1.
             stiffness = stiffness + of_layer[1] * (radius / own if i else 1.0)
         return pressure, stiffness
 
-    def axial_force(self, radius: Any) -> Array:
+    def axial_force(self, radius: Any, order: int = WALL_ORDER) -> Array:
         """Reduced axial force at internal radii."""
         force: Any = 0.0
         for i, layer in enumerate(self.layers):
             own = self.current(layer.inner_radius, radius) if i else radius
-            force = force + self._integrate(AxialForceIntegral, layer, own, layer.inner_radius)[0]
+            own_force = self._integrate(AxialForceIntegral, layer, own, layer.inner_radius, order)
+            force = force + own_force[0]
         return force
 
     def wall_means(self, radius: Any) -> WallMeans:
@@ -158,7 +214,7 @@ class TubeNumbers(NamedTuple):
         hoop, axial = np.full_like(current, np.nan), np.full_like(current, np.nan)
         for i, layer in enumerate(self.layers):
             last = i == len(self.layers) - 1
-            # What lies beyond a circle is a tube as well: its pressure is what the circle carries.
+            # The wall beyond a circle is a tube; its pressure is the radial stress at the circle.
             begin = np.maximum(reference, layer.inner_radius)
             begin = begin if last else np.minimum(begin, layer.outer_radius)
             own = self.current(begin, radius)
@@ -171,7 +227,7 @@ class TubeNumbers(NamedTuple):
         return Stresses(current, -load, hoop - load, axial - load)
 
     def radius_at(self, pressure: Array) -> Array:
-        """Internal radius at pressures, on the rising branch of the curve; NaN if there is none.
+        """Internal radius at pressures, on the rising branch of the curve, or NaN.
 
         Newton's method in the logarithm of the radius. It starts at ``a₀`` and moves along the
         branch in short steps until the pressure has been passed, or the slope is no longer
@@ -218,21 +274,31 @@ class TubeNumbers(NamedTuple):
         """The tube, but for its outer radius, on which no circle within depends."""
         return {name: v for name, v in self.geometry.items() if name != "outer_radius"}
 
-    def _integrate(self, kind: Any, layer: LayerNumbers, radius: Any, begin: Array) -> list[Array]:
+    def _integrate(
+        self,
+        kind: Any,
+        layer: LayerNumbers,
+        radius: Any,
+        begin: Array,
+        order: int = WALL_ORDER,
+    ) -> list[Array]:
         """An integral over a layer from a reference radius, which is now at `radius`."""
         axial, angle = self.geometry["axial_stretch"], self.geometry["opening_angle"]
         geometry = begin, layer.outer_radius, axial, angle
-        return _evaluate(_integral(kind, layer.energy), radius, *geometry, *layer.entries)
+        return _evaluate(_integral(kind, layer.energy, order), radius, *geometry, *layer.entries)
 
 
-@cache
-def _integral(kind: Any, energy: StrainEnergy) -> Any:
+@lru_cache(maxsize=_COMPILED)
+def _integral(kind: Any, energy: StrainEnergy, order: int) -> Any:
     """Compile an integral for vectors: internal radius, geometry, entries of the parameters."""
     inputs = [pt.dvector() for _ in range(5 + len(energy.entry_names))]
-    return pytensor.function(inputs, kind(strain_energy=energy)(*inputs, return_list=True))
+    outputs = kind(strain_energy=energy, order=order)(*inputs, return_list=True)
+    # Predictions take many points; to compare orders a few points are enough.
+    mode = None if order == WALL_ORDER else "FAST_COMPILE"
+    return pytensor.function(inputs, outputs, mode=mode)
 
 
-@cache
+@lru_cache(maxsize=_COMPILED)
 def _stress_differences(energy: StrainEnergy) -> Any:
     """Compile ``σθθ − σrr`` and ``σzz − σrr`` for vectors: logarithms of two stretches, entries."""
     inputs = [pt.dvector() for _ in range(2 + len(energy.entry_names))]

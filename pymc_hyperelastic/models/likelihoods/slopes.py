@@ -1,13 +1,10 @@
-"""Slopes of measured curves: central differences, and what they add to a likelihood.
+"""Slopes of measured curves by central differences, and the normaliser of their likelihood.
 
-They are slopes by the radius at a held axial stretch: extension tests have none.
+A slope is taken by the radius at a held axial stretch. Extension tests have no slopes.
 """
-
-from typing import Any
 
 import numpy as np
 import xarray as xr
-from pytensor.graph.basic import Variable
 from scipy.linalg import cholesky_banded, eigvals_banded, solve_banded
 
 from pymc_hyperelastic.data.inflation import (
@@ -19,10 +16,13 @@ from pymc_hyperelastic.data.inflation import (
 )
 from pymc_hyperelastic.mechanics.chebyshev import chebyshev_nodes, value_to_coefficient
 
-# Radii that are nearer to each other than these parts of a test's largest step, and of its largest
-# radius, are one: no instrument resolves them, and a slope between them would be that of rounding.
-_SAME_STEP, _SAME_RADIUS = 1e-5, 1e-7
-# Beyond this a 1 is rounded, and with it the determinant, by more than a thousandth of itself.
+# Two radii count as one if they differ by less than this fraction of the largest step of their
+# test: no instrument resolves them, and a slope between them would be a rounding error.
+_SAME_STEP = 1e-5
+# The same as a fraction of the largest radius of the test.
+_SAME_RADIUS = 1e-7
+# Largest diagonal entry of ``I + β DᵀD``: beyond it the 1 is rounded by more than a thousandth, and
+# with it the determinant.
 _LARGEST_PRECISION = 1e13
 
 
@@ -56,7 +56,7 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
 
     See Also
     --------
-    inflation_likelihood
+    SlopeAugmented
 
     Examples
     --------
@@ -78,7 +78,7 @@ def check_slopes(data: xr.Dataset) -> None:
     if extension_tests(data).all():
         raise ValueError(
             f"{describe_test(data, 0)}: axial_stretch varies within this test and all others; "
-            "extension tests have no slopes: set slope_weight=0, or add inflation tests"
+            "extension tests have no slopes: take ph.Gaussian(...), or add inflation tests"
         )
     central_differences(data)
 
@@ -155,9 +155,9 @@ def compressed_spectrum(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
 def precision_root(data: xr.Dataset, slope_weight: float) -> np.ndarray:
     """Lower triangular ``B`` with ``BᵀB = I + β DᵀD``, as the upper bands of ``Bᵀ``.
 
-    Row ``i`` of ``B`` holds what is told of a point by those before it: ``(B e)_i`` are independent
-    and of one variance if errors ``e`` have the precision ``BᵀB``. The only entries are those at
-    ``i`` and ``i − 2``, the last and the first band.
+    If errors ``e`` have the precision ``BᵀB``, the entries of ``B e`` are independent and have one
+    variance: row ``i`` of ``B`` gives the density of point ``i`` given the points before it. The
+    only entries of a row are at ``i`` and ``i − 2``, the last and the first band.
     """
     bands = _precision_bands(data, slope_weight)
     # The usual factor has the transpose first: it is that of the points in reversed order.
@@ -174,7 +174,8 @@ def whiten(
 ) -> np.ndarray:
     """``B μ̃ = B⁻ᵀ (m + β Dᵀ s)``: the expected ``B y`` of pressures and slopes at every point.
 
-    They may be columns. Slopes at the ends of a test, and those of extension tests, play no part.
+    Both arguments may have several columns. Slopes at the ends of a test, and slopes of extension
+    tests, are ignored.
     """
     interior, difference = central_differences(data)
     weighted = (slope_weight * difference * slope[interior].T).T
@@ -182,11 +183,6 @@ def whiten(
     np.add.at(right, interior + 1, weighted)
     np.add.at(right, interior - 1, -weighted)
     return solve_banded((0, 2), root, right)
-
-
-def with_slopes(slope_weight: Any) -> bool:
-    """Whether slopes play a part."""
-    return isinstance(slope_weight, Variable) or slope_weight != 0
 
 
 def _precision_bands(data: xr.Dataset, slope_weight: float) -> np.ndarray:

@@ -1,23 +1,33 @@
-"""How far the best curve of a posterior is from what was measured."""
+"""Squared residuals of the best curve of a posterior."""
+
+from typing import Any
 
 import numpy as np
 import pymc as pm
 import xarray as xr
+from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
-from pymc_hyperelastic.evidence.mixture import Array
-from pymc_hyperelastic.evidence.results import study_of
+
+Array = NDArray[np.float64]
 
 # Draws of which the best curve is taken: it is within about a unit of the largest likelihood.
 _LOOKED_AT = 200
 
 
 class Residuals:
-    """Squared residuals of the best of some particles of a model of curves, compiled once."""
+    """Squared residuals of the best of some particles of a model of curves, compiled once.
 
-    def __init__(self, model: pm.Model) -> None:
-        self._study = study_of(model)
-        residuals = self._study.residuals(model) if self._study else {}
+    Parameters
+    ----------
+    model : pymc.Model
+    study : Study or None
+        What the model was made from; without one there are no residuals.
+    """
+
+    def __init__(self, model: pm.Model, study: Any) -> None:
+        self._study = study
+        residuals = study.residuals(model) if study else {}
         terms = model.replace_rvs_by_values([*residuals.values()])
         self._signals = [*residuals]
         self._values = BatchedFunction.of_model(model, terms) if terms else None

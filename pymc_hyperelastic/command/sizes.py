@@ -1,0 +1,126 @@
+"""Numbers with units, and the likelihood, that options of the command line state."""
+
+import re
+from collections.abc import Mapping
+from typing import Any, Literal, NamedTuple
+
+import pymc as pm
+import xarray as xr
+
+from pymc_hyperelastic.data.units import to_internal
+from pymc_hyperelastic.models.likelihoods import (
+    Gaussian,
+    Likelihood,
+    SlopeAugmented,
+    balanced_slope_weight,
+)
+
+Quantity = Literal["pressure", "length", "force", "angle"]
+UNKNOWN = "unknown"
+# Quantity that has each size.
+_QUANTITIES: dict[str, Quantity] = {
+    "pressure_sd": "pressure",
+    "sigma": "pressure",
+    "force_sd": "force",
+    "force_sigma": "force",
+    "force_offset_sd": "force",
+    "diameter_sd": "length",
+}
+_NAMES = (*_QUANTITIES, "slope_weight")
+# Sizes of a Gaussian likelihood only, and sizes of a slope-augmented likelihood only.
+_WITHOUT_SLOPES = "pressure_sd", "force_sd", "diameter_sd"
+_WITH_SLOPES = "force_sigma", "slope_weight"
+# Scales of the half-normal priors of unknown sizes, by quantity. They are wide: an error as large
+# as the scale is visible on a curve of an artery.
+_PRIOR_SDS: dict[Quantity, float] = {
+    "pressure": 1.0,  # kPa
+    "force": 10.0,  # mN
+    "length": 0.05,  # mm
+}
+
+
+class Stated(NamedTuple):
+    """A size that the user stated, and where."""
+
+    place: str
+    """An option such as ``--pressure-sd``, or a key such as ``likelihood.pressure_sd``."""
+    value: str | float
+
+
+def likelihood_of_options(
+    options: Mapping[str, str | float | None], table: Mapping[str, str | float], data: xr.Dataset
+) -> Likelihood:
+    """Return the likelihood of the options ``--pressure-sd``, ``--sigma`` and so on.
+
+    Parameters
+    ----------
+    options : dict of str to str or float
+        Texts such as ``"2 mmHg"`` or ``"unknown"`` by the name of a size, and a number for
+        ``slope_weight``; None if not given.
+    table : dict of str to str or float
+        The table ``[likelihood]`` of a settings file. An option replaces its value.
+    data : xarray.Dataset
+        Inflation data, for the balanced slope weight.
+
+    Raises
+    ------
+    ValueError
+        If a size is no number with a unit, or sizes exclude each other.
+    """
+    given = {name: Stated(f"likelihood.{name}", value) for name, value in table.items()}
+    for name, value in options.items():
+        if value is not None:
+            given[name] = Stated(_option(name), value)
+    strangers = [stated.place for name, stated in given.items() if name not in _NAMES]
+    if strangers:
+        raise ValueError(f"{strangers[0]} is not known; expected some of {list(_NAMES)}")
+    with_slopes = "sigma" in given
+    for name in _WITHOUT_SLOPES if with_slopes else _WITH_SLOPES:
+        if name in given:
+            needed = "pressure_sd" if with_slopes else "sigma"
+            raise ValueError(
+                f"{given[name].place} is given, but it belongs to {needed}: give {needed}, or "
+                f"leave {given[name].place} away"
+            )
+    weight = given.pop("slope_weight", None)
+    errors = {name: _error(name, stated) for name, stated in given.items()}
+    if not with_slopes:
+        return Gaussian(**{"pressure_sd": _error("pressure_sd", Stated("", UNKNOWN))} | errors)
+    if weight is None:
+        return SlopeAugmented(slope_weight=balanced_slope_weight(data), **errors)
+    return SlopeAugmented(slope_weight=weight.value, **errors)
+
+
+def size_of(place: str, text: str | float, quantity: Quantity) -> float:
+    """Return a positive number with its unit, in the unit of the package.
+
+    The `place` is where the user wrote it, such as ``--pressure-sd``, for messages.
+
+    Raises
+    ------
+    ValueError
+        If the text is something else.
+    """
+    found = re.fullmatch(r"\s*([-+\d.eE]+)\s*([^\d\s.].*?)\s*", str(text))
+    try:
+        number = float(found[1])  # type: ignore[index]
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{place} is {text!r}; expected a number and its unit, as in '2 mmHg'"
+        ) from None
+    if not number > 0:
+        raise ValueError(f"{place} is {text!r}; expected a positive number")
+    assert found is not None
+    return float(to_internal(number, found[2], quantity, keyword=place))
+
+
+def _error(name: str, stated: Stated) -> Any:
+    """Return the size of an error; for an unknown size, its prior."""
+    quantity = _QUANTITIES[name]
+    if stated.value == UNKNOWN and name != "force_offset_sd":
+        return pm.HalfNormal.dist(_PRIOR_SDS[quantity])
+    return size_of(stated.place, stated.value, quantity)
+
+
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"

@@ -1,0 +1,141 @@
+"""Metropolis-Hastings moves of a population of particles, with steps of the shape of a mixture."""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, log_sum_exp
+
+# Spread of the lengths of random steps, as the sd of their logarithm: a length that suits the bulk
+# is too long in the neck of a funnel. Chosen by experiment.
+_WALK_SPREAD = 1.5
+# The same for Hamiltonian steps.
+_HAMILTONIAN_SPREAD = 1.0
+# Acceptance rate to which the length of random steps is adapted: between the optimal 0.23 in many
+# dimensions and 0.44 in one (Roberts and Rosenthal 2001).
+_WALK_RATE = 0.3
+# Acceptance rate to which the length of Hamiltonian steps is adapted (Beskos et al. 2013).
+_HAMILTONIAN_RATE = 0.65
+# Optimal length of random steps times the square root of the dimension (Roberts et al. 1997).
+_WALK_LENGTH = 2.38
+# Largest number of leapfrog steps of one move.
+_MOST_LEAPFROG_STEPS = 10
+# Coordinates from which a trajectory is rejected: squares of larger ones may overflow.
+_DIVERGED = 1e100
+
+# Gradient of the log density at points, (n, d).
+Gradient = Callable[[Array], Array]
+
+
+class Proposed(NamedTuple):
+    """Where particles may move."""
+
+    points: Array
+    terms: Array
+    """Log densities of the components of the mixture at these points, (n, K)."""
+    log_ratio: Array
+    """Log density of the proposal of the way back, less that of the way there."""
+
+
+class Move(Protocol):
+    """A reversible move."""
+
+    def propose(
+        self, points: Array, terms: Array, mixture: GaussianMixture, rng: np.random.Generator
+    ) -> Proposed:
+        """Propose a new place for each point, at which the mixture has these `terms`."""
+
+    def adapt(self, rate: float) -> None:
+        """Adapt the length of steps to the acceptance rate of the last move."""
+
+
+class IndependentMove:
+    """Independent draws of the mixture."""
+
+    def propose(
+        self, points: Array, terms: Array, mixture: GaussianMixture, rng: np.random.Generator
+    ) -> Proposed:
+        """Propose a new place for each point."""
+        proposal = mixture.draw(len(points), rng)
+        there = mixture.log_density_of_components(proposal)
+        return Proposed(proposal, there, log_sum_exp(terms) - log_sum_exp(there))
+
+    def adapt(self, rate: float) -> None:
+        """Do nothing: there are no steps."""
+
+
+class RandomWalkMove:
+    """Random steps with the covariance of the component that a particle is drawn to belong to."""
+
+    def __init__(self, dimension: int) -> None:
+        self._length = _WALK_LENGTH / np.sqrt(dimension)
+
+    def propose(
+        self, points: Array, terms: Array, mixture: GaussianMixture, rng: np.random.Generator
+    ) -> Proposed:
+        """Propose a new place for each point."""
+        component, here = _draw_components(terms, rng)
+        steps = mixture.draw_steps(component, rng)
+        lengths = self._length * rng.lognormal(0.0, _WALK_SPREAD, (len(points), 1))
+        return _proposed(points + lengths * steps, component, here, mixture)
+
+    def adapt(self, rate: float) -> None:
+        """Lengthen steps that are accepted too often, shorten others."""
+        self._length *= np.exp(rate - _WALK_RATE)
+
+
+class HamiltonianMove:
+    """Hamiltonian Monte Carlo with the covariance of a component.
+
+    The gradient may be that of another, cheaper density: it decides where a move ends, and not
+    whether it is accepted.
+    """
+
+    def __init__(self, dimension: int, gradient: Gradient) -> None:
+        self._length, self._gradient = dimension**-0.25, gradient
+
+    def propose(
+        self, points: Array, terms: Array, mixture: GaussianMixture, rng: np.random.Generator
+    ) -> Proposed:
+        """Propose a new place for each point, by leapfrog steps."""
+        component, here = _draw_components(terms, rng)
+        lengths = self._length * rng.lognormal(0.0, _HAMILTONIAN_SPREAD, (len(points), 1))
+        momentum = rng.standard_normal(points.shape)
+        energy = (momentum**2).sum(axis=1) / 2
+        place, step = points, mixture.steps
+        kick = lengths / 2 * step(component, self._gradient(place), transposed=True)
+        for _ in range(rng.integers(1, _MOST_LEAPFROG_STEPS, endpoint=True)):
+            momentum = momentum + kick
+            place = place + lengths * step(component, momentum)
+            kick = lengths / 2 * step(component, self._gradient(place), transposed=True)
+            momentum = momentum + kick
+        energy -= (momentum**2).sum(axis=1) / 2
+        diverged = ~(np.abs(place) < _DIVERGED).all(axis=1) | np.isnan(energy)
+        place = np.where(diverged[:, None], points, place)
+        return _proposed(place, component, here + np.where(diverged, np.inf, -energy), mixture)
+
+    def adapt(self, rate: float) -> None:
+        """Lengthen steps that are accepted too often, shorten others."""
+        self._length *= np.exp((rate - _HAMILTONIAN_RATE) / 2)
+
+
+def _draw_components(terms: Array, rng: np.random.Generator) -> tuple[NDArray[np.intp], Array]:
+    """Draw a component for each particle by its responsibility, and return the log of that.
+
+    Steps of its shape follow a bent ridge; the ratio of responsibilities makes them reversible.
+    """
+    here = terms - log_sum_exp(terms)[:, None]
+    component = (np.exp(here).cumsum(axis=1) < rng.random((len(terms), 1))).sum(axis=1)
+    component = component.clip(max=here.shape[1] - 1)
+    return component, here[np.arange(len(terms)), component]
+
+
+def _proposed(
+    points: Array, component: NDArray[np.intp], here: Array, mixture: GaussianMixture
+) -> Proposed:
+    """Return steps of components whose log responsibility was `here`."""
+    terms = mixture.log_density_of_components(points)
+    there = terms[np.arange(len(points)), component] - log_sum_exp(terms)
+    return Proposed(points, terms, there - here)

@@ -1,0 +1,64 @@
+"""Verdicts on an evidence, and the checks that other parts of the package register."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import xarray as xr
+
+# Verdicts from good to bad.
+VERDICTS = ("good", "doubtful", "not to be trusted")
+GOOD, DOUBTFUL, BAD = range(3)
+
+
+class Check(NamedTuple):
+    """A number, its limit, and the verdict that follows."""
+
+    name: str
+    value: float
+    limit: float
+    verdict: int
+    """Index of `VERDICTS`."""
+    words: str
+    """The fault, if the verdict is not good."""
+
+
+@dataclass(frozen=True)
+class ModelChecks:
+    """Checks of results of a kind of model, such as of the curves that it describes."""
+
+    checks: Callable[[xr.DataTree, xr.Dataset], list[Check]]
+    """Function of a result and of its group ``evidence``."""
+    variables: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Dimensions of the variables of ``evidence`` that the checks read."""
+    together: Mapping[str, str] = field(default_factory=dict)
+    """Variables that are needed if another variable, or a group of the result, is there."""
+    about_fit: tuple[str, ...] = ()
+    """Names of checks that compare the model with its data: the evidence may be right."""
+    with_advice: tuple[str, ...] = ()
+    """Names of checks whose words say all that can be done."""
+
+
+_registered: list[ModelChecks] = []
+
+
+def register_checks(checks: ModelChecks) -> None:
+    """Take these checks wherever an evidence is diagnosed."""
+    _registered.append(checks)
+
+
+def registered_checks() -> tuple[ModelChecks, ...]:
+    """Return all checks that were registered."""
+    return tuple(_registered)
+
+
+def verdict_of(value: float, good: float, bad: float) -> int:
+    """Return the verdict of a value that should be small; NaN is bad."""
+    if value <= good:
+        return GOOD
+    return DOUBTFUL if value <= bad else BAD
+
+
+def worst_of(verdicts: Iterable[str]) -> str:
+    """Return the worst of some verdicts; an empty one says nothing."""
+    return max(verdicts, key=("", *VERDICTS).index)

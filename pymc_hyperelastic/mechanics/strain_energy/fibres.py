@@ -1,0 +1,356 @@
+"""Strain energies of fibre families in a neo-Hookean matrix.
+
+The fibres lie in the surface of the tube, at an angle from the circumferential direction, and carry
+load in tension only. Overview: G. A. Holzapfel, T. C. Gasser and R. W. Ogden, Journal of Elasticity
+61 (2000) 1-48.
+"""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytensor.tensor as pt
+from pytensor.tensor.variable import TensorVariable as Tensor
+
+from pymc_hyperelastic.mechanics.strain_energy.base import (
+    Parameter,
+    StrainEnergy,
+    first_invariant_excess,
+    half_difference,
+)
+from pymc_hyperelastic.mechanics.tube import first_invariant
+
+__all__ = ["FourFiber", "GasserOgdenHolzapfel", "HolzapfelGasserOgden"]
+
+# Radians per degree.
+_RADIAN = np.pi / 180
+# Angle of axial fibres in degrees. Inflation does not stretch them, so that they have no kink.
+_AXIAL_ANGLE = 90.0
+# Value of ln λθ for a kink that does not exist: no wall is stretched by e^10.
+_NO_KINK = 10.0
+
+
+def _fibre_parameters(kind: str = "", superscript: str = "") -> tuple[Parameter, Parameter]:
+    """Modulus and stiffening parameter of the fibres of one kind, or of the only kind."""
+    name, symbol = (f"_{kind}", f"^{superscript}") if kind else ("", "")
+    fibres = f"the {kind} fibres" if kind else "the fibres"
+    modulus = f"modulus of {fibres}; 0.5 to 1000 in arteries"
+    stiffening = f"stiffening of {fibres}; 0.01 to 100 in arteries"
+    return (
+        Parameter(f"k1{name}", f"k_1{symbol}", "kPa", (0.0, 500.0), modulus),
+        Parameter(f"k2{name}", f"k_2{symbol}", "", (0.0, 50.0), stiffening, typical=(1.0, 2.0)),
+    )
+
+
+_MATRIX = Parameter(
+    "c", "c", "kPa", (0.0, 100.0), "shear modulus of the matrix; 3 to 50 in arteries"
+)
+_ANGLE = Parameter(
+    "beta",
+    r"\beta",
+    "deg",
+    (0.0, 90.0),
+    "angle of the fibres from the circumferential direction",
+    scale="logit",
+)
+_DISPERSION = Parameter(
+    "kappa",
+    r"\kappa",
+    "",
+    (0.0, 1 / 3),
+    "dispersion of the fibres; 0 aligned, 1/3 uniform over all directions",
+    scale="logit",
+)
+
+
+class _Family(NamedTuple):
+    """Fibre families with equal parameters at the angles ``±angle``."""
+
+    number: int
+    """Number of families, 1 or 2."""
+    k1: Any
+    """Modulus, kPa."""
+    k2: Any
+    """Stiffening parameter."""
+    angle: Any
+    """Angle from the circumferential direction, degrees."""
+    dispersion: Any = None
+    """Dispersion ``κ``; None for perfectly aligned fibres."""
+
+    @property
+    def squares(self) -> tuple[Tensor, Tensor]:
+        """``cos² β`` and ``sin² β``."""
+        return pt.cos(self.angle * _RADIAN) ** 2, pt.sin(self.angle * _RADIAN) ** 2
+
+    def strain(self, log_hoop: Tensor, log_axial: Tensor) -> Tensor:
+        """Fibre strain ``E`` before fibres in compression are set to 0, accurate near 0."""
+        cosine, sine = self.squares
+        aligned = cosine * pt.expm1(2 * log_hoop)
+        aligned += sine * pt.expm1(2 * log_axial)
+        if self.dispersion is None:
+            return aligned
+        dispersed = first_invariant_excess(log_hoop, log_axial)
+        return self.dispersion * dispersed + (1 - 3 * self.dispersion) * aligned
+
+    def stress(self, log_hoop: Tensor, log_axial: Tensor, axial: bool) -> Tensor:
+        """``k1 E exp(k2 E²) ∂E/∂x`` of all families, ``x = ln λθ``, or ``ln λz`` if `axial`."""
+        own, other = (log_axial, log_hoop) if axial else (log_hoop, log_axial)
+        half_slope = self.squares[int(axial)] * pt.exp(2 * own)
+        if self.dispersion is not None:
+            kappa = self.dispersion
+            half_slope = 2 * kappa * half_difference(own, other) + (1 - 3 * kappa) * half_slope
+        strain = pt.maximum(self.strain(log_hoop, log_axial), 0.0)
+        return 2 * self.number * self.k1 * strain * pt.exp(self.k2 * strain**2) * half_slope
+
+
+class _FibreReinforced(StrainEnergy):
+    r"""Base class of laws with families of fibres in a neo-Hookean matrix of shear modulus ``c``.
+
+    .. math:: W = \frac{c}{2} (I_1 - 3)
+        + \sum_{\text{families}} \frac{k_1}{2 k_2} \left(e^{k_2 \max(E, 0)^2} - 1\right), \qquad
+        E = κ (I_1 - 3) + (1 - 3κ)(λ_θ^2 \cos^2 β + λ_z^2 \sin^2 β - 1)
+    """
+
+    @abstractmethod
+    def families(self, **parameters: Any) -> Sequence[_Family]:
+        """Fibre families for all parameters except ``c``."""
+
+    def energy(self, radial: Any, hoop: Any, axial: Any, *, c: Any, **parameters: Any) -> Tensor:
+        """Strain energy in kPa."""
+        log_hoop, log_axial = pt.log(hoop), pt.log(axial)
+        total = c / 2 * (first_invariant(radial, hoop, axial) - 3)
+        for family in self.families(**parameters):
+            strain = pt.maximum(family.strain(log_hoop, log_axial), 0.0)
+            total += family.number * family.k1 / (2 * family.k2) * pt.expm1(family.k2 * strain**2)
+        return total
+
+    def stress_difference(
+        self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, **parameters: Any
+    ) -> Tensor:
+        """``c (λθ² − λr²)``, and for each family ``k1 E exp(k2 E²) ∂E/∂ln λθ``."""
+        stress = 2 * c * half_difference(log_hoop, log_axial)
+        for family in self.families(**parameters):
+            stress += family.stress(log_hoop, log_axial, axial=False)
+        return stress
+
+    def axial_stress_difference(
+        self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, **parameters: Any
+    ) -> Tensor:
+        """``c (λz² − λr²)``, and for each family ``k1 E exp(k2 E²) ∂E/∂ln λz``."""
+        stress = 2 * c * half_difference(log_axial, log_hoop)
+        for family in self.families(**parameters):
+            stress += family.stress(log_hoop, log_axial, axial=True)
+        return stress
+
+    def kinks(self, log_axial: Tensor, *, c: Any, **parameters: Any) -> list[Tensor]:
+        """Values of ``ln λθ`` at which a family becomes slack: roots of ``E = 0``.
+
+        ``E = 0`` is a linear equation in ``λθ²`` for aligned fibres, a quadratic one for dispersed
+        fibres.
+        """
+        axial = pt.exp(2 * log_axial)
+        logs = []
+        for family in self.families(**parameters):
+            if family.angle is _AXIAL_ANGLE:
+                continue
+            cosine, sine = family.squares
+            if family.dispersion is None:
+                squares = [(1 - axial * sine) / cosine]
+            else:
+                kappa = family.dispersion
+                quadratic = kappa + (1 - 3 * kappa) * cosine
+                linear = kappa * (3 - axial) + (1 - 3 * kappa) * (1 - axial * sine)
+                discriminant = linear**2 - 4 * quadratic * kappa / axial
+                real = (discriminant > 0) & (linear > 0)
+                double = linear + pt.sqrt(pt.where(real, discriminant, 1.0))
+                squares = [
+                    pt.where(real, double / (2 * quadratic), 0.0),
+                    pt.where(real, 2 * kappa / (axial * double), 0.0),
+                ]
+            for square in squares:
+                exists = (square > 0) & (square < np.exp(2 * _NO_KINK))
+                log = pt.log(pt.where(exists, square, 1.0)) / 2
+                logs.append(pt.where(exists, log, _NO_KINK))
+        return logs
+
+
+class HolzapfelGasserOgden(_FibreReinforced):
+    r"""Two families of collagen fibres, helices around the tube, in a neo-Hookean matrix.
+
+    .. math:: W = \frac{c}{2} (I_1 - 3) + \frac{k_1}{k_2} \left(e^{k_2 E^2} - 1\right), \qquad
+        E = \max(λ_θ^2 \cos^2 β + λ_z^2 \sin^2 β - 1, 0)
+
+    The families have the angles ``±β`` (degrees) from the circumferential direction and equal
+    strain. The equation is the printed sum over both families, each with the factor ``k1/(2 k2)``.
+    Fibres carry load in tension only. At the stretch where they become slack, stress is continuous
+    and the stiffness has a jump. Quadrature of the wall is split there, so that integrals and
+    gradients stay accurate.
+
+    Source: G. A. Holzapfel, T. C. Gasser and R. W. Ogden, A new constitutive framework for arterial
+    wall mechanics and a comparative study of material models, Journal of Elasticity 61 (2000) 1-48.
+
+    See Also
+    --------
+    GasserOgdenHolzapfel, FourFiber
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.HolzapfelGasserOgden(),
+    ...     [7.5, 8.5],  # mm
+    ...     inner_radius=7.0,
+    ...     outer_radius=9.0,
+    ...     c=10.0,
+    ...     k1=20.0,
+    ...     k2=1.0,
+    ...     beta=30.0,
+    ... )
+    >>> pressure.eval().round(3)
+    array([1.821, 5.759])
+    """
+
+    parameters = (_MATRIX, *_fibre_parameters(), _ANGLE)
+
+    def families(self, *, k1: Any, k2: Any, beta: Any) -> Sequence[_Family]:
+        """Two aligned families at ``±β``."""
+        return [_Family(2, k1, k2, beta)]
+
+
+class GasserOgdenHolzapfel(_FibreReinforced):
+    r"""Two families of dispersed collagen fibres in a neo-Hookean matrix.
+
+    .. math:: W = \frac{c}{2} (I_1 - 3) + \frac{k_1}{k_2} \left(e^{k_2 E^2} - 1\right), \qquad
+        E = \max\left(κ (I_1 - 3) + (1 - 3κ)(λ_θ^2 \cos^2 β + λ_z^2 \sin^2 β - 1), 0\right)
+
+    Fibres are aligned for ``κ = 0``, as in :class:`HolzapfelGasserOgden`, and distributed uniformly
+    over all directions for ``κ = 1/3``. A family is slack if its mean strain ``E`` is negative.
+    This differs from the printed condition on the strain of the mean direction, with which the
+    stress would have a jump.
+
+    Source: T. C. Gasser, R. W. Ogden and G. A. Holzapfel, Hyperelastic modelling of arterial layers
+    with distributed collagen fibre orientations, Journal of the Royal Society Interface 3 (2006)
+    15-35.
+
+    See Also
+    --------
+    HolzapfelGasserOgden
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.GasserOgdenHolzapfel(),
+    ...     [7.5, 8.5],  # mm
+    ...     inner_radius=7.0,
+    ...     outer_radius=9.0,
+    ...     c=10.0,
+    ...     k1=20.0,
+    ...     k2=1.0,
+    ...     kappa=0.1,
+    ...     beta=30.0,
+    ... )
+    >>> pressure.eval().round(3)
+    array([1.18 , 3.655])
+    """
+
+    parameters = (_MATRIX, *_fibre_parameters(), _DISPERSION, _ANGLE)
+
+    def families(self, *, k1: Any, k2: Any, kappa: Any, beta: Any) -> Sequence[_Family]:
+        """Two dispersed families with mean angles ``±β``."""
+        return [_Family(2, k1, k2, beta, kappa)]
+
+
+class FourFiber(_FibreReinforced):
+    r"""Four families of fibres, axial, circumferential and two diagonal, in a neo-Hookean matrix.
+
+    .. math:: W = \frac{c}{2} (I_1 - 3)
+        + \sum_{i=1}^4 \frac{k_1^i}{2 k_2^i} \left(e^{k_2^i E_i^2} - 1\right), \qquad
+        E_i = \max(λ_θ^2 \cos^2 β_i + λ_z^2 \sin^2 β_i - 1, 0)
+
+    The angles ``βi`` are 90°, 0 and ``±β``; both diagonal families have the same parameters. Fibres
+    carry load in tension only. The source prints the factor ``c1/(4 c2)``, with ``c1 = 2 k1``.
+
+    In fits of some vessels, such as the ascending aorta of mice, the modulus of the hoop fibres is
+    nearly 0, and the data do not determine their stiffening. Use ``hoop_fibres=False`` for them:
+    sampling is then several times as fast.
+
+    Source: S. Baek, R. L. Gleason, K. R. Rajagopal and J. D. Humphrey, Theory of small on large:
+    potential utility in computations of fluid-solid interactions in arteries, Computer Methods in
+    Applied Mechanics and Engineering 196 (2007) 3070-3078.
+
+    Parameters
+    ----------
+    hoop_fibres : bool, default True
+        If False, omit the circumferential fibres and their parameters ``k1_hoop``, ``k2_hoop``.
+
+    Raises
+    ------
+    ValueError
+        If `hoop_fibres` is not a bool.
+
+    See Also
+    --------
+    HolzapfelGasserOgden
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> pressure = ph.inflation_pressure(
+    ...     ph.FourFiber(),
+    ...     [7.5, 8.5],  # mm
+    ...     inner_radius=7.0,
+    ...     outer_radius=9.0,
+    ...     c=10.0,
+    ...     k1_axial=5.0,
+    ...     k2_axial=0.5,
+    ...     k1_hoop=5.0,
+    ...     k2_hoop=0.5,
+    ...     k1_diagonal=10.0,
+    ...     k2_diagonal=0.5,
+    ...     beta=40.0,
+    ... )
+    >>> pressure.eval().round(3)
+    array([1.193, 3.508])
+
+    Without hoop fibres:
+
+    >>> ph.FourFiber(hoop_fibres=False).parameter_names
+    ('c', 'k1_axial', 'k2_axial', 'k1_diagonal', 'k2_diagonal', 'beta')
+    """
+
+    def __init__(self, hoop_fibres: bool = True) -> None:
+        if not isinstance(hoop_fibres, bool):
+            raise ValueError(f"hoop_fibres is {hoop_fibres!r}; expected True or False")
+        self.hoop_fibres = hoop_fibres
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Parameters of the matrix and of all families."""
+        return (
+            _MATRIX,
+            *_fibre_parameters("axial", "z"),
+            *(_fibre_parameters("hoop", r"\theta") if self.hoop_fibres else ()),
+            *_fibre_parameters("diagonal", "d"),
+            _ANGLE,
+        )
+
+    def families(
+        self,
+        *,
+        k1_axial: Any,
+        k2_axial: Any,
+        k1_hoop: Any = None,
+        k2_hoop: Any = None,
+        k1_diagonal: Any,
+        k2_diagonal: Any,
+        beta: Any,
+    ) -> Sequence[_Family]:
+        """Axial fibres, hoop fibres if the law has them, and two diagonal families at ``±β``."""
+        hoop = [_Family(1, k1_hoop, k2_hoop, 0.0)] if self.hoop_fibres else []
+        return [
+            _Family(1, k1_axial, k2_axial, _AXIAL_ANGLE),
+            *hoop,
+            _Family(2, k1_diagonal, k2_diagonal, beta),
+        ]

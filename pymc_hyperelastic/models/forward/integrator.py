@@ -1,0 +1,132 @@
+"""The interface of integrators, by which a forward model computes curves and misfits."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.data.inflation import at_points, measured_radius, points_of
+from pymc_hyperelastic.mechanics.interpolation import evenly
+from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
+
+# Nodes of the quadrature with which curves are compared: twice as many as a wall needs in the
+# worst case (WALL_ORDER), which squares the error of a Gauss-Legendre rule.
+REFERENCE_ORDER = 64
+# Points of each specimen at which curves are compared, besides the ends of its tests.
+_POINTS_OF_SPECIMEN = 8
+# Points of all specimens at which curves are compared: bounds time and memory.
+_MOST_POINTS = 320
+
+
+class Integrator(ABC):
+    """A way to compute the curves of a tube, with an error estimate.
+
+    The arrays that a method makes of the data are inputs of the method after it, where they may be
+    shared variables. A `wall` holds variables of a model, or for :meth:`values`, :meth:`errors` and
+    :meth:`refined` numbers, one for each material.
+    """
+
+    by_points: ClassVar[bool]
+    """True if misfits are computed from the curves at all points, and need their arrays."""
+    with_force: bool
+    by_test: bool
+
+    @abstractmethod
+    def curve_arrays(self, data: xr.Dataset) -> Arrays:
+        """Return the arrays of the data for :meth:`curves`, :meth:`slopes`, :meth:`conditions`."""
+
+    @abstractmethod
+    def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
+        """Return pressure and stiffness at the points, and the axial force if it is measured."""
+
+    @abstractmethod
+    def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
+        """Return derivatives of the curves by the radius that was measured."""
+
+    @abstractmethod
+    def conditions(self, inputs: Mapping[str, Any], wall: WallVariables) -> list[TensorVariable]:
+        """Return the conditions under which the tube is possible, unless it is known to be."""
+
+    @abstractmethod
+    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
+        """Return the arrays of targets, which may be NaN, for :meth:`differences`."""
+
+    @abstractmethod
+    def differences(
+        self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
+    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+        """Return differences between curves and targets, and the conditions for them."""
+
+    @abstractmethod
+    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
+        """Return the arrays of a linear map of each test for :meth:`mapped`."""
+
+    @abstractmethod
+    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
+        """Return a linear map of pressures and of slopes by the radius that was measured."""
+
+    @abstractmethod
+    def values(
+        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
+    ) -> dict[str, Array]:
+        """Return curves (material, point) of a wall in numbers at some of the points."""
+
+    @abstractmethod
+    def refined(self, data: xr.Dataset, wall: WallVariables) -> "Integrator":
+        """Return an integrator that is accurate for the materials of this wall, too."""
+
+    @abstractmethod
+    def reference(
+        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
+    ) -> dict[str, Array]:
+        """Return the same curves by quadrature of a higher order, at least REFERENCE_ORDER."""
+
+    @np.errstate(all="ignore")  # some of the materials may be impossible
+    def errors(self, data: xr.Dataset, wall: WallVariables) -> Array:
+        """Return the largest error of the curves of each material, compared with the reference.
+
+        It is relative to the largest value of the curve in the tests of a specimen. Forces may be
+        nil: they are compared with the thrust ``π a² p`` of the pressure, if that is larger. An
+        error that is not a number counts as infinite. Matrices are compared by their pressures and
+        forces alone, and not by their slopes.
+        """
+        specimen = np.unique(data["specimen"].values, return_inverse=True)[1]
+        of_points = specimen[data["test"].values]
+        points = compared_points(data)
+        found, exact = self.values(data, wall, points), self.reference(data, wall, points)
+        errors = np.zeros(1)
+        for own in (of_points[points] == i for i in np.unique(of_points[points])):
+            scales = {k: np.abs(v[:, own]).max(axis=1) for k, v in exact.items()}
+            if "axial_force" in scales:
+                radius = data["radius"].values[points][own]
+                thrust = np.pi * np.nanmax(radius, initial=0.0) ** 2 * scales["pressure"]
+                scales["axial_force"] = np.maximum(scales["axial_force"], thrust)
+            for name, curve in found.items():
+                error = np.abs(curve[:, own] - exact[name][:, own]).max(axis=1)
+                error = error / np.where(scales[name] > 0, scales[name], 1.0)
+                errors = np.maximum(errors, np.where(np.isnan(error), np.inf, error))
+        return errors
+
+
+def compared_points(data: xr.Dataset) -> NDArray[np.intp]:
+    """Return points of each specimen: the ends of its tests, and some evenly spread."""
+    _, specimen = np.unique(data["specimen"].values, return_inverse=True)
+    of_points = specimen[data["test"].values]
+    chosen = [np.concatenate(ends_of_tests(data))]
+    for own in (np.flatnonzero(of_points == i) for i in np.unique(of_points)):
+        chosen.append(own[evenly(len(own), _POINTS_OF_SPECIMEN)])
+    points = np.unique(np.concatenate(chosen))
+    return points[evenly(len(points), _MOST_POINTS)]
+
+
+def ends_of_tests(data: xr.Dataset) -> list[NDArray[np.intp]]:
+    """Return the points at the ends of each test: of its radii, and of its axial stretches."""
+    along = [measured_radius(data).values, at_points(data, "axial_stretch")]
+    spans = [points_of(data, test) for test in range(data.sizes["test"])]
+    return [
+        np.unique([s.start + f(x[s]) for x in along for f in (np.argmin, np.argmax)]) for s in spans
+    ]

@@ -1,0 +1,218 @@
+"""Curves by quadrature of the wall at every point: any radius, geometry and layers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import pytensor.tensor as pt
+import xarray as xr
+from numpy.typing import NDArray
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.mechanics.axial_force import wall_force, wall_force_slope
+from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
+from pymc_hyperelastic.mechanics.pressure import wall_pressure
+from pymc_hyperelastic.models.forward.blocks import (
+    block_arrays,
+    block_product,
+    identity_of_tests,
+    table_arrays,
+    table_of,
+)
+from pymc_hyperelastic.models.forward.integrator import REFERENCE_ORDER, Integrator
+from pymc_hyperelastic.models.forward.numbers import TubeNumbers
+from pymc_hyperelastic.models.forward.tube_variables import (
+    Array,
+    Arrays,
+    CurrentTube,
+    WallVariables,
+    current_tube,
+    error_inputs,
+    tube_inputs,
+    wall_at_points,
+)
+
+# Largest last step of Newton's method, relative to the radius, with which a radius counts as found.
+_LARGEST_LAST_STEP = 1e-6
+# kPa/mm: its square is beyond the largest misfit that counts.
+_OVERFLOW = np.float64(1e60)
+
+
+@dataclass(frozen=True)
+class PointwiseQuadrature(Integrator):
+    """Gauss-Legendre quadrature at every point, split at the kinks of the law.
+
+    Attributes
+    ----------
+    order : int
+        Nodes of each wall, or of each piece between kinks.
+    with_force : bool
+        Whether the axial force is a curve, too.
+    by_test : bool
+        Whether each test has parameters of its own.
+    geometry_sd : tuple of (name, float or None)
+        Standard deviations of the measured geometry; None are those of the data.
+    """
+
+    by_points: ClassVar[bool] = True
+
+    order: int
+    with_force: bool = False
+    by_test: bool = False
+    geometry_sd: tuple[tuple[str, float | None], ...] = ()
+
+    def curve_arrays(self, data: xr.Dataset) -> Arrays:
+        """Return the arrays of the data for :meth:`curves`, :meth:`slopes`, :meth:`conditions`."""
+        arrays = tube_inputs(data) | error_inputs(data, dict(self.geometry_sd))
+        if self.by_test or self.geometry_sd:
+            arrays["test"] = data["test"].values
+        return arrays
+
+    def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
+        """Return pressure and stiffness at the points, and the axial force if it is measured."""
+        current = self._tube(inputs, wall)
+        pressure, stiffness = wall_pressure(current.tubes, self.order)
+        curves = {"pressure": pressure, "stiffness": stiffness}
+        if self.with_force:
+            curves["axial_force"] = wall_force(current.tubes, self.order)
+        if (wall.geometry or wall.deviations) and current.excess is not None:
+            curves["radius"] = current.radius
+        return curves
+
+    def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
+        """Return derivatives of the curves by the radius that was measured."""
+        current = self._tube(inputs, wall)
+        slopes = {"pressure": wall_pressure(current.tubes, self.order)[1]}
+        if self.with_force:
+            slopes["axial_force"] = wall_force_slope(current.tubes, self.order)
+        return {name: _bounded(slope) * current.growth for name, slope in slopes.items()}
+
+    def conditions(self, inputs: Mapping[str, Any], wall: WallVariables) -> list[TensorVariable]:
+        """Return the condition under which the tube is possible, unless it is known to be."""
+        if wall.known_tube:
+            return []
+        return [self._tube(inputs, wall).possible]
+
+    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
+        """Return the arrays of targets, which may be NaN, for :meth:`differences`."""
+        arrays: Arrays = {}
+        for name, target in targets.items():
+            rows = np.flatnonzero(np.isfinite(target))
+            if name == "force_sum":
+                arrays |= table_arrays(data["test"].values[rows], data.sizes["test"])
+            else:
+                arrays |= {f"{name}_rows": rows, f"{name}_target": target[rows]}
+        return arrays
+
+    def differences(
+        self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
+    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+        """Return differences between curves and targets, and the conditions for them.
+
+        With the error in the radius, radius and force are those of the tube at the measured
+        pressure.
+        """
+        if error_in != "radius":
+            return self._at_radius(inputs, wall)
+        current = self._tube(inputs, wall)
+        found, there = self._at_pressure(current, inputs["pressure_target"])
+        error = there.measured(there.radius) - current.measured(current.radius)
+        response = {"radius": [error]}
+        if "force_rows" in inputs:
+            response |= force_differences(inputs, wall_force(there.tubes, self.order))
+        return response, [*self.conditions(inputs, wall), found]
+
+    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
+        """Return the arrays of a linear map of each test for :meth:`mapped`."""
+        identity = identity_of_tests(data)
+        zero = np.zeros_like(identity)
+        of_pressure = block_arrays(data, linear(identity, zero))
+        of_slope = block_arrays(data, linear(zero, identity))
+        return {
+            "of_pressure": of_pressure.pop("blocks"),
+            "of_slope": of_slope.pop("blocks"),
+            **of_slope,
+        }
+
+    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
+        """Return a linear map of pressures and of slopes by the radius that was measured."""
+        pressure = self.curves(inputs, wall)["pressure"]
+        slope = self.slopes(inputs, wall)["pressure"]
+        return block_product(inputs["of_pressure"], inputs, pressure) + block_product(
+            inputs["of_slope"], inputs, slope
+        )
+
+    def values(
+        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
+    ) -> dict[str, Array]:
+        """Return curves (material, point) of a wall in numbers at some of the points."""
+        tube, radius = self.numbers(data, wall, points)
+        return tube.curves(radius, self.order, with_force=self.with_force)
+
+    def refined(self, data: xr.Dataset, wall: WallVariables) -> "PointwiseQuadrature":
+        """Return the rule of the highest order."""
+        return replace(self, order=REFERENCE_ORDER)
+
+    def reference(
+        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
+    ) -> dict[str, Array]:
+        """Return the same curves by the reference order, or by twice this order if it is larger."""
+        finer = replace(self, order=max(REFERENCE_ORDER, 2 * self.order))
+        return finer.values(data, wall, points)
+
+    def numbers(
+        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
+    ) -> tuple[TubeNumbers, Array]:
+        """Return tubes in numbers at some of the points, and their internal radii."""
+        inputs = self.curve_arrays(data) | {"test": data["test"].values}
+        return TubeNumbers.of_wall({name: v[points] for name, v in inputs.items()}, wall)
+
+    def _at_radius(
+        self, inputs: Mapping[str, Any], wall: WallVariables
+    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+        """Differences at the measured radii, and the conditions."""
+        curves = self.curves(inputs, wall)
+        response = {"pressure": [curves["pressure"] - inputs["pressure_target"]]}
+        if "slope_rows" in inputs:
+            slope = self.slopes(inputs, wall)["pressure"][inputs["slope_rows"]]
+            response["slope"] = [slope - inputs["slope_target"]]
+        if "force_rows" in inputs:
+            response |= force_differences(inputs, curves["axial_force"])
+        return response, self.conditions(inputs, wall)
+
+    def _tube(self, inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
+        if self.by_test:
+            wall = wall_at_points(wall, inputs["test"])
+        of_points = {name: z[inputs["test"]] for name, z in wall.deviations.items()}
+        return current_tube(inputs, wall._replace(deviations=of_points))
+
+    def _at_pressure(
+        self, current: CurrentTube, pressure: Any
+    ) -> tuple[TensorVariable, CurrentTube]:
+        """Return a condition for radii at the measured pressures, and the tube at these radii."""
+        energies, inputs = [], []
+        for tube in current.tubes:
+            _, inner_radius, outer_radius, *_ = tube.geometry
+            energies.append(tube.energy)
+            inputs += [outer_radius - inner_radius, *tube.entries]
+        _, inner_radius, _, *reference = current.tubes[0].geometry
+        op = RadiusAtPressure(strain_energies=tuple(energies), order=self.order)
+        radius, last_step = op(pressure, current.radius, inner_radius, *reference, *inputs)
+        found = last_step < _LARGEST_LAST_STEP
+        radius = pt.where(found, radius, current.radius)
+        return pt.all(found), current._replace(radius=radius)
+
+
+def force_differences(
+    inputs: Mapping[str, Any], force: TensorVariable
+) -> dict[str, list[TensorVariable]]:
+    """Return differences between forces and targets, and their sums if these have a target."""
+    error = force[inputs["force_rows"]] - inputs["force_target"]
+    sums = {"force_sum": [table_of(error, inputs).sum(axis=-1)]} if "points" in inputs else {}
+    return {"force": [error]} | sums
+
+
+def _bounded(stiffness: TensorVariable) -> TensorVariable:
+    """Return a bounded stiffness: the gradient of an infinite one would be 0 * inf."""
+    return pt.where(pt.isfinite(stiffness), stiffness, _OVERFLOW)

@@ -1,0 +1,274 @@
+"""Curves as constant matrices times the material's response, for known radii and geometry."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.data.inflation import at_points, extension_tests, measured_radius
+from pymc_hyperelastic.mechanics.collocation import (
+    CollocatedAxialForce,
+    CollocatedPressureIntegral,
+    collocate,
+    curve_matrices,
+    wall_matrices,
+)
+from pymc_hyperelastic.mechanics.interpolation import (
+    ChebyshevNodes,
+    nodes_needed,
+    response_function,
+)
+from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes, groups_by
+from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
+from pymc_hyperelastic.mechanics.tube import GEOMETRY
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER
+from pymc_hyperelastic.models.forward.blocks import positions, table_arrays, table_of
+from pymc_hyperelastic.models.forward.integrator import REFERENCE_ORDER, Integrator
+from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
+from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
+
+
+def known_tubes(data: xr.Dataset) -> KnownTubes:
+    """Return the tube at every point of the data."""
+    radius = data["radius"].values.astype(float)
+    geometry = {name: at_points(data, name) for name in GEOMETRY}
+    return KnownTubes(radius, **geometry, growth=measured_radius(data).values / radius)
+
+
+def groups_of(
+    data: xr.Dataset, tubes: KnownTubes, *, by_test: bool, by_stretch: bool
+) -> list[Group]:
+    """Return groups of points: each test, or else each axial stretch, or else each specimen."""
+    test = data["test"].values
+    specimen = np.unique(data["specimen"].values, return_inverse=True)[1]
+    return groups_by(
+        tubes, test if by_test else tubes.axial_stretch if by_stretch else specimen[test]
+    )
+
+
+@dataclass(frozen=True)
+class TabulatedQuadrature(Integrator):
+    """Constant matrices times the responses of the material at the nodes of a basis.
+
+    The geometry must be known; data that replace others must be of the same kind.
+
+    Attributes
+    ----------
+    basis : ChebyshevNodes or SelectedNodes
+        The nodes: Chebyshev points in ``ln λθ`` for each axial stretch, or quadrature nodes that
+        are selected in the walls of each specimen.
+    with_force : bool
+        Whether the axial force is a curve, too.
+    by_test : bool
+        Whether each test has parameters of its own.
+    tolerance : float
+        Largest error of the curves, relative to their largest value, of materials for which the
+        basis is refined.
+    """
+
+    by_points: ClassVar[bool] = False
+
+    basis: ChebyshevNodes | SelectedNodes
+    with_force: bool = False
+    by_test: bool = False
+    tolerance: float = 1e-9
+
+    def curve_arrays(self, data: xr.Dataset) -> Arrays:
+        """Return the arrays of the data for :meth:`curves` and :meth:`slopes`."""
+        tubes, groups = self._groups(data)
+        matrices, place = curve_matrices(tubes, groups, self.basis)
+        if not self.with_force:
+            del matrices["force_matrix"], matrices["force_slope_matrix"]
+        return matrices | {"place": place, "growth": tubes.growth}
+
+    def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
+        """Return pressure and stiffness at the points, and the axial force if it is measured."""
+        matrices = inputs["pressure_matrix"], inputs["stiffness_matrix"]
+        pressure, stiffness = self._pressure(inputs, *matrices, wall)
+        curves = {"pressure": pressure, "stiffness": stiffness}
+        if self.with_force:
+            curves["axial_force"] = self._force(inputs, inputs["force_matrix"], wall)
+        return {name: rows.flatten()[inputs["place"]] for name, rows in curves.items()}
+
+    def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
+        """Return derivatives of the curves by the radius that was measured."""
+        matrices = inputs["pressure_matrix"], inputs["stiffness_matrix"]
+        slopes = {"pressure": self._pressure(inputs, *matrices, wall)[1]}
+        if self.with_force:
+            slopes["axial_force"] = self._force(inputs, inputs["force_slope_matrix"], wall)
+        by_radius = {name: rows.flatten()[inputs["place"]] for name, rows in slopes.items()}
+        return {name: slope * inputs["growth"] for name, slope in by_radius.items()}
+
+    def conditions(self, *_: Any) -> list[TensorVariable]:
+        """Return none: known tubes are possible."""
+        return []
+
+    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
+        """Return the arrays of targets, which may be NaN, for :meth:`differences`.
+
+        As many numbers as there are nodes stand for all points, see :func:`collocate`.
+        """
+        tubes, groups = self._groups(data)
+        compressed = {name: target for name, target in targets.items() if name != "force_sum"}
+        arrays = collocate(tubes, groups, self.basis, compressed)
+        if "force_sum" in targets:
+            rows = np.isfinite(targets["force_sum"])
+            arrays |= _force_sum_arrays(data, tubes, groups, self.basis, rows)
+            known, tests = np.nan_to_num(targets["force_sum"]), data.sizes["test"]
+            arrays["force_sum_target"] = np.bincount(data["test"].values, known, minlength=tests)
+        return arrays
+
+    def differences(
+        self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
+    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+        """Return differences between curves and targets, compressed."""
+        # Without slopes, a matrix without rows.
+        slope_matrix = inputs.get("slope_matrix", inputs["pressure_matrix"][:, :0])
+        pressure, slope = self._pressure(inputs, inputs["pressure_matrix"], slope_matrix, wall)
+        found = {"pressure": pressure, "slope": slope}
+        if "force_target" in inputs:
+            found["force"] = self._force(inputs, inputs["force_matrix"], wall)
+        response = {
+            name: [curve - inputs[f"{name}_target"]]
+            for name, curve in found.items()
+            if f"{name}_target" in inputs
+        }
+        if "force_sum_matrix" in inputs:
+            sums = self._force(inputs, inputs["force_sum_matrix"], wall).flatten()
+            total = table_of(sums, inputs).sum(axis=-1)
+            response["force_sum"] = [total - inputs["force_sum_target"]]
+        return response, []
+
+    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
+        """Return the arrays of a linear map of each test for :meth:`mapped`."""
+        tubes, groups = self._groups(data)
+        matrices, place = curve_matrices(tubes, groups, self.basis)
+        shape = matrices["pressure_matrix"].shape
+        pressure, stiffness = (
+            matrices[f"{name}_matrix"].reshape(-1, shape[2])[place]
+            for name in ("pressure", "stiffness")
+        )
+        matrix = np.zeros((shape[0] * shape[1], shape[2]))
+        matrix[place] = linear(pressure, stiffness * tubes.growth[:, None])
+        return {
+            "log_hoop": matrices["log_hoop"],
+            "log_axial": matrices["log_axial"],
+            "mapped_matrix": matrix.reshape(shape),
+            "no_slopes": np.zeros((shape[0], 0, shape[2])),
+            "place": place,
+        }
+
+    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
+        """Return a linear map of pressures and slopes: one matrix times the response."""
+        rows, _ = self._pressure(inputs, inputs["mapped_matrix"], inputs["no_slopes"], wall)
+        return rows.flatten()[inputs["place"]]
+
+    def values(
+        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
+    ) -> dict[str, Array]:
+        """Return curves (material, point) of a wall in numbers at some of the points."""
+        entries = [values[:, None] for values in wall.materials]
+        tubes, groups = self._groups(data)
+        kinds = {"pressure": False} | ({"axial_force": True} if self.with_force else {})
+        curves = {name: np.full((len(entries[0]), len(points)), np.nan) for name in kinds}
+        for group in groups:
+            own = np.isin(points, group.points)
+            if not own.any():
+                continue
+            interpolation = self.basis.interpolation(tubes, group)
+            matrices = wall_matrices(tubes.at(points[own]), interpolation)
+            log_hoop, log_axial = (x[None] for x in interpolation.places)
+            for name, force in kinds.items():
+                response = response_function(wall.energy, force)(log_hoop, log_axial, *entries)[0]
+                curves[name][:, own] = response @ matrices["force" if force else name].T
+        return curves
+
+    def reference(
+        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
+    ) -> dict[str, Array]:
+        """Return the same curves by quadrature of the order REFERENCE_ORDER."""
+        quadrature = PointwiseQuadrature(REFERENCE_ORDER, self.with_force)
+        return quadrature.values(data, wall, points)
+
+    def refined(self, data: xr.Dataset, wall: WallVariables) -> Integrator:
+        """Return an integrator that is accurate for the materials of this wall, too.
+
+        It has a larger basis, or is pointwise quadrature if no basis will do.
+        """
+        other = self.with_materials(data, wall)
+        if other is not None and other.errors(data, wall).max() <= self.tolerance:
+            return other
+        return PointwiseQuadrature(WALL_ORDER, self.with_force, self.by_test)
+
+    def with_materials(self, data: xr.Dataset, wall: WallVariables) -> "TabulatedQuadrature | None":
+        """Return the same with a basis for these materials, too, or None."""
+        tubes, groups = self._groups(data)
+        materials = wall.materials
+        settings = {"with_force": self.with_force}
+        if isinstance(self.basis, SelectedNodes):
+            basis = self.basis.with_materials(tubes, groups, materials, **settings)
+            return replace(self, basis=basis)
+        count = nodes_needed(wall.energy, tubes, groups, materials, **settings)
+        if count is None:
+            return None
+        return replace(self, basis=ChebyshevNodes(max(count, self.basis.nodes)))
+
+    def _groups(self, data: xr.Dataset) -> tuple[KnownTubes, list[Group]]:
+        """The tubes of the data, and groups of points that share nodes."""
+        tubes, by_stretch = known_tubes(data), self.basis.by_stretch
+        groups = groups_of(data, tubes, by_test=self.by_test, by_stretch=by_stretch)
+        if by_stretch and extension_tests(data).any():
+            raise ValueError(
+                "axial_stretch varies within a test of these data, and in no test of the data that "
+                "the model was made of: make the model of data that hold extension tests"
+            )
+        return tubes, groups
+
+    def _pressure(
+        self, inputs: Mapping[str, Any], pressure_matrix: Any, slope_matrix: Any, wall: Any
+    ) -> tuple[TensorVariable, TensorVariable]:
+        integral = CollocatedPressureIntegral(strain_energy=wall.energy, per_group=self.by_test)
+        entries = wall.energy.split(wall.parameters)
+        return integral(*_stretches(inputs), pressure_matrix, slope_matrix, *entries)
+
+    def _force(self, inputs: Mapping[str, Any], matrix: Any, wall: Any) -> TensorVariable:
+        integral = CollocatedAxialForce(strain_energy=wall.energy, per_group=self.by_test)
+        return integral(*_stretches(inputs), matrix, *wall.energy.split(wall.parameters))
+
+
+def _stretches(inputs: Mapping[str, Any]) -> tuple[Any, Any]:
+    return inputs["log_hoop"], inputs["log_axial"]
+
+
+def _force_sum_arrays(
+    data: xr.Dataset,
+    tubes: KnownTubes,
+    groups: Sequence[Group],
+    basis: ChebyshevNodes | SelectedNodes,
+    measured: NDArray[np.bool_],
+) -> Arrays:
+    """Matrices of the sum of each test's forces: a row for each group that it has points in.
+
+    With them come the places of these rows in a table by test; a test without forces has no row.
+    """
+    matrices, place = curve_matrices(tubes, groups, basis)
+    forces = matrices["force_matrix"].reshape(-1, matrices["log_hoop"].shape[1])
+    of_groups = [group.points[measured[group.points]] for group in groups]
+    rows, tests = np.concatenate(of_groups), data.sizes["test"]
+    group = np.repeat(np.arange(len(groups)), [len(points) for points in of_groups])
+    # The forces of a test in a group are summed, and the sums are sorted by test.
+    both, part_of = np.unique(group * tests + data["test"].values[rows], return_inverse=True)
+    group, test = np.divmod(both, tests)
+    position, width = positions(group)
+    sums = np.zeros((len(groups), width, forces.shape[1]))
+    row = group * width + position
+    np.add.at(sums.reshape(-1, forces.shape[1]), row[part_of], forces[place[rows]])
+    by_test = np.argsort(test, kind="stable")
+    table = table_arrays(test[by_test], tests)
+    # Without rows there is nothing to point to.
+    points = row[by_test][table["points"]] if row.size else table["points"]
+    return {"force_sum_matrix": sums, "points": points, "there": table["there"]}

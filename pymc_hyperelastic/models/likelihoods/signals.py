@@ -1,0 +1,121 @@
+r"""Expected pressures and forces of a tube, with the standard deviations of measured ones.
+
+An error of the diameter shifts pressure and force of a point together, along the curves. With the
+model's slopes ``p'`` and ``F'`` by the measured radius, and half of the standard deviation of the
+diameter ``s_r``, both errors have, to first order, the covariance
+
+.. math:: \begin{pmatrix} s_p^2 & 0 \\ 0 & s_F^2 \end{pmatrix}
+    + s_r^2 \begin{pmatrix} p'^2 & p' F' \\ p' F' & F'^2 \end{pmatrix} .
+
+The joint density is that of the pressure times that of the force given the pressure, so that no
+matrix is factorised.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytensor.tensor as pt
+import xarray as xr
+from numpy.typing import NDArray
+from pytensor.tensor.variable import TensorVariable
+
+from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
+from pymc_hyperelastic.models.forward.blocks import table_arrays
+from pymc_hyperelastic.models.likelihoods.errors import Errors
+from pymc_hyperelastic.models.likelihoods.normal import as_double
+
+# Largest pressure (kPa), force (mN) or slope of these (per mm) that is used: far beyond any tube,
+# and small enough that its square does not overflow.
+LARGEST = np.float64(1e30)
+
+
+class Signals(NamedTuple):
+    """Expected measurements and standard deviations of their errors."""
+
+    pressure: TensorVariable
+    pressure_sd: TensorVariable
+    force: Any = None
+    """At the points where forces were measured."""
+    force_sd: Any = None
+    """Given the error of the pressure at the same point."""
+    by_pressure: Any = None
+    """Expected error of a force for each kPa of error of the pressure at the same point."""
+
+    def force_given(self, pressure: Any, rows: Any) -> TensorVariable:
+        """Return the expected forces, given the measured pressures of all points."""
+        if self.by_pressure is None:
+            return self.force
+        return self.force + self.by_pressure * (pressure - self.pressure)[rows]
+
+
+def signals_of(
+    tube: SymbolicTube,
+    curves: Mapping[str, TensorVariable],
+    errors: Errors,
+    pressure_switch: Any = None,
+) -> Signals:
+    """Return the expected measurements for the curves of a tube.
+
+    If the `pressure_switch` is 0, expected forces do not depend on the measured pressures.
+    """
+    pressure, pressure_sd = curves["pressure"], as_double(errors.pressure_sd)
+    force = force_sd = rows = None
+    if errors.force_sd is not None:
+        rows = force_arrays(tube)["rows"]
+        force, force_sd = curves["axial_force"][rows], as_double(errors.force_sd)
+        force_sd = force_sd[rows] if force_sd.ndim else force_sd
+    if errors.diameter_sd is None:
+        return Signals(pressure, pressure_sd, force, force_sd)
+    radius_sd = as_double(errors.diameter_sd) / 2
+    # Curves whose slope overflows are rejected by the caller.
+    shifts = {
+        name: radius_sd * pt.where(pt.abs(slope) < LARGEST, slope, LARGEST)
+        for name, slope in tube.slopes().items()
+    }
+    shift, total = shifts["pressure"], pt.square(pressure_sd) + pt.square(shifts["pressure"])
+    if force is None:
+        return Signals(pressure, pt.sqrt(total), force, force_sd)
+    shift, of_force, of_pressure = shift[rows], shifts["axial_force"][rows], total[rows]
+    # Fraction of the variance of the diameter error that the measured pressure leaves.
+    known_sd = pressure_sd[rows] if pressure_sd.ndim else pressure_sd
+    open_share, by_pressure = pt.square(known_sd) / of_pressure, shift * of_force / of_pressure
+    if pressure_switch is not None:
+        open_share = pt.where(pressure_switch, open_share, 1.0)
+        by_pressure = pt.where(pressure_switch, by_pressure, 0.0)
+    force_sd = pt.sqrt(pt.square(force_sd) + pt.square(of_force) * open_share)
+    return Signals(pressure, pt.sqrt(total), force, force_sd, by_pressure)
+
+
+def force_arrays(tube: SymbolicTube) -> dict[str, Any]:
+    """Return the ``rows`` of points with a measured force, and the table of their tests."""
+
+    def arrays_of(data: xr.Dataset) -> dict[str, NDArray]:
+        rows = rows_of_forces(data)
+        test = data["test"].values[rows]
+        return table_arrays(test, data.sizes["test"]) | {"rows": rows, "test": test}
+
+    return tube.forward.share("forces", arrays_of)
+
+
+def rows_of_forces(data: xr.Dataset) -> NDArray[np.intp]:
+    """Return the points at which a force was measured."""
+    return np.flatnonzero(np.isfinite(data["axial_force"].values.astype(float)))
+
+
+def force_errors(tube: SymbolicTube, expected: Signals) -> TensorVariable:
+    """Return measured minus expected forces, given the measured pressures."""
+    pressure, force = (measured(tube.forward, name) for name in ("pressure", "axial_force"))
+    return force - expected.force_given(pressure, force_arrays(tube)["rows"])
+
+
+def measured(
+    forward: ForwardModel, name: str, make: Callable[[NDArray, str], Any] | None = None
+) -> Any:
+    """Return the measured values of a quantity, where it was measured, as a shared variable."""
+
+    def arrays_of(data: xr.Dataset) -> dict[str, NDArray]:
+        values = data[name].values.astype(float)
+        return {f"{name}_data": values[np.isfinite(values)]}
+
+    return forward.share(("measured", name), arrays_of, make)[f"{name}_data"]
