@@ -215,7 +215,7 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
         return_transformed=True,
     )
     names = [model.rvs_to_values[rv].name for rv in model.free_RVs]
-    nodes = [v.owner for v in ancestors(expressions) if _is_random(v)]
+    nodes = [v.owner for v in ancestors(expressions) if is_random(v)]
     at_once = all(map(_draws_batches, nodes))
     shared = _shared_inputs(expressions)
     key = FrozenFunctionGraph.from_io(shared, expressions), "prior"
@@ -302,11 +302,11 @@ def _of_size(expressions: Sequence[Variable], draws: TensorVariable) -> list[Var
     """Expressions of independent draws: those without random parents become batches."""
     batched = {}
     for variable in ancestors(expressions):
-        if not _is_random(variable):
+        if not is_random(variable):
             continue
         # The first parameter decides about the size.
         parameter = variable.owner.op.dist_params(variable.owner)[0]
-        if not any(map(_is_random, ancestors([parameter]))):
+        if not any(map(is_random, ancestors([parameter]))):
             batched[parameter] = pt.broadcast_to(parameter, (draws, *parameter.shape))
     return vectorize_graph(expressions, batched)
 
@@ -320,7 +320,8 @@ def _draws_batches(node: Apply) -> bool:
     return isinstance(node.op, RandomVariable) and bool(node.op.ndims_params) and not own
 
 
-def _is_random(variable: Variable) -> bool:
+def is_random(variable: Variable) -> bool:
+    """Return True for draws of a distribution of PyMC or PyTensor."""
     return variable.owner is not None and isinstance(
         variable.owner.op, RandomVariable | SymbolicRandomVariable
     )

@@ -121,8 +121,9 @@ def importance_sampling(
     if candidate_proposals:
         pool = Pool(score, draw_prior)
         pool.add(candidate_proposals, rng)
-        found = integral_of(*pool.weighted(), size, rng)
-        if found.accurate and effective_sample_size(pool.weighted()[1]) > size:
+        points, log_weights = pool.weighted()
+        found = integral_of(points, log_weights, size, rng)
+        if found.accurate and effective_sample_size(log_weights) > size:
             return found
     share = PRIOR_SHARE if draw_prior else 0.0
     mixture = adapted_proposal(score, initial_proposal, builder, rng, draw_prior)

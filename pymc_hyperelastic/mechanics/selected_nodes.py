@@ -63,6 +63,8 @@ class SelectedNodes:
         Whether walls are split where ``λθ = 1``.
     of_stress, of_force : sequence of array, shape (snapshot)
         Materials whose responses of pressure, and of axial force, are snapshots.
+    by_stretch : bool
+        False: all tests of a specimen, also at several axial stretches, share their nodes.
     """
 
     energy: StrainEnergy

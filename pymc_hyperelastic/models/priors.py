@@ -23,6 +23,7 @@ from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
 from pytensor.tensor.variable import TensorVariable
 
+from pymc_hyperelastic.evidence.batched import is_random
 from pymc_hyperelastic.evidence.checks import check_precision
 from pymc_hyperelastic.files.stored import is_number, shown
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
@@ -180,7 +181,7 @@ def belongs_to(variable: Any, model: pm.Model | None) -> bool:
     named = set(model.root.named_vars.values())
     if variable in named:
         return True
-    return not _is_random(variable) and any(v in named for v in ancestors([variable]))
+    return not is_random(variable) and any(v in named for v in ancestors([variable]))
 
 
 def _check_distribution(name: str, prior: Any) -> None:
@@ -192,7 +193,7 @@ def _check_distribution(name: str, prior: Any) -> None:
             "pm.Uniform.dist(0, 50)"
         )
     # A distribution has no name until it is registered in a model.
-    parents = [v for v in ancestors(node.inputs) if _is_random(v)]
+    parents = [v for v in ancestors(node.inputs) if is_random(v)]
     linked = [v for v in (prior, *parents) if v.name]
     if _takes_scalars(node.op):
         linked += parents
@@ -366,10 +367,6 @@ def _rebuild(op: Any, parameters: Sequence[Any], size: Sequence[int] | None) -> 
     if isinstance(op, RandomVariable):
         return op(*parameters, size=size, rng=_generator(), return_next_rng=True)[1]
     return getattr(op, "rv_op", op)(*parameters, size=size)
-
-
-def _is_random(x: Variable) -> bool:
-    return x.owner is not None and isinstance(x.owner.op, RandomVariable | SymbolicRandomVariable)
 
 
 def _takes_scalars(op: Any) -> bool:

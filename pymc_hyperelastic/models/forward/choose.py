@@ -74,8 +74,8 @@ def choose_integrator(
 
     These are Chebyshev nodes if the stretch of each test is held and the response is smooth; nodes
     that are selected in the walls, for many points; else quadrature of the least order that will
-    do. Curves by selected nodes may err by the `tolerance`. `geometry_sd` are the errors of a
-    measured geometry.
+    do. Curves by selected nodes may err by the `tolerance`; a fraction of the materials of the
+    prior may be `inaccurate`. `geometry_sd` are the errors of a measured geometry.
     """
     if mode not in get_args(Mode):
         raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")

@@ -228,12 +228,13 @@ def until_accurate[T](
     which the curves must be accurate: the arguments of :meth:`ForwardModel.errors`. The second
     value is False if the curves are still inaccurate after a few rounds.
     """
-    for _ in range(1 + _MOST_ROUNDS):
+    for rounds_left in range(_MOST_ROUNDS, -1, -1):
         found, materials = take(forward)
         # An error that is not a number is infinite.
         if forward.errors(*materials).max() <= tolerance:
             return found, True
-        forward = forward.refined(*materials)
+        if rounds_left:
+            forward = forward.refined(*materials)
     return found, False
 
 
@@ -259,23 +260,18 @@ class SymbolicTube(NamedTuple):
         With measured forces there is ``axial_force``, and if the internal radius depends on an
         unknown geometry, ``radius``.
         """
-        integrator = self.forward.integrator
-        return integrator.curves(self.forward.share("curves", integrator.curve_arrays), self.wall)
+        return self.forward.integrator.curves(self._curve_inputs, self.wall)
 
     def conditions(self) -> list[TensorVariable]:
         """Conditions under which the tube is possible, unless it is known to be."""
-        integrator = self.forward.integrator
-        return integrator.conditions(
-            self.forward.share("curves", integrator.curve_arrays), self.wall
-        )
+        return self.forward.integrator.conditions(self._curve_inputs, self.wall)
 
     def slopes(self) -> dict[str, TensorVariable]:
         """How the curves rise with the radius that was measured, by the names of the curves.
 
         ``pressure`` (kPa/mm), and with measured forces ``axial_force`` (mN/mm).
         """
-        integrator = self.forward.integrator
-        return integrator.slopes(self.forward.share("curves", integrator.curve_arrays), self.wall)
+        return self.forward.integrator.slopes(self._curve_inputs, self.wall)
 
     def misfits(self, key: Hashable, targets_of: Callable[[xr.Dataset], Arrays]) -> Misfits:
         """Sums of squared differences between the curves and targets.
@@ -318,10 +314,13 @@ class SymbolicTube(NamedTuple):
 
     def _inputs(self, key: Hashable, arrays_of: Callable[[xr.Dataset], Arrays]) -> dict[str, Any]:
         """Shared variables of a misfit or a map, with those of curves where it is made of these."""
-        integrator, own = self.forward.integrator, self.forward.share(key, arrays_of)
-        if not integrator.by_points:
-            return own
-        return self.forward.share("curves", integrator.curve_arrays) | own
+        own = self.forward.share(key, arrays_of)
+        return self._curve_inputs | own if self.forward.integrator.by_points else own
+
+    @property
+    def _curve_inputs(self) -> dict[str, Any]:
+        """Shared variables of the curves."""
+        return self.forward.share("curves", self.forward.integrator.curve_arrays)
 
 
 def _shared_variable(value: NDArray, name: str) -> Variable:

@@ -7,16 +7,15 @@ import numpy as np
 import pymc as pm
 import xarray as xr
 from numpy.typing import NDArray
-from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.distributions.shape_utils import change_dist_size
-from pytensor.graph.basic import Constant, Variable
+from pytensor.graph.basic import Constant
 from pytensor.graph.fg import FrozenFunctionGraph
 from pytensor.graph.replace import vectorize_graph
 from pytensor.graph.traversal import ancestors, graph_inputs
-from pytensor.tensor.random.op import RandomVariable
 from pytensor.tensor.random.type import RandomType
 from pytensor.tensor.variable import TensorVariable
 
+from pymc_hyperelastic.evidence.batched import is_random
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.forward.integrator import ends_of_tests
 from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
@@ -128,8 +127,8 @@ def drawn(parameters: Sequence[TensorVariable], count: int, seed: int) -> list[A
 
 
 def _drawn_anew(parameters: Sequence[TensorVariable], count: int, seed: int) -> list[Array]:
-    randoms = [v for v in ancestors(parameters) if _is_random(v)]
-    if any(_is_random(v) for rv in randoms for v in ancestors(rv.owner.inputs)):
+    randoms = [v for v in ancestors(parameters) if is_random(v)]
+    if any(is_random(v) for rv in randoms for v in ancestors(rv.owner.inputs)):
         # One distribution depends on another: draw them one after the other.
         return pm.draw(parameters, draws=count, random_seed=seed, mode="FAST_COMPILE")
     batches = {rv: change_dist_size(rv, (count,), expand=True) for rv in randoms}
@@ -140,9 +139,3 @@ def _drawn_anew(parameters: Sequence[TensorVariable], count: int, seed: int) -> 
         np.broadcast_to(d, (count, *np.shape(d)[np.ndim(d) - p.type.ndim :]))
         for d, p in zip(draws, parameters, strict=True)
     ]
-
-
-def _is_random(variable: Variable) -> bool:
-    return variable.owner is not None and isinstance(
-        variable.owner.op, RandomVariable | SymbolicRandomVariable
-    )

@@ -95,11 +95,9 @@ class WallVariables(NamedTuple):
         def number(value: Any) -> Any:
             if isinstance(value, tuple):
                 return tuple(map(number, value))
-            return (
-                value.data
-                if isinstance(value, Constant)
-                else (values.get(value, value) if isinstance(value, Variable) else value)
-            )
+            if isinstance(value, Constant):
+                return value.data
+            return values.get(value, value) if isinstance(value, Variable) else value
 
         def numbers(named: Mapping[str, Any]) -> dict[str, Any]:
             return {name: number(value) for name, value in named.items()}
