@@ -35,9 +35,9 @@ from pymc_hyperelastic.models.likelihoods.signals import (
 )
 from pymc_hyperelastic.models.likelihoods.slopes import (
     central_differences,
-    compressed_spectrum,
-    half_log_determinant,
     measured_slopes,
+    precision_root,
+    squared_singular_values,
 )
 from pymc_hyperelastic.models.priors import is_inferred
 
@@ -128,17 +128,14 @@ def _slope_normaliser(
     def arrays_of(data: xr.Dataset) -> dict[str, Array]:
         arrays = {"slopes": np.array(float(central_differences(data)[0].size))}
         if inferred:
-            arrays["eigenvalues"], arrays["multiplicities"] = compressed_spectrum(data)
-        else:
-            half = half_log_determinant(data, errors.slope_weight)
-            arrays["half_log_determinant"] = np.array(half)
-        return arrays
+            return arrays | {"eigenvalues": squared_singular_values(data)}
+        diagonal = precision_root(data, errors.slope_weight)[-1]
+        return arrays | {"half_log_determinant": np.array(np.log(diagonal).sum())}
 
     weight = None if inferred else float(errors.slope_weight)
     inputs = tube.forward.share(("slope normaliser", weight), arrays_of)
     if inferred:
-        logs = pt.log1p(errors.slope_weight * inputs["eigenvalues"])
-        beside = pt.sum(inputs["multiplicities"] * logs) / 2
+        beside = pt.sum(pt.log1p(errors.slope_weight * inputs["eigenvalues"])) / 2
     else:
         beside = inputs["half_log_determinant"]
     if switches is None:
