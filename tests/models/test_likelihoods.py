@@ -19,7 +19,7 @@ ROUNDING = 1e-12
 FORCES = {"force_offset_sd": 25.0, "observed": True}
 LIKELIHOODS = [
     ph.Gaussian(0.5),
-    ph.Gaussian(0.05, error_in="radius", force_sd=2.0),
+    ph.Gaussian(radius_sd=0.05, force_sd=2.0),
     ph.Gaussian(pm.HalfNormal.dist(1.0), force_sd=pm.LogNormal.dist(0.0, 1.0), **FORCES),
     ph.Gaussian(0.5, diameter_sd=0.01),
     ph.SlopeAugmented(sigma=0.7, slope_weight=2.0, force_sigma=3.0, **FORCES),
@@ -28,10 +28,10 @@ LIKELIHOODS = [
 
 
 @pytest.mark.parametrize("likelihood", LIKELIHOODS, ids=repr)
-def test_a_record_in_json_gives_an_equal_likelihood(likelihood):
+def test_a_record_in_json_gives_the_likelihood_again(likelihood):
     record = json.loads(json.dumps(likelihood.to_record()))
     again = likelihood_from_record(record)
-    assert again == likelihood and hash(again) == hash(likelihood)
+    assert repr(again) == repr(likelihood)
     assert again.to_record() == likelihood.to_record()
     assert record["units"].keys() == likelihood.sizes.keys()
 
@@ -51,7 +51,7 @@ def test_likelihoods_differ_by_each_of_their_arguments():
         ({"sigma": 1.0}, "the argument 'sigma'; expected one of"),
         ({"pressure_sd": -1.0}, "pressure_sd is -1.0"),
         ({"pressure_sd": None}, "'pressure_sd' is None"),
-        ({"error_in": 3}, "error_in is 3"),
+        ({"error_in": "radius"}, "the argument 'error_in'; expected one of"),
         ({"observed": "no"}, "observed is 'no'"),
         ({"name": "Poisson"}, "expected a record with a name of"),
     ],
@@ -65,8 +65,8 @@ def test_words_state_sizes_units_and_standard_deviations():
     assert ph.SlopeAugmented(sigma=2.0, slope_weight=3.0).in_words == (
         "SlopeAugmented: sigma = 2 kPa (a standard deviation of 1.41421 kPa), slope_weight = 3 mm²"
     )
-    inferred = ph.Gaussian(0.05, force_sd=pm.HalfNormal.dist(1.0), error_in="radius").in_words
-    assert "pressure_sd = 0.05 mm, force_sd inferred, in mN; the radius has" in inferred
+    inferred = ph.Gaussian(radius_sd=0.05, force_sd=pm.HalfNormal.dist(1.0)).in_words
+    assert inferred == "Gaussian: radius_sd = 0.05 mm, force_sd inferred, in mN"
     assert repr(ph.Gaussian(pm.HalfNormal.dist(2), observed=True)) == (
         "Gaussian(pressure_sd=HalfNormal(0, 2), observed=True)"
     )

@@ -1,9 +1,9 @@
 """Base class of likelihoods: checks, storage, words, and the part of a PyMC model."""
 
-import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, replace
+from math import sqrt
 from typing import Any, ClassVar, Self
 
 import pymc as pm
@@ -17,7 +17,7 @@ from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.geometry import check_tube
 from pymc_hyperelastic.models.likelihoods.density import log_likelihood, posterior_of_offsets
-from pymc_hyperelastic.models.likelihoods.errors import SIZES, Errors, check_size
+from pymc_hyperelastic.models.likelihoods.errors import SD_OF_SIGMA, SIZES, Errors, check_size
 from pymc_hyperelastic.models.likelihoods.observed import register_measurements
 from pymc_hyperelastic.models.likelihoods.slopes import check_slopes
 from pymc_hyperelastic.models.priors import (
@@ -35,12 +35,11 @@ OFFSET_VARIABLES = ("force_offset_mean", "force_offset_error")
 class Likelihood(ABC):
     """Base class of likelihoods: which quantities were measured, and how large their errors are.
 
-    A subclass is a frozen dataclass. Its fields are arguments of :data:`SIZES`, `observed`, and
-    settings that are text. The base class does everything else.
+    A subclass is a frozen dataclass. Its fields are arguments of :data:`SIZES`, and `observed`. The
+    base class does everything else.
     """
 
     observed: bool
-    error_in: str = "pressure"
     force_name: ClassVar[str]
     """Argument that states the error of forces."""
 
@@ -60,18 +59,8 @@ class Likelihood(ABC):
         self._check_combination()
 
     @abstractmethod
-    def errors(self, values: Mapping[str, Any] | None = None) -> Errors:
-        """Return the standard deviations of all errors.
-
-        Parameters
-        ----------
-        values : dict of str to tensor_like, optional
-            Variables of a model by the name of an argument, in place of its distributions.
-        """
-
-    @abstractmethod
     def _check_combination(self) -> None:
-        """Raise ValueError if arguments exclude each other."""
+        """Raise if arguments exclude each other."""
 
     @property
     def sizes(self) -> dict[str, Any]:
@@ -87,15 +76,30 @@ class Likelihood(ABC):
     @property
     def units(self) -> dict[str, str]:
         """Units of the sizes that were given."""
-        units = {name: SIZES[name].unit for name in self.sizes}
-        if self.error_in == "radius":
-            units["pressure_sd"] = "mm"
-        return units
+        return {name: SIZES[name].unit for name in self.sizes}
+
+    def errors(self, values: Mapping[str, Any] | None = None) -> Errors:
+        """Return the standard deviations of all errors.
+
+        Parameters
+        ----------
+        values : dict of str to tensor_like, optional
+            Variables of a model by the name of an argument, in place of its distributions.
+        """
+        sizes = self.sizes | dict(values or {})
+        for sigma in SD_OF_SIGMA.keys() & sizes.keys():
+            sizes[SD_OF_SIGMA[sigma]] = sizes.pop(sigma) / sqrt(2)
+        return Errors(**sizes)
+
+    @property
+    def error_in(self) -> str:
+        """The quantity that is compared with its measured value: ``"pressure"`` or ``"radius"``."""
+        return "radius" if "radius_sd" in self.sizes else "pressure"
 
     @property
     def with_force(self) -> bool:
         """True if axial forces are part of the likelihood."""
-        return self.errors().force_sd is not None
+        return self.force_name in self.sizes
 
     @property
     def with_offset(self) -> bool:
@@ -106,18 +110,18 @@ class Likelihood(ABC):
     def needs_slopes(self) -> bool:
         """True if slopes of curves are needed, by the likelihood or to propagate an error."""
         errors = self.errors()
-        return errors.with_slopes or errors.diameter_sd is not None
+        return errors.counts_slopes or errors.diameter_sd is not None
 
     @property
     def signals(self) -> tuple[str, ...]:
         """Measured quantities in the likelihood; slopes are those of the pressures."""
-        used = {"slope": self.errors().with_slopes, "force": self.with_force}
-        return ("pressure", *(name for name, is_used in used.items() if is_used))
+        used = {"pressure": True, "slope": self.errors().counts_slopes, "force": self.with_force}
+        return tuple(name for name, is_used in used.items() if is_used)
 
     def measured(self, data: xr.Dataset) -> list[str]:
         """Return the signals that these data have."""
-        has = {"force": self.with_force and bool(data["axial_force"].notnull().any())}
-        return [name for name in self.signals if has.get(name, True)]
+        without_force = self.with_force and not data["axial_force"].notnull().any()
+        return [name for name in self.signals if not (name == "force" and without_force)]
 
     def as_observed(self) -> Self:
         """Return the same likelihood, declared as observed variables."""
@@ -143,7 +147,7 @@ class Likelihood(ABC):
                 f"{self.force_name} is given, but the data hold no axial forces: add a column "
                 f"'axial_force', or leave {self.force_name} away"
             )
-        if self.errors().with_slopes:
+        if self.errors().counts_slopes:
             check_slopes(data)
 
     def forward_model(
@@ -229,14 +233,12 @@ class Likelihood(ABC):
         ValueError
             If a distribution cannot be stored: its parameters must be numbers.
         """
-        record: dict[str, Any] = {"name": type(self).__name__}
-        for field in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, field.name)
-            if is_inferred(value):
-                record[field.name] = prior_to_record(field.name, value)
-            elif value is not None:
-                record[field.name] = float(value) if field.name in SIZES else value
-        return record | {"units": self.units}
+        sizes = {
+            name: prior_to_record(name, value) if is_inferred(value) else float(value)
+            for name, value in self.sizes.items()
+        }
+        own = {"observed": self.observed, "units": self.units}
+        return {"name": type(self).__name__} | sizes | own
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> Self:
@@ -273,49 +275,26 @@ class Likelihood(ABC):
         """The likelihood and its numbers, for tables and messages."""
         words = []
         for name, value in self.sizes.items():
-            unit, said = self.units[name], self._said_of(name)
-            size = f"inferred, in {unit}" if is_inferred(value) else f"= {value:.6g} {unit}"
-            words.append(f"{name} {size}{said and f' ({said})'}")
-        where = "; the radius has the error" if self.error_in == "radius" else ""
-        return f"{type(self).__name__}: {', '.join(words)}{where}"
-
-    def _said_of(self, name: str) -> str:
-        """Explain a size in standard deviations, if its name does not."""
-        return ""
+            unit, inferred = SIZES[name].unit, is_inferred(value)
+            size = f"inferred, in {unit}" if inferred else f"= {value:.6g} {unit}"
+            if name in SD_OF_SIGMA and inferred:
+                size += " (√2 standard deviations)"
+            elif name in SD_OF_SIGMA:
+                size += f" (a standard deviation of {value / sqrt(2):.6g} {unit})"
+            words.append(f"{name} {size}")
+        return f"{type(self).__name__}: {', '.join(words)}"
 
     def __repr__(self) -> str:
         """Return the call that makes the likelihood, distributions as PyMC prints them."""
-        arguments = []
-        for field in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, field.name)
-            if value is None or (field.name not in SIZES and value == field.default):
-                continue
-            arguments.append(f"{field.name}={_text(field.name, value)}")
+        arguments = [f"{name}={_text(name, value)}" for name, value in self.sizes.items()]
+        arguments += ["observed=True"] * self.observed
         return f"{type(self).__name__}({', '.join(arguments)})"
-
-    def __eq__(self, other: object) -> bool:
-        """Likelihoods are equal if they have one class and equal arguments.
-
-        Distributions are equal if they have equal records, or are one object.
-        """
-        return type(self) is type(other) and self._key == other._key
-
-    def __hash__(self) -> int:
-        """Return the hash of the arguments."""
-        return hash(self._key)
-
-    @property
-    def _key(self) -> tuple[Any, ...]:
-        try:
-            return (json.dumps(self.to_record()),)
-        except ValueError:  # a distribution that cannot be stored
-            return tuple(getattr(self, field.name) for field in fields(self))  # type: ignore[arg-type]
 
 
 def _text(name: str, value: Any) -> str:
-    """Return a distribution, or a setting, as Python text."""
+    """Return a size of an error as Python text."""
     if not is_inferred(value):
-        return repr(float(value) if name in SIZES else value)
+        return repr(float(value))
     if value.name:  # a variable of a model
         return value.name
     try:

@@ -63,14 +63,16 @@ def log_likelihood(
 
 def _terms_by_sums(tube: SymbolicTube, errors: Errors, switches: Mapping[str, Any] | None) -> Terms:
     """Terms from sums of squared misfits, see :meth:`SymbolicTube.misfits`."""
-    forward, variance = tube.forward, pt.square(as_double(errors.pressure_sd))
+    forward = tube.forward
+    sd = errors.pressure_sd if errors.radius_sd is None else errors.radius_sd
+    variance = pt.square(as_double(sd))
     with_force, with_offset = errors.force_sd is not None, errors.force_offset_sd is not None
-    key = errors.with_slopes, with_force, with_offset
+    key = errors.counts_slopes, with_force, with_offset
     squares, conditions, force_sums = tube.misfits(key, _targets(*key))
     counts = forward.share(("counts", with_force), _counts(with_force))
     square = squares[forward.error_in]
     terms = {"pressure": normal_log_density(square, variance, counts["points"])}
-    if errors.with_slopes:
+    if errors.counts_slopes:
         normaliser = _slope_normaliser(tube, errors, switches)
         weight = as_double(errors.slope_weight)
         terms["slope"] = normaliser - weight * squares["slope"] / (2 * variance)

@@ -1,17 +1,13 @@
 """Independent Gaussian errors of pressures, forces and diameters."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, get_args
+from typing import Any, ClassVar
 
 from pymc_hyperelastic.models.likelihoods.base import Likelihood
-from pymc_hyperelastic.models.likelihoods.errors import Errors
-from pymc_hyperelastic.models.priors import is_inferred
-
-ErrorIn = Literal["pressure", "radius"]
+from pymc_hyperelastic.models.likelihoods.errors import check_size
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, repr=False)
 class Gaussian(Likelihood):
     r"""Likelihood of independent Gaussian measurement errors, given as standard deviations.
 
@@ -25,8 +21,12 @@ class Gaussian(Likelihood):
     Parameters
     ----------
     pressure_sd : float or distribution
-        Standard deviation ``s_p`` of a measured pressure, kPa. With ``error_in="radius"`` that of
-        a measured internal radius, or of half an outer diameter, mm.
+        Standard deviation ``s_p`` of a measured pressure, kPa.
+    radius_sd : float or distribution, optional
+        In place of `pressure_sd`, for steep curves: standard deviation of a measured internal
+        radius, or of half an outer diameter, mm. Pressures are then exact. The measured radius is
+        compared with the radius at which the model has the measured pressure, and forces are
+        compared with those of the model at that radius.
     force_sd : float or distribution, optional
         Standard deviation ``s_F`` of a measured axial force, mN. Without it forces are left out.
     force_offset_sd : float or distribution, optional
@@ -35,10 +35,6 @@ class Gaussian(Likelihood):
     diameter_sd : float or distribution, optional
         Standard deviation ``s_D`` of a measured outer diameter, or of twice a measured internal
         radius, mm, besides the error of the pressure. See the notes.
-    error_in : {"pressure", "radius"}
-        Which quantity has the error `pressure_sd`. With "radius", for steep curves, the measured
-        radius is compared with the radius at which the model has the measured pressure, and forces
-        are compared with those of the model at that radius.
     observed : bool, default False
         Whether a model declares observed variables, ``measured_pressure`` and
         ``measured_axial_force``, in place of the Potential ``likelihood``. PyMC can then draw
@@ -90,35 +86,30 @@ class Gaussian(Likelihood):
     ['mu', 'alpha', 'pressure_sd']
     """
 
-    pressure_sd: Any
+    pressure_sd: Any = None
+    radius_sd: Any = field(default=None, kw_only=True)
     force_sd: Any = field(default=None, kw_only=True)
     force_offset_sd: Any = field(default=None, kw_only=True)
     diameter_sd: Any = field(default=None, kw_only=True)
-    error_in: ErrorIn = field(default="pressure", kw_only=True)
     observed: bool = field(default=False, kw_only=True)
 
     force_name: ClassVar[str] = "force_sd"
 
-    def errors(self, values: Mapping[str, Any] | None = None) -> Errors:
-        """Return the standard deviations of all errors, see :meth:`Likelihood.errors`."""
-        return Errors(**self.sizes | dict(values or {}))
-
     def _check_combination(self) -> None:
-        """Raise ValueError if the error of a radius is stated twice, or cannot be drawn."""
-        if self.error_in not in get_args(ErrorIn):
-            raise ValueError(f"error_in is {self.error_in!r}; expected one of {get_args(ErrorIn)}")
-        if self.error_in == "pressure":
+        """Raise if the errors of pressures and radii exclude each other, or cannot be drawn."""
+        if self.radius_sd is None:
+            check_size("pressure_sd", self.pressure_sd)
             return
-        if self.diameter_sd is not None:
-            size = "a distribution" if is_inferred(self.diameter_sd) else self.diameter_sd
-            raise ValueError(
-                f"diameter_sd is {size}, but with error_in='radius' pressure_sd is the error of "
-                "the measured radius already (mm), and pressures have none: leave diameter_sd "
-                "away, or leave error_in away and give pressure_sd in kPa"
-            )
+        for name in ("pressure_sd", "diameter_sd"):
+            if name in self.sizes:
+                raise ValueError(
+                    f"radius_sd and {name} are both given, but with radius_sd (mm) the radius has "
+                    f"the only error, and pressures are exact: leave {name} away; or, if both have "
+                    "errors, give pressure_sd (kPa) and diameter_sd (mm, twice that of a radius)"
+                )
         if self.observed:
             raise ValueError(
-                "error_in is 'radius', but observed variables (observed=True, and wherever "
-                "specimens differ) are pressures at known radii: leave error_in away, or give the "
-                "error of diameters as diameter_sd"
+                "radius_sd is given, but observed variables (observed=True, and wherever specimens "
+                "differ) are pressures at known radii: give pressure_sd (kPa), and the error of "
+                "diameters as diameter_sd (mm)"
             )

@@ -76,7 +76,7 @@ def _register_pressure(
 ) -> TensorVariable:
     """Add the observed variable ``measured_pressure``."""
     settings = _data_of(tube.forward, "pressure", dims)
-    if not errors.with_slopes:
+    if not errors.counts_slopes:
         mean, sd = bound(expected.pressure), expected.pressure_sd
         return pm.Normal("measured_pressure", mean, sd, **settings)
     weight = errors.slope_weight

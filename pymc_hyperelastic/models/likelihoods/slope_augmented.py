@@ -1,16 +1,13 @@
 """The paper's likelihood: errors of pressures and of the slopes of their curves."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import sqrt
 from typing import Any, ClassVar
 
 from pymc_hyperelastic.models.likelihoods.base import Likelihood
-from pymc_hyperelastic.models.likelihoods.errors import Errors
 from pymc_hyperelastic.models.priors import is_inferred
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, repr=False)
 class SlopeAugmented(Likelihood):
     r"""The paper's likelihood, in which the slopes of the curves count besides the pressures.
 
@@ -91,17 +88,6 @@ class SlopeAugmented(Likelihood):
 
     force_name: ClassVar[str] = "force_sigma"
 
-    def errors(self, values: Mapping[str, Any] | None = None) -> Errors:
-        """Return the standard deviations of all errors, see :meth:`Likelihood.errors`."""
-        sizes = self.sizes | dict(values or {})
-        force_sigma = sizes.get("force_sigma")
-        return Errors(
-            _standard_deviation(sizes["sigma"]),
-            sizes["slope_weight"],
-            None if force_sigma is None else _standard_deviation(force_sigma),
-            sizes.get("force_offset_sd"),
-        )
-
     def _check_combination(self) -> None:
         """Raise ValueError if pressures are observed and the slope weight is unknown."""
         if self.observed and is_inferred(self.slope_weight):
@@ -111,17 +97,3 @@ class SlopeAugmented(Likelihood):
                 "as ph.balanced_slope_weight(data): it is part of a covariance that is factorised "
                 "once"
             )
-
-    def _said_of(self, name: str) -> str:
-        """Explain the paper's ``σ`` in standard deviations."""
-        if name not in ("sigma", "force_sigma"):
-            return ""
-        value = self.sizes[name]
-        if is_inferred(value):
-            return "√2 standard deviations"
-        return f"a standard deviation of {_standard_deviation(value):.6g} {self.units[name]}"
-
-
-def _standard_deviation(sigma: Any) -> Any:
-    """Return the standard deviation of the paper's ``σ``."""
-    return sigma / sqrt(2.0)
