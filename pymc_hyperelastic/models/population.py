@@ -368,5 +368,4 @@ def register_curves(
     }
     test = forward.share("test", lambda data: {"test": data["test"].values})["test"]
     own = {name: size[specimens.of_test][test] for name, size in specimens.noises.items()}
-    # Specimens are scored in batches, in which curves that overflow are rejected anyway.
-    population.likelihood.register(tube, curves, own, dims=dims, bounded=False)
+    population.likelihood.register(tube, curves, own, dims)

@@ -188,7 +188,9 @@ def own_model(data=None, /, *, geometry=None, **settings):
     """A user's model that adds the likelihood of the curves to its own variables."""
     with pm.Model() as model:
         parameters = {"mu": pm.LogNormal("mu", 2.0, 1.0), "alpha": pm.Normal("alpha", 6.0, 3.0)}
-        likelihood, others = split({"pressure_sd": pm.HalfNormal("noise", 1.0)} | settings)
+        noise = pm.HalfNormal("noise", 1.0)
+        errors = {} if "radius_sd" in settings else {"pressure_sd": noise}
+        likelihood, others = split(errors | settings)
         others["geometry"] = {n: pm.Normal(n, *prior) for n, prior in (geometry or {}).items()}
         data = aorta() if data is None else data
         ph.inflation_likelihood("curves", law("Ogden"), data, likelihood, parameters, **others)

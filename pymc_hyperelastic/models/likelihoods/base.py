@@ -177,7 +177,7 @@ class Likelihood(ABC):
         tube: SymbolicTube,
         curves: Mapping[str, TensorVariable],
         values: Mapping[str, Any],
-        **settings: Any,
+        dims: str | None = "obs",
     ) -> None:
         """Add the likelihood to the model in context, as a Potential or as observed variables.
 
@@ -192,12 +192,12 @@ class Likelihood(ABC):
             Its curves.
         values : dict of str to tensor_like
             See :meth:`errors`.
-        **settings
-            Settings of :func:`register_measurements`.
+        dims : str, optional
+            Dimension of observed pressures.
         """
         errors = self.errors(values)
         if self.observed:
-            register_measurements(tube, curves, errors, **settings)
+            register_measurements(tube, curves, errors, dims)
         else:
             pm.Potential("likelihood", log_likelihood(tube, errors))
         if self.with_offset:

@@ -20,6 +20,7 @@ from pymc_hyperelastic.models.forward import SymbolicTube
 from pymc_hyperelastic.models.likelihoods.errors import Errors
 from pymc_hyperelastic.models.likelihoods.normal import (
     as_double,
+    log_density_by_points,
     log_density_ratio_of_offset,
     normal_log_density,
     offset_moments,
@@ -30,7 +31,6 @@ from pymc_hyperelastic.models.likelihoods.signals import (
     force_arrays,
     force_errors,
     measured,
-    rows_of_forces,
     signals_of,
 )
 from pymc_hyperelastic.models.likelihoods.slopes import (
@@ -66,22 +66,21 @@ def _terms_by_sums(tube: SymbolicTube, errors: Errors, switches: Mapping[str, An
     forward = tube.forward
     sd = errors.pressure_sd if errors.radius_sd is None else errors.radius_sd
     variance = pt.square(as_double(sd))
-    with_force, with_offset = errors.force_sd is not None, errors.force_offset_sd is not None
-    key = errors.counts_slopes, with_force, with_offset
+    key = errors.counts_slopes, errors.force_sd is not None, errors.force_offset_sd is not None
+    with_slopes, with_force, with_offset = key
     squares, conditions, force_sums = tube.misfits(key, _targets(*key))
-    counts = forward.share(("counts", with_force), _counts(with_force))
-    square = squares[forward.error_in]
-    terms = {"pressure": normal_log_density(square, variance, counts["points"])}
-    if errors.counts_slopes:
+    points = measured(forward, "pressure").shape[0]
+    terms = {"pressure": normal_log_density(squares[forward.error_in], variance, points)}
+    if with_slopes:
         normaliser = _slope_normaliser(tube, errors, switches)
         weight = as_double(errors.slope_weight)
         terms["slope"] = normaliser - weight * squares["slope"] / (2 * variance)
     if with_force:
-        variance, forces = pt.square(as_double(errors.force_sd)), counts["forces"]
+        variance, forces = pt.square(as_double(errors.force_sd)), _forces_of_tests(tube)
         terms["force"] = normal_log_density(squares["force"], variance, pt.sum(forces))
         if with_offset:
-            weights = forces / variance, force_sums / variance
-            terms["force"] += _log_density_ratio(*weights, errors.force_offset_sd)
+            sums = forces / variance, force_sums / variance
+            terms["force"] += pt.sum(log_density_ratio_of_offset(*sums, errors.force_offset_sd))
     return terms, reduce(and_, conditions)
 
 
@@ -102,17 +101,9 @@ def _targets(slopes: bool, forces: bool, offsets: bool) -> Callable[[xr.Dataset]
     return targets_of
 
 
-def _counts(with_force: bool) -> Callable[[xr.Dataset], dict[str, Array]]:
-    """Return a function of data: the number of pressures, and of forces by test."""
-
-    def counts_of(data: xr.Dataset) -> dict[str, Array]:
-        counts = {"points": np.array(float(data.sizes["obs"]))}
-        if with_force:
-            test = data["test"].values[rows_of_forces(data)]
-            counts["forces"] = np.bincount(test, minlength=data.sizes["test"]).astype(float)
-        return counts
-
-    return counts_of
+def _forces_of_tests(tube: SymbolicTube) -> TensorVariable:
+    """Return the number of measured forces of each test."""
+    return pt.sum(force_arrays(tube)["there"], axis=-1)
 
 
 def _slope_normaliser(
@@ -131,7 +122,7 @@ def _slope_normaliser(
         arrays = {"slopes": np.array(float(central_differences(data)[0].size))}
         if inferred:
             return arrays | {"eigenvalues": squared_singular_values(data)}
-        diagonal = precision_root(data, errors.slope_weight)[-1]
+        diagonal, _ = precision_root(data, errors.slope_weight)
         return arrays | {"half_log_determinant": np.array(np.log(diagonal).sum())}
 
     weight = None if inferred else float(errors.slope_weight)
@@ -159,22 +150,16 @@ def _terms_by_points(
     pressure_switch = None if switches is None else switches["pressure"]
     expected = signals_of(tube, safe, errors, pressure_switch)
     square = pt.square(measured(tube.forward, "pressure") - expected.pressure)
-    density = normal_log_density(square, pt.square(expected.pressure_sd))
-    terms = {"pressure": pt.sum(density)}
+    terms = {"pressure": pt.sum(normal_log_density(square, pt.square(expected.pressure_sd)))}
     if expected.force is not None:
         error, variance = force_errors(tube, expected), pt.square(expected.force_sd)
-        terms["force"] = pt.sum(normal_log_density(pt.square(error), variance))
-        if errors.force_offset_sd is not None:
-            tables = weights_of_tests(error, variance, force_arrays(tube))
-            precision, weighted = (table.sum(axis=-1) for table in tables)
-            terms["force"] += _log_density_ratio(precision, weighted, errors.force_offset_sd)
+        if errors.force_offset_sd is None:
+            densities = normal_log_density(pt.square(error), variance)
+        else:
+            settings = errors.force_offset_sd, force_arrays(tube)
+            densities = log_density_by_points(error, variance, *settings)
+        terms["force"] = pt.sum(densities)
     return terms, possible
-
-
-def _log_density_ratio(precision: Any, weighted: Any, offset_sd: Any) -> TensorVariable:
-    """Return the log density that offsets add to independent errors, from sums by test."""
-    moments = offset_moments(precision, weighted, offset_sd)
-    return pt.sum(log_density_ratio_of_offset(*moments, offset_sd))
 
 
 def posterior_of_offsets(
@@ -188,7 +173,7 @@ def posterior_of_offsets(
         variance = pt.square(as_double(errors.force_sd))
         force_sums = tube.misfits("offsets", _targets(False, True, True)).force_sums
         weighted = -pt.as_tensor(force_sums) / variance
-        precision = force_arrays(tube)["there"].sum(axis=-1) / variance
+        precision = _forces_of_tests(tube) / variance
     else:
         expected = signals_of(tube, curves, errors)
         error, variance = force_errors(tube, expected), pt.square(expected.force_sd)

@@ -33,20 +33,6 @@ def normal_log_density(square: Any, variance: Any, count: Any = 1.0) -> TensorVa
     return -(square / variance + count * pt.log(2 * np.pi * variance)) / 2
 
 
-def log_density_ratio_of_offset(mean: Any, variance: Any, offset_sd: Any) -> TensorVariable:
-    """Return what the offset of a test adds to the log density of its independent errors.
-
-    Parameters
-    ----------
-    mean, variance : tensor_like
-        Posterior moments of the offset, see :func:`offset_moments`.
-    offset_sd : tensor_like
-        Standard deviation of the prior of the offset.
-    """
-    shrinkage = variance / pt.square(as_double(offset_sd))
-    return (pt.square(mean) / variance + pt.log(shrinkage)) / 2
-
-
 def log_density_by_points(
     error: TensorVariable, variance: Any, offset_sd: Any, inputs: Mapping[str, Any]
 ) -> TensorVariable:
@@ -54,11 +40,35 @@ def log_density_by_points(
 
     The offset is integrated out. The `inputs` are those of :func:`force_arrays`.
     """
-    precision, weighted = weights_of_tests(error, variance, inputs)
-    precision, weighted = (pt.cumsum(x, axis=-1) - x for x in (precision, weighted))
-    moments = offset_moments(precision, weighted, offset_sd)
-    mean, left = (x.flatten()[inputs["place"]] for x in moments)
+    sums = (pt.cumsum(x, axis=-1) - x for x in weights_of_tests(error, variance, inputs))
+    mean, left = (x.flatten()[inputs["place"]] for x in offset_moments(*sums, offset_sd))
     return normal_log_density(pt.square(error - mean), variance + left)
+
+
+def log_density_ratio_of_offset(
+    precision: Any, weighted: Any, offset_sd: Any
+) -> TensorVariable:
+    """Return what an offset adds to the log density of independent errors, from the same sums."""
+    mean, variance = offset_moments(precision, weighted, offset_sd)
+    shrinkage = variance / pt.square(as_double(offset_sd))
+    return (pt.square(mean) / variance + pt.log(shrinkage)) / 2
+
+
+def offset_moments(
+    precision: Any, weighted: Any, offset_sd: Any
+) -> tuple[TensorVariable, TensorVariable]:
+    """Return the posterior mean and variance of an offset.
+
+    Parameters
+    ----------
+    precision, weighted : tensor_like
+        Sums of the precisions of its errors, and of the errors times their precisions.
+    offset_sd : tensor_like
+        Standard deviation of the prior of the offset.
+    """
+    prior = pt.square(as_double(offset_sd))
+    variance = prior / (1 + prior * precision)
+    return variance * weighted, variance
 
 
 def weights_of_tests(
@@ -67,23 +77,6 @@ def weights_of_tests(
     """Return the precision of each error, and error times precision, as tables by test."""
     precision = table_of(pt.zeros_like(error) + 1 / variance, inputs)
     return precision, table_of(error / variance, inputs)
-
-
-def offset_moments(
-    precision: TensorVariable, weighted: TensorVariable, offset_sd: Any
-) -> tuple[TensorVariable, TensorVariable]:
-    """Return the posterior mean and variance of an offset.
-
-    Parameters
-    ----------
-    precision, weighted : TensorVariable
-        Sums of the precisions of its errors, and of the errors times their precisions.
-    offset_sd : tensor_like
-        Standard deviation of the prior of the offset.
-    """
-    prior = pt.square(as_double(offset_sd))
-    variance = prior / (1 + prior * precision)
-    return variance * weighted, variance
 
 
 def as_double(value: Any) -> TensorVariable:

@@ -5,7 +5,7 @@ A slope is taken by the radius at a held axial stretch. Extension tests have no 
 
 import numpy as np
 import xarray as xr
-from scipy.linalg import eigvalsh_tridiagonal, solve_banded
+from scipy.linalg import eigvalsh_tridiagonal
 
 from pymc_hyperelastic.data.inflation import (
     check_inflation_data,
@@ -125,39 +125,21 @@ def squared_singular_values(data: xr.Dataset) -> np.ndarray:
     return eigvalsh_tridiagonal(2 * difference**2, shared) if interior.size else difference
 
 
-def precision_root(data: xr.Dataset, slope_weight: float) -> np.ndarray:
-    """Lower triangular ``B`` with ``BᵀB = I + β DᵀD``, as the upper bands of ``Bᵀ``.
+def precision_root(data: xr.Dataset, slope_weight: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lower triangular ``B`` with ``BᵀB = I + β DᵀD``: its entries ``B[i, i]`` and ``B[i, i−2]``.
 
     If errors ``e`` have the precision ``BᵀB``, the entries of ``B e`` are independent and have one
-    variance: row ``i`` of ``B`` gives the density of point ``i`` given the points before it. The
-    only entries of a row are at ``i`` and ``i − 2``, the last and the first band.
+    variance: row ``i`` of ``B`` gives the density of point ``i`` given the points before it. A row
+    has no other entries.
     """
     interior, difference = central_differences(data)
     size = data.sizes["obs"]
     link = np.zeros(size + 2)
     link[interior + 1] = slope_weight * difference**2
-    # Squared pivots of an elimination from the last point are `own + link`. The usual factorisation
-    # subtracts nearly equal numbers where two radii are close; this recursion does not subtract.
+    # Squared pivots of an elimination from the last point are `own + link`. Nothing is subtracted,
+    # so that they are exact also where two radii are close.
     own = np.ones(size + 2)
     for i in reversed(range(size)):
         own[i] += link[i + 2] * own[i + 2] / (own[i + 2] + link[i + 2])
-    root = np.zeros((3, size))
-    root[2] = np.sqrt(own + link)[:size]
-    root[0] = -link[:size] / root[2]
-    return root
-
-
-def whiten(
-    root: np.ndarray, data: xr.Dataset, slope_weight: float, pressure: np.ndarray, slope: np.ndarray
-) -> np.ndarray:
-    """``B μ̃ = B⁻ᵀ (m + β Dᵀ s)``: the expected ``B y`` of pressures and slopes at every point.
-
-    Both arguments may have several columns. Slopes at the ends of a test, and slopes of extension
-    tests, are ignored.
-    """
-    interior, difference = central_differences(data)
-    weighted = (slope_weight * difference * slope[interior].T).T
-    right = pressure.astype(float)
-    np.add.at(right, interior + 1, weighted)
-    np.add.at(right, interior - 1, -weighted)
-    return solve_banded((0, 2), root, right)
+    diagonal = np.sqrt(own + link)[:size]
+    return diagonal, -link[:size] / diagonal
