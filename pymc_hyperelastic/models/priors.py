@@ -216,6 +216,24 @@ def _check_number(name: str, value: Any, size: int | None) -> None:
         raise TypeError(f"{name} is {value!r}; expected {expected}, or a distribution")
 
 
+def _parameters_of(op: type) -> int | None:
+    """Number of scalar parameters of a univariate distribution; None for any other."""
+    symbolic = issubclass(op, SymbolicRandomVariable)
+    signature = getattr(op, "extended_signature" if symbolic else "signature", None) or ""
+    inputs = r"\[rng\],\[size\](,\(\))*->\[rng\]," if symbolic else r"(\(\),?)*->"
+    return signature.count("()") - 1 if re.fullmatch(inputs + r"\(\)", signature) else None
+
+
+# Distributions that can be stored, by all their names: class, and number of scalar parameters.
+_STORABLE: dict[str, tuple[Any, int]] = {
+    name: (member, count)
+    for name, member in vars(pm.distributions).items()
+    if isinstance(op := getattr(member, "rv_type", None), type)
+    and (count := _parameters_of(op)) is not None
+}
+_NAMES: dict[type, str] = {member.rv_type: name for name, (member, _) in _STORABLE.items()}
+
+
 def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
     """Return a distribution as ``[name, parameters]``, or ``[name, parameters, size]`` of a vector.
 
@@ -253,7 +271,7 @@ def prior_from_record(record: Any, name: str = "") -> TensorVariable:
             isinstance(parameters, list)
             and len(parameters) == count
             and len(size) <= 1
-            and all(type(n) is int and 1 <= n <= _LARGEST_SIZE for n in size)
+            and all(type(n) is int and n >= 1 for n in size)
             and all(_is_parameter(p, size) for p in parameters)
         )
     except (TypeError, ValueError, KeyError):
@@ -263,7 +281,7 @@ def prior_from_record(record: Any, name: str = "") -> TensorVariable:
         raise ValueError(
             f"{subject} is {shown(record)}; expected [name, parameters], or [name, "
             "parameters, size] for a vector, with the name of a univariate distribution of PyMC "
-            f"and its parameters as numbers. The size is at most {_LARGEST_SIZE}"
+            "and its parameters as numbers"
         )
     variables = [pt.constant(p, dtype="float64") for p in parameters]
     return _rebuild(member.rv_op, variables, size or None)
@@ -296,27 +314,6 @@ def class_name_of(record: Any) -> str:
     """
     prior_from_record(record)
     return _STORABLE[record[0]][0].__name__
-
-
-def _parameters_of(op: type) -> int | None:
-    """Number of scalar parameters of a univariate distribution; None for any other."""
-    symbolic = issubclass(op, SymbolicRandomVariable)
-    signature = getattr(op, "extended_signature" if symbolic else "signature", None) or ""
-    inputs = r"\[rng\],\[size\](,\(\))*->\[rng\]," if symbolic else r"(\(\),?)*->"
-    return signature.count("()") - 1 if re.fullmatch(inputs + r"\(\)", signature) else None
-
-
-# Distributions that can be stored, by all their names: class, and number of scalar parameters.
-_STORABLE: dict[str, tuple[Any, int]] = {
-    name: (member, count)
-    for name, member in vars(pm.distributions).items()
-    if isinstance(op := getattr(member, "rv_type", None), type)
-    and (count := _parameters_of(op)) is not None
-}
-_NAMES: dict[type, str] = {member.rv_type: name for name, (member, _) in _STORABLE.items()}
-# Largest size of a vector prior in a file; no law has as many entries, and a damaged file must not
-# exhaust the memory.
-_LARGEST_SIZE = 10_000
 
 
 def is_inferred(value: Any) -> bool:

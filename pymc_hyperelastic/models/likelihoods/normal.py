@@ -45,9 +45,7 @@ def log_density_by_points(
     return normal_log_density(pt.square(error - mean), variance + left)
 
 
-def log_density_ratio_of_offset(
-    precision: Any, weighted: Any, offset_sd: Any
-) -> TensorVariable:
+def log_density_ratio_of_offset(precision: Any, weighted: Any, offset_sd: Any) -> TensorVariable:
     """Return what an offset adds to the log density of independent errors, from the same sums."""
     mean, variance = offset_moments(precision, weighted, offset_sd)
     shrinkage = variance / pt.square(as_double(offset_sd))
