@@ -26,7 +26,7 @@ from pymc_hyperelastic.files.stored import (
 )
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import Parameter, StrainEnergy
-from pymc_hyperelastic.models.likelihoods import Likelihood, likelihood_from_record
+from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.priors import (
     complete_layers,
     is_inferred,
@@ -100,7 +100,7 @@ def likelihood_of(tree: xr.DataTree) -> Likelihood | None:
     if "likelihood" not in tree.attrs:
         return None
     with reading(tree):
-        return likelihood_from_record(read_json(tree, "likelihood", {}))
+        return Likelihood.from_record(read_json(tree, "likelihood", {}))
 
 
 def strain_energy_attrs(energy: StrainEnergy) -> dict[str, str]:

@@ -12,8 +12,8 @@ from scipy import stats
 from shared_errors import extended
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.models.likelihoods import as_likelihood, likelihood_from_record
-from pymc_hyperelastic.models.likelihoods.normal import log_density_by_points, normal_log_density
+from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
+from pymc_hyperelastic.models.likelihoods.signals import log_density_by_points, normal_log_density
 
 ROUNDING = 1e-12
 FORCES = {"force_offset_sd": 25.0, "observed": True}
@@ -30,7 +30,7 @@ LIKELIHOODS = [
 @pytest.mark.parametrize("likelihood", LIKELIHOODS, ids=repr)
 def test_a_record_in_json_gives_the_likelihood_again(likelihood):
     record = json.loads(json.dumps(likelihood.to_record()))
-    again = likelihood_from_record(record)
+    again = Likelihood.from_record(record)
     assert repr(again) == repr(likelihood)
     assert again.to_record() == likelihood.to_record()
     assert record["units"].keys() == likelihood.sizes.keys()
@@ -58,7 +58,7 @@ def test_likelihoods_differ_by_each_of_their_arguments():
 )
 def test_a_damaged_record_is_refused(change, message):
     with pytest.raises(ValueError, match=message):
-        likelihood_from_record(ph.Gaussian(0.5).to_record() | change)
+        Likelihood.from_record(ph.Gaussian(0.5).to_record() | change)
 
 
 def test_words_state_sizes_units_and_standard_deviations():

@@ -16,9 +16,12 @@ from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.geometry import check_tube
-from pymc_hyperelastic.models.likelihoods.density import log_likelihood, posterior_of_offsets
+from pymc_hyperelastic.models.likelihoods.density import (
+    log_likelihood,
+    posterior_of_offsets,
+    register_measurements,
+)
 from pymc_hyperelastic.models.likelihoods.errors import SD_OF_SIGMA, SIZES, Errors, check_size
-from pymc_hyperelastic.models.likelihoods.observed import register_measurements
 from pymc_hyperelastic.models.likelihoods.slopes import check_slopes
 from pymc_hyperelastic.models.priors import (
     check_prior,
@@ -139,7 +142,7 @@ class Likelihood(ABC):
         The `geometry` may hold priors, see :func:`~pymc_hyperelastic.inflation_model`.
         """
         if isinstance(wall, StrainEnergy):
-            _check_parameters(wall, parameters)
+            wall.split(parameters)
         check_inflation_data(data)
         check_tube(wall, data, geometry)
         if self.with_force and ("axial_force" not in data or data["axial_force"].isnull().all()):
@@ -240,32 +243,38 @@ class Likelihood(ABC):
         own = {"observed": self.observed, "units": self.units}
         return {"name": type(self).__name__} | sizes | own
 
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """Return the likelihood that :meth:`to_record` wrote, of this class.
+    @staticmethod
+    def from_record(record: Any) -> "Likelihood":
+        """Return the likelihood that :meth:`to_record` wrote.
 
         Raises
         ------
         ValueError
-            If the record has other fields, other units or impossible values.
+            If it is no such record: its class, fields, units or values are others.
         """
+        kinds = {kind.__name__: kind for kind in Likelihood.__subclasses__()}
+        name = record.get("name") if isinstance(record, dict) else None
+        if not isinstance(name, str) or name not in kinds:
+            raise ValueError(
+                f"the likelihood is {shown(record)}; expected a record with a name of {[*kinds]}"
+            )
         given = {k: v for k, v in record.items() if k not in ("name", "units")}
-        known = {field.name for field in fields(cls)}  # type: ignore[arg-type]
-        for name, value in given.items():
-            if name not in known:
+        known = {field.name for field in fields(kinds[name])}  # type: ignore[arg-type]
+        for argument, value in given.items():
+            if argument not in known:
                 raise ValueError(
-                    f"a likelihood {cls.__name__} has the argument {name!r}; expected one of "
+                    f"a likelihood {name} has the argument {argument!r}; expected one of "
                     f"{sorted(known)}"
                 )
-            if name in SIZES and not is_number(value):
-                given[name] = prior_from_record(value, name)
+            if argument in SIZES and not is_number(value):
+                given[argument] = prior_from_record(value, argument)
         try:
-            likelihood = cls(**given)
+            likelihood = kinds[name](**given)
         except TypeError as error:
-            raise ValueError(f"a likelihood {cls.__name__} is damaged: {error}") from None
+            raise ValueError(f"a likelihood {name} is damaged: {error}") from None
         if record.get("units") != likelihood.units:
             raise ValueError(
-                f"a likelihood {cls.__name__} has the units {shown(record.get('units'))}; expected "
+                f"a likelihood {name} has the units {shown(record.get('units'))}; expected "
                 f"{likelihood.units}"
             )
         return likelihood
@@ -302,12 +311,3 @@ def _text(name: str, value: Any) -> str:
     except (AttributeError, ValueError):  # an expression, or no univariate distribution
         return "a variable"
     return f"{distribution}({', '.join(f'{p:g}' for p in parameters)})"
-
-
-def _check_parameters(energy: StrainEnergy, parameters: Mapping[str, Any]) -> None:
-    if not isinstance(parameters, Mapping):
-        raise TypeError(
-            f"parameters must be a dict with the keys {list(energy.parameter_names)}, not "
-            f"{type(parameters).__name__}"
-        )
-    energy.split(parameters)

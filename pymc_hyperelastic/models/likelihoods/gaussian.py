@@ -1,7 +1,10 @@
 """Independent Gaussian errors of pressures, forces and diameters."""
 
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any, ClassVar
+
+from pytensor.graph.basic import Variable
 
 from pymc_hyperelastic.models.likelihoods.base import Likelihood
 from pymc_hyperelastic.models.likelihoods.errors import check_size
@@ -113,3 +116,32 @@ class Gaussian(Likelihood):
                 "differ) are pressures at known radii: give pressure_sd (kPa), and the error of "
                 "diameters as diameter_sd (mm)"
             )
+
+
+def as_likelihood(likelihood: Any) -> Likelihood:
+    """Return the likelihood that an argument means.
+
+    Parameters
+    ----------
+    likelihood : Likelihood, float or distribution
+        A number or a distribution is the standard deviation of a pressure, kPa.
+
+    Raises
+    ------
+    TypeError
+        If it is something else.
+
+    Examples
+    --------
+    >>> as_likelihood(0.5)
+    Gaussian(pressure_sd=0.5)
+    """
+    if isinstance(likelihood, Likelihood):
+        return likelihood
+    if isinstance(likelihood, Real | Variable) and not isinstance(likelihood, bool):
+        return Gaussian(pressure_sd=likelihood)
+    raise TypeError(
+        f"likelihood is {likelihood!r}; expected ph.Gaussian(pressure_sd=2 * ph.mmHg), "
+        "ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0), or the standard deviation of a "
+        "pressure in kPa, a number or a distribution"
+    )

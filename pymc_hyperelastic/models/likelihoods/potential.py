@@ -15,7 +15,7 @@ from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward import Mode
 from pymc_hyperelastic.models.likelihoods.base import Likelihood
-from pymc_hyperelastic.models.likelihoods.choose import as_likelihood
+from pymc_hyperelastic.models.likelihoods.gaussian import as_likelihood
 
 
 def inflation_likelihood(
@@ -96,10 +96,14 @@ def inflation_likelihood(
             "the likelihood has observed=True, but this function adds a Potential: leave observed "
             "away, or call ph.inflation_model inside `with pm.Model():`"
         )
-    if geometry is not None and not isinstance(geometry, Mapping):
-        raise TypeError(
-            f"geometry must be a dict with keys of {GEOMETRY}, not {type(geometry).__name__}"
-        )
+    keys = {"parameters": energy.parameter_names, "geometry": GEOMETRY}
+    given = {"parameters": parameters, "geometry": geometry or {}}
+    for argument, values in given.items():
+        if not isinstance(values, Mapping):
+            raise TypeError(
+                f"{argument} must be a dict with keys of {list(keys[argument])}, not "
+                f"{type(values).__name__}"
+            )
     strangers = [key for key in geometry or {} if key not in GEOMETRY]
     if strangers:
         raise ValueError(f"geometry holds {strangers[0]!r}; it may hold {GEOMETRY}")

@@ -1,4 +1,4 @@
-r"""Expected pressures and forces of a tube, with the standard deviations of measured ones.
+r"""Expected measurements of a tube, the standard deviations of their errors, and normal densities.
 
 An error of the diameter shifts pressure and force of a point together, along the curves. With the
 model's slopes ``p'`` and ``F'`` by the measured radius, and half of the standard deviation of the
@@ -7,8 +7,11 @@ diameter ``s_r``, both errors have, to first order, the covariance
 .. math:: \begin{pmatrix} s_p^2 & 0 \\ 0 & s_F^2 \end{pmatrix}
     + s_r^2 \begin{pmatrix} p'^2 & p' F' \\ p' F' & F'^2 \end{pmatrix} .
 
-The joint density is that of the pressure times that of the force given the pressure, so that no
-matrix is factorised.
+The joint density is that of the pressure times that of the force given the pressure. An offset
+``o ~ N(0, s_o²)`` shifts all forces of a test. Given errors ``u_i`` with variances ``w_i``,
+
+.. math:: o \sim \mathcal{N}(v \textstyle\sum_i u_i / w_i,\ v), \qquad
+    1/v = 1/s_o^2 + \textstyle\sum_i 1/w_i .
 """
 
 from collections.abc import Callable, Mapping
@@ -21,9 +24,9 @@ from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
-from pymc_hyperelastic.models.forward.blocks import table_arrays
+from pymc_hyperelastic.models.forward.blocks import table_arrays, table_of
 from pymc_hyperelastic.models.likelihoods.errors import Errors
-from pymc_hyperelastic.models.likelihoods.normal import as_double
+from pymc_hyperelastic.models.priors import is_inferred
 
 # Largest pressure (kPa), force (mN) or slope of these (per mm) that is used: far beyond any tube,
 # and small enough that its square does not overflow.
@@ -119,3 +122,67 @@ def measured(
         return {f"{name}_data": values[np.isfinite(values)]}
 
     return forward.share(("measured", name), arrays_of, make)[f"{name}_data"]
+
+
+def normal_log_density(square: Any, variance: Any, count: Any = 1.0) -> TensorVariable:
+    """Return the log density of normal errors.
+
+    Parameters
+    ----------
+    square : tensor_like
+        Squared errors, or sums of them.
+    variance : tensor_like
+        Variance of each error.
+    count : tensor_like, default 1
+        Number of errors in each sum.
+    """
+    return -(square / variance + count * pt.log(2 * np.pi * variance)) / 2
+
+
+def log_density_by_points(
+    error: TensorVariable, variance: Any, offset_sd: Any, inputs: Mapping[str, Any]
+) -> TensorVariable:
+    """Return the log density of each force, given those before it in its test.
+
+    The offset is integrated out. The `inputs` are those of :func:`force_arrays`.
+    """
+    sums = (pt.cumsum(x, axis=-1) - x for x in weights_of_tests(error, variance, inputs))
+    mean, left = (x.flatten()[inputs["place"]] for x in offset_moments(*sums, offset_sd))
+    return normal_log_density(pt.square(error - mean), variance + left)
+
+
+def log_density_ratio_of_offset(precision: Any, weighted: Any, offset_sd: Any) -> TensorVariable:
+    """Return what an offset adds to the log density of independent errors, from the same sums."""
+    mean, variance = offset_moments(precision, weighted, offset_sd)
+    shrinkage = variance / pt.square(as_double(offset_sd))
+    return (pt.square(mean) / variance + pt.log(shrinkage)) / 2
+
+
+def offset_moments(
+    precision: Any, weighted: Any, offset_sd: Any
+) -> tuple[TensorVariable, TensorVariable]:
+    """Return the posterior mean and variance of an offset.
+
+    Parameters
+    ----------
+    precision, weighted : tensor_like
+        Sums of the precisions of its errors, and of the errors times their precisions.
+    offset_sd : tensor_like
+        Standard deviation of the prior of the offset.
+    """
+    prior = pt.square(as_double(offset_sd))
+    variance = prior / (1 + prior * precision)
+    return variance * weighted, variance
+
+
+def weights_of_tests(
+    error: TensorVariable, variance: Any, inputs: Mapping[str, Any]
+) -> tuple[TensorVariable, TensorVariable]:
+    """Return the precision of each error, and error times precision, as tables by test."""
+    precision = table_of(pt.zeros_like(error) + 1 / variance, inputs)
+    return precision, table_of(error / variance, inputs)
+
+
+def as_double(value: Any) -> TensorVariable:
+    """Return a tensor in double precision: PyTensor reads 7.0 as a single-precision number."""
+    return pt.cast(value, "float64") if is_inferred(value) else pt.as_tensor(value, dtype="float64")
