@@ -42,8 +42,8 @@ from pymc_hyperelastic.parallel import one_thread
 
 # Range of each coordinate over which curves must be accurate, in prior standard deviations.
 _REACH = 3.0
-# Draws of a prior, to check that all are positive.
-_SIGMA_DRAWS = 2000
+# Draws of the prior of an error's size that must be positive.
+_POSITIVE_DRAWS = 2000
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,7 @@ class Population:
     def known_noise(self) -> bool:
         """True if the size of the errors of pressures or forces is a number."""
         errors = self.likelihood.errors()
-        sizes = (errors.pressure_sd, errors.force_sd)
-        return any(size is not None and not is_inferred(size) for size in sizes)
+        return not all(v is None or is_inferred(v) for v in (errors.pressure_sd, errors.force_sd))
 
     def check(self, data: xr.Dataset) -> None:
         """Raise unless these data can be modelled so."""
@@ -118,21 +117,20 @@ class Population:
             check_prior(name, prior, sizes[name])
 
     def register_class(self) -> ClassDistribution:
-        """Variables of the class's distribution, in the model of the context."""
+        """Register the class's distribution in the model in context."""
         return register_class(self.scale, self.likelihood, self.experiment_effect, self.priors)
 
     def forward_model(
         self, data: xr.Dataset, *, by_test: bool = True, **settings: Any
     ) -> ForwardModel:
-        """Curves of tests, over the range of the coordinates.
+        """Return a forward model that is accurate over the range of the coordinates.
 
-        They have parameters of their own unless, `by_test` being false, all are of one specimen.
-        Other settings are those of :class:`ForwardModel`.
+        With `by_test` each test has parameters of its own, otherwise all are of one specimen. Other
+        settings are those of :class:`ForwardModel`.
         """
         mean, sd = self.scale.location_prior
-        reach = _REACH * sd
-        coordinates = [pm.Uniform.dist(m - r, m + r) for m, r in zip(mean, reach, strict=True)]
-        parameters = self.scale.parameters(coordinates)
+        low, high = mean - _REACH * sd, mean + _REACH * sd
+        parameters = self.scale.parameters([*map(pm.Uniform.dist, low, high)])
         wall = self.scale.wall_of(parameters)
         settings |= {"geometry": self.geometry, "by_test": by_test}
         return self.likelihood.forward_model(wall, data, parameters, **settings)
@@ -152,19 +150,17 @@ def population_model(
     r"""PyMC model of a class whose specimens differ: each has its own parameters.
 
     On the natural scale of the parameters (see below) the coordinates ``x`` of the specimens ``s``
-    are drawn from the class's distribution, and experiments ``t`` share those of their specimen:
+    are drawn from the class's distribution, and tests ``t`` share those of their specimen:
 
     .. math:: x_s \sim N(m, \mathrm{diag}(τ) R \, \mathrm{diag}(τ)), \qquad
         x_t \sim N(x_{s(t)}, κ_s^2 \, \mathrm{diag}(ω)^2), \qquad
         p_i \sim N(p(a_i; θ(x_t)), ς_s^2)
 
-    Specimens differ also in how much their experiments differ, ``ln κ_s ~ N(0, η²)``. If the size
-    ``ς`` of an error is a distribution, specimens differ in it too, ``ln ς_s ~ N(ln ς, ν²)``.
-    Measurements are observed variables, as those of :func:`~pymc_hyperelastic.inflation_model` with
-    ``observed=True``.
-
-    The model stands by itself: made in the context of another one it is no part of that, and a
-    warning says so.
+    Specimens differ also in how much their tests differ, ``ln κ_s ~ N(0, η²)``. If the standard
+    deviation ``ς`` of an error is a distribution, specimens differ in it too,
+    ``ln ς_s ~ N(ln ς, ν²)``. Measurements are observed variables, as those of
+    :func:`~pymc_hyperelastic.inflation_model` with ``observed=True``. The model stands by itself:
+    it is no part of a model of the context.
 
     Parameters
     ----------
@@ -175,18 +171,17 @@ def population_model(
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`: the specimens of one class.
     likelihood : Gaussian, SlopeAugmented, float or distribution
-        The measured quantities and their errors, see :class:`~pymc_hyperelastic.Gaussian` and
-        :class:`~pymc_hyperelastic.SlopeAugmented`. A number or a distribution alone is the standard
-        deviation of a pressure, kPa. The distribution of a size is the prior of the class's
-        median; each specimen has its own size, such as ``specimen_pressure_sd``. Pressures must
-        have the error, and `slope_weight` and `force_offset_sd` must be numbers.
+        The measured quantities and their errors, as in :func:`~pymc_hyperelastic.inflation_model`.
+        A distribution is the prior of the class's median; each specimen has its own standard
+        deviation, such as ``specimen_pressure_sd``. Pressures must have the error, and
+        `slope_weight` and `force_offset_sd` must be numbers.
     geometry : dict of str to Measured, optional
         Measures of the tube that have an error, such as ``{"thickness": ph.Measured(sd=0.01)}``:
         each specimen then has a deviation of its own, ``thickness_deviation``, and its
         ``thickness``. See :class:`~pymc_hyperelastic.Measured`.
     experiment_effect : bool, default False
-        Whether experiments on one specimen differ by more than noise, as at several axial stretches
-        of a material whose law does not couple the directions rightly. Otherwise ``ω = 0``.
+        Whether tests of one specimen differ by more than noise, as at several axial stretches of a
+        material whose law does not couple the directions rightly. Otherwise ``ω = 0``.
     reference_stress : float or None, default 20
         Stress ``T₀`` (kPa) of the reference strain, which stands in place of the first modulus;
         with None each modulus has its own logarithm. In which coordinates specimens are spread
@@ -201,8 +196,7 @@ def population_model(
     pymc.Model
         With the dimensions ``specimen``, ``coordinate``, ``test`` and ``obs``; the deterministics
         of the specimens carry the names of the material parameters, and observed variables are
-        ``measured_pressure`` and ``measured_axial_force``: predictive sampling and
-        ``log_likelihood`` work.
+        ``measured_pressure`` and ``measured_axial_force``.
 
     Warns
     -----
@@ -256,8 +250,8 @@ def population_model(
     if pm.Model.get_context(error_if_none=False) is not None:
         warnings.warn(
             "population_model makes a model that stands by itself: nothing of it is in the model "
-            "of the context. Make it outside of `with`; tubes that are parts of another model are "
-            "those of ph.inflation_model(..., name=...)",
+            "of the context. Make it outside of `with`, or make tubes that are parts of the model "
+            "of the context by ph.inflation_model(..., name=...)",
             skip_file_prefixes=(PACKAGE,),
         )
     scale = population.scale
@@ -272,7 +266,8 @@ def population_model(
     with pm.Model(coords=coords, model=None) as model:
         distribution = population.register_class()
         of_specimens = register_specimens(population, distribution, of_test)
-        _register_noises(of_specimens)
+        for name, value in of_specimens.noises.items():
+            pm.Deterministic(f"specimen_{name}", value, dims="specimen")
         forward = population.forward_model(data)
         register_curves(population, forward, of_specimens, dims="obs")
         register_measures(data, population.geometry, of_specimens.deviations)
@@ -284,7 +279,7 @@ def population_model(
 def _check_positive(name: str, noise: Any) -> None:
     """Raise unless the noise is a distribution of positive numbers: its logarithm is spread."""
     check_prior(name, noise)
-    smallest = pm.draw(noise, draws=_SIGMA_DRAWS, random_seed=1, mode="FAST_COMPILE").min()
+    smallest = pm.draw(noise, draws=_POSITIVE_DRAWS, random_seed=1, mode="FAST_COMPILE").min()
     if smallest <= 0:
         raise ValueError(
             f"the prior of {name!r} holds numbers such as {smallest:.3g}; expected a distribution "
@@ -296,11 +291,11 @@ class Specimens(NamedTuple):
     """Variables of the specimens."""
 
     of_test: NDArray[np.intp]
-    """To which of them each test belongs."""
+    """Index of each test's specimen."""
     coordinates: list[TensorVariable]
-    """Of every test."""
+    """Coordinates of each test."""
     noises: dict[str, TensorVariable]
-    """Inferred sizes of errors of every specimen."""
+    """Inferred standard deviations of the errors of each specimen."""
     deviations: dict[str, TensorVariable]
     """Standardised deviation of each specimen's tube from its measured value."""
 
@@ -308,7 +303,7 @@ class Specimens(NamedTuple):
 def register_specimens(
     population: Population, distribution: ClassDistribution, of_test: NDArray[np.intp]
 ) -> Specimens:
-    """Variables of the specimens, in the model of the context."""
+    """Register the variables of the specimens in the model in context."""
     scale = population.scale
     location, spread = distribution.location, distribution.spread
     standard: list[Any] = []
@@ -327,10 +322,9 @@ def register_specimens(
     if distribution.experiment_spread is not None:
         log_effect = pm.Normal("log_effect", 0.0, distribution.effect_spread, dims="specimen")
         within = pt.exp(log_effect)[of_test]
-        of_tests = [
-            pm.Normal(f"{name}_of_test", x, distribution.experiment_spread[j] * within, dims="test")
-            for j, (name, x) in enumerate(zip(scale.names, of_tests, strict=True))
-        ]
+        for j, name in enumerate(scale.names):
+            sd = distribution.experiment_spread[j] * within
+            of_tests[j] = pm.Normal(f"{name}_of_test", of_tests[j], sd, dims="test")
     noises = {}
     for i, name in enumerate(population.noises):
         moments = distribution.log_size[i], distribution.noise_spread[i]
@@ -339,22 +333,14 @@ def register_specimens(
 
 
 def log_noise_name(name: str) -> str:
-    """Name of the variable of an error that specimens have of their own."""
+    """Return the name of the logarithm of a specimen's standard deviation."""
     return f"log_specimen_{name}"
 
 
-def _register_noises(specimens: Specimens) -> None:
-    """Add the inferred sizes of errors of the specimens."""
-    for name, value in specimens.noises.items():
-        pm.Deterministic(f"specimen_{name}", value, dims="specimen")
-
-
 def tube_of(population: Population, forward: ForwardModel, specimens: Specimens) -> SymbolicTube:
-    """The tubes of the tests."""
+    """Return the tubes of the tests."""
     deviations = {name: z[specimens.of_test] for name, z in specimens.deviations.items()}
-    coordinates = specimens.coordinates
-    if not forward.by_test:
-        coordinates = [x[0] for x in coordinates]
+    coordinates = [x if forward.by_test else x[0] for x in specimens.coordinates]
     return forward.tube(population.scale.parameters(coordinates), deviations=deviations)
 
 
