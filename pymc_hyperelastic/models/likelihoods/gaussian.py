@@ -79,14 +79,16 @@ class Gaussian(Likelihood):
 
     Examples
     --------
-    >>> import pymc as pm, pymc_hyperelastic as ph
+    >>> import numpy as np, pymc as pm, pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> likelihood = ph.Gaussian(pressure_sd=pm.HalfNormal.dist(1))
+    >>> data = data.assign(axial_force=("obs", np.full(data.sizes["obs"], 50.0)))
+    >>> forces = {"force_sd": pm.HalfNormal.dist(10), "force_offset_sd": 100.0}
+    >>> likelihood = ph.Gaussian(pressure_sd=0.5, **forces)
     >>> likelihood
-    Gaussian(pressure_sd=HalfNormal(0, 1))
+    Gaussian(pressure_sd=0.5, force_sd=HalfNormal(0, 10), force_offset_sd=100.0)
     >>> model = ph.inflation_model(ph.Ogden(), data, likelihood)
     >>> [rv.name for rv in model.free_RVs]
-    ['mu', 'alpha', 'pressure_sd']
+    ['mu', 'alpha', 'force_sd']
     """
 
     pressure_sd: Any = None
