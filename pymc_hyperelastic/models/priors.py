@@ -1,7 +1,6 @@
 """Priors of material parameters: defaults, checks, registration in a model, and records in files.
 
-Model factories complete the priors that a user gives and register them as random variables. Results
-store priors as lists of names and numbers, so that reading a file executes no code from it.
+Records are lists of names and numbers, so that reading a file executes no code from it.
 """
 
 import re
@@ -35,22 +34,15 @@ def complete_priors(
     priors: dict[str, TensorVariable] | None = None,
     model: pm.Model | None = None,
 ) -> dict[str, TensorVariable]:
-    """Priors of all parameters of `energy`: those given, and uniform defaults for the others.
+    """Return priors of all parameters: those given, and uniform defaults for the others.
 
-    A default prior is uniform over :attr:`Parameter.prior_range`, as in the paper; this physical
-    range does not depend on the data. A given prior is a distribution, or a variable of `model`.
-
-    Raises
-    ------
-    TypeError
-        If `priors` is no dict, or a prior is no such distribution of the parameter's size.
-    ValueError
-        If a name is no parameter of `energy`.
+    A default prior is uniform over :attr:`Parameter.prior_range`, a physical range that does not
+    depend on the data. A given prior is a distribution, or a variable of `model`. TypeError if
+    `priors` are no such distributions; ValueError if a name is no parameter of `energy`.
 
     Examples
     --------
     >>> import pymc as pm, pymc_hyperelastic as ph
-    >>> from pymc_hyperelastic.models.priors import complete_priors
     >>> list(complete_priors(ph.Ogden(), {"alpha": pm.Uniform.dist(0, 20)}))
     ['mu', 'alpha']
     """
@@ -73,11 +65,8 @@ def complete_priors(
 
 
 def _with_defaults(energy: StrainEnergy, given: Mapping[str, Any]) -> dict[str, Any]:
-    """All parameters of a law: those given, and uniform default priors for the others."""
-    return {
-        p.name: given[p.name] if p.name in given else pm.Uniform.dist(*p.prior_range, shape=p.size)
-        for p in energy.parameters
-    }
+    defaults = {p.name: pm.Uniform.dist(*p.prior_range, shape=p.size) for p in energy.parameters}
+    return defaults | given
 
 
 def complete_wall(
@@ -104,14 +93,9 @@ def complete_layers(
     """Add default priors to layers, and return the layers and their distributions by name.
 
     The name of a distribution ends with the number of its layer, counted from the inside. A
-    distribution that several layers share has a name without a number.
-
-    Raises
-    ------
-    TypeError
-        If a value is neither a number nor a distribution of the parameter's size.
-    ValueError
-        If two distributions would have the same name.
+    distribution that several layers share has a name without a number. TypeError if a value is
+    neither a number nor a distribution of the parameter's size; ValueError if two distributions
+    would have the same name.
     """
     filled = []
     places: dict[TensorVariable, list[tuple[str, int]]] = {}
@@ -144,17 +128,12 @@ def with_variables(
     """Return the layers with the random variables `variables` instead of their distributions."""
     registered = {prior: variables[name] for name, prior in distributions.items()}
 
-    def variable(value: Any) -> Any:
-        return registered.get(value, value) if is_inferred(value) else value
+    def with_variable(layer: Layer) -> Layer:
+        values = {"thickness": layer.thickness, **layer.parameters}
+        inferred = {n: registered.get(v, v) for n, v in values.items() if is_inferred(v)}
+        return Layer(layer.energy, **values | inferred)
 
-    return [
-        Layer(
-            layer.energy,
-            variable(layer.thickness),
-            **{name: variable(value) for name, value in layer.parameters.items()},
-        )
-        for layer in layers
-    ]
+    return [*map(with_variable, layers)]
 
 
 def check_prior(
@@ -166,10 +145,9 @@ def check_prior(
     """
     if not belongs_to(prior, model):
         _check_distribution(name, prior)
-    shape = () if size is None else (size,)
     static = prior.type.shape
     # The static shape of a computed variable may be unknown.
-    if len(static) != len(shape) or any(s not in (n, None) for s, n in zip(static, shape)):
+    if static not in ([()] if size is None else [(size,), (None,)]):
         expected = "a scalar" if size is None else f"{size} entries, as with shape={size}"
         raise TypeError(f"the prior of {name!r} has the shape {static}; expected {expected}")
 
@@ -186,16 +164,15 @@ def belongs_to(variable: Any, model: pm.Model | None) -> bool:
 
 def _check_distribution(name: str, prior: Any) -> None:
     """Raise TypeError unless `prior` is a distribution that does not depend on a model."""
-    node = getattr(prior, "owner", None)
-    if node is None or not isinstance(node.op, RandomVariable | SymbolicRandomVariable):
+    if not is_inferred(prior) or not is_random(prior):
         raise TypeError(
             f"the prior of {name!r} is {prior!r}; expected a distribution such as "
             "pm.Uniform.dist(0, 50)"
         )
     # A distribution has no name until it is registered in a model.
-    parents = [v for v in ancestors(node.inputs) if is_random(v)]
+    parents = [v for v in ancestors(prior.owner.inputs) if is_random(v)]
     linked = [v for v in (prior, *parents) if v.name]
-    if _takes_scalars(node.op):
+    if _takes_scalars(prior.owner.op):
         linked += parents
     if linked:
         culprit = linked[0].name or linked[0]
@@ -237,10 +214,7 @@ _NAMES: dict[type, str] = {member.rv_type: name for name, (member, _) in _STORAB
 def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
     """Return a distribution as ``[name, parameters]``, or ``[name, parameters, size]`` of a vector.
 
-    Raises
-    ------
-    ValueError
-        If the distribution is not univariate, or its parameters are not numbers.
+    ValueError if the distribution is not univariate, or its parameters are not numbers.
     """
     node = prior.owner
     distribution = _NAMES.get(type(node.op))
@@ -259,10 +233,7 @@ def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
 def prior_from_record(record: Any, name: str = "") -> TensorVariable:
     """Return the distribution of a record of :func:`prior_to_record`; `name` is for messages.
 
-    Raises
-    ------
-    ValueError
-        If it is no such record. A record from a file can only name distributions of PyMC.
+    ValueError if it is no such record, which can only name distributions of PyMC.
     """
     try:
         distribution, parameters, *size = record
@@ -296,7 +267,7 @@ def _is_parameter(value: Any, size: Sequence[int]) -> bool:
 
 
 def priors_from_records(records: Any) -> dict[str, TensorVariable]:
-    """Return the distributions of a dict of records; ValueError as :func:`prior_from_record`."""
+    """Return the distributions of a dict of records, see :func:`prior_from_record`."""
     if not isinstance(records, dict):
         raise ValueError(f"priors are {shown(records)}; expected a JSON object of records by name")
     return {name: prior_from_record(record, name) for name, record in records.items()}
@@ -304,8 +275,6 @@ def priors_from_records(records: Any) -> dict[str, TensorVariable]:
 
 def class_name_of(record: Any) -> str:
     """Name of the PyMC class of a record; a few distributions have a second name.
-
-    Raises ValueError as :func:`prior_from_record` does.
 
     Examples
     --------
@@ -327,10 +296,9 @@ def register_priors(priors: Mapping[str, TensorVariable]) -> dict[str, TensorVar
 
 
 def register_prior(name: str, prior: TensorVariable) -> TensorVariable:
-    """Register `prior` as a random variable of the model in context, and return the variable.
+    """Register a copy of `prior` as a random variable of the model in context.
 
-    A copy is registered, so that one distribution can be the prior of several parameters. A
-    variable that already belongs to the model is returned unchanged.
+    A variable that already belongs to the model is returned unchanged.
     """
     model = pm.modelcontext(None)
     if belongs_to(prior, model):

@@ -63,7 +63,7 @@ def origin_of(classes: xr.DataTree) -> dict[str, Any]:
 
 
 def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
-    """Settings of :func:`pymc_hyperelastic.inflation_model`, but for the data."""
+    """Return the settings of :func:`pymc_hyperelastic.inflation_model`, but for the data."""
     if "priors" not in tree.attrs:
         raise ValueError("this result does not say from which model it came; see ph.fit_classes")
     likelihood = likelihood_of(tree)
