@@ -28,7 +28,7 @@ from pymc_hyperelastic.models.priors import (
     is_inferred,
     prior_from_record,
     prior_to_record,
-    register_prior,
+    register_priors,
 )
 
 # Variables of a model that hold the posterior moments of each test's offset.
@@ -38,8 +38,7 @@ OFFSET_VARIABLES = ("force_offset_mean", "force_offset_error")
 class Likelihood(ABC):
     """Base class of likelihoods: which quantities were measured, and how large their errors are.
 
-    A subclass is a frozen dataclass. Its fields are arguments of :data:`SIZES`, and `observed`. The
-    base class does everything else.
+    A subclass is a frozen dataclass whose fields are arguments of :data:`SIZES`, and `observed`.
     """
 
     observed: bool
@@ -84,10 +83,7 @@ class Likelihood(ABC):
     def errors(self, values: Mapping[str, Any] | None = None) -> Errors:
         """Return the standard deviations of all errors.
 
-        Parameters
-        ----------
-        values : dict of str to tensor_like, optional
-            Variables of a model by the name of an argument, in place of its distributions.
+        The `values` are variables of a model by name, in place of distributions.
         """
         sizes = self.sizes | dict(values or {})
         for sigma in SD_OF_SIGMA.keys() & sizes.keys():
@@ -137,10 +133,7 @@ class Likelihood(ABC):
         parameters: Mapping[str, Any],
         geometry: Mapping[str, Any] | None = None,
     ) -> None:
-        """Raise unless the data have all that the likelihood of such a tube needs.
-
-        The `geometry` may hold priors, see :func:`~pymc_hyperelastic.inflation_model`.
-        """
+        """Raise unless the data have all that the likelihood of such a tube needs."""
         if isinstance(wall, StrainEnergy):
             wall.split(parameters)
         check_inflation_data(data)
@@ -161,19 +154,15 @@ class Likelihood(ABC):
         geometry: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> ForwardModel:
-        """Return the forward model of the signals, see :class:`ForwardModel` for the arguments."""
+        """Return the forward model of the signals, see :class:`ForwardModel`."""
         settings |= {"with_force": self.with_force, "error_in": self.error_in}
         return ForwardModel(wall, data, parameters, geometry, **settings)
 
     def register_unknowns(self) -> dict[str, TensorVariable]:
-        """Add random variables of the unknown sizes to the model in context; return them by name.
-
-        A variable of that model is returned as it is.
-        """
-        model = pm.modelcontext(None)
+        """Add random variables of the :attr:`unknowns` to the model in context."""
         for name, prior in self.unknowns.items():
-            check_prior(name, prior, model=model)
-        return {name: register_prior(name, prior) for name, prior in self.unknowns.items()}
+            check_prior(name, prior, model=pm.modelcontext(None))
+        return register_priors(self.unknowns)
 
     def register(
         self,
@@ -182,21 +171,11 @@ class Likelihood(ABC):
         values: Mapping[str, Any],
         dims: str | None = "obs",
     ) -> None:
-        """Add the likelihood to the model in context, as a Potential or as observed variables.
+        """Add the likelihood of a tube to the model in context: a Potential or observed variables.
 
-        If forces share an offset, the posterior moments of the offset are added, see
-        :func:`~pymc_hyperelastic.force_offsets`.
-
-        Parameters
-        ----------
-        tube : SymbolicTube
-            The tube with variables of the model.
-        curves : dict of str to TensorVariable
-            Its curves.
-        values : dict of str to tensor_like
-            See :meth:`errors`.
-        dims : str, optional
-            Dimension of observed pressures.
+        If forces share an offset, its posterior moments are added, see
+        :func:`~pymc_hyperelastic.force_offsets`. The `values` are those of :meth:`errors`, and
+        observed pressures have the dimension `dims`.
         """
         errors = self.errors(values)
         if self.observed:
@@ -217,24 +196,15 @@ class Likelihood(ABC):
     ) -> TensorVariable:
         """Return the log likelihood of the tube's data, a scalar.
 
-        Parameters
-        ----------
-        tube : SymbolicTube
-            The tube, of numbers or variables.
-        values : dict of str to tensor_like, optional
-            See :meth:`errors`.
-        switches : dict of str to tensor_like, optional
-            A switch for each of the :attr:`signals`; a signal whose switch is 0 is left out.
+        The `values` are those of :meth:`errors`. With `switches`, one for each of the
+        :attr:`signals`, a signal whose switch is 0 is left out.
         """
         return log_likelihood(tube, self.errors(values), switches)
 
     def to_record(self) -> dict[str, Any]:
         """Return the likelihood in JSON types, with its units.
 
-        Raises
-        ------
-        ValueError
-            If a distribution cannot be stored: its parameters must be numbers.
+        ValueError if the parameters of a distribution are not numbers.
         """
         sizes = {
             name: prior_to_record(name, value) if is_inferred(value) else float(value)
@@ -245,13 +215,7 @@ class Likelihood(ABC):
 
     @staticmethod
     def from_record(record: Any) -> "Likelihood":
-        """Return the likelihood that :meth:`to_record` wrote.
-
-        Raises
-        ------
-        ValueError
-            If it is no such record: its class, fields, units or values are others.
-        """
+        """Return the likelihood of a record of :meth:`to_record`; ValueError if it is none."""
         kinds = {kind.__name__: kind for kind in Likelihood.__subclasses__()}
         name = record.get("name") if isinstance(record, dict) else None
         if not isinstance(name, str) or name not in kinds:

@@ -72,7 +72,7 @@ def _terms_by_sums(tube: SymbolicTube, errors: Errors, switches: Mapping[str, An
     variance = pt.square(as_double(sd))
     key = errors.counts_slopes, errors.force_sd is not None, errors.force_offset_sd is not None
     with_slopes, with_force, with_offset = key
-    squares, conditions, force_sums = tube.misfits(key, _targets(*key))
+    squares, conditions, force_sums = tube.misfits(key, lambda data: _targets(data, *key))
     points = measured(forward, "pressure").shape[0]
     terms = {"pressure": normal_log_density(squares[forward.error_in], variance, points)}
     if with_slopes:
@@ -88,21 +88,17 @@ def _terms_by_sums(tube: SymbolicTube, errors: Errors, switches: Mapping[str, An
     return terms, reduce(and_, conditions)
 
 
-def _targets(slopes: bool, forces: bool, offsets: bool) -> Callable[[xr.Dataset], dict[str, Array]]:
-    """Return a function of data: the values with which curves are compared."""
-
-    def targets_of(data: xr.Dataset) -> dict[str, Array]:
-        targets = {"pressure": data["pressure"].values.astype(float)}
-        if slopes:
-            targets["slope"] = np.full(data.sizes["obs"], np.nan)
-            targets["slope"][central_differences(data)[0]] = measured_slopes(data)
-        if forces:
-            targets["force"] = data["axial_force"].values.astype(float)
-        if offsets:
-            targets["force_sum"] = targets["force"]
-        return targets
-
-    return targets_of
+def _targets(data: xr.Dataset, slopes: bool, forces: bool, offsets: bool) -> dict[str, Array]:
+    """Return the measured values with which curves are compared."""
+    targets = {"pressure": data["pressure"].values.astype(float)}
+    if slopes:
+        targets["slope"] = np.full(data.sizes["obs"], np.nan)
+        targets["slope"][central_differences(data)[0]] = measured_slopes(data)
+    if forces:
+        targets["force"] = data["axial_force"].values.astype(float)
+    if offsets:
+        targets["force_sum"] = targets["force"]
+    return targets
 
 
 def _forces_of_tests(tube: SymbolicTube) -> TensorVariable:
@@ -175,7 +171,8 @@ def posterior_of_offsets(
     """
     if tube.forward.error_in == "radius":
         variance = pt.square(as_double(errors.force_sd))
-        force_sums = tube.misfits("offsets", _targets(False, True, True)).force_sums
+        key = False, True, True
+        force_sums = tube.misfits(key, lambda data: _targets(data, *key)).force_sums
         weighted = -pt.as_tensor(force_sums) / variance
         precision = _forces_of_tests(tube) / variance
     else:

@@ -65,15 +65,7 @@ SD_OF_SIGMA = {"sigma": "pressure_sd", "force_sigma": "force_sd"}
 
 
 def check_size(name: str, value: Any) -> None:
-    """Raise unless a value is a possible size of an error, or a scalar variable.
-
-    Raises
-    ------
-    TypeError
-        If the value is neither a number nor a scalar variable.
-    ValueError
-        If the number is negative or not finite; or zero, except for a slope weight.
-    """
+    """Raise unless a value is a scalar variable or a positive number; a slope weight may be 0."""
     expected = SIZES[name].expected
     if isinstance(value, Variable):
         if value.type.ndim:

@@ -27,9 +27,8 @@ class Gaussian(Likelihood):
         Standard deviation ``s_p`` of a measured pressure, kPa.
     radius_sd : float or distribution, optional
         In place of `pressure_sd`, for steep curves: standard deviation of a measured internal
-        radius, or of half an outer diameter, mm. Pressures are then exact. The measured radius is
-        compared with the radius at which the model has the measured pressure, and forces are
-        compared with those of the model at that radius.
+        radius, or of half an outer diameter, mm. Pressures are then exact: measured radii and
+        forces are compared with those of the model at the measured pressure.
     force_sd : float or distribution, optional
         Standard deviation ``s_F`` of a measured axial force, mN. Without it forces are left out.
     force_offset_sd : float or distribution, optional
@@ -41,8 +40,7 @@ class Gaussian(Likelihood):
     observed : bool, default False
         Whether a model declares observed variables, ``measured_pressure`` and
         ``measured_axial_force``, in place of the Potential ``likelihood``. PyMC can then draw
-        predictions, and ArviZ can compute LOO. The measured values are in the ``pm.Data``
-        ``pressure_data`` and ``axial_force_data``.
+        predictions, and ArviZ can compute LOO.
 
     Raises
     ------
@@ -57,8 +55,8 @@ class Gaussian(Likelihood):
 
     Notes
     -----
-    A distribution, such as ``pm.HalfNormal.dist(1)``, makes the size of an error an unknown of the
-    model, under the name of the argument.
+    A distribution, such as ``pm.HalfNormal.dist(1)``, makes the standard deviation an unknown of
+    the model, under the name of the argument.
 
     An error of the diameter shifts the pressure and the force of a point together, along the
     curves. With the model's slopes ``p'`` and ``F'`` by the measured radius and ``s_r = s_D/2``,
@@ -68,14 +66,8 @@ class Gaussian(Likelihood):
         + s_r^2 \begin{pmatrix} p'^2 & p' F' \\ p' F' & F'^2 \end{pmatrix}.
 
     This is the integral over the true diameter under a flat prior, for curves that are straight
-    over the error. The error of this approximation depends on the relative change of the slope
-    over one standard deviation of the diameter, ``κ = s_D |p''/p'|``; for a curve that grows as
-    ``exp(D/ℓ)``, ``κ = s_D/ℓ``. Example: a mouse aorta of 1.3 mm with fibres, between 50 and
-    120 mmHg, with errors of 1 mmHg and 0.5 mN. For ``s_D`` = 5 µm (κ up to 0.02) the
-    log-likelihood of a point differs from the integral by 0.02 nats (root mean square), for 10 µm
-    (κ up to 0.04) by 0.06 nats, on average by 0.001; parameters from 100 points are off by a tenth
-    of their standard deviation. For 40 µm (κ up to 0.15) the difference is half a nat, and
-    parameters are off by a whole standard deviation: do not use it there.
+    over the error. Do not use it where the slope changes by more than a tenth over one standard
+    deviation, ``κ = s_D |p''/p'| > 0.1``: the theory page on likelihoods has a table of errors.
 
     Examples
     --------
@@ -121,17 +113,7 @@ class Gaussian(Likelihood):
 
 
 def as_likelihood(likelihood: Any) -> Likelihood:
-    """Return the likelihood that an argument means.
-
-    Parameters
-    ----------
-    likelihood : Likelihood, float or distribution
-        A number or a distribution is the standard deviation of a pressure, kPa.
-
-    Raises
-    ------
-    TypeError
-        If it is something else.
+    """Return a likelihood; a number or a distribution is the standard deviation of a pressure, kPa.
 
     Examples
     --------

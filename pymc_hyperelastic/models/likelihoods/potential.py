@@ -40,15 +40,13 @@ def inflation_likelihood(
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
     likelihood : Gaussian, SlopeAugmented, float or variable
         The likelihood, see :class:`~pymc_hyperelastic.Gaussian` and
-        :class:`~pymc_hyperelastic.SlopeAugmented`. Sizes of errors may be numbers or variables of
-        the model. A number or variable in place of a likelihood is the standard deviation of a
-        pressure, kPa.
+        :class:`~pymc_hyperelastic.SlopeAugmented`. Its arguments may be variables of the model. A
+        number or variable alone is the standard deviation of a pressure, kPa.
     parameters : dict of str to tensor_like
         The material parameters by name: random variables, expressions or numbers.
     geometry : dict of str to tensor_like, optional
         Values of ``inner_radius``, ``outer_radius`` (mm), ``axial_stretch`` and ``opening_angle``
-        (rad) in place of those of the data, as for an unknown unloaded radius: scalars for all
-        tests.
+        (rad) in place of those of the data: scalars for all tests.
     mode : {"auto", "collocation", "quadrature"}
         How the integral over the wall is computed: by constant matrices, whose cost does not depend
         on the number of points, or by quadrature at every point. "auto" chooses matrices if their
@@ -63,11 +61,10 @@ def inflation_likelihood(
     Raises
     ------
     TypeError
-        If the parameters are not those of the strain energy, something is not a scalar, or no model
-        is in context.
+        If the parameters are not those of the strain energy, or no model is in context.
     ValueError
         If the name is taken, the likelihood declares observed variables, or the data lack what it
-        needs, such as distinct neighbouring radii for slopes.
+        needs.
 
     See Also
     --------
@@ -78,14 +75,10 @@ def inflation_likelihood(
     >>> import pymc as pm, pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
     >>> with pm.Model():
-    ...     stiffness = pm.Gamma("stiffness", 2, 0.1)
-    ...     potential = ph.inflation_likelihood(
-    ...         "curves",
-    ...         ph.Ogden(),
-    ...         data,
-    ...         ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0),
-    ...         {"mu": stiffness, "alpha": 6.0},
-    ...     )
+    ...     parameters = {"mu": pm.Gamma("stiffness", 2, 0.1), "alpha": 6.0}
+    ...     likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)
+    ...     ph.inflation_likelihood("curves", ph.Ogden(), data, likelihood, parameters)
+    curves
     """
     if pm.Model.get_context(error_if_none=False) is None:
         raise TypeError("no model is in context: add the likelihood inside `with pm.Model():`")

@@ -125,17 +125,7 @@ def measured(
 
 
 def normal_log_density(square: Any, variance: Any, count: Any = 1.0) -> TensorVariable:
-    """Return the log density of normal errors.
-
-    Parameters
-    ----------
-    square : tensor_like
-        Squared errors, or sums of them.
-    variance : tensor_like
-        Variance of each error.
-    count : tensor_like, default 1
-        Number of errors in each sum.
-    """
+    """Return the log density of normal errors from their squares, or sums of `count` squares."""
     return -(square / variance + count * pt.log(2 * np.pi * variance)) / 2
 
 
@@ -161,14 +151,9 @@ def log_density_ratio_of_offset(precision: Any, weighted: Any, offset_sd: Any) -
 def offset_moments(
     precision: Any, weighted: Any, offset_sd: Any
 ) -> tuple[TensorVariable, TensorVariable]:
-    """Return the posterior mean and variance of an offset.
+    """Return the posterior mean and variance of an offset whose prior has the sd `offset_sd`.
 
-    Parameters
-    ----------
-    precision, weighted : tensor_like
-        Sums of the precisions of its errors, and of the errors times their precisions.
-    offset_sd : tensor_like
-        Standard deviation of the prior of the offset.
+    From the sums of the precisions of its errors, and of the errors times their precisions.
     """
     prior = pt.square(as_double(offset_sd))
     variance = prior / (1 + prior * precision)

@@ -20,7 +20,7 @@ class SlopeAugmented(Likelihood):
         \ln L = -\frac{|Δp|^2}{σ^2} - \frac{β}{σ^2} |Δs|^2
             - \frac{N}{2} \ln(π σ^2) + \frac12 \ln\det(I + β D^T D).
 
-    The first two terms are the paper's. The others do not depend on the material. They normalise
+    The first two terms are the paper's. The others do not depend on the material: they normalise
     the likelihood as a density of the pressures, except for the small gap between the model's
     slopes and the differences of its own pressures. Evidences are therefore absolute, and ``σ`` and
     ``β`` can be inferred. There is no factor ½ with ``σ``: it is ``√2`` standard deviations.
@@ -62,11 +62,9 @@ class SlopeAugmented(Likelihood):
     .. math:: y \sim \mathcal{N}\left(P^{-1} (m + β D^T s),\ \tfrac{σ^2}{2} P^{-1}\right),
         \qquad P = I + β D^T D.
 
-    This is the same form without its factor for the gap between ``s`` and ``D m``. Data can be
-    simulated from it, and it has a log-likelihood by points, each given those before it in its
-    test.
-
-    If a pressure overflows, the log-likelihood is ``−inf`` and its gradient 0.
+    This is the same form without its factor for the gap between ``s`` and ``D m``. It has a
+    log-likelihood by points, each given the points before it in its test. If a pressure overflows,
+    the log-likelihood is ``−inf`` and its gradient 0.
 
     Examples
     --------
@@ -94,6 +92,5 @@ class SlopeAugmented(Likelihood):
             raise ValueError(
                 "slope_weight is a distribution, but where pressures are observed variables "
                 "(observed=True, and wherever specimens differ) it must be a number of mm², such "
-                "as ph.balanced_slope_weight(data): it is part of a covariance that is factorised "
-                "once"
+                "as ph.balanced_slope_weight(data)"
             )

@@ -1,6 +1,6 @@
-"""Slopes of measured curves by central differences, and the normaliser of their likelihood.
+"""Slopes of measured curves by central differences, and the precision of pressures given slopes.
 
-A slope is taken by the radius at a held axial stretch. Extension tests have no slopes.
+A slope is by the radius at a held axial stretch. Extension tests have no slopes.
 """
 
 import numpy as np
@@ -26,10 +26,8 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
     .. math:: β = \frac{\sum_i p_i^2}{\sum_i s_i^2}
 
     with the measured pressures ``p`` and their central differences ``s``: a model whose pressures
-    and slopes are all wrong by the same fraction is penalised equally for both. Extension tests,
-    which have no slopes, are left out of both sums.
-
-    Use one value for all classes (that of all data together): evidences under different
+    and slopes are all wrong by the same fraction is penalised equally for both. Extension tests are
+    left out. Use one value for all classes, that of all data together: evidences under different
     likelihoods cannot be compared.
 
     Parameters
@@ -45,8 +43,7 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
     Raises
     ------
     ValueError
-        If a test has too few points or repeated radii for a slope, all pressures are equal, or all
-        tests are extension tests.
+        If a test has too few points or repeated radii for a slope, or no slope differs from 0.
 
     See Also
     --------
