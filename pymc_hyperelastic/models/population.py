@@ -36,7 +36,7 @@ from pymc_hyperelastic.models.geometry import (
 )
 from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.natural_scale import NaturalScale, check_moduli
-from pymc_hyperelastic.models.priors import check_prior, complete_wall, is_inferred
+from pymc_hyperelastic.models.priors import check_prior, check_priors, complete_wall, is_inferred
 from pymc_hyperelastic.models.study import Study
 from pymc_hyperelastic.parallel import one_thread
 
@@ -90,8 +90,8 @@ class Population:
         stress = self.reference_stress
         if stress is not None and not (isinstance(stress, Real) and 0 < stress < np.inf):
             raise ValueError(
-                f"reference_stress is {stress!r}; expected a positive number of kPa, or None, "
-                "where each modulus keeps its own logarithm"
+                f"reference_stress is {stress!r}; expected a positive number of kPa, or None for "
+                "the logarithm of each modulus"
             )
         check_measured_only(self.geometry)
         self.likelihood.check(wall, data, parameters, self.geometry)
@@ -99,22 +99,12 @@ class Population:
 
     def _check_priors(self) -> None:
         """Raise unless the priors are those of unknowns of the class."""
-        if self.priors is not None and not isinstance(self.priors, Mapping):
-            raise TypeError(
-                'priors must be a dict such as {"noise_spread": pm.LogNormal.dist(-1, 0.5)}, not '
-                f"{type(self.priors).__name__}"
-            )
         count = len(self.scale.names)
         sizes: dict[str, int | None] = {"location": count, "spread": count}
         if self.experiment_effect:
             sizes |= {"experiment_spread": count, "effect_spread": None}
         sizes |= {SPREAD_OF_NOISE[name]: None for name in self.noises}
-        for name, prior in (self.priors or {}).items():
-            if name not in sizes:
-                raise ValueError(
-                    f"a prior is given for {name!r}; this class has the unknowns {list(sizes)}"
-                )
-            check_prior(name, prior, sizes[name])
+        check_priors(self.priors, sizes, "this class")
 
     def register_class(self) -> ClassDistribution:
         """Register the class's distribution in the model in context."""
@@ -349,9 +339,7 @@ def register_curves(
 ) -> None:
     """Add the curves of the tests, and the measurements, to the model of the context."""
     tube = tube_of(population, forward, specimens)
-    curves = {
-        name: pm.Deterministic(name, values, dims=dims) for name, values in tube.curves().items()
-    }
+    curves = {k: pm.Deterministic(k, v, dims=dims) for k, v in tube.curves().items()}
     test = forward.share("test", lambda data: {"test": data["test"].values})["test"]
     own = {name: size[specimens.of_test][test] for name, size in specimens.noises.items()}
     population.likelihood.register(tube, curves, own, dims)

@@ -46,22 +46,8 @@ def complete_priors(
     >>> list(complete_priors(ph.Ogden(), {"alpha": pm.Uniform.dist(0, 20)}))
     ['mu', 'alpha']
     """
-    if priors is not None and not isinstance(priors, Mapping):
-        raise TypeError(
-            'priors must be a dict such as {"mu": pm.Uniform.dist(0, 50)}, not '
-            f"{type(priors).__name__}"
-        )
-    given = dict(priors or {})
-    for name, prior in given.items():
-        if name not in energy.parameter_names:
-            raise ValueError(
-                f"a prior is given for {name!r}, but {energy.name} has the parameters "
-                f"{list(energy.parameter_names)}"
-            )
-    for p in energy.parameters:
-        if p.name in given:
-            check_prior(p.name, given[p.name], p.size, model)
-    return _with_defaults(energy, given)
+    sizes = {p.name: p.size for p in energy.parameters}
+    return _with_defaults(energy, check_priors(priors, sizes, energy.name, model))
 
 
 def _with_defaults(energy: StrainEnergy, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -134,6 +120,28 @@ def with_variables(
         return Layer(layer.energy, **values | inferred)
 
     return [*map(with_variable, layers)]
+
+
+def check_priors(
+    priors: Any, sizes: Mapping[str, int | None], owner: str, model: pm.Model | None = None
+) -> dict[str, Any]:
+    """Return priors as a dict; raise unless they are those of unknowns of the `owner`.
+
+    The `sizes` of the unknowns are numbers of entries, None for a scalar.
+    """
+    given = {} if priors is None else priors
+    if not isinstance(given, Mapping):
+        raise TypeError(
+            f'priors must be a dict such as {{"{next(iter(sizes))}": pm.Uniform.dist(0, 50)}}, not '
+            f"{type(given).__name__}"
+        )
+    for name, prior in given.items():
+        if name not in sizes:
+            raise ValueError(
+                f"a prior is given for {name!r}, but {owner} has the parameters {list(sizes)}"
+            )
+        check_prior(name, prior, sizes[name], model)
+    return dict(given)
 
 
 def check_prior(

@@ -74,13 +74,14 @@ def _terms_by_sums(tube: SymbolicTube, errors: Errors, switches: Mapping[str, An
     with_slopes, with_force, with_offset = key
     squares, conditions, force_sums = tube.misfits(key, lambda data: _targets(data, *key))
     points = measured(forward, "pressure").shape[0]
+    # With the error in the radius the term of the pressure is that of radii at the pressure.
     terms = {"pressure": normal_log_density(squares[forward.error_in], variance, points)}
     if with_slopes:
         normaliser = _slope_normaliser(tube, errors, switches)
         weight = as_double(errors.slope_weight)
         terms["slope"] = normaliser - weight * squares["slope"] / (2 * variance)
     if with_force:
-        variance, forces = pt.square(as_double(errors.force_sd)), _forces_of_tests(tube)
+        variance, forces = pt.square(as_double(errors.force_sd)), force_arrays(tube)["count"]
         terms["force"] = normal_log_density(squares["force"], variance, pt.sum(forces))
         if with_offset:
             sums = forces / variance, force_sums / variance
@@ -99,11 +100,6 @@ def _targets(data: xr.Dataset, slopes: bool, forces: bool, offsets: bool) -> dic
     if offsets:
         targets["force_sum"] = targets["force"]
     return targets
-
-
-def _forces_of_tests(tube: SymbolicTube) -> TensorVariable:
-    """Return the number of measured forces of each test."""
-    return pt.sum(force_arrays(tube)["there"], axis=-1)
 
 
 def _slope_normaliser(
@@ -174,7 +170,7 @@ def posterior_of_offsets(
         key = False, True, True
         force_sums = tube.misfits(key, lambda data: _targets(data, *key)).force_sums
         weighted = -pt.as_tensor(force_sums) / variance
-        precision = _forces_of_tests(tube) / variance
+        precision = force_arrays(tube)["count"] / variance
     else:
         expected = signals_of(tube, curves, errors)
         error, variance = force_errors(tube, expected), pt.square(expected.force_sd)

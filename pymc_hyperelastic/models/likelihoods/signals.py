@@ -43,13 +43,13 @@ class Signals(NamedTuple):
     force_sd: Any = None
     """Given the error of the pressure at the same point."""
     by_pressure: Any = None
-    """Expected error of a force for each kPa of error of the pressure at the same point."""
+    """Expected error of the force at each point for each kPa of error of the pressure there."""
 
     def force_given(self, pressure: Any, rows: Any) -> TensorVariable:
         """Return the expected forces, given the measured pressures of all points."""
         if self.by_pressure is None:
             return self.force
-        return self.force + self.by_pressure * (pressure - self.pressure)[rows]
+        return self.force + (self.by_pressure * (pressure - self.pressure))[rows]
 
 
 def signals_of(
@@ -63,40 +63,42 @@ def signals_of(
     If the `pressure_switch` is 0, expected forces do not depend on the measured pressures.
     """
     pressure, pressure_sd = curves["pressure"], as_double(errors.pressure_sd)
-    force = force_sd = rows = None
-    if errors.force_sd is not None:
-        rows = force_arrays(tube)["rows"]
-        force, force_sd = curves["axial_force"][rows], as_double(errors.force_sd)
-        force_sd = force_sd[rows] if force_sd.ndim else force_sd
-    if errors.diameter_sd is None:
-        return Signals(pressure, pressure_sd, force, force_sd)
-    radius_sd = as_double(errors.diameter_sd) / 2
-    # Curves whose slope overflows are rejected by the caller.
-    shifts = {
-        name: radius_sd * pt.where(pt.abs(slope) < LARGEST, slope, LARGEST)
-        for name, slope in tube.slopes().items()
-    }
-    shift, total = shifts["pressure"], pt.square(pressure_sd) + pt.square(shifts["pressure"])
-    if force is None:
-        return Signals(pressure, pt.sqrt(total), force, force_sd)
-    shift, of_force, of_pressure = shift[rows], shifts["axial_force"][rows], total[rows]
-    # Fraction of the variance of the diameter error that the measured pressure leaves.
-    known_sd = pressure_sd[rows] if pressure_sd.ndim else pressure_sd
-    open_share, by_pressure = pt.square(known_sd) / of_pressure, shift * of_force / of_pressure
-    if pressure_switch is not None:
-        open_share = pt.where(pressure_switch, open_share, 1.0)
-        by_pressure = pt.where(pressure_switch, by_pressure, 0.0)
-    force_sd = pt.sqrt(pt.square(force_sd) + pt.square(of_force) * open_share)
-    return Signals(pressure, pt.sqrt(total), force, force_sd, by_pressure)
+    force_sd = None if errors.force_sd is None else as_double(errors.force_sd)
+    by_pressure = None
+    if errors.diameter_sd is not None:
+        radius_sd = as_double(errors.diameter_sd) / 2
+        # Curves whose slope overflows are rejected by the caller.
+        shifts = {
+            name: radius_sd * pt.where(pt.abs(slope) < LARGEST, slope, LARGEST)
+            for name, slope in tube.slopes().items()
+        }
+        known, of_pressure = pt.square(pressure_sd), shifts["pressure"]
+        total = known + pt.square(of_pressure)
+        pressure_sd = pt.sqrt(total)
+        if force_sd is not None:
+            of_force = shifts["axial_force"]
+            # Fraction of the variance of the diameter error that the measured pressure leaves.
+            left, by_pressure = known / total, of_pressure * of_force / total
+            if pressure_switch is not None:
+                left = pt.where(pressure_switch, left, 1.0)
+                by_pressure = pt.where(pressure_switch, by_pressure, 0.0)
+            force_sd = pt.sqrt(pt.square(force_sd) + pt.square(of_force) * left)
+    if force_sd is None:
+        return Signals(pressure, pressure_sd)
+    rows = force_arrays(tube)["rows"]
+    force_sd = force_sd[rows] if force_sd.ndim else force_sd
+    return Signals(pressure, pressure_sd, curves["axial_force"][rows], force_sd, by_pressure)
 
 
 def force_arrays(tube: SymbolicTube) -> dict[str, Any]:
-    """Return the ``rows`` of points with a measured force, and the table of their tests."""
+    """Return the ``rows`` of points with a measured force, their table, and ``count`` by test."""
 
     def arrays_of(data: xr.Dataset) -> dict[str, NDArray]:
         rows = rows_of_forces(data)
         test = data["test"].values[rows]
-        return table_arrays(test, data.sizes["test"]) | {"rows": rows, "test": test}
+        count = np.bincount(test, minlength=data.sizes["test"]).astype(float)
+        own = {"rows": rows, "test": test, "count": count}
+        return table_arrays(test, data.sizes["test"]) | own
 
     return tube.forward.share("forces", arrays_of)
 
