@@ -192,12 +192,12 @@ def _check_distribution(name: str, prior: Any) -> None:
 
 
 def _check_number(name: str, value: Any, size: int | None) -> None:
-    expected = "a number" if size is None else f"{size} numbers"
     try:
         number = np.asarray(value, float)
     except (TypeError, ValueError):
         number = np.array(np.nan)
     if number.shape != (() if size is None else (size,)) or not np.isfinite(number).all():
+        expected = "a number" if size is None else f"{size} numbers"
         raise TypeError(f"{name} is {value!r}; expected {expected}, or a distribution")
 
 
@@ -209,14 +209,14 @@ def _parameters_of(op: type) -> int | None:
     return signature.count("()") - 1 if re.fullmatch(inputs + r"\(\)", signature) else None
 
 
-# Distributions that can be stored, by all their names: class, and number of scalar parameters.
+# Distributions that can be stored, by name in PyMC: class, and number of scalar parameters.
 _STORABLE: dict[str, tuple[Any, int]] = {
     name: (member, count)
     for name, member in vars(pm.distributions).items()
     if isinstance(op := getattr(member, "rv_type", None), type)
     and (count := _parameters_of(op)) is not None
 }
-_NAMES: dict[type, str] = {member.rv_type: name for name, (member, _) in _STORABLE.items()}
+_NAMES: dict[type, str] = {member.rv_type: member.__name__ for member, _ in _STORABLE.values()}
 
 
 def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
@@ -279,18 +279,6 @@ def priors_from_records(records: Any) -> dict[str, TensorVariable]:
     if not isinstance(records, dict):
         raise ValueError(f"priors are {shown(records)}; expected a JSON object of records by name")
     return {name: prior_from_record(record, name) for name, record in records.items()}
-
-
-def class_name_of(record: Any) -> str:
-    """Name of the PyMC class of a record; a few distributions have a second name.
-
-    Examples
-    --------
-    >>> class_name_of(["Uniform", [0.0, 1.0]])
-    'Uniform'
-    """
-    prior_from_record(record)
-    return _STORABLE[record[0]][0].__name__
 
 
 def is_inferred(value: Any) -> bool:

@@ -89,39 +89,32 @@ def inflation_likelihood(
             "the likelihood has observed=True, but this function adds a Potential: leave observed "
             "away, or call ph.inflation_model inside `with pm.Model():`"
         )
-    keys = {"parameters": energy.parameter_names, "geometry": GEOMETRY}
-    given = {"parameters": parameters, "geometry": geometry or {}}
-    for argument, values in given.items():
+    geometry = {} if geometry is None else geometry
+    for name_of_dict, values in {"parameters": parameters, "geometry": geometry}.items():
         if not isinstance(values, Mapping):
-            raise TypeError(
-                f"{argument} must be a dict with keys of {list(keys[argument])}, not "
-                f"{type(values).__name__}"
-            )
-    strangers = [key for key in geometry or {} if key not in GEOMETRY]
+            raise TypeError(f"{name_of_dict} must be a dict by name, not {type(values).__name__}")
+    strangers = [key for key in geometry if key not in GEOMETRY]
     if strangers:
         raise ValueError(f"geometry holds {strangers[0]!r}; it may hold {GEOMETRY}")
     likelihood.check(energy, data, parameters, geometry)
     sizes = {p.name: p.size for p in energy.parameters}
     parameters = {key: _as_tensor(key, value, sizes[key]) for key, value in parameters.items()}
-    geometry = {key: _as_tensor(key, value) for key, value in (geometry or {}).items()}
+    geometry = {key: _as_tensor(key, value) for key, value in geometry.items()}
     forward = likelihood.forward_model(energy, data, parameters, geometry, mode=mode)
     return pm.Potential(name, likelihood.log_likelihood(forward.tube(parameters, geometry)))
 
 
 def _as_tensor(name: str, value: Any, size: int | None = None) -> TensorVariable:
+    expected = "a scalar" if size is None else f"a vector of {size}"
     try:
-        # As 6.0, PyTensor would keep a number in single precision.
+        # PyTensor would keep the number 6.0 in single precision.
         tensor = pt.as_tensor(value if isinstance(value, Variable) else np.asarray(value, float))
     except (TypeError, ValueError):
-        raise TypeError(
-            f"parameter {name!r} is {value!r}; expected a number, an expression or a random "
-            "variable"
-        ) from None
+        raise TypeError(f"parameter {name!r} is {value!r}; expected {expected}") from None
     if tensor.type.ndim != (size is not None):
-        expected = "a scalar" if size is None else f"a vector of {size}"
         raise TypeError(
             f"parameter {name!r} has {tensor.type.ndim} dimension(s); expected {expected}"
         )
     if isinstance(tensor, Constant) and not np.all(np.isfinite(tensor.data)):
-        raise ValueError(f"parameter {name!r} is {value}; expected a finite number")
+        raise ValueError(f"parameter {name!r} is {value}; expected finite numbers")
     return tensor
