@@ -42,7 +42,7 @@ from pymc_hyperelastic.parallel import one_thread
 
 # Range of each coordinate over which curves must be accurate, in prior standard deviations.
 _REACH = 3.0
-# Draws of the prior of an error's size that must be positive.
+# Draws of the prior of a standard deviation that must be positive.
 _POSITIVE_DRAWS = 2000
 
 
@@ -66,12 +66,12 @@ class Population:
 
     @property
     def noises(self) -> list[str]:
-        """Inferred sizes of errors: each specimen has its own."""
+        """Names of the inferred standard deviations of errors, one for each specimen."""
         return noises_of(self.likelihood)
 
     @property
     def known_noise(self) -> bool:
-        """True if the size of the errors of pressures or forces is a number."""
+        """True if the standard deviation of pressures or forces is a number."""
         errors = self.likelihood.errors()
         return not all(v is None or is_inferred(v) for v in (errors.pressure_sd, errors.force_sd))
 
@@ -155,9 +155,9 @@ def population_model(
     Parameters
     ----------
     energy : StrainEnergy or list of Layer
-        The material, such as ``ph.Ogden()``, or the layers of the wall from the inside out. What is
-        missing in a layer differs from specimen to specimen, and so does a thickness that is a
-        distribution; numbers are those of all.
+        The material, such as ``ph.Ogden()``, or the layers of the wall from the inside out.
+        Specimens differ in the parameters that a layer does not state, and in a thickness that is a
+        distribution.
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`: the specimens of one class.
     likelihood : Gaussian, SlopeAugmented, float or distribution
@@ -167,15 +167,14 @@ def population_model(
         `slope_weight` and `force_offset_sd` must be numbers.
     geometry : dict of str to Measured, optional
         Measures of the tube that have an error, such as ``{"thickness": ph.Measured(sd=0.01)}``:
-        each specimen then has a deviation of its own, ``thickness_deviation``, and its
-        ``thickness``. See :class:`~pymc_hyperelastic.Measured`.
+        each specimen then has its own ``thickness_deviation`` and ``thickness``.
     experiment_effect : bool, default False
         Whether tests of one specimen differ by more than noise, as at several axial stretches of a
         material whose law does not couple the directions rightly. Otherwise ``ω = 0``.
     reference_stress : float or None, default 20
         Stress ``T₀`` (kPa) of the reference strain, which stands in place of the first modulus;
-        with None each modulus has its own logarithm. In which coordinates specimens are spread
-        normally is a question to their evidence: fit both.
+        with None each modulus has its own logarithm. Their evidences tell in which of these
+        coordinates specimens are rather normal.
     priors : dict of str to distribution, optional
         Other priors of the class: of ``location``, ``spread`` and ``experiment_spread``, with one
         entry a coordinate, and of ``effect_spread``, ``noise_spread``, ``force_noise_spread`` and
@@ -195,10 +194,8 @@ def population_model(
 
     Raises
     ------
-    TypeError
-        If the strain energy, the data, the likelihood or a prior is not one.
-    ValueError
-        If the data are unsound, or a number is impossible.
+    TypeError, ValueError
+        If an argument is not of its kind, the data are unsound, or a number is impossible.
 
     See Also
     --------
@@ -209,21 +206,18 @@ def population_model(
     Default priors, with :math:`x \sim LN(m, s)` for a normal logarithm of median ``m``: the
     reference strain LN(0.2, 0.7); a shape parameter LN(u/6, 1.2) of its largest value ``u``;
     ``τ`` LN(0.4, 0.7), a coefficient of variation from 10 to 160 %; ``ω`` LN(0.15, 0.8); ``η``
-    LN(0.5, 0.5); every ``ν`` LN(0.3, 0.5); the correlation matrix ``R`` its determinant to the
-    first power. None of the spreads can vanish: with a handful of specimens a prior with mass at
-    zero makes a funnel, in which samplers get stuck.
-
-    Specimens are sampled themselves, not their distances from the class in units of its spread: a
-    curve of many points says more about its specimen than the class does.
+    LN(0.5, 0.5); every ``ν`` LN(0.3, 0.5); the density of the correlation matrix ``R`` is
+    proportional to its determinant. None of the spreads can vanish: with a handful of specimens a
+    prior with mass at zero makes a funnel, in which samplers get stuck. The parametrisation is
+    centred, because a curve of many points says more about its specimen than the class does.
 
     Terms of a series such as :class:`~pymc_hyperelastic.OgdenSeries` may change places from one
     specimen to the next: their location and spread then mean little.
 
     References
     ----------
-    The distribution of ``R`` is made of partial correlations: D. Lewandowski, D. Kurowicka and
-    H. Joe, Journal of Multivariate Analysis 100 (2009) 1989-2001. Priors of spreads that avoid
-    zero: Y. Chung et al., Psychometrika 78 (2013) 685-709.
+    D. Lewandowski, D. Kurowicka and H. Joe, Journal of Multivariate Analysis 100 (2009) 1989-2001
+    (``R``). Y. Chung et al., Psychometrika 78 (2013) 685-709 (spreads that avoid zero).
 
     Examples
     --------

@@ -52,7 +52,7 @@ def complete_priors(
 
 def _with_defaults(energy: StrainEnergy, given: Mapping[str, Any]) -> dict[str, Any]:
     defaults = {p.name: pm.Uniform.dist(*p.prior_range, shape=p.size) for p in energy.parameters}
-    return defaults | given
+    return defaults | dict(given)
 
 
 def complete_wall(

@@ -55,8 +55,8 @@ def log_likelihood(
 ) -> TensorVariable:
     """Return the log likelihood of the tube's data; minus infinity for an impossible tube.
 
-    With `switches` only the signals ``"pressure"``, ``"slope"`` and ``"force"`` whose switch is
-    not 0 count.
+    With `switches`, signals ``"pressure"``, ``"slope"`` and ``"force"`` whose switch is 0 are left
+    out.
     """
     by = _terms_by_points if errors.diameter_sd is not None else _terms_by_sums
     terms, possible = by(tube, errors, switches)
@@ -163,7 +163,7 @@ def posterior_of_offsets(
 ) -> tuple[TensorVariable, TensorVariable]:
     """Return mean and standard deviation of each test's offset, given material, tube and errors.
 
-    If the radius has the error, the forces at the model's radii are used in place of `curves`.
+    With the error in the radius, forces are those at the model's radii in place of the `curves`.
     """
     if tube.forward.error_in == "radius":
         variance = pt.square(as_double(errors.force_sd))

@@ -138,8 +138,10 @@ def log_density_by_points(
 
     The offset is integrated out. The `inputs` are those of :func:`force_arrays`.
     """
-    sums = (pt.cumsum(x, axis=-1) - x for x in weights_of_tests(error, variance, inputs))
-    mean, left = (x.flatten()[inputs["place"]] for x in offset_moments(*sums, offset_sd))
+    tables = weights_of_tests(error, variance, inputs)
+    precision, weighted = (pt.cumsum(x, axis=-1) - x for x in tables)
+    moments = offset_moments(precision, weighted, offset_sd)
+    mean, left = (x.flatten()[inputs["place"]] for x in moments)
     return normal_log_density(pt.square(error - mean), variance + left)
 
 

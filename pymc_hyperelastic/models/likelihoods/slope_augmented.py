@@ -28,20 +28,19 @@ class SlopeAugmented(Likelihood):
     Parameters
     ----------
     sigma : float or distribution
-        The paper's ``σ`` of pressures, kPa: ``√2`` standard deviations. With slopes it is a bound:
-        pressures that are known through their slopes too have a smaller error.
+        The paper's ``σ`` of pressures, kPa: ``√2`` standard deviations without slopes, which make
+        errors smaller.
     slope_weight : float or distribution
-        The paper's ``β``, mm². With 0 the likelihood is that of :class:`Gaussian`. See
-        :func:`~pymc_hyperelastic.balanced_slope_weight`. Tests in which the axial stretch varies
-        have no slopes.
+        The paper's ``β``, mm². With 0 the likelihood is that of :class:`Gaussian`. Tests in which
+        the axial stretch varies have no slopes.
     force_sigma : float or distribution, optional
         The paper's ``σ`` of axial forces, mN: ``√2`` standard deviations. It adds
         ``−|ΔF|²/σ_F² − (N_F/2) ln(π σ_F²)``. Without it forces are left out.
     force_offset_sd : float or distribution, optional
         Standard deviation of the offset of the force transducer, mN, see :class:`Gaussian`.
     observed : bool, default False
-        Whether a model declares observed variables in place of the Potential ``likelihood``. See
-        the notes. `slope_weight` must then be a number.
+        Whether a model declares observed variables in place of the Potential ``likelihood``.
+        `slope_weight` must then be a number.
 
     Raises
     ------
