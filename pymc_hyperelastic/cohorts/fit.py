@@ -30,7 +30,6 @@ from pymc_hyperelastic.models.inflation import tube_model
 from pymc_hyperelastic.models.likelihoods import (
     Likelihood,
     as_likelihood,
-    likelihood_from_record,
 )
 from pymc_hyperelastic.models.priors import (
     complete_wall,
@@ -87,7 +86,7 @@ class Fitting(Work):
     @property
     def likelihood(self) -> Likelihood:
         """The measured signals and their errors."""
-        return likelihood_from_record(self.record)
+        return Likelihood.from_record(self.record)
 
     @property
     def unknown(self) -> dict[str, Any]:

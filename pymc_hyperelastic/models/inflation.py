@@ -1,4 +1,4 @@
-"""PyMC model factories."""
+"""PyMC models of tubes whose tests share one set of material parameters."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -35,10 +35,10 @@ from pymc_hyperelastic.models.priors import belongs_to, complete_wall, register_
 from pymc_hyperelastic.models.study import Study
 from pymc_hyperelastic.parallel import one_thread
 
-# Draws from the prior that estimate the probability of a rising pressure: to 3 % at the smallest
-# probability that is accepted.
+# Draws from the prior that estimate the probability of a rising pressure.
 _PRIOR_DRAWS = 20000
-# Smallest accepted prior probability of a rising pressure. Below it priors contradict `rising`.
+# Smallest accepted prior probability of a rising pressure: the estimate errs by 3 % of it, and
+# below it priors contradict `rising`.
 _LEAST_SHARE = 0.05
 
 
@@ -58,56 +58,51 @@ def inflation_model(
 
     The model holds one random variable for each parameter, the deterministics ``pressure`` and
     ``stiffness`` (with measured forces also ``axial_force``, with `geometry` also ``radius``) over
-    ``obs``, and the Potential ``likelihood`` or observed variables. Any PyMC sampler takes it.
+    ``obs``, and the Potential ``likelihood`` or observed variables. Curves are at the measured
+    radii, also if these have an error.
 
-    In the context of another model it becomes a part of that model, as every ``pm.Model`` does: its
-    variables are registered there, under the prefix `name`, and the whole model is sampled. Priors
-    may then be variables of that model, which are registered once. If
-    only the likelihood is wanted, use :func:`~pymc_hyperelastic.inflation_likelihood`.
+    In the context of another model it becomes a part of that model: its variables are registered
+    there, under the prefix `name`, and priors may be variables of that model. For the likelihood
+    alone use :func:`~pymc_hyperelastic.inflation_likelihood`.
 
     Parameters
     ----------
     energy : StrainEnergy or list of Layer
-        The material, such as ``ph.Ogden()``, or one of your own; or the layers of the wall from the
-        inside out, see :class:`~pymc_hyperelastic.Layer`. Random variables of a layer carry its
-        number, as in ``mu_1``.
+        The material, such as ``ph.Ogden()``, or the layers of the wall from the inside out, see
+        :class:`~pymc_hyperelastic.Layer`. Variables of a layer carry its number, as in ``mu_1``.
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
     likelihood : Gaussian, SlopeAugmented, float or distribution
-        The measured quantities and their errors: ``ph.Gaussian(pressure_sd=2 * ph.mmHg)``, or the
-        paper's ``ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)``. See
-        :class:`~pymc_hyperelastic.Gaussian` and :class:`~pymc_hyperelastic.SlopeAugmented`. A size
-        that is a distribution is inferred, as the random variable of that name. A number or a
-        distribution alone is the standard deviation of a pressure, kPa. The deterministics are at
-        the measured radius, whatever has the error.
+        The measured quantities and their errors, see :class:`~pymc_hyperelastic.Gaussian` and the
+        paper's :class:`~pymc_hyperelastic.SlopeAugmented`. An argument that is a distribution is
+        inferred, as the random variable of that name. A number or a distribution alone is the
+        standard deviation of a pressure, kPa.
     priors : dict of str to distribution, optional
-        Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. For the others the
-        default of the strain energy is taken: uniform over a documented physical range. A vector
-        parameter has a prior of its size.
+        Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. The default is
+        uniform over a documented physical range. A vector parameter has a prior of its size.
     geometry : dict of str to distribution or Measured, optional
-        Priors of what is not known of the tube, one value for all tests: ``inner_radius``,
-        ``axial_stretch``, ``opening_angle`` (rad), and one of ``outer_radius``, ``thickness`` (mm)
-        or ``wall_area`` (mm², of the cross-section of the unloaded ring). Radii are those of
-        the opened sector, and the angle is the whole one that it lacks of a full circle. In place
-        of a prior :class:`~pymc_hyperelastic.Measured` says with which error the value in the data
-        was measured, of each specimen by itself. The integral is then taken by direct quadrature,
-        with gradients through the geometry.
+        Priors of an unknown tube, one value for all tests: ``inner_radius``, ``axial_stretch``,
+        ``opening_angle`` (rad), and one of ``outer_radius``, ``thickness`` (mm) or ``wall_area``
+        (mm², of the cross-section of the unloaded ring). Radii are those of the opened sector, and
+        the angle is the whole one that it lacks of a full circle. In place of a prior
+        :class:`~pymc_hyperelastic.Measured` states the error of the value in the data, for each
+        specimen by itself.
     rising : bool, default False
         Whether the prior leaves out materials whose pressure falls somewhere between the smallest
         and the largest radius of a test. The Potential ``rising`` then divides by the prior
-        probability of the others, so that the evidence stays one. What a posterior holds of them
-        without it is told by :func:`~pymc_hyperelastic.admissible`.
+        probability of the others, so that the prior is normalised. See also
+        :func:`~pymc_hyperelastic.admissible`.
     mode : {"auto", "collocation", "quadrature"}
         How the wall is integrated, see :func:`~pymc_hyperelastic.inflation_likelihood`.
     name : str, optional
         Prefix of the names of variables and dimensions in the model of the context, as in
-        ``artery::mu``. With it several tubes can be parts of one model.
+        ``artery::mu``.
 
     Returns
     -------
     pymc.Model
-        With the dimension ``obs`` (points) and ``test`` (experiments). In the context of another
-        model it is that part of it; the whole is its ``root``.
+        With the dimensions ``obs`` (points) and ``test``. In the context of another model it is a
+        part, whose ``root`` is the whole.
 
     Raises
     ------
@@ -115,8 +110,8 @@ def inflation_model(
         If the strain energy, the data, the likelihood or a prior is not one.
     ValueError
         If the data are unsound, a prior belongs to no parameter, or a number is impossible; if the
-        model of the context has such names already; or if `rising` is to divide by the prior
-        probability of what variables of that model determine.
+        model of the context has such names already; or if `rising` is given with variables of that
+        model.
 
     See Also
     --------
@@ -139,28 +134,13 @@ def inflation_model(
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha', 'inner_radius', 'thickness']
 
-    Forces by a transducer whose zero is not known:
-
-    >>> import numpy as np
-    >>> forces = data.assign(axial_force=("obs", np.full(data.sizes["obs"], 50.0)))
-    >>> likelihood = ph.Gaussian(
-    ...     pressure_sd=pm.HalfNormal.dist(1),
-    ...     force_sd=pm.HalfNormal.dist(10),
-    ...     force_offset_sd=100.0,
-    ... )
-    >>> model = ph.inflation_model(ph.Ogden(), forces, likelihood)
-    >>> [rv.name for rv in model.free_RVs]
-    ['mu', 'alpha', 'pressure_sd', 'force_sd']
-    >>> [v.name for v in model.deterministics if "offset" in v.name]
-    ['force_offset_mean', 'force_offset_error']
-
     Measurements as an observed variable:
 
     >>> likelihood = ph.Gaussian(pressure_sd=4 * ph.mmHg, observed=True)
     >>> [rv.name for rv in ph.inflation_model(ph.Ogden(), data, likelihood).observed_RVs]
     ['measured_pressure']
 
-    Two arteries in a model of one's own, of one exponent:
+    Two arteries that share an exponent:
 
     >>> with pm.Model() as both:
     ...     alpha = pm.Uniform("alpha", 0, 40)
@@ -197,18 +177,17 @@ def tube_model(
 ) -> pm.Model:
     """Return the model of :func:`inflation_model`, a part of `parent` or by itself.
 
-    The context is ignored. A caller that has a `forward` model of these data can give it.
+    The context is ignored. A `forward` model of these data may be given.
     """
     wall, distributions = complete_wall(energy, priors, parent)
     unknown = check_geometry(geometry, parent)
     likelihood.check(wall, data, distributions, unknown)
-    # Classes fit one compiled Potential to the data of each; observed variables are not shared.
-    settings = {"mode": mode, "replaceable": not likelihood.observed}
     if forward is None:
+        # Classes fit one compiled Potential to the data of each; observed variables are not shared.
+        settings = {"mode": mode, "replaceable": not likelihood.observed}
         forward = likelihood.forward_model(wall, data, distributions, unknown, **settings)
-    if rising and any(
-        belongs_to(v, parent) for v in [*distributions.values(), *priors_of(unknown).values()]
-    ):
+    given = [*distributions.values(), *priors_of(unknown).values()]
+    if rising and any(belongs_to(v, parent) for v in given):
         raise ValueError(
             "rising=True divides by the prior probability of the curves that rise, which is not "
             "known where parameters are variables of your own model: give distributions instead"
@@ -224,11 +203,8 @@ def tube_model(
         register_measures(data, measured, deviations, of_specimen)
         known = of_tube, {name: z[of_test] for name, z in deviations.items()}
         tube, sizes = forward.tube(parameters, *known), likelihood.register_unknowns()
-        curves = {
-            curve: pm.Deterministic(curve, values, dims=points)
-            for curve, values in tube.curves().items()
-        }
-        likelihood.register(tube, curves, sizes, dims=points)
+        curves = {k: pm.Deterministic(k, v, dims=points) for k, v in tube.curves().items()}
+        likelihood.register(tube, curves, sizes, points)
         if rising:
             rises = pt.all(forward.between().tube(parameters, *known).curves()["stiffness"] > 0)
             share = _prior_probability(rises, model.free_RVs)
@@ -251,19 +227,15 @@ def _empty_model(
     if by_specimen:
         coords[model.name_for("specimen")] = specimens_of(data)[0]
     if parent is not None:
-        _check_names(parent, [*coords, model.name_for("pressure")])
+        names, there = [*coords, model.name_for("pressure")], {*parent.coords}
+        taken = [name for name in names if name in there | parent.root.named_vars.keys()]
+        if taken:
+            raise ValueError(
+                f"the model of the context already has {taken}: give this part of it a name of its "
+                "own, name='artery'; or make it outside of the context, if it is a model by itself"
+            )
     model.add_coords(coords)
     return model
-
-
-def _check_names(model: pm.Model, names: Sequence[str]) -> None:
-    """Raise unless a model has no variables or dimensions of these names."""
-    taken = [name for name in names if name in model.coords or name in model.root.named_vars]
-    if taken:
-        raise ValueError(
-            f"the model of the context already has {taken}: give this part of it a name of its "
-            "own, name='artery'; or make it outside of the context, if it is a model by itself"
-        )
 
 
 @one_thread
@@ -280,8 +252,7 @@ def power_law_neo_hookean_model(
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)
-    >>> model = ph.power_law_neo_hookean_model(data, likelihood)
+    >>> model = ph.power_law_neo_hookean_model(data, ph.Gaussian(pressure_sd=4 * ph.mmHg))
     """
     return inflation_model(PowerLawNeoHookean(), data, likelihood, **settings)
 
@@ -301,8 +272,7 @@ def ogden_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: Any)
     --------
     >>> import pymc as pm, pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)
-    >>> model = ph.ogden_model(data, likelihood, priors={"alpha": pm.Uniform.dist(0, 40)})
+    >>> model = ph.ogden_model(data, 4 * ph.mmHg, priors={"alpha": pm.Uniform.dist(0, 40)})
     """
     return inflation_model(Ogden(), data, likelihood, **settings)
 
@@ -321,8 +291,7 @@ def criscione_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: 
     --------
     >>> import pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)
-    >>> model = ph.criscione_model(data, likelihood)
+    >>> model = ph.criscione_model(data, ph.Gaussian(pressure_sd=4 * ph.mmHg))
     """
     return inflation_model(CriscioneType(), data, likelihood, **settings)
 

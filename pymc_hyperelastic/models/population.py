@@ -36,14 +36,14 @@ from pymc_hyperelastic.models.geometry import (
 )
 from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.natural_scale import NaturalScale, check_moduli
-from pymc_hyperelastic.models.priors import check_prior, complete_wall, is_inferred
+from pymc_hyperelastic.models.priors import check_prior, check_priors, complete_wall, is_inferred
 from pymc_hyperelastic.models.study import Study
 from pymc_hyperelastic.parallel import one_thread
 
 # Range of each coordinate over which curves must be accurate, in prior standard deviations.
 _REACH = 3.0
-# Draws of a prior, to check that all are positive.
-_SIGMA_DRAWS = 2000
+# Draws of the prior of a standard deviation that must be positive.
+_POSITIVE_DRAWS = 2000
 
 
 @dataclass(frozen=True)
@@ -66,15 +66,14 @@ class Population:
 
     @property
     def noises(self) -> list[str]:
-        """Inferred sizes of errors: each specimen has its own."""
+        """Names of the inferred standard deviations of errors, one for each specimen."""
         return noises_of(self.likelihood)
 
     @property
     def known_noise(self) -> bool:
-        """True if the size of the errors of pressures or forces is a number."""
+        """True if the standard deviation of pressures or forces is a number."""
         errors = self.likelihood.errors()
-        sizes = (errors.pressure_sd, errors.force_sd)
-        return any(size is not None and not is_inferred(size) for size in sizes)
+        return not all(v is None or is_inferred(v) for v in (errors.pressure_sd, errors.force_sd))
 
     def check(self, data: xr.Dataset) -> None:
         """Raise unless these data can be modelled so."""
@@ -91,8 +90,8 @@ class Population:
         stress = self.reference_stress
         if stress is not None and not (isinstance(stress, Real) and 0 < stress < np.inf):
             raise ValueError(
-                f"reference_stress is {stress!r}; expected a positive number of kPa, or None, "
-                "where each modulus keeps its own logarithm"
+                f"reference_stress is {stress!r}; expected a positive number of kPa, or None for "
+                "the logarithm of each modulus"
             )
         check_measured_only(self.geometry)
         self.likelihood.check(wall, data, parameters, self.geometry)
@@ -100,39 +99,28 @@ class Population:
 
     def _check_priors(self) -> None:
         """Raise unless the priors are those of unknowns of the class."""
-        if self.priors is not None and not isinstance(self.priors, Mapping):
-            raise TypeError(
-                'priors must be a dict such as {"noise_spread": pm.LogNormal.dist(-1, 0.5)}, not '
-                f"{type(self.priors).__name__}"
-            )
         count = len(self.scale.names)
         sizes: dict[str, int | None] = {"location": count, "spread": count}
         if self.experiment_effect:
             sizes |= {"experiment_spread": count, "effect_spread": None}
         sizes |= {SPREAD_OF_NOISE[name]: None for name in self.noises}
-        for name, prior in (self.priors or {}).items():
-            if name not in sizes:
-                raise ValueError(
-                    f"a prior is given for {name!r}; this class has the unknowns {list(sizes)}"
-                )
-            check_prior(name, prior, sizes[name])
+        check_priors(self.priors, sizes, "this class")
 
     def register_class(self) -> ClassDistribution:
-        """Variables of the class's distribution, in the model of the context."""
+        """Register the class's distribution in the model in context."""
         return register_class(self.scale, self.likelihood, self.experiment_effect, self.priors)
 
     def forward_model(
         self, data: xr.Dataset, *, by_test: bool = True, **settings: Any
     ) -> ForwardModel:
-        """Curves of tests, over the range of the coordinates.
+        """Return a forward model that is accurate over the range of the coordinates.
 
-        They have parameters of their own unless, `by_test` being false, all are of one specimen.
-        Other settings are those of :class:`ForwardModel`.
+        With `by_test` each test has parameters of its own, otherwise all are of one specimen. Other
+        settings are those of :class:`ForwardModel`.
         """
         mean, sd = self.scale.location_prior
-        reach = _REACH * sd
-        coordinates = [pm.Uniform.dist(m - r, m + r) for m, r in zip(mean, reach, strict=True)]
-        parameters = self.scale.parameters(coordinates)
+        low, high = mean - _REACH * sd, mean + _REACH * sd
+        parameters = self.scale.parameters([*map(pm.Uniform.dist, low, high)])
         wall = self.scale.wall_of(parameters)
         settings |= {"geometry": self.geometry, "by_test": by_test}
         return self.likelihood.forward_model(wall, data, parameters, **settings)
@@ -152,45 +140,41 @@ def population_model(
     r"""PyMC model of a class whose specimens differ: each has its own parameters.
 
     On the natural scale of the parameters (see below) the coordinates ``x`` of the specimens ``s``
-    are drawn from the class's distribution, and experiments ``t`` share those of their specimen:
+    are drawn from the class's distribution, and tests ``t`` share those of their specimen:
 
     .. math:: x_s \sim N(m, \mathrm{diag}(τ) R \, \mathrm{diag}(τ)), \qquad
         x_t \sim N(x_{s(t)}, κ_s^2 \, \mathrm{diag}(ω)^2), \qquad
         p_i \sim N(p(a_i; θ(x_t)), ς_s^2)
 
-    Specimens differ also in how much their experiments differ, ``ln κ_s ~ N(0, η²)``. If the size
-    ``ς`` of an error is a distribution, specimens differ in it too, ``ln ς_s ~ N(ln ς, ν²)``.
-    Measurements are observed variables, as those of :func:`~pymc_hyperelastic.inflation_model` with
-    ``observed=True``.
-
-    The model stands by itself: made in the context of another one it is no part of that, and a
-    warning says so.
+    Specimens differ also in how much their tests differ, ``ln κ_s ~ N(0, η²)``. If the standard
+    deviation ``ς`` of an error is a distribution, specimens differ in it too,
+    ``ln ς_s ~ N(ln ς, ν²)``. Measurements are observed variables, as those of
+    :func:`~pymc_hyperelastic.inflation_model` with ``observed=True``. The model stands by itself:
+    it is no part of a model of the context.
 
     Parameters
     ----------
     energy : StrainEnergy or list of Layer
-        The material, such as ``ph.Ogden()``, or the layers of the wall from the inside out. What is
-        missing in a layer differs from specimen to specimen, and so does a thickness that is a
-        distribution; numbers are those of all.
+        The material, such as ``ph.Ogden()``, or the layers of the wall from the inside out.
+        Specimens differ in the parameters that a layer does not state, and in a thickness that is a
+        distribution.
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`: the specimens of one class.
     likelihood : Gaussian, SlopeAugmented, float or distribution
-        The measured quantities and their errors, see :class:`~pymc_hyperelastic.Gaussian` and
-        :class:`~pymc_hyperelastic.SlopeAugmented`. A number or a distribution alone is the standard
-        deviation of a pressure, kPa. The distribution of a size is the prior of the class's
-        median; each specimen has its own size, such as ``specimen_pressure_sd``. Pressures must
-        have the error, and `slope_weight` and `force_offset_sd` must be numbers.
+        The measured quantities and their errors, as in :func:`~pymc_hyperelastic.inflation_model`.
+        A distribution is the prior of the class's median; each specimen has its own standard
+        deviation, such as ``specimen_pressure_sd``. Pressures must have the error, and
+        `slope_weight` and `force_offset_sd` must be numbers.
     geometry : dict of str to Measured, optional
         Measures of the tube that have an error, such as ``{"thickness": ph.Measured(sd=0.01)}``:
-        each specimen then has a deviation of its own, ``thickness_deviation``, and its
-        ``thickness``. See :class:`~pymc_hyperelastic.Measured`.
+        each specimen then has its own ``thickness_deviation`` and ``thickness``.
     experiment_effect : bool, default False
-        Whether experiments on one specimen differ by more than noise, as at several axial stretches
-        of a material whose law does not couple the directions rightly. Otherwise ``ω = 0``.
+        Whether tests of one specimen differ by more than noise, as at several axial stretches of a
+        material whose law does not couple the directions rightly. Otherwise ``ω = 0``.
     reference_stress : float or None, default 20
         Stress ``T₀`` (kPa) of the reference strain, which stands in place of the first modulus;
-        with None each modulus has its own logarithm. In which coordinates specimens are spread
-        normally is a question to their evidence: fit both.
+        with None each modulus has its own logarithm. Their evidences tell in which of these
+        coordinates specimens are rather normal.
     priors : dict of str to distribution, optional
         Other priors of the class: of ``location``, ``spread`` and ``experiment_spread``, with one
         entry a coordinate, and of ``effect_spread``, ``noise_spread``, ``force_noise_spread`` and
@@ -201,8 +185,7 @@ def population_model(
     pymc.Model
         With the dimensions ``specimen``, ``coordinate``, ``test`` and ``obs``; the deterministics
         of the specimens carry the names of the material parameters, and observed variables are
-        ``measured_pressure`` and ``measured_axial_force``: predictive sampling and
-        ``log_likelihood`` work.
+        ``measured_pressure`` and ``measured_axial_force``.
 
     Warns
     -----
@@ -211,10 +194,8 @@ def population_model(
 
     Raises
     ------
-    TypeError
-        If the strain energy, the data, the likelihood or a prior is not one.
-    ValueError
-        If the data are unsound, or a number is impossible.
+    TypeError, ValueError
+        If an argument is not of its kind, the data are unsound, or a number is impossible.
 
     See Also
     --------
@@ -225,21 +206,18 @@ def population_model(
     Default priors, with :math:`x \sim LN(m, s)` for a normal logarithm of median ``m``: the
     reference strain LN(0.2, 0.7); a shape parameter LN(u/6, 1.2) of its largest value ``u``;
     ``τ`` LN(0.4, 0.7), a coefficient of variation from 10 to 160 %; ``ω`` LN(0.15, 0.8); ``η``
-    LN(0.5, 0.5); every ``ν`` LN(0.3, 0.5); the correlation matrix ``R`` its determinant to the
-    first power. None of the spreads can vanish: with a handful of specimens a prior with mass at
-    zero makes a funnel, in which samplers get stuck.
-
-    Specimens are sampled themselves, not their distances from the class in units of its spread: a
-    curve of many points says more about its specimen than the class does.
+    LN(0.5, 0.5); every ``ν`` LN(0.3, 0.5); the density of the correlation matrix ``R`` is
+    proportional to its determinant. None of the spreads can vanish: with a handful of specimens a
+    prior with mass at zero makes a funnel, in which samplers get stuck. The parametrisation is
+    centred, because a curve of many points says more about its specimen than the class does.
 
     Terms of a series such as :class:`~pymc_hyperelastic.OgdenSeries` may change places from one
     specimen to the next: their location and spread then mean little.
 
     References
     ----------
-    The distribution of ``R`` is made of partial correlations: D. Lewandowski, D. Kurowicka and
-    H. Joe, Journal of Multivariate Analysis 100 (2009) 1989-2001. Priors of spreads that avoid
-    zero: Y. Chung et al., Psychometrika 78 (2013) 685-709.
+    D. Lewandowski, D. Kurowicka and H. Joe, Journal of Multivariate Analysis 100 (2009) 1989-2001
+    (``R``). Y. Chung et al., Psychometrika 78 (2013) 685-709 (spreads that avoid zero).
 
     Examples
     --------
@@ -256,8 +234,8 @@ def population_model(
     if pm.Model.get_context(error_if_none=False) is not None:
         warnings.warn(
             "population_model makes a model that stands by itself: nothing of it is in the model "
-            "of the context. Make it outside of `with`; tubes that are parts of another model are "
-            "those of ph.inflation_model(..., name=...)",
+            "of the context. Make it outside of `with`, or make tubes that are parts of the model "
+            "of the context by ph.inflation_model(..., name=...)",
             skip_file_prefixes=(PACKAGE,),
         )
     scale = population.scale
@@ -272,7 +250,8 @@ def population_model(
     with pm.Model(coords=coords, model=None) as model:
         distribution = population.register_class()
         of_specimens = register_specimens(population, distribution, of_test)
-        _register_noises(of_specimens)
+        for name, value in of_specimens.noises.items():
+            pm.Deterministic(f"specimen_{name}", value, dims="specimen")
         forward = population.forward_model(data)
         register_curves(population, forward, of_specimens, dims="obs")
         register_measures(data, population.geometry, of_specimens.deviations)
@@ -284,7 +263,7 @@ def population_model(
 def _check_positive(name: str, noise: Any) -> None:
     """Raise unless the noise is a distribution of positive numbers: its logarithm is spread."""
     check_prior(name, noise)
-    smallest = pm.draw(noise, draws=_SIGMA_DRAWS, random_seed=1, mode="FAST_COMPILE").min()
+    smallest = pm.draw(noise, draws=_POSITIVE_DRAWS, random_seed=1, mode="FAST_COMPILE").min()
     if smallest <= 0:
         raise ValueError(
             f"the prior of {name!r} holds numbers such as {smallest:.3g}; expected a distribution "
@@ -296,11 +275,11 @@ class Specimens(NamedTuple):
     """Variables of the specimens."""
 
     of_test: NDArray[np.intp]
-    """To which of them each test belongs."""
+    """Index of each test's specimen."""
     coordinates: list[TensorVariable]
-    """Of every test."""
+    """Coordinates of each test."""
     noises: dict[str, TensorVariable]
-    """Inferred sizes of errors of every specimen."""
+    """Inferred standard deviations of the errors of each specimen."""
     deviations: dict[str, TensorVariable]
     """Standardised deviation of each specimen's tube from its measured value."""
 
@@ -308,7 +287,7 @@ class Specimens(NamedTuple):
 def register_specimens(
     population: Population, distribution: ClassDistribution, of_test: NDArray[np.intp]
 ) -> Specimens:
-    """Variables of the specimens, in the model of the context."""
+    """Register the variables of the specimens in the model in context."""
     scale = population.scale
     location, spread = distribution.location, distribution.spread
     standard: list[Any] = []
@@ -327,10 +306,9 @@ def register_specimens(
     if distribution.experiment_spread is not None:
         log_effect = pm.Normal("log_effect", 0.0, distribution.effect_spread, dims="specimen")
         within = pt.exp(log_effect)[of_test]
-        of_tests = [
-            pm.Normal(f"{name}_of_test", x, distribution.experiment_spread[j] * within, dims="test")
-            for j, (name, x) in enumerate(zip(scale.names, of_tests, strict=True))
-        ]
+        for j, name in enumerate(scale.names):
+            sd = distribution.experiment_spread[j] * within
+            of_tests[j] = pm.Normal(f"{name}_of_test", of_tests[j], sd, dims="test")
     noises = {}
     for i, name in enumerate(population.noises):
         moments = distribution.log_size[i], distribution.noise_spread[i]
@@ -339,22 +317,14 @@ def register_specimens(
 
 
 def log_noise_name(name: str) -> str:
-    """Name of the variable of an error that specimens have of their own."""
+    """Return the name of the logarithm of a specimen's standard deviation."""
     return f"log_specimen_{name}"
 
 
-def _register_noises(specimens: Specimens) -> None:
-    """Add the inferred sizes of errors of the specimens."""
-    for name, value in specimens.noises.items():
-        pm.Deterministic(f"specimen_{name}", value, dims="specimen")
-
-
 def tube_of(population: Population, forward: ForwardModel, specimens: Specimens) -> SymbolicTube:
-    """The tubes of the tests."""
+    """Return the tubes of the tests."""
     deviations = {name: z[specimens.of_test] for name, z in specimens.deviations.items()}
-    coordinates = specimens.coordinates
-    if not forward.by_test:
-        coordinates = [x[0] for x in coordinates]
+    coordinates = [x if forward.by_test else x[0] for x in specimens.coordinates]
     return forward.tube(population.scale.parameters(coordinates), deviations=deviations)
 
 
@@ -363,10 +333,7 @@ def register_curves(
 ) -> None:
     """Add the curves of the tests, and the measurements, to the model of the context."""
     tube = tube_of(population, forward, specimens)
-    curves = {
-        name: pm.Deterministic(name, values, dims=dims) for name, values in tube.curves().items()
-    }
+    curves = {k: pm.Deterministic(k, v, dims=dims) for k, v in tube.curves().items()}
     test = forward.share("test", lambda data: {"test": data["test"].values})["test"]
     own = {name: size[specimens.of_test][test] for name, size in specimens.noises.items()}
-    # Specimens are scored in batches, in which curves that overflow are rejected anyway.
-    population.likelihood.register(tube, curves, own, dims=dims, bounded=False)
+    population.likelihood.register(tube, curves, own, dims)

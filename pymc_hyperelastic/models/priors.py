@@ -1,7 +1,6 @@
 """Priors of material parameters: defaults, checks, registration in a model, and records in files.
 
-Model factories complete the priors that a user gives and register them as random variables. Results
-store priors as lists of names and numbers, so that reading a file executes no code from it.
+Records are lists of names and numbers, so that reading a file executes no code from it.
 """
 
 import re
@@ -35,49 +34,25 @@ def complete_priors(
     priors: dict[str, TensorVariable] | None = None,
     model: pm.Model | None = None,
 ) -> dict[str, TensorVariable]:
-    """Priors of all parameters of `energy`: those given, and uniform defaults for the others.
+    """Return priors of all parameters: those given, and uniform defaults for the others.
 
-    A default prior is uniform over :attr:`Parameter.prior_range`, as in the paper; this physical
-    range does not depend on the data. A given prior is a distribution, or a variable of `model`.
-
-    Raises
-    ------
-    TypeError
-        If `priors` is no dict, or a prior is no such distribution of the parameter's size.
-    ValueError
-        If a name is no parameter of `energy`.
+    A default prior is uniform over :attr:`Parameter.prior_range`, a physical range that does not
+    depend on the data. A given prior is a distribution, or a variable of `model`. TypeError if
+    `priors` are no such distributions; ValueError if a name is no parameter of `energy`.
 
     Examples
     --------
     >>> import pymc as pm, pymc_hyperelastic as ph
-    >>> from pymc_hyperelastic.models.priors import complete_priors
     >>> list(complete_priors(ph.Ogden(), {"alpha": pm.Uniform.dist(0, 20)}))
     ['mu', 'alpha']
     """
-    if priors is not None and not isinstance(priors, Mapping):
-        raise TypeError(
-            'priors must be a dict such as {"mu": pm.Uniform.dist(0, 50)}, not '
-            f"{type(priors).__name__}"
-        )
-    given = dict(priors or {})
-    for name, prior in given.items():
-        if name not in energy.parameter_names:
-            raise ValueError(
-                f"a prior is given for {name!r}, but {energy.name} has the parameters "
-                f"{list(energy.parameter_names)}"
-            )
-    for p in energy.parameters:
-        if p.name in given:
-            check_prior(p.name, given[p.name], p.size, model)
-    return _with_defaults(energy, given)
+    sizes = {p.name: p.size for p in energy.parameters}
+    return _with_defaults(energy, check_priors(priors, sizes, energy.name, model))
 
 
 def _with_defaults(energy: StrainEnergy, given: Mapping[str, Any]) -> dict[str, Any]:
-    """All parameters of a law: those given, and uniform default priors for the others."""
-    return {
-        p.name: given[p.name] if p.name in given else pm.Uniform.dist(*p.prior_range, shape=p.size)
-        for p in energy.parameters
-    }
+    defaults = {p.name: pm.Uniform.dist(*p.prior_range, shape=p.size) for p in energy.parameters}
+    return defaults | dict(given)
 
 
 def complete_wall(
@@ -104,14 +79,9 @@ def complete_layers(
     """Add default priors to layers, and return the layers and their distributions by name.
 
     The name of a distribution ends with the number of its layer, counted from the inside. A
-    distribution that several layers share has a name without a number.
-
-    Raises
-    ------
-    TypeError
-        If a value is neither a number nor a distribution of the parameter's size.
-    ValueError
-        If two distributions would have the same name.
+    distribution that several layers share has a name without a number. TypeError if a value is
+    neither a number nor a distribution of the parameter's size; ValueError if two distributions
+    would have the same name.
     """
     filled = []
     places: dict[TensorVariable, list[tuple[str, int]]] = {}
@@ -144,17 +114,34 @@ def with_variables(
     """Return the layers with the random variables `variables` instead of their distributions."""
     registered = {prior: variables[name] for name, prior in distributions.items()}
 
-    def variable(value: Any) -> Any:
-        return registered.get(value, value) if is_inferred(value) else value
+    def with_variable(layer: Layer) -> Layer:
+        values = {"thickness": layer.thickness, **layer.parameters}
+        inferred = {n: registered.get(v, v) for n, v in values.items() if is_inferred(v)}
+        return Layer(layer.energy, **values | inferred)
 
-    return [
-        Layer(
-            layer.energy,
-            variable(layer.thickness),
-            **{name: variable(value) for name, value in layer.parameters.items()},
+    return [*map(with_variable, layers)]
+
+
+def check_priors(
+    priors: Any, sizes: Mapping[str, int | None], owner: str, model: pm.Model | None = None
+) -> dict[str, Any]:
+    """Return priors as a dict; raise unless they are those of unknowns of the `owner`.
+
+    The `sizes` of the unknowns are numbers of entries, None for a scalar.
+    """
+    given = {} if priors is None else priors
+    if not isinstance(given, Mapping):
+        raise TypeError(
+            f'priors must be a dict such as {{"{next(iter(sizes))}": pm.Uniform.dist(0, 50)}}, not '
+            f"{type(given).__name__}"
         )
-        for layer in layers
-    ]
+    for name, prior in given.items():
+        if name not in sizes:
+            raise ValueError(
+                f"a prior is given for {name!r}, but {owner} has the parameters {list(sizes)}"
+            )
+        check_prior(name, prior, sizes[name], model)
+    return dict(given)
 
 
 def check_prior(
@@ -166,10 +153,9 @@ def check_prior(
     """
     if not belongs_to(prior, model):
         _check_distribution(name, prior)
-    shape = () if size is None else (size,)
     static = prior.type.shape
     # The static shape of a computed variable may be unknown.
-    if len(static) != len(shape) or any(s not in (n, None) for s, n in zip(static, shape)):
+    if static not in ([()] if size is None else [(size,), (None,)]):
         expected = "a scalar" if size is None else f"{size} entries, as with shape={size}"
         raise TypeError(f"the prior of {name!r} has the shape {static}; expected {expected}")
 
@@ -186,16 +172,15 @@ def belongs_to(variable: Any, model: pm.Model | None) -> bool:
 
 def _check_distribution(name: str, prior: Any) -> None:
     """Raise TypeError unless `prior` is a distribution that does not depend on a model."""
-    node = getattr(prior, "owner", None)
-    if node is None or not isinstance(node.op, RandomVariable | SymbolicRandomVariable):
+    if not is_inferred(prior) or not is_random(prior):
         raise TypeError(
             f"the prior of {name!r} is {prior!r}; expected a distribution such as "
             "pm.Uniform.dist(0, 50)"
         )
     # A distribution has no name until it is registered in a model.
-    parents = [v for v in ancestors(node.inputs) if is_random(v)]
+    parents = [v for v in ancestors(prior.owner.inputs) if is_random(v)]
     linked = [v for v in (prior, *parents) if v.name]
-    if _takes_scalars(node.op):
+    if _takes_scalars(prior.owner.op):
         linked += parents
     if linked:
         culprit = linked[0].name or linked[0]
@@ -207,22 +192,37 @@ def _check_distribution(name: str, prior: Any) -> None:
 
 
 def _check_number(name: str, value: Any, size: int | None) -> None:
-    expected = "a number" if size is None else f"{size} numbers"
     try:
         number = np.asarray(value, float)
     except (TypeError, ValueError):
         number = np.array(np.nan)
     if number.shape != (() if size is None else (size,)) or not np.isfinite(number).all():
+        expected = "a number" if size is None else f"{size} numbers"
         raise TypeError(f"{name} is {value!r}; expected {expected}, or a distribution")
+
+
+def _parameters_of(op: type) -> int | None:
+    """Number of scalar parameters of a univariate distribution; None for any other."""
+    symbolic = issubclass(op, SymbolicRandomVariable)
+    signature = getattr(op, "extended_signature" if symbolic else "signature", None) or ""
+    inputs = r"\[rng\],\[size\](,\(\))*->\[rng\]," if symbolic else r"(\(\),?)*->"
+    return signature.count("()") - 1 if re.fullmatch(inputs + r"\(\)", signature) else None
+
+
+# Distributions that can be stored, by name in PyMC: class, and number of scalar parameters.
+_STORABLE: dict[str, tuple[Any, int]] = {
+    name: (member, count)
+    for name, member in vars(pm.distributions).items()
+    if isinstance(op := getattr(member, "rv_type", None), type)
+    and (count := _parameters_of(op)) is not None
+}
+_NAMES: dict[type, str] = {member.rv_type: member.__name__ for member, _ in _STORABLE.values()}
 
 
 def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
     """Return a distribution as ``[name, parameters]``, or ``[name, parameters, size]`` of a vector.
 
-    Raises
-    ------
-    ValueError
-        If the distribution is not univariate, or its parameters are not numbers.
+    ValueError if the distribution is not univariate, or its parameters are not numbers.
     """
     node = prior.owner
     distribution = _NAMES.get(type(node.op))
@@ -241,10 +241,7 @@ def prior_to_record(name: str, prior: TensorVariable) -> list[Any]:
 def prior_from_record(record: Any, name: str = "") -> TensorVariable:
     """Return the distribution of a record of :func:`prior_to_record`; `name` is for messages.
 
-    Raises
-    ------
-    ValueError
-        If it is no such record. A record from a file can only name distributions of PyMC.
+    ValueError if it is no such record, which can only name distributions of PyMC.
     """
     try:
         distribution, parameters, *size = record
@@ -253,7 +250,7 @@ def prior_from_record(record: Any, name: str = "") -> TensorVariable:
             isinstance(parameters, list)
             and len(parameters) == count
             and len(size) <= 1
-            and all(type(n) is int and 1 <= n <= _LARGEST_SIZE for n in size)
+            and all(type(n) is int and n >= 1 for n in size)
             and all(_is_parameter(p, size) for p in parameters)
         )
     except (TypeError, ValueError, KeyError):
@@ -263,7 +260,7 @@ def prior_from_record(record: Any, name: str = "") -> TensorVariable:
         raise ValueError(
             f"{subject} is {shown(record)}; expected [name, parameters], or [name, "
             "parameters, size] for a vector, with the name of a univariate distribution of PyMC "
-            f"and its parameters as numbers. The size is at most {_LARGEST_SIZE}"
+            "and its parameters as numbers"
         )
     variables = [pt.constant(p, dtype="float64") for p in parameters]
     return _rebuild(member.rv_op, variables, size or None)
@@ -278,45 +275,10 @@ def _is_parameter(value: Any, size: Sequence[int]) -> bool:
 
 
 def priors_from_records(records: Any) -> dict[str, TensorVariable]:
-    """Return the distributions of a dict of records; ValueError as :func:`prior_from_record`."""
+    """Return the distributions of a dict of records, see :func:`prior_from_record`."""
     if not isinstance(records, dict):
         raise ValueError(f"priors are {shown(records)}; expected a JSON object of records by name")
     return {name: prior_from_record(record, name) for name, record in records.items()}
-
-
-def class_name_of(record: Any) -> str:
-    """Name of the PyMC class of a record; a few distributions have a second name.
-
-    Raises ValueError as :func:`prior_from_record` does.
-
-    Examples
-    --------
-    >>> class_name_of(["Uniform", [0.0, 1.0]])
-    'Uniform'
-    """
-    prior_from_record(record)
-    return _STORABLE[record[0]][0].__name__
-
-
-def _parameters_of(op: type) -> int | None:
-    """Number of scalar parameters of a univariate distribution; None for any other."""
-    symbolic = issubclass(op, SymbolicRandomVariable)
-    signature = getattr(op, "extended_signature" if symbolic else "signature", None) or ""
-    inputs = r"\[rng\],\[size\](,\(\))*->\[rng\]," if symbolic else r"(\(\),?)*->"
-    return signature.count("()") - 1 if re.fullmatch(inputs + r"\(\)", signature) else None
-
-
-# Distributions that can be stored, by all their names: class, and number of scalar parameters.
-_STORABLE: dict[str, tuple[Any, int]] = {
-    name: (member, count)
-    for name, member in vars(pm.distributions).items()
-    if isinstance(op := getattr(member, "rv_type", None), type)
-    and (count := _parameters_of(op)) is not None
-}
-_NAMES: dict[type, str] = {member.rv_type: name for name, (member, _) in _STORABLE.items()}
-# Largest size of a vector prior in a file; no law has as many entries, and a damaged file must not
-# exhaust the memory.
-_LARGEST_SIZE = 10_000
 
 
 def is_inferred(value: Any) -> bool:
@@ -330,10 +292,9 @@ def register_priors(priors: Mapping[str, TensorVariable]) -> dict[str, TensorVar
 
 
 def register_prior(name: str, prior: TensorVariable) -> TensorVariable:
-    """Register `prior` as a random variable of the model in context, and return the variable.
+    """Register a copy of `prior` as a random variable of the model in context.
 
-    A copy is registered, so that one distribution can be the prior of several parameters. A
-    variable that already belongs to the model is returned unchanged.
+    A variable that already belongs to the model is returned unchanged.
     """
     model = pm.modelcontext(None)
     if belongs_to(prior, model):

@@ -1,14 +1,6 @@
-"""Attributes and groups of a result from which its model can be built again.
+"""Read and write what a result holds of its model: strain energy, priors, likelihood and data.
 
-Besides the groups of sampling the result of a model of inflation curves has
-
-``observed_data``, ``constant_data`` : (obs), (test)
-    The measured pressures, and the rest of the inflation data. If measurements are observed
-    variables, ``observed_data`` holds their values by the names of the variables, and
-    ``constant_data`` all inflation data.
-
-and attributes: the strain energy, priors, and ``likelihood``, a JSON record with the units of its
-numbers. ``likelihood_in_words`` says the same for a reader.
+The inflation data are in ``constant_data``, measured pressures perhaps in ``observed_data``.
 """
 
 import json
@@ -34,16 +26,13 @@ from pymc_hyperelastic.files.stored import (
 )
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import Parameter, StrainEnergy
-from pymc_hyperelastic.models.likelihoods import Likelihood, likelihood_from_record
+from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.priors import (
     complete_layers,
     is_inferred,
     prior_to_record,
     priors_from_records,
 )
-
-# Relative difference of stresses that are computed in another way, or rounded to six digits.
-_FINGERPRINT_ROUNDING = 1e-5
 
 
 def inflation_data_of(tree: xr.DataTree) -> xr.Dataset:
@@ -74,7 +63,7 @@ def origin_of(classes: xr.DataTree) -> dict[str, Any]:
 
 
 def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
-    """Settings of :func:`pymc_hyperelastic.inflation_model`, but for the data."""
+    """Return the settings of :func:`pymc_hyperelastic.inflation_model`, but for the data."""
     if "priors" not in tree.attrs:
         raise ValueError("this result does not say from which model it came; see ph.fit_classes")
     likelihood = likelihood_of(tree)
@@ -92,11 +81,9 @@ def values_of_parameter(tree: xr.DataTree, parameter: Parameter) -> xr.DataArray
     values = read_numbers(tree, "posterior", name, None)
     entries = [values.sizes[dim] for dim in values.dims if dim not in ("chain", "draw")]
     if not {"chain", "draw"} <= set(values.dims) or entries != ([] if size is None else [size]):
-        raise damaged(
-            tree,
-            f"{name!r} of 'posterior' has the dimensions {dict(values.sizes)}; expected chain, draw"
-            + ("" if size is None else f" and {size} entries"),
-        )
+        expected = "chain, draw" + ("" if size is None else f" and {size} entries")
+        found = f"{name!r} of 'posterior' has the dimensions {dict(values.sizes)}"
+        raise damaged(tree, f"{found}; expected {expected}")
     return values
 
 
@@ -113,7 +100,7 @@ def likelihood_of(tree: xr.DataTree) -> Likelihood | None:
     if "likelihood" not in tree.attrs:
         return None
     with reading(tree):
-        return likelihood_from_record(read_json(tree, "likelihood", {}))
+        return Likelihood.from_record(read_json(tree, "likelihood", {}))
 
 
 def strain_energy_attrs(energy: StrainEnergy) -> dict[str, str]:
@@ -134,7 +121,7 @@ def wall_attrs(wall: StrainEnergy | Sequence[Layer]) -> dict[str, str]:
     if isinstance(wall, StrainEnergy):
         return strain_energy_attrs(wall)
     layers, (_, distributions) = named_layers(wall), complete_layers(wall)
-    names = {v for v in (layer.values["thickness"] for layer in layers) if isinstance(v, str)}
+    names = {layer.values["thickness"] for layer in layers} & distributions.keys()
     priors = {name: prior_to_record(name, distributions[name]) for name in sorted(names)}
     return layers_attrs(layers) | {"thickness_priors": json.dumps(priors)}
 
@@ -143,20 +130,19 @@ def stated_wall_of(tree: xr.DataTree) -> StrainEnergy | list[Layer]:
     """Return the material of a class, or its layers as the user stated them."""
     if "thickness_priors" not in tree.attrs:
         return strain_energy_of(tree)
+    layers = wall_of(tree)
     with reading(tree):
         # One distribution in two layers is one thickness of both.
         priors = priors_from_records(read_dict(tree, "thickness_priors"))
-
-    def stated(layer: NamedLayer) -> Layer:
-        thickness, numbers = layer.values["thickness"], layer.values.items()
-        if isinstance(thickness, str) and thickness not in priors:
-            raise damaged(tree, f"its attribute 'thickness_priors' lacks {thickness!r}")
-        known = {n: v for n, v in numbers if n != "thickness" and not isinstance(v, str)}
-        return Layer(layer.energy, priors.get(thickness, thickness), **known)
-
-    layers = wall_of(tree)
-    with reading(tree):
-        return [stated(layer) for layer in layers]
+        stated = []
+        for energy, values in layers:
+            thickness = values["thickness"]
+            if isinstance(thickness, str) and thickness not in priors:
+                raise damaged(tree, f"its attribute 'thickness_priors' lacks {thickness!r}")
+            numbers = {n: v for n, v in values.items() if not isinstance(v, str)}
+            numbers["thickness"] = priors.get(thickness, thickness)
+            stated.append(Layer(energy, **numbers))
+    return stated
 
 
 def strain_energy_of(tree: xr.DataTree) -> StrainEnergy:
@@ -166,15 +152,21 @@ def strain_energy_of(tree: xr.DataTree) -> StrainEnergy:
             "the result does not name its strain energy: give it as energy=ph.Ogden(), or the "
             "layers of the model as energy=[ph.Layer(...), ...]"
         )
-    name, settings = read_text(tree, "strain_energy"), read_json(tree, "strain_energy_settings", {})
-    fingerprint = read_json(tree, "strain_energy_fingerprint", [])
-    return _strain_energy(tree, name, settings, fingerprint)
+    return _strain_energy(tree, read_text(tree, "strain_energy"), tree.attrs, "the result")
 
 
 def _strain_energy(
-    tree: xr.DataTree, name: Any, settings: dict[str, Any], fingerprint: list[Any]
+    tree: xr.DataTree, name: str, record: Mapping[Any, Any], owner: str
 ) -> StrainEnergy:
-    """Strain energy of this name, if its formula has the stresses of the `fingerprint`."""
+    """Strain energy of a record of :func:`strain_energy_attrs`, if it has the same stresses."""
+    text = record.get("strain_energy_settings", "{}")
+    try:
+        settings = json.loads(text)
+        fingerprint = json.loads(record.get("strain_energy_fingerprint", "[]"))
+    except (TypeError, ValueError, RecursionError):
+        settings = fingerprint = None
+    if not isinstance(settings, dict):
+        raise damaged(tree, f"{owner} has the settings {shown(text)}; expected a JSON object")
     # A law of the user's own that is not defined here is no damage.
     with reading(tree, ""):
         energy = StrainEnergy.from_name(name, **settings)
@@ -190,9 +182,10 @@ def _strain_energy(
     return energy
 
 
-def _same_stresses(stored: list[Any], found: Sequence[float]) -> bool:
+def _same_stresses(stored: Any, found: Sequence[float]) -> bool:
+    """Compare stresses to five digits: fingerprints have six."""
     try:
-        return np.allclose(stored, found, rtol=_FINGERPRINT_ROUNDING, atol=0, equal_nan=True)
+        return np.allclose(stored, found, atol=0, equal_nan=True)
     except (TypeError, ValueError):  # not numbers, or not as many
         return False
 
@@ -213,16 +206,15 @@ def named_layers(wall: StrainEnergy | Sequence[Layer]) -> list[NamedLayer]:
     check_layers(wall)
     layers, distributions = complete_layers(wall)
     names = {prior: name for name, prior in distributions.items()}
-    return [
-        NamedLayer(
-            layer.energy,
-            {
-                name: names[value] if is_inferred(value) else np.asarray(value, float).tolist()
-                for name, value in {"thickness": layer.thickness, **layer.parameters}.items()
-            },
-        )
-        for layer in layers
-    ]
+
+    def name_or_number(value: Any) -> Any:
+        return names[value] if is_inferred(value) else np.asarray(value, float).tolist()
+
+    named = []
+    for layer in layers:
+        values = {"thickness": layer.thickness, **layer.parameters}
+        named.append(NamedLayer(layer.energy, {k: name_or_number(v) for k, v in values.items()}))
+    return named
 
 
 def layers_attrs(layers: Sequence[NamedLayer]) -> dict[str, str]:
@@ -262,14 +254,7 @@ def _layer_records(tree: xr.DataTree) -> list[dict[str, Any]]:
 
 def _layer_of(tree: xr.DataTree, record: dict[str, Any]) -> NamedLayer:
     """A layer of a record of :func:`layers_attrs`."""
-    try:
-        settings = json.loads(record.get("strain_energy_settings", "{}"))
-        fingerprint = json.loads(record.get("strain_energy_fingerprint", "[]"))
-    except (TypeError, ValueError, RecursionError):
-        settings = fingerprint = None
-    if not isinstance(settings, dict):
-        raise damaged(tree, f"a layer has the settings {shown(record['strain_energy_settings'])}")
-    energy = _strain_energy(tree, record["strain_energy"], settings, fingerprint)
+    energy = _strain_energy(tree, record["strain_energy"], record, "a layer")
     values = record.get("values")
     needed = {"thickness", *energy.parameter_names}
     if not isinstance(values, dict) or set(values) != needed:

@@ -114,9 +114,9 @@ class Study:
         if likelihood is None or self.forward is None:
             return {}
         errors = likelihood.errors({name: model[name] for name in likelihood.unknowns})
-        pressure_sd, radius_sd = errors.pressure_sd, None
-        if likelihood.error_in == "radius":
-            pressure_sd, radius_sd = 0.0, errors.pressure_sd
+        pressure_sd, radius_sd = errors.pressure_sd, errors.radius_sd
+        if radius_sd is not None:
+            pressure_sd = 0.0
         elif errors.diameter_sd is not None:
             radius_sd = errors.diameter_sd / 2
         if radius_sd is not None:

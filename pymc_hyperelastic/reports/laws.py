@@ -10,7 +10,7 @@ import xarray as xr
 from pymc_hyperelastic.files.stored import damaged, read_json, shown
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.likelihoods.errors import SIZES
-from pymc_hyperelastic.models.priors import class_name_of
+from pymc_hyperelastic.models.priors import prior_from_record
 from pymc_hyperelastic.models.records import NamedLayer, wall_of
 from pymc_hyperelastic.reports.blocks import short
 
@@ -94,8 +94,8 @@ def distribution_in_words(record: list[Any], unit: str = "") -> str:
     >>> distribution_in_words(["Uniform", [0.0, 100.0]], "kPa")
     'Uniform(0, 100) kPa'
     """
-    name = class_name_of(record)
-    _, parameters, *size = record
+    prior_from_record(record)  # a record from a file is checked
+    name, parameters, *size = record
     told = ", ".join(_value(p) for p in parameters)
     times = f", {size[0]} of them" if size else ""
     return f"{name}({told}){' ' + unit if unit else ''}{times}"

@@ -10,7 +10,7 @@ import xarray as xr
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.files.stored import read_draws, read_json, reading
 from pymc_hyperelastic.models.likelihoods import Likelihood
-from pymc_hyperelastic.models.likelihoods.errors import SIZES
+from pymc_hyperelastic.models.likelihoods.errors import SD_OF_SIGMA, SIZES
 from pymc_hyperelastic.models.priors import is_inferred, prior_to_record
 from pymc_hyperelastic.models.records import NamedLayer, likelihood_of
 from pymc_hyperelastic.plots.style import fitted_classes
@@ -114,13 +114,12 @@ def size_in_words(likelihood: Likelihood, name: str) -> str:
     'a standard deviation of 1.414 kPa'
     """
     value, unit = likelihood.sizes[name], likelihood.units[name]
-    of_sigma = {"sigma": "pressure_sd", "force_sigma": "force_sd"}
     what = "a weight" if name == "slope_weight" else "a standard deviation"
     if is_inferred(value):
-        times = " times √2" if name in of_sigma else ""
+        times = " times √2" if name in SD_OF_SIGMA else ""
         prior = distribution_in_words(prior_to_record(name, value), unit)
         return f"{what}{times} that was inferred, with the prior {prior}"
-    size = getattr(likelihood.errors(), of_sigma.get(name, name))
+    size = getattr(likelihood.errors(), SD_OF_SIGMA.get(name, name))
     return f"{what} of {short(float(size))} {unit}"
 
 
@@ -141,10 +140,8 @@ def noise_sentences(settings: Settings) -> list[str]:
             sentences.append(words)
         else:
             own = " in each specimen" if settings.variability and is_inferred(value) else ""
-            of_what = SIZES[name].of_what
-            if likelihood.error_in == "radius" and name == "pressure_sd":
-                of_what = "errors of radii"
-            sentences.append(f"{of_what.capitalize()} were taken as normal{own}, with {size}.")
+            of_what = SIZES[name].of_what.capitalize()
+            sentences.append(f"{of_what} were taken as normal{own}, with {size}.")
     return sentences
 
 

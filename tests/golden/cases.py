@@ -123,7 +123,7 @@ def layers(outer=HGO, thickness=0.1, **parameters):
 
 # Arguments of likelihoods; the other settings of a row are arguments of the model.
 SIZES = ("pressure_sd", "force_sd", "force_offset_sd", "diameter_sd", "sigma", "slope_weight")
-ERRORS = (*SIZES, "force_sigma", "error_in", "observed")
+ERRORS = (*SIZES, "force_sigma", "radius_sd", "observed")
 
 
 def split(settings):
@@ -135,7 +135,8 @@ def split(settings):
     others = {name: value for name, value in settings.items() if name not in ERRORS}
     weight = errors.pop("slope_weight", 0.0)
     if isinstance(weight, float) and weight == 0.0:
-        return ph.Gaussian(**{"pressure_sd": 0.5} | errors), others
+        default = {} if "radius_sd" in errors else {"pressure_sd": 0.5}
+        return ph.Gaussian(**default | errors), others
     for name, sigma in (("pressure_sd", "sigma"), ("force_sd", "force_sigma")):
         default = {"pressure_sd": 0.5}.get(name)
         sd = errors.pop(name, None if sigma in errors else default)
@@ -187,7 +188,9 @@ def own_model(data=None, /, *, geometry=None, **settings):
     """A user's model that adds the likelihood of the curves to its own variables."""
     with pm.Model() as model:
         parameters = {"mu": pm.LogNormal("mu", 2.0, 1.0), "alpha": pm.Normal("alpha", 6.0, 3.0)}
-        likelihood, others = split({"pressure_sd": pm.HalfNormal("noise", 1.0)} | settings)
+        noise = pm.HalfNormal("noise", 1.0)
+        errors = {} if "radius_sd" in settings else {"pressure_sd": noise}
+        likelihood, others = split(errors | settings)
         others["geometry"] = {n: pm.Normal(n, *prior) for n, prior in (geometry or {}).items()}
         data = aorta() if data is None else data
         ph.inflation_likelihood("curves", law("Ogden"), data, likelihood, parameters, **others)
@@ -211,7 +214,7 @@ two, diameters = partial(artery, specimens="AB"), partial(artery, by="outer_diam
 extended, unlayered = partial(artery, extension=True), partial(artery, outer=None)
 FORCE, EFFECT = {"force_sd": 5.0}, {"experiment_effect": True}
 OFFSET, DIAMETER = {"force_offset_sd": 30.0}, {"diameter_sd": 0.02}
-GENERATIVE, RADIUS = {"observed": True}, {"error_in": "radius", "pressure_sd": 0.05}
+GENERATIVE, RADIUS = {"observed": True}, {"radius_sd": 0.05}
 
 
 def unknown(**ranges):

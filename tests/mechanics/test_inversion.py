@@ -102,7 +102,7 @@ def model_of(energy):
     data = ph.inflation_data(frame, **tube)
     geometry = {"inner_radius": pm.Normal.dist(1, 1), "thickness": pm.Normal.dist(1, 1)}
     priors = {p.name: pm.Normal.dist(0, 50) for p in energy.parameters}
-    likelihood = ph.Gaussian(SIGMA / np.sqrt(2), error_in="radius")
+    likelihood = ph.Gaussian(radius_sd=SIGMA / np.sqrt(2))
     return ph.inflation_model(energy, data, likelihood, geometry=geometry, priors=priors)
 
 

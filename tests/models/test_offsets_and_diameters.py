@@ -120,7 +120,7 @@ def test_with_the_error_in_the_radius_pressures_are_exact():
     each = zip(axial, data["pressure"].values, strict=True)
     radius = np.array([optimize.brentq(excess, 6, 10, args=a, xtol=1e-13) for a in each])
     force = pressure_and_force(LAYERS, radius, 7.0, axial)[1]
-    errors = {"pressure_sd": 0.1, "force_sd": 3.0, "force_offset_sd": 25.0, "error_in": "radius"}
+    errors = {"radius_sd": 0.1, "force_sd": 3.0, "force_offset_sd": 25.0}
     with pytest.warns(UserWarning, match=r"cannot be drawn from.*32 nodes"):
         model = model_of(data, errors=errors, priors=free(*POINT))
     outputs = [*model.potentials, model["force_offset_mean"], model["force_offset_error"]]

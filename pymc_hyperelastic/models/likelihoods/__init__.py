@@ -1,8 +1,7 @@
 """Likelihoods: which quantities were measured, with which errors, and how they enter a model."""
 
 from pymc_hyperelastic.models.likelihoods.base import OFFSET_VARIABLES, Likelihood
-from pymc_hyperelastic.models.likelihoods.choose import as_likelihood, likelihood_from_record
-from pymc_hyperelastic.models.likelihoods.gaussian import Gaussian
+from pymc_hyperelastic.models.likelihoods.gaussian import Gaussian, as_likelihood
 from pymc_hyperelastic.models.likelihoods.potential import inflation_likelihood
 from pymc_hyperelastic.models.likelihoods.slope_augmented import SlopeAugmented
 from pymc_hyperelastic.models.likelihoods.slopes import balanced_slope_weight
@@ -15,5 +14,4 @@ __all__ = [
     "as_likelihood",
     "balanced_slope_weight",
     "inflation_likelihood",
-    "likelihood_from_record",
 ]

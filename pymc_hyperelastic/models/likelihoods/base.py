@@ -1,9 +1,9 @@
 """Base class of likelihoods: checks, storage, words, and the part of a PyMC model."""
 
-import json
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, replace
+from math import sqrt
 from typing import Any, ClassVar, Self
 
 import pymc as pm
@@ -16,16 +16,19 @@ from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.geometry import check_tube
-from pymc_hyperelastic.models.likelihoods.density import log_likelihood, posterior_of_offsets
-from pymc_hyperelastic.models.likelihoods.errors import SIZES, Errors, check_size
-from pymc_hyperelastic.models.likelihoods.observed import register_measurements
+from pymc_hyperelastic.models.likelihoods.density import (
+    log_likelihood,
+    posterior_of_offsets,
+    register_measurements,
+)
+from pymc_hyperelastic.models.likelihoods.errors import SD_OF_SIGMA, SIZES, Errors, check_size
 from pymc_hyperelastic.models.likelihoods.slopes import check_slopes
 from pymc_hyperelastic.models.priors import (
     check_prior,
     is_inferred,
     prior_from_record,
     prior_to_record,
-    register_prior,
+    register_priors,
 )
 
 # Variables of a model that hold the posterior moments of each test's offset.
@@ -35,12 +38,10 @@ OFFSET_VARIABLES = ("force_offset_mean", "force_offset_error")
 class Likelihood(ABC):
     """Base class of likelihoods: which quantities were measured, and how large their errors are.
 
-    A subclass is a frozen dataclass. Its fields are arguments of :data:`SIZES`, `observed`, and
-    settings that are text. The base class does everything else.
+    A subclass is a frozen dataclass whose fields are arguments of :data:`SIZES`, and `observed`.
     """
 
     observed: bool
-    error_in: str = "pressure"
     force_name: ClassVar[str]
     """Argument that states the error of forces."""
 
@@ -60,18 +61,8 @@ class Likelihood(ABC):
         self._check_combination()
 
     @abstractmethod
-    def errors(self, values: Mapping[str, Any] | None = None) -> Errors:
-        """Return the standard deviations of all errors.
-
-        Parameters
-        ----------
-        values : dict of str to tensor_like, optional
-            Variables of a model by the name of an argument, in place of its distributions.
-        """
-
-    @abstractmethod
     def _check_combination(self) -> None:
-        """Raise ValueError if arguments exclude each other."""
+        """Raise if arguments exclude each other."""
 
     @property
     def sizes(self) -> dict[str, Any]:
@@ -87,15 +78,27 @@ class Likelihood(ABC):
     @property
     def units(self) -> dict[str, str]:
         """Units of the sizes that were given."""
-        units = {name: SIZES[name].unit for name in self.sizes}
-        if self.error_in == "radius":
-            units["pressure_sd"] = "mm"
-        return units
+        return {name: SIZES[name].unit for name in self.sizes}
+
+    def errors(self, values: Mapping[str, Any] | None = None) -> Errors:
+        """Return the standard deviations of all errors.
+
+        The `values` are variables of a model by name, in place of distributions.
+        """
+        sizes = self.sizes | dict(values or {})
+        for sigma in SD_OF_SIGMA.keys() & sizes.keys():
+            sizes[SD_OF_SIGMA[sigma]] = sizes.pop(sigma) / sqrt(2)
+        return Errors(**sizes)
+
+    @property
+    def error_in(self) -> str:
+        """The quantity that is compared with its measured value: ``"pressure"`` or ``"radius"``."""
+        return "radius" if "radius_sd" in self.sizes else "pressure"
 
     @property
     def with_force(self) -> bool:
         """True if axial forces are part of the likelihood."""
-        return self.errors().force_sd is not None
+        return self.force_name in self.sizes
 
     @property
     def with_offset(self) -> bool:
@@ -106,18 +109,18 @@ class Likelihood(ABC):
     def needs_slopes(self) -> bool:
         """True if slopes of curves are needed, by the likelihood or to propagate an error."""
         errors = self.errors()
-        return errors.with_slopes or errors.diameter_sd is not None
+        return errors.counts_slopes or errors.diameter_sd is not None
 
     @property
     def signals(self) -> tuple[str, ...]:
         """Measured quantities in the likelihood; slopes are those of the pressures."""
-        used = {"slope": self.errors().with_slopes, "force": self.with_force}
-        return ("pressure", *(name for name, is_used in used.items() if is_used))
+        used = {"pressure": True, "slope": self.errors().counts_slopes, "force": self.with_force}
+        return tuple(name for name, is_used in used.items() if is_used)
 
     def measured(self, data: xr.Dataset) -> list[str]:
         """Return the signals that these data have."""
-        has = {"force": self.with_force and bool(data["axial_force"].notnull().any())}
-        return [name for name in self.signals if has.get(name, True)]
+        without_force = self.with_force and not data["axial_force"].notnull().any()
+        return [name for name in self.signals if not (name == "force" and without_force)]
 
     def as_observed(self) -> Self:
         """Return the same likelihood, declared as observed variables."""
@@ -130,12 +133,9 @@ class Likelihood(ABC):
         parameters: Mapping[str, Any],
         geometry: Mapping[str, Any] | None = None,
     ) -> None:
-        """Raise unless the data have all that the likelihood of such a tube needs.
-
-        The `geometry` may hold priors, see :func:`~pymc_hyperelastic.inflation_model`.
-        """
+        """Raise unless the data have all that the likelihood of such a tube needs."""
         if isinstance(wall, StrainEnergy):
-            _check_parameters(wall, parameters)
+            wall.split(parameters)
         check_inflation_data(data)
         check_tube(wall, data, geometry)
         if self.with_force and ("axial_force" not in data or data["axial_force"].isnull().all()):
@@ -143,7 +143,7 @@ class Likelihood(ABC):
                 f"{self.force_name} is given, but the data hold no axial forces: add a column "
                 f"'axial_force', or leave {self.force_name} away"
             )
-        if self.errors().with_slopes:
+        if self.errors().counts_slopes:
             check_slopes(data)
 
     def forward_model(
@@ -154,46 +154,32 @@ class Likelihood(ABC):
         geometry: Mapping[str, Any] | None = None,
         **settings: Any,
     ) -> ForwardModel:
-        """Return the forward model of the signals, see :class:`ForwardModel` for the arguments."""
+        """Return the forward model of the signals, see :class:`ForwardModel`."""
         settings |= {"with_force": self.with_force, "error_in": self.error_in}
         return ForwardModel(wall, data, parameters, geometry, **settings)
 
     def register_unknowns(self) -> dict[str, TensorVariable]:
-        """Add random variables of the unknown sizes to the model in context; return them by name.
-
-        A variable of that model is returned as it is.
-        """
-        model = pm.modelcontext(None)
+        """Add random variables of the :attr:`unknowns` to the model in context."""
         for name, prior in self.unknowns.items():
-            check_prior(name, prior, model=model)
-        return {name: register_prior(name, prior) for name, prior in self.unknowns.items()}
+            check_prior(name, prior, model=pm.modelcontext(None))
+        return register_priors(self.unknowns)
 
     def register(
         self,
         tube: SymbolicTube,
         curves: Mapping[str, TensorVariable],
         values: Mapping[str, Any],
-        **settings: Any,
+        dims: str | None = "obs",
     ) -> None:
-        """Add the likelihood to the model in context, as a Potential or as observed variables.
+        """Add the likelihood of a tube to the model in context: a Potential or observed variables.
 
-        If forces share an offset, the posterior moments of the offset are added, see
-        :func:`~pymc_hyperelastic.force_offsets`.
-
-        Parameters
-        ----------
-        tube : SymbolicTube
-            The tube with variables of the model.
-        curves : dict of str to TensorVariable
-            Its curves.
-        values : dict of str to tensor_like
-            See :meth:`errors`.
-        **settings
-            Settings of :func:`register_measurements`.
+        If forces share an offset, its posterior moments are added, see
+        :func:`~pymc_hyperelastic.force_offsets`. The `values` are those of :meth:`errors`, and
+        observed pressures have the dimension `dims`.
         """
         errors = self.errors(values)
         if self.observed:
-            register_measurements(tube, curves, errors, **settings)
+            register_measurements(tube, curves, errors, dims)
         else:
             pm.Potential("likelihood", log_likelihood(tube, errors))
         if self.with_offset:
@@ -210,60 +196,49 @@ class Likelihood(ABC):
     ) -> TensorVariable:
         """Return the log likelihood of the tube's data, a scalar.
 
-        Parameters
-        ----------
-        tube : SymbolicTube
-            The tube, of numbers or variables.
-        values : dict of str to tensor_like, optional
-            See :meth:`errors`.
-        switches : dict of str to tensor_like, optional
-            A switch for each of the :attr:`signals`; a signal whose switch is 0 is left out.
+        The `values` are those of :meth:`errors`. With `switches`, one for each of the
+        :attr:`signals`, a signal whose switch is 0 is left out.
         """
         return log_likelihood(tube, self.errors(values), switches)
 
     def to_record(self) -> dict[str, Any]:
         """Return the likelihood in JSON types, with its units.
 
-        Raises
-        ------
-        ValueError
-            If a distribution cannot be stored: its parameters must be numbers.
+        ValueError if the parameters of a distribution are not numbers.
         """
-        record: dict[str, Any] = {"name": type(self).__name__}
-        for field in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, field.name)
-            if is_inferred(value):
-                record[field.name] = prior_to_record(field.name, value)
-            elif value is not None:
-                record[field.name] = float(value) if field.name in SIZES else value
-        return record | {"units": self.units}
+        sizes = {
+            name: prior_to_record(name, value) if is_inferred(value) else float(value)
+            for name, value in self.sizes.items()
+        }
+        own = {"observed": self.observed, "units": self.units}
+        return {"name": type(self).__name__} | sizes | own
 
-    @classmethod
-    def from_record(cls, record: Mapping[str, Any]) -> Self:
-        """Return the likelihood that :meth:`to_record` wrote, of this class.
-
-        Raises
-        ------
-        ValueError
-            If the record has other fields, other units or impossible values.
-        """
+    @staticmethod
+    def from_record(record: Any) -> "Likelihood":
+        """Return the likelihood of a record of :meth:`to_record`; ValueError if it is none."""
+        kinds = {kind.__name__: kind for kind in Likelihood.__subclasses__()}
+        name = record.get("name") if isinstance(record, dict) else None
+        if not isinstance(name, str) or name not in kinds:
+            raise ValueError(
+                f"the likelihood is {shown(record)}; expected a record with a name of {[*kinds]}"
+            )
         given = {k: v for k, v in record.items() if k not in ("name", "units")}
-        known = {field.name for field in fields(cls)}  # type: ignore[arg-type]
-        for name, value in given.items():
-            if name not in known:
+        known = {field.name for field in fields(kinds[name])}  # type: ignore[arg-type]
+        for argument, value in given.items():
+            if argument not in known:
                 raise ValueError(
-                    f"a likelihood {cls.__name__} has the argument {name!r}; expected one of "
+                    f"a likelihood {name} has the argument {argument!r}; expected one of "
                     f"{sorted(known)}"
                 )
-            if name in SIZES and not is_number(value):
-                given[name] = prior_from_record(value, name)
+            if argument in SIZES and not is_number(value):
+                given[argument] = prior_from_record(value, argument)
         try:
-            likelihood = cls(**given)
+            likelihood = kinds[name](**given)
         except TypeError as error:
-            raise ValueError(f"a likelihood {cls.__name__} is damaged: {error}") from None
+            raise ValueError(f"a likelihood {name} is damaged: {error}") from None
         if record.get("units") != likelihood.units:
             raise ValueError(
-                f"a likelihood {cls.__name__} has the units {shown(record.get('units'))}; expected "
+                f"a likelihood {name} has the units {shown(record.get('units'))}; expected "
                 f"{likelihood.units}"
             )
         return likelihood
@@ -273,49 +248,26 @@ class Likelihood(ABC):
         """The likelihood and its numbers, for tables and messages."""
         words = []
         for name, value in self.sizes.items():
-            unit, said = self.units[name], self._said_of(name)
-            size = f"inferred, in {unit}" if is_inferred(value) else f"= {value:.6g} {unit}"
-            words.append(f"{name} {size}{said and f' ({said})'}")
-        where = "; the radius has the error" if self.error_in == "radius" else ""
-        return f"{type(self).__name__}: {', '.join(words)}{where}"
-
-    def _said_of(self, name: str) -> str:
-        """Explain a size in standard deviations, if its name does not."""
-        return ""
+            unit, inferred = SIZES[name].unit, is_inferred(value)
+            size = f"inferred, in {unit}" if inferred else f"= {value:.6g} {unit}"
+            if name in SD_OF_SIGMA and inferred:
+                size += " (√2 standard deviations)"
+            elif name in SD_OF_SIGMA:
+                size += f" (a standard deviation of {value / sqrt(2):.6g} {unit})"
+            words.append(f"{name} {size}")
+        return f"{type(self).__name__}: {', '.join(words)}"
 
     def __repr__(self) -> str:
         """Return the call that makes the likelihood, distributions as PyMC prints them."""
-        arguments = []
-        for field in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, field.name)
-            if value is None or (field.name not in SIZES and value == field.default):
-                continue
-            arguments.append(f"{field.name}={_text(field.name, value)}")
+        arguments = [f"{name}={_text(name, value)}" for name, value in self.sizes.items()]
+        arguments += ["observed=True"] * self.observed
         return f"{type(self).__name__}({', '.join(arguments)})"
-
-    def __eq__(self, other: object) -> bool:
-        """Likelihoods are equal if they have one class and equal arguments.
-
-        Distributions are equal if they have equal records, or are one object.
-        """
-        return type(self) is type(other) and self._key == other._key
-
-    def __hash__(self) -> int:
-        """Return the hash of the arguments."""
-        return hash(self._key)
-
-    @property
-    def _key(self) -> tuple[Any, ...]:
-        try:
-            return (json.dumps(self.to_record()),)
-        except ValueError:  # a distribution that cannot be stored
-            return tuple(getattr(self, field.name) for field in fields(self))  # type: ignore[arg-type]
 
 
 def _text(name: str, value: Any) -> str:
-    """Return a distribution, or a setting, as Python text."""
+    """Return a size of an error as Python text."""
     if not is_inferred(value):
-        return repr(float(value) if name in SIZES else value)
+        return repr(float(value))
     if value.name:  # a variable of a model
         return value.name
     try:
@@ -323,12 +275,3 @@ def _text(name: str, value: Any) -> str:
     except (AttributeError, ValueError):  # an expression, or no univariate distribution
         return "a variable"
     return f"{distribution}({', '.join(f'{p:g}' for p in parameters)})"
-
-
-def _check_parameters(energy: StrainEnergy, parameters: Mapping[str, Any]) -> None:
-    if not isinstance(parameters, Mapping):
-        raise TypeError(
-            f"parameters must be a dict with the keys {list(energy.parameter_names)}, not "
-            f"{type(parameters).__name__}"
-        )
-    energy.split(parameters)

@@ -1,8 +1,8 @@
-"""The log likelihood of the data of a tube as one number, for a Potential.
+"""The density of the data of a tube, for a Potential and for observed variables.
 
-The terms of the signals come from sums of squared misfits, which the integrator can compute from a
-few nodes in place of all points. If the diameter has an error, every point has a variance of its
-own, and the terms are sums over points.
+For a Potential the terms of the signals come from sums of squared misfits, which the integrator can
+compute from a few nodes in place of all points. If the diameter has an error, every point has a
+variance of its own, and the terms are sums over points.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,39 +11,43 @@ from operator import add, and_
 from typing import Any
 
 import numpy as np
+import pymc as pm
 import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
+from scipy.linalg import solve_banded
 
-from pymc_hyperelastic.models.forward import SymbolicTube
+from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
+from pymc_hyperelastic.models.forward.blocks import block_arrays, block_product, identity_of_tests
 from pymc_hyperelastic.models.likelihoods.errors import Errors
-from pymc_hyperelastic.models.likelihoods.normal import (
-    as_double,
-    log_density_ratio_of_offset,
-    normal_log_density,
-    offset_moments,
-    weights_of_tests,
-)
 from pymc_hyperelastic.models.likelihoods.signals import (
     LARGEST,
+    as_double,
     force_arrays,
     force_errors,
+    log_density_by_points,
+    log_density_ratio_of_offset,
     measured,
+    normal_log_density,
+    offset_moments,
     rows_of_forces,
     signals_of,
+    weights_of_tests,
 )
 from pymc_hyperelastic.models.likelihoods.slopes import (
     central_differences,
-    compressed_spectrum,
-    half_log_determinant,
     measured_slopes,
+    precision_root,
+    squared_singular_values,
 )
 from pymc_hyperelastic.models.priors import is_inferred
 
 Array = NDArray[np.float64]
 Terms = tuple[dict[str, Any], TensorVariable]
 """Log density of each signal, and whether the material and the tube are possible."""
+Bound = Callable[[TensorVariable], TensorVariable]
+"""A function of means that makes those of an impossible tube infinite."""
 
 
 def log_likelihood(
@@ -51,8 +55,8 @@ def log_likelihood(
 ) -> TensorVariable:
     """Return the log likelihood of the tube's data; minus infinity for an impossible tube.
 
-    With `switches` only the signals ``"pressure"``, ``"slope"`` and ``"force"`` whose switch is
-    not 0 count.
+    With `switches`, signals ``"pressure"``, ``"slope"`` and ``"force"`` whose switch is 0 are left
+    out.
     """
     by = _terms_by_points if errors.diameter_sd is not None else _terms_by_sums
     terms, possible = by(tube, errors, switches)
@@ -63,54 +67,39 @@ def log_likelihood(
 
 def _terms_by_sums(tube: SymbolicTube, errors: Errors, switches: Mapping[str, Any] | None) -> Terms:
     """Terms from sums of squared misfits, see :meth:`SymbolicTube.misfits`."""
-    forward, variance = tube.forward, pt.square(as_double(errors.pressure_sd))
-    with_force, with_offset = errors.force_sd is not None, errors.force_offset_sd is not None
-    key = errors.with_slopes, with_force, with_offset
-    squares, conditions, force_sums = tube.misfits(key, _targets(*key))
-    counts = forward.share(("counts", with_force), _counts(with_force))
-    square = squares[forward.error_in]
-    terms = {"pressure": normal_log_density(square, variance, counts["points"])}
-    if errors.with_slopes:
+    forward = tube.forward
+    sd = errors.pressure_sd if errors.radius_sd is None else errors.radius_sd
+    variance = pt.square(as_double(sd))
+    key = errors.counts_slopes, errors.force_sd is not None, errors.force_offset_sd is not None
+    with_slopes, with_force, with_offset = key
+    squares, conditions, force_sums = tube.misfits(key, lambda data: _targets(data, *key))
+    points = measured(forward, "pressure").shape[0]
+    # With the error in the radius the term of the pressure is that of radii at the pressure.
+    terms = {"pressure": normal_log_density(squares[forward.error_in], variance, points)}
+    if with_slopes:
         normaliser = _slope_normaliser(tube, errors, switches)
         weight = as_double(errors.slope_weight)
         terms["slope"] = normaliser - weight * squares["slope"] / (2 * variance)
     if with_force:
-        variance, forces = pt.square(as_double(errors.force_sd)), counts["forces"]
+        variance, forces = pt.square(as_double(errors.force_sd)), force_arrays(tube)["count"]
         terms["force"] = normal_log_density(squares["force"], variance, pt.sum(forces))
         if with_offset:
-            weights = forces / variance, force_sums / variance
-            terms["force"] += _log_density_ratio(*weights, errors.force_offset_sd)
+            sums = forces / variance, force_sums / variance
+            terms["force"] += pt.sum(log_density_ratio_of_offset(*sums, errors.force_offset_sd))
     return terms, reduce(and_, conditions)
 
 
-def _targets(slopes: bool, forces: bool, offsets: bool) -> Callable[[xr.Dataset], dict[str, Array]]:
-    """Return a function of data: the values with which curves are compared."""
-
-    def targets_of(data: xr.Dataset) -> dict[str, Array]:
-        targets = {"pressure": data["pressure"].values.astype(float)}
-        if slopes:
-            targets["slope"] = np.full(data.sizes["obs"], np.nan)
-            targets["slope"][central_differences(data)[0]] = measured_slopes(data)
-        if forces:
-            targets["force"] = data["axial_force"].values.astype(float)
-        if offsets:
-            targets["force_sum"] = targets["force"]
-        return targets
-
-    return targets_of
-
-
-def _counts(with_force: bool) -> Callable[[xr.Dataset], dict[str, Array]]:
-    """Return a function of data: the number of pressures, and of forces by test."""
-
-    def counts_of(data: xr.Dataset) -> dict[str, Array]:
-        counts = {"points": np.array(float(data.sizes["obs"]))}
-        if with_force:
-            test = data["test"].values[rows_of_forces(data)]
-            counts["forces"] = np.bincount(test, minlength=data.sizes["test"]).astype(float)
-        return counts
-
-    return counts_of
+def _targets(data: xr.Dataset, slopes: bool, forces: bool, offsets: bool) -> dict[str, Array]:
+    """Return the measured values with which curves are compared."""
+    targets = {"pressure": data["pressure"].values.astype(float)}
+    if slopes:
+        targets["slope"] = np.full(data.sizes["obs"], np.nan)
+        targets["slope"][central_differences(data)[0]] = measured_slopes(data)
+    if forces:
+        targets["force"] = data["axial_force"].values.astype(float)
+    if offsets:
+        targets["force_sum"] = targets["force"]
+    return targets
 
 
 def _slope_normaliser(
@@ -128,17 +117,14 @@ def _slope_normaliser(
     def arrays_of(data: xr.Dataset) -> dict[str, Array]:
         arrays = {"slopes": np.array(float(central_differences(data)[0].size))}
         if inferred:
-            arrays["eigenvalues"], arrays["multiplicities"] = compressed_spectrum(data)
-        else:
-            half = half_log_determinant(data, errors.slope_weight)
-            arrays["half_log_determinant"] = np.array(half)
-        return arrays
+            return arrays | {"eigenvalues": squared_singular_values(data)}
+        diagonal, _ = precision_root(data, errors.slope_weight)
+        return arrays | {"half_log_determinant": np.array(np.log(diagonal).sum())}
 
     weight = None if inferred else float(errors.slope_weight)
     inputs = tube.forward.share(("slope normaliser", weight), arrays_of)
     if inferred:
-        logs = pt.log1p(errors.slope_weight * inputs["eigenvalues"])
-        beside = pt.sum(inputs["multiplicities"] * logs) / 2
+        beside = pt.sum(pt.log1p(errors.slope_weight * inputs["eigenvalues"])) / 2
     else:
         beside = inputs["half_log_determinant"]
     if switches is None:
@@ -160,22 +146,16 @@ def _terms_by_points(
     pressure_switch = None if switches is None else switches["pressure"]
     expected = signals_of(tube, safe, errors, pressure_switch)
     square = pt.square(measured(tube.forward, "pressure") - expected.pressure)
-    density = normal_log_density(square, pt.square(expected.pressure_sd))
-    terms = {"pressure": pt.sum(density)}
+    terms = {"pressure": pt.sum(normal_log_density(square, pt.square(expected.pressure_sd)))}
     if expected.force is not None:
         error, variance = force_errors(tube, expected), pt.square(expected.force_sd)
-        terms["force"] = pt.sum(normal_log_density(pt.square(error), variance))
-        if errors.force_offset_sd is not None:
-            tables = weights_of_tests(error, variance, force_arrays(tube))
-            precision, weighted = (table.sum(axis=-1) for table in tables)
-            terms["force"] += _log_density_ratio(precision, weighted, errors.force_offset_sd)
+        if errors.force_offset_sd is None:
+            densities = normal_log_density(pt.square(error), variance)
+        else:
+            settings = errors.force_offset_sd, force_arrays(tube)
+            densities = log_density_by_points(error, variance, *settings)
+        terms["force"] = pt.sum(densities)
     return terms, possible
-
-
-def _log_density_ratio(precision: Any, weighted: Any, offset_sd: Any) -> TensorVariable:
-    """Return the log density that offsets add to independent errors, from sums by test."""
-    moments = offset_moments(precision, weighted, offset_sd)
-    return pt.sum(log_density_ratio_of_offset(*moments, offset_sd))
 
 
 def posterior_of_offsets(
@@ -183,13 +163,14 @@ def posterior_of_offsets(
 ) -> tuple[TensorVariable, TensorVariable]:
     """Return mean and standard deviation of each test's offset, given material, tube and errors.
 
-    If the radius has the error, the forces at the model's radii are used in place of `curves`.
+    With the error in the radius, forces are those at the model's radii in place of the `curves`.
     """
     if tube.forward.error_in == "radius":
         variance = pt.square(as_double(errors.force_sd))
-        force_sums = tube.misfits("offsets", _targets(False, True, True)).force_sums
+        key = False, True, True
+        force_sums = tube.misfits(key, lambda data: _targets(data, *key)).force_sums
         weighted = -pt.as_tensor(force_sums) / variance
-        precision = force_arrays(tube)["there"].sum(axis=-1) / variance
+        precision = force_arrays(tube)["count"] / variance
     else:
         expected = signals_of(tube, curves, errors)
         error, variance = force_errors(tube, expected), pt.square(expected.force_sd)
@@ -197,3 +178,143 @@ def posterior_of_offsets(
         precision, weighted = (table.sum(axis=-1) for table in weights)
     mean, variance = offset_moments(precision, weighted, errors.force_offset_sd)
     return mean, pt.sqrt(variance)
+
+
+def register_measurements(
+    tube: SymbolicTube,
+    curves: Mapping[str, TensorVariable],
+    errors: Errors,
+    dims: str | None = "obs",
+) -> None:
+    """Add the measured pressures, and forces, as observed variables.
+
+    Each point has a log density, given the points before it in its test. With an error of the
+    diameter forces are given the pressures, too. If curves overflow, or the tube is impossible,
+    means are infinite and the log-likelihood is ``−inf``.
+    """
+    conditions = tube.conditions()
+
+    def bound(mean: TensorVariable) -> TensorVariable:
+        possible = reduce(and_, [pt.all(pt.abs(mean) < LARGEST), *conditions])
+        return pt.where(possible, mean, np.inf)
+
+    expected = signals_of(tube, curves, errors)
+    settings = _data_of(tube.forward, "pressure", dims)
+    if errors.counts_slopes:
+        pressure = _correlated_normal(tube, expected.pressure, errors, bound, **settings)
+    else:
+        mean, sd = bound(expected.pressure), expected.pressure_sd
+        pressure = pm.Normal("measured_pressure", mean, sd, **settings)
+    if expected.force is None:
+        return
+    if dims:
+        model = pm.modelcontext(None)
+        dims = model.name_for("force_obs")
+        model.add_coord(dims, rows_of_forces(tube.forward.data))
+    settings = _data_of(tube.forward, "axial_force", dims)
+    # Predictions of forces are given the drawn pressures.
+    mean = bound(expected.force_given(pressure, force_arrays(tube)["rows"]))
+    if errors.force_offset_sd is None:
+        pm.Normal("measured_axial_force", mean, expected.force_sd, **settings)
+    else:
+        _offset_normal(tube, mean, expected.force_sd, errors.force_offset_sd, **settings)
+
+
+def _data_of(forward: ForwardModel, name: str, dims: str | None) -> dict[str, Any]:
+    """Return the observed values of a quantity as ``pm.Data``, and their dimension."""
+    values = measured(forward, name, lambda array, name: pm.Data(name, array, dims=dims))
+    return {"observed": values, "dims": dims}
+
+
+def _correlated_normal(
+    tube: SymbolicTube, pressure: TensorVariable, errors: Errors, bound: Bound, **settings: Any
+) -> TensorVariable:
+    r"""Add pressures ``y`` whose errors are correlated by slopes.
+
+    With ``m`` and ``s`` the model's pressures and slopes,
+
+    .. math:: y \sim \mathcal{N}\big(\tilde μ, σ^2 (B^T B)^{-1}\big), \qquad
+        B^T B = I + β D^T D, \qquad B^T B \tilde μ = m + β D^T s
+
+    ``B`` is lower triangular and ``(B y − B μ̃)/σ`` standard normal: entry ``i`` of its log-density,
+    with ``ln B_ii``, is ``ln p(y_i | the y before)``.
+    """
+    weight = errors.slope_weight
+
+    def arrays_of(data: xr.Dataset) -> dict[str, Array]:
+        diagonal, before = precision_root(data, weight)
+        bands = np.stack([diagonal, np.zeros_like(before), np.roll(before, -2)])
+        inverse = solve_banded((2, 0), bands, identity_of_tests(data))
+        interior, difference = central_differences(data)
+        factor = np.zeros_like(diagonal)
+        factor[interior] = weight * difference
+        own = {"diagonal": diagonal, "before": before, "factor": factor}
+        return own | block_arrays(data, inverse)
+
+    inputs = tube.forward.share(("correlated", weight), arrays_of)
+    weighted = inputs["factor"] * tube.slopes()["pressure"]
+    right = pressure + pt.roll(weighted, 1, axis=-1) - pt.roll(weighted, -1, axis=-1)
+    white_mean = bound(block_product(inputs["blocks"].transpose(0, 2, 1), inputs, right))
+
+    def logp(value: Any, mean: TensorVariable, sd: TensorVariable, *_: Any) -> TensorVariable:
+        # The first two of each test have the factor 0, so that no value of another test counts.
+        white = inputs["diagonal"] * value + inputs["before"] * pt.roll(value, 2, axis=-1)
+        # Otherwise the gradient by the standard deviation would be infinite where a mean is.
+        possible = pt.isfinite(mean)
+        square = pt.square(pt.where(possible, white - mean, 0.0))
+        log_density = pt.log(inputs["diagonal"]) + normal_log_density(square, pt.square(sd))
+        return pt.where(possible, log_density, -np.inf)
+
+    def unwhitened(white: TensorVariable, blocks: Any, points: Any, place: Any) -> TensorVariable:
+        return block_product(blocks, {"points": points, "place": place}, white)
+
+    def dist(mean: TensorVariable, sd: TensorVariable, *inverse: Any) -> TensorVariable:
+        return unwhitened(pm.Normal.dist(mean, sd), *inverse[:3])
+
+    return pm.CustomDist(
+        "measured_pressure",
+        white_mean,
+        pt.zeros_like(white_mean) + as_double(errors.pressure_sd),
+        *(inputs[name] for name in ("blocks", "points", "place")),
+        dist=dist,
+        logp=logp,
+        support_point=lambda _rv, _size, mean, _sd, *inverse: unwhitened(mean, *inverse),
+        signature="(n),(n),(t,m,m),(k),(n)->(n)",
+        **settings,
+    )
+
+
+def _offset_normal(
+    tube: SymbolicTube, mean: TensorVariable, sd: Any, offset_sd: Any, **settings: Any
+) -> None:
+    """Add forces about `mean` with independent errors and an offset that each test shares."""
+    inputs = force_arrays(tube)
+
+    def logp(
+        value: Any, mean: TensorVariable, sd: TensorVariable, offset_sd: Any, *_: Any
+    ) -> TensorVariable:
+        possible = pt.isfinite(mean)
+        error = pt.where(possible, value - mean, 0.0)
+        log_density = log_density_by_points(error, pt.square(sd), offset_sd, inputs)
+        return pt.where(possible, log_density, -np.inf)
+
+    def dist(
+        mean: TensorVariable, sd: TensorVariable, offset_sd: Any, test: Any, points: Any, _: Any
+    ) -> TensorVariable:
+        of_tests = pt.zeros_like(points[:, 0], dtype="float64")
+        offset = pm.Normal.dist(of_tests, offset_sd)
+        return pm.Normal.dist(mean + offset[test], sd)
+
+    pm.CustomDist(
+        "measured_axial_force",
+        mean,
+        pt.zeros_like(mean) + sd,
+        as_double(offset_sd),
+        inputs["test"],
+        inputs["points"],
+        dist=dist,
+        logp=logp,
+        support_point=lambda _rv, _size, mean, *_: mean,
+        signature="(n),(n),(),(n),(t,m)->(n)",
+        **settings,
+    )

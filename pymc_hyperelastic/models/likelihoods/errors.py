@@ -1,8 +1,4 @@
-"""Sizes of measurement errors: their names, units, checks, and words.
-
-The likelihoods of this folder state sizes by these names. Densities are computed with
-:class:`Errors`, in which every size is a standard deviation.
-"""
+"""Sizes of measurement errors: their names, units, checks, and words."""
 
 from math import isfinite
 from numbers import Real
@@ -14,24 +10,26 @@ from pymc_hyperelastic.models.priors import is_inferred
 
 
 class Errors(NamedTuple):
-    """Standard deviations of measurement errors, and the weight of slopes.
+    """Standard deviations of measurement errors, and the weight of slopes, for densities.
 
     Each is a number, a variable, or a vector of one value for each point.
     """
 
-    pressure_sd: Any
-    """kPa; or mm where the radius has the error."""
-    slope_weight: Any = 0.0
-    """mm²; the paper's ``β``."""
+    pressure_sd: Any = None
+    """kPa; None if pressures are exact, and radii have the error."""
+    radius_sd: Any = None
+    """mm."""
+    diameter_sd: Any = None
+    """mm; besides the error of the pressure."""
     force_sd: Any = None
     """mN."""
     force_offset_sd: Any = None
     """mN; one offset for each test."""
-    diameter_sd: Any = None
-    """mm."""
+    slope_weight: Any = 0.0
+    """mm²; the paper's ``β``."""
 
     @property
-    def with_slopes(self) -> bool:
+    def counts_slopes(self) -> bool:
         """True if measured slopes are part of the likelihood."""
         return is_inferred(self.slope_weight) or self.slope_weight != 0
 
@@ -46,48 +44,28 @@ class Size(NamedTuple):
     """The errors that have this size, for sentences."""
 
 
+def _sd(unit: str, of_what: str, meaning: str = "a standard deviation") -> Size:
+    example = " (5 mmHg is 5 * ph.mmHg)" if unit == "kPa" else ""
+    return Size(unit, f"{meaning}, a positive number of {unit}{example}", of_what)
+
+
 # Arguments of all likelihoods by name.
 SIZES = {
-    "pressure_sd": Size(
-        "kPa",
-        "a standard deviation, a positive number of kPa (2 mmHg is 2 * ph.mmHg)",
-        "errors of pressures",
-    ),
-    "sigma": Size(
-        "kPa",
-        "√2 standard deviations, a positive number of kPa (5 mmHg is 5 * ph.mmHg)",
-        "errors of pressures",
-    ),
+    "pressure_sd": _sd("kPa", "errors of pressures"),
+    "radius_sd": _sd("mm", "errors of radii"),
+    "diameter_sd": _sd("mm", "errors of diameters"),
+    "force_sd": _sd("mN", "errors of axial forces"),
+    "force_offset_sd": _sd("mN", "offsets of the force transducer, one for each test"),
+    "sigma": _sd("kPa", "errors of pressures", "√2 standard deviations"),
+    "force_sigma": _sd("mN", "errors of axial forces", "√2 standard deviations"),
     "slope_weight": Size("mm²", "a number of mm², 0 to leave the slopes out", "slopes"),
-    "force_sd": Size(
-        "mN", "a standard deviation, a positive number of mN", "errors of axial forces"
-    ),
-    "force_sigma": Size(
-        "mN", "√2 standard deviations, a positive number of mN", "errors of axial forces"
-    ),
-    "force_offset_sd": Size(
-        "mN",
-        "a standard deviation, a positive number of mN, or None for a transducer without offset",
-        "offsets of the force transducer, one for each test",
-    ),
-    "diameter_sd": Size(
-        "mm",
-        "a standard deviation, a positive number of mm, or None for diameters without error",
-        "errors of diameters",
-    ),
 }
+# Sizes that are √2 standard deviations, and the names of these.
+SD_OF_SIGMA = {"sigma": "pressure_sd", "force_sigma": "force_sd"}
 
 
 def check_size(name: str, value: Any) -> None:
-    """Raise unless a value is a possible size of an error, or a scalar variable.
-
-    Raises
-    ------
-    TypeError
-        If the value is neither a number nor a scalar variable.
-    ValueError
-        If the number is negative or not finite; or zero, except for a slope weight.
-    """
+    """Raise unless a value is a scalar variable or a positive number; a slope weight may be 0."""
     expected = SIZES[name].expected
     if isinstance(value, Variable):
         if value.type.ndim:

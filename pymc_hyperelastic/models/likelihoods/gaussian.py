@@ -1,17 +1,16 @@
 """Independent Gaussian errors of pressures, forces and diameters."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, get_args
+from numbers import Real
+from typing import Any, ClassVar
+
+from pytensor.graph.basic import Variable
 
 from pymc_hyperelastic.models.likelihoods.base import Likelihood
-from pymc_hyperelastic.models.likelihoods.errors import Errors
-from pymc_hyperelastic.models.priors import is_inferred
-
-ErrorIn = Literal["pressure", "radius"]
+from pymc_hyperelastic.models.likelihoods.errors import check_size
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, repr=False)
 class Gaussian(Likelihood):
     r"""Likelihood of independent Gaussian measurement errors, given as standard deviations.
 
@@ -25,8 +24,11 @@ class Gaussian(Likelihood):
     Parameters
     ----------
     pressure_sd : float or distribution
-        Standard deviation ``s_p`` of a measured pressure, kPa. With ``error_in="radius"`` that of
-        a measured internal radius, or of half an outer diameter, mm.
+        Standard deviation ``s_p`` of a measured pressure, kPa.
+    radius_sd : float or distribution, optional
+        In place of `pressure_sd`, for steep curves: standard deviation of a measured internal
+        radius, or of half an outer diameter, mm. Pressures are then exact: measured radii and
+        forces are compared with those of the model at the measured pressure.
     force_sd : float or distribution, optional
         Standard deviation ``s_F`` of a measured axial force, mN. Without it forces are left out.
     force_offset_sd : float or distribution, optional
@@ -35,15 +37,10 @@ class Gaussian(Likelihood):
     diameter_sd : float or distribution, optional
         Standard deviation ``s_D`` of a measured outer diameter, or of twice a measured internal
         radius, mm, besides the error of the pressure. See the notes.
-    error_in : {"pressure", "radius"}
-        Which quantity has the error `pressure_sd`. With "radius", for steep curves, the measured
-        radius is compared with the radius at which the model has the measured pressure, and forces
-        are compared with those of the model at that radius.
     observed : bool, default False
         Whether a model declares observed variables, ``measured_pressure`` and
         ``measured_axial_force``, in place of the Potential ``likelihood``. PyMC can then draw
-        predictions, and ArviZ can compute LOO. The measured values are in the ``pm.Data``
-        ``pressure_data`` and ``axial_force_data``.
+        predictions, and ArviZ can compute LOO.
 
     Raises
     ------
@@ -58,8 +55,8 @@ class Gaussian(Likelihood):
 
     Notes
     -----
-    A distribution, such as ``pm.HalfNormal.dist(1)``, makes the size of an error an unknown of the
-    model, under the name of the argument.
+    A distribution, such as ``pm.HalfNormal.dist(1)``, makes the standard deviation an unknown of
+    the model, under the name of the argument.
 
     An error of the diameter shifts the pressure and the force of a point together, along the
     curves. With the model's slopes ``p'`` and ``F'`` by the measured radius and ``s_r = s_D/2``,
@@ -69,56 +66,66 @@ class Gaussian(Likelihood):
         + s_r^2 \begin{pmatrix} p'^2 & p' F' \\ p' F' & F'^2 \end{pmatrix}.
 
     This is the integral over the true diameter under a flat prior, for curves that are straight
-    over the error. The error of this approximation depends on the relative change of the slope
-    over one standard deviation of the diameter, ``κ = s_D |p''/p'|``; for a curve that grows as
-    ``exp(D/ℓ)``, ``κ = s_D/ℓ``. Example: a mouse aorta of 1.3 mm with fibres, between 50 and
-    120 mmHg, with errors of 1 mmHg and 0.5 mN. For ``s_D`` = 5 µm (κ up to 0.02) the
-    log-likelihood of a point differs from the integral by 0.02 nats (root mean square), for 10 µm
-    (κ up to 0.04) by 0.06 nats, on average by 0.001; parameters from 100 points are off by a tenth
-    of their standard deviation. For 40 µm (κ up to 0.15) the difference is half a nat, and
-    parameters are off by a whole standard deviation: do not use it there.
+    over the error. Do not use it where the slope changes by more than a tenth over one standard
+    deviation, ``κ = s_D |p''/p'| > 0.1``: the theory page on likelihoods has a table of errors.
 
     Examples
     --------
-    >>> import pymc as pm, pymc_hyperelastic as ph
+    >>> import numpy as np, pymc as pm, pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
-    >>> likelihood = ph.Gaussian(pressure_sd=pm.HalfNormal.dist(1))
+    >>> data = data.assign(axial_force=("obs", np.full(data.sizes["obs"], 50.0)))
+    >>> forces = {"force_sd": pm.HalfNormal.dist(10), "force_offset_sd": 100.0}
+    >>> likelihood = ph.Gaussian(pressure_sd=0.5, **forces)
     >>> likelihood
-    Gaussian(pressure_sd=HalfNormal(0, 1))
+    Gaussian(pressure_sd=0.5, force_sd=HalfNormal(0, 10), force_offset_sd=100.0)
     >>> model = ph.inflation_model(ph.Ogden(), data, likelihood)
     >>> [rv.name for rv in model.free_RVs]
-    ['mu', 'alpha', 'pressure_sd']
+    ['mu', 'alpha', 'force_sd']
     """
 
-    pressure_sd: Any
+    pressure_sd: Any = None
+    radius_sd: Any = field(default=None, kw_only=True)
     force_sd: Any = field(default=None, kw_only=True)
     force_offset_sd: Any = field(default=None, kw_only=True)
     diameter_sd: Any = field(default=None, kw_only=True)
-    error_in: ErrorIn = field(default="pressure", kw_only=True)
     observed: bool = field(default=False, kw_only=True)
 
     force_name: ClassVar[str] = "force_sd"
 
-    def errors(self, values: Mapping[str, Any] | None = None) -> Errors:
-        """Return the standard deviations of all errors, see :meth:`Likelihood.errors`."""
-        return Errors(**self.sizes | dict(values or {}))
-
     def _check_combination(self) -> None:
-        """Raise ValueError if the error of a radius is stated twice, or cannot be drawn."""
-        if self.error_in not in get_args(ErrorIn):
-            raise ValueError(f"error_in is {self.error_in!r}; expected one of {get_args(ErrorIn)}")
-        if self.error_in == "pressure":
+        """Raise if the errors of pressures and radii exclude each other, or cannot be drawn."""
+        if self.radius_sd is None:
+            check_size("pressure_sd", self.pressure_sd)
             return
-        if self.diameter_sd is not None:
-            size = "a distribution" if is_inferred(self.diameter_sd) else self.diameter_sd
-            raise ValueError(
-                f"diameter_sd is {size}, but with error_in='radius' pressure_sd is the error of "
-                "the measured radius already (mm), and pressures have none: leave diameter_sd "
-                "away, or leave error_in away and give pressure_sd in kPa"
-            )
+        for name in ("pressure_sd", "diameter_sd"):
+            if name in self.sizes:
+                raise ValueError(
+                    f"radius_sd and {name} are both given, but with radius_sd (mm) the radius has "
+                    f"the only error, and pressures are exact: leave {name} away; or, if both have "
+                    "errors, give pressure_sd (kPa) and diameter_sd (mm, twice that of a radius)"
+                )
         if self.observed:
             raise ValueError(
-                "error_in is 'radius', but observed variables (observed=True, and wherever "
-                "specimens differ) are pressures at known radii: leave error_in away, or give the "
-                "error of diameters as diameter_sd"
+                "radius_sd is given, but observed variables (observed=True, and wherever specimens "
+                "differ) are pressures at known radii: give pressure_sd (kPa), and the error of "
+                "diameters as diameter_sd (mm)"
             )
+
+
+def as_likelihood(likelihood: Any) -> Likelihood:
+    """Return a likelihood; a number or a distribution is the standard deviation of a pressure, kPa.
+
+    Examples
+    --------
+    >>> as_likelihood(0.5)
+    Gaussian(pressure_sd=0.5)
+    """
+    if isinstance(likelihood, Likelihood):
+        return likelihood
+    if isinstance(likelihood, Real | Variable) and not isinstance(likelihood, bool):
+        return Gaussian(pressure_sd=likelihood)
+    raise TypeError(
+        f"likelihood is {likelihood!r}; expected ph.Gaussian(pressure_sd=2 * ph.mmHg), "
+        "ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0), or the standard deviation of a "
+        "pressure in kPa, a number or a distribution"
+    )

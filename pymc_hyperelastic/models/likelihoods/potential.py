@@ -15,7 +15,7 @@ from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.forward import Mode
 from pymc_hyperelastic.models.likelihoods.base import Likelihood
-from pymc_hyperelastic.models.likelihoods.choose import as_likelihood
+from pymc_hyperelastic.models.likelihoods.gaussian import as_likelihood
 
 
 def inflation_likelihood(
@@ -40,15 +40,13 @@ def inflation_likelihood(
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
     likelihood : Gaussian, SlopeAugmented, float or variable
         The likelihood, see :class:`~pymc_hyperelastic.Gaussian` and
-        :class:`~pymc_hyperelastic.SlopeAugmented`. Sizes of errors may be numbers or variables of
-        the model. A number or variable in place of a likelihood is the standard deviation of a
-        pressure, kPa.
+        :class:`~pymc_hyperelastic.SlopeAugmented`. Its arguments may be variables of the model. A
+        number or variable alone is the standard deviation of a pressure, kPa.
     parameters : dict of str to tensor_like
         The material parameters by name: random variables, expressions or numbers.
     geometry : dict of str to tensor_like, optional
         Values of ``inner_radius``, ``outer_radius`` (mm), ``axial_stretch`` and ``opening_angle``
-        (rad) in place of those of the data, as for an unknown unloaded radius: scalars for all
-        tests.
+        (rad) in place of those of the data: scalars for all tests.
     mode : {"auto", "collocation", "quadrature"}
         How the integral over the wall is computed: by constant matrices, whose cost does not depend
         on the number of points, or by quadrature at every point. "auto" chooses matrices if their
@@ -63,11 +61,10 @@ def inflation_likelihood(
     Raises
     ------
     TypeError
-        If the parameters are not those of the strain energy, something is not a scalar, or no model
-        is in context.
+        If the parameters are not those of the strain energy, or no model is in context.
     ValueError
         If the name is taken, the likelihood declares observed variables, or the data lack what it
-        needs, such as distinct neighbouring radii for slopes.
+        needs.
 
     See Also
     --------
@@ -78,14 +75,10 @@ def inflation_likelihood(
     >>> import pymc as pm, pymc_hyperelastic as ph
     >>> data = ph.load_dataset("simulated_sheep_aorta")
     >>> with pm.Model():
-    ...     stiffness = pm.Gamma("stiffness", 2, 0.1)
-    ...     potential = ph.inflation_likelihood(
-    ...         "curves",
-    ...         ph.Ogden(),
-    ...         data,
-    ...         ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0),
-    ...         {"mu": stiffness, "alpha": 6.0},
-    ...     )
+    ...     parameters = {"mu": pm.Gamma("stiffness", 2, 0.1), "alpha": 6.0}
+    ...     likelihood = ph.SlopeAugmented(sigma=5 * ph.mmHg, slope_weight=1.0)
+    ...     ph.inflation_likelihood("curves", ph.Ogden(), data, likelihood, parameters)
+    curves
     """
     if pm.Model.get_context(error_if_none=False) is None:
         raise TypeError("no model is in context: add the likelihood inside `with pm.Model():`")
@@ -96,35 +89,32 @@ def inflation_likelihood(
             "the likelihood has observed=True, but this function adds a Potential: leave observed "
             "away, or call ph.inflation_model inside `with pm.Model():`"
         )
-    if geometry is not None and not isinstance(geometry, Mapping):
-        raise TypeError(
-            f"geometry must be a dict with keys of {GEOMETRY}, not {type(geometry).__name__}"
-        )
-    strangers = [key for key in geometry or {} if key not in GEOMETRY]
+    geometry = {} if geometry is None else geometry
+    for name_of_dict, values in {"parameters": parameters, "geometry": geometry}.items():
+        if not isinstance(values, Mapping):
+            raise TypeError(f"{name_of_dict} must be a dict by name, not {type(values).__name__}")
+    strangers = [key for key in geometry if key not in GEOMETRY]
     if strangers:
         raise ValueError(f"geometry holds {strangers[0]!r}; it may hold {GEOMETRY}")
     likelihood.check(energy, data, parameters, geometry)
     sizes = {p.name: p.size for p in energy.parameters}
     parameters = {key: _as_tensor(key, value, sizes[key]) for key, value in parameters.items()}
-    geometry = {key: _as_tensor(key, value) for key, value in (geometry or {}).items()}
+    geometry = {key: _as_tensor(key, value) for key, value in geometry.items()}
     forward = likelihood.forward_model(energy, data, parameters, geometry, mode=mode)
     return pm.Potential(name, likelihood.log_likelihood(forward.tube(parameters, geometry)))
 
 
 def _as_tensor(name: str, value: Any, size: int | None = None) -> TensorVariable:
+    expected = "a scalar" if size is None else f"a vector of {size}"
     try:
-        # As 6.0, PyTensor would keep a number in single precision.
+        # PyTensor would keep the number 6.0 in single precision.
         tensor = pt.as_tensor(value if isinstance(value, Variable) else np.asarray(value, float))
     except (TypeError, ValueError):
-        raise TypeError(
-            f"parameter {name!r} is {value!r}; expected a number, an expression or a random "
-            "variable"
-        ) from None
+        raise TypeError(f"parameter {name!r} is {value!r}; expected {expected}") from None
     if tensor.type.ndim != (size is not None):
-        expected = "a scalar" if size is None else f"a vector of {size}"
         raise TypeError(
             f"parameter {name!r} has {tensor.type.ndim} dimension(s); expected {expected}"
         )
     if isinstance(tensor, Constant) and not np.all(np.isfinite(tensor.data)):
-        raise ValueError(f"parameter {name!r} is {value}; expected a finite number")
+        raise ValueError(f"parameter {name!r} is {value}; expected finite numbers")
     return tensor

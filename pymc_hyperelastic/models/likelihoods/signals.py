@@ -1,4 +1,4 @@
-r"""Expected pressures and forces of a tube, with the standard deviations of measured ones.
+r"""Expected measurements of a tube, the standard deviations of their errors, and normal densities.
 
 An error of the diameter shifts pressure and force of a point together, along the curves. With the
 model's slopes ``p'`` and ``F'`` by the measured radius, and half of the standard deviation of the
@@ -7,8 +7,11 @@ diameter ``s_r``, both errors have, to first order, the covariance
 .. math:: \begin{pmatrix} s_p^2 & 0 \\ 0 & s_F^2 \end{pmatrix}
     + s_r^2 \begin{pmatrix} p'^2 & p' F' \\ p' F' & F'^2 \end{pmatrix} .
 
-The joint density is that of the pressure times that of the force given the pressure, so that no
-matrix is factorised.
+The joint density is that of the pressure times that of the force given the pressure. An offset
+``o ~ N(0, s_o²)`` shifts all forces of a test. Given errors ``u_i`` with variances ``w_i``,
+
+.. math:: o \sim \mathcal{N}(v \textstyle\sum_i u_i / w_i,\ v), \qquad
+    1/v = 1/s_o^2 + \textstyle\sum_i 1/w_i .
 """
 
 from collections.abc import Callable, Mapping
@@ -21,9 +24,9 @@ from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
-from pymc_hyperelastic.models.forward.blocks import table_arrays
+from pymc_hyperelastic.models.forward.blocks import table_arrays, table_of
 from pymc_hyperelastic.models.likelihoods.errors import Errors
-from pymc_hyperelastic.models.likelihoods.normal import as_double
+from pymc_hyperelastic.models.priors import is_inferred
 
 # Largest pressure (kPa), force (mN) or slope of these (per mm) that is used: far beyond any tube,
 # and small enough that its square does not overflow.
@@ -40,13 +43,13 @@ class Signals(NamedTuple):
     force_sd: Any = None
     """Given the error of the pressure at the same point."""
     by_pressure: Any = None
-    """Expected error of a force for each kPa of error of the pressure at the same point."""
+    """Expected error of the force at each point for each kPa of error of the pressure there."""
 
     def force_given(self, pressure: Any, rows: Any) -> TensorVariable:
         """Return the expected forces, given the measured pressures of all points."""
         if self.by_pressure is None:
             return self.force
-        return self.force + self.by_pressure * (pressure - self.pressure)[rows]
+        return self.force + (self.by_pressure * (pressure - self.pressure))[rows]
 
 
 def signals_of(
@@ -60,40 +63,42 @@ def signals_of(
     If the `pressure_switch` is 0, expected forces do not depend on the measured pressures.
     """
     pressure, pressure_sd = curves["pressure"], as_double(errors.pressure_sd)
-    force = force_sd = rows = None
-    if errors.force_sd is not None:
-        rows = force_arrays(tube)["rows"]
-        force, force_sd = curves["axial_force"][rows], as_double(errors.force_sd)
-        force_sd = force_sd[rows] if force_sd.ndim else force_sd
-    if errors.diameter_sd is None:
-        return Signals(pressure, pressure_sd, force, force_sd)
-    radius_sd = as_double(errors.diameter_sd) / 2
-    # Curves whose slope overflows are rejected by the caller.
-    shifts = {
-        name: radius_sd * pt.where(pt.abs(slope) < LARGEST, slope, LARGEST)
-        for name, slope in tube.slopes().items()
-    }
-    shift, total = shifts["pressure"], pt.square(pressure_sd) + pt.square(shifts["pressure"])
-    if force is None:
-        return Signals(pressure, pt.sqrt(total), force, force_sd)
-    shift, of_force, of_pressure = shift[rows], shifts["axial_force"][rows], total[rows]
-    # Fraction of the variance of the diameter error that the measured pressure leaves.
-    known_sd = pressure_sd[rows] if pressure_sd.ndim else pressure_sd
-    open_share, by_pressure = pt.square(known_sd) / of_pressure, shift * of_force / of_pressure
-    if pressure_switch is not None:
-        open_share = pt.where(pressure_switch, open_share, 1.0)
-        by_pressure = pt.where(pressure_switch, by_pressure, 0.0)
-    force_sd = pt.sqrt(pt.square(force_sd) + pt.square(of_force) * open_share)
-    return Signals(pressure, pt.sqrt(total), force, force_sd, by_pressure)
+    force_sd = None if errors.force_sd is None else as_double(errors.force_sd)
+    by_pressure = None
+    if errors.diameter_sd is not None:
+        radius_sd = as_double(errors.diameter_sd) / 2
+        # Curves whose slope overflows are rejected by the caller.
+        shifts = {
+            name: radius_sd * pt.where(pt.abs(slope) < LARGEST, slope, LARGEST)
+            for name, slope in tube.slopes().items()
+        }
+        known, of_pressure = pt.square(pressure_sd), shifts["pressure"]
+        total = known + pt.square(of_pressure)
+        pressure_sd = pt.sqrt(total)
+        if force_sd is not None:
+            of_force = shifts["axial_force"]
+            # Fraction of the variance of the diameter error that the measured pressure leaves.
+            left, by_pressure = known / total, of_pressure * of_force / total
+            if pressure_switch is not None:
+                left = pt.where(pressure_switch, left, 1.0)
+                by_pressure = pt.where(pressure_switch, by_pressure, 0.0)
+            force_sd = pt.sqrt(pt.square(force_sd) + pt.square(of_force) * left)
+    if force_sd is None:
+        return Signals(pressure, pressure_sd)
+    rows = force_arrays(tube)["rows"]
+    force_sd = force_sd[rows] if force_sd.ndim else force_sd
+    return Signals(pressure, pressure_sd, curves["axial_force"][rows], force_sd, by_pressure)
 
 
 def force_arrays(tube: SymbolicTube) -> dict[str, Any]:
-    """Return the ``rows`` of points with a measured force, and the table of their tests."""
+    """Return the ``rows`` of points with a measured force, their table, and ``count`` by test."""
 
     def arrays_of(data: xr.Dataset) -> dict[str, NDArray]:
         rows = rows_of_forces(data)
         test = data["test"].values[rows]
-        return table_arrays(test, data.sizes["test"]) | {"rows": rows, "test": test}
+        count = np.bincount(test, minlength=data.sizes["test"]).astype(float)
+        own = {"rows": rows, "test": test, "count": count}
+        return table_arrays(test, data.sizes["test"]) | own
 
     return tube.forward.share("forces", arrays_of)
 
@@ -119,3 +124,54 @@ def measured(
         return {f"{name}_data": values[np.isfinite(values)]}
 
     return forward.share(("measured", name), arrays_of, make)[f"{name}_data"]
+
+
+def normal_log_density(square: Any, variance: Any, count: Any = 1.0) -> TensorVariable:
+    """Return the log density of normal errors from their squares, or sums of `count` squares."""
+    return -(square / variance + count * pt.log(2 * np.pi * variance)) / 2
+
+
+def log_density_by_points(
+    error: TensorVariable, variance: Any, offset_sd: Any, inputs: Mapping[str, Any]
+) -> TensorVariable:
+    """Return the log density of each force, given those before it in its test.
+
+    The offset is integrated out. The `inputs` are those of :func:`force_arrays`.
+    """
+    tables = weights_of_tests(error, variance, inputs)
+    precision, weighted = (pt.cumsum(x, axis=-1) - x for x in tables)
+    moments = offset_moments(precision, weighted, offset_sd)
+    mean, left = (x.flatten()[inputs["place"]] for x in moments)
+    return normal_log_density(pt.square(error - mean), variance + left)
+
+
+def log_density_ratio_of_offset(precision: Any, weighted: Any, offset_sd: Any) -> TensorVariable:
+    """Return what an offset adds to the log density of independent errors, from the same sums."""
+    mean, variance = offset_moments(precision, weighted, offset_sd)
+    shrinkage = variance / pt.square(as_double(offset_sd))
+    return (pt.square(mean) / variance + pt.log(shrinkage)) / 2
+
+
+def offset_moments(
+    precision: Any, weighted: Any, offset_sd: Any
+) -> tuple[TensorVariable, TensorVariable]:
+    """Return the posterior mean and variance of an offset whose prior has the sd `offset_sd`.
+
+    From the sums of the precisions of its errors, and of the errors times their precisions.
+    """
+    prior = pt.square(as_double(offset_sd))
+    variance = prior / (1 + prior * precision)
+    return variance * weighted, variance
+
+
+def weights_of_tests(
+    error: TensorVariable, variance: Any, inputs: Mapping[str, Any]
+) -> tuple[TensorVariable, TensorVariable]:
+    """Return the precision of each error, and error times precision, as tables by test."""
+    precision = table_of(pt.zeros_like(error) + 1 / variance, inputs)
+    return precision, table_of(error / variance, inputs)
+
+
+def as_double(value: Any) -> TensorVariable:
+    """Return a tensor in double precision: PyTensor reads 7.0 as a single-precision number."""
+    return pt.cast(value, "float64") if is_inferred(value) else pt.as_tensor(value, dtype="float64")

@@ -1,16 +1,13 @@
 """The paper's likelihood: errors of pressures and of the slopes of their curves."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import sqrt
 from typing import Any, ClassVar
 
 from pymc_hyperelastic.models.likelihoods.base import Likelihood
-from pymc_hyperelastic.models.likelihoods.errors import Errors
 from pymc_hyperelastic.models.priors import is_inferred
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, repr=False)
 class SlopeAugmented(Likelihood):
     r"""The paper's likelihood, in which the slopes of the curves count besides the pressures.
 
@@ -23,7 +20,7 @@ class SlopeAugmented(Likelihood):
         \ln L = -\frac{|Δp|^2}{σ^2} - \frac{β}{σ^2} |Δs|^2
             - \frac{N}{2} \ln(π σ^2) + \frac12 \ln\det(I + β D^T D).
 
-    The first two terms are the paper's. The others do not depend on the material. They normalise
+    The first two terms are the paper's. The others do not depend on the material: they normalise
     the likelihood as a density of the pressures, except for the small gap between the model's
     slopes and the differences of its own pressures. Evidences are therefore absolute, and ``σ`` and
     ``β`` can be inferred. There is no factor ½ with ``σ``: it is ``√2`` standard deviations.
@@ -31,20 +28,19 @@ class SlopeAugmented(Likelihood):
     Parameters
     ----------
     sigma : float or distribution
-        The paper's ``σ`` of pressures, kPa: ``√2`` standard deviations. With slopes it is a bound:
-        pressures that are known through their slopes too have a smaller error.
+        The paper's ``σ`` of pressures, kPa: ``√2`` standard deviations without slopes, which make
+        errors smaller.
     slope_weight : float or distribution
-        The paper's ``β``, mm². With 0 the likelihood is that of :class:`Gaussian`. See
-        :func:`~pymc_hyperelastic.balanced_slope_weight`. Tests in which the axial stretch varies
-        have no slopes.
+        The paper's ``β``, mm². With 0 the likelihood is that of :class:`Gaussian`. Tests in which
+        the axial stretch varies have no slopes.
     force_sigma : float or distribution, optional
         The paper's ``σ`` of axial forces, mN: ``√2`` standard deviations. It adds
         ``−|ΔF|²/σ_F² − (N_F/2) ln(π σ_F²)``. Without it forces are left out.
     force_offset_sd : float or distribution, optional
         Standard deviation of the offset of the force transducer, mN, see :class:`Gaussian`.
     observed : bool, default False
-        Whether a model declares observed variables in place of the Potential ``likelihood``. See
-        the notes. `slope_weight` must then be a number.
+        Whether a model declares observed variables in place of the Potential ``likelihood``.
+        `slope_weight` must then be a number.
 
     Raises
     ------
@@ -65,11 +61,9 @@ class SlopeAugmented(Likelihood):
     .. math:: y \sim \mathcal{N}\left(P^{-1} (m + β D^T s),\ \tfrac{σ^2}{2} P^{-1}\right),
         \qquad P = I + β D^T D.
 
-    This is the same form without its factor for the gap between ``s`` and ``D m``. Data can be
-    simulated from it, and it has a log-likelihood by points, each given those before it in its
-    test.
-
-    If a pressure overflows, the log-likelihood is ``−inf`` and its gradient 0.
+    This is the same form without its factor for the gap between ``s`` and ``D m``. It has a
+    log-likelihood by points, each given the points before it in its test. If a pressure overflows,
+    the log-likelihood is ``−inf`` and its gradient 0.
 
     Examples
     --------
@@ -91,37 +85,11 @@ class SlopeAugmented(Likelihood):
 
     force_name: ClassVar[str] = "force_sigma"
 
-    def errors(self, values: Mapping[str, Any] | None = None) -> Errors:
-        """Return the standard deviations of all errors, see :meth:`Likelihood.errors`."""
-        sizes = self.sizes | dict(values or {})
-        force_sigma = sizes.get("force_sigma")
-        return Errors(
-            _standard_deviation(sizes["sigma"]),
-            sizes["slope_weight"],
-            None if force_sigma is None else _standard_deviation(force_sigma),
-            sizes.get("force_offset_sd"),
-        )
-
     def _check_combination(self) -> None:
         """Raise ValueError if pressures are observed and the slope weight is unknown."""
         if self.observed and is_inferred(self.slope_weight):
             raise ValueError(
                 "slope_weight is a distribution, but where pressures are observed variables "
                 "(observed=True, and wherever specimens differ) it must be a number of mm², such "
-                "as ph.balanced_slope_weight(data): it is part of a covariance that is factorised "
-                "once"
+                "as ph.balanced_slope_weight(data)"
             )
-
-    def _said_of(self, name: str) -> str:
-        """Explain the paper's ``σ`` in standard deviations."""
-        if name not in ("sigma", "force_sigma"):
-            return ""
-        value = self.sizes[name]
-        if is_inferred(value):
-            return "√2 standard deviations"
-        return f"a standard deviation of {_standard_deviation(value):.6g} {self.units[name]}"
-
-
-def _standard_deviation(sigma: Any) -> Any:
-    """Return the standard deviation of the paper's ``σ``."""
-    return sigma / sqrt(2.0)

@@ -1,11 +1,11 @@
-"""Slopes of measured curves by central differences, and the normaliser of their likelihood.
+"""Slopes of measured curves by central differences, and the precision of pressures given slopes.
 
-A slope is taken by the radius at a held axial stretch. Extension tests have no slopes.
+A slope is by the radius at a held axial stretch. Extension tests have no slopes.
 """
 
 import numpy as np
 import xarray as xr
-from scipy.linalg import cholesky_banded, eigvals_banded, solve_banded
+from scipy.linalg import eigvalsh_tridiagonal
 
 from pymc_hyperelastic.data.inflation import (
     check_inflation_data,
@@ -14,16 +14,10 @@ from pymc_hyperelastic.data.inflation import (
     measured_radius,
     points_of,
 )
-from pymc_hyperelastic.mechanics.chebyshev import chebyshev_nodes, value_to_coefficient
 
-# Two radii count as one if they differ by less than this fraction of the largest step of their
-# test: no instrument resolves them, and a slope between them would be a rounding error.
-_SAME_STEP = 1e-5
-# The same as a fraction of the largest radius of the test.
-_SAME_RADIUS = 1e-7
-# Largest diagonal entry of ``I + β DᵀD``: beyond it the 1 is rounded by more than a thousandth, and
-# with it the determinant.
-_LARGEST_PRECISION = 1e13
+# Two radii count as one if they differ by less than this fraction of the largest radius of their
+# test: no instrument resolves a millionth, and a slope between them would be a rounding error.
+_SAME_RADIUS = 1e-6
 
 
 def balanced_slope_weight(data: xr.Dataset) -> float:
@@ -32,10 +26,8 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
     .. math:: β = \frac{\sum_i p_i^2}{\sum_i s_i^2}
 
     with the measured pressures ``p`` and their central differences ``s``: a model whose pressures
-    and slopes are all wrong by the same fraction is penalised equally for both. Extension tests,
-    which have no slopes, are left out of both sums.
-
-    Use one value for all classes (that of all data together): evidences under different
+    and slopes are all wrong by the same fraction is penalised equally for both. Extension tests are
+    left out. Use one value for all classes, that of all data together: evidences under different
     likelihoods cannot be compared.
 
     Parameters
@@ -51,8 +43,7 @@ def balanced_slope_weight(data: xr.Dataset) -> float:
     Raises
     ------
     ValueError
-        If a test has too few points or repeated radii for a slope, all pressures are equal, or all
-        tests are extension tests.
+        If a test has too few points or repeated radii for a slope, or no slope differs from 0.
 
     See Also
     --------
@@ -104,8 +95,7 @@ def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
                 "slope term needs at least 3: drop the experiment or set slope_weight=0"
             )
         step = radius[rows + 1] - radius[rows - 1]
-        nearest = max(_SAME_STEP * np.abs(step).max(), _SAME_RADIUS * radius[points].max())
-        alike = np.flatnonzero(np.abs(step) <= nearest)
+        alike = np.flatnonzero(np.abs(step) <= _SAME_RADIUS * radius[points].max())
         if alike.size:
             first = rows[alike[0]]
             labels = data["row"].values if "row" in data.coords else np.arange(radius.size)
@@ -119,98 +109,34 @@ def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(interior), np.concatenate(difference)
 
 
-def half_log_determinant(data: xr.Dataset, slope_weight: float) -> float:
-    """``½ ln det(I + β DᵀD)``, of a matrix with two bands."""
-    return float(np.sum(np.log(_cholesky(_precision_bands(data, slope_weight), data)[-1])))
+def squared_singular_values(data: xr.Dataset) -> np.ndarray:
+    r"""Return the eigenvalues ``s`` of ``D Dᵀ``, one for each slope.
 
-
-def compressed_spectrum(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    r"""Few numbers ``s`` and multiplicities ``m`` that stand for the eigenvalues of ``DᵀD``.
-
-    .. math:: \ln\det(I + β D^T D) = \sum_k m_k \ln(1 + β s_k) \quad \text{for every } β > 0
-
-    As a function of ``ln s``, ``ln(1 + β s)`` has its singularities ``±π`` away from the real axis,
-    whatever ``β``: interpolation at Chebyshev points in ``ln s`` converges as a geometric series.
+    .. math:: \ln\det(I + β D^T D) = \sum_k \ln(1 + β s_k)
     """
-    bands = _gram_bands(*central_differences(data), data.sizes["obs"])
-    tests = (points_of(data, test) for test in np.flatnonzero(~extension_tests(data)).tolist())
-    # The first two of each test are zero, but for rounding; all of an extension test's are.
-    of_tests = [eigvals_banded(bands[:, points])[2:] for points in tests]
-    eigenvalues = np.concatenate([np.empty(0), *of_tests])
-    if not eigenvalues.size:
-        return eigenvalues, eigenvalues
-    logs = np.log(eigenvalues)
-    centre, half = (logs.max() + logs.min()) / 2, np.ptp(logs) / 2
-    if half > 0:
-        rate = (np.pi + np.hypot(np.pi, half)) / half
-        count = int(np.ceil(np.log(1e16) / np.log(rate)))
-        if count < len(logs):
-            angle = np.arccos(((logs - centre) / half).clip(-1, 1))
-            moments = np.array([np.cos(k * angle).sum() for k in range(count)])
-            eigenvalues = np.exp(centre + half * chebyshev_nodes(count))
-            return eigenvalues, moments @ value_to_coefficient(count)
-    return eigenvalues, np.ones(len(logs))
+    interior, difference = central_differences(data)
+    # Slopes two places apart share a point: sorted so, the matrix is tridiagonal.
+    order = np.lexsort((interior, interior % 2))
+    interior, difference = interior[order], difference[order]
+    shared = np.where(np.diff(interior) == 2, -difference[1:] * difference[:-1], 0.0)
+    return eigvalsh_tridiagonal(2 * difference**2, shared) if interior.size else difference
 
 
-def precision_root(data: xr.Dataset, slope_weight: float) -> np.ndarray:
-    """Lower triangular ``B`` with ``BᵀB = I + β DᵀD``, as the upper bands of ``Bᵀ``.
+def precision_root(data: xr.Dataset, slope_weight: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lower triangular ``B`` with ``BᵀB = I + β DᵀD``: its entries ``B[i, i]`` and ``B[i, i−2]``.
 
     If errors ``e`` have the precision ``BᵀB``, the entries of ``B e`` are independent and have one
-    variance: row ``i`` of ``B`` gives the density of point ``i`` given the points before it. The
-    only entries of a row are at ``i`` and ``i − 2``, the last and the first band.
-    """
-    bands = _precision_bands(data, slope_weight)
-    # The usual factor has the transpose first: it is that of the points in reversed order.
-    reversed_bands = bands[:, ::-1].copy()
-    reversed_bands[0, 2:] = bands[0, :1:-1]
-    factor = _cholesky(reversed_bands, data)
-    root = factor[:, ::-1].copy()
-    root[0, :2], root[0, 2:] = 0.0, factor[0, :1:-1]
-    return root
-
-
-def whiten(
-    root: np.ndarray, data: xr.Dataset, slope_weight: float, pressure: np.ndarray, slope: np.ndarray
-) -> np.ndarray:
-    """``B μ̃ = B⁻ᵀ (m + β Dᵀ s)``: the expected ``B y`` of pressures and slopes at every point.
-
-    Both arguments may have several columns. Slopes at the ends of a test, and slopes of extension
-    tests, are ignored.
+    variance: row ``i`` of ``B`` gives the density of point ``i`` given the points before it. A row
+    has no other entries.
     """
     interior, difference = central_differences(data)
-    weighted = (slope_weight * difference * slope[interior].T).T
-    right = pressure.astype(float)
-    np.add.at(right, interior + 1, weighted)
-    np.add.at(right, interior - 1, -weighted)
-    return solve_banded((0, 2), root, right)
-
-
-def _precision_bands(data: xr.Dataset, slope_weight: float) -> np.ndarray:
-    """``I + β DᵀD`` in SciPy's upper banded form."""
-    bands = slope_weight * _gram_bands(*central_differences(data), data.sizes["obs"])
-    bands[-1] += 1.0
-    return bands
-
-
-def _cholesky(bands: np.ndarray, data: xr.Dataset) -> np.ndarray:
-    """Cholesky factor, or an error that names the nearest radii where rounding spoils it."""
-    if bands[-1].max() < _LARGEST_PRECISION:
-        return cholesky_banded(bands)
-    interior, difference = central_differences(data)
-    i = interior[np.argmax(np.abs(difference))]
-    labels = data["row"].values if "row" in data.coords else np.arange(data.sizes["obs"])
-    place = describe_test(data, int(data["test"].values[i]))
-    raise ValueError(
-        f"{place}: the radii of rows {labels[i - 1]} and {labels[i + 1]} are "
-        f"{1 / np.abs(difference).max():.3g} mm apart, too little beside the slope weight for the "
-        "slope term: drop one, or give a smaller slope_weight, or 0"
-    )
-
-
-def _gram_bands(interior: np.ndarray, difference: np.ndarray, size: int) -> np.ndarray:
-    """``DᵀD`` in SciPy's upper banded form; the row of ``D`` at ``i`` has ``∓d`` at ``i ∓ 1``."""
-    bands = np.zeros((3, size))
-    np.add.at(bands[2], interior - 1, difference**2)
-    np.add.at(bands[2], interior + 1, difference**2)
-    bands[0, interior + 1] = -(difference**2)
-    return bands
+    size = data.sizes["obs"]
+    link = np.zeros(size + 2)
+    link[interior + 1] = slope_weight * difference**2
+    # Squared pivots of an elimination from the last point are `own + link`. Nothing is subtracted,
+    # so that they are exact also where two radii are close.
+    own = np.ones(size + 2)
+    for i in reversed(range(size)):
+        own[i] += link[i + 2] * own[i + 2] / (own[i + 2] + link[i + 2])
+    diagonal = np.sqrt(own + link)[:size]
+    return diagonal, -link[:size] / diagonal
