@@ -288,6 +288,7 @@ class _PosteriorOfSimulation:
         for name, shared in self._data.items():
             shared.set_value(self._simulated[name][simulation])
         try:
+            self._kernel.find_reference(rng)
             self._kernel.temper(None, rng)
         except ValueError as error:
             raise ValueError(f"simulation {simulation}: {error}") from error
