@@ -27,11 +27,13 @@ _PARTICLES = 1000
 _MOVES = 10
 # Draws of the prior, in multiples of `_PARTICLES`, of which enough must be possible.
 _MOST_TRIED = 50
-# Numbers that are computed for the probes of one stage: a tenth of a second. A narrow mode is met
-# by one point in many thousands, and given away by its weight.
-_PROBED_NUMBERS = 1_000_000
-# Probes of one stage, at most.
-_MOST_PROBES = 80_000
+# Probes of one stage for each pair of unknowns: a narrow mode is met by one point in many
+# thousands, and given away by its weight.
+_PROBES = 5_000
+# Numbers that are computed for these probes, at most: a second for all stages of one search.
+_PROBED_NUMBERS = 500_000
+# Unknowns of which the pairs are counted, at most.
+_PAIRED = 4
 # Starting points among the probes of a stage.
 _PROBED_STARTS = 2
 # Unknowns up to which optimisation and probes met every mode of the models in tests/evidence, so
@@ -165,8 +167,9 @@ def _modes(
 
 def _best_probes(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -> Array:
     """Return draws of a mixture with the largest weights: they may lie in a narrow mode."""
-    probes = np.clip(_PROBED_NUMBERS // target.cost(), _PROBED_STARTS, _MOST_PROBES)
-    points, log_weights = weighted_draws(target.score, mixture, int(probes), rng)
+    of_pair = min(_PROBES, _PROBED_NUMBERS // target.cost())
+    probes = max(of_pair * min(target.dimension, _PAIRED) ** 2, _PROBED_STARTS)
+    points, log_weights = weighted_draws(target.score, mixture, probes, rng)
     return points[np.argpartition(-log_weights, _PROBED_STARTS - 1)[:_PROBED_STARTS]]
 
 
