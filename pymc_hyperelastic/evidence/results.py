@@ -135,11 +135,12 @@ def sampling_tree(
             "posterior": dict_to_dataset(posterior, coords=coords, dims=dims),
             "unconstrained_posterior": dict_to_dataset(unconstrained),
             "sample_stats": dict_to_dataset(padded, sample_dims=["chain", "stage"]),
-            "evidence": dict_to_dataset(evidence, sample_dims=["chain"]).merge(found),
+            "evidence": xr.Dataset(
+                {name: ("chain", values) for name, values in evidence.items()},
+                {"chain": range(len(stats))},
+            ).merge(found),
         }
     )
-    # A list of one does not come back from netCDF as a list.
-    del tree["evidence"].attrs["sample_dims"]
     tree["sample_stats"].attrs.update(settings)
     tree.attrs["versions"] = _versions()
     tree.attrs["random_seed"] = json.dumps(random_seed)

@@ -36,6 +36,8 @@ _PROBED_NUMBERS = 500_000
 _PAIRED = 4
 # Starting points among the probes of a stage.
 _PROBED_STARTS = 2
+# Share of the modes in the final reference, if there are several.
+_SHARE_OF_MODES = 0.2
 # Unknowns up to which optimisation and probes met every mode of the models in tests/evidence, so
 # that no other particles are needed to check that.
 _FEW_UNKNOWNS = 2
@@ -108,7 +110,7 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
     mixture = _fitted(found, rng)
     if modes is not None and len(modes.log_masses) > 1:
         # There may be more modes than a mixture has components.
-        mixture = mixture.joined(modes.mixture)
+        mixture = mixture.joined(modes.mixture, _SHARE_OF_MODES)
     reference, unmet = Reference(mixture.heavy_tailed(), PRIOR_SHARE), np.nan
     if checked and target.dimension > _FEW_UNKNOWNS:
         others = _tempered(prior[::-1], target, rng).particles
