@@ -36,19 +36,11 @@ class BatchedSMC(SMC_KERNEL):
     fraction; resampled particles then move until they have forgotten where they were, and all
     places on their way count at the next stage [1]_.
 
-    The reference is found from both ends [2]_. Particles tempered from the prior find mass, but are
-    left behind at a sudden transition: up to a certain ``β`` a poor curve with large noise is
-    preferred, from there on a good curve with small noise, which no particle has met. Optimisation
-    from draws of the prior finds that mode, but not a skewed density, or one without a mode. From a
-    mixture of both, and of the prior, particles are tempered once more; a mixture fitted to these,
-    with a share of the prior, is the reference. Often it is so near the posterior that one stage is
-    enough.
-
-    Moves are drawn from a mixture with heavy tails, fitted to the places of the stage before the
-    last one, in turn with local ones: Hamiltonian Monte Carlo with the covariance of the component
-    at hand, or random walks where there are few unknowns or no gradients. The places are in part
-    weighted as at a later, larger ``β``: the few particles that will carry the weight then are met
-    by proposals now.
+    The reference is found from both ends [2]_: from particles that are tempered from the prior, and
+    from modes, which optimisation finds. It is a mixture with a share of the prior, and often so
+    near the posterior that one stage is enough. Moves are independent draws of a mixture with heavy
+    tails, in turn with local ones: Hamiltonian Monte Carlo with the covariance of the component at
+    hand, or random walks where there are few unknowns or no gradients.
 
     It works for any PyMC model with continuous variables, and in ``pm.sample_smc(kernel=...)``.
 
@@ -103,12 +95,10 @@ class BatchedSMC(SMC_KERNEL):
 
     .. math:: \frac{1}{N^2} \sum_{e=1}^N \Big( \sum_{\text{descendants of } e} (w - 1) \Big)^2,
 
-    summed over the initial particles ``e`` and, inside, over all stages. Whatever relatives
-    inherit from each other, at any stage, is thereby counted.
+    summed over the initial particles ``e`` and, inside, over all stages.
 
-    The ``effective_sample_size`` that is reported is that of all places visited; it may exceed the
-    number of particles. Scores that are NaN count as ``−inf``, and their number is reported for
-    each stage.
+    The ``effective_sample_size`` of a stage is that of all places visited; it may exceed the number
+    of particles. Scores that are NaN count as ``−inf``; ``nan_scores`` is their number.
 
     References
     ----------

@@ -23,9 +23,6 @@ _WALK_LENGTH = 2.38
 # Largest number of leapfrog steps of one move.
 _MOST_LEAPFROG_STEPS = 10
 
-# Gradient of the log density at points, (n, d).
-Gradient = Callable[[Array], Array]
-
 
 class Proposed(NamedTuple):
     """Where particles may move."""
@@ -91,7 +88,7 @@ class HamiltonianMove:
     whether it is accepted.
     """
 
-    def __init__(self, dimension: int, gradient: Gradient) -> None:
+    def __init__(self, dimension: int, gradient: Callable[[Array], Array]) -> None:
         self._length, self._gradient = dimension**-0.25, gradient
 
     def propose(
