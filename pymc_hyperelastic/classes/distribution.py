@@ -171,13 +171,15 @@ class _Fit:
         for rng in rngs:
             integrals.append(self._chain(rng))
             advance()
-        stats: list[dict[str, list]] = [
-            {
-                "beta": [1.0],
-                "log_marginal_likelihood": [i.log_value.value],
-                "log_evidence_variance": [i.log_value.standard_error**2],
-                "pareto_k": [i.pareto_k],
-            }
+        stats: list[list[dict[str, float]]] = [
+            [
+                {
+                    "beta": 1.0,
+                    "log_marginal_likelihood": i.log_value.value,
+                    "log_evidence_variance": i.log_value.standard_error**2,
+                    "pareto_k": i.pareto_k,
+                }
+            ]
             for i in integrals
         ]
         populations = [i.particles for i in integrals]

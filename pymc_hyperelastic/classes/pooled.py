@@ -341,7 +341,7 @@ class ClassPredictive:
         chains = [{name: v[chain] for name, v in particles.items()} for chain in range(count)]
         self._likelihood = BatchedFunction.of_model(model, [model.logp([new])])
         self._kernel = BatchedSMC(draws=draws_of_chain, model=model, tempered=["new"])
-        draws = np.concatenate([self._kernel.columns(chain) for chain in chains])
+        draws = np.concatenate([self._kernel.target.columns(chain) for chain in chains])
         self._effort = _Effort(draws, DRAWS, chains)
         thinned = {name: _some(values, _FEW_PARTICLES) for name, values in chains[0].items()}
         self._little = _Effort(_some(draws, _FEW_CLASS_DRAWS), _FEW_DRAWS, [thinned])
@@ -356,7 +356,7 @@ class ClassPredictive:
 
     def _score_of_class(self, points: Array) -> tuple[Array, Array]:
         """Return the log density of the class alone, and a likelihood of 1."""
-        return self._kernel.score(points)[0], np.zeros(len(points))
+        return self._kernel.target.score(points)[0], np.zeros(len(points))
 
     def _modes_of_class(self, draws: Array) -> GaussianMixture | None:
         """Find modes of the class's posterior from where its draws are."""
@@ -413,7 +413,7 @@ class ClassPredictive:
         if not self._normaliser_k < LARGEST_PARETO_K:
             return None
         found = importance_sampling(
-            self._kernel.score,
+            self._kernel.target.score,
             self._mixture,
             ExpectationMaximisation(),
             1,
@@ -446,7 +446,7 @@ class ClassPredictive:
 
     def _log_density(self, points: Array) -> Array:
         """Of the posterior of the class and the new data."""
-        return np.add(*self._kernel.score(points))
+        return np.add(*self._kernel.target.score(points))
 
     def _by_tempering(self, effort: "_Effort", rng: np.random.Generator) -> Prediction:
         values, errors = [], []

@@ -3,6 +3,7 @@
 import json
 import warnings
 from collections.abc import Sequence
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,6 @@ from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.store import Remember, remembering
 from pymc_hyperelastic.parallel import one_thread
 
-# Simulations in one part of a store.
-_KEPT_TOGETHER = 10
 # Expected counts in a bin, at least: the chi-square distribution of the test is an approximation.
 _LEAST_EXPECTED = 10
 # Bins, at most: a wrong posterior shifts many ranks a little, which few bins show better.
@@ -86,8 +85,7 @@ def simulation_based_calibration(
     progressbar : bool
         Whether to show progress. After an interrupt the simulations already complete are returned.
     store : str or Path, optional
-        A folder that keeps what is computed, some simulations after others: the same call goes on
-        from there.
+        A folder that keeps each simulation that was fitted: the same call continues from there.
     **kernel_settings
         Further settings of :class:`pymc_hyperelastic.BatchedSMC`, such as ``threshold``.
 
@@ -148,10 +146,7 @@ def simulation_based_calibration(
     names = _ranked_variables(model, var_names)
     observed = [v.name for v in model.observed_RVs]
     if simulator is not None:
-        _check_simulates("simulator", simulator)
-        lacking = [name for name in (*names, *observed) if name not in simulator.named_vars]
-        if lacking:
-            raise ValueError(f"the simulator has no variables {lacking}, which the model has")
+        _check_simulator(simulator, [*names, *observed])
     seed = seed_kept(random_seed, store)
     seeds = seed.generate_state(1 + simulations).tolist()
     simulated = _simulate(simulator or model, [*names, *observed], simulations, seeds.pop())
@@ -172,29 +167,26 @@ def simulation_based_calibration(
         }
 
     remember = remembering(store, manifest)
-    rank, mean, sd = _compared(posterior, truth, ranked_draws, seeds, progressbar, remember)
+    compared = _compared(posterior, truth, ranked_draws, seeds, progressbar, remember)
+    rank = compared["rank"].values
     bins = _number_of_bins(len(rank), ranked_draws)
-    of_both = ("simulation", "parameter")
     entries = [_entries(model, name, simulated[name].shape[1:]) for name in names]
-    return xr.Dataset(
-        {
-            "rank": (of_both, rank),
-            "p_value": ("parameter", _uniformity(rank, bins, ranked_draws)),
-            "truth": (of_both, truth[: len(rank)]),
-            "posterior_mean": (of_both, mean),
-            "posterior_sd": (of_both, sd),
-        },
-        {
-            "simulation": range(len(rank)),
-            "parameter": [label for labels in entries for label in labels],
-            "variable": ("parameter", np.repeat(names, [len(labels) for labels in entries])),
-        },
-        {
-            "draws": draws,
-            "ranked_draws": ranked_draws,
-            "bins": bins,
-            "random_seed": json.dumps(seed.entropy),
-        },
+    return (
+        compared.assign(
+            truth=(("simulation", "parameter"), truth[: len(rank)]),
+            p_value=("parameter", _uniformity(rank, bins, ranked_draws)),
+        )
+        .assign_coords(
+            simulation=range(len(rank)),
+            parameter=[label for labels in entries for label in labels],
+            variable=("parameter", np.repeat(names, [len(labels) for labels in entries])),
+        )
+        .assign_attrs(
+            draws=draws,
+            ranked_draws=ranked_draws,
+            bins=bins,
+            random_seed=json.dumps(seed.entropy),
+        )
     )
 
 
@@ -212,6 +204,14 @@ def _check_simulates(what: str, model: Any) -> None:
         raise ValueError(
             f"the {what} has the Potentials {[v.name for v in model.potentials]}: {_NO_DATA}"
         )
+
+
+def _check_simulator(simulator: Any, names: Sequence[str]) -> None:
+    """Raise unless the simulator has these variables of the model."""
+    _check_simulates("simulator", simulator)
+    lacking = [name for name in names if name not in simulator.named_vars]
+    if lacking:
+        raise ValueError(f"the simulator has no variables {lacking}, which the model has")
 
 
 def _ranked_variables(model: pm.Model, var_names: Sequence[str] | None) -> list[str]:
@@ -288,6 +288,7 @@ class _PosteriorOfSimulation:
         for name, shared in self._data.items():
             shared.set_value(self._simulated[name][simulation])
         try:
+            self._kernel.find_reference(rng)
             self._kernel.temper(None, rng)
         except ValueError as error:
             raise ValueError(f"simulation {simulation}: {error}") from error
@@ -307,46 +308,39 @@ def _compared(
     seeds: Sequence[int],
     progressbar: bool,
     remember: Remember,
-) -> tuple[NDArray[np.int64], Array, Array]:
+) -> xr.Dataset:
     """Rank of each truth in its posterior, and the posterior's mean and standard deviation.
 
     After an interrupt, of the simulations that are complete.
     """
-    rank = np.zeros(truth.shape, dtype=int)
-    mean, sd = np.full(truth.shape, np.nan), np.full(truth.shape, np.nan)
-    complete = 0
+
+    def compare(simulation: int) -> xr.Dataset:
+        rng = np.random.default_rng(seeds[simulation])
+        draws = posterior(simulation, rng)
+        some = rng.permutation(draws)[:ranked_draws]
+        found = {
+            "rank": _rank(truth[simulation], some, rng),
+            "posterior_mean": draws.mean(axis=0),
+            "posterior_sd": draws.std(axis=0, ddof=1),
+        }
+        return xr.Dataset({name: ("parameter", values) for name, values in found.items()})
+
+    complete: list[xr.Dataset] = []
     progress = create_simple_progress(progressbar)
     with progress:
         bar = progress.add_task("Calibrating", completed=0, total=len(truth))
         try:
-            for first in range(0, len(truth), _KEPT_TOGETHER):
-                some = range(first, min(first + _KEPT_TOGETHER, len(truth)))
-
-                def compare(some: range = some) -> xr.Dataset:
-                    nonlocal complete
-                    for i in some:
-                        rng = np.random.default_rng(seeds[i])
-                        draws = posterior(i, rng)
-                        mean[i], sd[i] = draws.mean(axis=0), draws.std(axis=0, ddof=1)
-                        rank[i] = _rank(truth[i], rng.permutation(draws)[:ranked_draws], rng)
-                        complete = i + 1
-                        progress.advance(bar)
-                    dims = ("simulation", "parameter")
-                    known = {"rank": rank[some], "mean": mean[some], "sd": sd[some]}
-                    return xr.Dataset({name: (dims, values) for name, values in known.items()})
-
-                kept = remember(f"simulations-{first}", compare)
-                rank[some], mean[some], sd[some] = kept["rank"], kept["mean"], kept["sd"]
-                complete = some[-1] + 1
-                progress.update(bar, completed=complete)
+            for i in range(len(truth)):
+                complete.append(remember(f"simulation-{i}", partial(compare, i)))
+                progress.advance(bar)
         except KeyboardInterrupt:
             if not complete:
                 raise
             warnings.warn(
-                f"interrupted: {complete} of {len(truth)} simulations are complete",
+                f"interrupted: {len(complete)} of {len(truth)} simulations are complete",
                 skip_file_prefixes=(PACKAGE,),
             )
-    return rank[:complete], mean[:complete], sd[:complete]
+    return xr.concat(complete, "simulation")
 
 
 def _rank(truth: Array, posterior: Array, rng: np.random.Generator) -> NDArray[np.int64]:

@@ -59,5 +59,5 @@ def check_continuous(model: pm.Model, who: str = "expected") -> None:
         raise ValueError(f"{who} a model with continuous free variables; here are {what}")
 
 
-def no_progress() -> None:
+def no_progress(*_: Any) -> None:
     """Progress that nobody watches."""

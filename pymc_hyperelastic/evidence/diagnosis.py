@@ -119,8 +119,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     ``"R-hat"``
         Whether the chains have met the same posterior: the largest R-hat of the unknowns.
     ``"moves"``
-        The fraction of stages at which the particles had not forgotten their places after
-        ``max_moves``.
+        The fraction of stages at which the particles had not forgotten their places.
     ``"ancestors"``
         The smallest fraction of a chain's first particles that have descendants in the end.
     ``"prior's side"``
@@ -197,8 +196,9 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
 def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
     """Compare how far particles moved, how many ancestors they have, and their weights."""
     checks = []
-    if "moves" in evidence:
-        alive, share = float(np.min(evidence["ancestors"])), float(np.mean(evidence["moves"]))
+    if "stages_capped" in evidence:
+        alive = float(np.min(evidence["ancestor_fraction"]))
+        share = float(np.mean(evidence["stages_capped"]))
         # If most of the first particles are left, it does not matter how far they have moved.
         limit = 1.0 if alive > _MANY_ANCESTORS else _MOST_CAPPED
         words = f"particles had not forgotten their places at {share:.0%} of the stages"

@@ -11,8 +11,6 @@ from pymc_hyperelastic.evidence.mixture import Array
 # Probability below which the spread of chains refutes their errors; else the errors count, since
 # the spread of a few chains is a poor estimate.
 _CHANCE = 0.01
-# Range of log evidences, in nats, up to which their relative errors compare.
-_COMPARABLE = 1.2
 
 
 class Estimate(NamedTuple):
@@ -45,8 +43,8 @@ class Estimate(NamedTuple):
 def combine_chains(log_evidences: Array, standard_errors: Array) -> Estimate:
     """Mean evidence of independent chains, as its logarithm with a standard error.
 
-    It is infinite if a chain has failed. Chains that differ by many nats say nothing of each
-    other's relative errors: there the spread of the logarithms counts, which has no ceiling.
+    It is infinite if a chain has failed. The spread of the chains is that of the evidences,
+    relative to their mean, or that of the logarithms if it is larger: the first one has a ceiling.
     """
     chains = len(log_evidences)
     value = float(logsumexp(log_evidences) - np.log(chains))
@@ -54,9 +52,8 @@ def combine_chains(log_evidences: Array, standard_errors: Array) -> Estimate:
     if not np.all(np.isfinite([*log_evidences, variance])):
         return Estimate(value, np.inf)
     if chains > 1:
-        spread = np.var(np.exp(log_evidences - value), ddof=1)
-        if np.ptp(log_evidences) > _COMPARABLE:
-            spread = max(spread, np.var(log_evidences, ddof=1))
+        relative = np.exp(log_evidences - value)
+        spread = max(np.var(relative, ddof=1), np.var(log_evidences, ddof=1))
         if spread > variance * chi2.isf(_CHANCE, chains - 1) / (chains - 1):
             variance = spread
     return Estimate(value, float(np.sqrt(variance / chains)))

@@ -150,13 +150,9 @@ def _cholesky(matrices: Array) -> Array:
         return np.linalg.cholesky(matrices)
     except np.linalg.LinAlgError:
         # NumPy refuses all for the sake of one.
-        factors = np.zeros_like(matrices)
-        for j in range(matrices.shape[-1]):
-            known = factors[..., j:, :j] @ factors[..., j, :j, None]
-            column = matrices[..., j:, j] - known[..., 0]
-            factors[..., j:, j] = column / np.sqrt(column[..., :1])
-        factors[np.isnan(factors[..., -1, -1])] = np.nan
-        return factors
+        if matrices.ndim == 2:
+            return np.full_like(matrices, np.nan)
+        return np.stack([_cholesky(matrix) for matrix in matrices])
 
 
 def _solve_lower(ndim: int, factors: Array, known: Array) -> Array:

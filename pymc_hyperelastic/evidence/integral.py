@@ -24,13 +24,9 @@ from pymc_hyperelastic.evidence.proposal import (
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.search import find_reference
 from pymc_hyperelastic.evidence.target import Target, width_of
-from pymc_hyperelastic.evidence.tempering import TemperedSMC
+from pymc_hyperelastic.evidence.tempering import MOST_CAPPED, TemperedSMC
 from pymc_hyperelastic.evidence.weights import effective_sample_size
 
-# Evaluations of the density by tempering, at most: about a minute of a specimen's curves.
-_MOST_EVALUATIONS = 4_000_000
-# Unknowns up to which this number holds; with more it grows with their square.
-_FEW_UNKNOWNS = 8
 # Share of the modes in the initial proposal; the rest has the shape of the prior.
 _SHARE_OF_MODES = 0.8
 # Draws that show whether modes are like the posterior.
@@ -52,7 +48,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
 
     A posterior of few unknowns with mostly one mode is left to importance sampling, which starts at
     the modes and the prior; tempering, which takes ten times as long, does all others. The error is
-    infinite if tempering takes too long, or its particles are stuck.
+    infinite if particles have not forgotten their places at most stages of tempering, or at many.
     """
     prior = target.draw_prior(_PRIOR_DRAWS, rng)
     # A posterior that is hardly narrower than the prior is not like its mode.
@@ -89,11 +85,10 @@ def _by_tempering(target: Target, size: int, rng: np.random.Generator, quick: Es
     """Compute the integral by tempering from a reference, and compare it with a `quick` value."""
     reference = find_reference(target, rng, checked=False).reference
     particles = reference.draw(target.draw_prior, size, rng)
-    most = _MOST_EVALUATIONS * max(1.0, target.dimension / _FEW_UNKNOWNS) ** 2
     path = GeometricPath(target, reference)
-    smc = TemperedSMC(path, particles, rng, max_evaluations=most).run()
+    smc = TemperedSMC(path, particles, rng, most_capped=MOST_CAPPED).run()
     # Particles that do not move miss mass, and do not show that they do.
-    error = np.inf if smc.exhausted or smc.stuck else float(np.sqrt(smc.variance))
+    error = np.inf if smc.capped > smc.stages / 2 else float(np.sqrt(smc.variance))
     if np.isfinite(quick.standard_error):
         # Two estimates that share nothing: their difference is an error of unknown origin.
         error = float(np.hypot(error, smc.log_evidence - quick.value))

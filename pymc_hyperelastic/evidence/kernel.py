@@ -1,18 +1,24 @@
 """A kernel for PyMC's sequential Monte Carlo that scores all particles in one call."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
 import pymc as pm
 from pymc.smc.kernels import SMC_KERNEL
 
-from pymc_hyperelastic.evidence.checks import check_count, check_fraction
+from pymc_hyperelastic.evidence.checks import check_count, check_fraction, no_progress
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.path import GeometricPath
 from pymc_hyperelastic.evidence.search import Search, find_reference
 from pymc_hyperelastic.evidence.target import Target, check_possible
-from pymc_hyperelastic.evidence.tempering import THRESHOLD, TemperedSMC
+from pymc_hyperelastic.evidence.tempering import (
+    FORGET,
+    MAX_MOVES,
+    MOST_CAPPED,
+    THRESHOLD,
+    TemperedSMC,
+)
 
 # Unknowns of a reference, at most: a covariance of more is not known from some thousand particles.
 _MOST_UNKNOWNS = 300
@@ -20,11 +26,6 @@ _MOST_UNKNOWNS = 300
 _MOST_NUMBERS = 1_000_000
 # Unknowns up to which it does not matter how many numbers are computed.
 _FEW_UNKNOWNS = 50
-# Stages at which particles have not forgotten their places after `max_moves`, before a chain goes
-# on in haste: posteriors that come out right have had six at most.
-_MOST_CAPPED = 6
-# Fraction of the effective sample size that stages keep on the long way from the prior alone.
-_FAR = 0.8
 
 
 class BatchedSMC(SMC_KERNEL):
@@ -35,19 +36,11 @@ class BatchedSMC(SMC_KERNEL):
     fraction; resampled particles then move until they have forgotten where they were, and all
     places on their way count at the next stage [1]_.
 
-    The reference is found from both ends [2]_. Particles tempered from the prior find mass, but are
-    left behind at a sudden transition: up to a certain ``β`` a poor curve with large noise is
-    preferred, from there on a good curve with small noise, which no particle has met. Optimisation
-    from draws of the prior finds that mode, but not a skewed density, or one without a mode. From a
-    mixture of both, and of the prior, particles are tempered once more; a mixture fitted to these,
-    with a share of the prior, is the reference. Often it is so near the posterior that one stage is
-    enough.
-
-    Moves are drawn from a mixture with heavy tails, fitted to the places of the stage before the
-    last one, in turn with local ones: Hamiltonian Monte Carlo with the covariance of the component
-    at hand, or random walks where there are few unknowns or no gradients. The places are in part
-    weighted as at a later, larger ``β``: the few particles that will carry the weight then are met
-    by proposals now.
+    The reference is found from both ends [2]_: from particles that are tempered from the prior, and
+    from modes, which optimisation finds. It is a mixture with a share of the prior, and often so
+    near the posterior that one stage is enough. Moves are independent draws of a mixture with heavy
+    tails, in turn with local ones: Hamiltonian Monte Carlo with the covariance of the component at
+    hand, or random walks where there are few unknowns or no gradients.
 
     It works for any PyMC model with continuous variables, and in ``pm.sample_smc(kernel=...)``.
 
@@ -62,11 +55,10 @@ class BatchedSMC(SMC_KERNEL):
         The model; that of the context when missing.
     random_seed : int, optional
         Seed of the particles.
-    threshold : float, optional
-        Fraction of the effective sample size to be kept at each stage; when missing, 0.5 from a
-        reference or in one or two dimensions, and 0.8 otherwise. After ``m`` moves at the stage
-        before, ``m/(m + 5)`` is kept if that is more: where particles move with difficulty, smaller
-        steps pay.
+    threshold : float
+        Fraction of the effective sample size to be kept at each stage. After ``m`` moves at the
+        stage before, ``m/(m + 5)`` is kept if that is more: where particles move with difficulty,
+        smaller steps pay.
     compile_kwargs : dict, optional
         Options of ``pytensor.function``. By default particles are scored by NumPy, which compiles
         in a second; ``{"mode": "NUMBA"}`` takes a minute and scores faster.
@@ -103,12 +95,10 @@ class BatchedSMC(SMC_KERNEL):
 
     .. math:: \frac{1}{N^2} \sum_{e=1}^N \Big( \sum_{\text{descendants of } e} (w - 1) \Big)^2,
 
-    summed over the initial particles ``e`` and, inside, over all stages. Whatever relatives
-    inherit from each other, at any stage, is thereby counted.
+    summed over the initial particles ``e`` and, inside, over all stages.
 
-    The ``effective_sample_size`` that is reported is that of all places visited; it may exceed the
-    number of particles. Scores that are NaN count as ``−inf``, and their number is reported for
-    each stage.
+    The ``effective_sample_size`` of a stage is that of all places visited; it may exceed the number
+    of particles. Scores that are NaN count as ``−inf``; ``nan_scores`` is their number.
 
     References
     ----------
@@ -141,6 +131,7 @@ class BatchedSMC(SMC_KERNEL):
         "effective_sample_size": (float, []),
         "accept_rate": (float, []),
         "moves": (int, []),
+        "capped": (int, []),
         "ancestors": (int, []),
         "pareto_k": (float, []),
         "nan_scores": (int, []),
@@ -154,25 +145,23 @@ class BatchedSMC(SMC_KERNEL):
         start: dict[str, Array] | None = None,
         model: pm.Model | None = None,
         random_seed: Any = None,
-        threshold: float | None = None,
+        threshold: float = THRESHOLD,
         compile_kwargs: dict | None = None,
         *,
         tempered: Sequence[str] | None = None,
         from_modes: bool | None = None,
-        forget: float = 0.1,
-        max_moves: int = 50,
+        forget: float = FORGET,
+        max_moves: int = MAX_MOVES,
     ) -> None:
         # The base class would compile functions that score one particle; everything that it sets is
         # set here instead.
         check_fraction("forget", forget)
-        if threshold is not None:
-            check_fraction("threshold", threshold)
+        check_fraction("threshold", threshold)
         check_count("max_moves", max_moves, 1)
         self.model = model = pm.modelcontext(model)
         self.variables = model.value_vars
         self.target = Target(model, tempered, compile_kwargs)
         self.var_info, self.dimension = self.target.var_info, self.target.dimension
-        self.columns, self.score = self.target.columns, self.target.score
         if from_modes and (start is not None or tempered is not None):
             raise ValueError("from_modes is for particles that start from the prior, all tempered")
         alone = start is not None or tempered is not None
@@ -183,10 +172,11 @@ class BatchedSMC(SMC_KERNEL):
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
         self.start = start
-        near = self.from_modes or self.dimension <= 2
-        self.threshold = threshold or (THRESHOLD if near else _FAR)
-        self.forget = forget
-        self.max_moves = max_moves
+        self.settings: dict[str, Any] = {
+            "threshold": threshold,
+            "forget": forget,
+            "max_moves": max_moves,
+        }
         self.rng = np.random.default_rng(random_seed)
         self.search = None
         self._reset_state()
@@ -216,13 +206,26 @@ class BatchedSMC(SMC_KERNEL):
         """Find the reference from which chains start, if they start from one."""
         self.search = find_reference(self.target, rng) if self.from_modes else None
 
-    def temper(self, start: dict[str, Array] | None, rng: np.random.Generator) -> None:
-        """Run one chain to the posterior, silently: from `start`, or a reference of its own."""
-        self.search = None
+    def temper(
+        self,
+        start: dict[str, Array] | None,
+        rng: np.random.Generator,
+        report: Callable[[list[dict[str, float]]], None] = no_progress,
+    ) -> list[dict[str, float]]:
+        """Run one chain from `start`, or from the reference or the prior, to the posterior.
+
+        Return the statistics of each stage; `report` is called with those so far.
+        """
         self.initialize(start, rng)
-        while self.beta < 1:
-            self.update_beta_and_weights()
-            self.step()
+        stages: list[dict[str, float]] = []
+
+        def after_stage() -> None:
+            stages.append(self.sample_stats())
+            report(stages)
+
+        self.tempering.run(after_stage)
+        self._read()
+        return stages
 
     def _initialize_kernel(self) -> None:
         if self.from_modes and self.start is None:
@@ -238,16 +241,14 @@ class BatchedSMC(SMC_KERNEL):
                 raise ValueError(
                     f"start must hold the particles of {list(self.var_info)}; it has {list(start)}"
                 )
-            particles = self.columns(start)
+            particles = self.target.columns(start)
         self.draws = len(particles)
         self.tempering = TemperedSMC(
             GeometricPath(self.target, reference),
             particles,
             self.rng,
-            threshold=self.threshold,
-            forget=self.forget,
-            max_moves=self.max_moves,
-            most_capped=_MOST_CAPPED,
+            most_capped=MOST_CAPPED,
+            **self.settings,
         )
         path, self._nan_before = self.tempering.path, 0
         check_possible(
@@ -292,6 +293,7 @@ class BatchedSMC(SMC_KERNEL):
             "effective_sample_size": tempering.effective_sample_size,
             "accept_rate": tempering.acceptance,
             "moves": tempering.moves,
+            "capped": int(tempering.stage_capped),
             "ancestors": tempering.ancestors,
             "pareto_k": tempering.pareto_k,
             "nan_scores": tempering.path.nan_count - self._nan_before,
@@ -299,10 +301,4 @@ class BatchedSMC(SMC_KERNEL):
 
     def sample_settings(self) -> dict[str, float]:
         """Settings of the run."""
-        return {
-            "_n_draws": self.draws,
-            "threshold": self.threshold,
-            "from_modes": int(self.from_modes),
-            "forget": self.forget,
-            "max_moves": self.max_moves,
-        }
+        return {"_n_draws": self.draws, "from_modes": int(self.from_modes), **self.settings}

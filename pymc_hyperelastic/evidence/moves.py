@@ -22,11 +22,6 @@ _HAMILTONIAN_RATE = 0.65
 _WALK_LENGTH = 2.38
 # Largest number of leapfrog steps of one move.
 _MOST_LEAPFROG_STEPS = 10
-# Coordinates from which a trajectory is rejected: squares of larger ones may overflow.
-_DIVERGED = 1e100
-
-# Gradient of the log density at points, (n, d).
-Gradient = Callable[[Array], Array]
 
 
 class Proposed(NamedTuple):
@@ -93,7 +88,7 @@ class HamiltonianMove:
     whether it is accepted.
     """
 
-    def __init__(self, dimension: int, gradient: Gradient) -> None:
+    def __init__(self, dimension: int, gradient: Callable[[Array], Array]) -> None:
         self._length, self._gradient = dimension**-0.25, gradient
 
     def propose(
@@ -112,7 +107,7 @@ class HamiltonianMove:
             kick = lengths / 2 * step(component, self._gradient(place), transposed=True)
             momentum = momentum + kick
         energy -= (momentum**2).sum(axis=1) / 2
-        diverged = ~(np.abs(place) < _DIVERGED).all(axis=1) | np.isnan(energy)
+        diverged = ~np.isfinite(energy)
         place = np.where(diverged[:, None], points, place)
         return _proposed(place, component, here + np.where(diverged, np.inf, -energy), mixture)
 

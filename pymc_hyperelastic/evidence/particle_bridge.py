@@ -58,7 +58,7 @@ class BridgeFromParticles:
             particles = smc.run().visited
         if len(particles) > _PARTICLES:
             particles = rng.permutation(particles)[:_PARTICLES]
-        self._smc = TemperedSMC(path, particles, rng, arrived=True, max_moves=_MOVES)
+        self._smc = TemperedSMC(path, particles, rng, beta=1.0, max_moves=_MOVES)
         self._last = Estimate(-np.inf, np.inf)
 
     @np.errstate(all="ignore")

@@ -8,9 +8,6 @@ from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.target import Target
 
-# Evaluations of a density that take as long as one of its gradients: chosen by experiment.
-_COST_OF_GRADIENTS = 3
-
 
 class PathPoints(NamedTuple):
     """Points, and the two log densities that a path joins."""
@@ -35,8 +32,6 @@ class GeometricPath:
 
     Attributes
     ----------
-    evaluations : int
-        Of the density so far; a gradient counts as three.
     nan_count : int
         Points so far whose density was NaN or ``+inf``.
     """
@@ -46,12 +41,11 @@ class GeometricPath:
     ) -> None:
         self.target, self.reference = target, reference
         self.guide = guide or target
-        self.evaluations = self.nan_count = 0
+        self.nan_count = 0
 
     def at(self, points: Array) -> PathPoints:
         """Evaluate points."""
         prior, likelihood, nan_count = self.target.evaluate(points)
-        self.evaluations += len(points)
         self.nan_count += nan_count
         if self.reference is None:
             return PathPoints(points, prior, likelihood)
@@ -64,7 +58,6 @@ class GeometricPath:
     def gradient(self, points: Array, beta: float) -> Array:
         """Return the gradient of the log density at one place of the path, (n, d)."""
         (prior, _, _), of_prior, of_likelihood = self.guide.gradients(points)
-        self.evaluations += _COST_OF_GRADIENTS * len(points)
         if self.reference is None:
             return of_prior + beta * of_likelihood
         _, of_start = self.reference.gradient(points, prior, of_prior)

@@ -7,17 +7,18 @@ has the groups
     The variables, and the particles on the scale on which they were moved.
 ``sample_stats`` : (chain, stage)
     What each stage of tempering did; NaN where a chain had fewer stages.
-``evidence`` : (chain)
-    ``log_evidence`` and ``log_evidence_se`` of each chain; the fraction of stages at which
-    ``moves`` were not enough; the fraction of ``ancestors`` that are left; the Pareto shape of
-    weights (``pareto_k``); the evidence by tempering from the prior alone (``forward``); the
-    evidence from the modes (``at_modes``, with the shape ``at_modes_k`` of its weights), and the
-    ``log_masses`` of the modes; the log evidence ``at_bounds`` of priors; the share ``unmet`` of
-    other particles that the reference lacks; the share ``at_limit`` of the posterior within 1 % of
-    each limit of a prior; the ``method`` of each chain of a class with variability. Models of
-    curves add ``curve_error``, the largest error of the posterior's curves, relative to the largest
-    value of each; ``chi_square``, the squared residuals of the best curve in variances of the
-    noise; and the number of ``points``, by test and signal.
+``evidence``
+    Of each chain: ``log_evidence`` and ``log_evidence_se``; ``stages_capped``, the fraction of
+    stages whose particles had not forgotten their places; ``ancestor_fraction``, the fraction of
+    first particles that have descendants; ``pareto_k``, the Pareto shape of weights; for a class
+    with variability the ``method``. Of all chains: ``forward``, the evidence by tempering from the
+    prior alone; ``at_modes``, the evidence from the modes, with the shape ``at_modes_k`` of its
+    weights, and the ``log_masses`` of the modes; ``at_bounds``, the log evidence of what lies at
+    bounds of priors; ``unmet``, the share of other particles that the reference lacks; and
+    ``at_limit``, the share of the posterior within 1 % of each limit of a prior. Models of curves
+    add ``curve_error``, the largest error of the posterior's curves, relative to the largest value
+    of each; ``chi_square``, the squared residuals of the best curve in variances of the noise; and
+    the number of ``points``, by test and signal.
 ``diagnosis`` : (check)
     What :func:`diagnose_evidence` says.
 ``observed_data``, ``constant_data``
@@ -43,7 +44,6 @@ from pymc.backends.arviz import (
 
 from pymc_hyperelastic.evidence.limits import mass_at_limits
 from pymc_hyperelastic.evidence.mixture import Array
-from pymc_hyperelastic.evidence.tempering import stayed
 
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy")
 
@@ -100,33 +100,33 @@ def sampling_tree(
     model: pm.Model,
     posterior: dict[str, Array],
     unconstrained: dict[str, Array],
-    stats: list[dict[str, list]],
+    stats: list[list[dict[str, float]]],
     settings: dict[str, Any],
     random_seed: Any,
     found: xr.Dataset | None = None,
 ) -> xr.DataTree:
-    """Collect what sampling gave: arrays by (chain, draw), and one dict of stages a chain.
+    """Collect what sampling gave: arrays by (chain, draw), and statistics of each chain's stages.
 
     `found` holds further variables of the group ``evidence``. The groups of the model's study, see
     :func:`attach_study`, are added.
     """
     coords, dims = coords_and_dims_for_inferencedata(model)
-    stages = max(len(chain["beta"]) for chain in stats)
-    padded = {name: np.full((len(stats), stages), np.nan) for name in stats[0]}
+    most = max(map(len, stats))
+    names = stats[0][0]
+    padded = {name: np.full((len(stats), most), np.nan) for name in names}
     for name, values in padded.items():
-        for row, chain in zip(values, stats, strict=True):
-            row[: len(chain[name])] = chain[name]
+        for row, stages in zip(values, stats, strict=True):
+            row[: len(stages)] = [stage[name] for stage in stages]
+    last = {name: np.array([stages[-1][name] for stages in stats]) for name in names}
     evidence = {
-        "log_evidence": np.array([chain["log_marginal_likelihood"][-1] for chain in stats]),
-        "log_evidence_se": np.sqrt([chain["log_evidence_variance"][-1] for chain in stats]),
+        "log_evidence": last["log_marginal_likelihood"],
+        "log_evidence_se": np.sqrt(last["log_evidence_variance"]),
     }
-    if "moves" in stats[0]:
-        most = settings["max_moves"]
-        evidence["moves"] = np.array([stayed(np.array(c["moves"]), most).mean() for c in stats])
-        alive = [chain["ancestors"][-1] for chain in stats]
-        evidence["ancestors"] = np.array(alive) / settings["_n_draws"]
-    if "pareto_k" in stats[0]:
-        evidence["pareto_k"] = np.array([chain["pareto_k"][-1] for chain in stats])
+    if "capped" in names:
+        evidence["stages_capped"] = np.nanmean(padded["capped"], axis=1)
+        evidence["ancestor_fraction"] = last["ancestors"] / settings["_n_draws"]
+    if "pareto_k" in names:
+        evidence["pareto_k"] = last["pareto_k"]
     found = (xr.Dataset() if found is None else found).merge(mass_at_limits(model, unconstrained))
     study = study_of(model)
     tree = xr.DataTree.from_dict(
@@ -135,11 +135,12 @@ def sampling_tree(
             "posterior": dict_to_dataset(posterior, coords=coords, dims=dims),
             "unconstrained_posterior": dict_to_dataset(unconstrained),
             "sample_stats": dict_to_dataset(padded, sample_dims=["chain", "stage"]),
-            "evidence": dict_to_dataset(evidence, sample_dims=["chain"]).merge(found),
+            "evidence": xr.Dataset(
+                {name: ("chain", values) for name, values in evidence.items()},
+                {"chain": range(len(stats))},
+            ).merge(found),
         }
     )
-    # A list of one does not come back from netCDF as a list.
-    del tree["evidence"].attrs["sample_dims"]
     tree["sample_stats"].attrs.update(settings)
     tree.attrs["versions"] = _versions()
     tree.attrs["random_seed"] = json.dumps(random_seed)

@@ -6,7 +6,12 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K, mean_weight, weighted_draws
+from pymc_hyperelastic.evidence.importance import (
+    LARGEST_PARETO_K,
+    PRIOR_SHARE,
+    mean_weight,
+    weighted_draws,
+)
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import Modes, find_modes, starting_points
 from pymc_hyperelastic.evidence.path import GeometricPath
@@ -14,59 +19,30 @@ from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.target import Target, check_possible, width_of
 from pymc_hyperelastic.evidence.tempering import TemperedSMC
 
-# Particles of the search for each unknown.
-_DRAWS_PER_UNKNOWN = 200
-# Particles of the search, at least.
-_FEWEST_DRAWS = 1000
-# Particles of the search, at most.
-_MOST_DRAWS = 4000
-# Particles of tempering from the prior for each unknown.
-_FORWARD_PER_UNKNOWN = 20
-# Particles of tempering from the prior, at least: fewer do not find modes of small mass.
-_FEWEST_FORWARD = 500
-# Particles of tempering from the prior, at most.
-_MOST_FORWARD = 2000
-# Starting points of optimisation among tempered particles.
-_TEMPERED_STARTS = 8
-# Points whose density is computed twice.
-_SCORED_TWICE = 10
-# Relative difference of two computations of a density that rounding may make.
-_SCORES_DIFFER = 1e-6
-# Draws of the prior, in numbers of particles, of which enough must be possible.
+# Particles that are tempered from the prior: fewer do not find modes of small mass.
+_FORWARD = 500
+# Particles that are tempered from the first reference, and draws of the prior and of the modes.
+_PARTICLES = 1000
+# Moves of a stage of the search, which need not be exact, at most.
+_MOVES = 10
+# Draws of the prior, in multiples of `_PARTICLES`, of which enough must be possible.
 _MOST_TRIED = 50
-# Probes at each stage of tempering from the prior for each pair of unknowns: a narrow mode is met
-# by one point in many thousands, and given away by its weight.
+# Probes of one stage for each pair of unknowns: a narrow mode is met by one point in many
+# thousands, and given away by its weight.
 _PROBES = 5_000
-# Probes times unknowns, at most: in many dimensions points meet nothing narrow.
-_MOST_PROBES = 320_000
-# Numbers that are computed for the probes of a stage, for each pair of unknowns, at most: some
-# seconds for all stages of one search.
-_PROBED_NUMBERS = 800_000
-# Unknowns of which these pairs are counted, at most.
+# Numbers that are computed for these probes, at most: a second for all stages of one search.
+_PROBED_NUMBERS = 500_000
+# Unknowns of which the pairs are counted, at most.
 _PAIRED = 4
 # Starting points among the probes of a stage.
 _PROBED_STARTS = 2
-# Moves of a stage of tempering from the prior, which need not be exact, at most.
-_FORWARD_MOVES = 10
-# Moves of a stage of the search, at most.
-_MOVES = 20
-# Unknowns up to which probes and starting points of optimisation meet every mode, so that other
-# particles are not needed to check that: chosen by experiment, tests/evidence has 27 such models.
+# Share of the modes in the final reference, if there are several.
+_SHARE_OF_MODES = 0.2
+# Unknowns up to which optimisation and probes met every mode of the models in tests/evidence, so
+# that no other particles are needed to check that.
 _FEW_UNKNOWNS = 2
 # Nats by which a reference's density is below that of the posterior where it has too few draws.
 _LACKING = 5.0
-# Share of the prior in the first reference, while little is known.
-_FIRST_SHARE = 0.2
-# Share of the prior in the final reference.
-_LAST_SHARE = 0.1
-# Share of the modes in the final reference, if there are several.
-_SHARE_OF_MODES = 0.2
-# Independent points to which one place visited by a particle is equivalent: chosen by experiment.
-_WORTH_OF_PLACE = 1 / 3
-# Places to which a mixture is fitted, for each pair of unknowns, at most.
-_PLACES = 1_000
-# Places to which a mixture is fitted, at most.
-_MOST_PLACES = 20_000
 
 
 @dataclass(frozen=True)
@@ -115,99 +91,58 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
     `checked`, it is compared with the places of other particles, and with draws of the prior at its
     bounds.
     """
-    draws = int(np.clip(_DRAWS_PER_UNKNOWN * target.dimension, _FEWEST_DRAWS, _MOST_DRAWS))
-    few = int(np.clip(_FORWARD_PER_UNKNOWN * target.dimension, _FEWEST_FORWARD, _MOST_FORWARD))
-    prior, score, share = _possible_draws(target, draws, few, rng)
-    # If hardly any draw is possible, each stands for several particles.
-    particles = np.resize(prior, (few, target.dimension))
-    forward = TemperedSMC(GeometricPath(target), particles, rng, max_moves=_FORWARD_MOVES).run()
-    trusted = not forward.capped and len(prior) >= few
+    prior, score, share = _possible_draws(target, rng)
+    forward = _tempered(prior, target, rng)
+    trusted = not forward.capped and len(prior) >= _FORWARD
     forward_error = float(np.hypot(np.sqrt(forward.variance), share.standard_error))
     modes = _modes(target, prior, score, forward, rng)
 
     mixture, at_modes, at_modes_k = _fitted(forward, rng), Estimate(-np.inf, np.inf), np.inf
     if modes is not None:
         mixture = mixture.joined(modes.mixture)
-        _, log_weights = weighted_draws(target.score, modes.mixture.heavy_tailed(), draws, rng)
+        _, log_weights = weighted_draws(target.score, modes.mixture.heavy_tailed(), _PARTICLES, rng)
         at_modes, at_modes_k = mean_weight(log_weights)
         if not at_modes_k < LARGEST_PARETO_K:
             at_modes = Estimate(at_modes.value, np.inf)
-    first = Reference(mixture.heavy_tailed(), _FIRST_SHARE)
-    particles = first.draw(target.draw_prior, draws, rng)
+    first = Reference(mixture.heavy_tailed(), PRIOR_SHARE)
+    particles = first.draw(target.draw_prior, _PARTICLES, rng)
     found = TemperedSMC(GeometricPath(target, first), particles, rng, max_moves=_MOVES).run()
     mixture = _fitted(found, rng)
     if modes is not None and len(modes.log_masses) > 1:
         # There may be more modes than a mixture has components.
         mixture = mixture.joined(modes.mixture, _SHARE_OF_MODES)
-    reference = Reference(mixture.heavy_tailed(), _LAST_SHARE)
-    unmet, at_bounds = np.nan, -np.inf
+    reference, unmet = Reference(mixture.heavy_tailed(), PRIOR_SHARE), np.nan
     if checked and target.dimension > _FEW_UNKNOWNS:
-        others = np.resize(prior[::-1], (few, target.dimension))
-        unmet = _unmet(target, reference, found.log_evidence, others, rng)
-    if checked:
-        at_bounds = target.log_evidence_at_bounds(draws, rng)
+        others = _tempered(prior[::-1], target, rng).particles
+        unmet = _unmet(target, reference, found.log_evidence, others)
     return Search(
         reference,
         Estimate(forward.log_evidence + share.value, forward_error if trusted else np.inf),
         at_modes,
         at_modes_k,
         modes.log_masses if modes is not None else np.array([]),
-        at_bounds,
+        target.log_evidence_at_bounds(_PARTICLES, rng) if checked else -np.inf,
         unmet,
     )
 
 
-def _modes(
-    target: Target, prior: Array, score: Array, forward: TemperedSMC, rng: np.random.Generator
-) -> Modes | None:
-    """Find modes from draws of the prior, from tempered particles and from probes."""
-    spread = [*starting_points(prior, score)]
-    starts = [
-        *spread[:2],
-        forward.particles[rng.integers(len(forward.particles), size=_TEMPERED_STARTS)],
-        *(_best_probes(target, mixture, rng) for mixture in forward.mixtures),
-    ]
-    return find_modes(target.derivatives, starts, width_of(prior), spread[2:])
-
-
-def _unmet(
-    target: Target,
-    reference: Reference,
-    log_evidence: float,
-    particles: Array,
-    rng: np.random.Generator,
-) -> float:
-    """Return the share of other particles, tempered from the prior, that the reference lacks.
-
-    All chains start from one reference: if it lacks a mode, they agree with each other all the
-    same. Other particles may find this mode.
-    """
-    other = TemperedSMC(GeometricPath(target), particles, rng, max_moves=_FORWARD_MOVES).run()
-    prior, likelihood = target.score(other.particles)
-    lacking = prior + likelihood - log_evidence - reference.log_density(other.particles, prior)
-    return float(np.mean(lacking > _LACKING))
-
-
-def _possible_draws(
-    target: Target, draws: int, few: int, rng: np.random.Generator
-) -> tuple[Array, Array, Estimate]:
+def _possible_draws(target: Target, rng: np.random.Generator) -> tuple[Array, Array, Estimate]:
     """Return possible draws of the prior, their log density, and the log of their share.
 
     If few are possible, because the model excludes what its prior does not, more are drawn.
     """
-    points, scores, drawn = np.empty((0, target.dimension)), np.empty(0), 0
-    nan_count = 0
-    while len(points) < few and drawn < _MOST_TRIED * draws:
-        prior = target.draw_prior(draws, rng)
+    points, scores = np.empty((0, target.dimension)), np.empty(0)
+    drawn = nan_count = 0
+    while len(points) < _FORWARD and drawn < _MOST_TRIED * _PARTICLES:
+        prior = target.draw_prior(_PARTICLES, rng)
         log_prior, log_likelihood, bad = target.evaluate(prior)
         score = log_prior + log_likelihood
         possible = np.isfinite(score)
         points, scores = np.append(points, prior[possible], 0), np.append(scores, score[possible])
-        drawn += draws
+        drawn += _PARTICLES
         nan_count += bad
     check_possible(np.isfinite(scores), nan_count, f"{drawn} draws of the prior")
-    again = np.add(*target.score(points[:_SCORED_TWICE]))
-    if not np.allclose(again, scores[:_SCORED_TWICE], rtol=_SCORES_DIFFER):
+    if not np.allclose(np.add(*target.score(points[:_FORWARD])), scores[:_FORWARD]):
         raise ValueError(
             "the density of the model is random: the same point had another one when it was "
             "computed again. Such a model has no evidence"
@@ -216,19 +151,41 @@ def _possible_draws(
     return points, scores, Estimate(float(np.log(share)), np.sqrt((1 - share) / len(points)))
 
 
-def _fitted(smc: TemperedSMC, rng: np.random.Generator) -> GaussianMixture:
-    """Fit a mixture to all places that particles visited at their last stage."""
-    visited = smc.visited
-    components = components_for(len(visited) * _WORTH_OF_PLACE, smc.dimension)
-    enough = min(_PLACES * smc.dimension**2, _MOST_PLACES)
-    visited = visited[:: -(-len(visited) // enough)]
-    return GaussianMixture.fit(visited, components, rng)
+def _tempered(prior: Array, target: Target, rng: np.random.Generator) -> TemperedSMC:
+    """Temper draws of the prior; if few are possible, each stands for several particles."""
+    particles = np.resize(prior, (_FORWARD, target.dimension))
+    return TemperedSMC(GeometricPath(target), particles, rng, max_moves=_MOVES).run()
+
+
+def _modes(
+    target: Target, prior: Array, score: Array, forward: TemperedSMC, rng: np.random.Generator
+) -> Modes | None:
+    """Find modes from draws of the prior, and from probes at each stage of tempering."""
+    groups = [*starting_points(prior, score)]
+    probes = [_best_probes(target, mixture, rng) for mixture in forward.mixtures]
+    starts = [np.concatenate(groups[:2]), np.concatenate(probes)]
+    return find_modes(target.derivatives, starts, width_of(prior), groups[2:])
 
 
 def _best_probes(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -> Array:
     """Return draws of a mixture with the largest weights: they may lie in a narrow mode."""
-    size = target.dimension
-    affordable = _PROBED_NUMBERS * min(size, _PAIRED) ** 2 // target.cost()
-    probes = min(_PROBES * size**2, _MOST_PROBES // size, affordable)
-    points, log_weights = weighted_draws(target.score, mixture, max(probes, _PROBED_STARTS), rng)
+    of_pair = min(_PROBES, _PROBED_NUMBERS // target.cost())
+    probes = max(of_pair * min(target.dimension, _PAIRED) ** 2, _PROBED_STARTS)
+    points, log_weights = weighted_draws(target.score, mixture, probes, rng)
     return points[np.argpartition(-log_weights, _PROBED_STARTS - 1)[:_PROBED_STARTS]]
+
+
+def _fitted(smc: TemperedSMC, rng: np.random.Generator) -> GaussianMixture:
+    """Fit a mixture to all places that particles visited at their last stage."""
+    return GaussianMixture.fit(smc.visited, components_for(smc.draws, smc.dimension), rng)
+
+
+def _unmet(target: Target, reference: Reference, log_evidence: float, others: Array) -> float:
+    """Return the share of other particles, tempered from the prior, that the reference lacks.
+
+    All chains start from one reference: if it lacks a mode, they agree with each other all the
+    same. Other particles may find this mode.
+    """
+    prior, likelihood = target.score(others)
+    lacking = prior + likelihood - log_evidence - reference.log_density(others, prior)
+    return float(np.mean(lacking > _LACKING))

@@ -131,15 +131,20 @@ def run_smc(
     first = start[0] if start else None
     kernel = BatchedSMC(draws=draws, start=first, model=model, **kernel_settings)
     populations: list[Array] = []
-    stats: list[dict[str, list[float]]] = []
+    stats: list[list[dict[str, float]]] = []
     search, *seeds = np.random.SeedSequence(random_seed).spawn(1 + chains)
     with SMCProgressBarManager(kernel, chains, progressbar) as progress:
         if start is None:
             kernel.find_reference(np.random.default_rng(search))
         for chain, seed in enumerate(seeds):
+
+            def show(stages: list[dict[str, float]], chain: int = chain) -> None:
+                betas = [0.0, *(stage["beta"] for stage in stages)]
+                progress.update(chain, len(stages), betas[-1], betas[-2], is_last=betas[-1] == 1)
+
+            begin = start[chain] if start else None
             try:
-                kernel.initialize(start[chain] if start else None, np.random.default_rng(seed))
-                stats.append(_temper(kernel, chain, progress))
+                stats.append(kernel.temper(begin, np.random.default_rng(seed), show))
             except KeyboardInterrupt:
                 if not populations:
                     raise
@@ -188,30 +193,15 @@ def _variables_to_keep(model: pm.Model, var_names: Sequence[str] | None) -> list
     return [v for name, v in variables.items() if var_names is None or name in var_names]
 
 
-def _temper(
-    kernel: BatchedSMC, chain: int, progress: SMCProgressBarManager
-) -> dict[str, list[float]]:
-    """Run one chain from the prior to the posterior; what each stage reports."""
-    stages: dict[str, list[float]] = {name: [] for name in kernel.stats_dtypes_shapes}
-    while kernel.beta < 1:
-        beta = kernel.beta
-        kernel.update_beta_and_weights()
-        progress.update(chain, len(stages["beta"]), kernel.beta, beta)
-        for name, value in kernel.step().items():
-            stages[name].append(value)
-    progress.update(chain, len(stages["beta"]), 1.0, 1.0, is_last=True)
-    return stages
-
-
 @without_traces
 def particles_to_tree(
     kernel: BatchedSMC,
     populations: list[Array],
-    stats: list[dict[str, list[float]]],
+    stats: list[list[dict[str, float]]],
     variables: list[TensorVariable],
     random_seed: Any,
 ) -> xr.DataTree:
-    """Result of a model whose particles, and what each stage reports, are known for every chain."""
+    """Return the result of a model from each chain's particles, and statistics of its stages."""
     model = kernel.model
     constrain = BatchedFunction.of_model(model, model.replace_rvs_by_values(variables))
     chains = [constrain(population) for population in populations]

@@ -5,7 +5,6 @@ import xarray as xr
 
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
-from pymc_hyperelastic.evidence.tempering import stayed
 from pymc_hyperelastic.evidence.verdicts import VERDICTS, registered_checks
 from pymc_hyperelastic.files.stored import (
     check_numbers,
@@ -19,13 +18,17 @@ from pymc_hyperelastic.files.stored import (
 _NEEDED = ("log_evidence", "log_evidence_se")
 # Dimensions of the variables of the group ``evidence``.
 _VARIABLES: dict[str, tuple[str, ...]] = {
-    **dict.fromkeys((*_NEEDED, "moves", "ancestors", "pareto_k"), ("chain",)),
+    **dict.fromkeys((*_NEEDED, "stages_capped", "ancestor_fraction", "pareto_k"), ("chain",)),
     **dict.fromkeys(("forward", "forward_se", "at_modes", "at_modes_se"), ()),
     **dict.fromkeys(("at_bounds", "unmet"), ()),
     "at_limit": ("limit",),
 }
 # Variables that are needed if another variable is there.
-_TOGETHER = {"ancestors": "moves", "forward_se": "forward", "at_modes_se": "at_modes"}
+_TOGETHER = {
+    "ancestor_fraction": "stages_capped",
+    "forward_se": "forward",
+    "at_modes_se": "at_modes",
+}
 
 
 def check_evidence(tree: xr.DataTree) -> None:
@@ -85,13 +88,12 @@ def _evidence_of_pymc(tree: xr.DataTree, stats: xr.Dataset) -> xr.Dataset:
     def last(name: str) -> Array:
         return np.array([stages[~np.isnan(stages)][-1] for stages in of_chains(name)])
 
-    settings = {name: read_number(stats, name) for name in ("max_moves", "_n_draws")}
-    capped = stayed(np.concatenate(of_chains("moves")), settings["max_moves"])
+    capped = of_chains("capped")
     return xr.Dataset(
         {
             "log_evidence": ("chain", last("log_marginal_likelihood")),
             "log_evidence_se": ("chain", np.sqrt(last("log_evidence_variance"))),
-            "ancestors": ("chain", last("ancestors") / settings["_n_draws"]),
-            "moves": ("chain", np.full(len(of_chains("moves")), capped.mean())),
+            "ancestor_fraction": ("chain", last("ancestors") / read_number(stats, "_n_draws")),
+            "stages_capped": ("chain", np.array([np.nanmean(stages) for stages in capped])),
         }
     )

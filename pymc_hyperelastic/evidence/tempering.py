@@ -1,9 +1,12 @@
 """Waste-free sequential Monte Carlo: lead particles along a path of densities to the posterior."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from pymc_hyperelastic.evidence.checks import no_progress
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
 from pymc_hyperelastic.evidence.moves import (
     HamiltonianMove,
@@ -21,20 +24,23 @@ from pymc_hyperelastic.evidence.weights import (
 
 # Fraction of the effective sample size that stages keep: the usual value.
 THRESHOLD = 0.5
+# Largest correlation of a variable with its value before at which particles have forgotten it.
+FORGET = 0.1
+# Moves of a stage, at most.
+MAX_MOVES = 50
+# Stages at which particles have not forgotten their places, before a chain goes on in haste:
+# posteriors that come out right have had six at most.
+MOST_CAPPED = 6
 # Moves of a stage, at least: after fewer a correlation cannot show how fast particles move.
-FEWEST_MOVES = 4
+_FEWEST_MOVES = 4
 # Effective fraction of the particles at the later β at which proposals look ahead.
 _AHEAD = 0.02
 # Share of the points to which a mixture is fitted that are weighted as at the later β.
 _SHARE_AHEAD = 0.3
-# Points to which a mixture is fitted, at most, unless half of the particles are more.
+# Points to which a mixture is fitted, at most.
 _POINTS_TO_FIT = 1000
-# Acceptance rate below which independent moves do not pay at the posterior.
-_RARE = 0.1
-# Iterations of expectation maximisation from the mixture of the stage before: it is nearly right.
-_FEW_ITERATIONS = 4
-# The same without one.
-_ITERATIONS = 10
+# Iterations of expectation maximisation: the mixture of the stage before is nearly right.
+_ITERATIONS = 4
 
 
 class TemperedSMC:
@@ -44,10 +50,10 @@ class TemperedSMC:
     ----------
     path : GeometricPath
     particles : array, shape (n, d)
-        Draws of the start of the path; of the posterior, or near it, if they have `arrived`.
+        Draws of the density on the path at `beta`, or near it.
     rng : numpy.random.Generator
-    arrived : bool
-        Whether the particles are at the posterior.
+    beta : float
+        Exponent at which the particles are: 0 at the start of the path, 1 at the posterior.
     threshold : float
         Fraction of the effective sample size that stages keep.
     forget : float
@@ -55,21 +61,19 @@ class TemperedSMC:
     max_moves : int
         Moves of one stage, at most.
     most_capped : float
-        Stages with `max_moves` from which on particles move once a stage: the variance is then
-        infinite.
-    max_evaluations : float
-        Evaluations of the density from which on particles move once a stage.
+        Stages whose particles may not have forgotten their places. From then on they move once a
+        stage, and the variance is infinite.
 
     Attributes
     ----------
-    particles : array, shape (n, d)
-    beta : float
-    log_evidence, variance : float
-        Of the stages so far; the variance is relative.
+    log_evidence : float
+        Of the stages so far.
     pareto_k : float
         Shape of the largest weights of a reference's particles, as draws of the posterior.
+    stages : int
+        Number of stages so far.
     capped : int
-        Stages at which particles had not forgotten their places.
+        Number of stages whose particles had not forgotten their places.
     """
 
     def __init__(
@@ -78,20 +82,19 @@ class TemperedSMC:
         particles: Array,
         rng: np.random.Generator,
         *,
-        arrived: bool = False,
+        beta: float = 0.0,
         threshold: float = THRESHOLD,
-        forget: float = 0.1,
-        max_moves: int = 50,
+        forget: float = FORGET,
+        max_moves: int = MAX_MOVES,
         most_capped: float = np.inf,
-        max_evaluations: float = np.inf,
     ) -> None:
         self.path, self.rng = path, rng
         self.threshold, self.forget, self.max_moves = threshold, forget, max_moves
-        self.most_capped, self.max_evaluations = most_capped, max_evaluations
+        self.most_capped = most_capped
         self.draws, self.dimension = particles.shape
-        self.beta, self.moves, self.capped, self._arrived = float(arrived), 0, 0, arrived
-        self.stages = 0
-        self.log_evidence, self.variance = 0.0, 0.0
+        self.beta, self.log_evidence = beta, 0.0
+        self.stages = self.capped = self.moves = 0
+        self.stage_capped = False
         self.effective_sample_size, self.acceptance = float(self.draws), 0.0
         self._now = path.at(particles)
         self.pareto_k = pareto_shape(self._now.log_ratio) if path.reference else np.nan
@@ -108,13 +111,14 @@ class TemperedSMC:
             else RandomWalkMove(self.dimension)
         )
 
-    def run(self) -> "TemperedSMC":
-        """Lead the particles to the posterior."""
+    def run(self, report: Callable[[], None] = no_progress) -> "TemperedSMC":
+        """Lead the particles to the posterior; call `report` after each stage."""
         while self.beta < 1:
             self.reweight()
             self.resample()
             self.adapt()
             self.move()
+            report()
         return self
 
     def stay(self) -> None:
@@ -129,14 +133,11 @@ class TemperedSMC:
         return self._now.points
 
     @property
-    def exhausted(self) -> bool:
-        """True if the density was evaluated more often than allowed."""
-        return self.path.evaluations > self.max_evaluations
-
-    @property
-    def stuck(self) -> bool:
-        """True if particles had not forgotten their places at the end of most stages."""
-        return self.capped > self.stages / 2
+    def variance(self) -> float:
+        """Relative variance of the evidence so far."""
+        if self.capped > self.most_capped:
+            return np.inf
+        return float(np.sum(self._influence**2)) / self.draws**2
 
     @property
     def mixture(self) -> GaussianMixture:
@@ -181,7 +182,6 @@ class TemperedSMC:
 
         of_particle = self.weights.reshape(-1, self.draws).sum(axis=0) * self.draws
         self._influence += np.bincount(self.eve, of_particle - 1, self.draws)
-        self.variance = float(np.sum(self._influence**2)) / self.draws**2
         self._step_ahead = max(largest_step(ratio, _AHEAD, remaining) - step, 0.0)
 
     def resample(self) -> None:
@@ -206,17 +206,14 @@ class TemperedSMC:
         points, _, ratio = (np.concatenate(x) for x in zip(*visited, strict=True))
         weights = (1 - _SHARE_AHEAD) * _weights(ratio, self.beta - beta)
         weights += _SHARE_AHEAD * _weights(ratio, self.beta - beta + self._step_ahead)
-        size = max(self.draws // 2, min(len(points), _POINTS_TO_FIT))
+        size = min(len(points), _POINTS_TO_FIT)
         to_fit = points[systematic(weights, size, self.rng)]
         components = components_for(size, self.dimension)
         start = self.mixtures[-1] if self.mixtures else None
-        alive = start is not None and len(start.means) == components
+        if start is not None and len(start.means) != components:
+            start = None
         mixture = GaussianMixture.fit(
-            to_fit,
-            components,
-            self.rng,
-            start=start if alive else None,
-            iterations=_FEW_ITERATIONS if alive else _ITERATIONS,
+            to_fit, components, self.rng, start=start, iterations=_ITERATIONS
         )
         self.mixtures.append(mixture.heavy_tailed())
 
@@ -227,29 +224,20 @@ class TemperedSMC:
         self._visited = [self._now]
         self._terms = self.mixture.log_density_of_components(origin)
         rates: list[float] = []
-        hurried = self.capped >= self.most_capped
-        local_only = False
-        for number in range(self.max_moves):
-            independent = number % 2 == 0 and not local_only
-            rates.append(self._step(self.independent_move if independent else self.local_move))
-            # Between modes that are yet to be weighed even rare moves count.
-            local_only |= self._arrived and independent and rates[-1] < _RARE
-            if hurried or self.exhausted:
-                self.capped += 1
-                break
+        most = 1 if self.capped >= self.most_capped else self.max_moves
+        forgotten = False
+        while len(rates) < most and not forgotten:
+            rates.append(self._step(self.local_move if len(rates) % 2 else self.independent_move))
             # The few particles that stick in the tails are lost in the first correlation, but will
             # carry the weight of later stages.
-            if (
-                len(rates) >= FEWEST_MOVES
+            forgotten = (
+                len(rates) >= _FEWEST_MOVES
                 and _largest_correlation(origin, self.particles) < self.forget
                 and _largest_correlation(far, self._weight_ahead()) < self.forget / 2
-            ):
-                break
-        else:
-            self.capped += 1
-        if hurried:
-            self.variance = np.inf
+            )
         self.stages += 1
+        self.stage_capped = not forgotten
+        self.capped += self.stage_capped
         self.moves = len(rates)
         self.acceptance = float(np.mean(rates))
 
@@ -287,11 +275,3 @@ def _largest_correlation(before: Array, after: Array) -> float:
     before, after = before - before.mean(axis=0), after - after.mean(axis=0)
     norm = np.sqrt((before**2).sum(axis=0) * (after**2).sum(axis=0))
     return float(np.max(np.abs((before * after).sum(axis=0)) / np.maximum(norm, 1e-300)))
-
-
-def stayed(moves: Array, max_moves: float) -> NDArray[np.bool_]:
-    """Return True for stages after which particles had not forgotten their places.
-
-    A stage in haste has fewer moves than are needed to estimate the correlation.
-    """
-    return (moves >= max_moves) | (moves < FEWEST_MOVES)

@@ -16,6 +16,8 @@ from pymc_hyperelastic.evidence.diagnosis import (
 )
 from pymc_hyperelastic.evidence.verdicts import worst_of
 
+# Variables of the group ``evidence`` with one value a chain.
+OF_CHAINS = ("stages_capped", "ancestor_fraction", "pareto_k")
 SEED = 20250
 GOOD, DOUBTFUL, BAD = "good", "doubtful", "not to be trusted"
 DRAWS = np.random.default_rng(SEED).standard_normal((4, 500))
@@ -23,9 +25,9 @@ DRAWS = np.random.default_rng(SEED).standard_normal((4, 500))
 
 def result(log_evidence=(-10.0, -10.02, -9.99, -10.01), se=0.02, draws=DRAWS, **evidence):
     """Return the stored evidence of four chains; without changes its verdict is "good"."""
-    found = {"moves": 0.0, "ancestors": 0.5, "pareto_k": 0.1} | evidence
+    found = {"stages_capped": 0.0, "ancestor_fraction": 0.5, "pareto_k": 0.1} | evidence
     chains = {"log_evidence": np.array(log_evidence), "log_evidence_se": np.full(4, se)}
-    chains |= {name: np.full(4, found.pop(name)) for name in ("moves", "ancestors", "pareto_k")}
+    chains |= {name: np.full(4, found.pop(name)) for name in OF_CHAINS}
     return xr.DataTree.from_dict(
         {
             "evidence": xr.Dataset({k: ("chain", v) for k, v in chains.items()}).assign(found),
@@ -78,13 +80,13 @@ LIMITS = [
     ("R-hat", {"draws": draws_of_rhat(1.051)}, DOUBTFUL),
     ("R-hat", {"draws": draws_of_rhat(1.199)}, DOUBTFUL),
     ("R-hat", {"draws": draws_of_rhat(1.201)}, BAD),
-    ("moves", {"moves": 0.49, "ancestors": 0.149}, GOOD),
-    ("moves", {"moves": 0.51, "ancestors": 0.149}, DOUBTFUL),
-    ("moves", {"moves": 1.0, "ancestors": 0.151}, GOOD),
-    ("ancestors", {"ancestors": 0.031}, GOOD),
-    ("ancestors", {"ancestors": 0.029}, DOUBTFUL),
-    ("ancestors", {"ancestors": 0.0101}, DOUBTFUL),
-    ("ancestors", {"ancestors": 0.0099}, BAD),
+    ("moves", {"stages_capped": 0.49, "ancestor_fraction": 0.149}, GOOD),
+    ("moves", {"stages_capped": 0.51, "ancestor_fraction": 0.149}, DOUBTFUL),
+    ("moves", {"stages_capped": 1.0, "ancestor_fraction": 0.151}, GOOD),
+    ("ancestors", {"ancestor_fraction": 0.031}, GOOD),
+    ("ancestors", {"ancestor_fraction": 0.029}, DOUBTFUL),
+    ("ancestors", {"ancestor_fraction": 0.0101}, DOUBTFUL),
+    ("ancestors", {"ancestor_fraction": 0.0099}, BAD),
     ("prior's side", {"forward": -10.005 + 0.29, "forward_se": 0.05}, GOOD),
     ("prior's side", {"forward": -10.005 + 0.31, "forward_se": 0.05}, BAD),
     ("prior's side", {"forward": -10.005 + 0.79, "forward_se": 0.2}, GOOD),
@@ -121,20 +123,20 @@ def test_verdict_on_each_side_of_a_limit(check, changed, verdict):
 
 def test_worst_chain_decides_about_ancestors_and_weights_and_the_mean_about_moves():
     tree = result()
-    tree["evidence"]["ancestors"][2] = 0.02
+    tree["evidence"]["ancestor_fraction"][2] = 0.02
     tree["evidence"]["pareto_k"][1] = 0.8
-    tree["evidence"]["moves"][:] = [1.0, 0.2, 0.0, 0.0]
+    tree["evidence"]["stages_capped"][:] = [1.0, 0.2, 0.0, 0.0]
     value = ph.diagnose_evidence(tree)["value"]
     found = [float(value.sel(check=check)) for check in ("ancestors", "weights", "moves")]
     assert found == pytest.approx([0.02, 0.8, 0.3])
 
 
 def test_verdict_is_stored_and_the_warning_says_why():
-    tree = with_diagnosis(result(ancestors=0.005))
+    tree = with_diagnosis(result(ancestor_fraction=0.005))
     with pytest.warns(UserWarning, match=r"class 'C1': the evidence is not .* come from 0\.5%"):
         warn_of_evidence(tree, "class 'C1': ")
     assert np.isinf(ph.log_evidence(tree).standard_error)
-    tree["evidence"]["ancestors"][:] = 0.5
+    tree["evidence"]["ancestor_fraction"][:] = 0.5
     assert ph.diagnose_evidence(tree).attrs["verdict"] == BAD
     assert worst_verdict([result(), tree]) == BAD
     assert worst_of(["", GOOD]) == GOOD
@@ -146,20 +148,20 @@ def test_result_of_the_sampler_of_pymc_is_read_from_its_stages():
         "log_marginal_likelihood": [[-9.0, -4.0], [-8.0, -4.1, np.nan]],
         "log_evidence_variance": [[0.5, 0.09], [0.5, 0.16, np.nan]],
         "ancestors": [[100.0, 50.0], [100.0, 20.0, np.nan]],
-        "moves": [[49, 50], [30, 7, 50]],
+        "capped": [[0, 1], [0, 0, 1, np.nan]],
     }
     columns = {}
     for name, chains in stages.items():
         columns[name] = ("chain", np.empty(2, object))
         columns[name][1][:] = chains
-    group = xr.Dataset(columns, attrs={"max_moves": 50, "_n_draws": 200})
+    group = xr.Dataset(columns, attrs={"_n_draws": 200})
     tree = xr.DataTree.from_dict({"sample_stats": group})
     value, error = ph.log_evidence(tree)
     assert value == pytest.approx(np.logaddexp(-4.0, -4.1) - np.log(2))
     assert error == pytest.approx(0.25)
     found = ph.diagnose_evidence(tree)["value"]
     assert float(found.sel(check="ancestors")) == pytest.approx(0.1)
-    assert float(found.sel(check="moves")) == pytest.approx(0.4)
+    assert float(found.sel(check="moves")) == pytest.approx((1 / 2 + 1 / 3) / 2)
 
 
 def test_particles_that_miss_a_sudden_transition_are_noticed():
@@ -169,5 +171,5 @@ def test_particles_that_miss_a_sudden_transition_are_noticed():
     with pytest.warns(UserWarning, match="the evidence is"):
         tree = ph.sample_smc(problem.model(), 300, 2, **settings)
     assert ph.log_evidence(tree).value < problem.log_evidence() - 1
-    assert np.all(tree["evidence"]["moves"] == 1)
+    assert np.all(tree["evidence"]["stages_capped"] == 1)
     assert ph.diagnose_evidence(tree).attrs["verdict"] != GOOD

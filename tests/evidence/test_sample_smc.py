@@ -70,11 +70,10 @@ def test_evidence_group_summarises_the_stages(tree):
 
     np.testing.assert_array_equal(evidence["log_evidence"], last("log_marginal_likelihood"))
     np.testing.assert_allclose(evidence["log_evidence_se"], np.sqrt(last("log_evidence_variance")))
-    np.testing.assert_allclose(evidence["ancestors"], np.array(last("ancestors")) / 300)
+    np.testing.assert_allclose(evidence["ancestor_fraction"], np.array(last("ancestors")) / 300)
     np.testing.assert_array_equal(evidence["pareto_k"], last("pareto_k"))
-    moves = stages["moves"].values
-    capped = [np.mean(row[np.isfinite(row)] >= 50) for row in moves]
-    np.testing.assert_array_equal(evidence["moves"], capped)
+    capped = [row[np.isfinite(row)].mean() for row in stages["capped"].values]
+    np.testing.assert_array_equal(evidence["stages_capped"], capped)
     assert tree["diagnosis"].attrs["verdict"] == "good"
     checks = {"chains", "R-hat", "moves", "ancestors", "weights"}
     assert checks <= set(tree["diagnosis"]["check"].values)
@@ -115,13 +114,13 @@ def test_only_tempered_terms_enter_the_evidence():
 def test_interrupt_keeps_complete_chains(model, tree, monkeypatch):
     """An interrupt of the first chain is raised."""
     stages = int(np.isfinite(tree["sample_stats"]["beta"].values[0]).sum())
-    interrupt(monkeypatch, ph.BatchedSMC, "mutate", stages + 1)
+    interrupt(monkeypatch, ph.BatchedSMC, "sample_stats", stages + 1)
     with pytest.warns(UserWarning, match="1 of 3 chains are complete") as caught:
         kept = ph.sample_smc(model, **RUN)
     np.testing.assert_array_equal(kept["posterior"]["slope"], tree["posterior"]["slope"][:1])
     assert kept["evidence"].sizes["chain"] == 1
     assert caught[0].filename == __file__
     assert np.isfinite(ph.log_evidence(kept)).all()
-    interrupt(monkeypatch, ph.BatchedSMC, "mutate", 1)
+    interrupt(monkeypatch, ph.BatchedSMC, "sample_stats", 1)
     with pytest.raises(KeyboardInterrupt):
         ph.sample_smc(model, **FEW)

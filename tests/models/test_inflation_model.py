@@ -150,7 +150,7 @@ def result_of(model):
     posterior = {"anything": np.ones((1, 3))}
     point = model.initial_point()
     unconstrained = {name: np.asarray(value)[None, None] for name, value in point.items()}
-    return sampling_tree(model, posterior, unconstrained, [{name: [1.0] for name in names}], {}, 1)
+    return sampling_tree(model, posterior, unconstrained, [[dict.fromkeys(names, 1.0)]], {}, 1)
 
 
 def test_a_result_holds_what_is_needed_to_make_the_model_again(tmp_path):
