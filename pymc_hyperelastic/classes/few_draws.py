@@ -145,7 +145,7 @@ class FewDraws:
         fraction = min(_FOR_SHAPE * points.shape[1] / len(points), _MOST_FOR_SHAPE)
         tempered = largest_step(log_terms, fraction, 1.0) * log_terms
         builder, current = ExpectationMaximisation(), self.proposals[k].mixture
-        fitted = builder.fitted(points, tempered, rng, current, final=True)
+        fitted = builder.fitted(points, tempered, rng, current)
         return fitted.widened(_WIDER, _FREEDOM)
 
 

@@ -21,31 +21,24 @@ from pymc_hyperelastic.evidence.weights import (
 LARGEST_PARETO_K = 0.5
 # Pareto shape up to which the mean of Pareto-smoothed weights is reliable (Vehtari et al. 2024).
 LARGEST_RELIABLE_K = 0.7
-# Fewest effective draws by which a mean is known: its relative error is then at most 1/20.
+# Fewest effective draws by which a mean is known, or a proposal is fitted: a relative error of a
+# mean is then at most 1/20.
 ENOUGH = 400
 # Unknowns up to which proposals are adapted. More cannot be: a mixture that is fitted to draws of
 # itself loses more by errors of its correlations than it gains. A class of five coordinates has 20.
 MOST_UNKNOWNS = 24
+# Draws of a step of adaptation: chosen by experiment.
+STEP_DRAWS = 4000
 # Fresh draws of the first round; each further round has twice as many.
 DRAWS = 8000
-# Fresh draws of the last round.
-_MOST_DRAWS = 64_000
+# Rounds of fresh draws, at most.
+_MOST_ROUNDS = 4
 # Share of the prior in a proposal: weights are then bounded if the likelihood is (Owen and Zhou).
 PRIOR_SHARE = 0.1
-# Draws of the candidate proposals.
-CANDIDATE_DRAWS = 1500
 # Standard error, in nats, with which a log integral is accurate enough.
 LARGEST_ERROR = 0.03
-# Variance of proposals at modes, relative to that of the modes: chosen by experiment.
-_WIDER = 1.1
-# Degrees of freedom of proposals at modes: heavy tails for skewed modes.
-_FREEDOM = 4.0
-# Adaptive steps, at most.
+# Steps of adaptation, at most: more than any density has needed.
 _MOST_STEPS = 40
-# Adaptive steps at the density itself, once it is reached.
-_LAST_STEPS = 2
-# Effective draws below which no shape is learned, for each unknown.
-_FEWEST_EFFECTIVE = 2
 
 
 class Integral(NamedTuple):
@@ -119,25 +112,34 @@ def importance_sampling(
         unknown = Estimate(-np.inf, np.inf)
         return Integral(unknown, np.inf, "importance", initial_proposal.draw(size, rng))
     if candidate_proposals:
-        pool = Pool(score, draw_prior)
-        pool.add(candidate_proposals, rng)
-        points, log_weights = pool.weighted()
+        points, log_weights = _weighted(score, draw_prior, candidate_proposals, rng)
         found = integral_of(points, log_weights, size, rng)
         if found.accurate and effective_sample_size(log_weights) > size:
             return found
     share = PRIOR_SHARE if draw_prior else 0.0
     mixture = adapted_proposal(score, initial_proposal, builder, rng, draw_prior)
-    draws = min(draws, _MOST_DRAWS)
-    while True:
-        fresh = Pool(score, draw_prior)
-        fresh.add([(Reference(mixture.heavy_tailed(), share), draws)], rng)
-        points, log_weights = fresh.weighted()
+    for _ in range(_MOST_ROUNDS):
+        proposal = Reference(mixture.heavy_tailed(), share)
+        points, log_weights = _weighted(score, draw_prior, [(proposal, draws)], rng)
         found = integral_of(points, log_weights, size, rng)
-        few = effective_sample_size(log_weights) < _FEWEST_EFFECTIVE * dimension
+        # Fewer effective draws than unknowns have no covariance.
+        if found.accurate or effective_sample_size(log_weights) <= dimension:
+            break
+        mixture = builder.fitted(points, log_weights, rng, mixture)
         draws *= 2
-        if found.accurate or few or draws > _MOST_DRAWS:
-            return found
-        mixture = builder.fitted(points, log_weights, rng, mixture, final=True)
+    return found
+
+
+def _weighted(
+    score: Score,
+    draw_prior: DrawPrior | None,
+    proposals: Sequence[tuple[Reference, int]],
+    rng: np.random.Generator,
+) -> tuple[Array, Array]:
+    """Return draws of proposals, and their log weights."""
+    pool = Pool(score, draw_prior)
+    pool.add(proposals, rng)
+    return pool.weighted()
 
 
 def adapted_proposal(
@@ -161,24 +163,20 @@ def adapted_proposal(
     """
     share = PRIOR_SHARE if draw_prior else 0.0
     start = Reference(initial_proposal.heavy_tailed(), share)
-    mixture, arrived = initial_proposal, 0
-    draws, effective = builder.step_size(initial_proposal.means.shape[1])
-    pool = Pool(score, draw_prior)
+    mixture, pool = initial_proposal, Pool(score, draw_prior)
     for _ in range(_MOST_STEPS):
-        pool.add([(Reference(mixture.heavy_tailed(), share), draws)], rng)
+        pool.add([(Reference(mixture.heavy_tailed(), share), STEP_DRAWS)], rng)
         log_density = pool.prior + pool.likelihood
         possible = np.isfinite(log_density)
-        if possible.sum() < effective:
+        if possible.sum() < ENOUGH:
             break
         points = pool.points[possible]
         log_start = start.log_density(points, pool.prior[possible])
         ratio = log_density[possible] - log_start
         log_weights = log_start - pool.log_proposal[possible]
-        beta = largest_step(ratio, effective / len(points), 1.0, log_weights)
-        arrived += beta == 1
-        log_weights += beta * ratio
-        mixture = builder.fitted(points, log_weights, rng, mixture, final=arrived > 0)
-        if arrived == _LAST_STEPS:
+        beta = largest_step(ratio, ENOUGH / len(points), 1.0, log_weights)
+        mixture = builder.fitted(points, log_weights + beta * ratio, rng, mixture)
+        if beta == 1:
             break
     return mixture
 
@@ -236,11 +234,6 @@ def integral_of(points: Array, log_weights: Array, size: int, rng: np.random.Gen
         weights = np.exp(log_weights - log_weights.max())
         particles = rng.permutation(points[systematic(weights, size, rng)])
     return Integral(log_value, pareto_k, "importance", particles)
-
-
-def at_modes(modes: GaussianMixture) -> GaussianMixture:
-    """Return a proposal at modes, with heavier tails for modes that are skewed."""
-    return modes.widened(_WIDER, freedom=_FREEDOM)
 
 
 def weighted_draws(

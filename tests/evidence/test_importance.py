@@ -124,9 +124,9 @@ def test_draws_to_which_a_proposal_was_fitted_are_not_among_the_particles():
     seen, fitted = [], []
 
     class Recorded(ExpectationMaximisation):
-        def fitted(self, points, log_weights, rng, current, *, final):
+        def fitted(self, points, log_weights, rng, current):
             fitted.append(points)
-            good = super().fitted(points, log_weights, rng, current, final=final)
+            good = super().fitted(points, log_weights, rng, current)
             # So wide after adaptation that another round is needed.
             first_rounds = len([p for p in seen if len(p) >= 8000]) < 2
             return good.widened(40.0) if first_rounds else good
@@ -168,7 +168,7 @@ def test_method_of_an_integral_depends_on_the_number_of_unknowns(
 class OfErrors(Target):
     """Standard normal priors, a likelihood of squared errors, and Gauss-Newton curvatures."""
 
-    knows_curvature, has_gradients = True, False
+    has_gradients = False
 
     def __init__(self, errors, dimension, axes=None):
         self._errors, self.dimension = errors, dimension
@@ -321,6 +321,6 @@ def test_laplace_approximations_about_draws_follow_a_bent_ridge(density, least):
         draws = rng.multivariate_normal([0.5, -1.0, 0.2], covariance, 4000)
     builder, unweighted = LaplaceMixture(OfDensity(density, 3)), np.zeros(4000)
     start = GaussianMixture.fit(draws, 1, rng)
-    mixture = builder.fitted(draws, unweighted, rng, start, final=True)
+    mixture = builder.fitted(draws, unweighted, rng, start)
     assert density is normal or effective_fraction(density, start) < 0.2
     assert effective_fraction(density, mixture) > least
