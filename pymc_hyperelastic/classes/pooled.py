@@ -36,7 +36,7 @@ from pymc_hyperelastic.evidence.importance import (
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import find_modes
-from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
+from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
 from pymc_hyperelastic.evidence.stored_evidence import check_evidence
@@ -415,7 +415,7 @@ class ClassPredictive:
         found = importance_sampling(
             self._kernel.score,
             self._mixture,
-            ExpectationMaximisation(),
+            expectation_maximisation,
             1,
             rng,
             draws=effort.draws,

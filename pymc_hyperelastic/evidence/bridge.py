@@ -11,7 +11,12 @@ from scipy.optimize import brentq
 from scipy.special import expit, log_expit, logsumexp
 
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.convergence import disagreement, divergence, effective_size
+from pymc_hyperelastic.evidence.convergence import (
+    FEWEST_EFFECTIVE,
+    disagreement,
+    divergence,
+    effective_size,
+)
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
 from pymc_hyperelastic.evidence.proposal import fitted_proposal
@@ -32,8 +37,6 @@ _SHORTEST_CHAIN = 10
 _FEWEST_DRAWS = 200
 # Largest number of proposals; else there is one for each chain.
 _MOST_PARTS = 8
-# Effective draws, at least: errors were right with 48, and eight times too small with 8.
-_FEWEST_EFFECTIVE = 40
 # Largest score, whose distribution is standard normal for draws of the posterior: larger ones have
 # a probability of 1 in 20000.
 _LARGEST_SCORE = 4.0
@@ -319,7 +322,7 @@ def _misfit(bridges: list[_Bridge]) -> list[str]:
     """Return doubts: too few effective draws, or draws of another density."""
     doubts = []
     effective = np.sum([b.effective for b in bridges], axis=0).min()
-    if not effective >= _FEWEST_EFFECTIVE:
+    if not effective >= FEWEST_EFFECTIVE:
         doubts.append(
             f"posterior and proposals hardly overlap (effective draws: {effective:.0f}): draw "
             "more, or choose another proposal"

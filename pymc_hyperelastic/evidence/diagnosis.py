@@ -5,10 +5,9 @@ from collections.abc import Iterable
 
 import numpy as np
 import xarray as xr
-from arviz_stats.base import array_stats
 from scipy.stats import chi2
 
-from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT
+from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT, largest_rhat
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import LARGEST_RELIABLE_K
 from pymc_hyperelastic.evidence.mixture import Array
@@ -17,7 +16,6 @@ from pymc_hyperelastic.evidence.verdicts import (
     BAD,
     DOUBTFUL,
     GOOD,
-    VERDICTS,
     Check,
     registered_checks,
     verdict_of,
@@ -49,11 +47,10 @@ _MOST_AT_LIMIT = 0.5
 # particles may stand for much mass: three change points with 0.024 were wrong by 0.9 nats. Some
 # right models have 0.02, heavy tails 0.08: they are doubted in vain.
 _MOST_UNMET = 0.01
-# The same for a doubtful evidence. Three change points, of whose six modes some were missing, had
-# 0.3 to 1 in most runs.
-_MODE_UNMET = 0.1
-# Share of the posterior at bounds up to which it is a part of the error, in nats.
-_MOST_AT_BOUNDS = 0.1
+# Share of the posterior that may be missing where other particles, or bounds, tell so: above it the
+# evidence is not to be trusted. Three change points, of whose six modes some were missing, had 0.3
+# to 1 in most runs.
+_MOST_MISSING = 0.1
 # Checks that compare the model with its data, where the evidence itself may be right.
 _ABOUT_FIT = ("limits",)
 _INSTEAD = (
@@ -102,7 +99,7 @@ def log_evidence(tree: xr.DataTree) -> Estimate:
     if "at_bounds" in evidence:
         # As if all of it were missing, which it is not: particles move towards the bounds.
         common = float(np.hypot(common, np.exp(float(evidence["at_bounds"]) - estimate.value)))
-    if diagnose_evidence(tree).attrs["verdict"] == VERDICTS[BAD]:
+    if diagnose_evidence(tree).attrs["verdict"] == BAD:
         common = np.inf
     return Estimate(estimate.value, float(np.hypot(estimate.standard_error, common)))
 
@@ -235,7 +232,7 @@ def _checks_of_search(evidence: xr.Dataset) -> list[Check]:
             f"{share:.0%} of other particles, led from the prior alone, are where chains began "
             "with hardly any: a mode may be missing"
         )
-        verdict = verdict_of(share, _MOST_UNMET, _MODE_UNMET)
+        verdict = verdict_of(share, _MOST_UNMET, _MOST_MISSING)
         checks.append(Check("search", share, _MOST_UNMET, verdict, words))
     if "at_bounds" in evidence:
         share = float(np.exp(evidence["at_bounds"] - total.value))
@@ -243,8 +240,8 @@ def _checks_of_search(evidence: xr.Dataset) -> list[Check]:
             f"{share:.0%} of the posterior lies where numbers are rounded to a bound of their "
             "prior, and may be missing: give a prior with less mass at its bounds"
         )
-        verdict = BAD if share > _MOST_AT_BOUNDS else GOOD
-        checks.append(Check("bounds", share, _MOST_AT_BOUNDS, verdict, words))
+        verdict = BAD if share > _MOST_MISSING else GOOD
+        checks.append(Check("bounds", share, _MOST_MISSING, verdict, words))
     return checks
 
 
@@ -277,7 +274,7 @@ def warn_of_evidence(tree: xr.DataTree, of: str = "") -> None:
 def judgement(diagnosis: xr.Dataset) -> str:
     """Return a sentence on the doubtful evidence, or fit, and the reason; empty if all is good."""
     verdict, words = diagnosis.attrs["verdict"], diagnosis.attrs["words"]
-    if verdict == VERDICTS[GOOD]:
+    if verdict == GOOD:
         return ""
     about_fit = {*_ABOUT_FIT, *(name for c in registered_checks() for name in c.about_fit)}
     of_fit = set(_names_of(diagnosis, verdict)) <= about_fit
@@ -312,20 +309,21 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[C
     checks = [Check("chains", spread, limit, verdict_of(spread, limit, max(limit, _NATS)), words)]
     group = "unconstrained_posterior"
     if group in tree.children:
-        rhat = {}
+        names, columns = [], []
         for name in map(str, read_draws(tree, group).data_vars):
             draws = read_numbers(tree, group, name, None, finite=False)
             draws = draws.transpose("chain", "draw", ...).values
-            rhat[name] = float(np.max(array_stats.rhat(draws, chain_axis=0, draw_axis=1)))
-        worst = max(rhat, key=lambda name: round(rhat[name], DIGITS))
-        words = f"chains met different parts of the posterior: R-hat of {worst} {rhat[worst]:.2f}"
-        verdict = verdict_of(rhat[worst], LARGEST_RHAT, _APART_RHAT)
-        checks.append(Check("R-hat", rhat[worst], LARGEST_RHAT, verdict, words))
+            columns.append(draws.reshape(*draws.shape[:2], -1))
+            names += columns[-1].shape[2] * [name]
+        rhat, worst = largest_rhat(names, np.concatenate(columns, axis=2))
+        words = f"chains met different parts of the posterior: R-hat of {worst} {rhat:.2f}"
+        verdict = verdict_of(rhat, LARGEST_RHAT, _APART_RHAT)
+        checks.append(Check("R-hat", rhat, LARGEST_RHAT, verdict, words))
     return checks
 
 
 def _as_dataset(checks: list[Check]) -> xr.Dataset:
-    worst = max((check.verdict for check in checks), default=GOOD)
+    worst = worst_of([GOOD, *(check.verdict for check in checks)])
     said = [check for check in checks if check.verdict == worst]
     enough = {*_ABOUT_FIT}
     for registered in registered_checks():
@@ -335,11 +333,11 @@ def _as_dataset(checks: list[Check]) -> xr.Dataset:
     columns = {
         "value": np.array([check.value for check in checks]),
         "limit": np.array([check.limit for check in checks]),
-        "verdict": np.array([VERDICTS[check.verdict] for check in checks]),
-        "words": np.array([check.words if check.verdict else "" for check in checks]),
+        "verdict": np.array([check.verdict for check in checks]),
+        "words": np.array([check.words if check.verdict != GOOD else "" for check in checks]),
     }
     return xr.Dataset(
         {name: ("check", column) for name, column in columns.items()},
         {"check": [check.name for check in checks]},
-        {"verdict": VERDICTS[worst], "words": words if worst else "nothing is against it"},
+        {"verdict": worst, "words": words if worst != GOOD else "nothing is against it"},
     )

@@ -93,7 +93,7 @@ def importance_sampling(
         Log prior and log likelihood of points, (n, d); their sum is the log density.
     initial_proposal : GaussianMixture
         Roughly like the density, or wider.
-    builder : ProposalBuilder
+    builder : callable
         Fits a proposal to weighted draws.
     size : int
         Number of particles.
@@ -125,7 +125,7 @@ def importance_sampling(
         # Fewer effective draws than unknowns have no covariance.
         if found.accurate or effective_sample_size(log_weights) <= dimension:
             break
-        mixture = builder.fitted(points, log_weights, rng, mixture)
+        mixture = builder(points, log_weights, rng, mixture)
         draws *= 2
     return found
 
@@ -175,7 +175,7 @@ def adapted_proposal(
         ratio = log_density[possible] - log_start
         log_weights = log_start - pool.log_proposal[possible]
         beta = largest_step(ratio, ENOUGH / len(points), 1.0, log_weights)
-        mixture = builder.fitted(points, log_weights + beta * ratio, rng, mixture)
+        mixture = builder(points, log_weights + beta * ratio, rng, mixture)
         if beta == 1:
             break
     return mixture

@@ -1,5 +1,7 @@
 """Compute one integral: by importance sampling if that is reliable, else by tempering."""
 
+from functools import partial
+
 import numpy as np
 
 from pymc_hyperelastic.evidence.estimate import Estimate
@@ -13,7 +15,7 @@ from pymc_hyperelastic.evidence.importance import (
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.modes import find_modes, starting_points
 from pymc_hyperelastic.evidence.path import GeometricPath
-from pymc_hyperelastic.evidence.proposal import LaplaceMixture
+from pymc_hyperelastic.evidence.proposal import laplace_mixture
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.search import find_reference
 from pymc_hyperelastic.evidence.target import Target, width_of
@@ -45,7 +47,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     found = importance_sampling(
         target.score,
         initial,
-        LaplaceMixture(target),
+        partial(laplace_mixture, target),
         size,
         rng,
         draw_prior=target.draw_prior,

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
@@ -25,7 +25,8 @@ _REACH = 2.0
 # Largest distance of the mean of a Laplace approximation from its draw, in its own sds.
 _FARTHEST = 3.0
 
-Fit = Callable[[Array], GaussianMixture]
+# A method that fits a proposal to points, (n, d), with log weights, (n), from the current proposal.
+ProposalBuilder = Callable[[Array, Array, np.random.Generator, GaussianMixture], GaussianMixture]
 
 
 def fitted_proposal(
@@ -44,7 +45,7 @@ def fitted_proposal(
     early, late = (part.reshape(-1, dimension) for part in (draws[:, :middle], draws[:, middle:]))
     normal = partial(_normal, shrinkage=_best_shrinkage(early, late))
     components = components_for(effective, dimension)
-    fits: list[Fit] = [normal]
+    fits: list[Callable[[Array], GaussianMixture]] = [normal]
     if kind != "normal" and components > 1:
         several = partial(GaussianMixture.fit, components=components, rng=rng)
         fits = [several] if kind == "mixture" else [normal, several]
@@ -60,85 +61,54 @@ def fitted_proposal(
     return mixture.heavy_tailed() if heavy_tailed else mixture
 
 
-class ProposalBuilder(Protocol):
-    """A method that fits a proposal to weighted draws."""
-
-    def fitted(
-        self,
-        points: Array,
-        log_weights: Array,
-        rng: np.random.Generator,
-        current: GaussianMixture,
-    ) -> GaussianMixture:
-        """Return a proposal; `current` is the one before."""
-
-
-class ExpectationMaximisation:
-    """Gaussian mixtures, fitted to draws by expectation maximisation from the current mixture.
+def expectation_maximisation(
+    points: Array, log_weights: Array, rng: np.random.Generator, current: GaussianMixture
+) -> GaussianMixture:
+    """Fit a mixture with as many components as the effective draws determine.
 
     References
     ----------
     O. Cappé, R. Douc, A. Guillin, J.-M. Marin and C. P. Robert, Adaptive importance sampling in
     general mixture classes, Statistics and Computing 18 (2008) 447.
     """
-
-    def fitted(
-        self,
-        points: Array,
-        log_weights: Array,
-        rng: np.random.Generator,
-        current: GaussianMixture,
-    ) -> GaussianMixture:
-        """Return a mixture with as many components as the effective draws determine."""
-        components = components_for(effective_sample_size(log_weights), points.shape[1])
-        weights = np.exp(log_weights - log_weights.max())
-        resampled = points[systematic(weights, len(points), rng)]
-        start = current if len(current.means) >= components else None
-        return GaussianMixture.fit(resampled, components, rng, start=start)
+    components = components_for(effective_sample_size(log_weights), points.shape[1])
+    weights = np.exp(log_weights - log_weights.max())
+    resampled = points[systematic(weights, len(points), rng)]
+    start = current if len(current.means) >= components else None
+    return GaussianMixture.fit(resampled, components, rng, start=start)
 
 
-class LaplaceMixture:
-    """Mixtures of Laplace approximations about draws.
+def laplace_mixture(
+    target: Target,
+    points: Array,
+    log_weights: Array,
+    rng: np.random.Generator,
+    current: GaussianMixture,
+) -> GaussianMixture:
+    """Return a Laplace approximation of a target about each of some draws, chosen by weight.
 
     If data do not determine a parameter, a posterior has arms, along which its other unknowns
     bend. A mixture that is fitted to draws follows an arm only where there are many draws; the
     curvature shows how the density falls off around each draw.
-
-    Parameters
-    ----------
-    target : Target
-        The density.
     """
+    weights = np.exp(log_weights - log_weights.max())
+    covariance = np.cov(points.T, ddof=0, aweights=weights).reshape(2 * points.shape[1:])
+    variances = np.diagonal(covariance)
+    factor = np.linalg.cholesky(covariance + np.diag(variance_floor(variances)))
 
-    def __init__(self, target: Target) -> None:
-        self._target = target
+    def derivatives(z: Array, width: Array) -> Derivatives:
+        """Derivatives with respect to ``z``, where ``x = factor z``."""
+        _, gradient, curvature = found = target.derivatives(
+            z @ factor.T, width * np.sqrt(variances)
+        )
+        if curvature is not None:
+            curvature = factor.T @ curvature @ factor
+        return found._replace(gradient=gradient @ factor, curvature=curvature)
 
-    def fitted(
-        self,
-        points: Array,
-        log_weights: Array,
-        rng: np.random.Generator,
-        current: GaussianMixture,
-    ) -> GaussianMixture:
-        """Return a mixture with a component for each of some draws, chosen by their weights."""
-        weights = np.exp(log_weights - log_weights.max())
-        covariance = np.cov(points.T, ddof=0, aweights=weights).reshape(2 * points.shape[1:])
-        variances = np.diagonal(covariance)
-        factor = np.linalg.cholesky(covariance + np.diag(variance_floor(variances)))
-
-        def derivatives(z: Array, width: Array) -> Derivatives:
-            """Derivatives with respect to ``z``, where ``x = factor z``."""
-            _, gradient, curvature = found = self._target.derivatives(
-                z @ factor.T, width * np.sqrt(variances)
-            )
-            if curvature is not None:
-                curvature = factor.T @ curvature @ factor
-            return found._replace(gradient=gradient @ factor, curvature=curvature)
-
-        chosen = points[systematic(weights, _APPROXIMATIONS, rng)]
-        z = np.linalg.solve(factor, chosen.T).T
-        with np.errstate(all="ignore"):
-            return laplace_about(with_curvature(derivatives)(z, np.ones(z.shape)), chosen, factor)
+    chosen = points[systematic(weights, _APPROXIMATIONS, rng)]
+    z = np.linalg.solve(factor, chosen.T).T
+    with np.errstate(all="ignore"):
+        return laplace_about(with_curvature(derivatives)(z, np.ones(z.shape)), chosen, factor)
 
 
 def laplace_about(derivatives: Derivatives, points: Array, factor: Array) -> GaussianMixture:

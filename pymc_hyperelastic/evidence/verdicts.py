@@ -7,8 +7,7 @@ from typing import NamedTuple
 import xarray as xr
 
 # Verdicts from good to bad.
-VERDICTS = ("good", "doubtful", "not to be trusted")
-GOOD, DOUBTFUL, BAD = range(3)
+GOOD, DOUBTFUL, BAD = VERDICTS = ("good", "doubtful", "not to be trusted")
 
 
 class Check(NamedTuple):
@@ -17,8 +16,7 @@ class Check(NamedTuple):
     name: str
     value: float
     limit: float
-    verdict: int
-    """Index of `VERDICTS`."""
+    verdict: str
     words: str
     """The fault, if the verdict is not good."""
 
@@ -52,7 +50,7 @@ def registered_checks() -> tuple[ModelChecks, ...]:
     return tuple(_registered)
 
 
-def verdict_of(value: float, good: float, bad: float) -> int:
+def verdict_of(value: float, good: float, bad: float) -> str:
     """Return the verdict of a value that should be small; NaN is bad."""
     if value <= good:
         return GOOD

@@ -19,9 +19,9 @@ from pymc_hyperelastic.evidence.importance import (
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.proposal import (
-    ExpectationMaximisation,
-    LaplaceMixture,
+    expectation_maximisation,
     laplace_about,
+    laplace_mixture,
 )
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.target import Derivatives, Target, evaluation, finite_differences
@@ -56,7 +56,7 @@ def test_mean_weight_of_fewer_than_400_effective_draws_is_unknown():
 def test_no_mixture_of_more_than_24_unknowns_is_adapted():
     initial = GaussianMixture(np.zeros(1), np.zeros((1, 25)), np.eye(25)[None])
     rng = np.random.default_rng(SEED)
-    found = importance_sampling(None, initial, ExpectationMaximisation(), 10, rng)
+    found = importance_sampling(None, initial, expectation_maximisation, 10, rng)
     assert found.log_value == (-np.inf, np.inf) and not found.reliable
 
 
@@ -107,7 +107,7 @@ def test_integral_of_a_normal_prior_and_likelihood(draws):
     spread, place = 0.1, np.array([1.0, -0.5])
     score, exact = normal_problem(spread, place)
     rng = np.random.default_rng(SEED)
-    initial, builder = GaussianMixture.fit(draw_prior(2000, rng), 1, rng), ExpectationMaximisation()
+    initial, builder = GaussianMixture.fit(draw_prior(2000, rng), 1, rng), expectation_maximisation
     found = importance_sampling(
         score, initial, builder, 500, rng, draw_prior=draw_prior, draws=draws
     )
@@ -123,13 +123,12 @@ def test_draws_to_which_a_proposal_was_fitted_are_not_among_the_particles():
     score, exact = normal_problem()
     seen, fitted = [], []
 
-    class Recorded(ExpectationMaximisation):
-        def fitted(self, points, log_weights, rng, current):
-            fitted.append(points)
-            good = super().fitted(points, log_weights, rng, current)
-            # So wide after adaptation that another round is needed.
-            first_rounds = len([p for p in seen if len(p) >= 8000]) < 2
-            return good.widened(40.0) if first_rounds else good
+    def builder(points, log_weights, rng, current):
+        fitted.append(points)
+        good = expectation_maximisation(points, log_weights, rng, current)
+        # So wide after adaptation that another round is needed.
+        first_rounds = len([p for p in seen if len(p) >= 8000]) < 2
+        return good.widened(40.0) if first_rounds else good
 
     def recorded(points):
         seen.append(points)
@@ -137,7 +136,7 @@ def test_draws_to_which_a_proposal_was_fitted_are_not_among_the_particles():
 
     rng = np.random.default_rng(SEED)
     initial = GaussianMixture(np.zeros(1), np.zeros((1, 2)), np.eye(2)[None])
-    found = importance_sampling(recorded, initial, Recorded(), 500, rng)
+    found = importance_sampling(recorded, initial, builder, 500, rng)
     assert [len(points) for points in seen[-3:]] != [1000] * 3 and len(seen[-1]) > 8000
     averaged = {tuple(x) for x in seen[-1]}
     assert {tuple(x) for x in found.particles} <= averaged
@@ -319,8 +318,8 @@ def test_laplace_approximations_about_draws_follow_a_bent_ridge(density, least):
     if density is normal:
         covariance = np.array([[1.0, 0.6, 0.0], [0.6, 0.5, 0.02], [0.0, 0.02, 0.01]])
         draws = rng.multivariate_normal([0.5, -1.0, 0.2], covariance, 4000)
-    builder, unweighted = LaplaceMixture(OfDensity(density, 3)), np.zeros(4000)
+    target, unweighted = OfDensity(density, 3), np.zeros(4000)
     start = GaussianMixture.fit(draws, 1, rng)
-    mixture = builder.fitted(draws, unweighted, rng, start)
+    mixture = laplace_mixture(target, draws, unweighted, rng, start)
     assert density is normal or effective_fraction(density, start) < 0.2
     assert effective_fraction(density, mixture) > least
