@@ -31,14 +31,12 @@ MOST_UNKNOWNS = 24
 STEP_DRAWS = 4000
 # Fresh draws of the first round; each further round has twice as many.
 DRAWS = 8000
-# Rounds of fresh draws, at most.
-_MOST_ROUNDS = 4
+# Draws of all steps of adaptation together, and of one round, at most.
+_MOST_DRAWS = 100_000
 # Share of the prior in a proposal: weights are then bounded if the likelihood is (Owen and Zhou).
 PRIOR_SHARE = 0.1
 # Standard error, in nats, with which a log integral is accurate enough.
 LARGEST_ERROR = 0.03
-# Steps of adaptation, at most: more than any density has needed.
-_MOST_STEPS = 40
 
 
 class Integral(NamedTuple):
@@ -118,16 +116,16 @@ def importance_sampling(
             return found
     share = PRIOR_SHARE if draw_prior else 0.0
     mixture = adapted_proposal(score, initial_proposal, builder, rng, draw_prior)
-    for _ in range(_MOST_ROUNDS):
+    while True:
         proposal = Reference(mixture.heavy_tailed(), share)
         points, log_weights = _weighted(score, draw_prior, [(proposal, draws)], rng)
         found = integral_of(points, log_weights, size, rng)
-        # Fewer effective draws than unknowns have no covariance.
-        if found.accurate or effective_sample_size(log_weights) <= dimension:
-            break
-        mixture = builder(points, log_weights, rng, mixture)
         draws *= 2
-    return found
+        # Fewer effective draws than unknowns have no covariance.
+        few = effective_sample_size(log_weights) <= dimension
+        if found.accurate or few or draws > _MOST_DRAWS:
+            return found
+        mixture = builder(points, log_weights, rng, mixture)
 
 
 def _weighted(
@@ -164,7 +162,7 @@ def adapted_proposal(
     share = PRIOR_SHARE if draw_prior else 0.0
     start = Reference(initial_proposal.heavy_tailed(), share)
     mixture, pool = initial_proposal, Pool(score, draw_prior)
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MOST_DRAWS // STEP_DRAWS):
         pool.add([(Reference(mixture.heavy_tailed(), share), STEP_DRAWS)], rng)
         log_density = pool.prior + pool.likelihood
         possible = np.isfinite(log_density)
@@ -240,9 +238,7 @@ def weighted_draws(
     score: Score, proposal: GaussianMixture, draws: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Return draws of a proposal, and their log weights."""
-    points = proposal.draw(draws, rng)
-    log_weights = sum(score(points)) - proposal.log_density(points)
-    return points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
+    return _weighted(score, None, [(Reference(proposal, 0.0), draws)], rng)
 
 
 def mean_weight(log_weights: Array) -> tuple[Estimate, float]:

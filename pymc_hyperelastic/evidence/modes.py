@@ -13,12 +13,10 @@ from pymc_hyperelastic.evidence.target import LogDensityGradient, width_of, with
 
 # Nats below the largest log mass from which modes are dropped.
 _NEGLIGIBLE = 20.0
-# Nats by which the end of an optimisation may be below its maximum: else it has none. The density
-# of a hierarchy may grow without bound where a spread goes to zero.
-_BELOW_MAXIMUM = 1.0
-# Nats by which the density of a point may differ from that of a mode near it. If it differs more,
-# the point belongs to another regime of the prior, or to another mode.
-_SAME_MODE = 5.0
+# Nats by which the end of an optimisation may be below its maximum, and the density of a point may
+# differ from that of a mode near it. If it differs more, there is no maximum, as for the density of
+# a hierarchy where a spread goes to zero; or the point belongs to another mode or regime.
+_CLOSE = 1.0
 # Starting points of a group.
 _STARTS = 16
 
@@ -89,7 +87,7 @@ class _Mode:
         """Return True if a point is at most about one sd away, with a density like the mode's."""
         square = np.sum(np.linalg.solve(self.factor, point - self.mean) ** 2)
         below = self.log_density - log_density
-        return bool(square < point.size and -_SAME_MODE < below < _SAME_MODE + square / 2)
+        return bool(square < point.size and -_CLOSE < below < _CLOSE + square / 2)
 
 
 def _that_count(modes: list[_Mode]) -> list[_Mode]:
@@ -117,7 +115,7 @@ def _search(
             continue
         factor = _factor_at(derivatives, point, widths, width)
         # Half of the square of the gradient, in sds, is the distance to the maximum in nats.
-        if factor is not None and np.sum((factor.T @ gradient) ** 2) < 2 * _BELOW_MAXIMUM:
+        if factor is not None and np.sum((factor.T @ gradient) ** 2) < 2 * _CLOSE:
             modes.append(_Mode(point, value, factor))
 
 

@@ -11,8 +11,6 @@ from pymc_hyperelastic.evidence.target import Derivatives, LogDensityGradient
 # Largest component of the gradient at the end, in nats for the width of the mode, which may be far
 # too small where it was learned from the steps.
 _GRADIENT_TOLERANCE = 0.005
-# Smallest width of a mode, in widths of the prior: steps of differences must not be rounded to 0.
-_NARROWEST = 1e-8
 # Evaluations of one optimisation, at most: a density without bound has no maximum.
 _MOST_EVALUATIONS = 300
 # Factor of the damping after a rejected step, and divisor after an accepted one (Marquardt).
@@ -80,7 +78,8 @@ def maximize_batch(derivatives: LogDensityGradient, starts: Array, width: Array)
         x[accepted] += step[accept]
         value[accepted], gradient[accepted] = new_value[accept], new_gradient[accept]
         inverse = np.linalg.inv(_with_damping(curvature[accepted], 1.0))
-        local[accepted] = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2)).clip(_NARROWEST)
+        # Steps of differences must not be rounded to nothing.
+        local[accepted] = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2).clip(VARIANCE_FLOOR))
     return Maxima(x * width, value, gradient / width, local * width)
 
 
