@@ -37,7 +37,6 @@ from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import find_modes
 from pymc_hyperelastic.evidence.proposal import expectation_maximisation
-from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
 from pymc_hyperelastic.evidence.stored_evidence import check_evidence
 from pymc_hyperelastic.evidence.target import Score, gradient_by_differences, width_of
@@ -419,7 +418,7 @@ class ClassPredictive:
             1,
             rng,
             draws=effort.draws,
-            candidate_proposals=self._candidate_proposals(),
+            candidate=self._candidate(),
         )
         if not found.pareto_k < LARGEST_PARETO_K:
             return None
@@ -429,20 +428,17 @@ class ClassPredictive:
         )
         return _prediction(estimate, "adapted draws", max(found.pareto_k, self._normaliser_k))
 
-    def _candidate_proposals(self) -> list[tuple[Reference, int]]:
-        """Return proposals that may be like the posterior, with numbers of draws.
+    def _candidate(self) -> tuple[GaussianMixture, int] | None:
+        """Return a proposal that may be like the posterior, with a number of draws.
 
         The modes of a class move a little for one more specimen. Some draws of the class itself
         meet what there may be elsewhere.
         """
         modes = self._modes and self._modes_near(self._kernel.score, self._modes.means)
         if modes is None:
-            return []
-        of_class = round(_SHARE_OF_CLASS * _CANDIDATE_DRAWS)
-        return [
-            (Reference(self._mixture.heavy_tailed(), 0.0), of_class),
-            (Reference(modes.heavy_tailed(), 0.0), _CANDIDATE_DRAWS - of_class),
-        ]
+            return None
+        joined = modes.joined(self._mixture, _SHARE_OF_CLASS)
+        return joined.heavy_tailed(), _CANDIDATE_DRAWS
 
     def _by_tempering(self, effort: "_Effort", rng: np.random.Generator) -> Prediction:
         values, errors = [], []

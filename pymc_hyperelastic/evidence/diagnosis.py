@@ -7,7 +7,12 @@ import numpy as np
 import xarray as xr
 from scipy.stats import chi2
 
-from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT, largest_rhat
+from pymc_hyperelastic.evidence.convergence import (
+    DIGITS,
+    LARGEST_DEVIATION,
+    LARGEST_RHAT,
+    largest_rhat,
+)
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import LARGEST_RELIABLE_K
 from pymc_hyperelastic.evidence.mixture import Array
@@ -27,8 +32,6 @@ from pymc_hyperelastic.parallel import one_thread
 
 # Nats by which two evidences may differ whatever their errors.
 _NATS = 0.3
-# Standard errors by which two evidences may differ.
-_ERRORS = 4.0
 # Chains whose spread chance explains less often than this are apart.
 _CHANCE = 1e-3
 # R-hat from which chains have certainly not met the same posterior: chosen by experiment.
@@ -223,7 +226,7 @@ def _checks_of_search(evidence: xr.Dataset) -> list[Check]:
         if of in evidence and np.isfinite(evidence[f"{of}_se"]):
             gap = float(evidence[of]) - total.value
             error = float(np.hypot(evidence[f"{of}_se"], total.standard_error))
-            limit = max(_NATS, _ERRORS * error)
+            limit = max(_NATS, LARGEST_DEVIATION * error)
             words = f"the evidence from the {name} is larger by {gap:.2f} nats: mass is missing"
             checks.append(Check(name, gap, limit, BAD if gap > limit else GOOD, words))
     if "unmet" in evidence:

@@ -1,6 +1,5 @@
 """Importance sampling: adapt a proposal to a density, then average the weights of fresh draws."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -70,12 +69,12 @@ def importance_sampling(
     *,
     draw_prior: DrawPrior | None = None,
     draws: int = DRAWS,
-    candidate_proposals: Sequence[tuple[Reference, int]] = (),
+    candidate: tuple[GaussianMixture, int] | None = None,
 ) -> Integral:
     """Integrate a density by importance sampling, and draw particles from it.
 
-    1. Numbers of draws of `candidate_proposals` are weighted. If their mean is accurate, it is the
-       result: no proposal was fitted.
+    1. Draws of the `candidate` are weighted. If their mean is accurate, it is the result: no
+       proposal was fitted.
     2. The initial proposal is adapted to the density, see :func:`adapted_proposal`.
     3. Fresh draws of the final proposal are weighted. If their mean is not accurate, a proposal is
        fitted to them, they are dropped, and twice as many fresh draws are made of this proposal.
@@ -99,6 +98,8 @@ def importance_sampling(
         Draws of the prior.
     draws : int
         Number of fresh draws of the first round.
+    candidate : tuple of GaussianMixture and int, optional
+        A proposal that may be like the density, and the number of its draws.
 
     References
     ----------
@@ -109,16 +110,15 @@ def importance_sampling(
     if dimension > MOST_UNKNOWNS:
         unknown = Estimate(-np.inf, np.inf)
         return Integral(unknown, np.inf, "importance", initial_proposal.draw(size, rng))
-    if candidate_proposals:
-        points, log_weights = _weighted(score, draw_prior, candidate_proposals, rng)
+    if candidate is not None:
+        points, log_weights = weighted_draws(score, *candidate, rng, draw_prior)
         found = integral_of(points, log_weights, size, rng)
         if found.accurate and effective_sample_size(log_weights) > size:
             return found
-    share = PRIOR_SHARE if draw_prior else 0.0
     mixture = adapted_proposal(score, initial_proposal, builder, rng, draw_prior)
     while True:
-        proposal = Reference(mixture.heavy_tailed(), share)
-        points, log_weights = _weighted(score, draw_prior, [(proposal, draws)], rng)
+        proposal = mixture.heavy_tailed()
+        points, log_weights = weighted_draws(score, proposal, draws, rng, draw_prior)
         found = integral_of(points, log_weights, size, rng)
         draws *= 2
         # Fewer effective draws than unknowns have no covariance.
@@ -128,18 +128,6 @@ def importance_sampling(
         mixture = builder(points, log_weights, rng, mixture)
 
 
-def _weighted(
-    score: Score,
-    draw_prior: DrawPrior | None,
-    proposals: Sequence[tuple[Reference, int]],
-    rng: np.random.Generator,
-) -> tuple[Array, Array]:
-    """Return draws of proposals, and their log weights."""
-    pool = Pool(score, draw_prior)
-    pool.add(proposals, rng)
-    return pool.weighted()
-
-
 def adapted_proposal(
     score: Score,
     initial_proposal: GaussianMixture,
@@ -147,81 +135,30 @@ def adapted_proposal(
     rng: np.random.Generator,
     draw_prior: DrawPrior | None = None,
 ) -> GaussianMixture:
-    r"""Adapt a proposal :math:`q` to a density :math:`p`: adaptive multiple importance sampling.
+    r"""Adapt a proposal to a density :math:`p`: population Monte Carlo with tempered weights.
 
-    Each step adds draws of the last proposal to all draws before, weights all of them as if from
-    the mixture of their proposals, and fits the next proposal to the tempered density
+    Each step fits the next proposal to draws of the last one, :math:`q`, weighted as draws of
     :math:`q^{1-\beta} p^\beta`. The exponent :math:`\beta` is the largest one at which enough draws
-    are effective.
+    are effective. The last step is the first at which that is 1.
 
     References
     ----------
-    J.-M. Cornuet, J.-M. Marin, A. Mira and C. P. Robert, Adaptive multiple importance sampling,
-    Scandinavian Journal of Statistics 39 (2012) 798.
+    E. Koblents and J. Míguez, A population Monte Carlo scheme with transformed weights and its
+    application to stochastic kinetic models, Statistics and Computing 25 (2015) 407.
     """
-    share = PRIOR_SHARE if draw_prior else 0.0
-    start = Reference(initial_proposal.heavy_tailed(), share)
-    mixture, pool = initial_proposal, Pool(score, draw_prior)
+    mixture = initial_proposal
     for _ in range(_MOST_DRAWS // STEP_DRAWS):
-        pool.add([(Reference(mixture.heavy_tailed(), share), STEP_DRAWS)], rng)
-        log_density = pool.prior + pool.likelihood
-        possible = np.isfinite(log_density)
+        proposal = mixture.heavy_tailed()
+        points, log_weights = weighted_draws(score, proposal, STEP_DRAWS, rng, draw_prior)
+        possible = np.isfinite(log_weights)
         if possible.sum() < ENOUGH:
             break
-        points = pool.points[possible]
-        log_start = start.log_density(points, pool.prior[possible])
-        ratio = log_density[possible] - log_start
-        log_weights = log_start - pool.log_proposal[possible]
-        beta = largest_step(ratio, ENOUGH / len(points), 1.0, log_weights)
-        mixture = builder(points, log_weights + beta * ratio, rng, mixture)
+        points, log_weights = points[possible], log_weights[possible]
+        beta = largest_step(log_weights, ENOUGH / len(points), 1.0)
+        mixture = builder(points, beta * log_weights, rng, mixture)
         if beta == 1:
             break
     return mixture
-
-
-class Pool:
-    """Draws of several proposals, weighted as if each were from the mixture of all proposals."""
-
-    points: Array
-    """Shape (n, d)."""
-    prior: Array
-    """Log prior of each, shape (n,)."""
-    likelihood: Array
-    log_proposal: Array
-    """Log density of the mixture of proposals, plus ``ln n``."""
-
-    def __init__(self, score: Score, draw_prior: DrawPrior | None) -> None:
-        self._score, self._draw_prior = score, draw_prior
-        self._proposals: list[tuple[Reference, int]] = []
-
-    def add(self, proposals: Sequence[tuple[Reference, int]], rng: np.random.Generator) -> None:
-        """Draw numbers of points from proposals; the points are evaluated together."""
-        drawn = [proposal.draw(self._draw_prior, draws, rng) for proposal, draws in proposals]
-        points = np.concatenate(drawn)
-        prior, likelihood = self._score(points)
-        before, self._proposals = self._proposals, [*self._proposals, *proposals]
-        log_proposal = _log_density(self._proposals, points, prior)
-        if before:
-            of_new = _log_density(proposals, self.points, self.prior)
-            known = np.logaddexp(self.log_proposal, of_new)
-            points = np.concatenate([self.points, points])
-            prior = np.concatenate([self.prior, prior])
-            likelihood = np.concatenate([self.likelihood, likelihood])
-            log_proposal = np.concatenate([known, log_proposal])
-        self.points, self.prior, self.likelihood = points, prior, likelihood
-        self.log_proposal = log_proposal
-
-    def weighted(self) -> tuple[Array, Array]:
-        """Return all points, and their log weights, whose mean is the integral."""
-        log_weights = self.prior + self.likelihood - self.log_proposal + np.log(len(self.points))
-        return self.points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
-
-
-def _log_density(
-    proposals: Sequence[tuple[Reference, int]], points: Array, log_prior: Array
-) -> Array:
-    """Return the log of the sum of the densities of proposals times their numbers of draws."""
-    return np.logaddexp.reduce([np.log(n) + q.log_density(points, log_prior) for q, n in proposals])
 
 
 def integral_of(points: Array, log_weights: Array, size: int, rng: np.random.Generator) -> Integral:
@@ -235,10 +172,18 @@ def integral_of(points: Array, log_weights: Array, size: int, rng: np.random.Gen
 
 
 def weighted_draws(
-    score: Score, proposal: GaussianMixture, draws: int, rng: np.random.Generator
+    score: Score,
+    proposal: GaussianMixture,
+    draws: int,
+    rng: np.random.Generator,
+    draw_prior: DrawPrior | None = None,
 ) -> tuple[Array, Array]:
-    """Return draws of a proposal, and their log weights."""
-    return _weighted(score, None, [(Reference(proposal, 0.0), draws)], rng)
+    """Return draws of a proposal, some of the prior if it can be drawn from, and log weights."""
+    reference = Reference(proposal, PRIOR_SHARE if draw_prior else 0.0)
+    points = reference.draw(draw_prior, draws, rng)
+    prior, likelihood = score(points)
+    log_weights = prior + likelihood - reference.log_density(points, prior)
+    return points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
 
 
 def mean_weight(log_weights: Array) -> tuple[Estimate, float]:

@@ -7,7 +7,6 @@ import numpy as np
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import (
     MOST_UNKNOWNS,
-    PRIOR_SHARE,
     STEP_DRAWS,
     Integral,
     importance_sampling,
@@ -16,7 +15,6 @@ from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.modes import find_modes, starting_points
 from pymc_hyperelastic.evidence.path import GeometricPath
 from pymc_hyperelastic.evidence.proposal import laplace_mixture
-from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.search import find_reference
 from pymc_hyperelastic.evidence.target import Target, width_of
 from pymc_hyperelastic.evidence.tempering import TemperedSMC
@@ -35,7 +33,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
     """
     prior = target.draw_prior(STEP_DRAWS, rng)
     # A posterior that is hardly narrower than the prior is not like its mode.
-    initial, candidates = GaussianMixture.fit(prior, 1, rng), []
+    initial, candidate = GaussianMixture.fit(prior, 1, rng), None
     if target.dimension <= MOST_UNKNOWNS:
         starts = starting_points(prior, np.add(*target.score(prior)))
         modes = find_modes(target.derivatives, [next(starts)], width_of(prior), starts)
@@ -43,7 +41,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
             initial = initial.joined(modes.mixture)
             # Twice as many draws as particles: if the modes are like the posterior, half of them
             # are effective.
-            candidates = [(Reference(modes.mixture.heavy_tailed(), PRIOR_SHARE), 2 * size)]
+            candidate = modes.mixture.heavy_tailed(), 2 * size
     found = importance_sampling(
         target.score,
         initial,
@@ -51,7 +49,7 @@ def integrate(target: Target, size: int, rng: np.random.Generator) -> Integral:
         size,
         rng,
         draw_prior=target.draw_prior,
-        candidate_proposals=candidates,
+        candidate=candidate,
     )
     return found if found.reliable else _by_tempering(target, size, rng, found.log_value)
 

@@ -12,9 +12,9 @@ from pymc_hyperelastic.evidence import importance, integral
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import (
     Integral,
-    Pool,
     importance_sampling,
     mean_weight,
+    weighted_draws,
 )
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
@@ -23,7 +23,6 @@ from pymc_hyperelastic.evidence.proposal import (
     laplace_about,
     laplace_mixture,
 )
-from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.target import Derivatives, Target, evaluation, finite_differences
 from pymc_hyperelastic.evidence.weights import effective_sample_size
 
@@ -72,23 +71,17 @@ def test_values_are_reliable_and_accurate_up_to_a_pareto_shape():
     assert not Integral(Estimate(0.0, 0.04), 0.1, "", np.empty((0, 1))).accurate
 
 
-def test_all_draws_are_weighted_as_if_from_the_mixture_of_their_proposals():
+def test_draws_are_weighted_as_from_the_proposal_and_a_tenth_of_the_prior():
     def score(points):
         return stats.norm.logpdf(points).sum(axis=1), -np.abs(points).sum(axis=1)
 
     rng = np.random.default_rng(SEED)
-    pool, components = Pool(score, draw_prior), []
-    for centre, share, count in ((0.0, 0.2, 50), (1.0, 0.0, 30), (-2.0, 0.5, 20)):
-        mixture = GaussianMixture(np.zeros(1), np.full((1, 2), centre), np.eye(2)[None])
-        pool.add([(Reference(mixture, share), count)], rng)
-        components.append((centre, share, count))
-    points, log_weights = pool.weighted()
-    prior = stats.norm.pdf(points).prod(axis=1)
-    density = sum(
-        n / 100 * (share * prior + (1 - share) * stats.norm.pdf(points, c).prod(axis=1))
-        for c, share, n in components
-    )
-    np.testing.assert_allclose(np.exp(log_weights), np.exp(sum(score(points))) / density)
+    proposal = GaussianMixture(np.zeros(1), np.ones((1, 2)), np.eye(2)[None])
+    for prior, share in ((draw_prior, 0.1), (None, 0.0)):
+        points, log_weights = weighted_draws(score, proposal, 50, rng, prior)
+        of_prior, of_proposal = (stats.norm.pdf(points, at).prod(axis=1) for at in (0, 1))
+        density = share * of_prior + (1 - share) * of_proposal
+        np.testing.assert_allclose(np.exp(log_weights), np.exp(sum(score(points))) / density)
 
 
 def normal_problem(spread=0.1, place=(1.0, -0.5)):
