@@ -10,8 +10,7 @@ from pymc_hyperelastic.evidence.mixture import Array
 
 # Largest split R-hat of chains that agree.
 LARGEST_RHAT = 1.05
-# Standard errors by which numbers that are equal but for chance may differ: they differ more once in
-# 16,000 times.
+# Standard errors by which numbers may differ by chance, which they exceed once in 16,000 times.
 LARGEST_DEVIATION = 4.0
 # Effective draws, at least: errors of bridge sampling were right with 48, and eight times too small
 # with 8.
