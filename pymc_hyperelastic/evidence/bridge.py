@@ -187,7 +187,7 @@ def bridged(
     for part in range(count):
         this, others = parts == part, parts != part
         effective = effective_size(log_density[others])
-        kind = "normal" if proposal == "warped" else proposal
+        kind = "normal" if proposal in ("normal", "warped") else "mixture"
         mixture = fitted_proposal(draws[others], effective, kind, rng)
         warped = proposal in ("auto", "warped") and len(mixture.means) == 1
         ratios = _log_ratios(

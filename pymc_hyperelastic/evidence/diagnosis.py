@@ -19,11 +19,10 @@ from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.stored_evidence import evidence_of, stored_diagnosis
 from pymc_hyperelastic.evidence.verdicts import (
     BAD,
-    DOUBTFUL,
     GOOD,
     Check,
+    check_small,
     registered_checks,
-    verdict_of,
     worst_of,
 )
 from pymc_hyperelastic.files.place import PACKAGE
@@ -202,15 +201,15 @@ def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
         # If most of the first particles are left, it does not matter how far they have moved.
         limit = 1.0 if alive > _MANY_ANCESTORS else _MOST_CAPPED
         words = f"particles had not forgotten their places at {share:.0%} of the stages"
-        checks.append(Check("moves", share, limit, verdict_of(share, limit, 1.0), words))
-        verdict = verdict_of(-alive, -_FEW_ANCESTORS, -_TOO_FEW_ANCESTORS)
+        checks.append(check_small("moves", share, limit, 1.0, words))
         words = f"all particles of a chain come from {alive:.1%} of the first ones"
-        checks.append(Check("ancestors", alive, _FEW_ANCESTORS, verdict, words))
+        check = check_small("", -alive, -_FEW_ANCESTORS, -_TOO_FEW_ANCESTORS, words)
+        checks.append(check._replace(name="ancestors", value=alive, limit=_FEW_ANCESTORS))
     if "pareto_k" in evidence and not np.isnan(evidence["pareto_k"]).all():
         shape = float(np.nanmax(evidence["pareto_k"]))
         words = f"a few weights decide: their Pareto shape is {shape:.2f}"
-        verdict = verdict_of(shape, LARGEST_RELIABLE_K, np.finfo(float).max)
-        checks.append(Check("weights", shape, LARGEST_RELIABLE_K, verdict, words))
+        largest = np.finfo(float).max
+        checks.append(check_small("weights", shape, LARGEST_RELIABLE_K, largest, words))
     return checks
 
 
@@ -228,23 +227,21 @@ def _checks_of_search(evidence: xr.Dataset) -> list[Check]:
             error = float(np.hypot(evidence[f"{of}_se"], total.standard_error))
             limit = max(_NATS, LARGEST_DEVIATION * error)
             words = f"the evidence from the {name} is larger by {gap:.2f} nats: mass is missing"
-            checks.append(Check(name, gap, limit, BAD if gap > limit else GOOD, words))
+            checks.append(check_small(name, gap, limit, limit, words))
     if "unmet" in evidence:
         share = float(evidence["unmet"])
         words = (
             f"{share:.0%} of other particles, led from the prior alone, are where chains began "
             "with hardly any: a mode may be missing"
         )
-        verdict = verdict_of(share, _MOST_UNMET, _MOST_MISSING)
-        checks.append(Check("search", share, _MOST_UNMET, verdict, words))
+        checks.append(check_small("search", share, _MOST_UNMET, _MOST_MISSING, words))
     if "at_bounds" in evidence:
-        share = float(np.exp(evidence["at_bounds"] - total.value))
+        share = float(np.nan_to_num(np.exp(evidence["at_bounds"] - total.value)))
         words = (
             f"{share:.0%} of the posterior lies where numbers are rounded to a bound of their "
             "prior, and may be missing: give a prior with less mass at its bounds"
         )
-        verdict = BAD if share > _MOST_MISSING else GOOD
-        checks.append(Check("bounds", share, _MOST_MISSING, verdict, words))
+        checks.append(check_small("bounds", share, _MOST_MISSING, _MOST_MISSING, words))
     return checks
 
 
@@ -258,8 +255,7 @@ def checks_of_limits(evidence: xr.Dataset) -> list[Check]:
         f"{share:.0%} of the posterior is within 1 % of the {where}: give a wider prior, or "
         "look for an error in the data"
     )
-    verdict = DOUBTFUL if share > _MOST_AT_LIMIT else GOOD
-    return [Check("limits", share, _MOST_AT_LIMIT, verdict, words)]
+    return [check_small("limits", share, _MOST_AT_LIMIT, 1.0, words)]
 
 
 def with_diagnosis(tree: xr.DataTree) -> xr.DataTree:
@@ -279,16 +275,15 @@ def judgement(diagnosis: xr.Dataset) -> str:
     verdict, words = diagnosis.attrs["verdict"], diagnosis.attrs["words"]
     if verdict == GOOD:
         return ""
-    about_fit = {*_ABOUT_FIT, *(name for c in registered_checks() for name in c.about_fit)}
-    of_fit = set(_names_of(diagnosis, verdict)) <= about_fit
-    return f"the {'fit' if of_fit else 'evidence'} is {verdict}: {words}"
+    names = [""]
+    if {"check", "verdict"} <= {*diagnosis.variables}:  # older results do not hold them all
+        names = diagnosis["check"].values[diagnosis["verdict"].values == verdict].tolist()
+    return f"the {'fit' if {*names} <= _about_fit() else 'evidence'} is {verdict}: {words}"
 
 
-def _names_of(diagnosis: xr.Dataset, verdict: str) -> list[str]:
-    """The checks with this verdict; older results do not hold them all."""
-    if not {"check", "verdict"} <= {*map(str, diagnosis.variables)}:
-        return [""]
-    return [*diagnosis["check"].values[diagnosis["verdict"].values == verdict].tolist()]
+def _about_fit() -> set[str]:
+    """Return the names of checks that compare the model with its data."""
+    return {*_ABOUT_FIT, *(name for c in registered_checks() for name in c.about_fit)}
 
 
 def worst_verdict(trees: Iterable[xr.DataTree]) -> str:
@@ -309,7 +304,7 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[C
     explained = chi2.isf(_CHANCE, len(values) - 1) / (len(values) - 1)
     limit = float(np.sqrt(np.mean(errors**2) * explained))
     words = f"chains are {np.ptp(values):.2f} nats apart, more than their errors explain"
-    checks = [Check("chains", spread, limit, verdict_of(spread, limit, max(limit, _NATS)), words)]
+    checks = [check_small("chains", spread, limit, max(limit, _NATS), words)]
     group = "unconstrained_posterior"
     if group in tree.children:
         names, columns = [], []
@@ -320,17 +315,14 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[C
             names += columns[-1].shape[2] * [name]
         rhat, worst = largest_rhat(names, np.concatenate(columns, axis=2))
         words = f"chains met different parts of the posterior: R-hat of {worst} {rhat:.2f}"
-        verdict = verdict_of(rhat, LARGEST_RHAT, _APART_RHAT)
-        checks.append(Check("R-hat", rhat, LARGEST_RHAT, verdict, words))
+        checks.append(check_small("R-hat", rhat, LARGEST_RHAT, _APART_RHAT, words))
     return checks
 
 
 def _as_dataset(checks: list[Check]) -> xr.Dataset:
     worst = worst_of([GOOD, *(check.verdict for check in checks)])
     said = [check for check in checks if check.verdict == worst]
-    enough = {*_ABOUT_FIT}
-    for registered in registered_checks():
-        enough |= {*registered.about_fit, *registered.with_advice}
+    enough = _about_fit() | {name for c in registered_checks() for name in c.with_advice}
     instead = "" if {c.name for c in said} <= enough else _INSTEAD
     words = "; ".join(check.words for check in said) + instead
     columns = {

@@ -25,6 +25,8 @@ _REACH = 2.0
 # Largest distance of the mean of a Laplace approximation from its draw, in its own sds.
 _FARTHEST = 3.0
 
+# A method that fits a distribution to points, (n, d).
+Fit = Callable[[Array], GaussianMixture]
 # A method that fits a proposal to points, (n, d), with log weights, (n), from the current proposal.
 ProposalBuilder = Callable[[Array, Array, np.random.Generator, GaussianMixture], GaussianMixture]
 
@@ -32,7 +34,7 @@ ProposalBuilder = Callable[[Array, Array, np.random.Generator, GaussianMixture],
 def fitted_proposal(
     draws: Array,
     effective: float,
-    kind: Literal["auto", "normal", "mixture"],
+    kind: Literal["normal", "mixture"],
     rng: np.random.Generator,
 ) -> GaussianMixture:
     """Fit a distribution to draws, (chain, draw, unknown), of which some number are effective.
@@ -43,22 +45,18 @@ def fitted_proposal(
     dimension = draws.shape[2]
     middle = draws.shape[1] // 2
     early, late = (part.reshape(-1, dimension) for part in (draws[:, :middle], draws[:, middle:]))
-    normal = partial(_normal, shrinkage=_best_shrinkage(early, late))
-    components = components_for(effective, dimension)
-    fits: list[Callable[[Array], GaussianMixture]] = [normal]
-    if kind != "normal" and components > 1:
-        several = partial(GaussianMixture.fit, components=components, rng=rng)
-        fits = [several] if kind == "mixture" else [normal, several]
+    fits: list[Fit] = [partial(_normal, shrinkage=_best_shrinkage(early, late))]
+    if kind != "normal":
+        components = components_for(effective, dimension)
+        if components > 1:
+            fits.append(partial(GaussianMixture.fit, components=components, rng=rng))
+        fits += [partial(_heavy_tailed, fit) for fit in fits]
+    best = max(fits, key=lambda fit: fit(early).log_density(late).mean())
+    return best(draws.reshape(-1, dimension))
 
-    candidates = []
-    for fit in fits:
-        mixture = fit(early)
-        candidates.append((mixture.log_density(late).mean(), fit, False))
-        if kind != "normal":
-            candidates.append((mixture.heavy_tailed().log_density(late).mean(), fit, True))
-    _, fit, heavy_tailed = max(candidates, key=lambda candidate: candidate[0])
-    mixture = fit(draws.reshape(-1, dimension))
-    return mixture.heavy_tailed() if heavy_tailed else mixture
+
+def _heavy_tailed(fit: Fit, points: Array) -> GaussianMixture:
+    return fit(points).heavy_tailed()
 
 
 def expectation_maximisation(

@@ -50,11 +50,10 @@ def registered_checks() -> tuple[ModelChecks, ...]:
     return tuple(_registered)
 
 
-def verdict_of(value: float, good: float, bad: float) -> str:
-    """Return the verdict of a value that should be small; NaN is bad."""
-    if value <= good:
-        return GOOD
-    return DOUBTFUL if value <= bad else BAD
+def check_small(name: str, value: float, good: float, doubtful: float, words: str) -> Check:
+    """Return the check of a value that is good, or doubtful, up to a limit; NaN is bad."""
+    verdict = GOOD if value <= good else DOUBTFUL if value <= doubtful else BAD
+    return Check(name, value, good, verdict, words)
 
 
 def worst_of(verdicts: Iterable[str]) -> str:

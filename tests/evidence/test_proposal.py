@@ -23,12 +23,14 @@ def test_normal_proposal_keeps_only_significant_correlations():
         np.testing.assert_allclose(np.diagonal(covariance), variances, rtol=ROUNDING)
 
 
-def test_auto_chooses_the_proposal_that_predicts_held_out_draws():
+def test_mixture_is_the_proposal_that_predicts_held_out_draws():
     """One normal density, one Student density, or a mixture."""
     rng = np.random.default_rng(SEED)
     normal = rng.normal(size=(4, 500, 3))
     student = rng.standard_normal((4, 500, 8)) / rng.gamma(2, 0.5, (4, 500, 1))
     two_modes = rng.normal(size=(4, 500, 2)) + rng.choice([-9, 9], (4, 500, 1))
-    found = [fitted_proposal(draws, 2000.0, "auto", rng) for draws in (normal, student, two_modes)]
+    found = [
+        fitted_proposal(draws, 2000.0, "mixture", rng) for draws in (normal, student, two_modes)
+    ]
     assert len(found[0].means) == 1 < len(found[2].means)
     assert [np.isfinite(mixture.freedom) for mixture in found] == [False, True, False]
