@@ -212,7 +212,7 @@ def _check_enough(draws: Array, names: list[str]) -> None:
     if still.any():
         constant = dict.fromkeys(np.array(names)[still].tolist())
         raise ValueError(f"all draws of {list(constant)} are the same")
-    # Of two chains that move, others that stand still differ, which is found later.
+    # The R-hat of two chains that move and one that stands still is large, which is found later.
     stuck = (np.ptp(_halves(draws).reshape(2, chains, -1, dimension), axis=2) == 0).any(axis=0)
     if np.sum(~stuck.any(axis=1)) < min(2, chains):
         chain = int(np.flatnonzero(stuck.any(axis=1))[0])

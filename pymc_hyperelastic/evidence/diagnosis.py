@@ -49,9 +49,8 @@ _MOST_AT_LIMIT = 0.5
 # particles may stand for much mass: three change points with 0.024 were wrong by 0.9 nats. Some
 # right models have 0.02, heavy tails 0.08: they are doubted in vain.
 _MOST_UNMET = 0.01
-# Share of the posterior that may be missing where other particles, or bounds, tell so: above it the
-# evidence is not to be trusted. Three change points, of whose six modes some were missing, had 0.3
-# to 1 in most runs.
+# Share of other particles, or of the posterior at bounds, above which an evidence is not to be
+# trusted. Three change points, of whose six modes some were missing, had 0.3 to 1 in most runs.
 _MOST_MISSING = 0.1
 # Checks that compare the model with its data, where the evidence itself may be right.
 _ABOUT_FIT = ("limits",)

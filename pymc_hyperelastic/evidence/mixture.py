@@ -193,7 +193,7 @@ class GaussianMixture:
 
 
 def variance_floor(variances: Array) -> Array:
-    """Return what is added to variances, so that a covariance has a Cholesky factor."""
+    """Return small variances whose addition gives a covariance a Cholesky factor."""
     return VARIANCE_FLOOR * variances + np.finfo(float).tiny
 
 
