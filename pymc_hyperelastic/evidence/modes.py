@@ -17,6 +17,8 @@ _NEGLIGIBLE = 20.0
 # differ from that of a mode near it. If it differs more, there is no maximum, as for the density of
 # a hierarchy where a spread goes to zero; or the point belongs to another mode or regime.
 _CLOSE = 1.0
+# Step over the edge of a regime of the prior, in widths of the mode.
+_EDGE = 1e-6
 # Starting points of a group.
 _STARTS = 16
 
@@ -114,9 +116,18 @@ def _search(
             mode.found += 1
             continue
         factor = _factor_at(derivatives, point, widths, width)
-        # Half of the square of the gradient, in sds, is the distance to the maximum in nats.
-        if factor is not None and np.sum((factor.T @ gradient) ** 2) < 2 * _CLOSE:
-            modes.append(_Mode(point, value, factor))
+        if factor is None:
+            continue
+        # Half of the square of the gradient, in sds, is the distance to the maximum in nats. At the
+        # edge of a regime the density rises up to a cliff; an end beside impossible points is left
+        # to the particles.
+        if np.sum((factor.T @ gradient) ** 2) >= 2 * _CLOSE:
+            up = widths**2 * gradient
+            beyond = point + _EDGE * up / np.linalg.norm(up / widths)
+            over = derivatives(beyond[None], widths[None]).log_density[0]
+            if not -np.inf < over < value - _CLOSE:
+                continue
+        modes.append(_Mode(point, value, factor))
 
 
 def _factor_at(

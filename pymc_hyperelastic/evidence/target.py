@@ -142,9 +142,7 @@ class Target:
         points = points[np.isinf(points).any(axis=1)]
         if not len(points):
             return -np.inf
-        _, likelihood = self.score(_finite(points))
-        likelihood = likelihood[~np.isnan(likelihood)]
-        return float(logsumexp(likelihood) - np.log(count)) if len(likelihood) else -np.inf
+        return float(logsumexp(self.score(_finite(points))[1]) - np.log(count))
 
     @cached_property
     def _draw(self) -> Callable[[int, np.random.Generator], dict[str, Array]]:

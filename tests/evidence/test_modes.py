@@ -164,6 +164,30 @@ def test_density_without_bound_has_no_mode():
         assert find_modes(gradient_by_differences(score), [starts], np.ones(4)) is None
 
 
+def test_mode_at_the_edge_of_a_regime_is_found_inside_of_a_wide_one():
+    """A narrow peak where the first coordinate is below -1, up to which the density rises."""
+    mean, sd, rise = np.array([0.0, 0.5, -0.3, 0.8, 0.1]), np.array([1.0] + 4 * [0.02]), 2.0
+    narrow_log_norm = stats.norm(0, sd[1:]).logpdf(0).sum()
+
+    def derivatives(points, width):
+        inside, z = points[:, :1] < -1, (points - mean) / sd
+        z[:, 0] = 0
+        value = np.where(
+            inside[:, 0],
+            narrow_log_norm - (z**2).sum(axis=1) / 2 + rise * (points[:, 0] + 1),
+            stats.norm.logpdf(points).sum(axis=1),
+        )
+        return Derivatives(value, np.where(inside, rise * np.eye(5)[0] - z / sd, -points))
+
+    starts = np.random.default_rng(SEED).normal(size=(20, 5))
+    found = find_modes(derivatives, [starts[:10], starts[10:]], np.ones(5))
+    exact = np.array([-np.log(rise), 0.0])
+    # At an edge the normal density of Laplace's approximation has the tail of an exponential one.
+    np.testing.assert_allclose(np.sort(found.log_masses), np.sort(exact), atol=1.0)
+    edge = found.mixture.means[np.argmin(found.mixture.means[:, 0])]
+    np.testing.assert_allclose(edge, [-1.0, *mean[1:]], atol=sd[1] / 10)
+
+
 def test_starting_points_are_spread_over_the_better_half_of_draws_and_over_all():
     """The first is the best, and each other the farthest from all before it, of half or of all."""
     rng = np.random.default_rng(SEED)
