@@ -183,12 +183,11 @@ def bridged(
     size = proposal_draws or log_density.size
     parts = np.arange(len(draws)) % _MOST_PARTS
     count = int(parts.max()) + 1
-    bridges = []
+    bridges, mixtures = [], proposal in ("mixture", "auto")
     for part in range(count):
         this, others = parts == part, parts != part
         effective = effective_size(log_density[others])
-        kind = "normal" if proposal in ("normal", "warped") else "mixture"
-        mixture = fitted_proposal(draws[others], effective, kind, rng)
+        mixture = fitted_proposal(draws[others], effective, mixtures, rng)
         warped = proposal in ("auto", "warped") and len(mixture.means) == 1
         ratios = _log_ratios(
             density, mixture, warped, draws[this], log_density[this], -(-size // count), rng

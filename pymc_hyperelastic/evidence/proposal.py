@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Literal
 
 import numpy as np
 
@@ -34,19 +33,20 @@ ProposalBuilder = Callable[[Array, Array, np.random.Generator, GaussianMixture],
 def fitted_proposal(
     draws: Array,
     effective: float,
-    kind: Literal["normal", "mixture"],
+    mixtures: bool,
     rng: np.random.Generator,
 ) -> GaussianMixture:
     """Fit a distribution to draws, (chain, draw, unknown), of which some number are effective.
 
-    Candidates are fitted to the first halves of the chains; the one with the largest mean log
+    Candidates are a normal distribution and, if `mixtures` is True, a mixture, and both with heavy
+    tails. They are fitted to the first halves of the chains; the one with the largest mean log
     density at the second halves is chosen, and fitted to all draws.
     """
     dimension = draws.shape[2]
     middle = draws.shape[1] // 2
     early, late = (part.reshape(-1, dimension) for part in (draws[:, :middle], draws[:, middle:]))
     fits: list[Fit] = [partial(_normal, shrinkage=_best_shrinkage(early, late))]
-    if kind != "normal":
+    if mixtures:
         components = components_for(effective, dimension)
         if components > 1:
             fits.append(partial(GaussianMixture.fit, components=components, rng=rng))
