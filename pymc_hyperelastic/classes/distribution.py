@@ -31,7 +31,7 @@ from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.particle_bridge import BridgeFromParticles
-from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
+from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.verdicts import register_checks
@@ -204,7 +204,7 @@ class _Fit:
         found = importance_sampling(
             target.score,
             self._initial_proposal(rng),
-            ExpectationMaximisation(),
+            expectation_maximisation,
             count,
             rng,
             draw_prior=target.draw_prior,

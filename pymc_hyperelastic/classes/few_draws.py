@@ -13,7 +13,7 @@ from pymc_hyperelastic.classes.specimen_target import SpecimenTarget
 from pymc_hyperelastic.classes.specimens import SpecimenSampler, one_draw
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.optimise import Maxima, maximize_batch
-from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
+from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
@@ -144,8 +144,8 @@ class FewDraws:
         points, log_terms = self.points[possible], self.log_terms[k, possible]
         fraction = min(_FOR_SHAPE * points.shape[1] / len(points), _MOST_FOR_SHAPE)
         tempered = largest_step(log_terms, fraction, 1.0) * log_terms
-        builder, current = ExpectationMaximisation(), self.proposals[k].mixture
-        fitted = builder.fitted(points, tempered, rng, current, final=True)
+        current = self.proposals[k].mixture
+        fitted = expectation_maximisation(points, tempered, rng, current)
         return fitted.widened(_WIDER, _FREEDOM)
 
 

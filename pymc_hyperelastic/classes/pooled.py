@@ -27,22 +27,19 @@ from pymc_hyperelastic.evidence.batched import BatchedFunction, value_shapes, wi
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
-    CANDIDATE_DRAWS,
     DRAWS,
     LARGEST_PARETO_K,
-    at_modes,
     importance_sampling,
     mean_weight,
     weighted_draws,
 )
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
-from pymc_hyperelastic.evidence.modes import find_modes, modes_near
-from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
-from pymc_hyperelastic.evidence.reference import Reference
+from pymc_hyperelastic.evidence.modes import find_modes
+from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
 from pymc_hyperelastic.evidence.stored_evidence import check_evidence
-from pymc_hyperelastic.evidence.target import gradient_by_differences, width_of
+from pymc_hyperelastic.evidence.target import Score, gradient_by_differences, width_of
 from pymc_hyperelastic.evidence.weights import effective_sample_size
 from pymc_hyperelastic.files.store import Remember, compute_now
 from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers, reading
@@ -67,7 +64,9 @@ _FEW_CLASS_DRAWS, _FEW_DRAWS, _FEW_PARTICLES = 4000, 2000, 500
 # So many draws of a class show whether all of them are worth their time: then at least so many are
 # effective.
 _SEEN_BY, _FEW = 200, 10
-# Of the first draws, the share of the class's mixture; the others are of modes.
+# Draws of proposals at modes, before others are adapted.
+_CANDIDATE_DRAWS = 1500
+# Of these draws, the share of the class's mixture; the others are of modes.
 _SHARE_OF_CLASS = 0.1
 # Nats: of a part that is known no better nothing is told.
 _LARGEST_ERROR = 0.5
@@ -349,7 +348,8 @@ class ClassPredictive:
         some = draws[:: max(1, len(draws) // _TO_FIT)]
         components = components_for(len(some), self._kernel.dimension)
         self._mixture = GaussianMixture.fit(some, components, rng, iterations=20)
-        self._modes = self._modes_of_class(some)
+        self._width = width_of(some)
+        self._modes = self._modes_near(self._score_of_class, self._mixture.means)
         proposal = self._mixture.heavy_tailed()
         _, log_weights = weighted_draws(self._score_of_class, proposal, _CLASS_DRAWS, rng)
         self._normaliser, self._normaliser_k = mean_weight(log_weights)
@@ -358,10 +358,9 @@ class ClassPredictive:
         """Return the log density of the class alone, and a likelihood of 1."""
         return self._kernel.target.score(points)[0], np.zeros(len(points))
 
-    def _modes_of_class(self, draws: Array) -> GaussianMixture | None:
-        """Find modes of the class's posterior from where its draws are."""
-        derivatives = gradient_by_differences(self._score_of_class)
-        modes = find_modes(derivatives, [self._mixture.means], width_of(draws))
+    def _modes_near(self, score: Score, places: Array) -> GaussianMixture | None:
+        """Find the modes of a density that is not wider than the class's posterior."""
+        modes = find_modes(gradient_by_differences(score), [places], self._width)
         return modes and modes.mixture
 
     def __call__(self, random_seed: int) -> Prediction:
@@ -415,11 +414,11 @@ class ClassPredictive:
         found = importance_sampling(
             self._kernel.target.score,
             self._mixture,
-            ExpectationMaximisation(),
+            expectation_maximisation,
             1,
             rng,
             draws=effort.draws,
-            candidate_proposals=self._candidate_proposals(),
+            candidate=self._candidate(),
         )
         if not found.pareto_k < LARGEST_PARETO_K:
             return None
@@ -429,24 +428,17 @@ class ClassPredictive:
         )
         return _prediction(estimate, "adapted draws", max(found.pareto_k, self._normaliser_k))
 
-    def _candidate_proposals(self) -> list[tuple[Reference, int]]:
-        """Return proposals that may be like the posterior, with numbers of draws.
+    def _candidate(self) -> tuple[GaussianMixture, int] | None:
+        """Return a proposal that may be like the posterior, with a number of draws.
 
         The modes of a class move a little for one more specimen. Some draws of the class itself
         meet what there may be elsewhere.
         """
-        modes = self._modes and modes_near(self._log_density, self._modes)
+        modes = self._modes and self._modes_near(self._kernel.target.score, self._modes.means)
         if modes is None:
-            return []
-        of_class = round(_SHARE_OF_CLASS * CANDIDATE_DRAWS)
-        return [
-            (Reference(self._mixture.heavy_tailed(), 0.0), of_class),
-            (Reference(at_modes(modes), 0.0), CANDIDATE_DRAWS - of_class),
-        ]
-
-    def _log_density(self, points: Array) -> Array:
-        """Of the posterior of the class and the new data."""
-        return np.add(*self._kernel.target.score(points))
+            return None
+        joined = modes.joined(self._mixture, _SHARE_OF_CLASS)
+        return joined.heavy_tailed(), _CANDIDATE_DRAWS
 
     def _by_tempering(self, effort: "_Effort", rng: np.random.Generator) -> Prediction:
         values, errors = [], []

@@ -54,8 +54,6 @@ class SpecimenTarget(Target):
         Log likelihood of points of all variables, and the size of each of their standard errors.
     """
 
-    knows_curvature = True
-
     def __init__(
         self,
         model: Target,

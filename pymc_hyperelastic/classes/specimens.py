@@ -31,7 +31,7 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral, importance_sampling
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
-from pymc_hyperelastic.evidence.proposal import ExpectationMaximisation
+from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
@@ -156,7 +156,7 @@ class SpecimenSampler:
         mixture = GaussianMixture.fit(draws.points, components, rng)
 
         def take(sampler: SpecimenSampler) -> Taken:
-            target, builder = sampler.target(data, prior), ExpectationMaximisation()
+            target, builder = sampler.target(data, prior), expectation_maximisation
             found = importance_sampling(
                 target.score, mixture, builder, PARTICLES, rng, draw_prior=target.draw_prior
             )

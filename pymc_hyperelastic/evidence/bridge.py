@@ -11,7 +11,13 @@ from scipy.optimize import brentq
 from scipy.special import expit, log_expit, logsumexp
 
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.evidence.convergence import disagreement, divergence, effective_size
+from pymc_hyperelastic.evidence.convergence import (
+    FEWEST_EFFECTIVE,
+    LARGEST_DEVIATION,
+    disagreement,
+    divergence,
+    effective_size,
+)
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
 from pymc_hyperelastic.evidence.proposal import fitted_proposal
@@ -32,11 +38,6 @@ _SHORTEST_CHAIN = 10
 _FEWEST_DRAWS = 200
 # Largest number of proposals; else there is one for each chain.
 _MOST_PARTS = 8
-# Effective draws, at least: errors were right with 48, and eight times too small with 8.
-_FEWEST_EFFECTIVE = 40
-# Largest score, whose distribution is standard normal for draws of the posterior: larger ones have
-# a probability of 1 in 20000.
-_LARGEST_SCORE = 4.0
 
 
 @one_thread
@@ -63,17 +64,17 @@ def log_evidence_by_bridge(
     Parameters
     ----------
     model : pymc.Model
-        Any model with continuous free variables. Observed variables and Potentials all count.
+        A model with continuous free variables. Observed variables and Potentials all count.
     tree : xarray.DataTree
         Draws of its posterior, as ``pm.sample``, ``pm.sample_smc``, nutpie or :func:`sample_smc`
         return them: the group ``posterior`` holds every free variable. A group
         ``unconstrained_posterior`` that holds all of them is taken instead.
     proposal : {"auto", "normal", "warped", "mixture"}
-        ``"normal"``: mean and covariance of the draws, with correlations shrunk as far as foretells
+        ``"normal"``: mean and covariance of the draws, with correlations shrunk as far as predicts
         other draws best. ``"warped"``: the same, for the posterior made symmetric about the mean
         [2]_, which takes twice the evaluations. ``"mixture"``: several normal, or Student's t,
-        distributions, as many as the draws can tell apart. ``"auto"``: the one of these that
-        foretells other draws best, and of a symmetric one the warped posterior.
+        distributions. ``"auto"``: the one that predicts other draws best; warped if it is a single
+        one.
     proposal_draws : int, optional
         Number of draws from the proposals; as many as of the posterior when missing.
     random_seed : int or sequence of int, optional
@@ -108,18 +109,14 @@ def log_evidence_by_bridge(
     Notes
     -----
     **A mode, or a tail, that no chain has met is missing**, and the standard error does not know
-    it: the result is the evidence of what was met. Chains that start far apart, or
-    :func:`sample_smc`, tell whether there are several modes.
+    it. Chains that start far apart, or :func:`sample_smc`, tell whether there are several modes.
 
     A proposal looks more like the draws that it was fitted to than it is [3]_. Each chain (of a
     single one, each half) is therefore compared with a proposal that was fitted to the others, and
     the evidences are averaged. The standard error is that of [4]_, with the autocorrelation of the
-    chains, and with the correlation of parts that are each fitted to the others, at its largest. If
-    the parts differ more than that one time in a hundred by chance, their spread counts instead.
-
-    The odds of a draw to be from the posterior, and not from the proposal, are ``c q/g``, and not
-    ``c (q/g)ᵇ`` for any ``b`` but 1. A score test finds a posterior that was sampled 5 % too wide,
-    or draws of other data. A tutorial of the method is [5]_.
+    chains and the largest possible correlation of the parts. If the parts differ more than that one
+    time in a hundred by chance, their spread counts instead. A score test finds draws of other
+    data, or of a posterior that was sampled 5 % too wide. A tutorial of the method is [5]_.
 
     References
     ----------
@@ -161,8 +158,7 @@ def log_evidence_by_bridge(
     doubts = [*disagreement(names, draws, log_density), *divergence(tree)]
 
     rng = np.random.default_rng(seed_sequence(random_seed))
-    size = proposal_draws or log_density.size
-    estimate, misfit = bridged(density, draws, log_density, rng, proposal, size)
+    estimate, misfit = bridged(density, draws, log_density, rng, proposal, proposal_draws)
     doubts += misfit
     if doubts:
         warnings.warn(
@@ -178,21 +174,20 @@ def bridged(
     log_density: Array,
     rng: np.random.Generator,
     proposal: Proposal,
-    size: int,
+    proposal_draws: int | None = None,
 ) -> tuple[Estimate, list[str]]:
     """Return the evidence from draws of at least two chains, (chain, draw, unknown), and doubts.
 
-    Each part of the chains is compared with draws of a proposal that is fitted to the others;
-    `size` is the number of these draws for all parts.
+    Each part of the chains is compared with draws of a proposal that is fitted to the others.
     """
+    size = proposal_draws or log_density.size
     parts = np.arange(len(draws)) % _MOST_PARTS
     count = int(parts.max()) + 1
-    bridges = []
+    bridges, mixtures = [], proposal in ("mixture", "auto")
     for part in range(count):
         this, others = parts == part, parts != part
         effective = effective_size(log_density[others])
-        kind = "normal" if proposal == "warped" else proposal
-        mixture = fitted_proposal(draws[others], effective, kind, rng)
+        mixture = fitted_proposal(draws[others], effective, mixtures, rng)
         warped = proposal in ("auto", "warped") and len(mixture.means) == 1
         ratios = _log_ratios(
             density, mixture, warped, draws[this], log_density[this], -(-size // count), rng
@@ -216,7 +211,7 @@ def _check_enough(draws: Array, names: list[str]) -> None:
     if still.any():
         constant = dict.fromkeys(np.array(names)[still].tolist())
         raise ValueError(f"all draws of {list(constant)} are the same")
-    # By chain and unknown. One that stands still disagrees with the others, if these move.
+    # The R-hat of two chains that move and one that stands still is large, which is found later.
     stuck = (np.ptp(_halves(draws).reshape(2, chains, -1, dimension), axis=2) == 0).any(axis=0)
     if np.sum(~stuck.any(axis=1)) < min(2, chains):
         chain = int(np.flatnonzero(stuck.any(axis=1))[0])
@@ -319,14 +314,14 @@ def _misfit(bridges: list[_Bridge]) -> list[str]:
     """Return doubts: too few effective draws, or draws of another density."""
     doubts = []
     effective = np.sum([b.effective for b in bridges], axis=0).min()
-    if not effective >= _FEWEST_EFFECTIVE:
+    if not effective >= FEWEST_EFFECTIVE:
         doubts.append(
             f"posterior and proposals hardly overlap (effective draws: {effective:.0f}): draw "
             "more, or choose another proposal"
         )
     variance = sum(b.score_variance for b in bridges)
     score = abs(sum(b.score for b in bridges)) / np.sqrt(max(variance, np.finfo(float).tiny))
-    if score > _LARGEST_SCORE:
+    if score > LARGEST_DEVIATION:
         doubts.append(
             f"the draws are not distributed as the posterior ({score:.1f} standard errors away): "
             "are they of this model and these data, and did the sampler converge?"

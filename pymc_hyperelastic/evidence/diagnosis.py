@@ -5,22 +5,24 @@ from collections.abc import Iterable
 
 import numpy as np
 import xarray as xr
-from arviz_stats.base import array_stats
 from scipy.stats import chi2
 
-from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT
+from pymc_hyperelastic.evidence.convergence import (
+    DIGITS,
+    LARGEST_DEVIATION,
+    LARGEST_RHAT,
+    largest_rhat,
+)
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import LARGEST_RELIABLE_K
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.stored_evidence import evidence_of, stored_diagnosis
 from pymc_hyperelastic.evidence.verdicts import (
     BAD,
-    DOUBTFUL,
     GOOD,
-    VERDICTS,
     Check,
+    check_small,
     registered_checks,
-    verdict_of,
     worst_of,
 )
 from pymc_hyperelastic.files.place import PACKAGE
@@ -29,8 +31,6 @@ from pymc_hyperelastic.parallel import one_thread
 
 # Nats by which two evidences may differ whatever their errors.
 _NATS = 0.3
-# Standard errors by which two evidences may differ.
-_ERRORS = 4.0
 # Chains whose spread chance explains less often than this are apart.
 _CHANCE = 1e-3
 # R-hat from which chains have certainly not met the same posterior: chosen by experiment.
@@ -49,11 +49,9 @@ _MOST_AT_LIMIT = 0.5
 # particles may stand for much mass: three change points with 0.024 were wrong by 0.9 nats. Some
 # right models have 0.02, heavy tails 0.08: they are doubted in vain.
 _MOST_UNMET = 0.01
-# The same for a doubtful evidence. Three change points, of whose six modes some were missing, had
-# 0.3 to 1 in most runs.
-_MODE_UNMET = 0.1
-# Share of the posterior at bounds up to which it is a part of the error, in nats.
-_MOST_AT_BOUNDS = 0.1
+# Share of other particles, or of the posterior at bounds, above which an evidence is not to be
+# trusted. Three change points, of whose six modes some were missing, had 0.3 to 1 in most runs.
+_MOST_MISSING = 0.1
 # Checks that compare the model with its data, where the evidence itself may be right.
 _ABOUT_FIT = ("limits",)
 _INSTEAD = (
@@ -102,7 +100,7 @@ def log_evidence(tree: xr.DataTree) -> Estimate:
     if "at_bounds" in evidence:
         # As if all of it were missing, which it is not: particles move towards the bounds.
         common = float(np.hypot(common, np.exp(float(evidence["at_bounds"]) - estimate.value)))
-    if diagnose_evidence(tree).attrs["verdict"] == VERDICTS[BAD]:
+    if diagnose_evidence(tree).attrs["verdict"] == BAD:
         common = np.inf
     return Estimate(estimate.value, float(np.hypot(estimate.standard_error, common)))
 
@@ -202,15 +200,15 @@ def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
         # If most of the first particles are left, it does not matter how far they have moved.
         limit = 1.0 if alive > _MANY_ANCESTORS else _MOST_CAPPED
         words = f"particles had not forgotten their places at {share:.0%} of the stages"
-        checks.append(Check("moves", share, limit, verdict_of(share, limit, 1.0), words))
-        verdict = verdict_of(-alive, -_FEW_ANCESTORS, -_TOO_FEW_ANCESTORS)
+        checks.append(check_small("moves", share, limit, 1.0, words))
         words = f"all particles of a chain come from {alive:.1%} of the first ones"
-        checks.append(Check("ancestors", alive, _FEW_ANCESTORS, verdict, words))
+        check = check_small("", -alive, -_FEW_ANCESTORS, -_TOO_FEW_ANCESTORS, words)
+        checks.append(check._replace(name="ancestors", value=alive, limit=_FEW_ANCESTORS))
     if "pareto_k" in evidence and not np.isnan(evidence["pareto_k"]).all():
         shape = float(np.nanmax(evidence["pareto_k"]))
         words = f"a few weights decide: their Pareto shape is {shape:.2f}"
-        verdict = verdict_of(shape, LARGEST_RELIABLE_K, np.finfo(float).max)
-        checks.append(Check("weights", shape, LARGEST_RELIABLE_K, verdict, words))
+        largest = np.finfo(float).max
+        checks.append(check_small("weights", shape, LARGEST_RELIABLE_K, largest, words))
     return checks
 
 
@@ -226,25 +224,23 @@ def _checks_of_search(evidence: xr.Dataset) -> list[Check]:
         if of in evidence and np.isfinite(evidence[f"{of}_se"]):
             gap = float(evidence[of]) - total.value
             error = float(np.hypot(evidence[f"{of}_se"], total.standard_error))
-            limit = max(_NATS, _ERRORS * error)
+            limit = max(_NATS, LARGEST_DEVIATION * error)
             words = f"the evidence from the {name} is larger by {gap:.2f} nats: mass is missing"
-            checks.append(Check(name, gap, limit, BAD if gap > limit else GOOD, words))
+            checks.append(check_small(name, gap, limit, limit, words))
     if "unmet" in evidence:
         share = float(evidence["unmet"])
         words = (
             f"{share:.0%} of other particles, led from the prior alone, are where chains began "
             "with hardly any: a mode may be missing"
         )
-        verdict = verdict_of(share, _MOST_UNMET, _MODE_UNMET)
-        checks.append(Check("search", share, _MOST_UNMET, verdict, words))
+        checks.append(check_small("search", share, _MOST_UNMET, _MOST_MISSING, words))
     if "at_bounds" in evidence:
-        share = float(np.exp(evidence["at_bounds"] - total.value))
+        share = float(np.nan_to_num(np.exp(evidence["at_bounds"] - total.value)))
         words = (
             f"{share:.0%} of the posterior lies where numbers are rounded to a bound of their "
             "prior, and may be missing: give a prior with less mass at its bounds"
         )
-        verdict = BAD if share > _MOST_AT_BOUNDS else GOOD
-        checks.append(Check("bounds", share, _MOST_AT_BOUNDS, verdict, words))
+        checks.append(check_small("bounds", share, _MOST_MISSING, _MOST_MISSING, words))
     return checks
 
 
@@ -258,8 +254,7 @@ def checks_of_limits(evidence: xr.Dataset) -> list[Check]:
         f"{share:.0%} of the posterior is within 1 % of the {where}: give a wider prior, or "
         "look for an error in the data"
     )
-    verdict = DOUBTFUL if share > _MOST_AT_LIMIT else GOOD
-    return [Check("limits", share, _MOST_AT_LIMIT, verdict, words)]
+    return [check_small("limits", share, _MOST_AT_LIMIT, 1.0, words)]
 
 
 def with_diagnosis(tree: xr.DataTree) -> xr.DataTree:
@@ -277,18 +272,17 @@ def warn_of_evidence(tree: xr.DataTree, of: str = "") -> None:
 def judgement(diagnosis: xr.Dataset) -> str:
     """Return a sentence on the doubtful evidence, or fit, and the reason; empty if all is good."""
     verdict, words = diagnosis.attrs["verdict"], diagnosis.attrs["words"]
-    if verdict == VERDICTS[GOOD]:
+    if verdict == GOOD:
         return ""
-    about_fit = {*_ABOUT_FIT, *(name for c in registered_checks() for name in c.about_fit)}
-    of_fit = set(_names_of(diagnosis, verdict)) <= about_fit
-    return f"the {'fit' if of_fit else 'evidence'} is {verdict}: {words}"
+    names = [""]
+    if {"check", "verdict"} <= {*diagnosis.variables}:  # older results do not hold them all
+        names = diagnosis["check"].values[diagnosis["verdict"].values == verdict].tolist()
+    return f"the {'fit' if {*names} <= _about_fit() else 'evidence'} is {verdict}: {words}"
 
 
-def _names_of(diagnosis: xr.Dataset, verdict: str) -> list[str]:
-    """The checks with this verdict; older results do not hold them all."""
-    if not {"check", "verdict"} <= {*map(str, diagnosis.variables)}:
-        return [""]
-    return [*diagnosis["check"].values[diagnosis["verdict"].values == verdict].tolist()]
+def _about_fit() -> set[str]:
+    """Return the names of checks that compare the model with its data."""
+    return {*_ABOUT_FIT, *(name for c in registered_checks() for name in c.about_fit)}
 
 
 def worst_verdict(trees: Iterable[xr.DataTree]) -> str:
@@ -309,37 +303,35 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[C
     explained = chi2.isf(_CHANCE, len(values) - 1) / (len(values) - 1)
     limit = float(np.sqrt(np.mean(errors**2) * explained))
     words = f"chains are {np.ptp(values):.2f} nats apart, more than their errors explain"
-    checks = [Check("chains", spread, limit, verdict_of(spread, limit, max(limit, _NATS)), words)]
+    checks = [check_small("chains", spread, limit, max(limit, _NATS), words)]
     group = "unconstrained_posterior"
     if group in tree.children:
-        rhat = {}
+        names, columns = [], []
         for name in map(str, read_draws(tree, group).data_vars):
             draws = read_numbers(tree, group, name, None, finite=False)
             draws = draws.transpose("chain", "draw", ...).values
-            rhat[name] = float(np.max(array_stats.rhat(draws, chain_axis=0, draw_axis=1)))
-        worst = max(rhat, key=lambda name: round(rhat[name], DIGITS))
-        words = f"chains met different parts of the posterior: R-hat of {worst} {rhat[worst]:.2f}"
-        verdict = verdict_of(rhat[worst], LARGEST_RHAT, _APART_RHAT)
-        checks.append(Check("R-hat", rhat[worst], LARGEST_RHAT, verdict, words))
+            columns.append(draws.reshape(*draws.shape[:2], -1))
+            names += columns[-1].shape[2] * [name]
+        rhat, worst = largest_rhat(names, np.concatenate(columns, axis=2))
+        words = f"chains met different parts of the posterior: R-hat of {worst} {rhat:.2f}"
+        checks.append(check_small("R-hat", rhat, LARGEST_RHAT, _APART_RHAT, words))
     return checks
 
 
 def _as_dataset(checks: list[Check]) -> xr.Dataset:
-    worst = max((check.verdict for check in checks), default=GOOD)
+    worst = worst_of([GOOD, *(check.verdict for check in checks)])
     said = [check for check in checks if check.verdict == worst]
-    enough = {*_ABOUT_FIT}
-    for registered in registered_checks():
-        enough |= {*registered.about_fit, *registered.with_advice}
+    enough = _about_fit() | {name for c in registered_checks() for name in c.with_advice}
     instead = "" if {c.name for c in said} <= enough else _INSTEAD
     words = "; ".join(check.words for check in said) + instead
     columns = {
         "value": np.array([check.value for check in checks]),
         "limit": np.array([check.limit for check in checks]),
-        "verdict": np.array([VERDICTS[check.verdict] for check in checks]),
-        "words": np.array([check.words if check.verdict else "" for check in checks]),
+        "verdict": np.array([check.verdict for check in checks]),
+        "words": np.array([check.words if check.verdict != GOOD else "" for check in checks]),
     }
     return xr.Dataset(
         {name: ("check", column) for name, column in columns.items()},
         {"check": [check.name for check in checks]},
-        {"verdict": VERDICTS[worst], "words": words if worst else "nothing is against it"},
+        {"verdict": worst, "words": words if worst != GOOD else "nothing is against it"},
     )

@@ -1,6 +1,5 @@
 """Importance sampling: adapt a proposal to a density, then average the weights of fresh draws."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,31 +20,22 @@ from pymc_hyperelastic.evidence.weights import (
 LARGEST_PARETO_K = 0.5
 # Pareto shape up to which the mean of Pareto-smoothed weights is reliable (Vehtari et al. 2024).
 LARGEST_RELIABLE_K = 0.7
-# Fewest effective draws by which a mean is known: its relative error is then at most 1/20.
+# Fewest effective draws by which a mean is known, or a proposal is fitted: a relative error of a
+# mean is then at most 1/20.
 ENOUGH = 400
 # Unknowns up to which proposals are adapted. More cannot be: a mixture that is fitted to draws of
 # itself loses more by errors of its correlations than it gains. A class of five coordinates has 20.
 MOST_UNKNOWNS = 24
+# Draws of a step of adaptation: chosen by experiment.
+STEP_DRAWS = 4000
 # Fresh draws of the first round; each further round has twice as many.
 DRAWS = 8000
-# Fresh draws of the last round.
-_MOST_DRAWS = 64_000
+# Draws of all steps of adaptation together, and of one round, at most.
+_MOST_DRAWS = 100_000
 # Share of the prior in a proposal: weights are then bounded if the likelihood is (Owen and Zhou).
 PRIOR_SHARE = 0.1
-# Draws of the candidate proposals.
-CANDIDATE_DRAWS = 1500
 # Standard error, in nats, with which a log integral is accurate enough.
 LARGEST_ERROR = 0.03
-# Variance of proposals at modes, relative to that of the modes: chosen by experiment.
-_WIDER = 1.1
-# Degrees of freedom of proposals at modes: heavy tails for skewed modes.
-_FREEDOM = 4.0
-# Adaptive steps, at most.
-_MOST_STEPS = 40
-# Adaptive steps at the density itself, once it is reached.
-_LAST_STEPS = 2
-# Effective draws below which no shape is learned, for each unknown.
-_FEWEST_EFFECTIVE = 2
 
 
 class Integral(NamedTuple):
@@ -79,12 +69,12 @@ def importance_sampling(
     *,
     draw_prior: DrawPrior | None = None,
     draws: int = DRAWS,
-    candidate_proposals: Sequence[tuple[Reference, int]] = (),
+    candidate: tuple[GaussianMixture, int] | None = None,
 ) -> Integral:
     """Integrate a density by importance sampling, and draw particles from it.
 
-    1. Numbers of draws of `candidate_proposals` are weighted. If their mean is accurate, it is the
-       result: no proposal was fitted.
+    1. Draws of the `candidate` are weighted. If their mean is accurate, it is the result: no
+       proposal was fitted.
     2. The initial proposal is adapted to the density, see :func:`adapted_proposal`.
     3. Fresh draws of the final proposal are weighted. If their mean is not accurate, a proposal is
        fitted to them, they are dropped, and twice as many fresh draws are made of this proposal.
@@ -100,7 +90,7 @@ def importance_sampling(
         Log prior and log likelihood of points, (n, d); their sum is the log density.
     initial_proposal : GaussianMixture
         Roughly like the density, or wider.
-    builder : ProposalBuilder
+    builder : callable
         Fits a proposal to weighted draws.
     size : int
         Number of particles.
@@ -108,6 +98,8 @@ def importance_sampling(
         Draws of the prior.
     draws : int
         Number of fresh draws of the first round.
+    candidate : tuple of GaussianMixture and int, optional
+        A proposal that may be like the density, and the number of its draws.
 
     References
     ----------
@@ -118,26 +110,22 @@ def importance_sampling(
     if dimension > MOST_UNKNOWNS:
         unknown = Estimate(-np.inf, np.inf)
         return Integral(unknown, np.inf, "importance", initial_proposal.draw(size, rng))
-    if candidate_proposals:
-        pool = Pool(score, draw_prior)
-        pool.add(candidate_proposals, rng)
-        points, log_weights = pool.weighted()
+    if candidate is not None:
+        points, log_weights = weighted_draws(score, *candidate, rng, draw_prior)
         found = integral_of(points, log_weights, size, rng)
         if found.accurate and effective_sample_size(log_weights) > size:
             return found
-    share = PRIOR_SHARE if draw_prior else 0.0
     mixture = adapted_proposal(score, initial_proposal, builder, rng, draw_prior)
-    draws = min(draws, _MOST_DRAWS)
     while True:
-        fresh = Pool(score, draw_prior)
-        fresh.add([(Reference(mixture.heavy_tailed(), share), draws)], rng)
-        points, log_weights = fresh.weighted()
+        proposal = mixture.heavy_tailed()
+        points, log_weights = weighted_draws(score, proposal, draws, rng, draw_prior)
         found = integral_of(points, log_weights, size, rng)
-        few = effective_sample_size(log_weights) < _FEWEST_EFFECTIVE * dimension
         draws *= 2
+        # Fewer effective draws than unknowns have no covariance.
+        few = effective_sample_size(log_weights) <= dimension
         if found.accurate or few or draws > _MOST_DRAWS:
             return found
-        mixture = builder.fitted(points, log_weights, rng, mixture, final=True)
+        mixture = builder(points, log_weights, rng, mixture)
 
 
 def adapted_proposal(
@@ -147,85 +135,30 @@ def adapted_proposal(
     rng: np.random.Generator,
     draw_prior: DrawPrior | None = None,
 ) -> GaussianMixture:
-    r"""Adapt a proposal :math:`q` to a density :math:`p`: adaptive multiple importance sampling.
+    r"""Adapt a proposal to a density :math:`p`: population Monte Carlo with tempered weights.
 
-    Each step adds draws of the last proposal to all draws before, weights all of them as if from
-    the mixture of their proposals, and fits the next proposal to the tempered density
+    Each step fits the next proposal to draws of the last one, :math:`q`, weighted as draws of
     :math:`q^{1-\beta} p^\beta`. The exponent :math:`\beta` is the largest one at which enough draws
-    are effective.
+    are effective. The last step is the first at which that is 1.
 
     References
     ----------
-    J.-M. Cornuet, J.-M. Marin, A. Mira and C. P. Robert, Adaptive multiple importance sampling,
-    Scandinavian Journal of Statistics 39 (2012) 798.
+    E. Koblents and J. Míguez, A population Monte Carlo scheme with transformed weights and its
+    application to stochastic kinetic models, Statistics and Computing 25 (2015) 407.
     """
-    share = PRIOR_SHARE if draw_prior else 0.0
-    start = Reference(initial_proposal.heavy_tailed(), share)
-    mixture, arrived = initial_proposal, 0
-    draws, effective = builder.step_size(initial_proposal.means.shape[1])
-    pool = Pool(score, draw_prior)
-    for _ in range(_MOST_STEPS):
-        pool.add([(Reference(mixture.heavy_tailed(), share), draws)], rng)
-        log_density = pool.prior + pool.likelihood
-        possible = np.isfinite(log_density)
-        if possible.sum() < effective:
+    mixture = initial_proposal
+    for _ in range(_MOST_DRAWS // STEP_DRAWS):
+        proposal = mixture.heavy_tailed()
+        points, log_weights = weighted_draws(score, proposal, STEP_DRAWS, rng, draw_prior)
+        possible = np.isfinite(log_weights)
+        if possible.sum() < ENOUGH:
             break
-        points = pool.points[possible]
-        log_start = start.log_density(points, pool.prior[possible])
-        ratio = log_density[possible] - log_start
-        log_weights = log_start - pool.log_proposal[possible]
-        beta = largest_step(ratio, effective / len(points), 1.0, log_weights)
-        arrived += beta == 1
-        log_weights += beta * ratio
-        mixture = builder.fitted(points, log_weights, rng, mixture, final=arrived > 0)
-        if arrived == _LAST_STEPS:
+        points, log_weights = points[possible], log_weights[possible]
+        beta = largest_step(log_weights, ENOUGH / len(points), 1.0)
+        mixture = builder(points, beta * log_weights, rng, mixture)
+        if beta == 1:
             break
     return mixture
-
-
-class Pool:
-    """Draws of several proposals, weighted as if each were from the mixture of all proposals."""
-
-    points: Array
-    """Shape (n, d)."""
-    prior: Array
-    """Log prior of each, shape (n,)."""
-    likelihood: Array
-    log_proposal: Array
-    """Log density of the mixture of proposals, plus ``ln n``."""
-
-    def __init__(self, score: Score, draw_prior: DrawPrior | None) -> None:
-        self._score, self._draw_prior = score, draw_prior
-        self._proposals: list[tuple[Reference, int]] = []
-
-    def add(self, proposals: Sequence[tuple[Reference, int]], rng: np.random.Generator) -> None:
-        """Draw numbers of points from proposals; the points are evaluated together."""
-        drawn = [proposal.draw(self._draw_prior, draws, rng) for proposal, draws in proposals]
-        points = np.concatenate(drawn)
-        prior, likelihood = self._score(points)
-        before, self._proposals = self._proposals, [*self._proposals, *proposals]
-        log_proposal = _log_density(self._proposals, points, prior)
-        if before:
-            of_new = _log_density(proposals, self.points, self.prior)
-            known = np.logaddexp(self.log_proposal, of_new)
-            points = np.concatenate([self.points, points])
-            prior = np.concatenate([self.prior, prior])
-            likelihood = np.concatenate([self.likelihood, likelihood])
-            log_proposal = np.concatenate([known, log_proposal])
-        self.points, self.prior, self.likelihood = points, prior, likelihood
-        self.log_proposal = log_proposal
-
-    def weighted(self) -> tuple[Array, Array]:
-        """Return all points, and their log weights, whose mean is the integral."""
-        log_weights = self.prior + self.likelihood - self.log_proposal + np.log(len(self.points))
-        return self.points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
-
-
-def _log_density(
-    proposals: Sequence[tuple[Reference, int]], points: Array, log_prior: Array
-) -> Array:
-    """Return the log of the sum of the densities of proposals times their numbers of draws."""
-    return np.logaddexp.reduce([np.log(n) + q.log_density(points, log_prior) for q, n in proposals])
 
 
 def integral_of(points: Array, log_weights: Array, size: int, rng: np.random.Generator) -> Integral:
@@ -238,17 +171,18 @@ def integral_of(points: Array, log_weights: Array, size: int, rng: np.random.Gen
     return Integral(log_value, pareto_k, "importance", particles)
 
 
-def at_modes(modes: GaussianMixture) -> GaussianMixture:
-    """Return a proposal at modes, with heavier tails for modes that are skewed."""
-    return modes.widened(_WIDER, freedom=_FREEDOM)
-
-
 def weighted_draws(
-    score: Score, proposal: GaussianMixture, draws: int, rng: np.random.Generator
+    score: Score,
+    proposal: GaussianMixture,
+    draws: int,
+    rng: np.random.Generator,
+    draw_prior: DrawPrior | None = None,
 ) -> tuple[Array, Array]:
-    """Return draws of a proposal, and their log weights."""
-    points = proposal.draw(draws, rng)
-    log_weights = sum(score(points)) - proposal.log_density(points)
+    """Return draws of a proposal, some of the prior if it can be drawn from, and log weights."""
+    reference = Reference(proposal, PRIOR_SHARE if draw_prior else 0.0)
+    points = reference.draw(draw_prior, draws, rng)
+    prior, likelihood = score(points)
+    log_weights = prior + likelihood - reference.log_density(points, prior)
     return points, np.nan_to_num(log_weights, nan=-np.inf, neginf=-np.inf)
 
 

@@ -9,13 +9,13 @@ from scipy.special import gammaln
 
 Array = NDArray[np.float64]
 
-# Weight of the covariance at the start, in points for each dimension and one.
-_KNOWN = 2.0
+# Steps of expectation maximisation: more hardly pay.
+_ITERATIONS = 10
 # Components times points whose densities are computed together: they stay in the cache.
 _AT_ONCE = 20_000
 # Added to each variance, as a fraction of the population's: it keeps a component of coinciding
 # particles a proper distribution, and is too small to blur a mode a millionth as wide as the prior.
-_VARIANCE_FLOOR = 1e-13
+VARIANCE_FLOOR = 1e-13
 
 
 @dataclass(frozen=True)
@@ -39,14 +39,9 @@ class GaussianMixture:
         rng: np.random.Generator,
         *,
         start: "GaussianMixture | None" = None,
-        iterations: int = 10,
-        worth: float = np.inf,
+        iterations: int = _ITERATIONS,
     ) -> "GaussianMixture":
         """Fit by expectation maximisation, from `start` or from distinct points drawn far apart.
-
-        `worth` is the number of independent points to which each point is equivalent. If it is
-        finite, a component of few points keeps a part of its covariance at the start, since the
-        covariance of few points may be thin by chance.
 
         Examples
         --------
@@ -56,7 +51,6 @@ class GaussianMixture:
         [-5.0, 5.0]
         """
         mixture = start
-        before = None if start is None or np.isinf(worth) else start.covariances
         for _ in range(iterations if components > 1 else 1):
             if mixture is None:
                 responsibilities = _nearest_of_far_apart(points, components, rng)
@@ -65,26 +59,20 @@ class GaussianMixture:
             # A component with fewer points than dimensions has no covariance of its own.
             keep = responsibilities.sum(axis=0) > points.shape[1] + 1
             if not keep.any():
-                responsibilities, keep, before = np.ones((len(points), 1)), np.array([True]), None
-            before = None if before is None else before[keep]
-            mixture = cls._from_responsibilities(points, responsibilities[:, keep], before, worth)
+                responsibilities, keep = np.ones((len(points), 1)), np.array([True])
+            mixture = cls._from_responsibilities(points, responsibilities[:, keep])
         assert mixture is not None
         return mixture
 
     @classmethod
-    def _from_responsibilities(
-        cls, points: Array, responsibilities: Array, before: Array | None, worth: float
-    ) -> "GaussianMixture":
+    def _from_responsibilities(cls, points: Array, responsibilities: Array) -> "GaussianMixture":
         counts = responsibilities.sum(axis=0)
         means = responsibilities.T @ points / counts[:, None]
         centred = points.T - means[..., None]
         weighted = responsibilities.T[:, None] * centred
         covariances = weighted @ centred.mT / counts[:, None, None]
-        if before is not None:
-            share = worth * counts / (worth * counts + _KNOWN * (points.shape[1] + 1))
-            covariances = before + share[:, None, None] * (covariances - before)
-        floor = _VARIANCE_FLOOR * points.var(axis=0) + np.finfo(float).tiny
-        factors = np.linalg.cholesky(covariances + np.diag(floor))
+        floor = np.diag(variance_floor(points.var(axis=0)))
+        factors = np.linalg.cholesky(covariances + floor)
         return cls(np.log(counts / counts.sum()), means, factors)
 
     @property
@@ -202,6 +190,11 @@ class GaussianMixture:
         """The mixture with every covariance multiplied by `factor`, and tails of Student's t."""
         factors = self.factors * np.sqrt(factor)
         return GaussianMixture(self.log_weights, self.means, factors, freedom)
+
+
+def variance_floor(variances: Array) -> Array:
+    """Return small variances whose addition gives a covariance a Cholesky factor."""
+    return VARIANCE_FLOOR * variances + np.finfo(float).tiny
 
 
 def components_for(points: float, dimension: int) -> int:

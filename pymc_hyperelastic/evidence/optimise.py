@@ -5,32 +5,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.evidence.mixture import Array
+from pymc_hyperelastic.evidence.mixture import VARIANCE_FLOOR, Array
 from pymc_hyperelastic.evidence.target import Derivatives, LogDensityGradient
 
-# Largest component of the gradient at the end, in nats for the width of the mode: the maximum is
-# then a twentieth of an sd away at most.
-_GRADIENT_TOLERANCE = 0.05
-# The same where the width was learned from the steps, which may give a far too small one.
-_GRADIENT_TOLERANCE_BFGS = 0.005
-# Smallest width of a mode, in widths of the prior.
-_NARROWEST = 1e-8
-# Steps that any optimisation may take.
-_FEWEST_STEPS = 100
-# Steps that an optimisation may take in addition, for each unknown.
-_STEPS_PER_UNKNOWN = 5
-# Evaluations for each step, on average, at most: the others are steps that were rejected.
-_EVALUATIONS_PER_STEP = 2
-# Levenberg-Marquardt gain ratio below which a step is rejected.
-_LEAST_GAIN = 1e-4
-# Factor of the damping after a rejected step, which doubles with each further one (Nielsen 1999).
-_MORE_DAMPING = 2.0
-# Least factor of the damping after an accepted step (Nielsen 1999).
-_LESS_DAMPING = 1 / 3
-# Length of a step that ends an optimisation, in widths of the mode.
-_NO_STEP = 1e-12
-# Rounding error of a curvature, relative to the sum of all curvatures of the point.
-_ROUNDING = 1e-14
+# Largest component of the gradient at the end, in nats for the width of the mode, which may be far
+# too small where it was learned from the steps.
+_GRADIENT_TOLERANCE = 0.005
+# Steps of one optimisation, at most: a density without bound has no maximum.
+_MOST_STEPS = 300
+# Factor of the damping after a rejected step, and divisor after an accepted one (Marquardt).
+_DAMPING_FACTOR = 10.0
 
 
 class Maxima(NamedTuple):
@@ -42,8 +26,6 @@ class Maxima(NamedTuple):
     gradients: Array
     widths: Array
     """Estimated width of the mode in each variable."""
-    curvatures: Array
-    """Those of the target, or the last update of them, (n, d, d)."""
 
 
 def maximize_batch(derivatives: LogDensityGradient, starts: Array, width: Array) -> Maxima:
@@ -56,8 +38,8 @@ def maximize_batch(derivatives: LogDensityGradient, starts: Array, width: Array)
     References
     ----------
     J. Nocedal and S. J. Wright, Numerical Optimization, 2nd edition, Springer 2006, chapters 6 and
-    10. Damping: H. B. Nielsen, Damping parameter in Marquardt's method, Technical University of
-    Denmark, IMM-REP-1999-05.
+    10. D. W. Marquardt, An algorithm for least-squares estimation of nonlinear parameters, Journal
+    of the Society for Industrial and Applied Mathematics 11 (1963) 431.
     """
     count, size = starts.shape
 
@@ -72,27 +54,22 @@ def maximize_batch(derivatives: LogDensityGradient, starts: Array, width: Array)
 
     x, local = starts / width, np.ones((count, size))
     value, gradient, known = evaluate(x, local)
-    tolerance = _GRADIENT_TOLERANCE if known is not None else _GRADIENT_TOLERANCE_BFGS
     curvature = np.zeros((count, size, size)) if known is None else known
-    damping, more = np.linalg.norm(gradient, axis=1), np.full(count, _MORE_DAMPING)
-    length, steps = np.full(count, np.inf), np.zeros(count, int)
-    most = _FEWEST_STEPS + _STEPS_PER_UNKNOWN * size
-    for _ in range(_EVALUATIONS_PER_STEP * most):
-        steep = np.abs(gradient * local).max(axis=1) > tolerance
-        own = np.flatnonzero(np.isfinite(value) & steep & (length > _NO_STEP) & (steps < most))
+    damping, moving = np.linalg.norm(gradient, axis=1), np.isfinite(value)
+    for _ in range(_MOST_STEPS):
+        steep = np.abs(gradient * local).max(axis=1) > _GRADIENT_TOLERANCE
+        own = np.flatnonzero(moving & steep)
         if not own.size:
             break
         damped = _with_damping(curvature[own], damping[own])
         step = np.linalg.solve(damped, gradient[own, :, None])[..., 0]
-        length[own] = np.linalg.norm(step / local[own], axis=1)
-        expected = (_dot(step, gradient[own]) + damping[own] * _dot(step, step)) / 2
         new_value, new_gradient, known = evaluate(x[own] + step, local[own])
-        gain = (new_value - value[own]) / expected
-        accept = gain > _LEAST_GAIN
-        rejected, accepted = own[~accept], own[accept]
-        damping[rejected] *= more[rejected]
-        more[rejected] *= 2
+        accept = new_value > value[own]
+        damping[own] *= np.where(accept, 1 / _DAMPING_FACTOR, _DAMPING_FACTOR)
+        # A step that is rounded to nothing ends an optimisation, as at a cliff.
+        moving[own] = (x[own] + step != x[own]).any(axis=1)
 
+        accepted = own[accept]
         if known is None:
             fall = gradient[accepted] - new_gradient[accept]
             curvature[accepted] = _bfgs_update(curvature[accepted], step[accept], fall)
@@ -100,17 +77,15 @@ def maximize_batch(derivatives: LogDensityGradient, starts: Array, width: Array)
             curvature[accepted] = known[accept]
         x[accepted] += step[accept]
         value[accepted], gradient[accepted] = new_value[accept], new_gradient[accept]
-        damping[accepted] *= np.clip(1 - (2 * gain[accept] - 1) ** 3, _LESS_DAMPING, 1.0)
-        more[accepted], steps[accepted] = _MORE_DAMPING, steps[accepted] + 1
         inverse = np.linalg.inv(_with_damping(curvature[accepted], 1.0))
-        local[accepted] = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2)).clip(_NARROWEST)
-    curvature = curvature / np.outer(width, width)
-    return Maxima(x * width, value, gradient / width, local * width, curvature)
+        # Steps of differences must not be rounded to nothing.
+        local[accepted] = np.sqrt(np.diagonal(inverse, axis1=1, axis2=2).clip(VARIANCE_FLOOR))
+    return Maxima(x * width, value, gradient / width, local * width)
 
 
 def _with_damping(curvature: Array, damping: Array | float) -> Array:
     """Add the damping, and enough for the matrices to stay regular when they are rounded."""
-    more = damping + _ROUNDING * np.trace(curvature, axis1=1, axis2=2)
+    more = damping + VARIANCE_FLOOR * np.trace(curvature, axis1=1, axis2=2)
     return curvature + more[:, None, None] * np.eye(curvature.shape[1])
 
 

@@ -16,8 +16,6 @@ _PARTICLES = 256
 _MOVES_ON_THE_WAY = 5
 # Moves of a stage at the posterior.
 _MOVES = 20
-# Places of particles to which one draw of a proposal is equivalent: chosen by experiment.
-_PLACES_PER_DRAW = 4
 # Stages at the posterior, at most, until two evidences in a row agree.
 _MOST_STAGES = 10
 # Standard errors within which two evidences agree.
@@ -68,8 +66,7 @@ class BridgeFromParticles:
         for _ in range(_MOST_STAGES):
             self._smc.stay()
             draws, log_density = self._smc.trajectories
-            proposed = log_density.size // _PLACES_PER_DRAW
-            estimate, doubts = bridged(self._density, draws, log_density, rng, "normal", proposed)
+            estimate, doubts = bridged(self._density, draws, log_density, rng, "normal")
             before, self._last = self._last, estimate
             error = np.hypot(estimate.standard_error, before.standard_error)
             if not doubts and abs(estimate.value - before.value) < _AGREEMENT * error < np.inf:

@@ -58,13 +58,14 @@ LogDensityGradient = Callable[[Array, Array], Derivatives]
 # Unknowns up to which gradients are finite differences: PyTensor needs longer to compile gradients
 # than these differences need in a whole run.
 _FEW_UNKNOWNS = 4
-# Logarithm of the smallest positive number.
-_LOG_SMALLEST = np.log(np.nextafter(0.0, 1.0))
-# About the logarithm of the largest number.
-_LOG_LARGEST = 700.0
-# Step of a finite difference, in widths of a variable: about the square root of the rounding error
-# of a log density.
+# Logarithms of the smallest and the largest positive number.
+_LOG_SMALLEST = np.log(np.finfo(float).smallest_subnormal)
+_LOG_LARGEST = np.log(np.finfo(float).max)
+# Step of differences of a log density, in widths of a variable: about the square root of its
+# rounding error.
 _STEP = 1e-4
+# Step of differences of gradients, which may be differences themselves.
+_CURVATURE_STEP = 0.03
 
 
 class Target:
@@ -85,9 +86,6 @@ class Target:
     ValueError
         If the model has discrete variables, or no likelihood.
     """
-
-    # True if `derivatives` returns curvatures.
-    knows_curvature = False
 
     def __init__(
         self,
@@ -144,9 +142,7 @@ class Target:
         points = points[np.isinf(points).any(axis=1)]
         if not len(points):
             return -np.inf
-        _, likelihood = self.score(_finite(points))
-        likelihood = likelihood[~np.isnan(likelihood)]
-        return float(logsumexp(likelihood) - np.log(count)) if len(likelihood) else -np.inf
+        return float(logsumexp(self.score(_finite(points))[1]) - np.log(count))
 
     @cached_property
     def _draw(self) -> Callable[[int, np.random.Generator], dict[str, Array]]:
@@ -266,22 +262,42 @@ def gradient_by_differences(score: Score) -> LogDensityGradient:
     return derivatives
 
 
-def finite_differences(points: Array, width: Array) -> tuple[Array, Callable[[Array], Array]]:
+def with_curvature(derivatives: LogDensityGradient) -> LogDensityGradient:
+    """Return derivatives with curvatures: by differences of gradients if there are no others."""
+
+    def complete(points: Array, width: Array) -> Derivatives:
+        found = derivatives(points, width)
+        if found.curvature is not None:
+            return found
+        size = points.shape[1]
+        stencil, difference = finite_differences(points, width, _CURVATURE_STEP)
+        width = np.repeat(np.broadcast_to(width, points.shape), size, axis=0)
+        beside = derivatives(stencil[:, 1:].reshape(-1, size), width).gradient
+        gradients = [found.gradient[:, None], beside.reshape(-1, size, size)]
+        hessian = difference(np.concatenate(gradients, axis=1))
+        return found._replace(curvature=-(hessian + hessian.mT) / 2)
+
+    return complete
+
+
+def finite_differences(
+    points: Array, width: Array, step: float = _STEP
+) -> tuple[Array, Callable[[Array], Array]]:
     """Return the stencil of forward differences, and a function that takes the differences.
 
-    The stencil, (n, d + 1, d), holds each point and its neighbours. The function takes values whose
-    first two axes are those of the stencil, and returns derivatives along the second axis. At a
-    mode of the given width a derivative is wrong by half a step, in nats for one width.
+    The stencil, (n, d + 1, d), holds each point and its neighbours, `step` widths away. The
+    function takes values whose first two axes are those of the stencil, and returns derivatives
+    along the second axis. At a mode of the given width a derivative is wrong by half a step, in
+    nats for one width.
     """
-    step = np.broadcast_to(_STEP * width, points.shape)
-    beside = step[:, None] * np.eye(points.shape[1])
+    steps = np.broadcast_to(step * width, points.shape)
+    beside = steps[:, None] * np.eye(points.shape[1])
     stencil = points[:, None] + np.concatenate([0 * beside[:, :1], beside], axis=1)
 
     def difference(values: Array) -> Array:
         with np.errstate(invalid="ignore"):
-            return (values[:, 1:] - values[:, :1]) / step.reshape(
-                *step.shape, *(1,) * (values.ndim - 2)
-            )
+            changes = values[:, 1:] - values[:, :1]
+            return changes / steps.reshape(*steps.shape, *(1,) * (values.ndim - 2))
 
     return stencil, difference
 

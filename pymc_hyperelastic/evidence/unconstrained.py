@@ -55,14 +55,11 @@ def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> tuple[Array, list
         for rv, value in zip(model.free_RVs, values, strict=True):
             _check_shape(rv.name, value, shapes[model.rvs_to_values[rv].name])
             _check_finite(rv.name, value, _AT_A_BOUND)
-    columns = dict(zip(model.free_RVs, map(_as_columns, values), strict=True))
+    values = [value.reshape(*size, -1).astype(float) for value in values]
+    columns = dict(zip(model.free_RVs, values, strict=True))
     rvs = [model.values_to_rvs[v] for v in model.value_vars]
     names = [rv.name for rv in rvs for _ in range(columns[rv].shape[2])]
     return np.concatenate([columns[rv] for rv in rvs], axis=2), names
-
-
-def _as_columns(value: Array) -> Array:
-    return value.reshape(*value.shape[:2], -1).astype(float)
 
 
 def log_density_function(model: pm.Model, names: Sequence[str]) -> Callable[[Array], Array]:
@@ -98,10 +95,9 @@ def _posterior(model: pm.Model, tree: xr.DataTree) -> list[Array]:
                 f"{rv.name!r} has the dimensions {posterior[rv.name].dims}; expected 'chain', "
                 "'draw' and its own"
             )
-        value = posterior[rv.name].transpose(*_DRAWS, ...).values
-        _check_shape(rv.name, value, rv.type.shape)
-        _check_finite(rv.name, value, "not finite: leave the chain out")
-        values.append(value)
+        values.append(posterior[rv.name].transpose(*_DRAWS, ...).values)
+        _check_shape(rv.name, values[-1], rv.type.shape)
+        _check_finite(rv.name, values[-1], "not finite: leave the chain out")
     return values
 
 
@@ -112,16 +108,15 @@ def _stored(
     size: tuple[int, ...],
 ) -> list[Array] | None:
     """Unconstrained draws of each free variable, if they are in the tree, all of the same size."""
-    stored = tree.children.get("unconstrained_posterior")
-    values = []
-    for rv in model.free_RVs:
-        name = model.rvs_to_values[rv].name
-        if stored is None or not {*_DRAWS} <= {*stored.data_vars.get(name, xr.DataArray()).dims}:
+    # Angles there may have gone round the circle.
+    if any(isinstance(of, CircularTransform) for of in model.rvs_to_transforms.values()):
+        return None
+    stored, values = tree.children.get("unconstrained_posterior", {}), []
+    for name in (model.rvs_to_values[rv].name for rv in model.free_RVs):
+        if name not in stored or not set(_DRAWS) <= set(stored[name].dims):
             return None
         value = stored[name].transpose(*_DRAWS, ...).values
-        # Angles there may have gone round the circle.
-        circular = isinstance(model.rvs_to_transforms[rv], CircularTransform)
-        if circular or value.shape != (*size, *shapes[name]) or not np.isfinite(value).all():
+        if value.shape != (*size, *shapes[name]) or not np.isfinite(value).all():
             return None
         values.append(value)
     return values

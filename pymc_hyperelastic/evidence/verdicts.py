@@ -7,8 +7,7 @@ from typing import NamedTuple
 import xarray as xr
 
 # Verdicts from good to bad.
-VERDICTS = ("good", "doubtful", "not to be trusted")
-GOOD, DOUBTFUL, BAD = range(3)
+GOOD, DOUBTFUL, BAD = VERDICTS = ("good", "doubtful", "not to be trusted")
 
 
 class Check(NamedTuple):
@@ -17,8 +16,7 @@ class Check(NamedTuple):
     name: str
     value: float
     limit: float
-    verdict: int
-    """Index of `VERDICTS`."""
+    verdict: str
     words: str
     """The fault, if the verdict is not good."""
 
@@ -52,11 +50,10 @@ def registered_checks() -> tuple[ModelChecks, ...]:
     return tuple(_registered)
 
 
-def verdict_of(value: float, good: float, bad: float) -> int:
-    """Return the verdict of a value that should be small; NaN is bad."""
-    if value <= good:
-        return GOOD
-    return DOUBTFUL if value <= bad else BAD
+def check_small(name: str, value: float, good: float, doubtful: float, words: str) -> Check:
+    """Return the check of a value that is good, or doubtful, up to a limit; NaN is bad."""
+    verdict = GOOD if value <= good else DOUBTFUL if value <= doubtful else BAD
+    return Check(name, value, good, verdict, words)
 
 
 def worst_of(verdicts: Iterable[str]) -> str:

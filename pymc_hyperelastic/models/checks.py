@@ -42,7 +42,7 @@ def doubts_of_fit(evidence: xr.Dataset) -> str:
     checks = checks_of_limits(evidence)
     if "chi_square" in evidence:
         checks.append(check_of_residuals(evidence["chi_square"], evidence["points"]))
-    return "; ".join(check.words for check in checks if check.verdict)
+    return "; ".join(check.words for check in checks if check.verdict != GOOD)
 
 
 def check_of_residuals(squares: xr.DataArray, freedom: xr.DataArray) -> Check:

@@ -66,6 +66,6 @@ def test_proposal_of_a_normal_likelihood_is_the_product_with_the_class():
     log_prior = lambda points: -np.sum((points / wide) ** 2, axis=1) / 2  # noqa: E731
     target.prior = SimpleNamespace(log_density=log_prior)
     known = KnownClass(None, None, mean[None], np.eye(2)[None])
-    maxima = Maxima(top[None], np.zeros(1), np.zeros((1, 2)), np.ones((1, 2)), None)
+    maxima = Maxima(top[None], np.zeros(1), np.zeros((1, 2)), np.ones((1, 2)))
     expected = np.linalg.solve(np.eye(2) + precision, mean + precision @ place)
     np.testing.assert_allclose(_around(target, maxima, known).means, [expected])

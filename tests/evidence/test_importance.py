@@ -12,18 +12,17 @@ from pymc_hyperelastic.evidence import importance, integral
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import (
     Integral,
-    Pool,
     importance_sampling,
     mean_weight,
+    weighted_draws,
 )
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.proposal import (
-    ExpectationMaximisation,
-    LaplaceMixture,
+    expectation_maximisation,
     laplace_about,
+    laplace_mixture,
 )
-from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.target import Derivatives, Target, evaluation, finite_differences
 from pymc_hyperelastic.evidence.weights import effective_sample_size
 
@@ -56,7 +55,7 @@ def test_mean_weight_of_fewer_than_400_effective_draws_is_unknown():
 def test_no_mixture_of_more_than_24_unknowns_is_adapted():
     initial = GaussianMixture(np.zeros(1), np.zeros((1, 25)), np.eye(25)[None])
     rng = np.random.default_rng(SEED)
-    found = importance_sampling(None, initial, ExpectationMaximisation(), 10, rng)
+    found = importance_sampling(None, initial, expectation_maximisation, 10, rng)
     assert found.log_value == (-np.inf, np.inf) and not found.reliable
 
 
@@ -72,23 +71,17 @@ def test_values_are_reliable_and_accurate_up_to_a_pareto_shape():
     assert not Integral(Estimate(0.0, 0.04), 0.1, "", np.empty((0, 1))).accurate
 
 
-def test_all_draws_are_weighted_as_if_from_the_mixture_of_their_proposals():
+def test_draws_are_weighted_as_from_the_proposal_and_a_tenth_of_the_prior():
     def score(points):
         return stats.norm.logpdf(points).sum(axis=1), -np.abs(points).sum(axis=1)
 
     rng = np.random.default_rng(SEED)
-    pool, components = Pool(score, draw_prior), []
-    for centre, share, count in ((0.0, 0.2, 50), (1.0, 0.0, 30), (-2.0, 0.5, 20)):
-        mixture = GaussianMixture(np.zeros(1), np.full((1, 2), centre), np.eye(2)[None])
-        pool.add([(Reference(mixture, share), count)], rng)
-        components.append((centre, share, count))
-    points, log_weights = pool.weighted()
-    prior = stats.norm.pdf(points).prod(axis=1)
-    density = sum(
-        n / 100 * (share * prior + (1 - share) * stats.norm.pdf(points, c).prod(axis=1))
-        for c, share, n in components
-    )
-    np.testing.assert_allclose(np.exp(log_weights), np.exp(sum(score(points))) / density)
+    proposal = GaussianMixture(np.zeros(1), np.ones((1, 2)), np.eye(2)[None])
+    for prior, share in ((draw_prior, 0.1), (None, 0.0)):
+        points, log_weights = weighted_draws(score, proposal, 50, rng, prior)
+        of_prior, of_proposal = (stats.norm.pdf(points, at).prod(axis=1) for at in (0, 1))
+        density = share * of_prior + (1 - share) * of_proposal
+        np.testing.assert_allclose(np.exp(log_weights), np.exp(sum(score(points))) / density)
 
 
 def normal_problem(spread=0.1, place=(1.0, -0.5)):
@@ -107,7 +100,7 @@ def test_integral_of_a_normal_prior_and_likelihood(draws):
     spread, place = 0.1, np.array([1.0, -0.5])
     score, exact = normal_problem(spread, place)
     rng = np.random.default_rng(SEED)
-    initial, builder = GaussianMixture.fit(draw_prior(2000, rng), 1, rng), ExpectationMaximisation()
+    initial, builder = GaussianMixture.fit(draw_prior(2000, rng), 1, rng), expectation_maximisation
     found = importance_sampling(
         score, initial, builder, 500, rng, draw_prior=draw_prior, draws=draws
     )
@@ -123,13 +116,12 @@ def test_draws_to_which_a_proposal_was_fitted_are_not_among_the_particles():
     score, exact = normal_problem()
     seen, fitted = [], []
 
-    class Recorded(ExpectationMaximisation):
-        def fitted(self, points, log_weights, rng, current, *, final):
-            fitted.append(points)
-            good = super().fitted(points, log_weights, rng, current, final=final)
-            # So wide after adaptation that another round is needed.
-            first_rounds = len([p for p in seen if len(p) >= 8000]) < 2
-            return good.widened(40.0) if first_rounds else good
+    def builder(points, log_weights, rng, current):
+        fitted.append(points)
+        good = expectation_maximisation(points, log_weights, rng, current)
+        # So wide after adaptation that another round is needed.
+        first_rounds = len([p for p in seen if len(p) >= 8000]) < 2
+        return good.widened(12.0) if first_rounds else good
 
     def recorded(points):
         seen.append(points)
@@ -137,8 +129,8 @@ def test_draws_to_which_a_proposal_was_fitted_are_not_among_the_particles():
 
     rng = np.random.default_rng(SEED)
     initial = GaussianMixture(np.zeros(1), np.zeros((1, 2)), np.eye(2)[None])
-    found = importance_sampling(recorded, initial, Recorded(), 500, rng)
-    assert [len(points) for points in seen[-3:]] != [1000] * 3 and len(seen[-1]) > 8000
+    found = importance_sampling(recorded, initial, builder, 500, rng)
+    assert len(seen[-1]) > 8000
     averaged = {tuple(x) for x in seen[-1]}
     assert {tuple(x) for x in found.particles} <= averaged
     assert not averaged & {tuple(x) for points in fitted for x in points}
@@ -168,7 +160,7 @@ def test_method_of_an_integral_depends_on_the_number_of_unknowns(
 class OfErrors(Target):
     """Standard normal priors, a likelihood of squared errors, and Gauss-Newton curvatures."""
 
-    knows_curvature, has_gradients = True, False
+    has_gradients = False
 
     def __init__(self, errors, dimension, axes=None):
         self._errors, self.dimension = errors, dimension
@@ -319,8 +311,8 @@ def test_laplace_approximations_about_draws_follow_a_bent_ridge(density, least):
     if density is normal:
         covariance = np.array([[1.0, 0.6, 0.0], [0.6, 0.5, 0.02], [0.0, 0.02, 0.01]])
         draws = rng.multivariate_normal([0.5, -1.0, 0.2], covariance, 4000)
-    builder, unweighted = LaplaceMixture(OfDensity(density, 3)), np.zeros(4000)
+    target, unweighted = OfDensity(density, 3), np.zeros(4000)
     start = GaussianMixture.fit(draws, 1, rng)
-    mixture = builder.fitted(draws, unweighted, rng, start, final=True)
+    mixture = laplace_mixture(target, draws, unweighted, rng, start)
     assert density is normal or effective_fraction(density, start) < 0.2
     assert effective_fraction(density, mixture) > least

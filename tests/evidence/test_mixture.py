@@ -117,18 +117,3 @@ def test_fit_finds_the_weights_means_and_covariances_of_clusters():
         np.testing.assert_allclose(fitted.means[found], cluster.mean(axis=0), rtol=1e-6)
         expected = np.cov(cluster.T, ddof=0)
         np.testing.assert_allclose(fitted.covariances[found], expected, rtol=1e-6)
-
-
-def test_fit_keeps_part_of_the_known_covariance_where_points_are_few():
-    rng = np.random.default_rng(SEED)
-    means, factors = np.array([[0.0] * 4, [50.0] * 4]), 3 * np.array([np.eye(4)] * 2)
-    known = GaussianMixture(np.log([0.5, 0.5]), means, factors)
-    few, many = 0.1 * rng.normal(size=(8, 4)), 50 + 0.1 * rng.normal(size=(4000, 4))
-    points = np.concatenate([few, many])
-    fitted = GaussianMixture.fit(points, 2, rng, start=known, worth=1.0)
-    widths = np.sqrt(np.diagonal(fitted.covariances, axis1=1, axis2=2)).mean(axis=1)
-    # The known covariance counts as 2 (d + 1) = 10 points.
-    assert widths[0] == pytest.approx(3 * np.sqrt(10 / 18), rel=0.01)
-    assert widths[1] == pytest.approx(0.18, rel=0.05)
-    alone = GaussianMixture.fit(points, 2, rng, start=known)
-    assert np.sqrt(np.linalg.eigvalsh(alone.covariances[0])).max() < 0.3

@@ -15,7 +15,7 @@ def test_normal_proposal_keeps_only_significant_correlations():
     independent = rng.normal(size=(2, 100, 40))
     common = 0.1 * independent + rng.normal(size=(2, 100, 1))
     for draws, least, most in ((independent, -0.01, 0.01), (common, 0.97, 1.0)):
-        factor = fitted_proposal(draws, 200.0, "normal", rng).factors[0]
+        factor = fitted_proposal(draws, 200.0, False, rng).factors[0]
         covariance = factor @ factor.T
         correlation = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
         assert least < correlation < most
@@ -23,12 +23,12 @@ def test_normal_proposal_keeps_only_significant_correlations():
         np.testing.assert_allclose(np.diagonal(covariance), variances, rtol=ROUNDING)
 
 
-def test_auto_chooses_the_proposal_that_predicts_held_out_draws():
+def test_mixture_is_the_proposal_that_predicts_held_out_draws():
     """One normal density, one Student density, or a mixture."""
     rng = np.random.default_rng(SEED)
     normal = rng.normal(size=(4, 500, 3))
     student = rng.standard_normal((4, 500, 8)) / rng.gamma(2, 0.5, (4, 500, 1))
     two_modes = rng.normal(size=(4, 500, 2)) + rng.choice([-9, 9], (4, 500, 1))
-    found = [fitted_proposal(draws, 2000.0, "auto", rng) for draws in (normal, student, two_modes)]
+    found = [fitted_proposal(draws, 2000.0, True, rng) for draws in (normal, student, two_modes)]
     assert len(found[0].means) == 1 < len(found[2].means)
     assert [np.isfinite(mixture.freedom) for mixture in found] == [False, True, False]
