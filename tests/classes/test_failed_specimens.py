@@ -31,7 +31,7 @@ def fail(_):
 
 
 def give_up(take):
-    """Let importance sampling find nothing, and tempering have no time."""
+    """Let importance sampling find nothing, and particles have no time to move."""
 
     def unknown(sample):
         def sampled(*args, **settings):
@@ -41,7 +41,7 @@ def give_up(take):
         return sampled
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(integral, "_MOST_EVALUATIONS", 0)
+        patch.setattr(integral, "MOST_CAPPED", 0)
         for module in (integral, specimens):
             patch.setattr(module, "importance_sampling", unknown(module.importance_sampling))
         return take()
