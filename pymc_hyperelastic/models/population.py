@@ -76,7 +76,7 @@ class Population:
         return not all(v is None or is_inferred(v) for v in (errors.pressure_sd, errors.force_sd))
 
     def check(self, data: xr.Dataset) -> None:
-        """Raise unless these data can be modelled so."""
+        """Raise unless the specimens of these data can be modelled."""
         wall, parameters = complete_wall(self.energy)
         check_moduli(self.energy)
         unknowns = self.likelihood.unknowns

@@ -63,7 +63,7 @@ def origin_of(classes: xr.DataTree) -> dict[str, Any]:
 
 
 def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
-    """Return the settings of :func:`pymc_hyperelastic.inflation_model`, but for the data."""
+    """Return the arguments of :func:`pymc_hyperelastic.inflation_model` except the data."""
     if "priors" not in tree.attrs:
         raise ValueError("this result does not say from which model it came; see ph.fit_classes")
     likelihood = likelihood_of(tree)
@@ -76,7 +76,7 @@ def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
 
 
 def values_of_parameter(tree: xr.DataTree, parameter: Parameter) -> xr.DataArray:
-    """Draws of a material parameter, of all its entries; ValueError if there are no such."""
+    """Return the draws of all entries of a material parameter; ValueError if there are none."""
     name, size = parameter.name, parameter.size
     values = read_numbers(tree, "posterior", name, None)
     entries = [values.sizes[dim] for dim in values.dims if dim not in ("chain", "draw")]

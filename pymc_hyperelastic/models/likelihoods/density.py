@@ -267,15 +267,12 @@ def _correlated_normal(
     def unwhitened(white: TensorVariable, blocks: Any, points: Any, place: Any) -> TensorVariable:
         return block_product(blocks, {"points": points, "place": place}, white)
 
-    def dist(mean: TensorVariable, sd: TensorVariable, *inverse: Any) -> TensorVariable:
-        return unwhitened(pm.Normal.dist(mean, sd), *inverse[:3])
-
     return pm.CustomDist(
         "measured_pressure",
         white_mean,
         pt.zeros_like(white_mean) + as_double(errors.pressure_sd),
         *(inputs[name] for name in ("blocks", "points", "place")),
-        dist=dist,
+        dist=lambda mean, sd, *inverse: unwhitened(pm.Normal.dist(mean, sd), *inverse[:3]),
         logp=logp,
         support_point=lambda _rv, _size, mean, _sd, *inverse: unwhitened(mean, *inverse),
         signature="(n),(n),(t,m,m),(k),(n)->(n)",
