@@ -233,7 +233,6 @@ def _empty_model(data: xr.Dataset, parent: pm.Model | None, name: str) -> pm.Mod
     return model
 
 
-@one_thread
 def power_law_neo_hookean_model(
     data: xr.Dataset, likelihood: Likelihood | Any, **settings: Any
 ) -> pm.Model:
@@ -252,7 +251,6 @@ def power_law_neo_hookean_model(
     return inflation_model(PowerLawNeoHookean(), data, likelihood, **settings)
 
 
-@one_thread
 def ogden_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: Any) -> pm.Model:
     """Model of the Ogden tube; see :func:`inflation_model` for the settings.
 
@@ -272,7 +270,6 @@ def ogden_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: Any)
     return inflation_model(Ogden(), data, likelihood, **settings)
 
 
-@one_thread
 def criscione_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: Any) -> pm.Model:
     """Model of the Criscione-type tube; see :func:`inflation_model` for the settings.
 

@@ -141,17 +141,10 @@ class Likelihood:
         if self.errors().counts_slopes:
             check_slopes(data)
 
-    def forward_model(
-        self,
-        wall: StrainEnergy | Sequence[Layer],
-        data: xr.Dataset,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-        **settings: Any,
-    ) -> ForwardModel:
-        """Return the forward model of the signals, see :class:`ForwardModel`."""
+    def forward_model(self, *tube: Any, **settings: Any) -> ForwardModel:
+        """Return the forward model of the signals: arguments are those of :class:`ForwardModel`."""
         settings |= {"with_force": self.with_force, "error_in": self.error_in}
-        return ForwardModel(wall, data, parameters, geometry, **settings)
+        return ForwardModel(*tube, **settings)
 
     def register_unknowns(self) -> dict[str, TensorVariable]:
         """Add random variables of the :attr:`unknowns` to the model in context."""
