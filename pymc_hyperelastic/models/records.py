@@ -159,14 +159,22 @@ def _strain_energy(
     tree: xr.DataTree, name: str, record: Mapping[Any, Any], owner: str
 ) -> StrainEnergy:
     """Strain energy of a record of :func:`strain_energy_attrs`, if it has the same stresses."""
-    text = record.get("strain_energy_settings", "{}")
-    try:
-        settings = json.loads(text)
-        fingerprint = json.loads(record.get("strain_energy_fingerprint", "[]"))
-    except (TypeError, ValueError, RecursionError):
-        settings = fingerprint = None
-    if not isinstance(settings, dict):
-        raise damaged(tree, f"{owner} has the settings {shown(text)}; expected a JSON object")
+
+    def stated(key: str, default: Any) -> Any:
+        text = record.get(key)
+        try:
+            value = default if text is None else json.loads(text)
+        except (TypeError, ValueError, RecursionError):
+            value = None
+        if not isinstance(value, type(default)):
+            what = f"{owner} has the {key} {shown(text)}"
+            raise damaged(tree, f"{what}; expected JSON of a {type(default).__name__}")
+        return value
+
+    settings, fingerprint = (
+        stated("strain_energy_settings", {}),
+        stated("strain_energy_fingerprint", []),
+    )
     # A law of the user's own that is not defined here is no damage.
     with reading(tree, ""):
         energy = StrainEnergy.from_name(name, **settings)
