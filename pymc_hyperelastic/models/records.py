@@ -167,8 +167,8 @@ def _strain_energy(
         except (TypeError, ValueError, RecursionError):
             value = None
         if not isinstance(value, type(default)):
-            what = f"{owner} has the {key} {shown(text)}"
-            raise damaged(tree, f"{what}; expected JSON of a {type(default).__name__}")
+            kind = "object" if isinstance(default, dict) else "list"
+            raise damaged(tree, f"{owner} has the {key} {shown(text)}; expected a JSON {kind}")
         return value
 
     settings, fingerprint = (
