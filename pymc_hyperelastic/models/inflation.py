@@ -25,7 +25,6 @@ from pymc_hyperelastic.mechanics.strain_energy import (
 from pymc_hyperelastic.models.forward import ForwardModel, Mode
 from pymc_hyperelastic.models.geometry import (
     check_geometry,
-    measured_of,
     priors_of,
     register_deviations,
     register_measures,
@@ -101,8 +100,8 @@ def inflation_model(
     Returns
     -------
     pymc.Model
-        With the dimensions ``obs`` (points) and ``test``. In the context of another model it is a
-        part, whose ``root`` is the whole.
+        With the dimensions ``obs`` (points), ``test`` and ``specimen``. In the context of another
+        model it is a part, whose ``root`` is the whole.
 
     Raises
     ------
@@ -192,15 +191,14 @@ def tube_model(
             "rising=True divides by the prior probability of the curves that rise, which is not "
             "known where parameters are variables of your own model: give distributions instead"
         )
-    measured = measured_of(unknown)
-    model = _empty_model(data, bool(measured), parent, name)
+    model = _empty_model(data, parent, name)
     points, of_specimen = model.name_for("obs"), model.name_for("specimen")
     _, of_test = specimens_of(data)
     with model:
         parameters = register_priors(distributions)
         of_tube = register_priors(priors_of(unknown))
-        deviations = register_deviations(measured, of_specimen)
-        register_measures(data, measured, deviations, of_specimen)
+        deviations = register_deviations(unknown, of_specimen)
+        register_measures(data, unknown, deviations, of_specimen)
         known = of_tube, {name: z[of_test] for name, z in deviations.items()}
         tube, sizes = forward.tube(parameters, *known), likelihood.register_unknowns()
         curves = {k: pm.Deterministic(k, v, dims=points) for k, v in tube.curves().items()}
@@ -215,17 +213,14 @@ def tube_model(
     return model
 
 
-def _empty_model(
-    data: xr.Dataset, by_specimen: bool, parent: pm.Model | None, name: str
-) -> pm.Model:
+def _empty_model(data: xr.Dataset, parent: pm.Model | None, name: str) -> pm.Model:
     """Return a model with the dimensions of the data and no variables."""
     model = pm.Model(name=name, model=parent)
-    coords: dict[str, Any] = {
+    coords = {
         model.name_for("obs"): np.arange(data.sizes["obs"]),
         model.name_for("test"): [describe_test(data, test) for test in range(data.sizes["test"])],
+        model.name_for("specimen"): specimens_of(data)[0],
     }
-    if by_specimen:
-        coords[model.name_for("specimen")] = specimens_of(data)[0]
     if parent is not None:
         names, there = [*coords, model.name_for("pressure")], {*parent.coords}
         taken = [name for name in names if name in there | parent.root.named_vars.keys()]
@@ -238,7 +233,6 @@ def _empty_model(
     return model
 
 
-@one_thread
 def power_law_neo_hookean_model(
     data: xr.Dataset, likelihood: Likelihood | Any, **settings: Any
 ) -> pm.Model:
@@ -257,7 +251,6 @@ def power_law_neo_hookean_model(
     return inflation_model(PowerLawNeoHookean(), data, likelihood, **settings)
 
 
-@one_thread
 def ogden_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: Any) -> pm.Model:
     """Model of the Ogden tube; see :func:`inflation_model` for the settings.
 
@@ -277,7 +270,6 @@ def ogden_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: Any)
     return inflation_model(Ogden(), data, likelihood, **settings)
 
 
-@one_thread
 def criscione_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: Any) -> pm.Model:
     """Model of the Criscione-type tube; see :func:`inflation_model` for the settings.
 

@@ -76,13 +76,18 @@ class Population:
         return not all(v is None or is_inferred(v) for v in (errors.pressure_sd, errors.force_sd))
 
     def check(self, data: xr.Dataset) -> None:
-        """Raise unless these data can be modelled so."""
+        """Raise unless the specimens of these data can be modelled."""
         wall, parameters = complete_wall(self.energy)
         check_moduli(self.energy)
-        unknowns = self.likelihood.unknowns
-        for name, prior in unknowns.items():
-            _check_positive(name, prior)
-        if "force_offset_sd" in unknowns:
+        for name, prior in self.likelihood.unknowns.items():
+            check_prior(name, prior)
+            smallest = pm.draw(prior, _POSITIVE_DRAWS, random_seed=1, mode="FAST_COMPILE").min()
+            if smallest <= 0:
+                raise ValueError(
+                    f"the prior of {name!r} holds numbers such as {smallest:.3g}; expected a "
+                    "distribution of positive numbers, such as pm.LogNormal.dist(0, 1)"
+                )
+        if "force_offset_sd" in self.likelihood.unknowns:
             raise ValueError(
                 "force_offset_sd is a distribution; where specimens differ, expected a number of "
                 "mN: each test has an offset of its own, and the number is their prior"
@@ -95,10 +100,6 @@ class Population:
             )
         check_measured_only(self.geometry)
         self.likelihood.check(wall, data, parameters, self.geometry)
-        self._check_priors()
-
-    def _check_priors(self) -> None:
-        """Raise unless the priors are those of unknowns of the class."""
         count = len(self.scale.names)
         sizes: dict[str, int | None] = {"location": count, "spread": count}
         if self.experiment_effect:
@@ -258,17 +259,6 @@ def population_model(
     study = Study(energy, data, {}, reference_stress=reference_stress, forward=forward)
     attach_study(model, study)
     return model
-
-
-def _check_positive(name: str, noise: Any) -> None:
-    """Raise unless the noise is a distribution of positive numbers: its logarithm is spread."""
-    check_prior(name, noise)
-    smallest = pm.draw(noise, draws=_POSITIVE_DRAWS, random_seed=1, mode="FAST_COMPILE").min()
-    if smallest <= 0:
-        raise ValueError(
-            f"the prior of {name!r} holds numbers such as {smallest:.3g}; expected a distribution "
-            "of positive numbers, such as pm.LogNormal.dist(0, 1)"
-        )
 
 
 class Specimens(NamedTuple):

@@ -63,7 +63,7 @@ def origin_of(classes: xr.DataTree) -> dict[str, Any]:
 
 
 def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
-    """Return the settings of :func:`pymc_hyperelastic.inflation_model`, but for the data."""
+    """Return the arguments of :func:`pymc_hyperelastic.inflation_model` except the data."""
     if "priors" not in tree.attrs:
         raise ValueError("this result does not say from which model it came; see ph.fit_classes")
     likelihood = likelihood_of(tree)
@@ -76,7 +76,7 @@ def model_settings_of(tree: xr.DataTree) -> dict[str, Any]:
 
 
 def values_of_parameter(tree: xr.DataTree, parameter: Parameter) -> xr.DataArray:
-    """Draws of a material parameter, of all its entries; ValueError if there are no such."""
+    """Return the draws of all entries of a material parameter; ValueError if there are none."""
     name, size = parameter.name, parameter.size
     values = read_numbers(tree, "posterior", name, None)
     entries = [values.sizes[dim] for dim in values.dims if dim not in ("chain", "draw")]
@@ -159,14 +159,22 @@ def _strain_energy(
     tree: xr.DataTree, name: str, record: Mapping[Any, Any], owner: str
 ) -> StrainEnergy:
     """Strain energy of a record of :func:`strain_energy_attrs`, if it has the same stresses."""
-    text = record.get("strain_energy_settings", "{}")
-    try:
-        settings = json.loads(text)
-        fingerprint = json.loads(record.get("strain_energy_fingerprint", "[]"))
-    except (TypeError, ValueError, RecursionError):
-        settings = fingerprint = None
-    if not isinstance(settings, dict):
-        raise damaged(tree, f"{owner} has the settings {shown(text)}; expected a JSON object")
+
+    def stated(key: str, default: Any) -> Any:
+        text = record.get(key)
+        try:
+            value = default if text is None else json.loads(text)
+        except (TypeError, ValueError, RecursionError):
+            value = None
+        if not isinstance(value, type(default)):
+            kind = "object" if isinstance(default, dict) else "list"
+            raise damaged(tree, f"{owner} has the {key} {shown(text)}; expected a JSON {kind}")
+        return value
+
+    settings, fingerprint = (
+        stated("strain_energy_settings", {}),
+        stated("strain_energy_fingerprint", []),
+    )
     # A law of the user's own that is not defined here is no damage.
     with reading(tree, ""):
         energy = StrainEnergy.from_name(name, **settings)

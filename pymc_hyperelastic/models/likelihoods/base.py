@@ -1,8 +1,7 @@
 """Base class of likelihoods: checks, storage, words, and the part of a PyMC model."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from math import sqrt
 from typing import Any, ClassVar, Self
 
@@ -35,22 +34,23 @@ from pymc_hyperelastic.models.priors import (
 OFFSET_VARIABLES = ("force_offset_mean", "force_offset_error")
 
 
-class Likelihood(ABC):
+@dataclass(frozen=True, repr=False)
+class Likelihood:
     """Base class of likelihoods: which quantities were measured, and how large their errors are.
 
     A subclass is a frozen dataclass whose fields are arguments of :data:`SIZES`, and `observed`.
     """
 
-    observed: bool
+    observed: bool = field(default=False, kw_only=True)
     force_name: ClassVar[str]
     """Argument that states the error of forces."""
 
     def __post_init__(self) -> None:
         """Refuse impossible arguments."""
-        for field in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, field.name)
-            if field.name in SIZES and (value is not None or field.default is MISSING):
-                check_size(field.name, value)
+        for argument in fields(self):
+            value = getattr(self, argument.name)
+            if argument.name in SIZES and (value is not None or argument.default is MISSING):
+                check_size(argument.name, value)
         if not isinstance(self.observed, bool):
             raise TypeError(f"observed is {self.observed!r}; expected True or False")
         if "force_offset_sd" in self.sizes and self.force_name not in self.sizes:
@@ -58,16 +58,11 @@ class Likelihood(ABC):
                 "force_offset_sd is given, but forces have no part in the likelihood: give "
                 f"{self.force_name}, {SIZES[self.force_name].expected}, too"
             )
-        self._check_combination()
-
-    @abstractmethod
-    def _check_combination(self) -> None:
-        """Raise if arguments exclude each other."""
 
     @property
     def sizes(self) -> dict[str, Any]:
         """Sizes of errors that were given, by argument."""
-        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name in SIZES}  # type: ignore[arg-type]
+        given = {f.name: getattr(self, f.name) for f in fields(self) if f.name in SIZES}
         return {name: value for name, value in given.items() if value is not None}
 
     @property
@@ -124,7 +119,7 @@ class Likelihood(ABC):
 
     def as_observed(self) -> Self:
         """Return the same likelihood, declared as observed variables."""
-        return replace(self, observed=True)  # type: ignore[type-var]
+        return replace(self, observed=True)
 
     def check(
         self,
@@ -146,17 +141,10 @@ class Likelihood(ABC):
         if self.errors().counts_slopes:
             check_slopes(data)
 
-    def forward_model(
-        self,
-        wall: StrainEnergy | Sequence[Layer],
-        data: xr.Dataset,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-        **settings: Any,
-    ) -> ForwardModel:
-        """Return the forward model of the signals, see :class:`ForwardModel`."""
+    def forward_model(self, *tube: Any, **settings: Any) -> ForwardModel:
+        """Return the forward model of the signals: arguments are those of :class:`ForwardModel`."""
         settings |= {"with_force": self.with_force, "error_in": self.error_in}
-        return ForwardModel(wall, data, parameters, geometry, **settings)
+        return ForwardModel(*tube, **settings)
 
     def register_unknowns(self) -> dict[str, TensorVariable]:
         """Add random variables of the :attr:`unknowns` to the model in context."""
@@ -223,15 +211,14 @@ class Likelihood(ABC):
                 f"the likelihood is {shown(record)}; expected a record with a name of {[*kinds]}"
             )
         given = {k: v for k, v in record.items() if k not in ("name", "units")}
-        known = {field.name for field in fields(kinds[name])}  # type: ignore[arg-type]
-        for argument, value in given.items():
-            if argument not in known:
+        known = {argument.name for argument in fields(kinds[name])}
+        for key, value in given.items():
+            if key not in known:
                 raise ValueError(
-                    f"a likelihood {name} has the argument {argument!r}; expected one of "
-                    f"{sorted(known)}"
+                    f"a likelihood {name} has the argument {key!r}; expected one of {sorted(known)}"
                 )
-            if argument in SIZES and not is_number(value):
-                given[argument] = prior_from_record(value, argument)
+            if key in SIZES and not is_number(value):
+                given[key] = prior_from_record(value, key)
         try:
             likelihood = kinds[name](**given)
         except TypeError as error:

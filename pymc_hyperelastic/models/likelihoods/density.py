@@ -69,22 +69,21 @@ def _terms_by_sums(tube: SymbolicTube, errors: Errors, switches: Mapping[str, An
     """Terms from sums of squared misfits, see :meth:`SymbolicTube.misfits`."""
     forward = tube.forward
     sd = errors.pressure_sd if errors.radius_sd is None else errors.radius_sd
-    variance = pt.square(as_double(sd))
+    variance = pt.square(as_double(sd))  # of pressures, or of radii
     key = errors.counts_slopes, errors.force_sd is not None, errors.force_offset_sd is not None
     with_slopes, with_force, with_offset = key
     squares, conditions, force_sums = tube.misfits(key, lambda data: _targets(data, *key))
     points = measured(forward, "pressure").shape[0]
-    # With the error in the radius the term of the pressure is that of radii at the pressure.
     terms = {"pressure": normal_log_density(squares[forward.error_in], variance, points)}
     if with_slopes:
         normaliser = _slope_normaliser(tube, errors, switches)
         weight = as_double(errors.slope_weight)
         terms["slope"] = normaliser - weight * squares["slope"] / (2 * variance)
     if with_force:
-        variance, forces = pt.square(as_double(errors.force_sd)), force_arrays(tube)["count"]
-        terms["force"] = normal_log_density(squares["force"], variance, pt.sum(forces))
+        of_force, count = pt.square(as_double(errors.force_sd)), force_arrays(tube)["count"]
+        terms["force"] = normal_log_density(squares["force"], of_force, pt.sum(count))
         if with_offset:
-            sums = forces / variance, force_sums / variance
+            sums = count / of_force, force_sums / of_force
             terms["force"] += pt.sum(log_density_ratio_of_offset(*sums, errors.force_offset_sd))
     return terms, reduce(and_, conditions)
 
@@ -268,15 +267,12 @@ def _correlated_normal(
     def unwhitened(white: TensorVariable, blocks: Any, points: Any, place: Any) -> TensorVariable:
         return block_product(blocks, {"points": points, "place": place}, white)
 
-    def dist(mean: TensorVariable, sd: TensorVariable, *inverse: Any) -> TensorVariable:
-        return unwhitened(pm.Normal.dist(mean, sd), *inverse[:3])
-
     return pm.CustomDist(
         "measured_pressure",
         white_mean,
         pt.zeros_like(white_mean) + as_double(errors.pressure_sd),
         *(inputs[name] for name in ("blocks", "points", "place")),
-        dist=dist,
+        dist=lambda mean, sd, *inverse: unwhitened(pm.Normal.dist(mean, sd), *inverse[:3]),
         logp=logp,
         support_point=lambda _rv, _size, mean, _sd, *inverse: unwhitened(mean, *inverse),
         signature="(n),(n),(t,m,m),(k),(n)->(n)",

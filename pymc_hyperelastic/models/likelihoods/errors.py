@@ -12,21 +12,18 @@ from pymc_hyperelastic.models.priors import is_inferred
 class Errors(NamedTuple):
     """Standard deviations of measurement errors, and the weight of slopes, for densities.
 
-    Each is a number, a variable, or a vector of one value for each point.
+    Each is a number, a variable, or a vector of one value for each point, in the unit of
+    :data:`SIZES`; None if there is no such error.
     """
 
     pressure_sd: Any = None
-    """kPa; None if pressures are exact, and radii have the error."""
     radius_sd: Any = None
-    """mm."""
+    """In place of `pressure_sd`."""
     diameter_sd: Any = None
-    """mm; besides the error of the pressure."""
+    """Besides `pressure_sd`."""
     force_sd: Any = None
-    """mN."""
     force_offset_sd: Any = None
-    """mN; one offset for each test."""
     slope_weight: Any = 0.0
-    """mm²; the paper's ``β``."""
 
     @property
     def counts_slopes(self) -> bool:

@@ -88,12 +88,12 @@ class Gaussian(Likelihood):
     force_sd: Any = field(default=None, kw_only=True)
     force_offset_sd: Any = field(default=None, kw_only=True)
     diameter_sd: Any = field(default=None, kw_only=True)
-    observed: bool = field(default=False, kw_only=True)
 
     force_name: ClassVar[str] = "force_sd"
 
-    def _check_combination(self) -> None:
-        """Raise if the errors of pressures and radii exclude each other, or cannot be drawn."""
+    def __post_init__(self) -> None:
+        """Refuse errors of pressures and radii that exclude each other, or cannot be drawn."""
+        super().__post_init__()
         if self.radius_sd is None:
             check_size("pressure_sd", self.pressure_sd)
             return

@@ -81,12 +81,12 @@ class SlopeAugmented(Likelihood):
     slope_weight: Any
     force_sigma: Any = field(default=None, kw_only=True)
     force_offset_sd: Any = field(default=None, kw_only=True)
-    observed: bool = field(default=False, kw_only=True)
 
     force_name: ClassVar[str] = "force_sigma"
 
-    def _check_combination(self) -> None:
-        """Raise ValueError if pressures are observed and the slope weight is unknown."""
+    def __post_init__(self) -> None:
+        """Refuse observed pressures with an unknown slope weight."""
+        super().__post_init__()
         if self.observed and is_inferred(self.slope_weight):
             raise ValueError(
                 "slope_weight is a distribution, but where pressures are observed variables "

@@ -12,11 +12,10 @@ from pymc_hyperelastic.data.inflation import (
     describe_test,
     extension_tests,
     measured_radius,
-    points_of,
 )
 
-# Two radii count as one if they differ by less than this fraction of the largest radius of their
-# test: no instrument resolves a millionth, and a slope between them would be a rounding error.
+# Two radii count as one if they differ by less than this fraction: no instrument resolves a
+# millionth, and a slope between them would be a rounding error.
 _SAME_RADIUS = 1e-6
 
 
@@ -83,30 +82,31 @@ def measured_slopes(data: xr.Dataset) -> np.ndarray:
 
 def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     """Interior points of inflation tests, and the factor ``1/(r[i+1] − r[i−1])`` at each."""
-    interior, difference = [np.empty(0, int)], [np.empty(0)]
-    radius = measured_radius(data).values
-    what = "half the outer diameter" if "outer_diameter" in data else "radius"
-    for test in np.flatnonzero(~extension_tests(data)).tolist():
-        points = points_of(data, test)
-        rows = np.arange(points.start + 1, points.stop - 1)
-        if not rows.size:
-            raise ValueError(
-                f"{describe_test(data, test)} has {points.stop - points.start} point(s), but the "
-                "slope term needs at least 3: drop the experiment or set slope_weight=0"
-            )
-        step = radius[rows + 1] - radius[rows - 1]
-        alike = np.flatnonzero(np.abs(step) <= _SAME_RADIUS * radius[points].max())
-        if alike.size:
-            first = rows[alike[0]]
-            labels = data["row"].values if "row" in data.coords else np.arange(radius.size)
-            raise ValueError(
-                f"{describe_test(data, test)}: {what} repeats at rows {labels[first - 1]} and "
-                f"{labels[first + 1]} ({radius[first - 1]:.6g} mm); the slope term needs distinct "
-                "neighbouring radii: drop one or set slope_weight=0"
-            )
-        interior.append(rows)
-        difference.append(1 / step)
-    return np.concatenate(interior), np.concatenate(difference)
+    test, radius, with_slope = (
+        data["test"].values,
+        measured_radius(data).values,
+        ~extension_tests(data),
+    )
+    counts = np.bincount(test, minlength=len(with_slope))
+    short = np.flatnonzero(with_slope & (counts < 3))
+    if short.size:
+        raise ValueError(
+            f"{describe_test(data, int(short[0]))} has {counts[short[0]]} point(s), but the slope "
+            "term needs at least 3: drop the experiment or set slope_weight=0"
+        )
+    interior = 1 + np.flatnonzero((test[:-2] == test[2:]) & with_slope[test[2:]])
+    step = radius[interior + 1] - radius[interior - 1]
+    alike = interior[np.abs(step) <= _SAME_RADIUS * radius[interior]]
+    if alike.size:
+        i = alike[0]
+        what = "half the outer diameter" if "outer_diameter" in data else "radius"
+        labels = data["row"].values if "row" in data.coords else np.arange(radius.size)
+        raise ValueError(
+            f"{describe_test(data, int(test[i]))}: {what} repeats at rows {labels[i - 1]} and "
+            f"{labels[i + 1]} ({radius[i - 1]:.6g} mm); the slope term needs distinct neighbouring "
+            "radii: drop one or set slope_weight=0"
+        )
+    return interior, 1 / step
 
 
 def squared_singular_values(data: xr.Dataset) -> np.ndarray:
