@@ -150,7 +150,7 @@ def log_evidence_by_bridge(
         check_count("proposal_draws", proposal_draws, _FEWEST_DRAWS)
     draws, names = unconstrained_draws(model, tree)
     _check_enough(draws, names)
-    density = log_density_function(model, names)
+    density = log_density_function(model)
     log_density = density(draws)
     _check_possible(log_density)
     if len(draws) == 1:

@@ -7,8 +7,6 @@ import pymc as pm
 import pytensor
 from pymc.vartypes import discrete_types
 
-from pymc_hyperelastic.files.place import PACKAGE as PACKAGE
-
 
 def check_count(name: str, value: Any, least: int) -> None:
     """Raise unless `value` is a whole number, `least` at least."""
@@ -16,12 +14,6 @@ def check_count(name: str, value: Any, least: int) -> None:
         raise TypeError(f"{name} is {value!r}; expected a whole number")
     if value < least:
         raise ValueError(f"{name} is {value}; expected at least {least}")
-
-
-def check_prob(prob: float) -> None:
-    """Raise unless `prob`, which an interval is to hold, is between 0 and 1."""
-    if not 0 < prob < 1:
-        raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
 
 
 def check_fraction(name: str, value: Any) -> None:

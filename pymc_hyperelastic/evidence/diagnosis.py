@@ -186,7 +186,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     checks = _checks_of_chains(tree, values, errors)
     checks += [*_checks_of_particles(evidence), *_checks_of_search(evidence)]
     checks += checks_of_limits(evidence)
-    for registered in registered_checks():
+    for registered in registered_checks:
         checks += registered.checks(tree, evidence)
     return _as_dataset(checks)
 
@@ -282,7 +282,7 @@ def judgement(diagnosis: xr.Dataset) -> str:
 
 def _about_fit() -> set[str]:
     """Return the names of checks that compare the model with its data."""
-    return {*_ABOUT_FIT, *(name for c in registered_checks() for name in c.about_fit)}
+    return {*_ABOUT_FIT, *(name for c in registered_checks for name in c.about_fit)}
 
 
 def worst_verdict(trees: Iterable[xr.DataTree]) -> str:
@@ -321,7 +321,7 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[C
 def _as_dataset(checks: list[Check]) -> xr.Dataset:
     worst = worst_of([GOOD, *(check.verdict for check in checks)])
     said = [check for check in checks if check.verdict == worst]
-    enough = _about_fit() | {name for c in registered_checks() for name in c.with_advice}
+    enough = _about_fit() | {name for c in registered_checks for name in c.with_advice}
     instead = "" if {c.name for c in said} <= enough else _INSTEAD
     words = "; ".join(check.words for check in said) + instead
     columns = {

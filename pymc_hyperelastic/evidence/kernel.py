@@ -198,10 +198,6 @@ class BatchedSMC(SMC_KERNEL):
         """Use `rng` from now on."""
         self.rng = rng
 
-    def initialize_population(self) -> dict[str, Array]:
-        """Draw particles from the prior."""
-        return self.target.draw_prior_by_name(self.draws, self.rng)
-
     def find_reference(self, rng: np.random.Generator) -> None:
         """Find the reference from which chains start, if they start from one."""
         self.search = find_reference(self.target, rng) if self.from_modes else None
@@ -228,20 +224,21 @@ class BatchedSMC(SMC_KERNEL):
         return stages
 
     def _initialize_kernel(self) -> None:
-        if self.from_modes and self.start is None:
+        reference, start = None, self.start
+        if start:
+            if set(start) != set(self.var_info):
+                raise ValueError(
+                    f"start must hold the particles of {list(self.var_info)}; it has {list(start)}"
+                )
+            particles = self.target.columns(start)
+        elif self.from_modes:
             if self.search is None:
                 self.find_reference(self.rng)
             assert self.search is not None
             reference = self.search.reference
             particles = reference.draw(self.target.draw_prior, self.draws, self.rng)
         else:
-            reference = None
-            start = self.start or self.initialize_population()
-            if set(start) != set(self.var_info):
-                raise ValueError(
-                    f"start must hold the particles of {list(self.var_info)}; it has {list(start)}"
-                )
-            particles = self.target.columns(start)
+            particles = self.target.draw_prior(self.draws, self.rng)
         self.draws = len(particles)
         self.tempering = TemperedSMC(
             GeometricPath(self.target, reference),

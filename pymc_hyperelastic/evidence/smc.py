@@ -14,11 +14,12 @@ from pymc.progress_bar import SMCProgressBarManager
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
-from pymc_hyperelastic.evidence.checks import PACKAGE, check_count, check_model
+from pymc_hyperelastic.evidence.checks import check_count, check_model
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence, with_diagnosis
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import sampling_tree, study_of
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.store import seed_in
 from pymc_hyperelastic.parallel import one_thread
 

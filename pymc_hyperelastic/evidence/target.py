@@ -106,14 +106,9 @@ class Target:
 
     def draw_prior(self, count: int, rng: np.random.Generator) -> Array:
         """Draw points from the prior, shape (count, d)."""
-        return self.columns(self.draw_prior_by_name(count, rng))
-
-    def draw_prior_by_name(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
-        """Draw points from the prior, by the name of the value variable."""
         try:
             with np.errstate(all="ignore"):
-                points = self._draw(count, rng)
-            return {name: _finite(values) for name, values in points.items()}
+                return _finite(self.columns(self._draw(count, rng)))
         except NotImplementedError as error:
             raise ValueError(
                 f"particles cannot be drawn from the prior ({error}): give every variable a proper "

@@ -1,6 +1,6 @@
 """Transform draws of any sampler to the unconstrained scale of a model's variables."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import pymc as pm
@@ -62,8 +62,8 @@ def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> tuple[Array, list
     return np.concatenate([columns[rv] for rv in rvs], axis=2), names
 
 
-def log_density_function(model: pm.Model, names: Sequence[str]) -> Callable[[Array], Array]:
-    """Logarithm of what integrates to the evidence, at points whose columns have these names."""
+def log_density_function(model: pm.Model) -> Callable[[Array], Array]:
+    """Return a function of points (..., d): the logarithm of what integrates to the evidence."""
     function = BatchedFunction.of_model(model, [model.logp() + in_one_period(model)])
 
     def density(points: Array) -> Array:
