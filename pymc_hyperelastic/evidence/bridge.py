@@ -25,6 +25,7 @@ from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.evidence.unconstrained import (
     NOTHING,
     log_density_function,
+    refuse_draws,
     unconstrained_draws,
 )
 from pymc_hyperelastic.files.place import PACKAGE
@@ -152,7 +153,11 @@ def log_evidence_by_bridge(
     _check_enough(draws, names)
     density = log_density_function(model)
     log_density = density(draws)
-    _check_possible(log_density)
+    refuse_draws(
+        log_density == NOTHING,
+        "draws",
+        "have a density of zero, or none: are these draws of this model, with these data?",
+    )
     if len(draws) == 1:
         draws, log_density = _halves(draws), _halves(log_density)
     doubts = [*disagreement(names, draws, log_density), *divergence(tree)]
@@ -219,17 +224,6 @@ def _check_enough(draws: Array, names: list[str]) -> None:
         raise ValueError(
             f"chain {chain} stands still for half of its draws, in {list(constant)}, and there are "
             "not two that move: the sampler got stuck; sample again, from other places"
-        )
-
-
-def _check_possible(log_density: Array) -> None:
-    impossible = log_density == NOTHING
-    if impossible.any():
-        chain, draw = np.argwhere(impossible)[0]
-        raise ValueError(
-            f"{impossible.sum()} of {impossible.size} draws, the first of them draw {draw} of "
-            f"chain {chain}, have a density of zero, or none: are these draws of this model, with "
-            "these data?"
         )
 
 
