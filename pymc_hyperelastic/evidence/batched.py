@@ -10,7 +10,6 @@ import numpy as np
 import pymc as pm
 import pytensor
 import pytensor.tensor as pt
-from numpy.typing import NDArray
 from pymc.distributions.custom import CustomDistRV
 from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.initial_point import make_initial_point_expression
@@ -29,9 +28,7 @@ from pytensor.tensor.random.type import RandomType
 from pytensor.tensor.variable import TensorConstant, TensorVariable
 
 from pymc_hyperelastic.evidence.in_numpy import IN_NUMPY
-
-Array = NDArray[np.float64]
-
+from pymc_hyperelastic.evidence.mixture import Array
 
 # Recording the line of code of each node would take a third of the time.
 without_traces = pytensor.config.change_flags(traceback__limit=0)

@@ -19,6 +19,7 @@ from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.stored_evidence import evidence_of, stored_diagnosis
 from pymc_hyperelastic.evidence.verdicts import (
     BAD,
+    DOUBTFUL,
     GOOD,
     Check,
     check_small,
@@ -52,8 +53,6 @@ _MOST_UNMET = 0.01
 # Share of other particles, or of the posterior at bounds, above which an evidence is not to be
 # trusted. Three change points, of whose six modes some were missing, had 0.3 to 1 in most runs.
 _MOST_MISSING = 0.1
-# Checks that compare the model with its data, where the evidence itself may be right.
-_ABOUT_FIT = ("limits",)
 _INSTEAD = (
     "; another way is NUTS and ph.log_evidence_by_bridge, for classes of specimens that differ "
     "ph.fit_classes"
@@ -202,8 +201,9 @@ def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
         words = f"particles had not forgotten their places at {share:.0%} of the stages"
         checks.append(check_small("moves", share, limit, 1.0, words))
         words = f"all particles of a chain come from {alive:.1%} of the first ones"
-        check = check_small("", -alive, -_FEW_ANCESTORS, -_TOO_FEW_ANCESTORS, words)
-        checks.append(check._replace(name="ancestors", value=alive, limit=_FEW_ANCESTORS))
+        few = DOUBTFUL if alive >= _TOO_FEW_ANCESTORS else BAD
+        verdict = GOOD if alive >= _FEW_ANCESTORS else few
+        checks.append(Check("ancestors", alive, _FEW_ANCESTORS, verdict, words))
     if "pareto_k" in evidence and not np.isnan(evidence["pareto_k"]).all():
         shape = float(np.nanmax(evidence["pareto_k"]))
         words = f"a few weights decide: their Pareto shape is {shape:.2f}"
@@ -213,11 +213,7 @@ def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
 
 
 def _checks_of_search(evidence: xr.Dataset) -> list[Check]:
-    """Compare the evidence with those from the prior and from the modes, and with other particles.
-
-    Evidences that are too low by far are common, since mass may be missed; too high by far they
-    never are.
-    """
+    """Compare the evidence with those from the prior and the modes, and with other particles."""
     total = combine_chains(evidence["log_evidence"].values, evidence["log_evidence_se"].values)
     checks = []
     for name, of in (("prior's side", "forward"), ("modes", "at_modes")):
@@ -281,8 +277,8 @@ def judgement(diagnosis: xr.Dataset) -> str:
 
 
 def _about_fit() -> set[str]:
-    """Return the names of checks that compare the model with its data."""
-    return {*_ABOUT_FIT, *(name for c in registered_checks for name in c.about_fit)}
+    """Return the names of checks of how a model fits its data: the evidence may be right."""
+    return {"limits", *(name for c in registered_checks for name in c.about_fit)}
 
 
 def worst_verdict(trees: Iterable[xr.DataTree]) -> str:
@@ -324,12 +320,8 @@ def _as_dataset(checks: list[Check]) -> xr.Dataset:
     enough = _about_fit() | {name for c in registered_checks for name in c.with_advice}
     instead = "" if {c.name for c in said} <= enough else _INSTEAD
     words = "; ".join(check.words for check in said) + instead
-    columns = {
-        "value": np.array([check.value for check in checks]),
-        "limit": np.array([check.limit for check in checks]),
-        "verdict": np.array([check.verdict for check in checks]),
-        "words": np.array([check.words if check.verdict != GOOD else "" for check in checks]),
-    }
+    columns = {name: [getattr(c, name) for c in checks] for name in ("value", "limit", "verdict")}
+    columns["words"] = [check.words if check.verdict != GOOD else "" for check in checks]
     return xr.Dataset(
         {name: ("check", column) for name, column in columns.items()},
         {"check": [check.name for check in checks]},

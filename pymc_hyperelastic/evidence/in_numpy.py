@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytensor.tensor as pt
-from numpy.typing import NDArray
 from pytensor.compile.builders import OpFromGraph
 from pytensor.compile.mode import Mode
 from pytensor.graph.basic import Apply, Variable
@@ -26,7 +25,7 @@ from pytensor.tensor.linalg.solvers.triangular import SolveTriangular
 from pytensor.tensor.type import TensorType
 from pytensor.tensor.utils import import_func_from_string
 
-Array = NDArray[np.float64]
+from pymc_hyperelastic.evidence.mixture import Array
 
 
 @node_rewriter([Elemwise])

@@ -125,16 +125,9 @@ class BatchedSMC(SMC_KERNEL):
     """
 
     stats_dtypes_shapes: ClassVar[dict[str, tuple[type, list]]] = {
-        "beta": (float, []),
-        "log_marginal_likelihood": (float, []),
-        "log_evidence_variance": (float, []),
-        "effective_sample_size": (float, []),
-        "accept_rate": (float, []),
-        "moves": (int, []),
-        "capped": (int, []),
-        "ancestors": (int, []),
-        "pareto_k": (float, []),
-        "nan_scores": (int, []),
+        **dict.fromkeys(("beta", "log_marginal_likelihood", "log_evidence_variance"), (float, [])),
+        **dict.fromkeys(("effective_sample_size", "accept_rate", "pareto_k"), (float, [])),
+        **dict.fromkeys(("moves", "capped", "ancestors", "nan_scores"), (int, [])),
     }
     search: Search | None
     """Search for a reference; made at the start of a chain if it is missing."""
@@ -172,11 +165,7 @@ class BatchedSMC(SMC_KERNEL):
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
         self.start = start
-        self.settings: dict[str, Any] = {
-            "threshold": threshold,
-            "forget": forget,
-            "max_moves": max_moves,
-        }
+        self.settings = {"threshold": threshold, "forget": forget, "max_moves": max_moves}
         self.rng = np.random.default_rng(random_seed)
         self.search = None
         self._reset_state()

@@ -204,7 +204,7 @@ def particles_to_tree(
     posterior = {v.name: np.stack([chain[i] for chain in chains]) for i, v in enumerate(variables)}
     particles = np.stack(populations)
     unconstrained = kernel.target.by_name(particles)
-    found = kernel.search.as_dataset() if kernel.search else xr.Dataset()
+    found = kernel.search.evidence if kernel.search else xr.Dataset()
     if study := study_of(model):
         found = found.merge(study.diagnostics(model, posterior, np.concatenate(populations)))
     return sampling_tree(

@@ -22,8 +22,7 @@ from pymc_hyperelastic.evidence.batched import (
     without_traces,
 )
 from pymc_hyperelastic.evidence.checks import check_continuous
-
-Array = NDArray[np.float64]
+from pymc_hyperelastic.evidence.mixture import Array
 
 # Log prior and log likelihood of points, shape (n, d).
 Score = Callable[[Array], tuple[Array, Array]]
