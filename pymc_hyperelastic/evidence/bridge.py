@@ -267,9 +267,8 @@ class _Bridge(NamedTuple):
 def _bridge(drawn: Array, proposed: Array) -> _Bridge:
     """Evidence from ``ln q/g`` at draws of both.
 
-    Seen as a matter of telling them apart, with ``c = ln (Z n₂/n₁)`` a draw is from the posterior
-    with the probability ``1/(1 + e^{c - ln q/g})``. As many effective draws of the posterior are
-    taken for such of the proposal as the other way round.
+    With ``c = ln (Z n₂/n₁)`` a draw is from the posterior with the probability
+    ``1/(1 + e^{c - ln q/g})``, and as many effective draws of either are taken for the other.
     """
     n1, n2 = effective_size(drawn, "bulk"), proposed.size
     log_odds = np.log(n2 / n1)

@@ -42,10 +42,9 @@ _FEW_ANCESTORS = 0.03
 _TOO_FEW_ANCESTORS = 0.01
 # The same, above which it does not matter how far particles have moved.
 _MANY_ANCESTORS = 0.15
-# Fraction of stages at which particles may have moved too little.
-_MOST_CAPPED = 0.5
-# Share of the posterior within 1 % of a limit of a prior from which the limit decides about it.
-_MOST_AT_LIMIT = 0.5
+# Fraction of stages at which particles moved too little, or of the posterior within 1 % of a limit
+# of a prior, above which it is doubted: the majority.
+_MAJORITY = 0.5
 # Largest share of other particles where the reference has too few draws, for a good evidence. Few
 # particles may stand for much mass: three change points with 0.024 were wrong by 0.9 nats. Some
 # right models have 0.02, heavy tails 0.08: they are doubted in vain.
@@ -114,16 +113,15 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         The spread of the chains' log evidences, with what their errors explain one time in a
         thousand.
     ``"R-hat"``
-        Whether the chains have met the same posterior: the largest R-hat of the unknowns.
+        The largest R-hat of the unknowns: whether the chains have met the same posterior.
     ``"moves"``
         The fraction of stages at which the particles had not forgotten their places.
     ``"ancestors"``
         The smallest fraction of a chain's first particles that have descendants in the end.
-    ``"prior's side"``
-        By how many nats the evidence from tempering from the prior alone is larger. Evidences that
-        are too low by far are common, since mass may be missed; too high by far they never are.
-    ``"modes"``
-        By how many nats that from the modes, which optimisation has found, is larger.
+    ``"prior's side"``, ``"modes"``
+        By how many nats the evidence from tempering from the prior alone, or from the modes that
+        optimisation has found, is larger. Evidences that are too low by far are common, since mass
+        may be missed; too high by far they never are.
     ``"search"``
         The share of other particles, led from the prior alone, that are where chains began with
         hardly any.
@@ -135,11 +133,10 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         The probability of residuals as large as those of the best curve of some test and signal, or
         specimen, under the noise that is stated or inferred.
     ``"curves"``
-        By how much curves of the posterior err, relative to the largest value of each: they are
-        made exact over the range of the priors.
+        The error of the posterior's curves, relative to the largest value of each.
     ``"specimens"``
-        The error of a class's evidence by the draws that stand for its specimens: it is infinite
-        if one of them was given up, or has curves that are wrong.
+        The error of a class's evidence by the draws that stand for its specimens: infinite if one
+        of them was given up, or has curves that are wrong.
     ``"weights"``
         The Pareto shape of the weights, where the evidence is a mean of them.
 
@@ -197,7 +194,7 @@ def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
         alive = float(np.min(evidence["ancestor_fraction"]))
         share = float(np.mean(evidence["stages_capped"]))
         # If most of the first particles are left, it does not matter how far they have moved.
-        limit = 1.0 if alive > _MANY_ANCESTORS else _MOST_CAPPED
+        limit = 1.0 if alive > _MANY_ANCESTORS else _MAJORITY
         words = f"particles had not forgotten their places at {share:.0%} of the stages"
         checks.append(check_small("moves", share, limit, 1.0, words))
         words = f"all particles of a chain come from {alive:.1%} of the first ones"
@@ -250,7 +247,7 @@ def checks_of_limits(evidence: xr.Dataset) -> list[Check]:
         f"{share:.0%} of the posterior is within 1 % of the {where}: give a wider prior, or "
         "look for an error in the data"
     )
-    return [check_small("limits", share, _MOST_AT_LIMIT, 1.0, words)]
+    return [check_small("limits", share, _MAJORITY, 1.0, words)]
 
 
 def with_diagnosis(tree: xr.DataTree) -> xr.DataTree:

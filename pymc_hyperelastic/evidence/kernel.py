@@ -32,9 +32,8 @@ class BatchedSMC(SMC_KERNEL):
     r"""SMC kernel that tempers a whole population of particles in vectorised calls.
 
     Particles start from a reference ``r`` and are led along ``r^(1-β) p^β`` to the posterior ``p``,
-    where ``β`` grows from 0 to 1. Each step of ``β`` keeps the effective sample size at a set
-    fraction; resampled particles then move until they have forgotten where they were, and all
-    places on their way count at the next stage [1]_.
+    where ``β`` grows from 0 to 1. After each step of ``β`` they are resampled, and move until they
+    have forgotten where they were; all places on their way count at the next stage [1]_.
 
     The reference is found from both ends [2]_: from particles that are tempered from the prior, and
     from modes, which optimisation finds. It is a mixture with a share of the prior, and often so
@@ -42,17 +41,16 @@ class BatchedSMC(SMC_KERNEL):
     tails, in turn with local ones: Hamiltonian Monte Carlo with the covariance of the component at
     hand, or random walks where there are few unknowns or no gradients.
 
-    It works for any PyMC model with continuous variables, and in ``pm.sample_smc(kernel=...)``.
+    Use it in ``pm.sample_smc(kernel=...)``, or through :func:`sample_smc`.
 
     Parameters
     ----------
     draws : int
         Number of particles.
     start : dict of str to array, optional
-        Initial particles by name of the value variable, on its unconstrained scale; drawn from the
-        prior when missing.
+        Initial particles by name of the value variable, on its unconstrained scale.
     model : pymc.Model, optional
-        The model; that of the context when missing.
+        A model with continuous variables; that of the context when missing.
     random_seed : int, optional
         Seed of the particles.
     threshold : float
@@ -66,9 +64,8 @@ class BatchedSMC(SMC_KERNEL):
         Names of the observed variables and Potentials whose likelihood is tempered; all when
         missing. The others count as prior, from which `start` must then be drawn.
     from_modes : bool, optional
-        Whether particles start from a reference; without one they start from the prior alone.
-        When missing, there is one unless `start` or `tempered` are given, with which there cannot
-        be.
+        Whether particles start from a reference, or from the prior alone. When missing, from a
+        reference unless `start` or `tempered` are given, with which there cannot be one.
     forget : float
         Particles move until the correlation of every variable with its value before is below this,
         and that of the weight far ahead below half of it.
@@ -130,7 +127,6 @@ class BatchedSMC(SMC_KERNEL):
         **dict.fromkeys(("moves", "capped", "ancestors", "nan_scores"), (int, [])),
     }
     search: Search | None
-    """Search for a reference; made at the start of a chain if it is missing."""
 
     def __init__(
         self,
@@ -184,7 +180,7 @@ class BatchedSMC(SMC_KERNEL):
         )
 
     def set_rng(self, rng: np.random.Generator) -> None:
-        """Use `rng` from now on."""
+        """Set the random generator; PyMC's own method copies functions that are not there."""
         self.rng = rng
 
     def find_reference(self, rng: np.random.Generator) -> None:
@@ -197,10 +193,7 @@ class BatchedSMC(SMC_KERNEL):
         rng: np.random.Generator,
         report: Callable[[list[dict[str, float]]], None] = no_progress,
     ) -> list[dict[str, float]]:
-        """Run one chain from `start`, or from the reference or the prior, to the posterior.
-
-        Return the statistics of each stage; `report` is called with those so far.
-        """
+        """Run one chain and return the statistics of its stages; `report` is called with each."""
         self.initialize(start, rng)
         stages: list[dict[str, float]] = []
 

@@ -60,9 +60,8 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
 
     Particles that are tempered from the prior find mass, but miss narrow modes. Optimisation finds
     those, but neither skewed densities nor those without a mode. From a mixture of both and of the
-    prior particles are tempered once more; the reference is fitted to these. If it is to be
-    `checked`, it is compared with the places of other particles, and with draws of the prior at its
-    bounds.
+    prior particles are tempered once more; the reference is fitted to these. If `checked`, it is
+    compared with other particles, and with draws of the prior at its bounds.
     """
     prior, score, share = _possible_draws(target, rng)
     forward = _tempered(prior, target, rng)
@@ -158,8 +157,7 @@ def _fitted(smc: TemperedSMC, rng: np.random.Generator) -> GaussianMixture:
 def _unmet(target: Target, reference: Reference, log_evidence: float, others: Array) -> float:
     """Return the share of other particles, tempered from the prior, that the reference lacks.
 
-    All chains start from one reference: if it lacks a mode, they agree with each other all the
-    same. Other particles may find this mode.
+    Chains that all start from a reference without some mode agree with each other all the same.
     """
     prior, likelihood = target.score(others)
     lacking = prior + likelihood - log_evidence - reference.log_density(others, prior)
