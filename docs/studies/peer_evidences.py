@@ -147,7 +147,7 @@ def nested_slices(model, seed):
         num_delete=50,
     )
     # Live points, as many as dynesty has.
-    drawn = target.draw_prior_by_name(500, np.random.default_rng(seed))
+    drawn = target.by_name(target.draw_prior(500, np.random.default_rng(seed)))
     state = sampler.init(jax.tree.map(jax.numpy.asarray, drawn))
     step, key, dead = jax.jit(sampler.step), jax.random.key(seed), []
     while not state.integrator.logZ_live - state.integrator.logZ < -3:

@@ -17,12 +17,13 @@ from pymc_hyperelastic.classes.parts import parts_of, table_of_parts, with_parts
 from pymc_hyperelastic.classes.training import check_new
 from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
 from pymc_hyperelastic.data.select import labels_of_units, tests_at, units_of
-from pymc_hyperelastic.evidence.checks import PACKAGE, no_progress
+from pymc_hyperelastic.evidence.checks import no_progress
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.stored import read_json
 

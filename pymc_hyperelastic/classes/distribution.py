@@ -19,7 +19,7 @@ from pymc_hyperelastic.classes.specimens import (
     shared_draws,
 )
 from pymc_hyperelastic.data.select import specimens_apart
-from pymc_hyperelastic.evidence.checks import PACKAGE, no_progress
+from pymc_hyperelastic.evidence.checks import no_progress
 from pymc_hyperelastic.evidence.diagnosis import with_diagnosis
 from pymc_hyperelastic.evidence.importance import (
     LARGEST_PARETO_K,
@@ -34,7 +34,8 @@ from pymc_hyperelastic.evidence.particle_bridge import BridgeFromParticles
 from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.evidence.verdicts import register_checks
+from pymc_hyperelastic.evidence.verdicts import registered_checks
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, stacked
@@ -60,7 +61,7 @@ _DRAWS_OF_EACH = 4
 
 Specimens = Mapping[str, SpecimenDraws]
 
-register_checks(CHECKS_OF_SPECIMENS)
+registered_checks.append(CHECKS_OF_SPECIMENS)
 
 
 class ClassDraws(NamedTuple):

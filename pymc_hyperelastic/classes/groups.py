@@ -29,7 +29,7 @@ from pymc_hyperelastic.classes.quantities import (
 )
 from pymc_hyperelastic.classes.sensitivity import log_prior_and_likelihood, power_scaling
 from pymc_hyperelastic.classes.variable import Variability
-from pymc_hyperelastic.evidence.checks import check_count, check_prob
+from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
@@ -248,7 +248,7 @@ def compare_classes(
     check_quantities(names, kinds)
     check_count("draws", draws, 100)
     check_count("specimens", specimens, 2)
-    check_prob(prob)
+    check_fraction("prob", prob)
     laws = laws_of(trees, kinds, argument="classes")
     where = pressure, pressure_range, pressure_unit, density, dict(tube or {})
     place = place_of(trees[0], names, *where)

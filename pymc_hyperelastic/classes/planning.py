@@ -24,7 +24,7 @@ from pymc_hyperelastic.classes.normal_groups import (
 )
 from pymc_hyperelastic.classes.quantities import place_of, unit_of, values_of
 from pymc_hyperelastic.classes.variable import Variability
-from pymc_hyperelastic.evidence.checks import check_count, check_prob
+from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.records import origin_of
 from pymc_hyperelastic.models.specimen_draws import log_densities
@@ -183,7 +183,7 @@ def plan_study(
         ("new_specimens", new_specimens, 1),
     ):
         check_count(name, value, least)
-    check_prob(prob)
+    check_fraction("prob", prob)
     if not relevant >= 0:
         raise ValueError(f"relevant is {relevant}; expected a difference, 0 or more")
     where = pressure, pressure_range, pressure_unit, density, dict(tube or {})

@@ -27,8 +27,8 @@ from pymc_hyperelastic.evidence.batched import BatchedFunction, value_shapes, wi
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
 from pymc_hyperelastic.evidence.importance import (
-    DRAWS,
     LARGEST_PARETO_K,
+    STEP_DRAWS,
     importance_sampling,
     mean_weight,
     weighted_draws,
@@ -341,7 +341,7 @@ class ClassPredictive:
         self._likelihood = BatchedFunction.of_model(model, [model.logp([new])])
         self._kernel = BatchedSMC(draws=draws_of_chain, model=model, tempered=["new"])
         draws = np.concatenate([self._kernel.target.columns(chain) for chain in chains])
-        self._effort = _Effort(draws, DRAWS, chains)
+        self._effort = _Effort(draws, 2 * STEP_DRAWS, chains)
         thinned = {name: _some(values, _FEW_PARTICLES) for name, values in chains[0].items()}
         self._little = _Effort(_some(draws, _FEW_CLASS_DRAWS), _FEW_DRAWS, [thinned])
 

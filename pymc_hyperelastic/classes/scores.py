@@ -7,7 +7,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from pymc_hyperelastic.evidence.checks import check_count, check_prob
+from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 
 Array = NDArray[np.float64]
 
@@ -107,7 +107,7 @@ def score_probabilities(
     0.667
     """
     check_count("bins", bins, 1)
-    check_prob(prob)
+    check_fraction("prob", prob)
     attrs = dict(getattr(probability, "attrs", {}))
     probability = _checked_probability(probability)
     unit = str(probability.dims[0])

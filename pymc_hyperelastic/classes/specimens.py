@@ -26,13 +26,13 @@ from scipy.special import logsumexp
 from pymc_hyperelastic.classes.specimen_target import SpecimenPrior, SpecimenTarget
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
-from pymc_hyperelastic.evidence.checks import PACKAGE
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral, importance_sampling
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.target import Target
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.models.checks import LARGEST_CURVE_ERROR
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 from pymc_hyperelastic.models.forward import ForwardModel, until_accurate

@@ -12,7 +12,7 @@ from xarray.core import indexing
 
 from pymc_hyperelastic.cohorts.run import UNITS, Batch, parts_of
 from pymc_hyperelastic.cohorts.work import filled
-from pymc_hyperelastic.evidence.checks import PACKAGE
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.results import open_table
 from pymc_hyperelastic.files.seal import unsealed
 from pymc_hyperelastic.files.store import check_store, hash_of, manifest_of

@@ -16,7 +16,8 @@ from pymc.progress_bar import create_simple_progress
 from pymc_hyperelastic.cohorts.work import DOUBTFUL, Remarks, Work, failure, labels_of
 from pymc_hyperelastic.cohorts.workers import DEATHS, WorkerDied, Workers, workers_for
 from pymc_hyperelastic.data.select import tests_of_many, units_of
-from pymc_hyperelastic.evidence.checks import PACKAGE, check_count
+from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.store import Store
 

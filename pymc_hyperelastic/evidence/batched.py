@@ -10,7 +10,6 @@ import numpy as np
 import pymc as pm
 import pytensor
 import pytensor.tensor as pt
-from numpy.typing import NDArray
 from pymc.distributions.custom import CustomDistRV
 from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.initial_point import make_initial_point_expression
@@ -29,9 +28,7 @@ from pytensor.tensor.random.type import RandomType
 from pytensor.tensor.variable import TensorConstant, TensorVariable
 
 from pymc_hyperelastic.evidence.in_numpy import IN_NUMPY
-
-Array = NDArray[np.float64]
-
+from pymc_hyperelastic.evidence.mixture import Array
 
 # Recording the line of code of each node would take a third of the time.
 without_traces = pytensor.config.change_flags(traceback__limit=0)
@@ -55,8 +52,7 @@ _compiled: dict[tuple, Any] = {}
 class BatchedFunction:
     """A function of a model's free variables, compiled for many points at once.
 
-    Shared variables are inputs of the compiled function. Models whose expressions are equal but for
-    the values of shared variables therefore share one compilation.
+    Models that differ in the values of shared variables alone share one compilation.
     """
 
     function: Any
@@ -130,10 +126,9 @@ class BatchedFunction:
         return max(self.largest_constant, *shared, 1)
 
     def cost(self) -> int:
-        """Return how many numbers are computed for one point, with the current data.
+        """Return how many numbers are computed for one point: a time that no machine decides.
 
-        It is a measure of time that does not depend on the machine. Where NumPy does not do the
-        work it is the size of the data.
+        Where NumPy does not do the work it is the size of the data.
         """
         if self.function.maker.mode is not IN_NUMPY:
             return self.data_size
@@ -187,10 +182,7 @@ def side_by_side(values: Sequence[Array]) -> Array:
 
 
 class _SharesAboveZero(SimplexTransform):
-    """Transform of shares of which draws may be rounded to 0: two of them would have no logarithm.
-
-    Rounded shares become the smallest positive number.
-    """
+    """Transform of shares; those rounded to 0, without a logarithm, become the least number."""
 
     def forward(self, value: TensorVariable, *inputs: Variable) -> TensorVariable:
         return super().forward(pt.maximum(value, np.nextafter(0.0, 1.0)), *inputs)
@@ -198,11 +190,10 @@ class _SharesAboveZero(SimplexTransform):
 
 @without_traces
 def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[str, Array]]:
-    """Compile a function that draws the model's free variables from the prior, independently.
+    """Compile a function of a number and a generator: independent draws of the prior.
 
-    It takes the number of draws and a generator. They are on the unconstrained scale, by the name
-    of the value variable, and from the prior also where a variable has an initial value: the
-    evidence needs it so.
+    They are on the unconstrained scale, by the name of the value variable, and ignore initial
+    values.
     """
     expressions = make_initial_point_expression(
         free_rvs=model.free_RVs,
@@ -312,10 +303,7 @@ def _of_size(expressions: Sequence[Variable], draws: TensorVariable) -> list[Var
 
 
 def _draws_batches(node: Apply) -> bool:
-    """Return True for a distribution of a library with parameters, which may be many.
-
-    How a user's own function draws with many parameters is not known.
-    """
+    """Return True for a library's distribution with parameters; a user's may not take many."""
     own = isinstance(node.op, CustomDistRV) or not _IN_LIBRARIES.match(type(node.op).__module__)
     return isinstance(node.op, RandomVariable) and bool(node.op.ndims_params) and not own
 

@@ -25,6 +25,7 @@ from pymc_hyperelastic.evidence.smc import seed_sequence
 from pymc_hyperelastic.evidence.unconstrained import (
     NOTHING,
     log_density_function,
+    refuse_draws,
     unconstrained_draws,
 )
 from pymc_hyperelastic.files.place import PACKAGE
@@ -150,9 +151,13 @@ def log_evidence_by_bridge(
         check_count("proposal_draws", proposal_draws, _FEWEST_DRAWS)
     draws, names = unconstrained_draws(model, tree)
     _check_enough(draws, names)
-    density = log_density_function(model, names)
+    density = log_density_function(model)
     log_density = density(draws)
-    _check_possible(log_density)
+    refuse_draws(
+        log_density == NOTHING,
+        "draws",
+        "have a density of zero, or none: are these draws of this model, with these data?",
+    )
     if len(draws) == 1:
         draws, log_density = _halves(draws), _halves(log_density)
     doubts = [*disagreement(names, draws, log_density), *divergence(tree)]
@@ -222,17 +227,6 @@ def _check_enough(draws: Array, names: list[str]) -> None:
         )
 
 
-def _check_possible(log_density: Array) -> None:
-    impossible = log_density == NOTHING
-    if impossible.any():
-        chain, draw = np.argwhere(impossible)[0]
-        raise ValueError(
-            f"{impossible.sum()} of {impossible.size} draws, the first of them draw {draw} of "
-            f"chain {chain}, have a density of zero, or none: are these draws of this model, with "
-            "these data?"
-        )
-
-
 def _halves(values: Array) -> Array:
     """Two chains of one: its halves are nearly independent of each other."""
     middle = values.shape[1] // 2
@@ -273,9 +267,8 @@ class _Bridge(NamedTuple):
 def _bridge(drawn: Array, proposed: Array) -> _Bridge:
     """Evidence from ``ln q/g`` at draws of both.
 
-    Seen as a matter of telling them apart, with ``c = ln (Z n₂/n₁)`` a draw is from the posterior
-    with the probability ``1/(1 + e^{c - ln q/g})``. As many effective draws of the posterior are
-    taken for such of the proposal as the other way round.
+    With ``c = ln (Z n₂/n₁)`` a draw is from the posterior with the probability
+    ``1/(1 + e^{c - ln q/g})``, and as many effective draws of either are taken for the other.
     """
     n1, n2 = effective_size(drawn, "bulk"), proposed.size
     log_odds = np.log(n2 / n1)

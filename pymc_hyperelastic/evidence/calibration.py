@@ -4,7 +4,7 @@ import json
 import warnings
 from collections.abc import Sequence
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from pymc.progress_bar import create_simple_progress
 from scipy.stats import chisquare
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction, side_by_side
-from pymc_hyperelastic.evidence.checks import check_count
+from pymc_hyperelastic.evidence.checks import check_count, check_names, check_shape
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.smc import seed_kept
@@ -30,10 +30,6 @@ from pymc_hyperelastic.parallel import one_thread
 _LEAST_EXPECTED = 10
 # Bins, at most: a wrong posterior shifts many ranks a little, which few bins show better.
 _MOST_BINS = 20
-_NO_DATA = (
-    "they have a density, but nothing can be drawn from them; give the likelihood as observed "
-    "variables, as ph.Gaussian(..., observed=True) does, and leave others out"
-)
 
 
 @one_thread
@@ -147,13 +143,13 @@ def simulation_based_calibration(
     observed = [v.name for v in model.observed_RVs]
     if simulator is not None:
         _check_simulator(simulator, [*names, *observed])
-    seed = seed_kept(random_seed, store)
+    numbers, seed = {"draws": draws, "ranked_draws": ranked_draws}, seed_kept(random_seed, store)
     seeds = seed.generate_state(1 + simulations).tolist()
     simulated = _simulate(simulator or model, [*names, *observed], simulations, seeds.pop())
     _check_simulated(model, simulated, names)
 
     data = {name: simulated[name] for name in observed}
-    posterior = _PosteriorOfSimulation(model, names, data, draws, kernel_settings)
+    posterior = _PosteriorOfSimulation(model, names, data, draws=draws, **kernel_settings)
     truth = side_by_side([simulated[name] for name in names])
 
     def manifest() -> dict[str, Any]:
@@ -162,7 +158,7 @@ def simulation_based_calibration(
             "work": "simulation_based_calibration",
             **digests_of({"simulations": xr.Dataset(arrays)}),
             "model": [v.name for v in model.value_vars],
-            "settings": {"draws": draws, "ranked_draws": ranked_draws, **kernel_settings},
+            "settings": {**numbers, **kernel_settings},
             "random_seed": seed.entropy,
         }
 
@@ -171,39 +167,29 @@ def simulation_based_calibration(
     rank = compared["rank"].values
     bins = _number_of_bins(len(rank), ranked_draws)
     entries = [_entries(model, name, simulated[name].shape[1:]) for name in names]
-    return (
-        compared.assign(
-            truth=(("simulation", "parameter"), truth[: len(rank)]),
-            p_value=("parameter", _uniformity(rank, bins, ranked_draws)),
-        )
-        .assign_coords(
-            simulation=range(len(rank)),
-            parameter=[label for labels in entries for label in labels],
-            variable=("parameter", np.repeat(names, [len(labels) for labels in entries])),
-        )
-        .assign_attrs(
-            draws=draws,
-            ranked_draws=ranked_draws,
-            bins=bins,
-            random_seed=json.dumps(seed.entropy),
-        )
+    calibration = compared.assign(
+        truth=(("simulation", "parameter"), truth[: len(rank)]),
+        p_value=("parameter", _uniformity(rank, bins, ranked_draws)),
+    ).assign_coords(
+        simulation=range(len(rank)),
+        parameter=list(chain(*entries)),
+        variable=("parameter", np.repeat(names, [len(labels) for labels in entries])),
     )
+    return calibration.assign_attrs(numbers, bins=bins, random_seed=json.dumps(seed.entropy))
 
 
 def _check_simulates(what: str, model: Any) -> None:
     """Raise unless data can be drawn from the model."""
     if not isinstance(model, pm.Model):
         raise TypeError(f"the {what} must be a pm.Model, not {type(model).__name__}")
-    if not model.observed_RVs:
-        potentials = [v.name for v in model.potentials]
-        raise ValueError(
-            f"the {what} has no observed variables: there are no data to simulate"
-            + (f" ({potentials} are Potentials: {_NO_DATA})" if potentials else "")
-        )
     if model.potentials:
         raise ValueError(
-            f"the {what} has the Potentials {[v.name for v in model.potentials]}: {_NO_DATA}"
+            f"the {what} has the Potentials {[v.name for v in model.potentials]}: they have a "
+            "density, but nothing can be drawn from them; give the likelihood as observed "
+            "variables, as ph.Gaussian(..., observed=True) does, and leave others out"
         )
+    if not model.observed_RVs:
+        raise ValueError(f"the {what} has no observed variables: there are no data to simulate")
 
 
 def _check_simulator(simulator: Any, names: Sequence[str]) -> None:
@@ -215,16 +201,11 @@ def _check_simulator(simulator: Any, names: Sequence[str]) -> None:
 
 
 def _ranked_variables(model: pm.Model, var_names: Sequence[str] | None) -> list[str]:
-    if isinstance(var_names, str):
-        raise TypeError(f"var_names must be a list of names, not {var_names!r}")
+    check_names(var_names, [v.name for v in model.unobserved_RVs])
     if var_names is None:
         return [v.name for v in model.free_RVs]
-    known = [v.name for v in model.unobserved_RVs]
-    lacking = [name for name in var_names if name not in known]
-    if lacking or not var_names:
-        raise ValueError(
-            f"var_names is {list(var_names)}; the model has the variables {known} to rank"
-        )
+    if not var_names:
+        raise ValueError("var_names is empty: name at least one variable that is ranked")
     return list(dict.fromkeys(var_names))
 
 
@@ -241,13 +222,7 @@ def _simulate(
 def _check_simulated(model: pm.Model, simulated: dict[str, Array], parameters: list[str]) -> None:
     """Raise unless all is finite, and of the shape that the model has."""
     for name, values in simulated.items():
-        static = model[name].type.shape
-        if len(static) != values.ndim - 1 or any(
-            n not in (None, m) for n, m in zip(static, values.shape[1:], strict=True)
-        ):
-            raise ValueError(
-                f"the simulator's {name!r} has the shape {values.shape[1:]}, the model's {static}"
-            )
+        check_shape(f"the simulator's {name!r}", values.shape[1:], model[name].type.shape)
         bad = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
         if bad.any():
             first = int(bad.argmax())
@@ -260,18 +235,10 @@ def _check_simulated(model: pm.Model, simulated: dict[str, Array], parameters: l
 
 
 class _PosteriorOfSimulation:
-    """Draws of the ranked variables, given the data of one simulation or another.
-
-    One model, in which only the values of the data change: compiled once.
-    """
+    """Draws of the ranked variables given the data of a simulation, by a model compiled once."""
 
     def __init__(
-        self,
-        model: pm.Model,
-        names: Sequence[str],
-        simulated: dict[str, Array],
-        draws: int,
-        kernel_settings: dict[str, Any],
+        self, model: pm.Model, names: Sequence[str], simulated: dict[str, Array], **settings: Any
     ) -> None:
         self._simulated = simulated
         self._data = {
@@ -279,7 +246,7 @@ class _PosteriorOfSimulation:
             for name, values in simulated.items()
         }
         conditioned = pm.observe(model, self._data)
-        self._kernel = BatchedSMC(draws=draws, model=conditioned, **kernel_settings)
+        self._kernel = BatchedSMC(model=conditioned, **settings)
         ranked = conditioned.replace_rvs_by_values([conditioned[name] for name in names])
         self._constrain = BatchedFunction.of_model(conditioned, ranked)
 
@@ -309,10 +276,7 @@ def _compared(
     progressbar: bool,
     remember: Remember,
 ) -> xr.Dataset:
-    """Rank of each truth in its posterior, and the posterior's mean and standard deviation.
-
-    After an interrupt, of the simulations that are complete.
-    """
+    """Return the rank of each truth in its posterior, with the posterior's mean and sd."""
 
     def compare(simulation: int) -> xr.Dataset:
         rng = np.random.default_rng(seeds[simulation])

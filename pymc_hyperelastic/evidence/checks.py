@@ -1,13 +1,12 @@
 """Checks of the model and the numbers that a user gives."""
 
+from collections.abc import Sequence
 from numbers import Integral, Real
 from typing import Any
 
 import pymc as pm
 import pytensor
 from pymc.vartypes import discrete_types
-
-from pymc_hyperelastic.files.place import PACKAGE as PACKAGE
 
 
 def check_count(name: str, value: Any, least: int) -> None:
@@ -18,16 +17,30 @@ def check_count(name: str, value: Any, least: int) -> None:
         raise ValueError(f"{name} is {value}; expected at least {least}")
 
 
-def check_prob(prob: float) -> None:
-    """Raise unless `prob`, which an interval is to hold, is between 0 and 1."""
-    if not 0 < prob < 1:
-        raise ValueError(f"prob must be a probability between 0 and 1, not {prob}")
-
-
 def check_fraction(name: str, value: Any) -> None:
     """Raise unless `value` is a number between 0 and 1, neither of them included."""
     if not isinstance(value, Real) or not 0 < float(value) < 1:
         raise ValueError(f"{name} is {value!r}; expected a number between 0 and 1")
+
+
+def check_names(var_names: Sequence[str] | None, known: Sequence[str]) -> None:
+    """Raise unless `var_names` is a list of names of known variables, or None."""
+    if isinstance(var_names, str):
+        raise TypeError(f"var_names must be a list of names, not {var_names!r}")
+    lacking = [name for name in var_names or () if name not in known]
+    if lacking:
+        raise ValueError(f"the model has no variables {lacking}; it has {list(known)}")
+
+
+def check_shape(what: str, shape: Sequence[int], expected: Sequence[int | None]) -> None:
+    """Raise unless a shape is the expected one, in which None is any size."""
+    if len(expected) != len(shape) or any(
+        n not in (None, m) for n, m in zip(expected, shape, strict=True)
+    ):
+        raise ValueError(
+            f"{what} has the shape {tuple(shape)}, the model's {tuple(expected)}: do they belong "
+            "together?"
+        )
 
 
 def check_precision() -> None:

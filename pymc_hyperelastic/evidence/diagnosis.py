@@ -19,6 +19,7 @@ from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.stored_evidence import evidence_of, stored_diagnosis
 from pymc_hyperelastic.evidence.verdicts import (
     BAD,
+    DOUBTFUL,
     GOOD,
     Check,
     check_small,
@@ -41,10 +42,9 @@ _FEW_ANCESTORS = 0.03
 _TOO_FEW_ANCESTORS = 0.01
 # The same, above which it does not matter how far particles have moved.
 _MANY_ANCESTORS = 0.15
-# Fraction of stages at which particles may have moved too little.
-_MOST_CAPPED = 0.5
-# Share of the posterior within 1 % of a limit of a prior from which the limit decides about it.
-_MOST_AT_LIMIT = 0.5
+# Fraction of stages at which particles moved too little, or of the posterior within 1 % of a limit
+# of a prior, above which it is doubted: the majority.
+_MAJORITY = 0.5
 # Largest share of other particles where the reference has too few draws, for a good evidence. Few
 # particles may stand for much mass: three change points with 0.024 were wrong by 0.9 nats. Some
 # right models have 0.02, heavy tails 0.08: they are doubted in vain.
@@ -52,8 +52,6 @@ _MOST_UNMET = 0.01
 # Share of other particles, or of the posterior at bounds, above which an evidence is not to be
 # trusted. Three change points, of whose six modes some were missing, had 0.3 to 1 in most runs.
 _MOST_MISSING = 0.1
-# Checks that compare the model with its data, where the evidence itself may be right.
-_ABOUT_FIT = ("limits",)
 _INSTEAD = (
     "; another way is NUTS and ph.log_evidence_by_bridge, for classes of specimens that differ "
     "ph.fit_classes"
@@ -115,16 +113,15 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         The spread of the chains' log evidences, with what their errors explain one time in a
         thousand.
     ``"R-hat"``
-        Whether the chains have met the same posterior: the largest R-hat of the unknowns.
+        The largest R-hat of the unknowns: whether the chains have met the same posterior.
     ``"moves"``
         The fraction of stages at which the particles had not forgotten their places.
     ``"ancestors"``
         The smallest fraction of a chain's first particles that have descendants in the end.
-    ``"prior's side"``
-        By how many nats the evidence from tempering from the prior alone is larger. Evidences that
-        are too low by far are common, since mass may be missed; too high by far they never are.
-    ``"modes"``
-        By how many nats that from the modes, which optimisation has found, is larger.
+    ``"prior's side"``, ``"modes"``
+        By how many nats the evidence from tempering from the prior alone, or from the modes that
+        optimisation has found, is larger. Evidences that are too low by far are common, since mass
+        may be missed; too high by far they never are.
     ``"search"``
         The share of other particles, led from the prior alone, that are where chains began with
         hardly any.
@@ -136,11 +133,10 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
         The probability of residuals as large as those of the best curve of some test and signal, or
         specimen, under the noise that is stated or inferred.
     ``"curves"``
-        By how much curves of the posterior err, relative to the largest value of each: they are
-        made exact over the range of the priors.
+        The error of the posterior's curves, relative to the largest value of each.
     ``"specimens"``
-        The error of a class's evidence by the draws that stand for its specimens: it is infinite
-        if one of them was given up, or has curves that are wrong.
+        The error of a class's evidence by the draws that stand for its specimens: infinite if one
+        of them was given up, or has curves that are wrong.
     ``"weights"``
         The Pareto shape of the weights, where the evidence is a mean of them.
 
@@ -186,7 +182,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     checks = _checks_of_chains(tree, values, errors)
     checks += [*_checks_of_particles(evidence), *_checks_of_search(evidence)]
     checks += checks_of_limits(evidence)
-    for registered in registered_checks():
+    for registered in registered_checks:
         checks += registered.checks(tree, evidence)
     return _as_dataset(checks)
 
@@ -198,12 +194,13 @@ def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
         alive = float(np.min(evidence["ancestor_fraction"]))
         share = float(np.mean(evidence["stages_capped"]))
         # If most of the first particles are left, it does not matter how far they have moved.
-        limit = 1.0 if alive > _MANY_ANCESTORS else _MOST_CAPPED
+        limit = 1.0 if alive > _MANY_ANCESTORS else _MAJORITY
         words = f"particles had not forgotten their places at {share:.0%} of the stages"
         checks.append(check_small("moves", share, limit, 1.0, words))
         words = f"all particles of a chain come from {alive:.1%} of the first ones"
-        check = check_small("", -alive, -_FEW_ANCESTORS, -_TOO_FEW_ANCESTORS, words)
-        checks.append(check._replace(name="ancestors", value=alive, limit=_FEW_ANCESTORS))
+        few = DOUBTFUL if alive >= _TOO_FEW_ANCESTORS else BAD
+        verdict = GOOD if alive >= _FEW_ANCESTORS else few
+        checks.append(Check("ancestors", alive, _FEW_ANCESTORS, verdict, words))
     if "pareto_k" in evidence and not np.isnan(evidence["pareto_k"]).all():
         shape = float(np.nanmax(evidence["pareto_k"]))
         words = f"a few weights decide: their Pareto shape is {shape:.2f}"
@@ -213,11 +210,7 @@ def _checks_of_particles(evidence: xr.Dataset) -> list[Check]:
 
 
 def _checks_of_search(evidence: xr.Dataset) -> list[Check]:
-    """Compare the evidence with those from the prior and from the modes, and with other particles.
-
-    Evidences that are too low by far are common, since mass may be missed; too high by far they
-    never are.
-    """
+    """Compare the evidence with those from the prior and the modes, and with other particles."""
     total = combine_chains(evidence["log_evidence"].values, evidence["log_evidence_se"].values)
     checks = []
     for name, of in (("prior's side", "forward"), ("modes", "at_modes")):
@@ -254,7 +247,7 @@ def checks_of_limits(evidence: xr.Dataset) -> list[Check]:
         f"{share:.0%} of the posterior is within 1 % of the {where}: give a wider prior, or "
         "look for an error in the data"
     )
-    return [check_small("limits", share, _MOST_AT_LIMIT, 1.0, words)]
+    return [check_small("limits", share, _MAJORITY, 1.0, words)]
 
 
 def with_diagnosis(tree: xr.DataTree) -> xr.DataTree:
@@ -281,8 +274,8 @@ def judgement(diagnosis: xr.Dataset) -> str:
 
 
 def _about_fit() -> set[str]:
-    """Return the names of checks that compare the model with its data."""
-    return {*_ABOUT_FIT, *(name for c in registered_checks() for name in c.about_fit)}
+    """Return the names of checks of how a model fits its data: the evidence may be right."""
+    return {"limits", *(name for c in registered_checks for name in c.about_fit)}
 
 
 def worst_verdict(trees: Iterable[xr.DataTree]) -> str:
@@ -321,15 +314,11 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[C
 def _as_dataset(checks: list[Check]) -> xr.Dataset:
     worst = worst_of([GOOD, *(check.verdict for check in checks)])
     said = [check for check in checks if check.verdict == worst]
-    enough = _about_fit() | {name for c in registered_checks() for name in c.with_advice}
+    enough = _about_fit() | {name for c in registered_checks for name in c.with_advice}
     instead = "" if {c.name for c in said} <= enough else _INSTEAD
     words = "; ".join(check.words for check in said) + instead
-    columns = {
-        "value": np.array([check.value for check in checks]),
-        "limit": np.array([check.limit for check in checks]),
-        "verdict": np.array([check.verdict for check in checks]),
-        "words": np.array([check.words if check.verdict != GOOD else "" for check in checks]),
-    }
+    columns = {name: [getattr(c, name) for c in checks] for name in ("value", "limit", "verdict")}
+    columns["words"] = [check.words if check.verdict != GOOD else "" for check in checks]
     return xr.Dataset(
         {name: ("check", column) for name, column in columns.items()},
         {"check": [check.name for check in checks]},

@@ -26,10 +26,9 @@ ENOUGH = 400
 # Unknowns up to which proposals are adapted. More cannot be: a mixture that is fitted to draws of
 # itself loses more by errors of its correlations than it gains. A class of five coordinates has 20.
 MOST_UNKNOWNS = 24
-# Draws of a step of adaptation: chosen by experiment.
+# Draws of a step of adaptation: chosen by experiment. A round of fresh draws has twice as many as
+# the one before it; the first, twice as many as a step of adaptation.
 STEP_DRAWS = 4000
-# Fresh draws of the first round; each further round has twice as many.
-DRAWS = 8000
 # Draws of all steps of adaptation together, and of one round, at most.
 _MOST_DRAWS = 100_000
 # Share of the prior in a proposal: weights are then bounded if the likelihood is (Owen and Zhou).
@@ -68,21 +67,17 @@ def importance_sampling(
     rng: np.random.Generator,
     *,
     draw_prior: DrawPrior | None = None,
-    draws: int = DRAWS,
+    draws: int = 2 * STEP_DRAWS,
     candidate: tuple[GaussianMixture, int] | None = None,
 ) -> Integral:
     """Integrate a density by importance sampling, and draw particles from it.
 
-    1. Draws of the `candidate` are weighted. If their mean is accurate, it is the result: no
-       proposal was fitted.
+    1. Draws of the `candidate` are weighted. If their mean is accurate, it is the result.
     2. The initial proposal is adapted to the density, see :func:`adapted_proposal`.
     3. Fresh draws of the final proposal are weighted. If their mean is not accurate, a proposal is
        fitted to them, they are dropped, and twice as many fresh draws are made of this proposal.
 
     Draws to which a proposal was fitted are never averaged: their weights are too small.
-
-    If the prior can be drawn from it has a share in each proposal: weights are then bounded if the
-    likelihood is, and mass that the mixture has missed shows.
 
     Parameters
     ----------
@@ -95,7 +90,8 @@ def importance_sampling(
     size : int
         Number of particles.
     draw_prior : callable, optional
-        Draws of the prior.
+        Draws of the prior, which then has a share in each proposal: weights are bounded if the
+        likelihood is, and mass that the mixture has missed shows.
     draws : int
         Number of fresh draws of the first round.
     candidate : tuple of GaussianMixture and int, optional
@@ -189,9 +185,8 @@ def weighted_draws(
 def mean_weight(log_weights: Array) -> tuple[Estimate, float]:
     """Return the log mean of independent weights with its standard error, and their Pareto shape.
 
-    With fewer than 400 effective weights the mean is unknown. Twice as many draws may well have a
-    weight that is larger than all of these: in a tail of shape ``k`` it is ``1 / (1 - k)`` times
-    the largest, on average, which is added to the error.
+    Twice as many draws may have a weight larger than all of these: in a tail of shape ``k`` it is
+    on average ``1 / (1 - k)`` times the largest, which is added to the error.
     """
     effective = effective_sample_size(log_weights)
     if effective < ENOUGH:

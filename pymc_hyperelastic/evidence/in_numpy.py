@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytensor.tensor as pt
-from numpy.typing import NDArray
 from pytensor.compile.builders import OpFromGraph
 from pytensor.compile.mode import Mode
 from pytensor.graph.basic import Apply, Variable
@@ -26,7 +25,7 @@ from pytensor.tensor.linalg.solvers.triangular import SolveTriangular
 from pytensor.tensor.type import TensorType
 from pytensor.tensor.utils import import_func_from_string
 
-Array = NDArray[np.float64]
+from pymc_hyperelastic.evidence.mixture import Array
 
 
 @node_rewriter([Elemwise])
@@ -176,12 +175,11 @@ def _solve_upper(ndim: int, factors: Array, known: Array) -> Array:
 # Functions that run a hundred times on thousands of points are compiled for NumPy in a second, for
 # numba or C in a minute. Fused operations, and powers made of them, would run point by point.
 _FUSED = ["fusion", "inplace", "local_pow_to_nested_squaring", "local_div_exp_to_mul_exp"]
-# Position at which graphs inside of operations are opened: later rewrites are right for infinite
-# numbers, which these graphs may hold.
-_STABILISED = 1.9
+# Graphs inside of operations are opened before the rewrites at position 2, which are right for
+# infinite numbers; all else comes last.
 IN_NUMPY = (
     Mode("py", RewriteDatabaseQuery(include=["fast_run"], exclude=_FUSED))
-    .register((dfs_rewriter(_batch_of_graphs), _STABILISED))
+    .register((dfs_rewriter(_batch_of_graphs), 1.9))
     .register((dfs_rewriter(_batch_of_splits), 97))
     .register((dfs_rewriter(_triangles_by_numpy, _eigenvalues_by_numpy), 98))
     .register((dfs_rewriter(_softplus_in_numpy, _clip_in_numpy), 99))

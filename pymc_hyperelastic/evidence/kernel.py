@@ -32,9 +32,8 @@ class BatchedSMC(SMC_KERNEL):
     r"""SMC kernel that tempers a whole population of particles in vectorised calls.
 
     Particles start from a reference ``r`` and are led along ``r^(1-β) p^β`` to the posterior ``p``,
-    where ``β`` grows from 0 to 1. Each step of ``β`` keeps the effective sample size at a set
-    fraction; resampled particles then move until they have forgotten where they were, and all
-    places on their way count at the next stage [1]_.
+    where ``β`` grows from 0 to 1. After each step of ``β`` they are resampled, and move until they
+    have forgotten where they were; all places on their way count at the next stage [1]_.
 
     The reference is found from both ends [2]_: from particles that are tempered from the prior, and
     from modes, which optimisation finds. It is a mixture with a share of the prior, and often so
@@ -42,17 +41,16 @@ class BatchedSMC(SMC_KERNEL):
     tails, in turn with local ones: Hamiltonian Monte Carlo with the covariance of the component at
     hand, or random walks where there are few unknowns or no gradients.
 
-    It works for any PyMC model with continuous variables, and in ``pm.sample_smc(kernel=...)``.
+    Use it in ``pm.sample_smc(kernel=...)``, or through :func:`sample_smc`.
 
     Parameters
     ----------
     draws : int
         Number of particles.
     start : dict of str to array, optional
-        Initial particles by name of the value variable, on its unconstrained scale; drawn from the
-        prior when missing.
+        Initial particles by name of the value variable, on its unconstrained scale.
     model : pymc.Model, optional
-        The model; that of the context when missing.
+        A model with continuous variables; that of the context when missing.
     random_seed : int, optional
         Seed of the particles.
     threshold : float
@@ -66,9 +64,8 @@ class BatchedSMC(SMC_KERNEL):
         Names of the observed variables and Potentials whose likelihood is tempered; all when
         missing. The others count as prior, from which `start` must then be drawn.
     from_modes : bool, optional
-        Whether particles start from a reference; without one they start from the prior alone.
-        When missing, there is one unless `start` or `tempered` are given, with which there cannot
-        be.
+        Whether particles start from a reference, or from the prior alone. When missing, from a
+        reference unless `start` or `tempered` are given, with which there cannot be one.
     forget : float
         Particles move until the correlation of every variable with its value before is below this,
         and that of the weight far ahead below half of it.
@@ -125,19 +122,11 @@ class BatchedSMC(SMC_KERNEL):
     """
 
     stats_dtypes_shapes: ClassVar[dict[str, tuple[type, list]]] = {
-        "beta": (float, []),
-        "log_marginal_likelihood": (float, []),
-        "log_evidence_variance": (float, []),
-        "effective_sample_size": (float, []),
-        "accept_rate": (float, []),
-        "moves": (int, []),
-        "capped": (int, []),
-        "ancestors": (int, []),
-        "pareto_k": (float, []),
-        "nan_scores": (int, []),
+        **dict.fromkeys(("beta", "log_marginal_likelihood", "log_evidence_variance"), (float, [])),
+        **dict.fromkeys(("effective_sample_size", "accept_rate", "pareto_k"), (float, [])),
+        **dict.fromkeys(("moves", "capped", "ancestors", "nan_scores"), (int, [])),
     }
     search: Search | None
-    """Search for a reference; made at the start of a chain if it is missing."""
 
     def __init__(
         self,
@@ -172,11 +161,7 @@ class BatchedSMC(SMC_KERNEL):
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
         self.start = start
-        self.settings: dict[str, Any] = {
-            "threshold": threshold,
-            "forget": forget,
-            "max_moves": max_moves,
-        }
+        self.settings = {"threshold": threshold, "forget": forget, "max_moves": max_moves}
         self.rng = np.random.default_rng(random_seed)
         self.search = None
         self._reset_state()
@@ -195,12 +180,8 @@ class BatchedSMC(SMC_KERNEL):
         )
 
     def set_rng(self, rng: np.random.Generator) -> None:
-        """Use `rng` from now on."""
+        """Set the random generator; PyMC's own method copies functions that are not there."""
         self.rng = rng
-
-    def initialize_population(self) -> dict[str, Array]:
-        """Draw particles from the prior."""
-        return self.target.draw_prior_by_name(self.draws, self.rng)
 
     def find_reference(self, rng: np.random.Generator) -> None:
         """Find the reference from which chains start, if they start from one."""
@@ -212,10 +193,7 @@ class BatchedSMC(SMC_KERNEL):
         rng: np.random.Generator,
         report: Callable[[list[dict[str, float]]], None] = no_progress,
     ) -> list[dict[str, float]]:
-        """Run one chain from `start`, or from the reference or the prior, to the posterior.
-
-        Return the statistics of each stage; `report` is called with those so far.
-        """
+        """Run one chain and return the statistics of its stages; `report` is called with each."""
         self.initialize(start, rng)
         stages: list[dict[str, float]] = []
 
@@ -228,20 +206,21 @@ class BatchedSMC(SMC_KERNEL):
         return stages
 
     def _initialize_kernel(self) -> None:
-        if self.from_modes and self.start is None:
+        reference, start = None, self.start
+        if start:
+            if set(start) != set(self.var_info):
+                raise ValueError(
+                    f"start must hold the particles of {list(self.var_info)}; it has {list(start)}"
+                )
+            particles = self.target.columns(start)
+        elif self.from_modes:
             if self.search is None:
                 self.find_reference(self.rng)
             assert self.search is not None
             reference = self.search.reference
             particles = reference.draw(self.target.draw_prior, self.draws, self.rng)
         else:
-            reference = None
-            start = self.start or self.initialize_population()
-            if set(start) != set(self.var_info):
-                raise ValueError(
-                    f"start must hold the particles of {list(self.var_info)}; it has {list(start)}"
-                )
-            particles = self.target.columns(start)
+            particles = self.target.draw_prior(self.draws, self.rng)
         self.draws = len(particles)
         self.tempering = TemperedSMC(
             GeometricPath(self.target, reference),

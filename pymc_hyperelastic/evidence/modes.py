@@ -133,7 +133,7 @@ def _search(
 def _factor_at(
     derivatives: LogDensityGradient, point: Array, local: Array, width: Array
 ) -> Array | None:
-    """Return a Cholesky factor of the inverse curvature at a point; None if there is no curvature.
+    """Return a Cholesky factor of the inverse curvature at a point; None without curvature.
 
     No mode is wider than the prior. The step of differences is in proportion to `local`.
     """

@@ -162,12 +162,10 @@ def _normal(points: Array, shrinkage: float) -> GaussianMixture:
 
 
 def _best_shrinkage(early: Array, late: Array) -> float:
-    """Return the shrinkage with which the early draws predict the late ones best.
-
-    All shrunk correlation matrices have the same eigenvectors.
-    """
+    """Return the shrinkage with which the early draws predict the late ones best."""
     mean, sd = early.mean(axis=0), early.std(axis=0)
     standard = (early - mean) / sd
+    # All shrunk correlation matrices have the same eigenvectors.
     eigenvalues, vectors = np.linalg.eigh(standard.T @ standard / len(early))
     square = np.mean(((late - mean) / sd @ vectors) ** 2, axis=0)
     kept = 1 - _SHRINKAGES[:, None]

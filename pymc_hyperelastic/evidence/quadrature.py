@@ -7,12 +7,11 @@ import numpy as np
 import pymc as pm
 from scipy.integrate import cubature
 
-from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.checks import check_model
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture
-from pymc_hyperelastic.evidence.target import in_one_period
+from pymc_hyperelastic.evidence.unconstrained import log_density_function
 from pymc_hyperelastic.parallel import one_thread
 
 # The box ends where the posterior density is below its peak by this many nats.
@@ -73,11 +72,11 @@ def log_evidence_by_quadrature(model: pm.Model, *, rtol: float = 1e-8) -> Estima
         )
     kernel.temper(None, np.random.default_rng(1))
     particles = kernel.tempered_posterior
-    log_joint = BatchedFunction.of_model(model, [model.logp() + in_one_period(model)])
-    peak = float(log_joint(particles)[0].max())
+    log_density = log_density_function(model)
+    peak = float(log_density(particles).max())
 
     def density(points: Array) -> Array:
-        return np.exp(np.nan_to_num(log_joint(points)[0] - peak, nan=-np.inf))
+        return np.exp(log_density(points) - peak)
 
     mixtures = [GaussianMixture.fit(particles, 2, kernel.rng) for _ in range(10)]
     mixture = max(mixtures, key=lambda fitted: fitted.log_density(particles).mean())

@@ -28,7 +28,6 @@ has the groups
 
 import json
 from collections.abc import Mapping
-from functools import cache
 from importlib.metadata import version
 from typing import Any, Protocol
 
@@ -113,11 +112,10 @@ def sampling_tree(
     coords, dims = coords_and_dims_for_inferencedata(model)
     most = max(map(len, stats))
     names = stats[0][0]
-    padded = {name: np.full((len(stats), most), np.nan) for name in names}
-    for name, values in padded.items():
-        for row, stages in zip(values, stats, strict=True):
-            row[: len(stages)] = [stage[name] for stage in stages]
-    last = {name: np.array([stages[-1][name] for stages in stats]) for name in names}
+    absent = dict.fromkeys(names, np.nan)
+    stages = [[*of_chain, *[absent] * (most - len(of_chain))] for of_chain in stats]
+    padded = {n: np.array([[stage[n] for stage in row] for row in stages], float) for n in names}
+    last = {name: np.array([of_chain[-1][name] for of_chain in stats]) for name in names}
     evidence = {
         "log_evidence": last["log_marginal_likelihood"],
         "log_evidence_se": np.sqrt(last["log_evidence_variance"]),
@@ -142,10 +140,9 @@ def sampling_tree(
         }
     )
     tree["sample_stats"].attrs.update(settings)
-    tree.attrs["versions"] = _versions()
+    tree.attrs["versions"] = json.dumps({name: version(name) for name in _PACKAGES})
     tree.attrs["random_seed"] = json.dumps(random_seed)
-    if study:
-        tree.attrs |= study.result_attrs(model)
+    tree.attrs |= study.result_attrs(model) if study else {}
     return tree
 
 
@@ -156,11 +153,6 @@ def thinned_draws(tree: xr.DataTree, most: int) -> xr.DataTree:
     thinned = tree.copy()
     thinned["posterior"] = xr.DataTree(posterior.isel(draw=slice(None, None, step)))
     return thinned
-
-
-@cache
-def _versions() -> str:
-    return json.dumps({name: version(name) for name in _PACKAGES})
 
 
 def check_result(tree: Any, origin: str = "ph.sample_smc, or a class of ph.fit_classes") -> None:

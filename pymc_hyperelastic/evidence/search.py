@@ -1,6 +1,6 @@
 """Find a reference for tempering: a distribution like the posterior."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -45,40 +45,13 @@ _FEW_UNKNOWNS = 2
 _LACKING = 5.0
 
 
-@dataclass(frozen=True)
-class Search:
-    """A reference, and estimates of the evidence that are compared with the final one."""
+class Search(NamedTuple):
+    """A reference, and what is compared with the evidence of particles that start from it."""
 
     reference: Reference
-    forward: Estimate
-    """Evidence by tempering from the prior alone; without an error if the particles moved too
-    little."""
-    at_modes: Estimate
-    """Evidence by importance sampling from the modes; without an error if that is not enough."""
-    at_modes_k: float
-    """Pareto shape of its weights; infinite if there are too few effective weights."""
-    log_masses: Array
-    """Log integrals of the modes, by Laplace's approximation."""
-    at_bounds: float
-    """Log evidence of what lies at bounds of the prior, where no particle arrives."""
-    unmet: float
-    """Share of other particles, tempered from the prior, where the reference has too few draws; NaN
-    where that was not checked."""
-
-    def as_dataset(self) -> xr.Dataset:
-        """Return the variables that are stored with the evidence."""
-        stored = xr.Dataset(
-            {
-                "forward": self.forward.value,
-                "forward_se": self.forward.standard_error,
-                "at_modes": self.at_modes.value,
-                "at_modes_se": self.at_modes.standard_error,
-                "at_modes_k": self.at_modes_k,
-                "log_masses": ("mode", self.log_masses),
-                "at_bounds": self.at_bounds,
-            }
-        )
-        return stored if np.isnan(self.unmet) else stored.assign(unmet=self.unmet)
+    evidence: xr.Dataset
+    """Variables of the group ``evidence``, see ``results.py``: standard errors are infinite where
+    particles moved too little, or where too few weights are effective."""
 
 
 @np.errstate(all="ignore")  # an optimisation or a proposal may be so wild that it overflows
@@ -87,9 +60,8 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
 
     Particles that are tempered from the prior find mass, but miss narrow modes. Optimisation finds
     those, but neither skewed densities nor those without a mode. From a mixture of both and of the
-    prior particles are tempered once more; the reference is fitted to these. If it is to be
-    `checked`, it is compared with the places of other particles, and with draws of the prior at its
-    bounds.
+    prior particles are tempered once more; the reference is fitted to these. If `checked`, it is
+    compared with other particles, and with draws of the prior at its bounds.
     """
     prior, score, share = _possible_draws(target, rng)
     forward = _tempered(prior, target, rng)
@@ -102,8 +74,6 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
         mixture = mixture.joined(modes.mixture)
         _, log_weights = weighted_draws(target.score, modes.mixture.heavy_tailed(), _PARTICLES, rng)
         at_modes, at_modes_k = mean_weight(log_weights)
-        if not at_modes_k < LARGEST_PARETO_K:
-            at_modes = Estimate(at_modes.value, np.inf)
     first = Reference(mixture.heavy_tailed(), PRIOR_SHARE)
     particles = first.draw(target.draw_prior, _PARTICLES, rng)
     found = TemperedSMC(GeometricPath(target, first), particles, rng, max_moves=_MOVES).run()
@@ -111,19 +81,23 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
     if modes is not None and len(modes.log_masses) > 1:
         # There may be more modes than a mixture has components.
         mixture = mixture.joined(modes.mixture, _SHARE_OF_MODES)
-    reference, unmet = Reference(mixture.heavy_tailed(), PRIOR_SHARE), np.nan
+    reference = Reference(mixture.heavy_tailed(), PRIOR_SHARE)
+    evidence = xr.Dataset(
+        {
+            "forward": forward.log_evidence + share.value,
+            "forward_se": forward_error if trusted else np.inf,
+            "at_modes": at_modes.value,
+            "at_modes_se": at_modes.standard_error if at_modes_k < LARGEST_PARETO_K else np.inf,
+            "at_modes_k": at_modes_k,
+            "log_masses": ("mode", modes.log_masses if modes is not None else np.array([])),
+        }
+    )
     if checked and target.dimension > _FEW_UNKNOWNS:
         others = _tempered(prior[::-1], target, rng).particles
-        unmet = _unmet(target, reference, found.log_evidence, others)
-    return Search(
-        reference,
-        Estimate(forward.log_evidence + share.value, forward_error if trusted else np.inf),
-        at_modes,
-        at_modes_k,
-        modes.log_masses if modes is not None else np.array([]),
-        target.log_evidence_at_bounds(_PARTICLES, rng) if checked else -np.inf,
-        unmet,
-    )
+        evidence["unmet"] = _unmet(target, reference, found.log_evidence, others)
+    if checked:
+        evidence["at_bounds"] = target.log_evidence_at_bounds(_PARTICLES, rng)
+    return Search(reference, evidence)
 
 
 def _possible_draws(target: Target, rng: np.random.Generator) -> tuple[Array, Array, Estimate]:
@@ -183,8 +157,7 @@ def _fitted(smc: TemperedSMC, rng: np.random.Generator) -> GaussianMixture:
 def _unmet(target: Target, reference: Reference, log_evidence: float, others: Array) -> float:
     """Return the share of other particles, tempered from the prior, that the reference lacks.
 
-    All chains start from one reference: if it lacks a mode, they agree with each other all the
-    same. Other particles may find this mode.
+    Chains that all start from a reference without some mode agree with each other all the same.
     """
     prior, likelihood = target.score(others)
     lacking = prior + likelihood - log_evidence - reference.log_density(others, prior)

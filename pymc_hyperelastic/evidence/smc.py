@@ -14,11 +14,12 @@ from pymc.progress_bar import SMCProgressBarManager
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
-from pymc_hyperelastic.evidence.checks import PACKAGE, check_count, check_model
+from pymc_hyperelastic.evidence.checks import check_count, check_model, check_names
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence, with_diagnosis
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import sampling_tree, study_of
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.store import seed_in
 from pymc_hyperelastic.parallel import one_thread
 
@@ -184,13 +185,8 @@ def seed_of(seed: np.random.SeedSequence, label: str) -> np.random.SeedSequence:
 
 
 def _variables_to_keep(model: pm.Model, var_names: Sequence[str] | None) -> list[TensorVariable]:
-    variables = {v.name: v for v in model.unobserved_RVs}
-    if isinstance(var_names, str):
-        raise TypeError(f"var_names must be a list of names, not {var_names!r}")
-    lacking = sorted(set(var_names or ()) - set(variables))
-    if lacking:
-        raise ValueError(f"the model has no variables {lacking} to keep; it has {list(variables)}")
-    return [v for name, v in variables.items() if var_names is None or name in var_names]
+    check_names(var_names, [v.name for v in model.unobserved_RVs])
+    return [v for v in model.unobserved_RVs if var_names is None or v.name in var_names]
 
 
 @without_traces
@@ -208,7 +204,7 @@ def particles_to_tree(
     posterior = {v.name: np.stack([chain[i] for chain in chains]) for i, v in enumerate(variables)}
     particles = np.stack(populations)
     unconstrained = kernel.target.by_name(particles)
-    found = kernel.search.as_dataset() if kernel.search else xr.Dataset()
+    found = kernel.search.evidence if kernel.search else xr.Dataset()
     if study := study_of(model):
         found = found.merge(study.diagnostics(model, posterior, np.concatenate(populations)))
     return sampling_tree(

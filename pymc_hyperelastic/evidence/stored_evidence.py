@@ -55,7 +55,7 @@ def evidence_of(tree: xr.DataTree) -> xr.Dataset:
     if "evidence" in tree.children:
         evidence = read_group(tree, "evidence")
         variables, together = dict(_VARIABLES), dict(_TOGETHER)
-        for checks in registered_checks():
+        for checks in registered_checks:
             variables |= checks.variables
             together |= checks.together
         for name, dims in variables.items():

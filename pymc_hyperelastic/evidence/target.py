@@ -22,8 +22,7 @@ from pymc_hyperelastic.evidence.batched import (
     without_traces,
 )
 from pymc_hyperelastic.evidence.checks import check_continuous
-
-Array = NDArray[np.float64]
+from pymc_hyperelastic.evidence.mixture import Array
 
 # Log prior and log likelihood of points, shape (n, d).
 Score = Callable[[Array], tuple[Array, Array]]
@@ -106,14 +105,9 @@ class Target:
 
     def draw_prior(self, count: int, rng: np.random.Generator) -> Array:
         """Draw points from the prior, shape (count, d)."""
-        return self.columns(self.draw_prior_by_name(count, rng))
-
-    def draw_prior_by_name(self, count: int, rng: np.random.Generator) -> dict[str, Array]:
-        """Draw points from the prior, by the name of the value variable."""
         try:
             with np.errstate(all="ignore"):
-                points = self._draw(count, rng)
-            return {name: _finite(values) for name, values in points.items()}
+                return _finite(self.columns(self._draw(count, rng)))
         except NotImplementedError as error:
             raise ValueError(
                 f"particles cannot be drawn from the prior ({error}): give every variable a proper "

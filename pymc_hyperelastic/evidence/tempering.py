@@ -8,12 +8,7 @@ from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.checks import no_progress
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
-from pymc_hyperelastic.evidence.moves import (
-    HamiltonianMove,
-    IndependentMove,
-    Move,
-    RandomWalkMove,
-)
+from pymc_hyperelastic.evidence.moves import HamiltonianMove, IndependentMove, Move, RandomWalkMove
 from pymc_hyperelastic.evidence.path import GeometricPath, PathPoints
 from pymc_hyperelastic.evidence.weights import (
     effective_sample_size,
@@ -54,12 +49,8 @@ class TemperedSMC:
     rng : numpy.random.Generator
     beta : float
         Exponent at which the particles are: 0 at the start of the path, 1 at the posterior.
-    threshold : float
-        Fraction of the effective sample size that stages keep.
-    forget : float
-        Particles move until no variable has a larger correlation with its value before.
-    max_moves : int
-        Moves of one stage, at most.
+    threshold, forget, max_moves
+        See :class:`BatchedSMC`.
     most_capped : float
         Stages whose particles may not have forgotten their places. From then on they move once a
         stage, and the variance is infinite.
@@ -70,10 +61,10 @@ class TemperedSMC:
         Of the stages so far.
     pareto_k : float
         Shape of the largest weights of a reference's particles, as draws of the posterior.
-    stages : int
-        Number of stages so far.
-    capped : int
-        Number of stages whose particles had not forgotten their places.
+    stages, capped : int
+        Number of stages so far, and of those whose particles had not forgotten their places.
+    mixtures : list of GaussianMixture
+        The mixtures that proposed moves; the last one is in use.
     """
 
     def __init__(
@@ -140,11 +131,6 @@ class TemperedSMC:
         return float(np.sum(self._influence**2)) / self.draws**2
 
     @property
-    def mixture(self) -> GaussianMixture:
-        """The mixture that proposes moves."""
-        return self.mixtures[-1]
-
-    @property
     def ancestors(self) -> int:
         """Number of the first particles that have descendants."""
         return len(np.unique(self.eve))
@@ -192,12 +178,10 @@ class TemperedSMC:
         self._now = PathPoints(*(values[chosen] for values in visited))
 
     def adapt(self) -> None:
-        """Fit the mixture that proposes moves.
+        """Fit the mixture that proposes moves to the places of the stage before the last one.
 
-        It is fitted to the places of the stage before the last one. Fitted to the particles that it
-        then moves, it would draw them back to their places, and the more so the more unknowns there
-        are. The first stage from a reference has the mixture of the reference; the first stage from
-        the prior alone has no earlier places, and takes those of its own particles.
+        Fitted to the particles that it then moves, it would draw them back to their places. The
+        first stage has the mixture of the reference, or without one fits its own particles.
         """
         before, self._before = self._before, (self._visited, self._last_beta)
         if before is None and self.path.reference is not None:
@@ -222,7 +206,7 @@ class TemperedSMC:
         """Move the particles until they have forgotten their places."""
         origin, far = self.particles, self._weight_ahead()
         self._visited = [self._now]
-        self._terms = self.mixture.log_density_of_components(origin)
+        self._terms = self.mixtures[-1].log_density_of_components(origin)
         rates: list[float] = []
         most = 1 if self.capped >= self.most_capped else self.max_moves
         forgotten = False
@@ -243,7 +227,8 @@ class TemperedSMC:
 
     def _step(self, move: Move) -> float:
         """Metropolis-Hastings step of all particles; return the acceptance rate."""
-        points, terms, log_ratio = move.propose(self.particles, self._terms, self.mixture, self.rng)
+        mixture = self.mixtures[-1]
+        points, terms, log_ratio = move.propose(self.particles, self._terms, mixture, self.rng)
         proposed = self.path.at(points)
         change = proposed.log_density(self.beta) - self._now.log_density(self.beta)
         accepted = -self.rng.exponential(size=self.draws) < change + log_ratio

@@ -1,18 +1,15 @@
 """Transform draws of any sampler to the unconstrained scale of a model's variables."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import pymc as pm
 import xarray as xr
+from numpy.typing import NDArray
 from pymc.logprob.transforms import CircularTransform
 
-from pymc_hyperelastic.evidence.batched import (
-    BatchedFunction,
-    unconstrain,
-    value_shapes,
-)
-from pymc_hyperelastic.evidence.checks import check_continuous, check_model
+from pymc_hyperelastic.evidence.batched import BatchedFunction, unconstrain, value_shapes
+from pymc_hyperelastic.evidence.checks import check_continuous, check_model, check_shape
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
 from pymc_hyperelastic.evidence.target import in_one_period
@@ -29,20 +26,10 @@ _AT_A_BOUND = (
 
 
 def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> tuple[Array, list[str]]:
-    """Draws of all free variables, by the model's own transforms: shape (chain, draw, unknown).
+    """Return draws of all free variables, (chain, draw, unknown), and the unknowns' variables.
 
-    And the names of the variables that the unknowns belong to.
-
-    If the tree holds unconstrained draws, as ``unconstrained_posterior``, these are returned: no
-    draw has been rounded to a bound.
-
-    Raises
-    ------
-    TypeError
-        If `model` is no PyMC model, or `tree` no DataTree.
-    ValueError
-        If the model has discrete variables, if the tree lacks a variable, or if draws have another
-        shape than the model's, are not finite, or at a bound.
+    Draws that the tree holds as ``unconstrained_posterior`` are preferred to those of the
+    posterior: none of them was rounded to a bound.
     """
     check_model(model)
     check_continuous(model)
@@ -53,8 +40,7 @@ def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> tuple[Array, list
         flat = unconstrain(model, [v.reshape(-1, *v.shape[2:]) for v in posterior])
         values = [v.reshape(*size, *v.shape[1:]) for v in flat]
         for rv, value in zip(model.free_RVs, values, strict=True):
-            _check_shape(rv.name, value, shapes[model.rvs_to_values[rv].name])
-            _check_finite(rv.name, value, _AT_A_BOUND)
+            _check_draws(rv.name, value, shapes[model.rvs_to_values[rv].name], _AT_A_BOUND)
     values = [value.reshape(*size, -1).astype(float) for value in values]
     columns = dict(zip(model.free_RVs, values, strict=True))
     rvs = [model.values_to_rvs[v] for v in model.value_vars]
@@ -62,8 +48,8 @@ def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> tuple[Array, list
     return np.concatenate([columns[rv] for rv in rvs], axis=2), names
 
 
-def log_density_function(model: pm.Model, names: Sequence[str]) -> Callable[[Array], Array]:
-    """Logarithm of what integrates to the evidence, at points whose columns have these names."""
+def log_density_function(model: pm.Model) -> Callable[[Array], Array]:
+    """Return a function of points (..., d): the logarithm of what integrates to the evidence."""
     function = BatchedFunction.of_model(model, [model.logp() + in_one_period(model)])
 
     def density(points: Array) -> Array:
@@ -96,16 +82,12 @@ def _posterior(model: pm.Model, tree: xr.DataTree) -> list[Array]:
                 "'draw' and its own"
             )
         values.append(posterior[rv.name].transpose(*_DRAWS, ...).values)
-        _check_shape(rv.name, values[-1], rv.type.shape)
-        _check_finite(rv.name, values[-1], "not finite: leave the chain out")
+        _check_draws(rv.name, values[-1], rv.type.shape, "not finite: leave the chain out")
     return values
 
 
 def _stored(
-    model: pm.Model,
-    tree: xr.DataTree,
-    shapes: dict[str, tuple[int, ...]],
-    size: tuple[int, ...],
+    model: pm.Model, tree: xr.DataTree, shapes: dict[str, tuple[int, ...]], size: tuple[int, ...]
 ) -> list[Array] | None:
     """Unconstrained draws of each free variable, if they are in the tree, all of the same size."""
     # Angles there may have gone round the circle.
@@ -122,22 +104,17 @@ def _stored(
     return values
 
 
-def _check_shape(name: str, value: Array, expected: tuple[int | None, ...]) -> None:
-    found = value.shape[2:]
-    if len(expected) != len(found) or any(
-        n not in (None, m) for n, m in zip(expected, found, strict=True)
-    ):
-        raise ValueError(
-            f"{name!r} has the shape {found} in the posterior and {expected} in the model: are "
-            "these draws of this model?"
-        )
-
-
-def _check_finite(name: str, value: Array, what: str) -> None:
+def _check_draws(name: str, value: Array, expected: tuple[int | None, ...], what: str) -> None:
+    check_shape(f"{name!r} of the posterior", value.shape[2:], expected)
     bad = ~np.isfinite(value).reshape(*value.shape[:2], -1).all(axis=-1)
+    refuse_draws(bad, f"draws of {name!r}", f"are {what}")
+
+
+def refuse_draws(bad: NDArray[np.bool_], draws: str, fault: str) -> None:
+    """Raise ValueError that names the first of the bad draws, (chain, draw), if there are any."""
     if bad.any():
         chain, draw = np.argwhere(bad)[0]
         raise ValueError(
-            f"{bad.sum()} of {bad.size} draws of {name!r}, the first of them draw {draw} of chain "
-            f"{chain}, are {what}"
+            f"{bad.sum()} of {bad.size} {draws}, the first of them draw {draw} of chain {chain}, "
+            f"{fault}"
         )

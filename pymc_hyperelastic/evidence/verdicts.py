@@ -37,17 +37,8 @@ class ModelChecks:
     """Names of checks whose words say all that can be done."""
 
 
-_registered: list[ModelChecks] = []
-
-
-def register_checks(checks: ModelChecks) -> None:
-    """Take these checks wherever an evidence is diagnosed."""
-    _registered.append(checks)
-
-
-def registered_checks() -> tuple[ModelChecks, ...]:
-    """Return all checks that were registered."""
-    return tuple(_registered)
+# Checks that are made wherever an evidence is diagnosed; whoever knows a kind of model appends its.
+registered_checks: list[ModelChecks] = []
 
 
 def check_small(name: str, value: float, good: float, doubtful: float, words: str) -> Check:

@@ -7,7 +7,7 @@ from arviz_stats.base import array_stats
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-Array = NDArray[np.float64]
+from pymc_hyperelastic.evidence.mixture import Array
 
 # Logarithm of the largest weight over the mean one below which no weight decides.
 _FAR_ABOVE = np.log(10)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.evidence.results import data_groups
-from pymc_hyperelastic.evidence.verdicts import register_checks
+from pymc_hyperelastic.evidence.verdicts import registered_checks
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.checks import CHECKS_OF_CURVES
@@ -31,7 +31,7 @@ from pymc_hyperelastic.models.residuals import Residuals
 
 Array = NDArray[np.float64]
 
-register_checks(CHECKS_OF_CURVES)
+registered_checks.append(CHECKS_OF_CURVES)
 
 # Draws whose curves are compared with quadrature.
 _COMPARED = 64

@@ -15,7 +15,7 @@ from pymc_hyperelastic.data.inflation import (
     held_stretches,
 )
 from pymc_hyperelastic.data.select import tests_at
-from pymc_hyperelastic.evidence.checks import check_prob
+from pymc_hyperelastic.evidence.checks import check_fraction
 from pymc_hyperelastic.evidence.results import thinned_draws
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -103,7 +103,7 @@ def bands_of(
     `pressure_unit` is that in which these tests are named.
     """
     fitted = fitted_classes(classes)
-    check_prob(prob)
+    check_fraction("prob", prob)
     specimen = material.get("specimen")
     shown = {name: data_of(name, tree, data, specimen) for name, tree in fitted.items()}
     labels = {name: stretch_labels(data, pressure_unit) for name, data in shown.items()}

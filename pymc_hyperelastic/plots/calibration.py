@@ -9,7 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from pymc_hyperelastic.evidence.checks import check_prob
+from pymc_hyperelastic.evidence.checks import check_fraction
 from pymc_hyperelastic.files.stored import check_numbers, damaged, read_number
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals, check_table, stacked
@@ -104,7 +104,7 @@ def plot_calibration_ranks(
     check_table(sbc, "ph.simulation_based_calibration", "rank", "p_value")
     if kind not in ("ecdf", "histogram"):
         raise ValueError(f"kind must be 'ecdf' or 'histogram', not {kind!r}")
-    check_prob(prob)
+    check_fraction("prob", prob)
     rank, values = sbc["rank"], int(read_number(sbc, "ranked_draws")) + 1
     dims = {"simulation", "parameter"} if rank.ndim > 1 else {"simulation"}
     if set(rank.dims) != dims or not np.all((rank >= 0) & (rank < values)):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from pymc_hyperelastic.evidence.checks import check_prob
+from pymc_hyperelastic.evidence.checks import check_fraction
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import (
     PALETTE,
@@ -266,7 +266,7 @@ def bands_over(
     tables: Mapping[str, xr.Dataset], axes: Mapping[str, xr.DataArray], prob: float
 ) -> xr.Dataset:
     """Medians and bands of the draws of each class over its axis."""
-    check_prob(prob)
+    check_fraction("prob", prob)
     names = xr.DataArray(list(tables), dims="class_label", name="class_label")
     return xr.concat([_band(table, axes[n], prob) for n, table in tables.items()], dim=names)
 

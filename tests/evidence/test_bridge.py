@@ -241,7 +241,7 @@ REFUSED = [
         lambda tree: as_tree(slopes=tree["posterior"]["slope"].values),
         r"lacks \['slope'\], free variables .* \['slopes'\]",
     ),
-    (lambda tree: tree.isel(slope_0=slice(4)), r"shape \(4,\) in the posterior and \(5,\) in the"),
+    (lambda tree: tree.isel(slope_0=slice(4)), r"the shape \(4,\), the model's \(5,\)"),
     (lambda tree: tree.isel(chain=0), r"'slope' has the dimensions \('draw', 'slope_0'\)"),
     (
         lambda tree: tree.isel(draw=slice(49)),

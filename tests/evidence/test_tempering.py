@@ -167,7 +167,7 @@ def test_search_with_a_costly_density():
 
     model, exact = normal_means(1)
     found = find_reference(Costly(model), np.random.default_rng(SEED))
-    np.testing.assert_allclose(found.log_masses, [exact], atol=0.01)
+    np.testing.assert_allclose(found.evidence["log_masses"], [exact], atol=0.01)
 
 
 def test_bridge_from_tempered_particles():

@@ -13,7 +13,7 @@ import xarray as xr
 from pytensor.graph.utils import MissingInputError
 
 from pymc_hyperelastic.data.inflation import extension_tests
-from pymc_hyperelastic.evidence.checks import PACKAGE
+from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.mechanics.interpolation import ChebyshevNodes, evenly, nodes_needed
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 from pymc_hyperelastic.models.forward.integrator import (
