@@ -8,22 +8,18 @@ number of points to that of ``K`` numbers. :mod:`~pymc_hyperelastic.mechanics.in
 """
 
 from collections.abc import Sequence
-from itertools import compress
 from typing import Any
 
 import numpy as np
 import pytensor.tensor as pt
 from numpy.typing import NDArray
-from pytensor.gradient import DisconnectedType, disconnected_type, grad
-from pytensor.graph.basic import Apply, Variable
+from pytensor.graph.basic import Variable
 from pytensor.graph.replace import _vectorize_node
-from pytensor.tensor.blockwise import vectorize_node_fallback
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.axial_force import force_response
 from pymc_hyperelastic.mechanics.interpolation import Basis, Interpolation
 from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes
-from pymc_hyperelastic.mechanics.wall import TubeOp, zero_at_overflow
+from pymc_hyperelastic.mechanics.wall import TubeOp, broadcast_batches, response
 
 Array = NDArray[np.float64]
 
@@ -32,138 +28,38 @@ _CHUNK = 4_000_000
 
 
 class CollocatedIntegral(TubeOp):
-    r"""Integrals over the walls of known tubes as constant matrices times the wall's response.
+    r"""Integrals over the walls of known tubes: constant matrices times the wall's response.
 
-    Inputs are ``ln λθ`` and ``ln λz`` at the nodes (group, node), the matrices (group, row,
-    node), then the parameters in the order of the strain energy, vectors entry by entry: scalars,
-    or with `per_group` one value a group. For each matrix there is an output (group, row).
+    .. math:: I_{gj} = \sum_k M_{gjk} T(\ln λ_θ^{(gk)}, \ln λ_z^{(gk)})
+
+    Inputs are ``ln λθ`` and ``ln λz`` at the nodes (group, node), any number of matrices
+    (group, row, node), then the parameters in the order of the strain energy, vectors entry by
+    entry; parameters broadcast against the nodes. For each matrix there is an output (group, row).
+
+    Attributes
+    ----------
+    force : bool, default False
+        If True, the response is that of the axial force, else that of the pressure.
     """
 
-    __props__: tuple[str, ...] = ("strain_energy", "per_group")
+    __props__ = ("strain_energy", "force")
 
-    def __init__(
-        self, input_types: Any = None, *, per_group: bool = False, **settings: Any
-    ) -> None:
-        super().__init__(input_types, per_group=per_group, **settings)
+    def __init__(self, input_types: Any = None, *, force: bool = False, **settings: Any) -> None:
+        super().__init__(input_types, force=force, **settings)
 
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
-        """Response at the nodes, then one matrix product a group."""
-        log_hoop, log_axial, *matrices = inputs[: self.constants]
-        entries = inputs[self.constants :]
-        batched = any(x.type.ndim > self.per_group for x in entries)
-        if batched:
-            # The particles run along the last axis, where NumPy's sums over the others are fast.
-            log_hoop, log_axial = log_hoop[..., None], log_axial[..., None]
-        if self.per_group:
-            entries = tuple(x.T[:, None] if x.type.ndim > 1 else x[:, None] for x in entries)
+        """Response at the nodes, then one matrix product for each group."""
+        log_hoop, log_axial, *rest = inputs
+        count = len(rest) - len(self.strain_energy.entry_names)
+        matrices, entries = rest[:count], rest[count:]
         log_hoop, log_axial, *entries = pt.broadcast_arrays(log_hoop, log_axial, *entries)
-        response = self.response(log_hoop, log_axial, entries)
-        if batched:
-            return [pt.moveaxis(matrix @ response, -1, 0) for matrix in matrices]
-        return [(matrix @ response[..., None])[..., 0] for matrix in matrices]
-
-    # Number of inputs before the parameters.
-    constants: int
-
-    def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
-        """Gradient by the parameters; the others are constants."""
-        known = tuple(not isinstance(c.type, DisconnectedType) for c in cotangents)
-        op = CollocatedGradient(**self._props_dict(), integral=type(self), known=known)
-        of_entries = op(*inputs, *compress(cotangents, known), return_list=True)
-        return [disconnected_type() for _ in range(self.constants)] + of_entries
-
-    def connection_pattern(self, node: Apply) -> list[list[bool]]:
-        """Outputs depend on the parameters; gradients by the constants are disconnected."""
-        pattern = super().connection_pattern(node)
-        return [[False] * len(node.outputs)] * self.constants + pattern[self.constants :]
+        stress = response(self.strain_energy, log_hoop, log_axial, entries, force=self.force)
+        # A row times the transposed matrix: a batch of rows keeps its order in memory.
+        row = stress[..., None, :]
+        return [(row @ matrix.swapaxes(-1, -2)).squeeze(-2) for matrix in matrices]
 
 
-class CollocatedPressureIntegral(CollocatedIntegral):
-    r"""Pressures and stiffnesses of known tubes as constant matrices times the wall's response.
-
-    .. math:: T_{gk} = T(\ln λ_θ^{(gk)}, \ln λ_z^{(gk)}), \qquad
-        p_{gj} = \sum_k M_{gjk} T_{gk}, \qquad s_{gj} = \sum_k S_{gjk} T_{gk}
-
-    See :class:`CollocatedIntegral` for the inputs.
-    """
-
-    constants = 4
-
-
-class CollocatedAxialForce(CollocatedIntegral):
-    """Axial forces of known tubes as a constant matrix times ``2 (σzz − σrr) − (σθθ − σrr)``."""
-
-    constants = 3
-
-    def response(self, log_hoop: Tensor, log_axial: Tensor, entries: Sequence[Any]) -> Tensor:
-        """``2 (σzz − σrr) − (σθθ − σrr)`` of the material."""
-        return force_response(self.strain_energy, log_hoop, log_axial, entries)
-
-
-class CollocatedGradient(CollocatedIntegral):
-    """Gradient of such an integral by the parameters, of a batch of them as one operation.
-
-    After the inputs of the `integral` come the gradients by those of its outputs that are `known`.
-    """
-
-    __props__ = ("strain_energy", "per_group", "integral", "known")
-
-    def __init__(
-        self,
-        input_types: Any = None,
-        *,
-        integral: type[CollocatedIntegral],
-        known: tuple[bool, ...],
-        **settings: Any,
-    ) -> None:
-        self.constants = integral.constants
-        super().__init__(input_types, integral=integral, known=known, **settings)
-
-    pullback = TubeOp.pullback
-    connection_pattern = TubeOp.connection_pattern
-
-    def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
-        """Differentiate the integral: the response at the nodes is that of its value."""
-        count = self.constants + len(self.strain_energy.entry_names)
-        integral = self.integral(strain_energy=self.strain_energy, per_group=self.per_group)
-        values = integral.build_inner_graph(*inputs[:count])
-        outputs = [*compress(values, self.known)]
-        cotangents = inputs[count:]
-        gradients = grad(
-            None,
-            inputs[self.constants : count],
-            known_grads=dict(zip(outputs, cotangents, strict=True)),
-            disconnected_inputs="ignore",
-        )
-        batch_ndim = int(values[0].type.ndim > 2)
-        return zero_at_overflow(gradients, outputs, batch_ndim)
-
-
-@_vectorize_node.register(CollocatedIntegral)
-def _vectorize_collocated(op: CollocatedIntegral, node: Apply, *inputs: Tensor) -> Apply:
-    """Take a batch of parameters in one call; anything else is looped over."""
-    constants, variables = inputs[: op.constants], inputs[op.constants :]
-    # Parameters, behind which gradients by outputs (group, row) may follow.
-    count = len(op.strain_energy.entry_names)
-    cores = [int(op.per_group)] * count + [2] * (len(variables) - count)
-    depths = [x.type.ndim - core for x, core in zip(variables, cores, strict=True)]
-    if constants != tuple(node.inputs[: op.constants]) or max(depths) > 1:
-        return vectorize_node_fallback(op, node, *inputs)
-    if any(depths):
-        batches = [x if deep else x[None] for x, deep in zip(variables, depths, strict=True)]
-        whole = [x for x in batches if not x.type.broadcastable[0]]
-        if whole:
-            # To allocate, PyTensor would work out the shapes of the whole graph behind.
-            first = whole[0].flatten(2)[:, 0] if whole[0].type.ndim > 1 else whole[0]
-            batches = [
-                pt.second(pt.shape_padright(first, x.type.ndim - 1), x)
-                if x.type.broadcastable[0]
-                else x
-                for x in batches
-            ]
-        variables = tuple(batches)
-    outputs = type(op)(**op._props_dict())(*constants, *variables, return_list=True)
-    return outputs[0].owner
+_vectorize_node.register(CollocatedIntegral)(broadcast_batches)
 
 
 def collocate(

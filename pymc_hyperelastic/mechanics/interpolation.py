@@ -17,11 +17,10 @@ import pytensor.tensor as pt
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.mechanics.axial_force import force_response
 from pymc_hyperelastic.mechanics.chebyshev import Array, chebyshev_nodes, value_to_coefficient
 from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
-from pymc_hyperelastic.mechanics.wall import WALL_ORDER
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER, response
 
 # Chebyshev coefficients of the response below this fraction of the largest are left out. The
 # pressure is then exact to about 1e-12 of its largest value, and rounding errors do not count.
@@ -120,9 +119,9 @@ def nodes_needed(
             response_function(energy, force)(*(x[None] for x in places), *columns)[0]
             for force in kinds
         ]
-        response = np.stack([np.broadcast_to(r, (len(r), len(places[0]))) for r in found])
-        possible = np.isfinite(response).all(axis=(0, 2))
-        coefficients = np.abs(response[:, possible] @ value_to_coefficient(2 * MOST_NODES).T)
+        values = np.stack([np.broadcast_to(r, (len(r), len(places[0]))) for r in found])
+        possible = np.isfinite(values).all(axis=(0, 2))
+        coefficients = np.abs(values[:, possible] @ value_to_coefficient(2 * MOST_NODES).T)
         # Forces are differences of stresses, and have the rounding errors of these.
         largest = np.maximum.accumulate(coefficients.max(axis=2, keepdims=True))
         significant = (coefficients > tolerance * largest).any(axis=(0, 1))
@@ -149,9 +148,6 @@ def response_function(energy: StrainEnergy, force: bool, slope: bool = False) ->
     log_axial = pt.tensor("log_axial", dtype="float64", shape=(1, None))
     entries = [pt.tensor(n, dtype="float64", shape=(None, 1)) for n in energy.entry_names]
     hoop, axial, *full = pt.broadcast_arrays(log_hoop, log_axial, *entries)
-    if force:
-        response = force_response(energy, hoop, axial, full)
-    else:
-        response = energy.stress_difference(hoop, axial, **energy.join(full))
-    outputs = [response, *([elementwise_derivative(response, hoop)] if slope else [])]
+    stress = response(energy, hoop, axial, full, force=force)
+    outputs = [stress, *([elementwise_derivative(stress, hoop)] if slope else [])]
     return pytensor.function([log_hoop, log_axial, *entries], outputs, mode="FAST_COMPILE")

@@ -80,8 +80,6 @@ class Tube(NamedTuple):
     """Internal, inner and outer radius (mm), axial stretch, opening angle (radians)."""
     entries: list[Any]
     """Entries of the material parameters, see :meth:`StrainEnergy.split`."""
-    within: bool = False
-    """True for all layers of a wall except the innermost."""
 
     @property
     def radius(self) -> Any:
@@ -130,7 +128,7 @@ def tubes_of(
         outer = inner + _number_or_variable(layer.thickness)
         geometry = (current, inner, outer, axial_stretch, opening_angle)
         entries = layer.energy.split(layer.parameters)
-        tubes.append(Tube(layer.energy, geometry, entries, within=bool(tubes)))
+        tubes.append(Tube(layer.energy, geometry, entries))
         inner, current = outer, current_radius(outer, internal_radius, **unloaded)
     return tubes
 

@@ -6,9 +6,14 @@ from typing import Any
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
+from pymc_hyperelastic.mechanics.layers import Layer, checked_tubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
-from pymc_hyperelastic.mechanics.wall import WALL_ORDER, WallIntegral
+from pymc_hyperelastic.mechanics.wall import (
+    WALL_ORDER,
+    WallIntegral,
+    response,
+    wall_integral,
+)
 
 
 class PressureIntegral(WallIntegral):
@@ -61,7 +66,7 @@ class PressureIntegral(WallIntegral):
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Gauss-Legendre quadrature over a last axis, which the sums remove."""
         wall, log_axial, entries = self.wall(inputs)
-        stress = self.response(wall.log_hoop, log_axial, entries)
+        stress = response(self.strain_energy, wall.log_hoop, log_axial, entries)
         slope = elementwise_derivative(stress, wall.log_hoop)
         return [
             (wall.pressure_weight * stress).sum(axis=-1),
@@ -134,7 +139,7 @@ def inflation_pressure(
     """
     reference = inner_radius, outer_radius, axial_stretch, opening_angle
     tubes = checked_tubes(energy, internal_radius, reference, parameters)
-    return wall_pressure(tubes, order)[0]
+    return wall_integral(PressureIntegral, tubes, order)[0]
 
 
 def inflation_stiffness(
@@ -179,16 +184,4 @@ def inflation_stiffness(
     """
     reference = inner_radius, outer_radius, axial_stretch, opening_angle
     tubes = checked_tubes(energy, internal_radius, reference, parameters)
-    return wall_pressure(tubes, order)[1]
-
-
-def wall_pressure(tubes: Sequence[Tube], order: int = WALL_ORDER) -> tuple[Tensor, Tensor]:
-    """Pressure and stiffness of a wall, added up over the tubes that it is made of."""
-    pressure, stiffness = 0.0, 0.0
-    for tube in tubes:
-        integral = PressureIntegral(strain_energy=tube.energy, order=order)
-        own_pressure, own_stiffness = integral(*tube.inputs)
-        pressure += own_pressure
-        # The internal radius a' of a layer grows by a/a' when that of the wall grows by 1.
-        stiffness += own_stiffness * (tubes[0].radius / tube.radius if tube.within else 1.0)
-    return pressure, stiffness
+    return wall_integral(PressureIntegral, tubes, order)[1]

@@ -17,7 +17,7 @@ from pytensor.graph.replace import _vectorize_node, clone_replace
 from pytensor.tensor.symbolic import TensorSymbolicOp
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.layers import check_energy
+from pymc_hyperelastic.mechanics.layers import Tube, check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import hoop_elongation, opening_factor
 
@@ -26,7 +26,7 @@ from pymc_hyperelastic.mechanics.tube import hoop_elongation, opening_factor
 WALL_ORDER = 32
 # Integrals beyond this count as overflow, in kPa or their units: derivatives of an exponential
 # overflow earlier than its value.
-_OVERFLOW = np.float64(1e100)
+OVERFLOW = np.float64(1e100)
 # Built Ops that are kept: those of all laws for scalars, vectors and batches.
 _MOST_OPS = 500
 
@@ -61,8 +61,9 @@ class TubeOp(TensorSymbolicOp):
     def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
         """Gradient by every input: the same rule, differentiated under the integral.
 
-        If the integral overflows, its gradient is zero, so that a likelihood that rejects such
-        pressures has the gradient zero and not NaN.
+        If one of the integrals overflows, non-finite entries of the gradient become zero, so that
+        a likelihood that rejects such pressures has the gradient zero and not NaN. A gradient that
+        is not a number at finite values stays visible.
         """
         # Variables of their own keep inputs apart that depend on each other.
         own = [x.type() for x in inputs]
@@ -79,16 +80,18 @@ class TubeOp(TensorSymbolicOp):
             return_disconnected="disconnected",
         )
         gradients = clone_replace(gradients, dict(zip(own, inputs, strict=True)))
-        return zero_at_overflow(gradients, outputs)
+        overflow: Any = np.array(False)
+        for value, cotangent in zip(outputs, cotangents, strict=True):
+            if not isinstance(cotangent.type, DisconnectedType):
+                overflow = overflow | pt.any(~(pt.abs(value) < OVERFLOW))
+        return [
+            pt.where(pt.isfinite(g) | ~overflow, g, 0.0) if isinstance(g, Tensor) else g
+            for g in gradients
+        ]
 
     def link_mode(self, impl: str | None) -> Mode:
         """Python for Python: PyMC asks for shapes in this way, and needs no compiler for it."""
         return link_only_mode("py") if impl == "py" else super().link_mode(impl)
-
-    def response(self, log_hoop: Tensor, log_axial: Tensor, entries: Sequence[Any]) -> Tensor:
-        """Return the response ``T`` of the material, a stress that the integral is linear in."""
-        parameters = self.strain_energy.join(entries)
-        return self.strain_energy.stress_difference(log_hoop, log_axial, **parameters)
 
 
 @lru_cache(maxsize=_MOST_OPS)
@@ -99,24 +102,24 @@ def _built(
     return kind(list(input_types), **dict(settings))
 
 
-def zero_at_overflow(
-    gradients: Sequence[Variable], values: Sequence[Tensor], batch_ndim: int = 0
-) -> list[Variable]:
-    """Return gradients with non-finite entries set to 0, if one of the values overflows.
+def response(
+    energy: StrainEnergy,
+    log_hoop: Tensor,
+    log_axial: Tensor,
+    entries: Sequence[Any],
+    *,
+    force: bool = False,
+) -> Tensor:
+    """Return the stress in kPa that a wall integral is linear in.
 
-    A gradient that is not a number at finite values stays visible. The first `batch_ndim` axes of
-    the values and gradients are those of a batch. Disconnected gradients stay.
+    It is ``T = σθθ − σrr`` for the pressure, and with `force` ``2 (σzz − σrr) − T`` for the axial
+    force.
     """
-    overflow: Any = np.array(False)
-    for value in values:
-        axes = tuple(range(batch_ndim, value.type.ndim))
-        overflow = overflow | pt.any(~(pt.abs(value) < _OVERFLOW), axis=axes)
-
-    def tame(gradient: Tensor) -> Tensor:
-        padded = pt.shape_padright(overflow, max(0, gradient.type.ndim - batch_ndim))
-        return pt.where(pt.isfinite(gradient) | ~padded, gradient, 0.0)
-
-    return [tame(g) if isinstance(g, Tensor) else g for g in gradients]
+    parameters = energy.join(entries)
+    hoop = energy.stress_difference(log_hoop, log_axial, **parameters)
+    if not force:
+        return hoop
+    return 2 * energy.axial_stress_difference(log_hoop, log_axial, **parameters) - hoop
 
 
 class WallRule(NamedTuple):
@@ -228,6 +231,22 @@ def _in_order(xp: ModuleType, places: Sequence[Any]) -> list[Any]:
             ordered[i], place = xp.minimum(other, place), xp.maximum(other, place)
         ordered.append(place)
     return ordered
+
+
+def wall_integral(
+    kind: type[WallIntegral], tubes: Sequence[Tube], order: int = WALL_ORDER
+) -> tuple[Tensor, Tensor]:
+    """Return an integral over a wall of several tubes, and its derivative by the internal radius.
+
+    `kind` is an integral with these two outputs.
+    """
+    value, slope = 0.0, 0.0
+    for tube in tubes:
+        own_value, own_slope = kind(strain_energy=tube.energy, order=order)(*tube.inputs)
+        value += own_value
+        # Incompressibility: the internal radius a' of a layer satisfies da'/da = a/a'.
+        slope += own_slope if tube is tubes[0] else own_slope * tubes[0].radius / tube.radius
+    return value, slope
 
 
 @_vectorize_node.register(WallIntegral)
