@@ -11,7 +11,7 @@ import numpy as np
 from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.layers import Layer, checked_tubes
+from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
 from pymc_hyperelastic.mechanics.wall import (
     WALL_ORDER,
@@ -64,21 +64,13 @@ def axial_force(
         \left(2 λ_z \frac{∂\hat W}{∂λ_z} - λ_θ \frac{∂\hat W}{∂λ_θ}\right) R \, dR
 
     ``F`` is the force that must be applied at the ends of a closed tube in addition to the
-    pressure: the axial force in the wall less ``π a² p``. Arguments are those of
+    pressure: the axial force in the wall less ``π a² p``. Arguments and errors are those of
     :func:`~pymc_hyperelastic.inflation_pressure`, including layers.
 
     Returns
     -------
     TensorVariable
         Force in mN (kPa mm²), in the broadcast shape; tension is positive.
-
-    Raises
-    ------
-    TypeError
-        If a material parameter is missing or unknown.
-    ValueError
-        If a radius or stretch is not positive and finite, the outer radius does not exceed the
-        inner one, or the opening angle is 2π or more.
 
     See Also
     --------
@@ -95,4 +87,14 @@ def axial_force(
     """
     reference = inner_radius, outer_radius, axial_stretch, opening_angle
     tubes = checked_tubes(energy, internal_radius, reference, parameters)
+    return wall_force(tubes, order)
+
+
+def wall_force(tubes: Sequence[Tube], order: int = WALL_ORDER) -> Tensor:
+    """Axial force (mN) of a wall of concentric tubes."""
     return wall_integral(AxialForceIntegral, tubes, order)[0]
+
+
+def wall_force_slope(tubes: Sequence[Tube], order: int = WALL_ORDER) -> Tensor:
+    """Derivative of the axial force by the internal radius, mN/mm."""
+    return wall_integral(AxialForceIntegral, tubes, order)[1]

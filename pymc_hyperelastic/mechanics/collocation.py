@@ -17,14 +17,16 @@ from pytensor.graph.basic import Variable
 from pytensor.graph.replace import _vectorize_node
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.interpolation import Basis, Interpolation
+from pymc_hyperelastic.mechanics.interpolation import ChebyshevNodes, Interpolation
 from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes
+from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.wall import TubeOp, broadcast_batches, response
 
 Array = NDArray[np.float64]
+Basis = ChebyshevNodes | SelectedNodes
 
-# Numbers in the weights (node, point, quadrature node) that are computed at once: 32 MB.
-_CHUNK = 4_000_000
+# Numbers of a matrix that are computed at once: each takes 32 or 64 weights of quadrature nodes.
+_PIECE = 65_536
 
 
 class CollocatedIntegral(TubeOp):
@@ -77,33 +79,27 @@ def collocate(
     ``_matrix`` (group, row, node), ``_target`` (group, row) and ``_residual`` (the sum of all
     ``ρ²``). There are as many rows as nodes, or as points if these are fewer.
     """
-    interpolations = [basis.interpolation(tubes, group) for group in groups]
-    collocated: dict[str, Any] = _places(interpolations)
-    factors: dict[str, list[Array]] = {name: [] for name in targets}
-    residual = dict.fromkeys(targets, 0.0)
-    count = collocated["log_hoop"].shape[1]
-    for group, interpolation in zip(groups, interpolations, strict=True):
-        augmented = {name: np.zeros((0, count + 1)) for name in factors}
-        for chunk in _chunks(group, interpolation):
-            matrices = _matrices(tubes, group.points[chunk], interpolation, count)
-            for name, target in targets.items():
-                rows = np.column_stack([matrices[name], target[group.points[chunk]]])
-                rows = rows[~np.isnan(rows[:, -1])]
-                stacked = np.concatenate([augmented[name], rows])
-                few = len(stacked) <= count
-                augmented[name] = stacked if few else np.linalg.qr(stacked, mode="r")
-        for name, rows in augmented.items():
-            factors[name].append(rows[:count])
-            residual[name] += float(np.sum(rows[count:, -1] ** 2))
-    for name, of_groups in factors.items():
-        most = max(len(rows) for rows in of_groups)
-        stacked = np.zeros((len(groups), most, count + 1))
-        for rows, block in zip(of_groups, stacked, strict=True):
-            block[: len(rows)] = rows
-        collocated[f"{name}_matrix"] = stacked[..., :-1]
-        collocated[f"{name}_target"] = stacked[..., -1]
-        collocated[f"{name}_residual"] = np.array(residual[name])
-    return collocated
+    curves, _ = curve_matrices(tubes, groups, basis)
+    count = curves["log_hoop"].shape[1]
+    found: dict[str, Any] = {name: curves[name] for name in ("log_hoop", "log_axial")}
+    for name, target in targets.items():
+        matrix = curves["stiffness_matrix" if name == "slope" else f"{name}_matrix"]
+        most = min(count, matrix.shape[1])
+        compressed = np.zeros((len(groups), most, count + 1))
+        residual = 0.0
+        for group, of_group, block in zip(groups, matrix, compressed, strict=True):
+            rows = np.column_stack([of_group[: len(group.points)], target[group.points]])
+            if name == "slope":
+                rows[:, :-1] *= tubes.growth[group.points, None]
+            rows = rows[~np.isnan(rows[:, -1])]
+            if len(rows) > count:
+                rows = np.linalg.qr(rows, mode="r")
+                residual += float(rows[count, -1] ** 2)
+            block[: len(rows)] = rows[:count]
+        found[f"{name}_matrix"] = compressed[..., :-1]
+        found[f"{name}_target"] = compressed[..., -1]
+        found[f"{name}_residual"] = np.array(residual)
+    return found
 
 
 def curve_matrices(
@@ -111,32 +107,43 @@ def curve_matrices(
 ) -> tuple[dict[str, Array], NDArray[np.intp]]:
     """Return matrices of :class:`CollocatedIntegral` for the points themselves, uncompressed.
 
-    Groups are padded to the same number of rows. With the matrices come the places of the points
-    among all rows, group by group. Slopes of pressure and force are by the internal radius.
+    Groups are padded to the same number of rows and of nodes, by repeating a node with a weight of
+    0. With the matrices come the places of the points among all rows, group by group. Slopes of
+    pressure and force are by the internal radius.
     """
     interpolations = [basis.interpolation(tubes, group) for group in groups]
-    places = _places(interpolations)
     most = max(len(group.points) for group in groups)
-    shape = len(groups), most, places["log_hoop"].shape[1]
+    count = max(len(interpolation.places[0]) for interpolation in interpolations)
     names = ("pressure", "stiffness", "force", "force_slope")
-    matrices = {name: np.zeros(shape) for name in names}
+    found = {f"{name}_matrix": np.zeros((len(groups), most, count)) for name in names}
+    found |= {name: np.zeros((len(groups), count)) for name in ("log_hoop", "log_axial")}
     place = np.zeros(len(tubes.radius), int)
     for number, (group, interpolation) in enumerate(zip(groups, interpolations, strict=True)):
         place[group.points] = number * most + np.arange(len(group.points))
-        for chunk in _chunks(group, interpolation):
-            blocks = _matrices(tubes, group.points[chunk], interpolation, shape[2])
-            for name, matrix in matrices.items():
-                matrix[number, chunk] = blocks[name]
-    return places | {f"{name}_matrix": matrix for name, matrix in matrices.items()}, place
+        matrices = wall_matrices(tubes.at(group.points), interpolation)
+        for name in names:
+            matrix = matrices[name]
+            found[f"{name}_matrix"][number, : len(matrix), : matrix.shape[1]] = matrix
+        for name, own in zip(("log_hoop", "log_axial"), interpolation.places, strict=True):
+            found[name][number] = np.append(own, np.full(count - len(own), own[0]))
+    return found, place
 
 
 def wall_matrices(tubes: KnownTubes, interpolation: Interpolation) -> dict[str, Array]:
     """Return matrices (point, node) from responses at the nodes to pressures, forces and slopes.
 
     Besides ``"pressure"`` and ``"force"`` there are ``"stiffness"`` and ``"force_slope"``, by the
-    internal radius, and ``"slope"`` of the pressure, by the radius that was measured.
+    internal radius.
     """
-    rule, log_axial = tubes.quadrature(interpolation.order, split=interpolation.split)
+    points = np.arange(len(tubes.radius))
+    pieces = max(1, len(points) * len(interpolation.places[0]) // _PIECE)
+    parts = [_matrices(tubes.at(some), interpolation) for some in np.array_split(points, pieces)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _matrices(tubes: KnownTubes, interpolation: Interpolation) -> dict[str, Array]:
+    """Matrices of :func:`wall_matrices` for some points."""
+    rule, log_axial = tubes.quadrature(split=interpolation.split)
     values, slopes = (
         weights.reshape(-1, *rule.log_hoop.shape)
         for weights in interpolation.weights(rule.log_hoop.ravel(), log_axial.ravel())
@@ -145,39 +152,9 @@ def wall_matrices(tubes: KnownTubes, interpolation: Interpolation) -> dict[str, 
     def integral(weight: Array, of_nodes: Array) -> Array:
         return np.einsum("nq,knq->nk", weight, of_nodes)
 
-    stiffness = integral(rule.stiffness_weight, slopes / 2 - values)
     return {
         "pressure": integral(rule.pressure_weight, values),
-        "stiffness": stiffness,
-        "slope": stiffness * tubes.growth[:, None],
+        "stiffness": integral(rule.stiffness_weight, slopes / 2 - values),
         "force": integral(rule.force_weight, values),
         "force_slope": np.pi * tubes.radius[:, None] * integral(rule.pressure_weight, slopes),
     }
-
-
-def _places(interpolations: Sequence[Interpolation]) -> dict[str, Array]:
-    """Stretches of the nodes (group, node); groups with fewer nodes repeat their first one."""
-    places = [interpolation.places for interpolation in interpolations]
-    count = max(len(log_hoop) for log_hoop, _ in places)
-
-    def padded(values: Array) -> Array:
-        return np.concatenate([values, np.full(count - len(values), values[0])])
-
-    log_hoop, log_axial = (np.array([padded(v) for v in of]) for of in zip(*places, strict=True))
-    return {"log_hoop": log_hoop, "log_axial": log_axial}
-
-
-def _chunks(group: Group, interpolation: Interpolation) -> list[slice]:
-    """Slices of the points of a group whose weights have a bounded size."""
-    each = len(interpolation.places[0]) * interpolation.order * (1 + interpolation.split)
-    step = max(1, _CHUNK // each)
-    count = len(group.points)
-    return [slice(start, min(start + step, count)) for start in range(0, count, step)]
-
-
-def _matrices(
-    tubes: KnownTubes, points: NDArray[np.intp], interpolation: Interpolation, count: int
-) -> dict[str, Array]:
-    """Matrices of some points, with columns of zeros up to `count` nodes."""
-    matrices = wall_matrices(tubes.at(points), interpolation)
-    return {n: np.pad(m, [(0, 0), (0, count - m.shape[1])]) for n, m in matrices.items()}

@@ -11,8 +11,8 @@ from pytensor.graph.replace import _vectorize_node
 from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.layers import Tube
-from pymc_hyperelastic.mechanics.pressure import PressureIntegral
-from pymc_hyperelastic.mechanics.wall import WALL_ORDER, wall_integral
+from pymc_hyperelastic.mechanics.pressure import wall_pressure
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 
 # Steps of Newton's method: with the longest steps, they reach twice the first radius and converge.
 _STEPS = 10
@@ -52,7 +52,7 @@ def radius_at_pressure(
     radius = pt.as_tensor_variable(start)
     for _ in range(_STEPS):
         radius = disconnected_grad(radius)
-        here, stiffness = wall_integral(PressureIntegral, tubes_at(radius), order)
+        here, stiffness = wall_pressure(tubes_at(radius), order)
         rising = stiffness > 0
         step = (pressure - here) / (disconnected_grad(pt.where(rising, stiffness, np.inf)) * radius)
         radius = radius * (1 + pt.clip(step, -_LONGEST_STEP, _LONGEST_STEP))

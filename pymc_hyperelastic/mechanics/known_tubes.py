@@ -6,9 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.mechanics.tube import stretches
-from pymc_hyperelastic.mechanics.wall import WallRule, wall_rule
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER, WallRule, wall_rule
 
 Array = NDArray[np.float64]
+
+
+# Smallest half width of a range of ln λθ: below a thousandth no test can distinguish stretches.
+_NARROWEST = 1e-3
 
 
 class KnownTubes(NamedTuple):
@@ -28,11 +32,6 @@ class KnownTubes(NamedTuple):
         return KnownTubes(*(values[points] for values in self))
 
     @property
-    def walls(self) -> list[Array]:
-        """Current internal radius and reference geometry, each of shape (point, 1)."""
-        return [values[:, None] for values in self[:5]]
-
-    @property
     def log_hoop(self) -> tuple[Array, Array]:
         """``ln λθ`` at the inner and at the outer face; it is monotonic between them."""
         tube = {
@@ -46,7 +45,7 @@ class KnownTubes(NamedTuple):
         )
         return inner, outer
 
-    def quadrature(self, order: int, *, split: bool = False) -> tuple[WallRule, Array]:
+    def quadrature(self, order: int = WALL_ORDER, *, split: bool = False) -> tuple[WallRule, Array]:
         """Return the quadrature rule of each wall, and ``ln λz`` of its nodes (point, node).
 
         With `split` the rule is split where ``λθ = 1``, if any of the walls holds this stretch:
@@ -54,7 +53,8 @@ class KnownTubes(NamedTuple):
         """
         inner, outer = self.log_hoop
         kinks = [np.zeros(())] if split and np.any((inner < 0) != (outer < 0)) else []
-        rule = wall_rule(np, *self.walls, order=order, kinks=kinks)
+        columns = [values[:, None] for values in self[:5]]
+        rule = wall_rule(np, *columns, order=order, kinks=kinks)
         log_axial = np.broadcast_to(np.log(self.axial_stretch)[:, None], rule.log_hoop.shape)
         return rule, log_axial
 
@@ -78,7 +78,3 @@ def groups_by(tubes: KnownTubes, key: NDArray) -> list[Group]:
         half = max((high - low) / 2, _NARROWEST)
         groups.append(Group(own, (low + half, half)))
     return groups
-
-
-# Smallest half width of a range of ln λθ: below a thousandth no test can distinguish stretches.
-_NARROWEST = 1e-3

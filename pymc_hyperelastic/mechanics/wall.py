@@ -1,4 +1,4 @@
-"""Integrals over the wall of a tube: their rule of quadrature, and the Op that they share."""
+"""Integrals over the wall of a tube: the quadrature rule, and the Op that integrals share."""
 
 from collections.abc import Sequence
 from functools import cache, lru_cache
@@ -27,12 +27,10 @@ WALL_ORDER = 32
 # Integrals beyond this count as overflow, in kPa or their units: derivatives of an exponential
 # overflow earlier than its value.
 OVERFLOW = np.float64(1e100)
-# Built Ops that are kept: those of all laws for scalars, vectors and batches.
-_MOST_OPS = 500
 
 
 class TubeOp(TensorSymbolicOp):
-    """Base class of integrals over the wall of a strain energy, with a gradient."""
+    """Base class of Ops that integrate a law's stress over a tube's wall, with a gradient."""
 
     # Inlined when compiled, value and gradient share their common terms: two to four times faster.
     inline = True
@@ -48,9 +46,8 @@ class TubeOp(TensorSymbolicOp):
         """Apply it, by the same Op wherever inputs are of the same types."""
         inputs, op = self.filter_inputs(*inputs), self
         if not hasattr(self, "fgraph"):
-            kind: Any = type(self)
             given = self._props_dict() | self._init_kwargs
-            op = _built(kind, tuple(x.type for x in inputs), tuple(given.items()))
+            op = _built(type(self), tuple(x.type for x in inputs), tuple(given.items()))
         return super(TubeOp, op).__call__(*inputs, **settings)
 
     @staticmethod
@@ -94,10 +91,8 @@ class TubeOp(TensorSymbolicOp):
         return link_only_mode("py") if impl == "py" else super().link_mode(impl)
 
 
-@lru_cache(maxsize=_MOST_OPS)
-def _built(
-    kind: Any, input_types: tuple[Any, ...], settings: tuple[tuple[str, Any], ...]
-) -> TubeOp:
+@lru_cache
+def _built(kind: Any, input_types: tuple[Any, ...], settings: tuple[Any, ...]) -> TubeOp:
     """Return the Op for inputs of these types; most models need one that was built before."""
     return kind(list(input_types), **dict(settings))
 
@@ -136,12 +131,7 @@ class WallRule(NamedTuple):
 
 
 class WallIntegral(TubeOp):
-    """An integral over the wall by direct quadrature, at any radius and geometry.
-
-    Inputs are internal radius ``a``, inner radius ``A``, outer radius ``B`` (mm), axial stretch,
-    opening angle (rad), then the parameters in the order of the strain energy, vectors entry by
-    entry; they broadcast against each other.
-    """
+    """An integral over the wall by quadrature; see :class:`PressureIntegral` for its inputs."""
 
     __props__ = ("strain_energy", "order")
 
@@ -245,7 +235,7 @@ def wall_integral(
         own_value, own_slope = kind(strain_energy=tube.energy, order=order)(*tube.inputs)
         value += own_value
         # Incompressibility: the internal radius a' of a layer satisfies da'/da = a/a'.
-        slope += own_slope if tube is tubes[0] else own_slope * tubes[0].radius / tube.radius
+        slope += own_slope * tubes[0].radius / tube.radius if tube.within else own_slope
     return value, slope
 
 

@@ -52,7 +52,7 @@ def collocated(op, matrices, *entries):
 def assert_curves_are_exact(basis, groups, energy, tubes, tolerance=CURVE_TOLERANCE):
     """Compare curves of all points by constant matrices with those by quadrature."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(collocation, "_CHUNK", 20_000)  # points are taken in parts
+        patch.setattr(collocation, "_PIECE", 60)  # points are taken in parts
         matrices, place = collocation.curve_matrices(tubes, groups, basis)
     expected = direct(energy, tubes, MATERIALS[energy])
     for force, names in ((False, ("pressure", "stiffness")), (True, ("force", "force_slope"))):
@@ -103,9 +103,8 @@ def test_evenly_spread_numbers_include_both_ends():
     assert list(interpolation.evenly(9, 3)) == [0, 4, 8] and len(interpolation.evenly(3, 60)) == 3
 
 
-def test_compressed_matrices_have_the_squared_misfit_of_all_points(monkeypatch):
+def test_compressed_matrices_have_the_squared_misfit_of_all_points():
     """``|M g − y|² = |R g − c|² + ρ²`` for each kind of measurement, with missing values."""
-    monkeypatch.setattr(collocation, "_CHUNK", 20_000)  # points are taken in parts
     tubes = tubes_of(points=40)
     groups = groups_by(tubes, tubes.axial_stretch)
     rng = np.random.default_rng(SEED)

@@ -10,10 +10,10 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
+from pymc_hyperelastic.mechanics.axial_force import wall_force, wall_force_slope
 from pymc_hyperelastic.mechanics.inversion import radius_at_pressure
-from pymc_hyperelastic.mechanics.pressure import PressureIntegral
-from pymc_hyperelastic.mechanics.wall import wall_integral
+from pymc_hyperelastic.mechanics.layers import Tube
+from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.models.forward.blocks import (
     block_arrays,
     block_product,
@@ -73,11 +73,10 @@ class PointwiseQuadrature(Integrator):
     def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """Return pressure and stiffness at the points, and the axial force if it is measured."""
         current = self._tube(inputs, wall)
-        pressure, stiffness = wall_integral(PressureIntegral, current.tubes, self.order)
+        pressure, stiffness = wall_pressure(current.tubes, self.order)
         curves = {"pressure": pressure, "stiffness": stiffness}
         if self.with_force:
-            force, _ = wall_integral(AxialForceIntegral, current.tubes, self.order)
-            curves["axial_force"] = force
+            curves["axial_force"] = wall_force(current.tubes, self.order)
         if (wall.geometry or wall.deviations) and current.excess is not None:
             curves["radius"] = current.radius
         return curves
@@ -85,10 +84,9 @@ class PointwiseQuadrature(Integrator):
     def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """Return derivatives of the curves by the radius that was measured."""
         current = self._tube(inputs, wall)
-        slopes = {"pressure": wall_integral(PressureIntegral, current.tubes, self.order)[1]}
+        slopes = {"pressure": wall_pressure(current.tubes, self.order)[1]}
         if self.with_force:
-            _, slope = wall_integral(AxialForceIntegral, current.tubes, self.order)
-            slopes["axial_force"] = slope
+            slopes["axial_force"] = wall_force_slope(current.tubes, self.order)
         return {name: _bounded(slope) * current.growth for name, slope in slopes.items()}
 
     def conditions(self, inputs: Mapping[str, Any], wall: WallVariables) -> list[TensorVariable]:
@@ -123,8 +121,7 @@ class PointwiseQuadrature(Integrator):
         error = there.measured(there.radius) - current.measured(current.radius)
         response = {"radius": [error]}
         if "force_rows" in inputs:
-            force, _ = wall_integral(AxialForceIntegral, there.tubes, self.order)
-            response |= force_differences(inputs, force)
+            response |= force_differences(inputs, wall_force(there.tubes, self.order))
         return response, [*self.conditions(inputs, wall), found]
 
     def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
@@ -195,12 +192,11 @@ class PointwiseQuadrature(Integrator):
         self, current: CurrentTube, pressure: Any
     ) -> tuple[TensorVariable, CurrentTube]:
         """Return a condition for radii at the measured pressures, and the tube at these radii."""
-        radius, last_step = radius_at_pressure(
-            lambda radius: current._replace(radius=radius).tubes,
-            pressure,
-            current.radius,
-            self.order,
-        )
+
+        def tubes_at(radius: TensorVariable) -> list[Tube]:
+            return current._replace(radius=radius).tubes
+
+        radius, last_step = radius_at_pressure(tubes_at, pressure, current.radius, self.order)
         found = last_step < _LARGEST_LAST_STEP
         radius = pt.where(found, radius, current.radius)
         return pt.all(found), current._replace(radius=radius)

@@ -14,7 +14,7 @@ from pymc_hyperelastic.data.inflation import (
     measured_radius,
     points_of,
 )
-from pymc_hyperelastic.mechanics.chebyshev import chebyshev_nodes, value_to_coefficient
+from pymc_hyperelastic.mechanics.interpolation import chebyshev_nodes, value_to_coefficient
 
 # Two radii count as one if they differ by less than this fraction of the largest step of their
 # test: no instrument resolves them, and a slope between them would be a rounding error.
