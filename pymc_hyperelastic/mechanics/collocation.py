@@ -1,10 +1,8 @@
 """The integrals over the wall as constant matrices, for tubes with known radii and geometry.
 
-Pressure, stiffness and axial force are linear in the response of the material. If radii and
-geometry are known, they are constant matrices times the responses ``g`` at ``K`` nodes in the
-walls, which do not depend on the material. A QR factorisation reduces the squared misfit of any
-number of points to that of ``K`` numbers. :mod:`~pymc_hyperelastic.mechanics.interpolation` and
-:mod:`~pymc_hyperelastic.mechanics.selected_nodes` choose the nodes.
+Pressure, stiffness and axial force are linear in the response of the material: they are constant
+matrices times the responses ``g`` at ``K`` nodes in the walls, which a basis chooses. A QR
+factorisation reduces the squared misfit of any number of points to that of ``K`` numbers.
 """
 
 from collections.abc import Sequence
@@ -70,10 +68,9 @@ def collocate(
     """Return matrices of :class:`CollocatedIntegral`, compressed against the measured values.
 
     With a QR factorisation ``[M y] = Q [R c; 0 ρ]`` of a group, ``|M g − y|² = |R g − c|² + ρ²``
-    for every response ``g``. Each kind of measurement is compressed separately, so that their
-    weights may be unknown. The `targets` are the measured values at each point, or NaN:
-    ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"``
-    (mN).
+    for every response ``g``. The `targets` are the measured values at each point, or NaN:
+    ``"pressure"`` (kPa), ``"slope"`` (kPa/mm, by the radius that was measured), ``"force"`` (mN).
+    Each is compressed separately, so that their weights may be unknown.
 
     The result holds ``log_hoop`` and ``log_axial`` (group, node), and for each target the
     ``_matrix`` (group, row, node), ``_target`` (group, row) and ``_residual`` (the sum of all

@@ -1,9 +1,7 @@
-"""Interpolation of a wall's response between nodes, by Chebyshev polynomials in ``ln λθ``.
+"""Interpolation of a wall's response between nodes, and Chebyshev nodes in ``ln λθ``.
 
-The integrals over a wall are linear in the response of its material. A basis chooses nodes in the
-walls of a group of points, and gives the weights with which responses at the nodes determine the
-response anywhere in these walls. :mod:`~pymc_hyperelastic.mechanics.collocation` turns the weights
-into matrices.
+A basis chooses nodes in the walls of a group of points, and gives the weights with which responses
+at the nodes determine the response anywhere in these walls.
 """
 
 from collections.abc import Callable, Sequence
@@ -91,8 +89,8 @@ def nodes_needed(
 ) -> int | None:
     """Return how many Chebyshev nodes the responses need, or None if they are more than 64.
 
-    The response is expanded for all `materials`, given by the entries of their parameters. Needed
-    are all coefficients up to the last one that exceeds the `tolerance`, relative to the largest.
+    Needed are all coefficients up to the last one that exceeds the `tolerance`, relative to the
+    largest, for any of the `materials`: one array for each entry of the parameters.
     """
     kinds = (False, True) if with_force else (False,)
     columns = [values.reshape(-1, 1) for values in materials]
@@ -103,7 +101,7 @@ def nodes_needed(
             response_function(energy, force)(*(x[None] for x in places), *columns)[0]
             for force in kinds
         ]
-        values = np.stack([np.broadcast_to(r, (len(r), len(places[0]))) for r in found])
+        values = np.stack(found)
         possible = np.isfinite(values).all(axis=(0, 2))
         coefficients = np.abs(values[:, possible] @ value_to_coefficient(2 * MOST_NODES).T)
         # Forces are differences of stresses, and have the rounding errors of these.
@@ -122,11 +120,10 @@ def evenly(count: int, most: int) -> NDArray[np.intp]:
 
 @lru_cache
 def response_function(energy: StrainEnergy, force: bool, slope: bool = False) -> Any:
-    """Compile the response of a material: the stress that an integral over the wall is linear in.
+    """Compile :func:`response` and, with `slope`, its derivative by ``ln λθ``.
 
     The function takes ``ln λθ`` and ``ln λz`` (1, place), and the entries of materials
-    (material, 1). It returns the responses of the pressure, or with `force` those of the axial
-    force, and with `slope` their derivatives by ``ln λθ``.
+    (material, 1).
     """
     log_hoop = pt.tensor("log_hoop", dtype="float64", shape=(1, None))
     log_axial = pt.tensor("log_axial", dtype="float64", shape=(1, None))

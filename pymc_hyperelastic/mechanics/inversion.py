@@ -34,20 +34,9 @@ def radius_at_pressure(
 
     because only the last step has one, whose start and stiffness count as constants.
 
-    Parameters
-    ----------
-    tubes_at : callable
-        Returns the tubes of the wall at an internal radius.
-    pressure, start : tensor_like
-        Pressure (kPa) and the radius (mm) next to which the solution is sought.
-    order : int, default 32
-        Nodes of the quadrature.
-
-    Returns
-    -------
-    radius, last_step : TensorVariable
-        The radius in mm, and the relative length of the last step. It is large if no such radius
-        was found, and infinite where the pressure falls with the radius.
+    `tubes_at` returns the tubes of the wall at an internal radius (mm); Newton's method begins at
+    `start`. The second output is the length of the last step in radii: large if no such radius was
+    found, and infinite where the pressure falls with the radius.
     """
     radius = pt.as_tensor_variable(start)
     for _ in range(_STEPS):

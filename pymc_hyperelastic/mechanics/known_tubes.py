@@ -10,7 +10,6 @@ from pymc_hyperelastic.mechanics.wall import WALL_ORDER, WallRule, wall_rule
 
 Array = NDArray[np.float64]
 
-
 # Smallest half width of a range of ln λθ: below a thousandth no test can distinguish stretches.
 _NARROWEST = 1e-3
 
@@ -34,16 +33,11 @@ class KnownTubes(NamedTuple):
     @property
     def log_hoop(self) -> tuple[Array, Array]:
         """``ln λθ`` at the inner and at the outer face; it is monotonic between them."""
-        tube = {
-            "inner_radius": self.inner_radius,
-            "axial_stretch": self.axial_stretch,
-            "opening_angle": self.opening_angle,
-        }
-        inner, outer = (
-            np.log(stretches(face, self.radius, **tube)[1])
-            for face in (self.inner_radius, self.outer_radius)
-        )
-        return inner, outer
+        names = ("inner_radius", "axial_stretch", "opening_angle")
+        tube = {name: getattr(self, name) for name in names}
+        _, inner, _ = stretches(self.inner_radius, self.radius, **tube)
+        _, outer, _ = stretches(self.outer_radius, self.radius, **tube)
+        return np.log(inner), np.log(outer)
 
     def quadrature(self, order: int = WALL_ORDER, *, split: bool = False) -> tuple[WallRule, Array]:
         """Return the quadrature rule of each wall, and ``ln λz`` of its nodes (point, node).
@@ -53,8 +47,8 @@ class KnownTubes(NamedTuple):
         """
         inner, outer = self.log_hoop
         kinks = [np.zeros(())] if split and np.any((inner < 0) != (outer < 0)) else []
-        columns = [values[:, None] for values in self[:5]]
-        rule = wall_rule(np, *columns, order=order, kinks=kinks)
+        geometry = [values[:, None] for values in self[:5]]
+        rule = wall_rule(np, geometry, order=order, kinks=kinks)
         log_axial = np.broadcast_to(np.log(self.axial_stretch)[:, None], rule.log_hoop.shape)
         return rule, log_axial
 

@@ -34,10 +34,8 @@ class Layer:
 
     Raises
     ------
-    TypeError
-        If `energy` is no strain energy, a parameter is unknown, or the thickness is no number.
-    ValueError
-        If the thickness is a number that is not positive and finite.
+    TypeError, ValueError
+        If `energy` is no strain energy, a parameter is unknown, or the thickness is impossible.
 
     See Also
     --------

@@ -30,8 +30,7 @@ class PressureIntegral(WallIntegral):
             \left(\frac12 \frac{∂T}{∂\ln λ_θ} - T\right)
             \frac{2 k λ_z a}{R^2 (1 + δ)^2} \, ds,
 
-    which is ``p = ∫ (∂Ŵ/∂λθ)/(λz r) dR`` in other variables. Both integrands are smooth, also at
-    zero pressure and for ``a < A``.
+    which is ``p = ∫ (∂Ŵ/∂λθ)/(λz r) dR`` in other variables.
 
     Inputs are internal radius ``a``, inner radius ``A``, outer radius ``B`` (mm), axial stretch,
     opening angle (rad), then the parameters in the order of the strain energy, vectors entry by
@@ -88,8 +87,8 @@ def inflation_pressure(
 
     .. math:: p(a) = \int_A^B \frac{∂\hat W/∂λ_θ}{λ_z r} \, dR
 
-    See :class:`PressureIntegral` for the rule and its accuracy. Every argument may be a number, an
-    array or a random variable; they broadcast against each other.
+    See :class:`PressureIntegral` for the rule and its accuracy. Arguments may be numbers, arrays or
+    random variables; they broadcast against each other.
 
     Parameters
     ----------
@@ -103,8 +102,8 @@ def inflation_pressure(
     axial_stretch : tensor_like, default 1
         Axial stretch ``λz``.
     opening_angle : tensor_like, default 0
-        Opening angle ``Φ`` of the cut ring, radians: the whole one that the opened sector lacks of
-        a full circle, twice Fung's. The radii are then those of the sector.
+        Opening angle ``Φ``, radians: what the opened sector lacks of a full circle, twice Fung's.
+        The radii are then those of the sector.
     order : int, default 32
         Nodes of the quadrature, on each piece of a wall in which fibres slacken. Twelve do for the
         wall of an artery, in half of the time.

@@ -41,31 +41,19 @@ _COMPARED_POINTS = 32
 
 @dataclass(frozen=True, eq=False)
 class SelectedNodes:
-    """As many nodes as there are independent responses of a law, selected by pivoted QR.
-
-    Attributes
-    ----------
-    energy : StrainEnergy
-        The law.
-    one_by_one : bool
-        Whether stress is a sum over the moduli, so that a snapshot is the response to one of them.
-    tolerance : float
-        Part of a snapshot that the others do not explain, relative to the largest, below which it
-        is left out.
-    split : bool
-        Whether walls are split where ``λθ = 1``.
-    snapshots : sequence of array, shape (snapshot)
-        Materials whose responses are snapshots.
-    with_force : bool
-        Whether their responses of the axial force are snapshots, too.
-    """
+    """As many nodes as there are independent responses of a law, selected by pivoted QR."""
 
     energy: StrainEnergy
     one_by_one: bool
+    """True if stress is a sum over the moduli: a snapshot is then the response to one of them."""
     tolerance: float
+    """Part of a snapshot, relative to the largest, that the others may leave unexplained."""
     split: bool = False
+    """True if walls are split where ``λθ = 1``."""
     snapshots: Materials = ()
+    """Materials whose responses are snapshots."""
     with_force: bool = False
+    """True if their responses of the axial force are snapshots, too."""
     by_stretch: ClassVar[bool] = False
     """False: all tests of a specimen, also at several axial stretches, share their nodes."""
 

@@ -39,15 +39,15 @@ class TubeOp(TensorSymbolicOp):
         self, input_types: Any = None, *, strain_energy: StrainEnergy, **settings: Any
     ) -> None:
         check_energy(strain_energy)
-        settings.setdefault("name", f"{type(self).__name__}[{strain_energy!r}]")
         super().__init__(input_types, strain_energy=strain_energy, **settings)
 
     def __call__(self, *inputs: Any, **settings: Any) -> Any:
         """Apply it, by the same Op wherever inputs are of the same types."""
         inputs, op = self.filter_inputs(*inputs), self
         if not hasattr(self, "fgraph"):
+            kind: Any = type(self)
             given = self._props_dict() | self._init_kwargs
-            op = _built(type(self), tuple(x.type for x in inputs), tuple(given.items()))
+            op = _built(kind, tuple(x.type for x in inputs), tuple(given.items()))
         return super(TubeOp, op).__call__(*inputs, **settings)
 
     @staticmethod
@@ -58,9 +58,9 @@ class TubeOp(TensorSymbolicOp):
     def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
         """Gradient by every input: the same rule, differentiated under the integral.
 
-        If one of the integrals overflows, non-finite entries of the gradient become zero, so that
-        a likelihood that rejects such pressures has the gradient zero and not NaN. A gradient that
-        is not a number at finite values stays visible.
+        If an integral overflows, non-finite entries of the gradient become zero, so that a
+        likelihood that rejects such pressures has the gradient zero. A gradient that is not a
+        number at finite values stays visible.
         """
         # Variables of their own keep inputs apart that depend on each other.
         own = [x.type() for x in inputs]
@@ -146,37 +146,26 @@ class WallIntegral(TubeOp):
         geometry, entries = inputs[:5], inputs[5:]
         log_axial = pt.log(geometry[3])
         kinks = self.strain_energy.kinks(log_axial, **self.strain_energy.join(entries))
-        return wall_rule(pt, *geometry, order=self.order, kinks=kinks), log_axial, entries
+        return wall_rule(pt, geometry, order=self.order, kinks=kinks), log_axial, entries
 
 
 def wall_rule(
-    xp: ModuleType,
-    internal_radius: Any,
-    inner_radius: Any,
-    outer_radius: Any,
-    axial_stretch: Any,
-    opening_angle: Any,
-    *,
-    order: int = WALL_ORDER,
-    kinks: Sequence[Any] = (),
+    xp: ModuleType, geometry: Sequence[Any], *, order: int = WALL_ORDER, kinks: Sequence[Any] = ()
 ) -> WallRule:
-    """Quadrature of a wall, in pieces between the `kinks`, values of ``ln λθ``.
+    """Return the quadrature rule of a wall, in pieces between the `kinks`, values of ``ln λθ``.
 
-    The nodes run along the last axis, along which the arguments have length 1. `xp` is ``numpy``
-    for numbers and ``pytensor.tensor`` for variables.
+    `geometry` is that of :class:`PressureIntegral`; its last axis, along which the nodes run, has
+    length 1. `xp` is ``numpy`` for numbers and ``pytensor.tensor`` for variables.
     """
-    log_ratio = xp.log(outer_radius / inner_radius)
-    k = opening_factor(opening_angle)
-    tube = {
-        "inner_radius": inner_radius,
-        "axial_stretch": axial_stretch,
-        "opening_angle": opening_angle,
-    }
+    internal_radius, inner_radius, outer_radius, axial_stretch, opening_angle = geometry
+    log_ratio, k = xp.log(outer_radius / inner_radius), opening_factor(opening_angle)
+    names = ("inner_radius", "axial_stretch", "opening_angle")
+    tube = dict(zip(names, (inner_radius, axial_stretch, opening_angle), strict=True))
     node, weight = gauss_legendre(order)
     if kinks:
         excess = hoop_elongation(internal_radius, inner_radius, **tube)
-        relative = [kink + xp.log(axial_stretch / k) / 2 for kink in kinks]
-        places = [_place(xp, log_stretch, excess, log_ratio) for log_stretch in relative]
+        unloaded = xp.log(k / axial_stretch) / 2
+        places = [_place(xp, kink - unloaded, excess, log_ratio) for kink in kinks]
         node, weight = _split(xp, node, weight, places)
     radius = inner_radius * xp.exp(node * log_ratio)
     delta = hoop_elongation(internal_radius, radius, **tube)
@@ -193,8 +182,8 @@ def wall_rule(
 def _place(xp: ModuleType, log_stretch: Any, excess: Any, log_ratio: Any) -> Any:
     """Place of a hoop stretch in the wall, from 0 inside to 1 outside; 0 if it is not there.
 
-    The stretch is given relative to that of the unloaded tube. Its square exceeds 1 by ``δ``, which
-    falls with the square of the radius from `excess` at the inner surface.
+    The square of the stretch, relative to the unloaded tube's, exceeds 1 by ``δ``, which falls with
+    the square of the radius from `excess` at the inner surface.
     """
     beyond = xp.expm1(2 * log_stretch)
     there = abs(beyond) > 0

@@ -1,8 +1,6 @@
 """Strain energies of fibre families in a neo-Hookean matrix.
 
-The fibres lie in the surface of the tube, at an angle from the circumferential direction, and carry
-load in tension only. Overview: G. A. Holzapfel, T. C. Gasser and R. W. Ogden, Journal of Elasticity
-61 (2000) 1-48.
+The fibres lie in the surface of the tube and carry load in tension only.
 """
 
 from abc import abstractmethod
@@ -117,19 +115,17 @@ class _FibreReinforced(StrainEnergy):
         self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, **parameters: Any
     ) -> Tensor:
         """``c (λθ² − λr²)``, and for each family ``k1 E₊ exp(k2 E₊²) ∂E/∂ln λθ``."""
-        stress = 2 * c * half_difference(log_hoop, log_axial)
-        for family in self.families(**parameters):
-            stress += family.stress(log_hoop, log_axial, axial=False)
-        return stress
+        families = self.families(**parameters)
+        fibres = sum(family.stress(log_hoop, log_axial, axial=False) for family in families)
+        return 2 * c * half_difference(log_hoop, log_axial) + fibres
 
     def axial_stress_difference(
         self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, **parameters: Any
     ) -> Tensor:
         """``c (λz² − λr²)``, and for each family ``k1 E₊ exp(k2 E₊²) ∂E/∂ln λz``."""
-        stress = 2 * c * half_difference(log_axial, log_hoop)
-        for family in self.families(**parameters):
-            stress += family.stress(log_hoop, log_axial, axial=True)
-        return stress
+        families = self.families(**parameters)
+        fibres = sum(family.stress(log_hoop, log_axial, axial=True) for family in families)
+        return 2 * c * half_difference(log_axial, log_hoop) + fibres
 
     def kinks(self, log_axial: Tensor, *, c: Any, **parameters: Any) -> list[Tensor]:
         """Values of ``ln λθ`` at which a family becomes slack.
@@ -170,13 +166,11 @@ class HolzapfelGasserOgden(_FibreReinforced):
         E = \max(λ_θ^2 \cos^2 β + λ_z^2 \sin^2 β - 1, 0)
 
     The families have the angles ``±β`` (degrees) from the circumferential direction and equal
-    strain. The equation is the printed sum over both families, each with the factor ``k1/(2 k2)``.
-    Fibres carry load in tension only. At the stretch where they become slack, stress is continuous
-    and the stiffness has a jump. Quadrature of the wall is split there, so that integrals and
-    gradients stay accurate.
+    strain; each has the factor ``k1/(2 k2)``. Fibres carry load in tension only. At the stretch
+    where they become slack, stress is continuous and the stiffness has a jump. Quadrature of the
+    wall is split there.
 
-    Source: G. A. Holzapfel, T. C. Gasser and R. W. Ogden, A new constitutive framework for arterial
-    wall mechanics and a comparative study of material models, Journal of Elasticity 61 (2000) 1-48.
+    Source: G. A. Holzapfel, T. C. Gasser and R. W. Ogden, Journal of Elasticity 61 (2000) 1-48.
 
     See Also
     --------
@@ -209,9 +203,8 @@ class GasserOgdenHolzapfel(_FibreReinforced):
     This differs from the printed condition on the strain of the mean direction, with which the
     stress would have a jump.
 
-    Source: T. C. Gasser, R. W. Ogden and G. A. Holzapfel, Hyperelastic modelling of arterial layers
-    with distributed collagen fibre orientations, Journal of the Royal Society Interface 3 (2006)
-    15-35.
+    Source: T. C. Gasser, R. W. Ogden and G. A. Holzapfel, Journal of the Royal Society Interface 3
+    (2006) 15-35.
 
     See Also
     --------
@@ -233,7 +226,7 @@ class GasserOgdenHolzapfel(_FibreReinforced):
             r"\kappa",
             "",
             (0.0, 1 / 3),
-            "dispersion of the fibres; 0 aligned, 1/3 uniform over all directions",
+            "dispersion; 0 aligned, 1/3 uniform",
             scale="logit",
         ),
     )
@@ -257,9 +250,8 @@ class FourFiber(_FibreReinforced):
     nearly 0, and the data do not determine their stiffening. Use ``hoop_fibres=False`` for them:
     sampling is then several times as fast.
 
-    Source: S. Baek, R. L. Gleason, K. R. Rajagopal and J. D. Humphrey, Theory of small on large:
-    potential utility in computations of fluid-solid interactions in arteries, Computer Methods in
-    Applied Mechanics and Engineering 196 (2007) 3070-3078.
+    Source: S. Baek, R. L. Gleason, K. R. Rajagopal and J. D. Humphrey, Computer Methods in Applied
+    Mechanics and Engineering 196 (2007) 3070-3078.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 from pymc_hyperelastic.mechanics.strain_energy.base import (
     IsotropicStrainEnergy,
     Parameter,
+    elementwise_derivative,
     first_invariant_excess,
     half_difference,
 )
@@ -25,7 +26,7 @@ __all__ = [
     "Yeoh",
 ]
 
-# First coefficients C_i of the series of the eight-chain energy in I₁ (Arruda and Boyce 1993).
+# Coefficients C_i of the eight-chain energy (Arruda and Boyce 1993).
 _EIGHT_CHAIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
 _RANGE = "; the range covers soft tissue, from loose veins to stiff aortas"
@@ -33,11 +34,19 @@ _MU = Parameter("mu", r"\mu", "kPa", (0.0, 200.0), "small-strain shear modulus" 
 
 
 class _FirstInvariant(IsotropicStrainEnergy):
-    """Base class of laws whose energy is a function of the first invariant only."""
+    """Base class of laws whose energy is a function of ``excess = I₁ − 3`` only."""
 
     @abstractmethod
+    def of_excess(self, excess: Tensor, **parameters: Any) -> Tensor:
+        """Return the strain energy ``W`` in kPa."""
+
     def derivative(self, excess: Tensor, **parameters: Any) -> Tensor:
-        """``dW/dI₁`` in kPa at ``excess = I₁ − 3``."""
+        """Return ``dW/dI₁`` in kPa."""
+        return elementwise_derivative(self.of_excess(excess, **parameters), excess)
+
+    def energy(self, radial: Any, hoop: Any, axial: Any, **parameters: Any) -> Tensor:
+        """Return the strain energy in kPa."""
+        return self.of_excess(first_invariant(radial, hoop, axial) - 3, **parameters)
 
     def stress_difference(self, log_hoop: Tensor, log_axial: Tensor, **parameters: Any) -> Tensor:
         r"""``4 e^{−z} sinh γ dW/dI₁`` with ``γ = 2 ln λθ + ln λz``, ``z = ln λz``."""
@@ -52,8 +61,7 @@ class NeoHookean(_FirstInvariant):
 
     ``μ`` is the shear modulus.
 
-    Source: L. R. G. Treloar, The elasticity of a network of long-chain molecules II, Transactions
-    of the Faraday Society 39 (1943) 241-246.
+    Source: L. R. G. Treloar, Transactions of the Faraday Society 39 (1943) 241-246.
 
     See Also
     --------
@@ -69,13 +77,9 @@ class NeoHookean(_FirstInvariant):
 
     parameters = (_MU,)
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any) -> Tensor:
-        """Strain energy in kPa."""
-        return mu / 2 * (first_invariant(radial, hoop, axial) - 3)
-
-    def derivative(self, excess: Tensor, *, mu: Any) -> Tensor:
-        """``μ/2``."""
-        return mu / 2
+    def of_excess(self, excess: Tensor, *, mu: Any) -> Tensor:
+        """``μ/2 (I₁ − 3)``."""
+        return mu / 2 * excess
 
 
 class MooneyRivlin(IsotropicStrainEnergy):
@@ -85,8 +89,7 @@ class MooneyRivlin(IsotropicStrainEnergy):
 
     The shear modulus is ``2 (c10 + c01)``; in rubber ``c01`` is a tenth of ``c10``.
 
-    Source: M. Mooney, A theory of large elastic deformation, Journal of Applied Physics 11 (1940)
-    582-592; R. S. Rivlin, Large elastic deformations of isotropic materials IV, Philosophical
+    Source: M. Mooney, Journal of Applied Physics 11 (1940) 582-592; R. S. Rivlin, Philosophical
     Transactions of the Royal Society A 241 (1948) 379-397.
 
     See Also
@@ -126,9 +129,8 @@ class Yeoh(_FirstInvariant):
 
     The small-strain shear modulus is ``2 c1``.
 
-    Source: O. H. Yeoh, Some forms of the strain energy function for rubber, Rubber Chemistry and
-    Technology 66 (1993) 754-771; for arteries with ``c3 = 0``, M. L. Raghavan and D. A. Vorp,
-    Journal of Biomechanics 33 (2000) 475-482.
+    Source: O. H. Yeoh, Rubber Chemistry and Technology 66 (1993) 754-771; for arteries with
+    ``c3 = 0``, M. L. Raghavan and D. A. Vorp, Journal of Biomechanics 33 (2000) 475-482.
 
     See Also
     --------
@@ -148,14 +150,9 @@ class Yeoh(_FirstInvariant):
         Parameter("c3", "c_3", "kPa", (0.0, 3000.0), "stiffening at larger strain"),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, c1: Any, c2: Any, c3: Any) -> Tensor:
-        """Strain energy in kPa."""
-        excess = first_invariant(radial, hoop, axial) - 3
+    def of_excess(self, excess: Tensor, *, c1: Any, c2: Any, c3: Any) -> Tensor:
+        """``c1 (I₁ − 3) + c2 (I₁ − 3)² + c3 (I₁ − 3)³``."""
         return excess * (c1 + excess * (c2 + excess * c3))
-
-    def derivative(self, excess: Tensor, *, c1: Any, c2: Any, c3: Any) -> Tensor:
-        """``c1 + 2 c2 (I₁ − 3) + 3 c3 (I₁ − 3)²``."""
-        return c1 + excess * (2 * c2 + excess * (3 * c3))
 
 
 class Gent(_FirstInvariant):
@@ -166,9 +163,8 @@ class Gent(_FirstInvariant):
     ``μ`` is the small-strain shear modulus, and ``Jm`` 30 to 100 in rubber. Energy and stress are
     infinite for ``I₁ − 3 ≥ Jm``, so that such parameters have zero likelihood.
 
-    Source: A. N. Gent, A new constitutive relation for rubber, Rubber Chemistry and Technology 69
-    (1996) 59-61; for arteries C. O. Horgan and G. Saccomandi, Biomechanics and Modeling in
-    Mechanobiology 1 (2003) 251-266.
+    Source: A. N. Gent, Rubber Chemistry and Technology 69 (1996) 59-61; for arteries C. O. Horgan
+    and G. Saccomandi, Biomechanics and Modeling in Mechanobiology 1 (2003) 251-266.
 
     See Also
     --------
@@ -187,16 +183,16 @@ class Gent(_FirstInvariant):
         Parameter("limit", "J_m", "", (0.1, 100.0), "limit of I₁ − 3; 0.4 to 2.3 in arteries"),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, limit: Any) -> Tensor:
-        """Strain energy in kPa."""
-        fraction = (first_invariant(radial, hoop, axial) - 3) / limit
+    def of_excess(self, excess: Tensor, *, mu: Any, limit: Any) -> Tensor:
+        """``−(μ Jm/2) ln(1 − (I₁ − 3)/Jm)``, infinite beyond the limit."""
+        fraction = excess / limit
         inside = fraction < 1
         # The inner `where` keeps the gradient of the unused branch finite.
         energy = -mu * limit / 2 * pt.log1p(-pt.where(inside, fraction, 0.0))
         return pt.where(inside, energy, np.inf)
 
     def derivative(self, excess: Tensor, *, mu: Any, limit: Any) -> Tensor:
-        """``(μ/2) Jm/(Jm − (I₁ − 3))``."""
+        """``(μ/2) Jm/(Jm − (I₁ − 3))``, infinite beyond the limit."""
         inside = excess < limit
         return pt.where(inside, mu / 2 * limit / pt.where(inside, limit - excess, 1.0), np.inf)
 
@@ -208,8 +204,7 @@ class Demiray(_FirstInvariant):
 
     ``μ`` is the small-strain shear modulus.
 
-    Source: H. Demiray, A note on the elasticity of soft biological tissues, Journal of Biomechanics
-    5 (1972) 309-311.
+    Source: H. Demiray, Journal of Biomechanics 5 (1972) 309-311.
 
     See Also
     --------
@@ -228,12 +223,12 @@ class Demiray(_FirstInvariant):
         Parameter("b", "b", "", (0.0, 20.0), "stiffening exponent; about 0.5 to 10 in arteries"),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, b: Any) -> Tensor:
-        """Strain energy in kPa."""
-        return mu / (2 * b) * pt.expm1(b * (first_invariant(radial, hoop, axial) - 3))
+    def of_excess(self, excess: Tensor, *, mu: Any, b: Any) -> Tensor:
+        """``μ/(2 b) (exp(b (I₁ − 3)) − 1)``."""
+        return mu / (2 * b) * pt.expm1(b * excess)
 
     def derivative(self, excess: Tensor, *, mu: Any, b: Any) -> Tensor:
-        """``(μ/2) exp(b (I₁ − 3))``."""
+        """``(μ/2) exp(b (I₁ − 3))``, finite at ``b = 0``."""
         return mu / 2 * pt.exp(b * excess)
 
 
@@ -246,9 +241,8 @@ class ArrudaBoyce(_FirstInvariant):
     ``μ`` is the rubbery modulus, and ``λm`` the chain stretch at full extension. The small-strain
     shear modulus is ``2 dW/dI₁`` at ``I₁ = 3``, which exceeds ``μ``.
 
-    Source: E. M. Arruda and M. C. Boyce, A three-dimensional constitutive model for the large
-    stretch behavior of rubber elastic materials, Journal of the Mechanics and Physics of Solids 41
-    (1993) 389-412.
+    Source: E. M. Arruda and M. C. Boyce, Journal of the Mechanics and Physics of Solids 41 (1993)
+    389-412.
 
     See Also
     --------
@@ -269,17 +263,10 @@ class ArrudaBoyce(_FirstInvariant):
         ),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, lock: Any) -> Tensor:
-        """Strain energy in kPa."""
-        first = first_invariant(radial, hoop, axial)
-        terms = enumerate(_EIGHT_CHAIN, start=1)
+    def of_excess(self, excess: Tensor, *, mu: Any, lock: Any) -> Tensor:
+        """``μ Σ C_i/λm^{2i−2} (I₁^i − 3^i)``."""
+        first, terms = excess + 3, enumerate(_EIGHT_CHAIN, start=1)
         return mu * sum(c / lock ** (2 * i - 2) * (first**i - 3**i) for i, c in terms)
-
-    def derivative(self, excess: Tensor, *, mu: Any, lock: Any) -> Tensor:
-        """``μ Σ i C_i (I₁/λm²)^{i−1}``."""
-        relative = (excess + 3) / lock**2
-        terms = enumerate(_EIGHT_CHAIN, start=1)
-        return mu * sum(i * c * relative ** (i - 1) for i, c in terms)
 
 
 class PowerLawNeoHookean(_FirstInvariant):
@@ -310,9 +297,9 @@ class PowerLawNeoHookean(_FirstInvariant):
         Parameter("n", "n", "", (0.3, 30.0), "exponent; softens below 1, exponential at 30"),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, n: Any) -> Tensor:
-        """Strain energy in kPa."""
-        return mu / 2 * ((1 + (first_invariant(radial, hoop, axial) - 3) / n) ** n - 1)
+    def of_excess(self, excess: Tensor, *, mu: Any, n: Any) -> Tensor:
+        """``(μ/2) {[1 + (I₁ − 3)/n]^n − 1}``."""
+        return mu / 2 * ((1 + excess / n) ** n - 1)
 
     def derivative(self, excess: Tensor, *, mu: Any, n: Any) -> Tensor:
         """``(μ/2) [1 + (I₁ − 3)/n]^{n−1}``."""

@@ -69,9 +69,7 @@ class OgdenSeries(IsotropicStrainEnergy):
     in a stable solid ``μp αp > 0``, and negative exponents need a prior of your own. The order of
     the terms has no effect: if all terms have the same prior, the posterior has one mode per order.
 
-    Source: R. W. Ogden, Large deformation isotropic elasticity: on the correlation of theory and
-    experiment for incompressible rubberlike solids, Proceedings of the Royal Society A 326 (1972)
-    565-584.
+    Source: R. W. Ogden, Proceedings of the Royal Society A 326 (1972) 565-584.
 
     Parameters
     ----------

@@ -65,8 +65,8 @@ class FungOrthotropic(StrainEnergy):
     ``Q`` is positive definite, and stress increases with strain in every direction, only if
     ``a4² < a1 a2``.
 
-    Source: Y. C. Fung, K. Fronek and P. Patitucci, Pseudoelasticity of arteries and the choice of
-    its mathematical expression, American Journal of Physiology 237 (1979) H620-H631.
+    Source: Y. C. Fung, K. Fronek and P. Patitucci, American Journal of Physiology 237 (1979)
+    H620-H631.
 
     See Also
     --------
