@@ -13,12 +13,7 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
-from pymc_hyperelastic.mechanics.wall import (
-    WALL_ORDER,
-    WallIntegral,
-    response,
-    wall_integral,
-)
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER, WallIntegral, response, wall_integral
 
 
 class AxialForceIntegral(WallIntegral):
@@ -38,12 +33,12 @@ class AxialForceIntegral(WallIntegral):
 
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Gauss-Legendre quadrature over the last axis, which the sums remove."""
-        wall, log_axial, entries = self.wall(inputs)
-        stress = response(self.strain_energy, wall.log_hoop, log_axial, entries, force=True)
-        slope = elementwise_derivative(stress, wall.log_hoop)
+        rule, log_axial, entries = self.rule(inputs)
+        stress = response(self.strain_energy, rule.log_hoop, log_axial, entries, force=True)
+        slope = elementwise_derivative(stress, rule.log_hoop)
         return [
-            (wall.force_weight * stress).sum(axis=-1),
-            np.pi * inputs[0] * (wall.pressure_weight * slope).sum(axis=-1),
+            (rule.force_weight * stress).sum(axis=-1),
+            np.pi * inputs[0] * (rule.pressure_weight * slope).sum(axis=-1),
         ]
 
 

@@ -21,10 +21,7 @@ _LONGEST_STEP = 0.1
 
 
 def radius_at_pressure(
-    tubes_at: Callable[[Tensor], Sequence[Tube]],
-    pressure: Any,
-    start: Any,
-    order: int = WALL_ORDER,
+    tubes_at: Callable[[Tensor], Sequence[Tube]], pressure: Any, start: Any, order: int = WALL_ORDER
 ) -> tuple[Tensor, Tensor]:
     r"""Return the internal radius at which a tube has a given pressure, by Newton's method.
 

@@ -8,12 +8,7 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
-from pymc_hyperelastic.mechanics.wall import (
-    WALL_ORDER,
-    WallIntegral,
-    response,
-    wall_integral,
-)
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER, WallIntegral, response, wall_integral
 
 
 class PressureIntegral(WallIntegral):
@@ -63,12 +58,12 @@ class PressureIntegral(WallIntegral):
 
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Gauss-Legendre quadrature over a last axis, which the sums remove."""
-        wall, log_axial, entries = self.wall(inputs)
-        stress = response(self.strain_energy, wall.log_hoop, log_axial, entries)
-        slope = elementwise_derivative(stress, wall.log_hoop)
+        rule, log_axial, entries = self.rule(inputs)
+        stress = response(self.strain_energy, rule.log_hoop, log_axial, entries)
+        slope = elementwise_derivative(stress, rule.log_hoop)
         return [
-            (wall.pressure_weight * stress).sum(axis=-1),
-            (wall.stiffness_weight * (slope / 2 - stress)).sum(axis=-1),
+            (rule.pressure_weight * stress).sum(axis=-1),
+            (rule.stiffness_weight * (slope / 2 - stress)).sum(axis=-1),
         ]
 
 

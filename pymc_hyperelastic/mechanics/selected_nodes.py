@@ -31,12 +31,13 @@ Array = NDArray[np.float64]
 # Materials: one array (material) for each entry of the parameters, in the order of the law.
 Materials = Sequence[Array]
 
-# Points of a group whose quadrature nodes are candidates: ten candidates or more for each node that
-# is selected.
-_CANDIDATE_POINTS = 128
-# Points of all groups at whose quadrature nodes materials are compared: 1024 nodes, three times as
-# many as any law has independent responses.
-_COMPARED_POINTS = 32
+# Quadrature nodes in the walls of a group among which nodes are selected: ten for each of these.
+_CANDIDATES = 4000
+# Quadrature nodes in the walls of all groups at which materials are compared: three for each
+# independent response of any law.
+_COMPARED = 1000
+# Fewest nodes of one wall among these: more walls show more of a response than more nodes of each.
+_FEWEST_OF_A_WALL = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,7 @@ class SelectedNodes:
         candidates = [np.concatenate(values) for values in zip(*parts, strict=True)]
         with_all = replace(self, snapshots=candidates, with_force=with_force)
         points = np.concatenate([group.points for group in groups])
-        places = self._quadrature_nodes(tubes.at(points), _COMPARED_POINTS)
+        places = self._quadrature_nodes(tubes.at(points), _COMPARED)
         (responses,) = with_all.responses(*places)
         *_, pivots = _independent(_scaled(responses, _scale(responses)).T, self.tolerance)
         chosen = np.unique(pivots % len(candidates[0]))
@@ -75,7 +76,7 @@ class SelectedNodes:
 
     def interpolation(self, tubes: KnownTubes, group: Group) -> Interpolation:
         """Select nodes in the walls of the group."""
-        places = self._quadrature_nodes(tubes.at(group.points), _CANDIDATE_POINTS)
+        places = self._quadrature_nodes(tubes.at(group.points), _CANDIDATES)
         return self._at_places(*(values.tobytes() for values in places))
 
     @lru_cache  # the curves, the misfits and the errors of one group ask for the same nodes
@@ -112,13 +113,14 @@ class SelectedNodes:
         return [np.where(np.isnan(values), 0.0, values) for values in joined]
 
     def _quadrature_nodes(self, tubes: KnownTubes, most: int) -> tuple[Array, Array]:
-        """Return the quadrature nodes in the walls at a number of points, spread over stretches."""
+        """Return some of the quadrature nodes in the walls, spread over all stretches."""
         in_order = np.argsort(tubes.log_hoop[0])
-        some = tubes.at(in_order[evenly(len(in_order), most)])
-        rule, log_axial = some.quadrature(split=self.split)
+        walls = tubes.at(in_order[evenly(len(in_order), most // _FEWEST_OF_A_WALL)])
+        rule, log_axial = walls.quadrature(split=self.split)
+        some = evenly(rule.log_hoop.shape[1], most // len(walls.radius))
         # A piece of a wall that does not exist has weights of 0.
-        exist = rule.pressure_weight > 0
-        return rule.log_hoop[exist], log_axial[exist]
+        exist = (rule.pressure_weight > 0)[:, some]
+        return rule.log_hoop[:, some][exist], log_axial[:, some][exist]
 
 
 def _independent(matrix: Array, tolerance: float) -> tuple[Array, Array, NDArray[np.intp]]:

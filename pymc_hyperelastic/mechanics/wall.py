@@ -64,25 +64,16 @@ class TubeOp(TensorSymbolicOp):
         """
         # Variables of their own keep inputs apart that depend on each other.
         own = [x.type() for x in inputs]
-        known = {
-            output: cotangent
-            for output, cotangent in zip(self.build_inner_graph(*own), cotangents, strict=True)
-            if not isinstance(cotangent.type, DisconnectedType)
-        }
-        gradients = grad(
-            None,
-            own,
-            known_grads=known,
-            disconnected_inputs="ignore",
-            return_disconnected="disconnected",
-        )
-        gradients = clone_replace(gradients, dict(zip(own, inputs, strict=True)))
-        overflow: Any = np.array(False)
-        for value, cotangent in zip(outputs, cotangents, strict=True):
+        values, known, finite = self.build_inner_graph(*own), {}, np.array(True)
+        for value, output, cotangent in zip(values, outputs, cotangents, strict=True):
             if not isinstance(cotangent.type, DisconnectedType):
-                overflow = overflow | pt.any(~(pt.abs(value) < OVERFLOW))
+                known[value] = cotangent
+                finite = finite & pt.all(pt.abs(output) < OVERFLOW)
+        settings = {"disconnected_inputs": "ignore", "return_disconnected": "disconnected"}
+        gradients = grad(None, own, known_grads=known, **settings)
+        gradients = clone_replace(gradients, dict(zip(own, inputs, strict=True)))
         return [
-            pt.where(pt.isfinite(g) | ~overflow, g, 0.0) if isinstance(g, Tensor) else g
+            pt.where(pt.isfinite(g) | finite, g, 0.0) if isinstance(g, Tensor) else g
             for g in gradients
         ]
 
@@ -98,36 +89,29 @@ def _built(kind: Any, input_types: tuple[Any, ...], settings: tuple[Any, ...]) -
 
 
 def response(
-    energy: StrainEnergy,
-    log_hoop: Tensor,
-    log_axial: Tensor,
-    entries: Sequence[Any],
-    *,
-    force: bool = False,
+    law: StrainEnergy, log_hoop: Tensor, log_axial: Tensor, entries: Any, *, force: bool = False
 ) -> Tensor:
     """Return the stress in kPa that a wall integral is linear in.
 
-    It is ``T = σθθ − σrr`` for the pressure, and with `force` ``2 (σzz − σrr) − T`` for the axial
-    force.
+    It is ``T = σθθ − σrr`` for the pressure, and ``2 (σzz − σrr) − T`` for the axial `force`.
     """
-    parameters = energy.join(entries)
-    hoop = energy.stress_difference(log_hoop, log_axial, **parameters)
+    parameters = law.join(entries)
+    hoop = law.stress_difference(log_hoop, log_axial, **parameters)
     if not force:
         return hoop
-    return 2 * energy.axial_stress_difference(log_hoop, log_axial, **parameters) - hoop
+    return 2 * law.axial_stress_difference(log_hoop, log_axial, **parameters) - hoop
 
 
 class WallRule(NamedTuple):
-    """Quadrature rule of a wall: nodes and weights along the last axis.
-
-    Pressure is the weighted sum of ``T``, stiffness that of ``½ ∂T/∂ln λθ − T``, and axial force
-    that of ``2 (σzz − σrr) − T``.
-    """
+    """Quadrature rule of a wall: nodes and weights along the last axis."""
 
     log_hoop: Any
     pressure_weight: Any
+    """Weights of ``T``."""
     stiffness_weight: Any
+    """Weights of ``½ ∂T/∂ln λθ − T``."""
     force_weight: Any
+    """Weights of ``2 (σzz − σrr) − T``."""
 
 
 class WallIntegral(TubeOp):
@@ -140,8 +124,8 @@ class WallIntegral(TubeOp):
     ) -> None:
         super().__init__(input_types, order=order, **settings)
 
-    def wall(self, inputs: Sequence[Tensor]) -> tuple[WallRule, Tensor, Any]:
-        """The quadrature, ``ln λz`` and the parameters' entries, nodes along a new last axis."""
+    def rule(self, inputs: Sequence[Tensor]) -> tuple[WallRule, Tensor, Any]:
+        """Return the rule, ``ln λz`` and the parameters' entries, nodes along a new last axis."""
         inputs = pt.broadcast_arrays(*(pt.expand_dims(x, -1) for x in inputs))
         geometry, entries = inputs[:5], inputs[5:]
         log_axial = pt.log(geometry[3])
@@ -215,10 +199,7 @@ def _in_order(xp: ModuleType, places: Sequence[Any]) -> list[Any]:
 def wall_integral(
     kind: type[WallIntegral], tubes: Sequence[Tube], order: int = WALL_ORDER
 ) -> tuple[Tensor, Tensor]:
-    """Return an integral over a wall of several tubes, and its derivative by the internal radius.
-
-    `kind` is an integral with these two outputs.
-    """
+    """Return the two outputs of an integral, a value and its slope, of a wall of several tubes."""
     value, slope = 0.0, 0.0
     for tube in tubes:
         own_value, own_slope = kind(strain_energy=tube.energy, order=order)(*tube.inputs)

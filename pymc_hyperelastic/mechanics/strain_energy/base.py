@@ -92,11 +92,10 @@ class StrainEnergy(ABC):
     The attributes of an instance are settings of the law: numbers, text, or tuples of them. Two
     instances of one class with equal attributes are equal.
 
-    **Names.** A result stores the name of the class, the attributes of the instance, and stresses
-    computed from its formula (:attr:`fingerprint`). The names of the package's own laws are
-    reserved: a subclass elsewhere that takes one raises TypeError. If two of your own classes have
-    one name, the name refers to the class that was defined last. A result of the other class is
-    refused when it is read, because its stored stresses differ.
+    **Names.** A result stores the name of the class, the attributes of the instance, and its
+    :attr:`fingerprint`. The names of the package's own laws are reserved: a subclass elsewhere that
+    takes one raises TypeError. If two of your own classes have one name, it refers to the class
+    that was defined last, and results of the other class are refused when they are read.
 
     See Also
     --------
@@ -112,10 +111,8 @@ class StrainEnergy(ABC):
     ...
     ...     def energy(self, radial, hoop, axial, *, mu):
     ...         return mu / 2 * (radial**2 + hoop**2 + axial**2 - 3)
-    >>> pressure = ph.inflation_pressure(
-    ...     NeoHookeanTube(), 1.2, inner_radius=1.0, outer_radius=1.5, mu=10.0
-    ... )
-    >>> round(float(pressure.eval()), 6)
+    >>> tube = {"internal_radius": 1.2, "inner_radius": 1.0, "outer_radius": 1.5}
+    >>> round(float(ph.inflation_pressure(NeoHookeanTube(), **tube, mu=10.0).eval()), 6)
     1.640095
     """
 

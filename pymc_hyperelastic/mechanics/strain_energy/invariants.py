@@ -30,7 +30,11 @@ __all__ = [
 _EIGHT_CHAIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
 _RANGE = "; the range covers soft tissue, from loose veins to stiff aortas"
-_MU = Parameter("mu", r"\mu", "kPa", (0.0, 200.0), "small-strain shear modulus" + _RANGE)
+
+
+def _modulus(description: str = "small-strain shear modulus") -> Parameter:
+    """Return the parameter ``μ``."""
+    return Parameter("mu", r"\mu", "kPa", (0.0, 200.0), description + _RANGE)
 
 
 class _FirstInvariant(IsotropicStrainEnergy):
@@ -75,7 +79,7 @@ class NeoHookean(_FirstInvariant):
     array([1.98 , 4.695])
     """
 
-    parameters = (_MU,)
+    parameters = (_modulus(),)
 
     def of_excess(self, excess: Tensor, *, mu: Any) -> Tensor:
         """``μ/2 (I₁ − 3)``."""
@@ -179,7 +183,7 @@ class Gent(_FirstInvariant):
     """
 
     parameters = (
-        _MU,
+        _modulus(),
         Parameter("limit", "J_m", "", (0.1, 100.0), "limit of I₁ − 3; 0.4 to 2.3 in arteries"),
     )
 
@@ -219,7 +223,7 @@ class Demiray(_FirstInvariant):
     """
 
     parameters = (
-        _MU,
+        _modulus(),
         Parameter("b", "b", "", (0.0, 20.0), "stiffening exponent; about 0.5 to 10 in arteries"),
     )
 
@@ -257,7 +261,7 @@ class ArrudaBoyce(_FirstInvariant):
     """
 
     parameters = (
-        Parameter("mu", r"\mu", "kPa", (0.0, 200.0), "rubbery modulus of the network" + _RANGE),
+        _modulus("rubbery modulus of the chain network"),
         Parameter(
             "lock", r"\lambda_m", "", (1.0, 10.0), "stretch of an extended chain; 2 to 5 in rubber"
         ),
@@ -293,7 +297,7 @@ class PowerLawNeoHookean(_FirstInvariant):
     """
 
     parameters = (
-        _MU,
+        _modulus(),
         Parameter("n", "n", "", (0.3, 30.0), "exponent; softens below 1, exponential at 30"),
     )
 
