@@ -104,9 +104,9 @@ def curve_matrices(
 ) -> tuple[dict[str, Array], NDArray[np.intp]]:
     """Return matrices of :class:`CollocatedIntegral` for the points themselves, uncompressed.
 
-    Groups are padded to the same number of rows and of nodes, by repeating a node with a weight of
-    0. With the matrices come the places of the points among all rows, group by group. Slopes of
-    pressure and force are by the internal radius.
+    Groups are padded to the same number of rows and nodes: a node is repeated, with a weight of 0.
+    With the matrices come the places of the points among all rows, group by group. Slopes are by
+    the internal radius.
     """
     interpolations = [basis.interpolation(tubes, group) for group in groups]
     most = max(len(group.points) for group in groups)

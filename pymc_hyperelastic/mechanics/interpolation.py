@@ -97,11 +97,8 @@ def nodes_needed(
     needed = 2
     for group in groups:
         places = ChebyshevNodes(2 * MOST_NODES).interpolation(tubes, group).places
-        found = [
-            response_function(energy, force)(*(x[None] for x in places), *columns)[0]
-            for force in kinds
-        ]
-        values = np.stack(found)
+        nodes = [x[None] for x in places]
+        values = np.stack([response_function(energy, f)(*nodes, *columns)[0] for f in kinds])
         possible = np.isfinite(values).all(axis=(0, 2))
         coefficients = np.abs(values[:, possible] @ value_to_coefficient(2 * MOST_NODES).T)
         # Forces are differences of stresses, and have the rounding errors of these.

@@ -40,9 +40,10 @@ def radius_at_pressure(
         radius = disconnected_grad(radius)
         here, stiffness = wall_pressure(tubes_at(radius), order)
         rising = stiffness > 0
-        step = (pressure - here) / (disconnected_grad(pt.where(rising, stiffness, np.inf)) * radius)
+        slope = disconnected_grad(pt.where(rising, stiffness, 1.0)) * radius
+        step = pt.where(rising, (pressure - here) / slope, np.inf)
         radius = radius * (1 + pt.clip(step, -_LONGEST_STEP, _LONGEST_STEP))
-    return radius, disconnected_grad(pt.where(rising, pt.abs(step), np.inf))
+    return radius, disconnected_grad(pt.abs(step))
 
 
 @_vectorize_node.register(DisconnectedGrad)

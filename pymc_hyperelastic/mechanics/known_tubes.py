@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.mechanics.tube import stretches
+from pymc_hyperelastic.mechanics.tube import UNLOADED, stretches
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER, WallRule, wall_rule
 
 Array = NDArray[np.float64]
@@ -33,8 +33,7 @@ class KnownTubes(NamedTuple):
     @property
     def log_hoop(self) -> tuple[Array, Array]:
         """``ln λθ`` at the inner and at the outer face; it is monotonic between them."""
-        names = ("inner_radius", "axial_stretch", "opening_angle")
-        tube = {name: getattr(self, name) for name in names}
+        tube = {name: getattr(self, name) for name in UNLOADED}
         _, inner, _ = stretches(self.inner_radius, self.radius, **tube)
         _, outer, _ = stretches(self.outer_radius, self.radius, **tube)
         return np.log(inner), np.log(outer)

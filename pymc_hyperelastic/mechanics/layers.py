@@ -10,7 +10,7 @@ import numpy as np
 from pytensor.graph.basic import Variable
 
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius
+from pymc_hyperelastic.mechanics.tube import GEOMETRY, UNLOADED, current_radius
 
 
 class Layer:
@@ -59,9 +59,7 @@ class Layer:
                 f"{energy.name} has the parameters {list(energy.parameter_names)}, not {unknown}"
             )
         check_geometry(thickness=thickness)
-        self.energy = energy
-        self.thickness = thickness
-        self.parameters = parameters
+        self.energy, self.thickness, self.parameters = energy, thickness, parameters
 
     def __repr__(self) -> str:
         settings = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())
@@ -114,9 +112,8 @@ def tubes_of(
         raise TypeError(
             f"{given} cannot be given with layers: each layer has its own thickness and parameters"
         )
-    names = ("inner_radius", "axial_stretch", "opening_angle")
     measures = map(_number_or_variable, (inner_radius, axial_stretch, opening_angle))
-    unloaded = dict(zip(names, measures, strict=True))
+    unloaded = dict(zip(UNLOADED, measures, strict=True))
     current = internal_radius = _number_or_variable(internal_radius)
     inner, tubes = unloaded["inner_radius"], list[Tube]()
     for layer in energy:
@@ -149,9 +146,8 @@ def check_geometry(**geometry: Any) -> None:
         try:
             value = numbers[name] = np.asarray(given, float)
         except (TypeError, ValueError):
-            raise TypeError(
-                f"{name} is {given!r}; expected a number or an array of numbers"
-            ) from None
+            expected = "expected a number or an array of numbers"
+            raise TypeError(f"{name} is {given!r}; {expected}") from None
         if name != "opening_angle" and not np.all((value > 0) & (value < np.inf)):
             raise ValueError(f"{name} must be positive and finite; got {value}")
     if {"inner_radius", "outer_radius"} <= set(numbers) and not np.all(

@@ -147,11 +147,7 @@ def _scaled(responses: Array, scale: Array) -> Array:
 def _single_moduli(energy: StrainEnergy, materials: Materials) -> list[Materials]:
     """Return the materials with one of their moduli alone, of 1 kPa."""
     is_modulus = [p.unit == "kPa" for p in energy.parameters for _ in range(p.size or 1)]
-    count = len(materials[0])
     return [
-        [
-            np.full(count, float(place == own)) if modulus else values
-            for place, (values, modulus) in enumerate(zip(materials, is_modulus, strict=True))
-        ]
+        [np.full(len(x), float(i == own)) if is_modulus[i] else x for i, x in enumerate(materials)]
         for own in np.flatnonzero(is_modulus)
     ]

@@ -21,6 +21,8 @@ from typing import Any
 
 # Names of the measures of the reference tube, in the order in which functions take them.
 GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
+# Those of them that determine where the circles of a wall move.
+UNLOADED = ("inner_radius", "axial_stretch", "opening_angle")
 
 
 def opening_factor(opening_angle: Any) -> Any:
@@ -69,11 +71,7 @@ def stretches(
     opening_angle: Any = 0.0,
 ) -> tuple[Any, Any, Any]:
     """Principal stretches ``(λr, λθ, λz)`` at reference radius ``R``; their product is one."""
-    unloaded = {
-        "inner_radius": inner_radius,
-        "axial_stretch": axial_stretch,
-        "opening_angle": opening_angle,
-    }
+    unloaded = dict(zip(UNLOADED, (inner_radius, axial_stretch, opening_angle), strict=True))
     current = current_radius(radius, internal_radius, **unloaded)
     hoop = opening_factor(opening_angle) * current / radius
     return 1 / (hoop * axial_stretch), hoop, axial_stretch

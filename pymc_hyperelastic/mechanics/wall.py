@@ -19,7 +19,7 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.layers import Tube, check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import hoop_elongation, opening_factor
+from pymc_hyperelastic.mechanics.tube import UNLOADED, hoop_elongation, opening_factor
 
 # Nodes of the Gauss-Legendre rule of a wall, or of each piece between kinks: exact to 1e-10 for
 # the thickest tubes, see PressureIntegral.
@@ -143,8 +143,7 @@ def wall_rule(
     """
     internal_radius, inner_radius, outer_radius, axial_stretch, opening_angle = geometry
     log_ratio, k = xp.log(outer_radius / inner_radius), opening_factor(opening_angle)
-    names = ("inner_radius", "axial_stretch", "opening_angle")
-    tube = dict(zip(names, (inner_radius, axial_stretch, opening_angle), strict=True))
+    tube = dict(zip(UNLOADED, (inner_radius, axial_stretch, opening_angle), strict=True))
     node, weight = gauss_legendre(order)
     if kinks:
         excess = hoop_elongation(internal_radius, inner_radius, **tube)

@@ -246,9 +246,9 @@ class FourFiber(_FibreReinforced):
     The angles ``βi`` are 90°, 0 and ``±β``; both diagonal families have the same parameters. Fibres
     carry load in tension only. The source prints the factor ``c1/(4 c2)``, with ``c1 = 2 k1``.
 
-    In fits of some vessels, such as the ascending aorta of mice, the modulus of the hoop fibres is
-    nearly 0, and the data do not determine their stiffening. Use ``hoop_fibres=False`` for them:
-    sampling is then several times as fast.
+    In some vessels, such as the ascending aorta of mice, the modulus of the hoop fibres is nearly
+    0, and the data do not determine their stiffening. With ``hoop_fibres=False`` sampling is then
+    several times as fast.
 
     Source: S. Baek, R. L. Gleason, K. R. Rajagopal and J. D. Humphrey, Computer Methods in Applied
     Mechanics and Engineering 196 (2007) 3070-3078.
