@@ -1,18 +1,25 @@
 """The radius at which a tube has a given pressure: the pressure integral, inverted."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytensor.tensor as pt
-from pytensor.gradient import DisconnectedGrad, disconnected_grad
-from pytensor.graph.basic import Apply
-from pytensor.graph.replace import _vectorize_node
+from pytensor.gradient import DisconnectedType, disconnected_type, grad
+from pytensor.graph.basic import Variable
+from pytensor.graph.replace import _vectorize_node, clone_replace
+from pytensor.tensor.symbolic import TensorSymbolicOp
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.layers import Tube
+from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
-from pymc_hyperelastic.mechanics.wall import WALL_ORDER
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.wall import (
+    WALL_ORDER,
+    TubeOp,
+    broadcast_batches,
+    zero_at_overflow,
+)
 
 # Steps of Newton's method: with the longest steps, they reach twice the first radius and converge.
 _STEPS = 10
@@ -20,33 +27,74 @@ _STEPS = 10
 _LONGEST_STEP = 0.1
 
 
-def radius_at_pressure(
-    tubes_at: Callable[[Tensor], Sequence[Tube]], pressure: Any, start: Any, order: int = WALL_ORDER
-) -> tuple[Tensor, Tensor]:
-    r"""Return the internal radius at which a tube has a given pressure, by Newton's method.
+class RadiusAtPressure(TensorSymbolicOp):
+    r"""Internal radius at which a tube has a given pressure.
 
-    The gradient is that of the exact solution with the stiffness ``s = ∂p/∂a``,
+    Newton's method from a radius next to it, in steps of a tenth of the radius at most. The
+    gradient is that of the exact solution,
 
-    .. math:: \frac{∂a}{∂p} = \frac{1}{s}, \qquad \frac{∂a}{∂x} = -\frac{1}{s} \frac{∂p}{∂x} ,
+    .. math:: \frac{∂a}{∂p} = \frac{1}{s}, \qquad \frac{∂a}{∂x} = -\frac{1}{s} \frac{∂p}{∂x}
 
-    because only the last step has one, whose start and stiffness count as constants.
-
-    `tubes_at` returns the tubes of the wall at an internal radius (mm); Newton's method begins at
-    `start`. The second output is the length of the last step in radii: large if no such radius was
-    found, and infinite where the pressure falls with the radius.
+    with the stiffness ``s = ∂p/∂a``. Inputs are the pressure (kPa), the radius to start from, inner
+    radius, axial stretch, opening angle, and for each layer its thickness and parameters; they
+    broadcast against each other. Outputs are the radius, and the relative length of the last step,
+    infinite where pressure falls with the radius: large where no such radius was found.
+    `strain_energies` are those of the layers, `order` the nodes of the Gauss-Legendre rule.
     """
-    radius = pt.as_tensor_variable(start)
-    for _ in range(_STEPS):
-        radius = disconnected_grad(radius)
-        here, stiffness = wall_pressure(tubes_at(radius), order)
-        rising = stiffness > 0
-        slope = disconnected_grad(pt.where(rising, stiffness, 1.0)) * radius
-        step = pt.where(rising, (pressure - here) / slope, np.inf)
-        radius = radius * (1 + pt.clip(step, -_LONGEST_STEP, _LONGEST_STEP))
-    return radius, disconnected_grad(pt.abs(step))
+
+    __props__ = ("strain_energies", "order")
+    inline = True
+    filter_inputs = staticmethod(TubeOp.filter_inputs)
+    link_mode = TubeOp.link_mode
+
+    def __init__(
+        self,
+        input_types: Any = None,
+        *,
+        strain_energies: tuple[StrainEnergy, ...],
+        order: int = WALL_ORDER,
+        **settings: Any,
+    ) -> None:
+        super().__init__(input_types, strain_energies=strain_energies, order=order, **settings)
+
+    def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
+        """Take all steps of Newton's method."""
+        pressure, radius, *wall = inputs
+        for _ in range(_STEPS):
+            here, stiffness = wall_pressure(self.tubes(radius, wall), self.order)
+            step = pt.where(stiffness > 0, (pressure - here) / (stiffness * radius), np.inf)
+            radius = radius * (1 + pt.clip(step, -_LONGEST_STEP, _LONGEST_STEP))
+        return [radius, pt.abs(step)]
+
+    def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
+        """Gradient of the exact solution; zero if no solution was found."""
+        cotangent = cotangents[0]
+        if isinstance(cotangent.type, DisconnectedType):
+            return [disconnected_type() for _ in inputs]
+        # Variables of their own keep inputs apart that depend on each other.
+        own = [x.type() for x in inputs]
+        radius, weight = outputs[0].type(), cotangent.type()
+        pressure, stiffness = wall_pressure(self.tubes(radius, own[2:]), self.order)
+        gradients = grad(
+            None,
+            own,
+            known_grads={pressure - own[0]: -weight / stiffness},
+            disconnected_inputs="ignore",  # the radius to start from does not matter
+            return_disconnected="zero",
+        )
+        known = zip([*own, radius, weight], [*inputs, outputs[0], cotangent], strict=True)
+        gradients = clone_replace(gradients, dict(known))
+        return zero_at_overflow(gradients, outputs)
+
+    def tubes(self, radius: Tensor, wall: Sequence[Any]) -> list[Tube]:
+        """Layers at an internal radius, from the inputs behind it."""
+        inner_radius, axial_stretch, opening_angle, *rest = wall
+        layers = []
+        for energy in self.strain_energies:
+            thickness, *entries = rest[: 1 + len(energy.entry_names)]
+            rest = rest[1 + len(entries) :]
+            layers.append(Layer(energy, thickness, **energy.join(entries)))
+        return tubes_of(layers, radius, (inner_radius, None, axial_stretch, opening_angle), {})
 
 
-@_vectorize_node.register(DisconnectedGrad)
-def _vectorize_disconnected(op: DisconnectedGrad, node: Apply, value: Tensor) -> Apply:
-    """Apply it to the batch as a whole; PyTensor's default is a loop."""
-    return op.make_node(value)
+_vectorize_node.register(RadiusAtPressure)(broadcast_batches)

@@ -72,7 +72,7 @@ class Tube(NamedTuple):
     energy: StrainEnergy
     """Strain energy of the material."""
     geometry: tuple[Any, ...]
-    """Internal, inner and outer radius (mm), axial stretch, opening angle (radians)."""
+    """Current internal radius, then the reference tube in the order of GEOMETRY."""
     entries: list[Any]
     """Entries of the material parameters, see :meth:`StrainEnergy.split`."""
     within: bool = False

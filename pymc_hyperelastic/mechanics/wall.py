@@ -64,18 +64,16 @@ class TubeOp(TensorSymbolicOp):
         """
         # Variables of their own keep inputs apart that depend on each other.
         own = [x.type() for x in inputs]
-        values, known, finite = self.build_inner_graph(*own), {}, np.array(True)
+        known, connected = {}, []
+        values = self.build_inner_graph(*own)
         for value, output, cotangent in zip(values, outputs, cotangents, strict=True):
             if not isinstance(cotangent.type, DisconnectedType):
                 known[value] = cotangent
-                finite = finite & pt.all(pt.abs(output) < OVERFLOW)
+                connected.append(output)
         settings = {"disconnected_inputs": "ignore", "return_disconnected": "disconnected"}
         gradients = grad(None, own, known_grads=known, **settings)
         gradients = clone_replace(gradients, dict(zip(own, inputs, strict=True)))
-        return [
-            pt.where(pt.isfinite(g) | finite, g, 0.0) if isinstance(g, Tensor) else g
-            for g in gradients
-        ]
+        return zero_at_overflow(gradients, connected)
 
     def link_mode(self, impl: str | None) -> Mode:
         """Python for Python: PyMC asks for shapes in this way, and needs no compiler for it."""
@@ -86,6 +84,16 @@ class TubeOp(TensorSymbolicOp):
 def _built(kind: Any, input_types: tuple[Any, ...], settings: tuple[Any, ...]) -> TubeOp:
     """Return the Op for inputs of these types; most models need one that was built before."""
     return kind(list(input_types), **dict(settings))
+
+
+def zero_at_overflow(gradients: Sequence[Any], values: Sequence[Tensor]) -> list[Variable]:
+    """Return gradients with non-finite entries set to 0, if one of the values overflows."""
+    finite: Any = np.array(True)
+    for value in values:
+        finite = finite & pt.all(pt.abs(value) < OVERFLOW)
+    return [
+        pt.where(pt.isfinite(g) | finite, g, 0.0) if isinstance(g, Tensor) else g for g in gradients
+    ]
 
 
 def response(

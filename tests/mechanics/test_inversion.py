@@ -14,8 +14,7 @@ from tables import SECTOR
 from wall_integrals import DIFFERENCE_TOLERANCE, difference_quotients
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.mechanics.inversion import radius_at_pressure
-from pymc_hyperelastic.mechanics.layers import tubes_of
+from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
 
 # Newton's method converges to the rounding of the pressure over the slope of a stiff tube.
 ROUNDING = 1e-12
@@ -31,19 +30,6 @@ LAYERS = (
 WALL = [INNER, AXIAL, ANGLE]
 for _, layer_thickness, layer_entries in LAYERS:
     WALL += [layer_thickness, *layer_entries]
-
-
-def tubes_at(energies, wall):
-    """Return a function of the internal radius that gives the tubes of a wall such as WALL."""
-    inner, axial, angle, *rest = wall
-    layers = []
-    for energy in energies:
-        thickness, *entries = rest[: 1 + len(energy.entry_names)]
-        rest = rest[1 + len(entries) :]
-        layers.append(ph.Layer(energy, thickness, **energy.join(entries)))
-    return lambda radius: tubes_of(layers, radius, (inner, None, axial, angle), {})
-
-
 # From a compressed tube to a far inflated one.
 RADII = np.array([0.85, 1.0, 1.2, 1.5])
 
@@ -60,10 +46,10 @@ def pressure_at(radius):
 
 def test_radius_and_gradient_are_those_of_the_inverse_of_the_pressure():
     """The start matters to neither, although four full steps lead from the first start."""
-    pressure, start, *wall = symbols = pt.dvectors(2 + len(WALL))
-    tubes = tubes_at([energy for energy, *_ in LAYERS], wall)
-    radius, last_step = radius_at_pressure(tubes, pressure, start)
-    gradient = pt.stack(pytensor.grad(radius.sum(), symbols, disconnected_inputs="ignore"))
+    op = RadiusAtPressure(strain_energies=tuple(energy for energy, *_ in LAYERS))
+    symbols = pt.dvectors(2 + len(WALL))
+    radius, last_step = op(*symbols)
+    gradient = pt.stack(pytensor.grad(radius.sum(), symbols))
     function = pytensor.function(symbols, [radius, last_step, gradient], mode=AS_WRITTEN)
     starts = RADII * np.array([1.45, 1.08, 0.95, 0.7])
     columns = np.array([pressure_at(RADII), starts, *(np.full(4, x) for x in WALL)])
@@ -80,8 +66,8 @@ def test_radius_and_gradient_are_those_of_the_inverse_of_the_pressure():
 def test_pressure_that_is_never_reached_has_a_large_last_step():
     """A batch of moduli is a batch of tubes, without a loop; softer tubes burst."""
     mu = pt.dscalar()
-    tubes = tubes_at([ph.NeoHookean()], [INNER, 1.0, 0.0, 0.4, mu])
-    outputs = [*radius_at_pressure(tubes, np.array([1.0, 100.0]), 1.2)]
+    op = RadiusAtPressure(strain_energies=(ph.NeoHookean(),))
+    outputs = list(op(np.array([1.0, 100.0]), 1.2, INNER, 1.0, 0.0, 0.4, mu))
     batch = pt.dvector()
     vectorised = vectorize_graph(outputs, {mu: batch})
     nodes = [v.owner.op for v in ancestors(vectorised) if v.owner is not None]

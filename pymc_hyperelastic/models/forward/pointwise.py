@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.mechanics.axial_force import wall_force, wall_force_slope
-from pymc_hyperelastic.mechanics.inversion import radius_at_pressure
-from pymc_hyperelastic.mechanics.layers import Tube
+from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.models.forward.blocks import (
     block_arrays,
@@ -192,11 +191,14 @@ class PointwiseQuadrature(Integrator):
         self, current: CurrentTube, pressure: Any
     ) -> tuple[TensorVariable, CurrentTube]:
         """Return a condition for radii at the measured pressures, and the tube at these radii."""
-
-        def tubes_at(radius: TensorVariable) -> list[Tube]:
-            return current._replace(radius=radius).tubes
-
-        radius, last_step = radius_at_pressure(tubes_at, pressure, current.radius, self.order)
+        energies, inputs = [], []
+        for tube in current.tubes:
+            _, inner_radius, outer_radius, *_ = tube.geometry
+            energies.append(tube.energy)
+            inputs += [outer_radius - inner_radius, *tube.entries]
+        _, inner_radius, _, *reference = current.tubes[0].geometry
+        op = RadiusAtPressure(strain_energies=tuple(energies), order=self.order)
+        radius, last_step = op(pressure, current.radius, inner_radius, *reference, *inputs)
         found = last_step < _LARGEST_LAST_STEP
         radius = pt.where(found, radius, current.radius)
         return pt.all(found), current._replace(radius=radius)
