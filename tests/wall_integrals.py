@@ -11,14 +11,14 @@ import pytensor.tensor as pt
 from problems import AS_WRITTEN, LAWS, PROBLEMS
 
 from pymc_hyperelastic import PressureIntegral
-from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral, AxialForceSlope
+from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
 from pymc_hyperelastic.mechanics.material import MaterialIntegral
 
 SIMPLIFIED = "FAST_COMPILE"
 INTEGRALS = {
-    "pressure": (PressureIntegral,),  # pressure, stiffness
-    "force": (AxialForceIntegral, AxialForceSlope),
-    "material": (MaterialIntegral,),  # stored energy, hoop and axial modulus, each times the area
+    "pressure": PressureIntegral,  # pressure, stiffness
+    "force": AxialForceIntegral,  # force, slope
+    "material": MaterialIntegral,  # stored energy, hoop and axial modulus, each times the area
 }
 # Tubes at which integrals of fibre laws can be differentiated by every input: at an axial stretch
 # of exactly 1 axial fibres slacken. Fibres slacken within the walls of the last two.
@@ -49,11 +49,8 @@ def columns_of(problems):
 def outputs_of(law, quantity):
     """Return symbolic inputs, each a vector, and the outputs of the integrals of a quantity."""
     inputs = pt.dvectors(5 + len(LAWS[law].entry_names))
-    energy = LAWS[law].strain_energy
-    outputs = []
-    for integral in INTEGRALS[quantity]:
-        outputs += integral(strain_energy=energy)(*inputs, return_list=True)
-    return inputs, outputs
+    integral = INTEGRALS[quantity](strain_energy=LAWS[law].strain_energy)
+    return inputs, integral(*inputs, return_list=True)
 
 
 @cache

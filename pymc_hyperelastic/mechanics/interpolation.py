@@ -1,15 +1,13 @@
-"""Interpolation of a wall's response between nodes, by Chebyshev polynomials in ``ln λθ``.
+"""Interpolation of a wall's response between nodes, and Chebyshev nodes in ``ln λθ``.
 
-The integrals over a wall are linear in the response of its material. A basis chooses nodes in the
-walls of a group of points, and gives the weights with which responses at the nodes determine the
-response anywhere in these walls. :mod:`~pymc_hyperelastic.mechanics.collocation` turns the weights
-into matrices.
+A basis chooses nodes in the walls of a group of points, and gives the weights with which responses
+at the nodes determine the response anywhere in these walls.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any, NamedTuple, Protocol
+from functools import cache, lru_cache
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import pytensor
@@ -17,83 +15,66 @@ import pytensor.tensor as pt
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.mechanics.axial_force import force_response
-from pymc_hyperelastic.mechanics.chebyshev import Array, chebyshev_nodes, value_to_coefficient
 from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
-from pymc_hyperelastic.mechanics.wall import WALL_ORDER
+from pymc_hyperelastic.mechanics.wall import response
+
+Array = NDArray[np.float64]
 
 # Chebyshev coefficients of the response below this fraction of the largest are left out. The
 # pressure is then exact to about 1e-12 of its largest value, and rounding errors do not count.
 COEFFICIENT_TOLERANCE = 1e-14
 # Largest number of Chebyshev nodes: with more, quadrature of the walls is about as fast.
 MOST_NODES = 64
-# Compiled responses that are kept: ten laws, with pressure and force, with and without slopes.
-_COMPILED = 64
 
 
-class Interpolation(Protocol):
-    """Responses in the walls of a group from the responses at its nodes."""
+class Interpolation(NamedTuple):
+    """Nodes of a group of walls, and the responses in these walls from those at the nodes."""
 
-    @property
-    def places(self) -> tuple[Array, Array]:
-        """``ln λθ`` and ``ln λz`` of the nodes."""
-
-    @property
-    def order(self) -> int:
-        """Nodes of the quadrature rule of a wall."""
-
-    @property
-    def split(self) -> bool:
-        """True if the rule is split where ``λθ = 1``."""
-
-    def weights(self, log_hoop: Array, log_axial: Array) -> tuple[Array, Array]:
-        """Return the weights (node, place) of the response, and of its derivative by ``ln λθ``."""
-
-
-class Basis(Protocol):
-    """A choice of nodes in the walls of any group of points."""
-
-    @property
-    def by_stretch(self) -> bool:
-        """True if all walls of a group must have one axial stretch."""
-
-    def interpolation(self, tubes: KnownTubes, group: Group) -> Interpolation:
-        """Return the nodes of a group, whose points are among those of the tubes."""
+    places: tuple[Array, Array]
+    """``ln λθ`` and ``ln λz`` of the nodes."""
+    weights: Callable[[Array, Array], tuple[Array, Array]]
+    """Weights (node, place) of the response at given places, and of its derivative by ``ln λθ``."""
+    split: bool = False
+    """True if quadrature of the walls is split where ``λθ = 1``."""
 
 
 @dataclass(frozen=True)
 class ChebyshevNodes:
-    """Chebyshev points in ``ln λθ``, for walls at one axial stretch."""
+    """A number of Chebyshev points in ``ln λθ``, for walls at one axial stretch."""
 
     nodes: int
-    by_stretch: bool = True
+    by_stretch: ClassVar[bool] = True
+    """True: all walls of a group must have one axial stretch."""
 
-    def interpolation(self, tubes: KnownTubes, group: Group) -> "Polynomial":
+    def interpolation(self, tubes: KnownTubes, group: Group) -> Interpolation:
         """Return nodes that span the stretches in the walls of the group."""
         centre, half = group.hoop
         log_hoop = centre + half * chebyshev_nodes(self.nodes)
         log_axial = np.full(self.nodes, np.log(tubes.axial_stretch[group.points[0]]))
-        return Polynomial(group.hoop, (log_hoop, log_axial))
-
-
-class Polynomial(NamedTuple):
-    """Interpolation by the polynomial through the responses at Chebyshev points."""
-
-    hoop: tuple[float, float]
-    places: tuple[Array, Array]
-    order: int = WALL_ORDER
-    split: bool = False
-
-    def weights(self, log_hoop: Array, log_axial: Array) -> tuple[Array, Array]:
-        """Return the weights (node, place) of the response, and of its derivative by ``ln λθ``."""
-        centre, half = self.hoop
-        count = len(self.places[0])
-        vandermonde = chebyshev.chebvander((log_hoop - centre) / half, count - 1)
-        coefficient = value_to_coefficient(count)
+        coefficient = value_to_coefficient(self.nodes)
         derivative = np.zeros_like(coefficient)
         derivative[:-1] = chebyshev.chebder(coefficient, axis=0) / half
-        return (vandermonde @ coefficient).T, (vandermonde @ derivative).T
+
+        def weights(log_hoop: Array, _: Array) -> tuple[Array, Array]:
+            vandermonde = chebyshev.chebvander((log_hoop - centre) / half, self.nodes - 1)
+            return (vandermonde @ coefficient).T, (vandermonde @ derivative).T
+
+        return Interpolation((log_hoop, log_axial), weights)
+
+
+@cache
+def chebyshev_nodes(count: int) -> Array:
+    """Chebyshev points of the first kind in (-1, 1)."""
+    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
+
+
+@cache
+def value_to_coefficient(count: int) -> Array:
+    """Matrix from values at the Chebyshev nodes to Chebyshev coefficients."""
+    cosines = np.cos(np.pi / count * np.outer(np.arange(count), np.arange(count) + 0.5))
+    cosines[0] /= 2
+    return 2 / count * cosines
 
 
 @np.errstate(all="ignore")  # some of the materials may be impossible
@@ -108,21 +89,18 @@ def nodes_needed(
 ) -> int | None:
     """Return how many Chebyshev nodes the responses need, or None if they are more than 64.
 
-    The response is expanded for all `materials`, given by the entries of their parameters. Needed
-    are all coefficients up to the last one that exceeds the `tolerance`, relative to the largest.
+    Needed are all coefficients up to the last one that exceeds the `tolerance`, relative to the
+    largest, for any of the `materials`: one array for each entry of the parameters.
     """
     kinds = (False, True) if with_force else (False,)
     columns = [values.reshape(-1, 1) for values in materials]
     needed = 2
     for group in groups:
         places = ChebyshevNodes(2 * MOST_NODES).interpolation(tubes, group).places
-        found = [
-            response_function(energy, force)(*(x[None] for x in places), *columns)[0]
-            for force in kinds
-        ]
-        response = np.stack([np.broadcast_to(r, (len(r), len(places[0]))) for r in found])
-        possible = np.isfinite(response).all(axis=(0, 2))
-        coefficients = np.abs(response[:, possible] @ value_to_coefficient(2 * MOST_NODES).T)
+        nodes = [x[None] for x in places]
+        values = np.stack([response_function(energy, f)(*nodes, *columns)[0] for f in kinds])
+        possible = np.isfinite(values).all(axis=(0, 2))
+        coefficients = np.abs(values[:, possible] @ value_to_coefficient(2 * MOST_NODES).T)
         # Forces are differences of stresses, and have the rounding errors of these.
         largest = np.maximum.accumulate(coefficients.max(axis=2, keepdims=True))
         significant = (coefficients > tolerance * largest).any(axis=(0, 1))
@@ -137,21 +115,17 @@ def evenly(count: int, most: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, count - 1, most).round().astype(int))
 
 
-@lru_cache(maxsize=_COMPILED)
+@lru_cache
 def response_function(energy: StrainEnergy, force: bool, slope: bool = False) -> Any:
-    """Compile the response of a material: the stress that an integral over the wall is linear in.
+    """Compile :func:`response` and, with `slope`, its derivative by ``ln λθ``.
 
     The function takes ``ln λθ`` and ``ln λz`` (1, place), and the entries of materials
-    (material, 1). It returns the responses of the pressure, or with `force` those of the axial
-    force, and with `slope` their derivatives by ``ln λθ``.
+    (material, 1).
     """
     log_hoop = pt.tensor("log_hoop", dtype="float64", shape=(1, None))
     log_axial = pt.tensor("log_axial", dtype="float64", shape=(1, None))
     entries = [pt.tensor(n, dtype="float64", shape=(None, 1)) for n in energy.entry_names]
     hoop, axial, *full = pt.broadcast_arrays(log_hoop, log_axial, *entries)
-    if force:
-        response = force_response(energy, hoop, axial, full)
-    else:
-        response = energy.stress_difference(hoop, axial, **energy.join(full))
-    outputs = [response, *([elementwise_derivative(response, hoop)] if slope else [])]
+    stress = response(energy, hoop, axial, full, force=force)
+    outputs = [stress, *([elementwise_derivative(stress, hoop)] if slope else [])]
     return pytensor.function([log_hoop, log_axial, *entries], outputs, mode="FAST_COMPILE")

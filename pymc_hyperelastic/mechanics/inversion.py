@@ -21,8 +21,10 @@ from pymc_hyperelastic.mechanics.wall import (
     zero_at_overflow,
 )
 
-# Steps of Newton's method, and the largest fraction of the radius that one of them is long.
-_STEPS, _LARGEST_STEP = 10, 0.1
+# Steps of Newton's method: with the longest steps, they reach twice the first radius and converge.
+_STEPS = 10
+# Longest step, in radii: longer ones leave the range of stable tubes.
+_LONGEST_STEP = 0.1
 
 
 class RadiusAtPressure(TensorSymbolicOp):
@@ -53,7 +55,6 @@ class RadiusAtPressure(TensorSymbolicOp):
         order: int = WALL_ORDER,
         **settings: Any,
     ) -> None:
-        settings.setdefault("name", f"{type(self).__name__}{list(strain_energies)}")
         super().__init__(input_types, strain_energies=strain_energies, order=order, **settings)
 
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
@@ -62,7 +63,7 @@ class RadiusAtPressure(TensorSymbolicOp):
         for _ in range(_STEPS):
             here, stiffness = wall_pressure(self.tubes(radius, wall), self.order)
             step = pt.where(stiffness > 0, (pressure - here) / (stiffness * radius), np.inf)
-            radius = radius * (1 + pt.clip(step, -_LARGEST_STEP, _LARGEST_STEP))
+            radius = radius * (1 + pt.clip(step, -_LONGEST_STEP, _LONGEST_STEP))
         return [radius, pt.abs(step)]
 
     def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:

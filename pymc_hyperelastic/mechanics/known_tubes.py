@@ -5,10 +5,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.mechanics.tube import stretches
-from pymc_hyperelastic.mechanics.wall import WallRule, wall_rule
+from pymc_hyperelastic.mechanics.tube import UNLOADED, stretches
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER, WallRule, wall_rule
 
 Array = NDArray[np.float64]
+
+# Smallest half width of a range of ln λθ: below a thousandth no test can distinguish stretches.
+_NARROWEST = 1e-3
 
 
 class KnownTubes(NamedTuple):
@@ -28,25 +31,14 @@ class KnownTubes(NamedTuple):
         return KnownTubes(*(values[points] for values in self))
 
     @property
-    def walls(self) -> list[Array]:
-        """Current internal radius and reference geometry, each of shape (point, 1)."""
-        return [values[:, None] for values in self[:5]]
-
-    @property
     def log_hoop(self) -> tuple[Array, Array]:
         """``ln λθ`` at the inner and at the outer face; it is monotonic between them."""
-        tube = {
-            "inner_radius": self.inner_radius,
-            "axial_stretch": self.axial_stretch,
-            "opening_angle": self.opening_angle,
-        }
-        inner, outer = (
-            np.log(stretches(face, self.radius, **tube)[1])
-            for face in (self.inner_radius, self.outer_radius)
-        )
-        return inner, outer
+        tube = {name: getattr(self, name) for name in UNLOADED}
+        _, inner, _ = stretches(self.inner_radius, self.radius, **tube)
+        _, outer, _ = stretches(self.outer_radius, self.radius, **tube)
+        return np.log(inner), np.log(outer)
 
-    def quadrature(self, order: int, *, split: bool = False) -> tuple[WallRule, Array]:
+    def quadrature(self, order: int = WALL_ORDER, *, split: bool = False) -> tuple[WallRule, Array]:
         """Return the quadrature rule of each wall, and ``ln λz`` of its nodes (point, node).
 
         With `split` the rule is split where ``λθ = 1``, if any of the walls holds this stretch:
@@ -54,7 +46,8 @@ class KnownTubes(NamedTuple):
         """
         inner, outer = self.log_hoop
         kinks = [np.zeros(())] if split and np.any((inner < 0) != (outer < 0)) else []
-        rule = wall_rule(np, *self.walls, order=order, kinks=kinks)
+        geometry = [values[:, None] for values in self[:5]]
+        rule = wall_rule(np, geometry, order=order, kinks=kinks)
         log_axial = np.broadcast_to(np.log(self.axial_stretch)[:, None], rule.log_hoop.shape)
         return rule, log_axial
 
@@ -78,7 +71,3 @@ def groups_by(tubes: KnownTubes, key: NDArray) -> list[Group]:
         half = max((high - low) / 2, _NARROWEST)
         groups.append(Group(own, (low + half, half)))
     return groups
-
-
-# Smallest half width of a range of ln λθ: below a thousandth no test can distinguish stretches.
-_NARROWEST = 1e-3

@@ -1,7 +1,6 @@
 """Walls of one material or of several layers, as a list of concentric tubes.
 
-The integrals for pressure and axial force add up over these tubes. Public functions check numbers
-that users give here, before a wall is integrated.
+Wall integrals add up over these tubes. Public functions check here what users give them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,7 +10,7 @@ import numpy as np
 from pytensor.graph.basic import Variable
 
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius
+from pymc_hyperelastic.mechanics.tube import GEOMETRY, UNLOADED, current_radius
 
 
 class Layer:
@@ -35,10 +34,8 @@ class Layer:
 
     Raises
     ------
-    TypeError
-        If `energy` is no strain energy, a parameter is unknown, or the thickness is no number.
-    ValueError
-        If the thickness is a number that is not positive and finite.
+    TypeError, ValueError
+        If `energy` is no strain energy, a parameter is unknown, or the thickness is impossible.
 
     See Also
     --------
@@ -62,9 +59,7 @@ class Layer:
                 f"{energy.name} has the parameters {list(energy.parameter_names)}, not {unknown}"
             )
         check_geometry(thickness=thickness)
-        self.energy = energy
-        self.thickness = thickness
-        self.parameters = parameters
+        self.energy, self.thickness, self.parameters = energy, thickness, parameters
 
     def __repr__(self) -> str:
         settings = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())
@@ -77,7 +72,7 @@ class Tube(NamedTuple):
     energy: StrainEnergy
     """Strain energy of the material."""
     geometry: tuple[Any, ...]
-    """Internal, inner and outer radius (mm), axial stretch, opening angle (radians)."""
+    """Current internal radius, then the reference tube in the order of GEOMETRY."""
     entries: list[Any]
     """Entries of the material parameters, see :meth:`StrainEnergy.split`."""
     within: bool = False
@@ -103,8 +98,7 @@ def tubes_of(
     """Return the concentric tubes of a wall of one material or of layers, from the inside out.
 
     `reference` holds the reference tube in the order of GEOMETRY. For layers its outer radius is
-    None, and `parameters` is empty. Raise TypeError for any other input, and for missing or unknown
-    parameters.
+    None, and `parameters` is empty. Raise TypeError for any other input.
     """
     inner_radius, outer_radius, axial_stretch, opening_angle = reference
     if isinstance(energy, str) or not isinstance(energy, Sequence):
@@ -114,18 +108,14 @@ def tubes_of(
         return [Tube(energy, (internal_radius, *reference), energy.split(parameters))]
     check_layers(energy)
     if outer_radius is not None or parameters:
-        given = [*(["outer_radius"] if outer_radius is not None else []), *sorted(parameters)]
+        given = ["outer_radius"] * (outer_radius is not None) + sorted(parameters)
         raise TypeError(
             f"{given} cannot be given with layers: each layer has its own thickness and parameters"
         )
-    unloaded = {
-        "inner_radius": _number_or_variable(inner_radius),
-        "axial_stretch": _number_or_variable(axial_stretch),
-        "opening_angle": _number_or_variable(opening_angle),
-    }
-    internal_radius = _number_or_variable(internal_radius)
-    tubes: list[Tube] = []
-    inner, current = unloaded["inner_radius"], internal_radius
+    measures = map(_number_or_variable, (inner_radius, axial_stretch, opening_angle))
+    unloaded = dict(zip(UNLOADED, measures, strict=True))
+    current = internal_radius = _number_or_variable(internal_radius)
+    inner, tubes = unloaded["inner_radius"], list[Tube]()
     for layer in energy:
         outer = inner + _number_or_variable(layer.thickness)
         geometry = (current, inner, outer, axial_stretch, opening_angle)
@@ -143,20 +133,21 @@ def checked_tubes(
 ) -> list[Tube]:
     """Return the tubes of :func:`tubes_of`, after :func:`check_geometry`."""
     geometry = dict(zip(GEOMETRY, reference, strict=True))
-    if geometry["outer_radius"] is None:
-        del geometry["outer_radius"]
     check_geometry(internal_radius=internal_radius, **geometry)
     return tubes_of(energy, internal_radius, reference, parameters)
 
 
 def check_geometry(**geometry: Any) -> None:
-    """Raise TypeError or ValueError for impossible numbers; variables have no value to check."""
-    numbers = {
-        name: _as_numbers(name, value)
-        for name, value in geometry.items()
-        if not isinstance(value, Variable)
-    }
-    for name, value in numbers.items():
+    """Raise TypeError or ValueError for impossible numbers; skip variables and None."""
+    numbers: dict[str, np.ndarray] = {}
+    for name, given in geometry.items():
+        if given is None or isinstance(given, Variable):
+            continue
+        try:
+            value = numbers[name] = np.asarray(given, float)
+        except (TypeError, ValueError):
+            expected = "expected a number or an array of numbers"
+            raise TypeError(f"{name} is {given!r}; {expected}") from None
         if name != "opening_angle" and not np.all((value > 0) & (value < np.inf)):
             raise ValueError(f"{name} must be positive and finite; got {value}")
     if {"inner_radius", "outer_radius"} <= set(numbers) and not np.all(
@@ -187,21 +178,12 @@ def check_energy(energy: Any) -> None:
     """Raise TypeError unless `energy` is a strain energy."""
     if isinstance(energy, StrainEnergy):
         return
-    hint = ""
-    if isinstance(energy, type):
-        hint = " (call the class)"
-    elif isinstance(energy, list | tuple):
+    hint = " (call the class)" if isinstance(energy, type) else ""
+    if isinstance(energy, list | tuple):
         hint = (
             ": only curves, ph.inflation_model, ph.population_model and predictions accept layers"
         )
     raise TypeError(f"expected a strain energy such as ph.Ogden(), got {energy!r}{hint}")
-
-
-def _as_numbers(name: str, value: Any) -> np.ndarray:
-    try:
-        return np.asarray(value, float)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name} is {value!r}; expected a number or an array of numbers") from None
 
 
 def _number_or_variable(value: Any) -> Any:

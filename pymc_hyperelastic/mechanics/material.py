@@ -30,17 +30,14 @@ class MaterialIntegral(WallIntegral):
 
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Gauss-Legendre quadrature over the last axis, which the sums remove."""
-        wall, log_axial, entries = self.wall(inputs)
+        rule, log_axial, entries = self.rule(inputs)
         energy, parameters = self.strain_energy, self.strain_energy.join(entries)
         # The derivatives are elementwise, so that each node needs its own axial stretch.
-        stretches = wall.log_hoop, log_axial + pt.zeros_like(wall.log_hoop)
-        rest = (pt.zeros_like(stretch) for stretch in stretches)
-        stored = energy.reduced_energy(*stretches, **parameters)
-        stored -= energy.reduced_energy(*rest, **parameters)
-        hoop = energy.stress_difference(*stretches, **parameters)
-        axial = energy.axial_stress_difference(*stretches, **parameters)
-        moduli = [
-            elementwise_derivative(stress, stretch)
-            for stress, stretch in zip((hoop, axial), stretches, strict=True)
-        ]
-        return [2 * (wall.force_weight * w).sum(axis=-1) for w in (stored, *moduli)]
+        log_hoop, log_axial = rule.log_hoop, log_axial + pt.zeros_like(rule.log_hoop)
+        rest = pt.zeros_like(log_hoop)
+        stored = energy.reduced_energy(log_hoop, log_axial, **parameters)
+        stored -= energy.reduced_energy(rest, rest, **parameters)
+        hoop = energy.stress_difference(log_hoop, log_axial, **parameters)
+        axial = energy.axial_stress_difference(log_hoop, log_axial, **parameters)
+        moduli = elementwise_derivative(hoop, log_hoop), elementwise_derivative(axial, log_axial)
+        return [2 * (rule.force_weight * w).sum(axis=-1) for w in (stored, *moduli)]

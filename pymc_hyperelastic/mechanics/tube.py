@@ -8,10 +8,11 @@ radius ``R`` has the current radius
 .. math:: r(R)^2 = a^2 + \frac{R^2 - A^2}{k λ_z}, \qquad
     λ_θ = \frac{k r}{R}, \qquad λ_r = \frac{1}{λ_θ λ_z}.
 
-All functions use arithmetic only and accept numbers, NumPy arrays, xarray objects and PyTensor
-variables. Lengths have one common unit (mm inside this package), angles are in radians. Source:
-C. J. Chuong and Y. C. Fung, On residual stresses in arteries, Journal of Biomechanical Engineering
-108 (1986) 189-192.
+"Inner radius" is always ``A``, in the reference tube, and "internal radius" is always ``a``, in the
+current tube. All functions use arithmetic only and accept numbers, NumPy arrays, xarray objects and
+PyTensor variables. Lengths have one common unit (mm inside this package), angles are in radians.
+Source: C. J. Chuong and Y. C. Fung, On residual stresses in arteries, Journal of Biomechanical
+Engineering 108 (1986) 189-192.
 """
 
 from collections.abc import Mapping
@@ -20,16 +21,12 @@ from typing import Any
 
 # Names of the measures of the reference tube, in the order in which functions take them.
 GEOMETRY = ("inner_radius", "outer_radius", "axial_stretch", "opening_angle")
+# Those of them that determine where the circles of a wall move.
+UNLOADED = ("inner_radius", "axial_stretch", "opening_angle")
 
 
 def opening_factor(opening_angle: Any) -> Any:
-    """Ratio ``k = 2π/(2π − Φ)`` by which closing a cut ring multiplies its angles.
-
-    Examples
-    --------
-    >>> opening_factor(0.0)
-    1.0
-    """
+    """Ratio ``k = 2π/(2π − Φ)`` by which closing a cut ring multiplies its angles."""
     return 2 * pi / (2 * pi - opening_angle)
 
 
@@ -46,12 +43,7 @@ def hoop_elongation(
     .. math:: δ(R) = \frac{k λ_z a^2 - A^2}{R^2}, \qquad λ_θ^2 = \frac{k}{λ_z} (1 + δ)
 
     For ``k = 1`` the pressure of an isotropic tube is 0 at ``δ = 0``. The difference of squares is
-    factored, so that ``δ`` is accurate to rounding near ``a = A``, where measured curves start.
-
-    Examples
-    --------
-    >>> hoop_elongation(2.0, 1.0, inner_radius=1.0)
-    3.0
+    factored, so that ``δ`` is accurate to rounding near ``a = A/√(k λz)``, where it is 0.
     """
     scaled = (opening_factor(opening_angle) * axial_stretch) ** 0.5 * internal_radius
     return (scaled - inner_radius) * (scaled + inner_radius) / radius**2
@@ -65,13 +57,7 @@ def current_radius(
     axial_stretch: Any = 1.0,
     opening_angle: Any = 0.0,
 ) -> Any:
-    """Radius ``r(R)`` to which the material circle of reference radius ``R`` moves (wall map).
-
-    Examples
-    --------
-    >>> current_radius(2.0, 1.5, inner_radius=1.0)
-    2.29128784747792
-    """
+    """Radius ``r(R)`` to which the material circle of reference radius ``R`` moves."""
     k = opening_factor(opening_angle)
     return (internal_radius**2 + (radius**2 - inner_radius**2) / (k * axial_stretch)) ** 0.5
 
@@ -84,44 +70,20 @@ def stretches(
     axial_stretch: Any = 1.0,
     opening_angle: Any = 0.0,
 ) -> tuple[Any, Any, Any]:
-    """Principal stretches ``(λr, λθ, λz)`` at reference radius ``R``; their product is one.
-
-    Examples
-    --------
-    >>> radial, hoop, axial = stretches(1.0, 1.25, inner_radius=1.0, axial_stretch=1.6)
-    >>> radial, hoop, axial
-    (0.5, 1.25, 1.6)
-    """
-    r = current_radius(
-        radius,
-        internal_radius,
-        inner_radius=inner_radius,
-        axial_stretch=axial_stretch,
-        opening_angle=opening_angle,
-    )
-    hoop = opening_factor(opening_angle) * r / radius
+    """Principal stretches ``(λr, λθ, λz)`` at reference radius ``R``; their product is one."""
+    unloaded = dict(zip(UNLOADED, (inner_radius, axial_stretch, opening_angle), strict=True))
+    current = current_radius(radius, internal_radius, **unloaded)
+    hoop = opening_factor(opening_angle) * current / radius
     return 1 / (hoop * axial_stretch), hoop, axial_stretch
 
 
 def first_invariant(radial: Any, hoop: Any, axial: Any) -> Any:
-    """First invariant ``I₁ = λr² + λθ² + λz²`` of the right Cauchy-Green tensor.
-
-    Examples
-    --------
-    >>> first_invariant(1.0, 1.0, 1.0)
-    3.0
-    """
+    """First invariant ``I₁ = λr² + λθ² + λz²`` of the right Cauchy-Green tensor."""
     return radial**2 + hoop**2 + axial**2
 
 
 def second_invariant(radial: Any, hoop: Any, axial: Any) -> Any:
-    """Second invariant ``I₂ = λr²λθ² + λθ²λz² + λz²λr²`` of the right Cauchy-Green tensor.
-
-    Examples
-    --------
-    >>> second_invariant(1.0, 1.0, 1.0)
-    3.0
-    """
+    """Second invariant ``I₂ = λr²λθ² + λθ²λz² + λz²λr²`` of the right Cauchy-Green tensor."""
     return (radial * hoop) ** 2 + (hoop * axial) ** 2 + (axial * radial) ** 2
 
 
@@ -133,21 +95,18 @@ def internal_radius_from_outer_radius(
     axial_stretch: Any = 1.0,
     opening_angle: Any = 0.0,
 ) -> Any:
-    """Internal radius ``a`` from the measured outer radius ``ro`` of an incompressible wall.
+    """Internal radius ``a² = ro² − (B² − A²)/(k λz)`` from the measured outer radius ``ro``.
 
-    ``a² = ro² − (B² − A²)/(k λz)``. Pass half of a measured outer diameter.
-
-    Examples
-    --------
-    >>> internal_radius_from_outer_radius(2.0, inner_radius=1.0, outer_radius=2.0)
-    1.0
+    Pass half of a measured outer diameter.
     """
     k = opening_factor(opening_angle)
     wall = (outer_radius - inner_radius) * (outer_radius + inner_radius) / (k * axial_stretch)
     return (current_outer_radius**2 - wall) ** 0.5
 
 
-def opened_sector(inner_radius: Any, outer_radius: Any, *, opening_angle: Any) -> tuple[Any, Any]:
+def opened_sector(
+    inner_radius: Any, outer_radius: Any, *, opening_angle: Any, before: Any = 0.0
+) -> tuple[Any, Any]:
     r"""Radii of the sector to which a closed ring springs open by the whole angle ``Φ``.
 
     A closed ring has the radii ``a < b``. The cross-section of the wall keeps its area, because the
@@ -162,28 +121,21 @@ def opened_sector(inner_radius: Any, outer_radius: Any, *, opening_angle: Any) -
     homogeneous wall in the middle. Source: R. S. Rivlin, Large elastic deformations of isotropic
     materials V, The problem of flexure, Proceedings of the Royal Society A 195 (1949) 463-473.
 
-    Examples
-    --------
-    >>> opened_sector(1.0, 1.2, opening_angle=pi)
-    (2.1, 2.3)
+    The given radii may also be those of a sector that is open by the angle `before`.
     """
-    excess = (opening_factor(opening_angle) - 1) * (inner_radius + outer_radius) / 2
+    ratio = opening_factor(opening_angle) / opening_factor(before)
+    excess = (ratio - 1) * (inner_radius + outer_radius) / 2
     return inner_radius + excess, outer_radius + excess
 
 
 def inferred_geometry(known: Mapping[str, Any]) -> dict[str, Any]:
-    r"""Measures of the reference tube, with the outer radius inferred from other measures.
+    r"""Measures of the reference tube, with the outer radius that follows from other measures.
 
-    ``inner_radius``, ``outer_radius``, ``axial_stretch`` and ``opening_angle`` are returned
-    unchanged if `known` has them. The outer radius follows from the inner radius ``A`` and the
-    ``thickness`` ``h``, or the ``wall_area`` ``S`` (cross-section of the unloaded ring, mm²):
+    Measures in GEOMETRY are returned unchanged. The outer radius follows from the inner radius
+    ``A`` and the ``thickness`` ``h``, or the ``wall_area`` ``S`` (cross-section of the unloaded
+    ring, mm²):
 
     .. math:: B = A + h, \qquad B = \sqrt{A^2 + k S/π} .
-
-    Examples
-    --------
-    >>> inferred_geometry({"inner_radius": 1.0, "thickness": 0.5})
-    {'inner_radius': 1.0, 'outer_radius': 1.5}
     """
     geometry = {k: v for k, v in known.items() if k not in ("thickness", "wall_area")}
     if "thickness" in known:
@@ -196,13 +148,7 @@ def inferred_geometry(known: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def measure_of(name: str, geometry: Mapping[str, Any]) -> Any:
-    r"""One measure of a known tube; ``thickness`` is ``B − A``, ``wall_area`` ``π (B² − A²)/k``.
-
-    Examples
-    --------
-    >>> measure_of("thickness", {"inner_radius": 1.0, "outer_radius": 1.5})
-    0.5
-    """
+    """One measure of a known tube; ``thickness`` is ``B − A``, ``wall_area`` ``π (B² − A²)/k``."""
     if name not in ("thickness", "wall_area"):
         return geometry[name]
     inner, outer = geometry["inner_radius"], geometry["outer_radius"]
@@ -212,18 +158,12 @@ def measure_of(name: str, geometry: Mapping[str, Any]) -> Any:
 
 
 def reopened(geometry: Mapping[str, Any], opening_angle: Any) -> dict[str, Any]:
-    """Sector with another opening angle that has the same closed ring.
-
-    The middle line of the wall and its thickness do not change, see :func:`opened_sector`.
-
-    Examples
-    --------
-    >>> ring = {"inner_radius": 1.0, "outer_radius": 1.2, "opening_angle": 0.0}
-    >>> reopened(ring, pi)
-    {'inner_radius': 2.1, 'outer_radius': 2.3, 'opening_angle': 3.141592653589793}
-    """
-    inner, outer = geometry["inner_radius"], geometry["outer_radius"]
-    ratio = opening_factor(opening_angle) / opening_factor(geometry["opening_angle"])
-    shift = (ratio - 1) * (inner + outer) / 2
-    moved = {"inner_radius": inner + shift, "outer_radius": outer + shift}
-    return {**geometry, **moved, "opening_angle": opening_angle}
+    """Sector with another opening angle that has the same closed ring, see `opened_sector`."""
+    inner, outer = opened_sector(
+        geometry["inner_radius"],
+        geometry["outer_radius"],
+        opening_angle=opening_angle,
+        before=geometry["opening_angle"],
+    )
+    moved = {"inner_radius": inner, "outer_radius": outer, "opening_angle": opening_angle}
+    return {**geometry, **moved}

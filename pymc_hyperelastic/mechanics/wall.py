@@ -1,4 +1,4 @@
-"""Integrals over the wall of a tube: their rule of quadrature, and the Op that they share."""
+"""Integrals over the wall of a tube: the quadrature rule, and the Op that integrals share."""
 
 from collections.abc import Sequence
 from functools import cache, lru_cache
@@ -17,22 +17,20 @@ from pytensor.graph.replace import _vectorize_node, clone_replace
 from pytensor.tensor.symbolic import TensorSymbolicOp
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.layers import check_energy
+from pymc_hyperelastic.mechanics.layers import Tube, check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import hoop_elongation, opening_factor
+from pymc_hyperelastic.mechanics.tube import UNLOADED, hoop_elongation, opening_factor
 
 # Nodes of the Gauss-Legendre rule of a wall, or of each piece between kinks: exact to 1e-10 for
 # the thickest tubes, see PressureIntegral.
 WALL_ORDER = 32
 # Integrals beyond this count as overflow, in kPa or their units: derivatives of an exponential
 # overflow earlier than its value.
-_OVERFLOW = np.float64(1e100)
-# Built Ops that are kept: those of all laws for scalars, vectors and batches.
-_MOST_OPS = 500
+OVERFLOW = np.float64(1e100)
 
 
 class TubeOp(TensorSymbolicOp):
-    """Base class of integrals over the wall of a strain energy, with a gradient."""
+    """Base class of Ops that integrate a law's stress over a tube's wall, with a gradient."""
 
     # Inlined when compiled, value and gradient share their common terms: two to four times faster.
     inline = True
@@ -41,7 +39,6 @@ class TubeOp(TensorSymbolicOp):
         self, input_types: Any = None, *, strain_energy: StrainEnergy, **settings: Any
     ) -> None:
         check_energy(strain_energy)
-        settings.setdefault("name", f"{type(self).__name__}[{strain_energy!r}]")
         super().__init__(input_types, strain_energy=strain_energy, **settings)
 
     def __call__(self, *inputs: Any, **settings: Any) -> Any:
@@ -61,84 +58,72 @@ class TubeOp(TensorSymbolicOp):
     def pullback(self, inputs: Any, outputs: Any, cotangents: Any) -> list[Variable]:
         """Gradient by every input: the same rule, differentiated under the integral.
 
-        If the integral overflows, its gradient is zero, so that a likelihood that rejects such
-        pressures has the gradient zero and not NaN.
+        If an integral overflows, non-finite entries of the gradient become zero, so that a
+        likelihood that rejects such pressures has the gradient zero. A gradient that is not a
+        number at finite values stays visible.
         """
         # Variables of their own keep inputs apart that depend on each other.
         own = [x.type() for x in inputs]
-        known = {
-            output: cotangent
-            for output, cotangent in zip(self.build_inner_graph(*own), cotangents, strict=True)
-            if not isinstance(cotangent.type, DisconnectedType)
-        }
-        gradients = grad(
-            None,
-            own,
-            known_grads=known,
-            disconnected_inputs="ignore",
-            return_disconnected="disconnected",
-        )
+        known, connected = {}, []
+        values = self.build_inner_graph(*own)
+        for value, output, cotangent in zip(values, outputs, cotangents, strict=True):
+            if not isinstance(cotangent.type, DisconnectedType):
+                known[value] = cotangent
+                connected.append(output)
+        settings = {"disconnected_inputs": "ignore", "return_disconnected": "disconnected"}
+        gradients = grad(None, own, known_grads=known, **settings)
         gradients = clone_replace(gradients, dict(zip(own, inputs, strict=True)))
-        return zero_at_overflow(gradients, outputs)
+        return zero_at_overflow(gradients, connected)
 
     def link_mode(self, impl: str | None) -> Mode:
         """Python for Python: PyMC asks for shapes in this way, and needs no compiler for it."""
         return link_only_mode("py") if impl == "py" else super().link_mode(impl)
 
-    def response(self, log_hoop: Tensor, log_axial: Tensor, entries: Sequence[Any]) -> Tensor:
-        """Return the response ``T`` of the material, a stress that the integral is linear in."""
-        parameters = self.strain_energy.join(entries)
-        return self.strain_energy.stress_difference(log_hoop, log_axial, **parameters)
 
-
-@lru_cache(maxsize=_MOST_OPS)
-def _built(
-    kind: Any, input_types: tuple[Any, ...], settings: tuple[tuple[str, Any], ...]
-) -> TubeOp:
+@lru_cache
+def _built(kind: Any, input_types: tuple[Any, ...], settings: tuple[Any, ...]) -> TubeOp:
     """Return the Op for inputs of these types; most models need one that was built before."""
     return kind(list(input_types), **dict(settings))
 
 
-def zero_at_overflow(
-    gradients: Sequence[Variable], values: Sequence[Tensor], batch_ndim: int = 0
-) -> list[Variable]:
-    """Return gradients with non-finite entries set to 0, if one of the values overflows.
-
-    A gradient that is not a number at finite values stays visible. The first `batch_ndim` axes of
-    the values and gradients are those of a batch. Disconnected gradients stay.
-    """
-    overflow: Any = np.array(False)
+def zero_at_overflow(gradients: Sequence[Any], values: Sequence[Tensor]) -> list[Variable]:
+    """Return gradients with non-finite entries set to 0, if one of the values overflows."""
+    finite: Any = np.array(True)
     for value in values:
-        axes = tuple(range(batch_ndim, value.type.ndim))
-        overflow = overflow | pt.any(~(pt.abs(value) < _OVERFLOW), axis=axes)
+        finite = finite & pt.all(pt.abs(value) < OVERFLOW)
+    return [
+        pt.where(pt.isfinite(g) | finite, g, 0.0) if isinstance(g, Tensor) else g for g in gradients
+    ]
 
-    def tame(gradient: Tensor) -> Tensor:
-        padded = pt.shape_padright(overflow, max(0, gradient.type.ndim - batch_ndim))
-        return pt.where(pt.isfinite(gradient) | ~padded, gradient, 0.0)
 
-    return [tame(g) if isinstance(g, Tensor) else g for g in gradients]
+def response(
+    law: StrainEnergy, log_hoop: Tensor, log_axial: Tensor, entries: Any, *, force: bool = False
+) -> Tensor:
+    """Return the stress in kPa that a wall integral is linear in.
+
+    It is ``T = σθθ − σrr`` for the pressure, and ``2 (σzz − σrr) − T`` for the axial `force`.
+    """
+    parameters = law.join(entries)
+    hoop = law.stress_difference(log_hoop, log_axial, **parameters)
+    if not force:
+        return hoop
+    return 2 * law.axial_stress_difference(log_hoop, log_axial, **parameters) - hoop
 
 
 class WallRule(NamedTuple):
-    """Quadrature rule of a wall: nodes and weights along the last axis.
-
-    Pressure is the weighted sum of ``T``, stiffness that of ``½ ∂T/∂ln λθ − T``, and axial force
-    that of ``2 (σzz − σrr) − T``.
-    """
+    """Quadrature rule of a wall: nodes and weights along the last axis."""
 
     log_hoop: Any
     pressure_weight: Any
+    """Weights of ``T``."""
     stiffness_weight: Any
+    """Weights of ``½ ∂T/∂ln λθ − T``."""
     force_weight: Any
+    """Weights of ``2 (σzz − σrr) − T``."""
 
 
 class WallIntegral(TubeOp):
-    """An integral over the wall by direct quadrature, at any radius and geometry.
-
-    Inputs are internal radius ``a``, inner radius ``A``, outer radius ``B`` (mm), axial stretch,
-    opening angle (rad), then the parameters in the order of the strain energy, vectors entry by
-    entry; they broadcast against each other.
-    """
+    """An integral over the wall by quadrature; see :class:`PressureIntegral` for its inputs."""
 
     __props__ = ("strain_energy", "order")
 
@@ -147,43 +132,31 @@ class WallIntegral(TubeOp):
     ) -> None:
         super().__init__(input_types, order=order, **settings)
 
-    def wall(self, inputs: Sequence[Tensor]) -> tuple[WallRule, Tensor, Any]:
-        """The quadrature, ``ln λz`` and the parameters' entries, nodes along a new last axis."""
+    def rule(self, inputs: Sequence[Tensor]) -> tuple[WallRule, Tensor, Any]:
+        """Return the rule, ``ln λz`` and the parameters' entries, nodes along a new last axis."""
         inputs = pt.broadcast_arrays(*(pt.expand_dims(x, -1) for x in inputs))
         geometry, entries = inputs[:5], inputs[5:]
         log_axial = pt.log(geometry[3])
         kinks = self.strain_energy.kinks(log_axial, **self.strain_energy.join(entries))
-        return wall_rule(pt, *geometry, order=self.order, kinks=kinks), log_axial, entries
+        return wall_rule(pt, geometry, order=self.order, kinks=kinks), log_axial, entries
 
 
 def wall_rule(
-    xp: ModuleType,
-    internal_radius: Any,
-    inner_radius: Any,
-    outer_radius: Any,
-    axial_stretch: Any,
-    opening_angle: Any,
-    *,
-    order: int = WALL_ORDER,
-    kinks: Sequence[Any] = (),
+    xp: ModuleType, geometry: Sequence[Any], *, order: int = WALL_ORDER, kinks: Sequence[Any] = ()
 ) -> WallRule:
-    """Quadrature of a wall, in pieces between the `kinks`, values of ``ln λθ``.
+    """Return the quadrature rule of a wall, in pieces between the `kinks`, values of ``ln λθ``.
 
-    The nodes run along the last axis, along which the arguments have length 1. `xp` is ``numpy``
-    for numbers and ``pytensor.tensor`` for variables.
+    `geometry` is that of :class:`PressureIntegral`; its last axis, along which the nodes run, has
+    length 1. `xp` is ``numpy`` for numbers and ``pytensor.tensor`` for variables.
     """
-    log_ratio = xp.log(outer_radius / inner_radius)
-    k = opening_factor(opening_angle)
-    tube = {
-        "inner_radius": inner_radius,
-        "axial_stretch": axial_stretch,
-        "opening_angle": opening_angle,
-    }
+    internal_radius, inner_radius, outer_radius, axial_stretch, opening_angle = geometry
+    log_ratio, k = xp.log(outer_radius / inner_radius), opening_factor(opening_angle)
+    tube = dict(zip(UNLOADED, (inner_radius, axial_stretch, opening_angle), strict=True))
     node, weight = gauss_legendre(order)
     if kinks:
         excess = hoop_elongation(internal_radius, inner_radius, **tube)
-        relative = [kink + xp.log(axial_stretch / k) / 2 for kink in kinks]
-        places = [_place(xp, log_stretch, excess, log_ratio) for log_stretch in relative]
+        unloaded = xp.log(k / axial_stretch) / 2
+        places = [_place(xp, kink - unloaded, excess, log_ratio) for kink in kinks]
         node, weight = _split(xp, node, weight, places)
     radius = inner_radius * xp.exp(node * log_ratio)
     delta = hoop_elongation(internal_radius, radius, **tube)
@@ -200,8 +173,8 @@ def wall_rule(
 def _place(xp: ModuleType, log_stretch: Any, excess: Any, log_ratio: Any) -> Any:
     """Place of a hoop stretch in the wall, from 0 inside to 1 outside; 0 if it is not there.
 
-    The stretch is given relative to that of the unloaded tube. Its square exceeds 1 by ``δ``, which
-    falls with the square of the radius from `excess` at the inner surface.
+    The square of the stretch, relative to the unloaded tube's, exceeds 1 by ``δ``, which falls with
+    the square of the radius from `excess` at the inner surface.
     """
     beyond = xp.expm1(2 * log_stretch)
     there = abs(beyond) > 0
@@ -228,6 +201,19 @@ def _in_order(xp: ModuleType, places: Sequence[Any]) -> list[Any]:
             ordered[i], place = xp.minimum(other, place), xp.maximum(other, place)
         ordered.append(place)
     return ordered
+
+
+def wall_integral(
+    kind: type[WallIntegral], tubes: Sequence[Tube], order: int = WALL_ORDER
+) -> tuple[Tensor, Tensor]:
+    """Return the two outputs of an integral, a value and its slope, of a wall of several tubes."""
+    value, slope = 0.0, 0.0
+    for tube in tubes:
+        own_value, own_slope = kind(strain_energy=tube.energy, order=order)(*tube.inputs)
+        value += own_value
+        # Incompressibility: the internal radius a' of a layer satisfies da'/da = a/a'.
+        slope += own_slope * tubes[0].radius / tube.radius if tube.within else own_slope
+    return value, slope
 
 
 @_vectorize_node.register(WallIntegral)

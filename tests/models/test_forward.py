@@ -166,7 +166,8 @@ def test_curves_are_exact_where_chebyshev_polynomials_fail(mode):
     pressure = evaluated([tube.curves()["pressure"]])[0]
     known = {n: at_points(data, n) for n in ("inner_radius", "outer_radius", "axial_stretch")}
     exact = ph.inflation_pressure(energy, data["radius"].values, mu=20.0, n=2.0, **known)
-    np.testing.assert_allclose(pressure, exact.eval(mode=AS_WRITTEN), rtol=1e-10)
+    exact = exact.eval(mode=AS_WRITTEN)
+    np.testing.assert_allclose(pressure, exact, rtol=0, atol=1e-9 * exact.max())  # its tolerance
 
 
 def test_the_table_of_tests_has_as_many_columns_as_the_longest_test():

@@ -1,8 +1,6 @@
 """Base class of all strain energies, their parameters, and their registry.
 
-Everything that depends on a material takes a :class:`StrainEnergy`: wall integrals, PyMC models,
-classification and plots. Kinematics and notation follow G. A. Holzapfel, Nonlinear Solid Mechanics,
-Wiley 2000, chapter 6.
+Kinematics and notation follow G. A. Holzapfel, Nonlinear Solid Mechanics, Wiley 2000, chapter 6.
 """
 
 from abc import ABC, abstractmethod
@@ -94,11 +92,10 @@ class StrainEnergy(ABC):
     The attributes of an instance are settings of the law: numbers, text, or tuples of them. Two
     instances of one class with equal attributes are equal.
 
-    **Names.** A result stores the name of the class, the attributes of the instance, and stresses
-    computed from its formula (:attr:`fingerprint`). The names of the package's own laws are
-    reserved: a subclass elsewhere that takes one raises TypeError. If two of your own classes have
-    one name, the name refers to the class that was defined last. A result of the other class is
-    refused when it is read, because its stored stresses differ.
+    **Names.** A result stores the name of the class, the attributes of the instance, and its
+    :attr:`fingerprint`. The names of the package's own laws are reserved: a subclass elsewhere that
+    takes one raises TypeError. If two of your own classes have one name, it refers to the class
+    that was defined last, and results of the other class are refused when they are read.
 
     See Also
     --------
@@ -114,10 +111,8 @@ class StrainEnergy(ABC):
     ...
     ...     def energy(self, radial, hoop, axial, *, mu):
     ...         return mu / 2 * (radial**2 + hoop**2 + axial**2 - 3)
-    >>> pressure = ph.inflation_pressure(
-    ...     NeoHookeanTube(), 1.2, inner_radius=1.0, outer_radius=1.5, mu=10.0
-    ... )
-    >>> round(float(pressure.eval()), 6)
+    >>> tube = {"internal_radius": 1.2, "inner_radius": 1.0, "outer_radius": 1.5}
+    >>> round(float(ph.inflation_pressure(NeoHookeanTube(), **tube, mu=10.0).eval()), 6)
     1.640095
     """
 
@@ -153,7 +148,7 @@ class StrainEnergy(ABC):
 
     @abstractmethod
     def energy(self, radial: Any, hoop: Any, axial: Any, **parameters: Tensor) -> Tensor:
-        """Strain energy ``W(λr, λθ, λz)`` in kPa, elementwise in the stretches and parameters."""
+        """Return the energy ``W(λr, λθ, λz)`` in kPa, elementwise in stretches and parameters."""
 
     def stress_difference(
         self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor
@@ -165,13 +160,8 @@ class StrainEnergy(ABC):
 
         The default differentiates :meth:`energy`. Override it with a closed form if that is faster
         or more accurate: near zero stress the derivative is a small difference of large numbers.
-
-        Parameters
-        ----------
-        log_hoop, log_axial : TensorVariable
-            Natural logarithms of the stretches; ``log_hoop`` has the full broadcast shape.
-        **parameters : TensorVariable
-            Material parameters by name.
+        The first arguments are natural logarithms of the stretches; ``log_hoop`` has the full
+        broadcast shape.
         """
         energy = self.reduced_energy(log_hoop, log_axial, **parameters)
         return elementwise_derivative(energy, log_hoop)
@@ -181,11 +171,10 @@ class StrainEnergy(ABC):
     ) -> Tensor:
         r"""Cauchy stress difference ``σzz − σrr = ∂Ŵ/∂ln λz`` in kPa, needed for the axial force.
 
-        The default differentiates :meth:`energy`, as :meth:`stress_difference` does. The arguments
-        are the same.
+        The default differentiates :meth:`energy`. Arguments are those of
+        :meth:`stress_difference`.
         """
-        # One axial stretch may belong to many hoop stretches. The derivative is elementwise, so
-        # that log_axial must have one entry for each entry of the energy.
+        # The derivative is elementwise: each entry of the energy needs its own axial stretch.
         log_axial = log_axial + pt.zeros_like(log_hoop)
         energy = self.reduced_energy(log_hoop, log_axial, **parameters)
         return elementwise_derivative(energy, log_axial)
@@ -204,8 +193,8 @@ class StrainEnergy(ABC):
     def kinks(self, log_axial: Tensor, **parameters: Tensor) -> Sequence[Tensor]:
         """Values of ``ln λθ`` at which the stress is not smooth; empty by default.
 
-        Quadrature of the wall is split at these stretches. Laws have them if their fibres carry
-        load in tension only. The value is NaN, or beyond any wall, for materials without a kink.
+        Quadrature of the wall is split there. Laws have kinks if their fibres carry load in tension
+        only. The value is NaN, or beyond any wall, for materials without a kink.
         """
         return ()
 
@@ -214,20 +203,14 @@ class StrainEnergy(ABC):
         """Stresses in kPa at fixed stretches and parameters, which identify the formula.
 
         The values are ``σθθ − σrr`` and ``σzz − σrr`` at three pairs of stretches, rounded to six
-        digits, with each parameter inside its prior range. A result stores them: a law of the same
-        name with another formula is then recognised.
+        digits. A result stores them: a law of the same name with another formula is recognised.
         """
         return _fingerprint(self)
 
     def split(self, parameters: Mapping[str, Any]) -> list[Any]:
-        """List all entries of all parameters, in the order of :attr:`parameters`.
+        """List all entries of all parameters, in order; those of a vector are on its last axis.
 
-        The entries of a vector parameter are along its last axis.
-
-        Raises
-        ------
-        TypeError
-            If a parameter is missing or unknown, or a vector has a wrong length.
+        Raise TypeError if a parameter is missing or unknown, or a vector has a wrong length.
         """
         if set(parameters) != set(self.parameter_names):
             raise TypeError(
@@ -284,10 +267,7 @@ class StrainEnergy(ABC):
     def from_name(name: str, **settings: Any) -> "StrainEnergy":
         """Return an instance of the class called `name`, built in or defined by the user.
 
-        Raises
-        ------
-        ValueError
-            If no class has this name, or the class does not accept these settings.
+        Raise ValueError if no class has this name, or the class does not accept these settings.
         """
         if not isinstance(name, str) or name not in StrainEnergy._registry:
             raise ValueError(
@@ -352,18 +332,16 @@ def _is_built_in(law: type[StrainEnergy]) -> bool:
     return law.__module__.startswith(f"{__name__.rpartition('.')[0]}.")
 
 
-@lru_cache(maxsize=64)
+@lru_cache
 @one_thread
 def _fingerprint(law: StrainEnergy) -> tuple[float, ...]:
     hoop, axial = np.log(_FINGERPRINT_STRETCHES).T
-    entries: list[Tensor] = []
-    for p in law.parameters:
-        low, high = p.prior_range
-        for _ in range(p.size or 1):
-            # Between 0.3 and 0.5 of the range, different for each entry, so that exchanging two
-            # parameters changes the stresses.
-            fraction = 0.3 + 0.4 / (2 + len(entries))
-            entries.append(pt.constant(low + fraction * (high - low), dtype="float64"))
+    ranges = [p.prior_range for p in law.parameters for _ in range(p.size or 1)]
+    low, high = np.reshape(ranges, (-1, 2)).T
+    # Between 0.3 and 0.5 of the range, different for each entry, so that exchanging two parameters
+    # changes the stresses.
+    fractions = 0.3 + 0.4 / (2 + np.arange(len(low)))
+    entries = [pt.constant(value) for value in low + fractions * (high - low)]
     log_hoop, log_axial = pt.constant(hoop), pt.constant(axial)
     parameters = law.join(entries)
     stresses = [

@@ -1,15 +1,12 @@
 """Strain energies of fibre families in a neo-Hookean matrix.
 
-The fibres lie in the surface of the tube, at an angle from the circumferential direction, and carry
-load in tension only. Overview: G. A. Holzapfel, T. C. Gasser and R. W. Ogden, Journal of Elasticity
-61 (2000) 1-48.
+The fibres lie in the surface of the tube and carry load in tension only.
 """
 
 from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import numpy as np
 import pytensor.tensor as pt
 from pytensor.tensor.variable import TensorVariable as Tensor
 
@@ -23,10 +20,6 @@ from pymc_hyperelastic.mechanics.tube import first_invariant
 
 __all__ = ["FourFiber", "GasserOgdenHolzapfel", "HolzapfelGasserOgden"]
 
-# Radians per degree.
-_RADIAN = np.pi / 180
-# Angle of axial fibres in degrees. Inflation does not stretch them, so that they have no kink.
-_AXIAL_ANGLE = 90.0
 # Value of ln λθ for a kink that does not exist: no wall is stretched by e^10.
 _NO_KINK = 10.0
 
@@ -43,25 +36,15 @@ def _fibre_parameters(kind: str = "", superscript: str = "") -> tuple[Parameter,
     )
 
 
-_MATRIX = Parameter(
-    "c", "c", "kPa", (0.0, 100.0), "shear modulus of the matrix; 3 to 50 in arteries"
-)
-_ANGLE = Parameter(
-    "beta",
-    r"\beta",
-    "deg",
-    (0.0, 90.0),
-    "angle of the fibres from the circumferential direction",
-    scale="logit",
-)
-_DISPERSION = Parameter(
-    "kappa",
-    r"\kappa",
-    "",
-    (0.0, 1 / 3),
-    "dispersion of the fibres; 0 aligned, 1/3 uniform over all directions",
-    scale="logit",
-)
+def _with_matrix(*fibres: Parameter) -> tuple[Parameter, ...]:
+    """Parameters of a law: those of the matrix and the fibres, and the angle of the fibres."""
+    matrix = "shear modulus of the matrix; 3 to 50 in arteries"
+    angle = "angle of the fibres from the circumferential direction"
+    return (
+        Parameter("c", "c", "kPa", (0.0, 100.0), matrix),
+        *fibres,
+        Parameter("beta", r"\beta", "deg", (0.0, 90.0), angle, scale="logit"),
+    )
 
 
 class _Family(NamedTuple):
@@ -77,14 +60,17 @@ class _Family(NamedTuple):
     """Angle from the circumferential direction, degrees."""
     dispersion: Any = None
     """Dispersion ``κ``; None for perfectly aligned fibres."""
+    has_kink: bool = True
+    """False for axial fibres, which inflation does not stretch."""
 
     @property
     def squares(self) -> tuple[Tensor, Tensor]:
         """``cos² β`` and ``sin² β``."""
-        return pt.cos(self.angle * _RADIAN) ** 2, pt.sin(self.angle * _RADIAN) ** 2
+        angle = pt.deg2rad(self.angle)
+        return pt.cos(angle) ** 2, pt.sin(angle) ** 2
 
     def strain(self, log_hoop: Tensor, log_axial: Tensor) -> Tensor:
-        """Fibre strain ``E`` before fibres in compression are set to 0, accurate near 0."""
+        """Fibre strain ``E``, negative in slack fibres; accurate near 0."""
         cosine, sine = self.squares
         aligned = cosine * pt.expm1(2 * log_hoop)
         aligned += sine * pt.expm1(2 * log_axial)
@@ -94,7 +80,7 @@ class _Family(NamedTuple):
         return self.dispersion * dispersed + (1 - 3 * self.dispersion) * aligned
 
     def stress(self, log_hoop: Tensor, log_axial: Tensor, axial: bool) -> Tensor:
-        """``k1 E exp(k2 E²) ∂E/∂x`` of all families, ``x = ln λθ``, or ``ln λz`` if `axial`."""
+        """``k1 E₊ exp(k2 E₊²) ∂E/∂x`` of all families, ``x = ln λθ``, or ``ln λz`` if `axial`."""
         own, other = (log_axial, log_hoop) if axial else (log_hoop, log_axial)
         half_slope = self.squares[int(axial)] * pt.exp(2 * own)
         if self.dispersion is not None:
@@ -108,8 +94,8 @@ class _FibreReinforced(StrainEnergy):
     r"""Base class of laws with families of fibres in a neo-Hookean matrix of shear modulus ``c``.
 
     .. math:: W = \frac{c}{2} (I_1 - 3)
-        + \sum_{\text{families}} \frac{k_1}{2 k_2} \left(e^{k_2 \max(E, 0)^2} - 1\right), \qquad
-        E = κ (I_1 - 3) + (1 - 3κ)(λ_θ^2 \cos^2 β + λ_z^2 \sin^2 β - 1)
+        + \sum_{\text{families}} \frac{k_1}{2 k_2} \left(e^{k_2 E_+^2} - 1\right), \quad
+        E_+ = \max(E, 0), \quad E = κ (I_1 - 3) + (1 - 3κ)(λ_θ^2 \cos^2 β + λ_z^2 \sin^2 β - 1)
     """
 
     @abstractmethod
@@ -128,51 +114,49 @@ class _FibreReinforced(StrainEnergy):
     def stress_difference(
         self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, **parameters: Any
     ) -> Tensor:
-        """``c (λθ² − λr²)``, and for each family ``k1 E exp(k2 E²) ∂E/∂ln λθ``."""
-        stress = 2 * c * half_difference(log_hoop, log_axial)
-        for family in self.families(**parameters):
-            stress += family.stress(log_hoop, log_axial, axial=False)
-        return stress
+        """``c (λθ² − λr²)``, and for each family ``k1 E₊ exp(k2 E₊²) ∂E/∂ln λθ``."""
+        families = self.families(**parameters)
+        fibres = sum(family.stress(log_hoop, log_axial, axial=False) for family in families)
+        return 2 * c * half_difference(log_hoop, log_axial) + fibres
 
     def axial_stress_difference(
         self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, **parameters: Any
     ) -> Tensor:
-        """``c (λz² − λr²)``, and for each family ``k1 E exp(k2 E²) ∂E/∂ln λz``."""
-        stress = 2 * c * half_difference(log_axial, log_hoop)
-        for family in self.families(**parameters):
-            stress += family.stress(log_hoop, log_axial, axial=True)
-        return stress
+        """``c (λz² − λr²)``, and for each family ``k1 E₊ exp(k2 E₊²) ∂E/∂ln λz``."""
+        families = self.families(**parameters)
+        fibres = sum(family.stress(log_hoop, log_axial, axial=True) for family in families)
+        return 2 * c * half_difference(log_axial, log_hoop) + fibres
 
     def kinks(self, log_axial: Tensor, *, c: Any, **parameters: Any) -> list[Tensor]:
-        """Values of ``ln λθ`` at which a family becomes slack: roots of ``E = 0``.
+        """Values of ``ln λθ`` at which a family becomes slack.
 
-        ``E = 0`` is a linear equation in ``λθ²`` for aligned fibres, a quadratic one for dispersed
-        fibres.
+        They are the roots of ``E = 0``, a linear equation in ``λθ²`` for aligned fibres and a
+        quadratic one for dispersed fibres.
         """
         axial = pt.exp(2 * log_axial)
-        logs = []
+        squares: list[Tensor] = []
         for family in self.families(**parameters):
-            if family.angle is _AXIAL_ANGLE:
+            if not family.has_kink:
                 continue
             cosine, sine = family.squares
             if family.dispersion is None:
-                squares = [(1 - axial * sine) / cosine]
-            else:
-                kappa = family.dispersion
-                quadratic = kappa + (1 - 3 * kappa) * cosine
-                linear = kappa * (3 - axial) + (1 - 3 * kappa) * (1 - axial * sine)
-                discriminant = linear**2 - 4 * quadratic * kappa / axial
-                real = (discriminant > 0) & (linear > 0)
-                double = linear + pt.sqrt(pt.where(real, discriminant, 1.0))
-                squares = [
-                    pt.where(real, double / (2 * quadratic), 0.0),
-                    pt.where(real, 2 * kappa / (axial * double), 0.0),
-                ]
-            for square in squares:
-                exists = (square > 0) & (square < np.exp(2 * _NO_KINK))
-                log = pt.log(pt.where(exists, square, 1.0)) / 2
-                logs.append(pt.where(exists, log, _NO_KINK))
-        return logs
+                squares.append((1 - axial * sine) / cosine)
+                continue
+            kappa = family.dispersion
+            quadratic = kappa + (1 - 3 * kappa) * cosine
+            linear = kappa * (3 - axial) + (1 - 3 * kappa) * (1 - axial * sine)
+            discriminant = linear**2 - 4 * quadratic * kappa / axial
+            real = (discriminant > 0) & (linear > 0)
+            double = linear + pt.sqrt(pt.where(real, discriminant, 1.0))
+            squares.append(pt.where(real, double / (2 * quadratic), 0.0))
+            squares.append(pt.where(real, 2 * kappa / (axial * double), 0.0))
+        kinks = []
+        for square in squares:
+            exists = square > 0
+            # The inner `where` keeps the gradient of the unused branch finite.
+            log = pt.log(pt.where(exists, square, 1.0)) / 2
+            kinks.append(pt.where(exists, log, _NO_KINK))
+        return kinks
 
 
 class HolzapfelGasserOgden(_FibreReinforced):
@@ -182,13 +166,11 @@ class HolzapfelGasserOgden(_FibreReinforced):
         E = \max(λ_θ^2 \cos^2 β + λ_z^2 \sin^2 β - 1, 0)
 
     The families have the angles ``±β`` (degrees) from the circumferential direction and equal
-    strain. The equation is the printed sum over both families, each with the factor ``k1/(2 k2)``.
-    Fibres carry load in tension only. At the stretch where they become slack, stress is continuous
-    and the stiffness has a jump. Quadrature of the wall is split there, so that integrals and
-    gradients stay accurate.
+    strain; each has the factor ``k1/(2 k2)``. Fibres carry load in tension only. At the stretch
+    where they become slack, stress is continuous and the stiffness has a jump. Quadrature of the
+    wall is split there.
 
-    Source: G. A. Holzapfel, T. C. Gasser and R. W. Ogden, A new constitutive framework for arterial
-    wall mechanics and a comparative study of material models, Journal of Elasticity 61 (2000) 1-48.
+    Source: G. A. Holzapfel, T. C. Gasser and R. W. Ogden, Journal of Elasticity 61 (2000) 1-48.
 
     See Also
     --------
@@ -197,21 +179,13 @@ class HolzapfelGasserOgden(_FibreReinforced):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> pressure = ph.inflation_pressure(
-    ...     ph.HolzapfelGasserOgden(),
-    ...     [7.5, 8.5],  # mm
-    ...     inner_radius=7.0,
-    ...     outer_radius=9.0,
-    ...     c=10.0,
-    ...     k1=20.0,
-    ...     k2=1.0,
-    ...     beta=30.0,
-    ... )
-    >>> pressure.eval().round(3)
+    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> parameters = {"c": 10.0, "k1": 20.0, "k2": 1.0, "beta": 30.0}
+    >>> ph.inflation_pressure(ph.HolzapfelGasserOgden(), **tube, **parameters).eval().round(3)
     array([1.821, 5.759])
     """
 
-    parameters = (_MATRIX, *_fibre_parameters(), _ANGLE)
+    parameters = _with_matrix(*_fibre_parameters())
 
     def families(self, *, k1: Any, k2: Any, beta: Any) -> Sequence[_Family]:
         """Two aligned families at ``±β``."""
@@ -229,9 +203,8 @@ class GasserOgdenHolzapfel(_FibreReinforced):
     This differs from the printed condition on the strain of the mean direction, with which the
     stress would have a jump.
 
-    Source: T. C. Gasser, R. W. Ogden and G. A. Holzapfel, Hyperelastic modelling of arterial layers
-    with distributed collagen fibre orientations, Journal of the Royal Society Interface 3 (2006)
-    15-35.
+    Source: T. C. Gasser, R. W. Ogden and G. A. Holzapfel, Journal of the Royal Society Interface 3
+    (2006) 15-35.
 
     See Also
     --------
@@ -240,22 +213,23 @@ class GasserOgdenHolzapfel(_FibreReinforced):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> pressure = ph.inflation_pressure(
-    ...     ph.GasserOgdenHolzapfel(),
-    ...     [7.5, 8.5],  # mm
-    ...     inner_radius=7.0,
-    ...     outer_radius=9.0,
-    ...     c=10.0,
-    ...     k1=20.0,
-    ...     k2=1.0,
-    ...     kappa=0.1,
-    ...     beta=30.0,
-    ... )
-    >>> pressure.eval().round(3)
+    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> parameters = {"c": 10.0, "k1": 20.0, "k2": 1.0, "kappa": 0.1, "beta": 30.0}
+    >>> ph.inflation_pressure(ph.GasserOgdenHolzapfel(), **tube, **parameters).eval().round(3)
     array([1.18 , 3.655])
     """
 
-    parameters = (_MATRIX, *_fibre_parameters(), _DISPERSION, _ANGLE)
+    parameters = _with_matrix(
+        *_fibre_parameters(),
+        Parameter(
+            "kappa",
+            r"\kappa",
+            "",
+            (0.0, 1 / 3),
+            "dispersion; 0 aligned, 1/3 uniform",
+            scale="logit",
+        ),
+    )
 
     def families(self, *, k1: Any, k2: Any, kappa: Any, beta: Any) -> Sequence[_Family]:
         """Two dispersed families with mean angles ``±β``."""
@@ -272,13 +246,12 @@ class FourFiber(_FibreReinforced):
     The angles ``βi`` are 90°, 0 and ``±β``; both diagonal families have the same parameters. Fibres
     carry load in tension only. The source prints the factor ``c1/(4 c2)``, with ``c1 = 2 k1``.
 
-    In fits of some vessels, such as the ascending aorta of mice, the modulus of the hoop fibres is
-    nearly 0, and the data do not determine their stiffening. Use ``hoop_fibres=False`` for them:
-    sampling is then several times as fast.
+    In some vessels, such as the ascending aorta of mice, the modulus of the hoop fibres is nearly
+    0, and the data do not determine their stiffening. With ``hoop_fibres=False`` sampling is then
+    several times as fast.
 
-    Source: S. Baek, R. L. Gleason, K. R. Rajagopal and J. D. Humphrey, Theory of small on large:
-    potential utility in computations of fluid-solid interactions in arteries, Computer Methods in
-    Applied Mechanics and Engineering 196 (2007) 3070-3078.
+    Source: S. Baek, R. L. Gleason, K. R. Rajagopal and J. D. Humphrey, Computer Methods in Applied
+    Mechanics and Engineering 196 (2007) 3070-3078.
 
     Parameters
     ----------
@@ -297,21 +270,10 @@ class FourFiber(_FibreReinforced):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> pressure = ph.inflation_pressure(
-    ...     ph.FourFiber(),
-    ...     [7.5, 8.5],  # mm
-    ...     inner_radius=7.0,
-    ...     outer_radius=9.0,
-    ...     c=10.0,
-    ...     k1_axial=5.0,
-    ...     k2_axial=0.5,
-    ...     k1_hoop=5.0,
-    ...     k2_hoop=0.5,
-    ...     k1_diagonal=10.0,
-    ...     k2_diagonal=0.5,
-    ...     beta=40.0,
-    ... )
-    >>> pressure.eval().round(3)
+    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> parameters = {"c": 10.0, "k1_axial": 5.0, "k2_axial": 0.5, "k1_hoop": 5.0}
+    >>> parameters |= {"k2_hoop": 0.5, "k1_diagonal": 10.0, "k2_diagonal": 0.5, "beta": 40.0}
+    >>> ph.inflation_pressure(ph.FourFiber(), **tube, **parameters).eval().round(3)
     array([1.193, 3.508])
 
     Without hoop fibres:
@@ -328,29 +290,20 @@ class FourFiber(_FibreReinforced):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """Parameters of the matrix and of all families."""
-        return (
-            _MATRIX,
+        return _with_matrix(
             *_fibre_parameters("axial", "z"),
             *(_fibre_parameters("hoop", r"\theta") if self.hoop_fibres else ()),
             *_fibre_parameters("diagonal", "d"),
-            _ANGLE,
         )
 
-    def families(
-        self,
-        *,
-        k1_axial: Any,
-        k2_axial: Any,
-        k1_hoop: Any = None,
-        k2_hoop: Any = None,
-        k1_diagonal: Any,
-        k2_diagonal: Any,
-        beta: Any,
-    ) -> Sequence[_Family]:
+    def families(self, *, beta: Any, **moduli: Any) -> Sequence[_Family]:
         """Axial fibres, hoop fibres if the law has them, and two diagonal families at ``±β``."""
-        hoop = [_Family(1, k1_hoop, k2_hoop, 0.0)] if self.hoop_fibres else []
+
+        def family(number: int, kind: str, angle: Any, **settings: bool) -> _Family:
+            return _Family(number, moduli[f"k1_{kind}"], moduli[f"k2_{kind}"], angle, **settings)
+
         return [
-            _Family(1, k1_axial, k2_axial, _AXIAL_ANGLE),
-            *hoop,
-            _Family(2, k1_diagonal, k2_diagonal, beta),
+            family(1, "axial", 90.0, has_kink=False),
+            *([family(1, "hoop", 0.0)] if self.hoop_fibres else []),
+            family(2, "diagonal", beta),
         ]

@@ -1,8 +1,4 @@
-"""Isotropic strain energies of the invariants I₁ and I₂ of the right Cauchy-Green tensor.
-
-Each class states its energy, its closed-form stress and its source. Overview: G. A. Holzapfel,
-Nonlinear Solid Mechanics, Wiley 2000, chapter 6.
-"""
+"""Isotropic strain energies of the invariants I₁ and I₂ of the right Cauchy-Green tensor."""
 
 from abc import abstractmethod
 from typing import Any
@@ -14,6 +10,7 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 from pymc_hyperelastic.mechanics.strain_energy.base import (
     IsotropicStrainEnergy,
     Parameter,
+    elementwise_derivative,
     first_invariant_excess,
     half_difference,
 )
@@ -29,21 +26,31 @@ __all__ = [
     "Yeoh",
 ]
 
-# First coefficients C_i of the series of the eight-chain energy in I₁ (Arruda and Boyce 1993).
+# Coefficients C_i of the eight-chain energy (Arruda and Boyce 1993).
 _EIGHT_CHAIN = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
-# Power in place of 0 in a divisor: so small that stresses vanish, as in the limit of the power 0.
-_SMALLEST_POWER = 1e-200
 
 _RANGE = "; the range covers soft tissue, from loose veins to stiff aortas"
-_MU = Parameter("mu", r"\mu", "kPa", (0.0, 200.0), "small-strain shear modulus" + _RANGE)
+
+
+def _modulus(description: str = "small-strain shear modulus") -> Parameter:
+    """Return the parameter ``μ``."""
+    return Parameter("mu", r"\mu", "kPa", (0.0, 200.0), description + _RANGE)
 
 
 class _FirstInvariant(IsotropicStrainEnergy):
-    """Base class of laws whose energy is a function of the first invariant only."""
+    """Base class of laws whose energy is a function of ``excess = I₁ − 3`` only."""
 
     @abstractmethod
+    def of_excess(self, excess: Tensor, **parameters: Any) -> Tensor:
+        """Return the strain energy ``W`` in kPa."""
+
     def derivative(self, excess: Tensor, **parameters: Any) -> Tensor:
-        """``dW/dI₁`` in kPa at ``excess = I₁ − 3``."""
+        """Return ``dW/dI₁`` in kPa."""
+        return elementwise_derivative(self.of_excess(excess, **parameters), excess)
+
+    def energy(self, radial: Any, hoop: Any, axial: Any, **parameters: Any) -> Tensor:
+        """Return the strain energy in kPa."""
+        return self.of_excess(first_invariant(radial, hoop, axial) - 3, **parameters)
 
     def stress_difference(self, log_hoop: Tensor, log_axial: Tensor, **parameters: Any) -> Tensor:
         r"""``4 e^{−z} sinh γ dW/dI₁`` with ``γ = 2 ln λθ + ln λz``, ``z = ln λz``."""
@@ -58,8 +65,7 @@ class NeoHookean(_FirstInvariant):
 
     ``μ`` is the shear modulus.
 
-    Source: L. R. G. Treloar, The elasticity of a network of long-chain molecules II, Transactions
-    of the Faraday Society 39 (1943) 241-246.
+    Source: L. R. G. Treloar, Transactions of the Faraday Society 39 (1943) 241-246.
 
     See Also
     --------
@@ -68,22 +74,16 @@ class NeoHookean(_FirstInvariant):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> pressure = ph.inflation_pressure(
-    ...     ph.NeoHookean(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=40.0
-    ... )
-    >>> pressure.eval().round(3)
+    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> ph.inflation_pressure(ph.NeoHookean(), **tube, mu=40.0).eval().round(3)
     array([1.98 , 4.695])
     """
 
-    parameters = (_MU,)
+    parameters = (_modulus(),)
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any) -> Tensor:
-        """Strain energy in kPa."""
-        return mu / 2 * (first_invariant(radial, hoop, axial) - 3)
-
-    def derivative(self, excess: Tensor, *, mu: Any) -> Tensor:
-        """``μ/2``."""
-        return mu / 2
+    def of_excess(self, excess: Tensor, *, mu: Any) -> Tensor:
+        """``μ/2 (I₁ − 3)``."""
+        return mu / 2 * excess
 
 
 class MooneyRivlin(IsotropicStrainEnergy):
@@ -91,10 +91,9 @@ class MooneyRivlin(IsotropicStrainEnergy):
 
     .. math:: W = c_{10} (I_1 - 3) + c_{01} (I_2 - 3)
 
-    The shear modulus is ``2 (c10 + c01)``.
+    The shear modulus is ``2 (c10 + c01)``; in rubber ``c01`` is a tenth of ``c10``.
 
-    Source: M. Mooney, A theory of large elastic deformation, Journal of Applied Physics 11 (1940)
-    582-592; R. S. Rivlin, Large elastic deformations of isotropic materials IV, Philosophical
+    Source: M. Mooney, Journal of Applied Physics 11 (1940) 582-592; R. S. Rivlin, Philosophical
     Transactions of the Royal Society A 241 (1948) 379-397.
 
     See Also
@@ -104,24 +103,14 @@ class MooneyRivlin(IsotropicStrainEnergy):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> pressure = ph.inflation_pressure(
-    ...     ph.MooneyRivlin(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, c10=10.0, c01=5.0
-    ... )
-    >>> pressure.eval().round(3)
+    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> ph.inflation_pressure(ph.MooneyRivlin(), **tube, c10=10.0, c01=5.0).eval().round(3)
     array([1.485, 3.521])
     """
 
     parameters = (
-        Parameter(
-            "c10", "c_{10}", "kPa", (0.0, 100.0), "half the shear modulus of the I₁ term" + _RANGE
-        ),
-        Parameter(
-            "c01",
-            "c_{01}",
-            "kPa",
-            (0.0, 100.0),
-            "half the shear modulus of the I₂ term; a tenth of c10 in rubber",
-        ),
+        Parameter("c10", "c_{10}", "kPa", (0.0, 100.0), "half the modulus of the I₁ term" + _RANGE),
+        Parameter("c01", "c_{01}", "kPa", (0.0, 100.0), "half the modulus of the I₂ term"),
     )
 
     def energy(self, radial: Any, hoop: Any, axial: Any, *, c10: Any, c01: Any) -> Tensor:
@@ -144,9 +133,8 @@ class Yeoh(_FirstInvariant):
 
     The small-strain shear modulus is ``2 c1``.
 
-    Source: O. H. Yeoh, Some forms of the strain energy function for rubber, Rubber Chemistry and
-    Technology 66 (1993) 754-771; for arteries with ``c3 = 0``, M. L. Raghavan and D. A. Vorp,
-    Journal of Biomechanics 33 (2000) 475-482.
+    Source: O. H. Yeoh, Rubber Chemistry and Technology 66 (1993) 754-771; for arteries with
+    ``c3 = 0``, M. L. Raghavan and D. A. Vorp, Journal of Biomechanics 33 (2000) 475-482.
 
     See Also
     --------
@@ -155,10 +143,8 @@ class Yeoh(_FirstInvariant):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> pressure = ph.inflation_pressure(
-    ...     ph.Yeoh(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, c1=10.0, c2=10.0, c3=20.0
-    ... )
-    >>> pressure.eval().round(3)
+    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> ph.inflation_pressure(ph.Yeoh(), **tube, c1=10.0, c2=10.0, c3=20.0).eval().round(3)
     array([1.016, 3.003])
     """
 
@@ -168,14 +154,9 @@ class Yeoh(_FirstInvariant):
         Parameter("c3", "c_3", "kPa", (0.0, 3000.0), "stiffening at larger strain"),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, c1: Any, c2: Any, c3: Any) -> Tensor:
-        """Strain energy in kPa."""
-        excess = first_invariant(radial, hoop, axial) - 3
+    def of_excess(self, excess: Tensor, *, c1: Any, c2: Any, c3: Any) -> Tensor:
+        """``c1 (I₁ − 3) + c2 (I₁ − 3)² + c3 (I₁ − 3)³``."""
         return excess * (c1 + excess * (c2 + excess * c3))
-
-    def derivative(self, excess: Tensor, *, c1: Any, c2: Any, c3: Any) -> Tensor:
-        """``c1 + 2 c2 (I₁ − 3) + 3 c3 (I₁ − 3)²``."""
-        return c1 + excess * (2 * c2 + excess * (3 * c3))
 
 
 class Gent(_FirstInvariant):
@@ -183,12 +164,11 @@ class Gent(_FirstInvariant):
 
     .. math:: W = -\frac{μ J_m}{2} \ln\left(1 - \frac{I_1 - 3}{J_m}\right)
 
-    ``μ`` is the small-strain shear modulus. Energy and stress are infinite for ``I₁ − 3 ≥ Jm``, so
-    that such parameters have zero likelihood.
+    ``μ`` is the small-strain shear modulus, and ``Jm`` 30 to 100 in rubber. Energy and stress are
+    infinite for ``I₁ − 3 ≥ Jm``, so that such parameters have zero likelihood.
 
-    Source: A. N. Gent, A new constitutive relation for rubber, Rubber Chemistry and Technology 69
-    (1996) 59-61; for arteries C. O. Horgan and G. Saccomandi, Biomechanics and Modeling in
-    Mechanobiology 1 (2003) 251-266.
+    Source: A. N. Gent, Rubber Chemistry and Technology 69 (1996) 59-61; for arteries C. O. Horgan
+    and G. Saccomandi, Biomechanics and Modeling in Mechanobiology 1 (2003) 251-266.
 
     See Also
     --------
@@ -197,34 +177,26 @@ class Gent(_FirstInvariant):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> pressure = ph.inflation_pressure(
-    ...     ph.Gent(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=20.0, limit=2.0
-    ... )
-    >>> pressure.eval().round(3)
+    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> ph.inflation_pressure(ph.Gent(), **tube, mu=20.0, limit=2.0).eval().round(3)
     array([0.996, 2.478])
     """
 
     parameters = (
-        _MU,
-        Parameter(
-            "limit",
-            "J_m",
-            "",
-            (0.1, 100.0),
-            "limit of I₁ − 3; 0.4 to 2.3 in arteries, 30 to 100 in rubber",
-        ),
+        _modulus(),
+        Parameter("limit", "J_m", "", (0.1, 100.0), "limit of I₁ − 3; 0.4 to 2.3 in arteries"),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, limit: Any) -> Tensor:
-        """Strain energy in kPa."""
-        fraction = (first_invariant(radial, hoop, axial) - 3) / limit
+    def of_excess(self, excess: Tensor, *, mu: Any, limit: Any) -> Tensor:
+        """``−(μ Jm/2) ln(1 − (I₁ − 3)/Jm)``, infinite beyond the limit."""
+        fraction = excess / limit
         inside = fraction < 1
         # The inner `where` keeps the gradient of the unused branch finite.
         energy = -mu * limit / 2 * pt.log1p(-pt.where(inside, fraction, 0.0))
         return pt.where(inside, energy, np.inf)
 
     def derivative(self, excess: Tensor, *, mu: Any, limit: Any) -> Tensor:
-        """``(μ/2) Jm/(Jm − (I₁ − 3))``."""
+        """``(μ/2) Jm/(Jm − (I₁ − 3))``, infinite beyond the limit."""
         inside = excess < limit
         return pt.where(inside, mu / 2 * limit / pt.where(inside, limit - excess, 1.0), np.inf)
 
@@ -236,8 +208,7 @@ class Demiray(_FirstInvariant):
 
     ``μ`` is the small-strain shear modulus.
 
-    Source: H. Demiray, A note on the elasticity of soft biological tissues, Journal of Biomechanics
-    5 (1972) 309-311.
+    Source: H. Demiray, Journal of Biomechanics 5 (1972) 309-311.
 
     See Also
     --------
@@ -246,24 +217,22 @@ class Demiray(_FirstInvariant):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> pressure = ph.inflation_pressure(
-    ...     ph.Demiray(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=20.0, b=2.0
-    ... )
-    >>> pressure.eval().round(3)
+    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> ph.inflation_pressure(ph.Demiray(), **tube, mu=20.0, b=2.0).eval().round(3)
     array([1.016, 2.898])
     """
 
     parameters = (
-        _MU,
+        _modulus(),
         Parameter("b", "b", "", (0.0, 20.0), "stiffening exponent; about 0.5 to 10 in arteries"),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, b: Any) -> Tensor:
-        """Strain energy in kPa."""
-        return mu / (2 * b) * pt.expm1(b * (first_invariant(radial, hoop, axial) - 3))
+    def of_excess(self, excess: Tensor, *, mu: Any, b: Any) -> Tensor:
+        """``μ/(2 b) (exp(b (I₁ − 3)) − 1)``."""
+        return mu / (2 * b) * pt.expm1(b * excess)
 
     def derivative(self, excess: Tensor, *, mu: Any, b: Any) -> Tensor:
-        """``(μ/2) exp(b (I₁ − 3))``."""
+        """``(μ/2) exp(b (I₁ − 3))``, finite at ``b = 0``."""
         return mu / 2 * pt.exp(b * excess)
 
 
@@ -276,9 +245,8 @@ class ArrudaBoyce(_FirstInvariant):
     ``μ`` is the rubbery modulus, and ``λm`` the chain stretch at full extension. The small-strain
     shear modulus is ``2 dW/dI₁`` at ``I₁ = 3``, which exceeds ``μ``.
 
-    Source: E. M. Arruda and M. C. Boyce, A three-dimensional constitutive model for the large
-    stretch behavior of rubber elastic materials, Journal of the Mechanics and Physics of Solids 41
-    (1993) 389-412.
+    Source: E. M. Arruda and M. C. Boyce, Journal of the Mechanics and Physics of Solids 41 (1993)
+    389-412.
 
     See Also
     --------
@@ -287,37 +255,22 @@ class ArrudaBoyce(_FirstInvariant):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> pressure = ph.inflation_pressure(
-    ...     ph.ArrudaBoyce(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=20.0, lock=1.5
-    ... )
-    >>> pressure.eval().round(3)
+    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> ph.inflation_pressure(ph.ArrudaBoyce(), **tube, mu=20.0, lock=1.5).eval().round(3)
     array([1.443, 3.476])
     """
 
     parameters = (
+        _modulus("rubbery modulus of the chain network"),
         Parameter(
-            "mu", r"\mu", "kPa", (0.0, 200.0), "rubbery modulus of the chain network" + _RANGE
-        ),
-        Parameter(
-            "lock",
-            r"\lambda_m",
-            "",
-            (1.0, 10.0),
-            "stretch of a fully extended chain; 2 to 5 in rubber",
+            "lock", r"\lambda_m", "", (1.0, 10.0), "stretch of an extended chain; 2 to 5 in rubber"
         ),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, lock: Any) -> Tensor:
-        """Strain energy in kPa."""
-        first = first_invariant(radial, hoop, axial)
-        terms = enumerate(_EIGHT_CHAIN, start=1)
+    def of_excess(self, excess: Tensor, *, mu: Any, lock: Any) -> Tensor:
+        """``μ Σ C_i/λm^{2i−2} (I₁^i − 3^i)``."""
+        first, terms = excess + 3, enumerate(_EIGHT_CHAIN, start=1)
         return mu * sum(c / lock ** (2 * i - 2) * (first**i - 3**i) for i, c in terms)
-
-    def derivative(self, excess: Tensor, *, mu: Any, lock: Any) -> Tensor:
-        """``μ Σ i C_i (I₁/λm²)^{i−1}``."""
-        relative = (excess + 3) / lock**2
-        terms = enumerate(_EIGHT_CHAIN, start=1)
-        return mu * sum(i * c * relative ** (i - 1) for i, c in terms)
 
 
 class PowerLawNeoHookean(_FirstInvariant):
@@ -338,30 +291,23 @@ class PowerLawNeoHookean(_FirstInvariant):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> pressure = ph.inflation_pressure(
-    ...     ph.PowerLawNeoHookean(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, mu=20.0, n=3.0
-    ... )
-    >>> pressure.eval().round(3)
+    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> ph.inflation_pressure(ph.PowerLawNeoHookean(), **tube, mu=20.0, n=3.0).eval().round(3)
     array([0.998, 2.514])
     """
 
     parameters = (
-        _MU,
-        Parameter(
-            "n",
-            "n",
-            "",
-            (0.3, 30.0),
-            "stiffening exponent; softening below 1, nearly exponential at 30",
-        ),
+        _modulus(),
+        Parameter("n", "n", "", (0.3, 30.0), "exponent; softens below 1, exponential at 30"),
     )
 
-    def energy(self, radial: Any, hoop: Any, axial: Any, *, mu: Any, n: Any) -> Tensor:
-        """Strain energy in kPa."""
-        return mu / 2 * ((1 + (first_invariant(radial, hoop, axial) - 3) / n) ** n - 1)
+    def of_excess(self, excess: Tensor, *, mu: Any, n: Any) -> Tensor:
+        """``(μ/2) {[1 + (I₁ − 3)/n]^n − 1}``."""
+        return mu / 2 * ((1 + excess / n) ** n - 1)
 
     def derivative(self, excess: Tensor, *, mu: Any, n: Any) -> Tensor:
         """``(μ/2) [1 + (I₁ − 3)/n]^{n−1}``."""
-        # A sampler may round a positive n to 0, where the gradient would be 0 · ∞.
-        divisor = pt.where(pt.eq(n, 0.0), _SMALLEST_POWER, n)
+        # A sampler may round a positive n to 0, where the gradient would be 0 · ∞. Divided by a
+        # tiny number, the stress vanishes, as in the limit.
+        divisor = pt.where(pt.eq(n, 0.0), np.sqrt(np.finfo(float).tiny), n)
         return mu / 2 * pt.exp((n - 1) * pt.log1p(excess / divisor))

@@ -30,25 +30,14 @@ class CriscioneType(StrainEnergy):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> pressure = ph.inflation_pressure(
-    ...     ph.CriscioneType(), [7.5, 8.5], inner_radius=7.0, outer_radius=9.0, a=10.0, b=4.0
-    ... )
-    >>> pressure.eval().round(3)
+    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> ph.inflation_pressure(ph.CriscioneType(), **tube, a=10.0, b=4.0).eval().round(3)
     array([ 8.174, 24.028])
     """
 
     parameters = (
-        Parameter(
-            "a", "a", "kPa", (0.0, 100.0), "energy; small inflation has the shear modulus a b²"
-        ),
-        Parameter(
-            "b",
-            "b",
-            "",
-            (-20.0, 20.0),
-            "stiffening exponent; half of Ogden's exponent",
-            scale="log",
-        ),
+        Parameter("a", "a", "kPa", (0.0, 100.0), "energy; small inflation has the modulus a b²"),
+        Parameter("b", "b", "", (-20.0, 20.0), "stiffening; half of Ogden's exponent", scale="log"),
     )
 
     def energy(self, radial: Any, hoop: Any, axial: Any, *, a: Any, b: Any) -> Tensor:
@@ -76,8 +65,8 @@ class FungOrthotropic(StrainEnergy):
     ``Q`` is positive definite, and stress increases with strain in every direction, only if
     ``a4² < a1 a2``.
 
-    Source: Y. C. Fung, K. Fronek and P. Patitucci, Pseudoelasticity of arteries and the choice of
-    its mathematical expression, American Journal of Physiology 237 (1979) H620-H631.
+    Source: Y. C. Fung, K. Fronek and P. Patitucci, American Journal of Physiology 237 (1979)
+    H620-H631.
 
     See Also
     --------
@@ -86,17 +75,9 @@ class FungOrthotropic(StrainEnergy):
     Examples
     --------
     >>> import pymc_hyperelastic as ph
-    >>> pressure = ph.inflation_pressure(
-    ...     ph.FungOrthotropic(),
-    ...     [7.5, 8.5],  # mm
-    ...     inner_radius=7.0,
-    ...     outer_radius=9.0,
-    ...     c=20.0,
-    ...     a1=2.0,
-    ...     a2=2.0,
-    ...     a4=1.0,
-    ... )
-    >>> pressure.eval().round(3)
+    >>> tube = {"internal_radius": [7.5, 8.5], "inner_radius": 7.0, "outer_radius": 9.0}
+    >>> parameters = {"c": 20.0, "a1": 2.0, "a2": 2.0, "a4": 1.0}
+    >>> ph.inflation_pressure(ph.FungOrthotropic(), **tube, **parameters).eval().round(3)
     array([0.589, 2.019])
     """
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, extension_tests, measured_radius
 from pymc_hyperelastic.mechanics.collocation import (
-    CollocatedAxialForce,
-    CollocatedPressureIntegral,
+    CollocatedIntegral,
     collocate,
     curve_matrices,
     wall_matrices,
@@ -87,19 +87,16 @@ class TabulatedQuadrature(Integrator):
 
     def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """Return pressure and stiffness at the points, and the axial force if it is measured."""
-        matrices = inputs["pressure_matrix"], inputs["stiffness_matrix"]
-        pressure, stiffness = self._pressure(inputs, *matrices, wall)
-        curves = {"pressure": pressure, "stiffness": stiffness}
+        curves = self._integrals(inputs, ("pressure", "stiffness"), wall)
         if self.with_force:
-            curves["axial_force"] = self._force(inputs, inputs["force_matrix"], wall)
+            curves["axial_force"] = self._integrals(inputs, ("force",), wall)["force"]
         return {name: rows.flatten()[inputs["place"]] for name, rows in curves.items()}
 
     def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """Return derivatives of the curves by the radius that was measured."""
-        matrices = inputs["pressure_matrix"], inputs["stiffness_matrix"]
-        slopes = {"pressure": self._pressure(inputs, *matrices, wall)[1]}
+        slopes = {"pressure": self._integrals(inputs, ("stiffness",), wall)["stiffness"]}
         if self.with_force:
-            slopes["axial_force"] = self._force(inputs, inputs["force_slope_matrix"], wall)
+            (slopes["axial_force"],) = self._integrals(inputs, ("force_slope",), wall).values()
         by_radius = {name: rows.flatten()[inputs["place"]] for name, rows in slopes.items()}
         return {name: slope * inputs["growth"] for name, slope in by_radius.items()}
 
@@ -126,22 +123,14 @@ class TabulatedQuadrature(Integrator):
         self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
     ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
         """Return differences between curves and targets, compressed."""
-        # Without slopes, a matrix without rows.
-        slope_matrix = inputs.get("slope_matrix", inputs["pressure_matrix"][:, :0])
-        pressure, slope = self._pressure(inputs, inputs["pressure_matrix"], slope_matrix, wall)
-        found = {"pressure": pressure, "slope": slope}
-        if "force_target" in inputs:
-            found["force"] = self._force(inputs, inputs["force_matrix"], wall)
-        response = {
-            name: [curve - inputs[f"{name}_target"]]
-            for name, curve in found.items()
-            if f"{name}_target" in inputs
-        }
-        if "force_sum_matrix" in inputs:
-            sums = self._force(inputs, inputs["force_sum_matrix"], wall).flatten()
-            total = table_of(sums, inputs).sum(axis=-1)
-            response["force_sum"] = [total - inputs["force_sum_target"]]
-        return response, []
+        known = [name.removesuffix("_target") for name in inputs if name.endswith("_target")]
+        found = self._integrals(inputs, [n for n in ("pressure", "slope") if n in known], wall)
+        forces = [name for name in ("force", "force_sum") if name in known]
+        if forces:
+            found |= self._integrals(inputs, forces, wall)
+        if "force_sum" in found:
+            found["force_sum"] = table_of(found["force_sum"].flatten(), inputs).sum(axis=-1)
+        return {name: [curve - inputs[f"{name}_target"]] for name, curve in found.items()}, []
 
     def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
         """Return the arrays of a linear map of each test for :meth:`mapped`."""
@@ -158,14 +147,12 @@ class TabulatedQuadrature(Integrator):
             "log_hoop": matrices["log_hoop"],
             "log_axial": matrices["log_axial"],
             "mapped_matrix": matrix.reshape(shape),
-            "no_slopes": np.zeros((shape[0], 0, shape[2])),
             "place": place,
         }
 
     def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
         """Return a linear map of pressures and slopes: one matrix times the response."""
-        rows, _ = self._pressure(inputs, inputs["mapped_matrix"], inputs["no_slopes"], wall)
-        return rows.flatten()[inputs["place"]]
+        return self._integrals(inputs, ("mapped",), wall)["mapped"].flatten()[inputs["place"]]
 
     def values(
         self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
@@ -228,20 +215,19 @@ class TabulatedQuadrature(Integrator):
             )
         return tubes, groups
 
-    def _pressure(
-        self, inputs: Mapping[str, Any], pressure_matrix: Any, slope_matrix: Any, wall: Any
-    ) -> tuple[TensorVariable, TensorVariable]:
-        integral = CollocatedPressureIntegral(strain_energy=wall.energy, per_group=self.by_test)
+    def _integrals(
+        self, inputs: Mapping[str, Any], names: Sequence[str], wall: WallVariables
+    ) -> dict[str, TensorVariable]:
+        """Matrices of these names, all of them of forces or none, times the responses at nodes."""
+        force = names[0].startswith("force")
+        integral = CollocatedIntegral(strain_energy=wall.energy, force=force)
         entries = wall.energy.split(wall.parameters)
-        return integral(*_stretches(inputs), pressure_matrix, slope_matrix, *entries)
-
-    def _force(self, inputs: Mapping[str, Any], matrix: Any, wall: Any) -> TensorVariable:
-        integral = CollocatedAxialForce(strain_energy=wall.energy, per_group=self.by_test)
-        return integral(*_stretches(inputs), matrix, *wall.energy.split(wall.parameters))
-
-
-def _stretches(inputs: Mapping[str, Any]) -> tuple[Any, Any]:
-    return inputs["log_hoop"], inputs["log_axial"]
+        if self.by_test:
+            entries = [pt.expand_dims(entry, -1) for entry in entries]
+        matrices = [inputs[f"{name}_matrix"] for name in names]
+        nodes = inputs["log_hoop"], inputs["log_axial"]
+        rows = integral(*nodes, *matrices, *entries, return_list=True)
+        return dict(zip(names, rows, strict=True))
 
 
 def _force_sum_arrays(
