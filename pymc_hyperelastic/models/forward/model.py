@@ -23,7 +23,7 @@ from pymc_hyperelastic.data.inflation import (
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.forward.choose import Mode, choose_integrator
-from pymc_hyperelastic.models.forward.integrator import Integrator
+from pymc_hyperelastic.models.forward.integrator import MOST_ROUNDS, Integrator
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
 from pymc_hyperelastic.models.geometry import measured_of, priors_of
 from pymc_hyperelastic.models.priors import with_variables
@@ -32,8 +32,6 @@ from pymc_hyperelastic.models.priors import with_variables
 _LARGEST_MISFIT = np.float64(1e60)
 # Radii of a test at which it is checked that pressure rises.
 _RADII_BETWEEN = 20
-# Attempts to make curves accurate for the materials that are found; one or two usually suffice.
-_MOST_ROUNDS = 4
 
 
 class ForwardModel:
@@ -228,7 +226,7 @@ def until_accurate[T](
     which the curves must be accurate: the arguments of :meth:`ForwardModel.errors`. The second
     value is False if the curves are still inaccurate after a few rounds.
     """
-    for rounds_left in range(_MOST_ROUNDS, -1, -1):
+    for rounds_left in range(MOST_ROUNDS, -1, -1):
         found, materials = take(forward)
         # An error that is not a number is infinite.
         if forward.errors(*materials).max() <= tolerance:

@@ -13,6 +13,7 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.mechanics.axial_force import wall_force, wall_force_slope
 from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 from pymc_hyperelastic.models.forward.blocks import (
     block_arrays,
     block_product,
@@ -20,8 +21,8 @@ from pymc_hyperelastic.models.forward.blocks import (
     table_arrays,
     table_of,
 )
-from pymc_hyperelastic.models.forward.integrator import REFERENCE_ORDER, Integrator
-from pymc_hyperelastic.models.forward.numbers import TubeNumbers
+from pymc_hyperelastic.models.forward.integrator import Integrator
+from pymc_hyperelastic.models.forward.numbers import SMALLEST_STEP, numeric_curves
 from pymc_hyperelastic.models.forward.tube_variables import (
     Array,
     Arrays,
@@ -33,8 +34,6 @@ from pymc_hyperelastic.models.forward.tube_variables import (
     wall_at_points,
 )
 
-# Largest last step of Newton's method, relative to the radius, with which a radius counts as found.
-_LARGEST_LAST_STEP = 1e-6
 # kPa/mm: its square is beyond the largest misfit that counts.
 _OVERFLOW = np.float64(1e60)
 
@@ -92,7 +91,7 @@ class PointwiseQuadrature(Integrator):
         """Return the condition under which the tube is possible, unless it is known to be."""
         if wall.known_tube:
             return []
-        return [self._tube(inputs, wall).possible]
+        return [pt.all(self._tube(inputs, wall).possible)]
 
     def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
         """Return the arrays of targets, which may be NaN, for :meth:`differences`."""
@@ -146,27 +145,13 @@ class PointwiseQuadrature(Integrator):
     def values(
         self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
     ) -> dict[str, Array]:
-        """Return curves (material, point) of a wall in numbers at some of the points."""
-        tube, radius = self.numbers(data, wall, points)
-        return tube.curves(radius, self.order, with_force=self.with_force)
+        """Return curves (material, point) of a numeric wall at some of the points."""
+        settings = {"with_force": self.with_force, "geometry_sd": self.geometry_sd}
+        return numeric_curves(data, wall, points, self.order, **settings)
 
     def refined(self, data: xr.Dataset, wall: WallVariables) -> "PointwiseQuadrature":
-        """Return the rule of the highest order."""
-        return replace(self, order=REFERENCE_ORDER)
-
-    def reference(
-        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
-    ) -> dict[str, Array]:
-        """Return the same curves by the reference order, or by twice this order if it is larger."""
-        finer = replace(self, order=max(REFERENCE_ORDER, 2 * self.order))
-        return finer.values(data, wall, points)
-
-    def numbers(
-        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
-    ) -> tuple[TubeNumbers, Array]:
-        """Return tubes in numbers at some of the points, and their internal radii."""
-        inputs = self.curve_arrays(data) | {"test": data["test"].values}
-        return TubeNumbers.of_wall({name: v[points] for name, v in inputs.items()}, wall)
+        """Return the rule of twice the order of any wall: its error is that order's squared."""
+        return replace(self, order=2 * WALL_ORDER)
 
     def _at_radius(
         self, inputs: Mapping[str, Any], wall: WallVariables
@@ -185,7 +170,7 @@ class PointwiseQuadrature(Integrator):
         if self.by_test:
             wall = wall_at_points(wall, inputs["test"])
         of_points = {name: z[inputs["test"]] for name, z in wall.deviations.items()}
-        return current_tube(inputs, wall._replace(deviations=of_points))
+        return current_tube(pt, inputs, wall._replace(deviations=of_points))
 
     def _at_pressure(
         self, current: CurrentTube, pressure: Any
@@ -199,7 +184,7 @@ class PointwiseQuadrature(Integrator):
         _, inner_radius, _, *reference = current.tubes[0].geometry
         op = RadiusAtPressure(strain_energies=tuple(energies), order=self.order)
         radius, last_step = op(pressure, current.radius, inner_radius, *reference, *inputs)
-        found = last_step < _LARGEST_LAST_STEP
+        found = last_step < SMALLEST_STEP
         radius = pt.where(found, radius, current.radius)
         return pt.all(found), current._replace(radius=radius)
 

@@ -19,7 +19,6 @@ from pymc_hyperelastic.mechanics.collocation import (
 )
 from pymc_hyperelastic.mechanics.interpolation import (
     ChebyshevNodes,
-    nodes_needed,
     response_function,
 )
 from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes, groups_by
@@ -27,7 +26,7 @@ from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 from pymc_hyperelastic.models.forward.blocks import positions, table_arrays, table_of
-from pymc_hyperelastic.models.forward.integrator import REFERENCE_ORDER, Integrator
+from pymc_hyperelastic.models.forward.integrator import Integrator
 from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
 
@@ -71,6 +70,7 @@ class TabulatedQuadrature(Integrator):
     """
 
     by_points: ClassVar[bool] = False
+    geometry_sd: ClassVar[tuple[tuple[str, float | None], ...]] = ()
 
     basis: ChebyshevNodes | SelectedNodes
     with_force: bool = False
@@ -170,7 +170,7 @@ class TabulatedQuadrature(Integrator):
     def values(
         self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
     ) -> dict[str, Array]:
-        """Return curves (material, point) of a wall in numbers at some of the points."""
+        """Return curves (material, point) of a numeric wall at some of the points."""
         entries = [values[:, None] for values in wall.materials]
         tubes, groups = self._groups(data)
         kinds = {"pressure": False} | ({"axial_force": True} if self.with_force else {})
@@ -187,35 +187,23 @@ class TabulatedQuadrature(Integrator):
                 curves[name][:, own] = response @ matrices["force" if force else name].T
         return curves
 
-    def reference(
-        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
-    ) -> dict[str, Array]:
-        """Return the same curves by quadrature of the order REFERENCE_ORDER."""
-        quadrature = PointwiseQuadrature(REFERENCE_ORDER, self.with_force)
-        return quadrature.values(data, wall, points)
-
     def refined(self, data: xr.Dataset, wall: WallVariables) -> Integrator:
         """Return an integrator that is accurate for the materials of this wall, too.
 
-        It has a larger basis, or is pointwise quadrature if no basis will do.
+        It has more of the selected nodes, or is pointwise quadrature if they will not do.
         """
-        other = self.with_materials(data, wall)
-        if other is not None and other.errors(data, wall).max() <= self.tolerance:
-            return other
+        if isinstance(self.basis, SelectedNodes):
+            other = self.with_materials(data, wall)
+            if other.errors(data, wall).max() <= self.tolerance:
+                return other
         return PointwiseQuadrature(WALL_ORDER, self.with_force, self.by_test)
 
-    def with_materials(self, data: xr.Dataset, wall: WallVariables) -> "TabulatedQuadrature | None":
-        """Return the same with a basis for these materials, too, or None."""
+    def with_materials(self, data: xr.Dataset, wall: WallVariables) -> "TabulatedQuadrature":
+        """Return the same with nodes that are selected for these materials, too."""
         tubes, groups = self._groups(data)
-        materials = wall.materials
         settings = {"with_force": self.with_force}
-        if isinstance(self.basis, SelectedNodes):
-            basis = self.basis.with_materials(tubes, groups, materials, **settings)
-            return replace(self, basis=basis)
-        count = nodes_needed(wall.energy, tubes, groups, materials, **settings)
-        if count is None:
-            return None
-        return replace(self, basis=ChebyshevNodes(max(count, self.basis.nodes)))
+        basis = self.basis.with_materials(tubes, groups, wall.materials, **settings)
+        return replace(self, basis=basis)
 
     def _groups(self, data: xr.Dataset) -> tuple[KnownTubes, list[Group]]:
         """The tubes of the data, and groups of points that share nodes."""
