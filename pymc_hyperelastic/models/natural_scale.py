@@ -59,8 +59,8 @@ _PRIORS = {
     # Logarithm of the ratio of a modulus to the first, over that of their upper bounds: a factor of
     # 20 with 95 % probability.
     "ratio": _Prior(0.0, 1.5),
-    # Logarithm of a modulus, without a reference stress, over its upper bound, which is 1.5 standard
-    # deviations above the median.
+    # Logarithm of a modulus, without a reference stress, over its upper bound: the bound is 1.5
+    # standard deviations above the median.
     "modulus": _Prior(np.log(1 / 20), 2.0),
     # The same of a dimensionless parameter.
     "shape": _Prior(np.log(1 / 6), 1.2),

@@ -101,16 +101,19 @@ def _chebyshev(
     data: xr.Dataset,
     possible: NDArray[np.bool_],
 ) -> TabulatedQuadrature | None:
-    """Chebyshev nodes for the materials that are possible, or None if they are too many.
+    """Chebyshev nodes for all materials, or else for the possible ones; None if they are too many.
 
     In each group of points these are the materials that are possible in all of its tests.
     """
     tubes, most = known_tubes(data), tabulated.basis.nodes
     for group in groups_of(data, tubes, by_test=tabulated.by_test, by_stretch=True):
         own = possible[np.unique(data["test"].values[group.points])].all(axis=0)
-        materials, with_force = walls.some(own).materials, tabulated.with_force
-        count = nodes_needed(walls.energy, tubes, [group], materials, with_force=with_force)
-        if count is None:
+        for some in (walls, walls.some(own)):
+            materials, with_force = some.materials, tabulated.with_force
+            count = nodes_needed(walls.energy, tubes, [group], materials, with_force=with_force)
+            if count is not None:
+                break
+        else:
             return None
         most = max(most, count)
     return replace(tabulated, basis=ChebyshevNodes(most))

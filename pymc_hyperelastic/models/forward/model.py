@@ -91,13 +91,11 @@ class ForwardModel:
     ) -> None:
         self.data, self.error_in, self._replaceable = data, error_in, replaceable
         self.by_test = by_test
-        self._wall, self._distributions = wall, dict(parameters)
-        measured = measured_of(geometry or {})
+        self._energy, self._distributions = wall, dict(parameters)
+        measured, self._geometry = measured_of(geometry or {}), priors_of(geometry or {})
         deviations = {name: pm.Normal.dist() for name in measured}
-        unknown = priors_of(geometry or {})
-        self._stated = WallVariables(wall, self._parameters(parameters), unknown, deviations)
         self.integrator: Integrator = choose_integrator(
-            self._stated,
+            self._wall(parameters, self._geometry, deviations),
             data,
             mode=mode,
             known_radii=error_in == "pressure",
@@ -126,12 +124,12 @@ class ForwardModel:
         The `parameters` and the unknown `geometry` are given by name, with one number for each
         material. A geometry that is missing is the measured one.
         """
-        return self.integrator.errors(data, self._in_numbers(parameters, geometry))
+        return self.integrator.errors(data, self._wall(parameters, geometry))
 
     @property
     def unknown(self) -> tuple[list[str], list[str]]:
         """Names of the unknown material parameters, and of the unknown geometry."""
-        return [*self._distributions], [*self._stated.geometry]
+        return [*self._distributions], [*self._geometry]
 
     def refined(
         self,
@@ -141,18 +139,9 @@ class ForwardModel:
     ) -> "ForwardModel":
         """Return the same with curves that are accurate for these materials, too."""
         other = copy(self)
-        wall = self._in_numbers(parameters, geometry)
+        wall = self._wall(parameters, geometry)
         other.integrator, other._shared = self.integrator.refined(data, wall), {}
         return other
-
-    def _in_numbers(
-        self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None
-    ) -> WallVariables:
-        wall: Any = self._wall
-        if not isinstance(wall, StrainEnergy):
-            wall = with_variables(wall, self._distributions, parameters)
-        known = {name: v for name, v in (geometry or {}).items() if name in self._stated.geometry}
-        return WallVariables(wall, self._parameters(parameters), known)
 
     def between(self) -> "ForwardModel":
         """The same tests at radii evenly spread between the ends of each.
@@ -204,15 +193,20 @@ class ForwardModel:
         The `deviations` of the measured geometry, in standard deviations, are vectors with one
         entry for each test.
         """
-        wall: Any = self._wall
-        if not isinstance(wall, StrainEnergy):
-            wall = with_variables(wall, self._distributions, parameters)
-        known = geometry or {}, deviations or {}
-        return SymbolicTube(self, WallVariables(wall, self._parameters(parameters), *known))
+        return SymbolicTube(self, self._wall(parameters, geometry, deviations))
 
-    def _parameters(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Parameters of one material; layers bring their own."""
-        return dict(parameters) if isinstance(self._wall, StrainEnergy) else {}
+    def _wall(
+        self,
+        parameters: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None = None,
+        deviations: Mapping[str, Any] | None = None,
+    ) -> WallVariables:
+        """The wall with variables or numbers in place of the distributions."""
+        unknown = geometry or {}, deviations or {}
+        if isinstance(self._energy, StrainEnergy):
+            return WallVariables(self._energy, dict(parameters), *unknown)
+        layers = with_variables(self._energy, self._distributions, parameters)
+        return WallVariables(layers, {}, *unknown)
 
 
 def until_accurate[T](
