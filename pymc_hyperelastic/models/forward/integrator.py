@@ -65,14 +65,6 @@ class Integrator(ABC):
         """Return differences between curves and targets, and the conditions for them."""
 
     @abstractmethod
-    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
-        """Return the arrays of a linear map of each test for :meth:`mapped`."""
-
-    @abstractmethod
-    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
-        """Return a linear map of pressures and of slopes by the radius that was measured."""
-
-    @abstractmethod
     def values(
         self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
     ) -> dict[str, Array]:

@@ -22,6 +22,11 @@ from pymc_hyperelastic.data.inflation import (
 )
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.models.forward.blocks import (
+    block_arrays,
+    block_product,
+    identity_of_tests,
+)
 from pymc_hyperelastic.models.forward.choose import Mode, choose_integrator
 from pymc_hyperelastic.models.forward.integrator import MOST_ROUNDS, Integrator
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
@@ -275,9 +280,11 @@ class SymbolicTube(NamedTuple):
         ``"force_sum"``, the forces once more, their differences are added up test by test as well.
         """
         integrator = self.forward.integrator
-        inputs = self._inputs(
+        inputs: dict[str, Any] = self.forward.share(
             ("misfits", key), lambda data: integrator.misfit_arrays(data, targets_of(data))
         )
+        if integrator.by_points:
+            inputs = self._curve_inputs | inputs
         differences, conditions = integrator.differences(inputs, self.wall, self.forward.error_in)
         (force_sums,) = differences.pop("force_sum", [None])
         squares = {}
@@ -298,16 +305,17 @@ class SymbolicTube(NamedTuple):
         `linear_of` gives the map that belongs to data: it takes both as columns over ``obs``, and
         mixes no two tests. Another map has another `key`.
         """
-        integrator = self.forward.integrator
-        inputs = self._inputs(
-            ("mapped", key), lambda data: integrator.mapped_arrays(data, linear_of(data))
-        )
-        return integrator.mapped(inputs, self.wall)
 
-    def _inputs(self, key: Hashable, arrays_of: Callable[[xr.Dataset], Arrays]) -> dict[str, Any]:
-        """Shared variables of a misfit or a map, with those of curves where it is made of these."""
-        own = self.forward.share(key, arrays_of)
-        return self._curve_inputs | own if self.forward.integrator.by_points else own
+        def arrays_of(data: xr.Dataset) -> Arrays:
+            identity, linear = identity_of_tests(data), linear_of(data)
+            of_pressure = block_arrays(data, linear(identity, np.zeros_like(identity)))
+            of_slope = block_arrays(data, linear(np.zeros_like(identity), identity))
+            return of_pressure | {"blocks_of_slope": of_slope["blocks"]}
+
+        inputs = self.forward.share(("mapped", key), arrays_of)
+        pressure, slope = self.curves()["pressure"], self.slopes()["pressure"]
+        of_slope = block_product(inputs["blocks_of_slope"], inputs, slope)
+        return block_product(inputs["blocks"], inputs, pressure) + of_slope
 
     @property
     def _curve_inputs(self) -> dict[str, Any]:

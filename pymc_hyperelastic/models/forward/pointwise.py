@@ -15,9 +15,6 @@ from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 from pymc_hyperelastic.models.forward.blocks import (
-    block_arrays,
-    block_product,
-    identity_of_tests,
     table_arrays,
     table_of,
 )
@@ -121,26 +118,6 @@ class PointwiseQuadrature(Integrator):
         if "force_rows" in inputs:
             response |= force_differences(inputs, wall_force(there.tubes, self.order))
         return response, [*self.conditions(inputs, wall), found]
-
-    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
-        """Return the arrays of a linear map of each test for :meth:`mapped`."""
-        identity = identity_of_tests(data)
-        zero = np.zeros_like(identity)
-        of_pressure = block_arrays(data, linear(identity, zero))
-        of_slope = block_arrays(data, linear(zero, identity))
-        return {
-            "of_pressure": of_pressure.pop("blocks"),
-            "of_slope": of_slope.pop("blocks"),
-            **of_slope,
-        }
-
-    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
-        """Return a linear map of pressures and of slopes by the radius that was measured."""
-        pressure = self.curves(inputs, wall)["pressure"]
-        slope = self.slopes(inputs, wall)["pressure"]
-        return block_product(inputs["of_pressure"], inputs, pressure) + block_product(
-            inputs["of_slope"], inputs, slope
-        )
 
     def values(
         self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]

@@ -1,6 +1,6 @@
 """Curves as constant matrices times the material's response, for known radii and geometry."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -25,9 +25,12 @@ from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes, groups_by
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
-from pymc_hyperelastic.models.forward.blocks import positions, table_arrays, table_of
+from pymc_hyperelastic.models.forward.blocks import table_arrays
 from pymc_hyperelastic.models.forward.integrator import Integrator
-from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
+from pymc_hyperelastic.models.forward.pointwise import (
+    PointwiseQuadrature,
+    force_differences,
+)
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
 
 
@@ -114,13 +117,15 @@ class TabulatedQuadrature(Integrator):
         """
         tubes, groups = self._groups(data)
         compressed = {name: target for name, target in targets.items() if name != "force_sum"}
+        if "force_sum" not in targets:
+            return collocate(tubes, groups, self.basis, compressed)
+        # The forces of a test have points in several groups: those with sums are not compressed.
+        force, test = compressed.pop("force"), data["test"].values
         arrays = collocate(tubes, groups, self.basis, compressed)
-        if "force_sum" in targets:
-            rows = np.isfinite(targets["force_sum"])
-            arrays |= _force_sum_arrays(data, tubes, groups, self.basis, rows)
-            known, tests = np.nan_to_num(targets["force_sum"]), data.sizes["test"]
-            arrays["force_sum_target"] = np.bincount(data["test"].values, known, minlength=tests)
-        return arrays
+        matrices, place = curve_matrices(tubes, groups, self.basis)
+        rows = np.flatnonzero(np.isfinite(force))
+        arrays |= {"force_matrix": matrices["force_matrix"], "force_target": force[rows]}
+        return arrays | table_arrays(test[rows], data.sizes["test"]) | {"force_rows": place[rows]}
 
     def differences(
         self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
@@ -129,43 +134,16 @@ class TabulatedQuadrature(Integrator):
         # Without slopes, a matrix without rows.
         slope_matrix = inputs.get("slope_matrix", inputs["pressure_matrix"][:, :0])
         pressure, slope = self._pressure(inputs, inputs["pressure_matrix"], slope_matrix, wall)
-        found = {"pressure": pressure, "slope": slope}
+        response = {"pressure": [pressure - inputs["pressure_target"]]}
+        if "slope_target" in inputs:
+            response["slope"] = [slope - inputs["slope_target"]]
         if "force_target" in inputs:
-            found["force"] = self._force(inputs, inputs["force_matrix"], wall)
-        response = {
-            name: [curve - inputs[f"{name}_target"]]
-            for name, curve in found.items()
-            if f"{name}_target" in inputs
-        }
-        if "force_sum_matrix" in inputs:
-            sums = self._force(inputs, inputs["force_sum_matrix"], wall).flatten()
-            total = table_of(sums, inputs).sum(axis=-1)
-            response["force_sum"] = [total - inputs["force_sum_target"]]
+            force = self._force(inputs, inputs["force_matrix"], wall)
+            if "force_rows" in inputs:
+                response |= force_differences(inputs, force.flatten())
+            else:
+                response["force"] = [force - inputs["force_target"]]
         return response, []
-
-    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
-        """Return the arrays of a linear map of each test for :meth:`mapped`."""
-        tubes, groups = self._groups(data)
-        matrices, place = curve_matrices(tubes, groups, self.basis)
-        shape = matrices["pressure_matrix"].shape
-        pressure, stiffness = (
-            matrices[f"{name}_matrix"].reshape(-1, shape[2])[place]
-            for name in ("pressure", "stiffness")
-        )
-        matrix = np.zeros((shape[0] * shape[1], shape[2]))
-        matrix[place] = linear(pressure, stiffness * tubes.growth[:, None])
-        return {
-            "log_hoop": matrices["log_hoop"],
-            "log_axial": matrices["log_axial"],
-            "mapped_matrix": matrix.reshape(shape),
-            "no_slopes": np.zeros((shape[0], 0, shape[2])),
-            "place": place,
-        }
-
-    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
-        """Return a linear map of pressures and slopes: one matrix times the response."""
-        rows, _ = self._pressure(inputs, inputs["mapped_matrix"], inputs["no_slopes"], wall)
-        return rows.flatten()[inputs["place"]]
 
     def values(
         self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
@@ -230,33 +208,3 @@ class TabulatedQuadrature(Integrator):
 
 def _stretches(inputs: Mapping[str, Any]) -> tuple[Any, Any]:
     return inputs["log_hoop"], inputs["log_axial"]
-
-
-def _force_sum_arrays(
-    data: xr.Dataset,
-    tubes: KnownTubes,
-    groups: Sequence[Group],
-    basis: ChebyshevNodes | SelectedNodes,
-    measured: NDArray[np.bool_],
-) -> Arrays:
-    """Matrices of the sum of each test's forces: a row for each group that it has points in.
-
-    With them come the places of these rows in a table by test; a test without forces has no row.
-    """
-    matrices, place = curve_matrices(tubes, groups, basis)
-    forces = matrices["force_matrix"].reshape(-1, matrices["log_hoop"].shape[1])
-    of_groups = [group.points[measured[group.points]] for group in groups]
-    rows, tests = np.concatenate(of_groups), data.sizes["test"]
-    group = np.repeat(np.arange(len(groups)), [len(points) for points in of_groups])
-    # The forces of a test in a group are summed, and the sums are sorted by test.
-    both, part_of = np.unique(group * tests + data["test"].values[rows], return_inverse=True)
-    group, test = np.divmod(both, tests)
-    position, width = positions(group)
-    sums = np.zeros((len(groups), width, forces.shape[1]))
-    row = group * width + position
-    np.add.at(sums.reshape(-1, forces.shape[1]), row[part_of], forces[place[rows]])
-    by_test = np.argsort(test, kind="stable")
-    table = table_arrays(test[by_test], tests)
-    # Without rows there is nothing to point to.
-    points = row[by_test][table["points"]] if row.size else table["points"]
-    return {"force_sum_matrix": sums, "points": points, "there": table["there"]}
