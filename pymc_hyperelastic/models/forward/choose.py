@@ -82,9 +82,9 @@ def choose_integrator(
         tabulated = TabulatedQuadrature(ChebyshevNodes(2), with_force, by_test, tolerance)
         if known_range and not extension_tests(data).any():
             found = _chebyshev(tabulated, walls, data, possible)
-        if found is None and (mode == "collocation" or data.sizes["obs"] >= _MANY_POINTS):
-            draws = walls.some(in_all[in_all < DRAWS])
-            found = select_nodes(tabulated, draws, data, inaccurate)
+        draws, many = in_all[in_all < DRAWS], data.sizes["obs"] >= _MANY_POINTS
+        if found is None and len(draws) >= _FEWEST and (many or mode == "collocation"):
+            found = select_nodes(tabulated, walls.some(draws), data, inaccurate)
         if found is not None:
             return found
     if mode == "collocation":
@@ -105,15 +105,14 @@ def _chebyshev(
 
     In each group of points these are the materials that are possible in all of its tests.
     """
-    tubes, most = known_tubes(data), tabulated.basis.nodes
+    tubes, most, with_force = known_tubes(data), tabulated.basis.nodes, tabulated.with_force
     for group in groups_of(data, tubes, by_test=tabulated.by_test, by_stretch=True):
         own = possible[np.unique(data["test"].values[group.points])].all(axis=0)
-        for some in (walls, walls.some(own)):
-            materials, with_force = some.materials, tabulated.with_force
-            count = nodes_needed(walls.energy, tubes, [group], materials, with_force=with_force)
-            if count is not None:
-                break
-        else:
+        needed = partial(nodes_needed, walls.energy, tubes, [group], with_force=with_force)
+        count = needed(walls.materials)
+        if count is None:
+            count = needed(walls.some(own).materials)
+        if count is None:
             return None
         most = max(most, count)
     return replace(tabulated, basis=ChebyshevNodes(most))
