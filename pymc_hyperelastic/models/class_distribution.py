@@ -159,17 +159,17 @@ def register_class(
     factor = correlation_factor(size)
     optional: dict[str, Any] = {}
     if experiment_effect:
-        median, sd = _SPREADS["experiment_spread"]
-        prior = pm.LogNormal.dist(logs + np.log(median), sd, shape=size)
+        median, sd_of_log = _SPREADS["experiment_spread"]
+        prior = pm.LogNormal.dist(logs + np.log(median), sd_of_log, shape=size)
         optional["experiment_spread"] = variable("experiment_spread", prior)
-        median, sd = _SPREADS["effect_spread"]
-        prior = pm.LogNormal.dist(np.log(median), sd)
+        median, sd_of_log = _SPREADS["effect_spread"]
+        prior = pm.LogNormal.dist(np.log(median), sd_of_log)
         optional["effect_spread"] = variable("effect_spread", prior, dims=None)
     inferred = noises_of(likelihood)
     if inferred:
         sizes = likelihood.register_unknowns()
-        median, sd = _SPREADS["noise_spread"]
-        prior = pm.LogNormal.dist(np.log(median), sd)
+        median, sd_of_log = _SPREADS["noise_spread"]
+        prior = pm.LogNormal.dist(np.log(median), sd_of_log)
         optional["log_size"] = [pt.log(sizes[name]) for name in inferred]
         optional["noise_spread"] = [
             variable(SPREAD_OF_NOISE[name], prior, dims=None) for name in inferred

@@ -311,6 +311,15 @@ def test_errors_of_layered_walls_are_those_of_their_order():
     assert 0 < forward.refined(data, values).errors(data, values).max() < 1e-10
 
 
+def test_errors_of_layers_with_vectors_of_parameters_are_known():
+    """The posterior of a layer's vector has one more axis."""
+    data = opened_tube().assign(outer_radius=("test", np.full(4, np.nan)))
+    wall = [ph.Layer(ph.OgdenSeries(2), 0.2), ph.Layer(ph.NeoHookean(), 0.1, mu=5.0)]
+    study = ph.inflation_model(wall, data, 0.5).study
+    posterior = {"mu_1": np.full((1, 3, 2), 6.0), "alpha_1": np.full((1, 3, 2), 4.0)}
+    assert study.curve_error(posterior) < 1e-8
+
+
 def test_errors_where_the_geometry_is_not_known_are_those_of_given_tubes():
     """Without a tube nothing is known, and the error is infinite."""
     data = dataset([{"radius": np.linspace(1.1, 1.5, 5), "stretch": 1.2}], OPENED)

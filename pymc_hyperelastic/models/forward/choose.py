@@ -19,15 +19,12 @@ from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 from pymc_hyperelastic.models.forward.integrator import Integrator
 from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
 from pymc_hyperelastic.models.forward.prior_draws import DRAWS, possible_in_tests, walls_of_prior
-from pymc_hyperelastic.models.forward.selection import select_nodes
+from pymc_hyperelastic.models.forward.selection import FINER, select_nodes
 from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature, groups_of, known_tubes
 from pymc_hyperelastic.models.forward.tube_variables import WallVariables
 
 Mode = Literal["auto", "collocation", "quadrature"]
 
-# Largest error of pointwise quadrature, relative to the largest value of a curve: a hundredth of
-# the usual tolerance of matrices, so that pointwise quadrature is the more accurate integrator.
-_TOLERANCE = 1e-11
 # Fewest possible materials of the prior by which its range is known.
 _FEWEST = 32
 # Points of the data from which on it pays to select nodes: quadrature of fewer takes less time.
@@ -50,8 +47,8 @@ def choose_integrator(
 
     These are Chebyshev nodes if the stretch of each test is held and the response is smooth; nodes
     that are selected in the walls, for many points; else quadrature of 32 nodes, or as few as are
-    accurate. Curves by selected nodes may err by the `tolerance`; a fraction of the materials of
-    the prior may be `inaccurate`. `geometry_sd` are the errors of a measured geometry.
+    accurate. Curves may err by the `tolerance`; by selected nodes those of a fraction of the
+    materials, `inaccurate`, by more. `geometry_sd` are the errors of a measured geometry.
     """
     if mode not in get_args(Mode):
         raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
@@ -90,7 +87,7 @@ def choose_integrator(
     if mode == "collocation":
         raise ValueError(f"{reason} cannot be collocated: use mode='quadrature'")
     order, some = WALL_ORDER, walls.some(in_all[evenly(len(in_all), _FEWEST)])
-    while known_range and quadrature(order // 2).errors(data, some).max() <= _TOLERANCE:
+    while known_range and quadrature(order // 2).errors(data, some).max() <= FINER * tolerance:
         order //= 2
     return quadrature(order)
 
@@ -105,7 +102,7 @@ def _chebyshev(
 
     In each group of points these are the materials that are possible in all of its tests.
     """
-    tubes, most, with_force = known_tubes(data), tabulated.basis.nodes, tabulated.with_force
+    tubes, most, with_force = known_tubes(data), 0, tabulated.with_force
     for group in groups_of(data, tubes, by_test=tabulated.by_test, by_stretch=True):
         own = possible[np.unique(data["test"].values[group.points])].all(axis=0)
         needed = partial(nodes_needed, walls.energy, tubes, [group], with_force=with_force)

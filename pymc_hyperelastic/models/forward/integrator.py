@@ -14,6 +14,9 @@ from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.models.forward.numbers import numeric_curves
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
 
+# Largest slope (kPa/mm) and largest sum of squares (kPa² or their units): far beyond any tube, and
+# multiples of such sums do not overflow.
+LARGEST = np.float64(1e60)
 # Nodes of the quadrature with which curves are compared: more than any integrator has, which are 64
 # at most.
 REFERENCE_ORDER = 96
@@ -36,7 +39,11 @@ class Integrator(ABC):
     """True if misfits are computed from the curves at all points, and need their arrays."""
     with_force: bool
     by_test: bool
-    geometry_sd: tuple[tuple[str, float | None], ...]
+
+    @property
+    def geometry_sd(self) -> tuple[tuple[str, float | None], ...]:
+        """Names and standard deviations of a measured geometry; None are those of the data."""
+        return ()
 
     @abstractmethod
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
@@ -84,8 +91,8 @@ class Integrator(ABC):
         forces alone, and not by their slopes.
         """
         points = compared_points(data)
-        settings = {"with_force": self.with_force, "geometry_sd": self.geometry_sd}
-        exact = numeric_curves(data, wall, points, REFERENCE_ORDER, **settings)
+        settings = REFERENCE_ORDER, self.with_force, self.geometry_sd
+        exact = numeric_curves(data, wall, points, *settings)
         found = self.values(data, wall, points)
         specimen = np.unique(data["specimen"].values, return_inverse=True)[1]
         specimen = specimen[data["test"].values[points]]

@@ -28,13 +28,11 @@ from pymc_hyperelastic.models.forward.blocks import (
     identity_of_tests,
 )
 from pymc_hyperelastic.models.forward.choose import Mode, choose_integrator
-from pymc_hyperelastic.models.forward.integrator import MOST_ROUNDS, Integrator
+from pymc_hyperelastic.models.forward.integrator import LARGEST, MOST_ROUNDS, Integrator
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
 from pymc_hyperelastic.models.geometry import measured_of, priors_of
 from pymc_hyperelastic.models.priors import with_variables
 
-# kPa², or (kPa/mm)²: a misfit far beyond any tube, whose multiples do not overflow.
-_LARGEST_MISFIT = np.float64(1e60)
 # Radii of a test at which it is checked that pressure rises.
 _RADII_BETWEEN = 20
 
@@ -63,8 +61,8 @@ class ForwardModel:
     by_test : bool
         Whether each test has parameters of its own, vectors of the length of the tests.
     tolerance : float
-        Largest error of curves by selected nodes and by refined matrices, relative to the largest
-        value of each. Chebyshev nodes and pointwise quadrature are chosen for smaller errors.
+        Largest error of curves, relative to the largest value of each. Chebyshev nodes and
+        pointwise quadrature are chosen for smaller errors.
     inaccurate : float
         Fraction of the materials of the prior whose curves may err by more: a few have fibres that
         stiffen by orders of magnitude within a hundredth of a wall. It may be larger for callers
@@ -290,7 +288,7 @@ class SymbolicTube(NamedTuple):
         squares = {}
         for name, parts in differences.items():
             total = sum(pt.sum(pt.square(difference)) for difference in parts)
-            conditions.append(total < _LARGEST_MISFIT)
+            conditions.append(total < LARGEST)
             # Else a noise parameter's gradient would be 0 * inf. That of the material is zero by
             # the integral itself.
             known = pt.where(conditions[-1], total, 0.0)

@@ -222,7 +222,6 @@ def numeric_curves(
     wall: WallVariables,
     points: NDArray[np.intp],
     order: int,
-    *,
     with_force: bool = False,
     geometry_sd: tuple[tuple[str, float | None], ...] = (),
 ) -> dict[str, Array]:
@@ -239,11 +238,10 @@ def numeric_curves(
     current = current_tube(np, inputs, columns._replace(deviations=deviations))
     radius = np.where(current.possible, current.radius, np.nan)
     tubes, settings = current._replace(radius=radius).tubes, (order, "FAST_COMPILE")
-    pressure, stiffness = _integrate(wall_pressure, tubes, *settings)
-    curves = {"pressure": pressure, "stiffness": stiffness}
-    return curves | (
-        {"axial_force": _integrate(wall_force, tubes, *settings)[0]} if with_force else {}
-    )
+    curves = _integrate(wall_pressure, tubes, *settings)
+    if with_force:
+        curves += _integrate(wall_force, tubes, *settings)
+    return dict(zip(("pressure", "stiffness", "axial_force"), curves, strict=False))
 
 
 def _integrate(

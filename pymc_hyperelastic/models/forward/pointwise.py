@@ -18,7 +18,7 @@ from pymc_hyperelastic.models.forward.blocks import (
     table_arrays,
     table_of,
 )
-from pymc_hyperelastic.models.forward.integrator import Integrator
+from pymc_hyperelastic.models.forward.integrator import LARGEST, Integrator
 from pymc_hyperelastic.models.forward.numbers import SMALLEST_STEP, numeric_curves
 from pymc_hyperelastic.models.forward.tube_variables import (
     Array,
@@ -30,9 +30,6 @@ from pymc_hyperelastic.models.forward.tube_variables import (
     tube_inputs,
     wall_at_points,
 )
-
-# kPa/mm: its square is beyond the largest misfit that counts.
-_OVERFLOW = np.float64(1e60)
 
 
 @dataclass(frozen=True)
@@ -123,8 +120,8 @@ class PointwiseQuadrature(Integrator):
         self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
     ) -> dict[str, Array]:
         """Return curves (material, point) of a numeric wall at some of the points."""
-        settings = {"with_force": self.with_force, "geometry_sd": self.geometry_sd}
-        return numeric_curves(data, wall, points, self.order, **settings)
+        settings = self.order, self.with_force, self.geometry_sd
+        return numeric_curves(data, wall, points, *settings)
 
     def refined(self, data: xr.Dataset, wall: WallVariables) -> "PointwiseQuadrature":
         """Return the rule of twice the order of any wall: its error is that order's squared."""
@@ -177,4 +174,4 @@ def force_differences(
 
 def _bounded(stiffness: TensorVariable) -> TensorVariable:
     """Return a bounded stiffness: the gradient of an infinite one would be 0 * inf."""
-    return pt.where(pt.isfinite(stiffness), stiffness, _OVERFLOW)
+    return pt.where(pt.isfinite(stiffness), stiffness, LARGEST)

@@ -73,7 +73,6 @@ class TabulatedQuadrature(Integrator):
     """
 
     by_points: ClassVar[bool] = False
-    geometry_sd: ClassVar[tuple[tuple[str, float | None], ...]] = ()
 
     basis: ChebyshevNodes | SelectedNodes
     with_force: bool = False
@@ -99,12 +98,11 @@ class TabulatedQuadrature(Integrator):
 
     def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """Return derivatives of the curves by the radius that was measured."""
-        matrices = inputs["pressure_matrix"], inputs["stiffness_matrix"]
-        slopes = {"pressure": self._pressure(inputs, *matrices, wall)[1]}
+        slopes = {"pressure": self.curves(inputs, wall)["stiffness"]}
         if self.with_force:
-            slopes["axial_force"] = self._force(inputs, inputs["force_slope_matrix"], wall)
-        by_radius = {name: rows.flatten()[inputs["place"]] for name, rows in slopes.items()}
-        return {name: slope * inputs["growth"] for name, slope in by_radius.items()}
+            rows = self._force(inputs, inputs["force_slope_matrix"], wall)
+            slopes["axial_force"] = rows.flatten()[inputs["place"]]
+        return {name: slope * inputs["growth"] for name, slope in slopes.items()}
 
     def conditions(self, *_: Any) -> list[TensorVariable]:
         """Return none: known tubes are possible."""
@@ -179,9 +177,9 @@ class TabulatedQuadrature(Integrator):
     def with_materials(self, data: xr.Dataset, wall: WallVariables) -> "TabulatedQuadrature":
         """Return the same with nodes that are selected for these materials, too."""
         tubes, groups = self._groups(data)
+        basis: Any = self.basis
         settings = {"with_force": self.with_force}
-        basis = self.basis.with_materials(tubes, groups, wall.materials, **settings)
-        return replace(self, basis=basis)
+        return replace(self, basis=basis.with_materials(tubes, groups, wall.materials, **settings))
 
     def _groups(self, data: xr.Dataset) -> tuple[KnownTubes, list[Group]]:
         """The tubes of the data, and groups of points that share nodes."""
