@@ -77,7 +77,7 @@ class Study:
     def diagnostics(
         self, model: pm.Model, posterior: Mapping[str, Array], particles: Array
     ) -> xr.Dataset:
-        """Return what is stored with the evidence: the error of curves, and their residuals."""
+        """Return the error of curves, and their residuals, to be stored with the evidence."""
         error = self.curve_error(posterior)
         found = xr.Dataset({"curve_error": error} if np.isfinite(error) else {})
         return found.merge(self.chi_squares_of(model)(self.data, particles))
@@ -86,7 +86,7 @@ class Study:
         """Return the largest error of the curves of some draws, see :meth:`ForwardModel.errors`.
 
         The posterior holds arrays (chain, draw, ...) by name. The error is NaN if a parameter is
-        missing there.
+        missing there. A geometry that was measured with an error has its measured value.
         """
         if self.forward is None:
             return np.nan

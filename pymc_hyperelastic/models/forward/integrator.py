@@ -68,7 +68,7 @@ class Integrator(ABC):
     @abstractmethod
     def differences(
         self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
-    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
         """Return differences between curves and targets, and the conditions for them."""
 
     @abstractmethod

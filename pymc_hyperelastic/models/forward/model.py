@@ -284,10 +284,10 @@ class SymbolicTube(NamedTuple):
         if integrator.by_points:
             inputs = self._curve_inputs | inputs
         differences, conditions = integrator.differences(inputs, self.wall, self.forward.error_in)
-        (force_sums,) = differences.pop("force_sum", [None])
+        force_sums = differences.pop("force_sum", None)
         squares = {}
-        for name, parts in differences.items():
-            total = sum(pt.sum(pt.square(difference)) for difference in parts)
+        for name, difference in differences.items():
+            total = pt.sum(pt.square(difference))
             conditions.append(total < LARGEST)
             # Else a noise parameter's gradient would be 0 * inf. That of the material is zero by
             # the integral itself.

@@ -100,7 +100,7 @@ class PointwiseQuadrature(Integrator):
 
     def differences(
         self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
-    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
         """Return differences between curves and targets, and the conditions for them.
 
         With the error in the radius, radius and force are those of the tube at the measured
@@ -111,10 +111,10 @@ class PointwiseQuadrature(Integrator):
         current = self._tube(inputs, wall)
         found, there = self._at_pressure(current, inputs["pressure_target"])
         error = there.measured(there.radius) - current.measured(current.radius)
-        response = {"radius": [error]}
+        differences = {"radius": error}
         if "force_rows" in inputs:
-            response |= force_differences(inputs, wall_force(there.tubes, self.order))
-        return response, [*self.conditions(inputs, wall), found]
+            differences |= force_differences(inputs, wall_force(there.tubes, self.order))
+        return differences, [*self.conditions(inputs, wall), found]
 
     def values(
         self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
@@ -129,16 +129,16 @@ class PointwiseQuadrature(Integrator):
 
     def _at_radius(
         self, inputs: Mapping[str, Any], wall: WallVariables
-    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
         """Differences at the measured radii, and the conditions."""
         curves = self.curves(inputs, wall)
-        response = {"pressure": [curves["pressure"] - inputs["pressure_target"]]}
+        differences = {"pressure": curves["pressure"] - inputs["pressure_target"]}
         if "slope_rows" in inputs:
             slope = self.slopes(inputs, wall)["pressure"][inputs["slope_rows"]]
-            response["slope"] = [slope - inputs["slope_target"]]
+            differences["slope"] = slope - inputs["slope_target"]
         if "force_rows" in inputs:
-            response |= force_differences(inputs, curves["axial_force"])
-        return response, self.conditions(inputs, wall)
+            differences |= force_differences(inputs, curves["axial_force"])
+        return differences, self.conditions(inputs, wall)
 
     def _tube(self, inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
         if self.by_test:
@@ -165,11 +165,11 @@ class PointwiseQuadrature(Integrator):
 
 def force_differences(
     inputs: Mapping[str, Any], force: TensorVariable
-) -> dict[str, list[TensorVariable]]:
+) -> dict[str, TensorVariable]:
     """Return differences between forces and targets, and their sums if these have a target."""
     error = force[inputs["force_rows"]] - inputs["force_target"]
-    sums = {"force_sum": [table_of(error, inputs).sum(axis=-1)]} if "points" in inputs else {}
-    return {"force": [error]} | sums
+    sums = {"force_sum": table_of(error, inputs).sum(axis=-1)} if "points" in inputs else {}
+    return {"force": error} | sums
 
 
 def _bounded(stiffness: TensorVariable) -> TensorVariable:

@@ -33,8 +33,8 @@ _BEYOND = 10.0
 def walls_of_prior(wall: WallVariables, data: xr.Dataset) -> WallVariables:
     """Return the wall with draws of the prior, as numbers, in place of all that is unknown.
 
-    Raises MissingInputError or NotImplementedError if something depends on what is not random, or
-    on a distribution that cannot be drawn from.
+    Raises MissingInputError or NotImplementedError if a prior depends on a variable that is not
+    random, or cannot be drawn from.
     """
     wall, rng = wall.mapped(lambda value: value), np.random.default_rng(1)  # by entries of vectors
     values = {v: _with_box(d, rng) for v, d in zip(wall.unknown, _drawn(wall.unknown), strict=True)}

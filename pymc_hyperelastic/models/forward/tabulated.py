@@ -90,17 +90,18 @@ class TabulatedQuadrature(Integrator):
     def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """Return pressure and stiffness at the points, and the axial force if it is measured."""
         matrices = inputs["pressure_matrix"], inputs["stiffness_matrix"]
-        pressure, stiffness = self._pressure(inputs, *matrices, wall)
-        curves = {"pressure": pressure, "stiffness": stiffness}
+        rows = self._integrals(CollocatedPressureIntegral, inputs, wall, *matrices)
         if self.with_force:
-            curves["axial_force"] = self._force(inputs, inputs["force_matrix"], wall)
-        return {name: rows.flatten()[inputs["place"]] for name, rows in curves.items()}
+            rows += self._integrals(CollocatedAxialForce, inputs, wall, inputs["force_matrix"])
+        curves = [of_groups.flatten()[inputs["place"]] for of_groups in rows]
+        return dict(zip(("pressure", "stiffness", "axial_force"), curves, strict=False))
 
     def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """Return derivatives of the curves by the radius that was measured."""
         slopes = {"pressure": self.curves(inputs, wall)["stiffness"]}
         if self.with_force:
-            rows = self._force(inputs, inputs["force_slope_matrix"], wall)
+            matrix = inputs["force_slope_matrix"]
+            (rows,) = self._integrals(CollocatedAxialForce, inputs, wall, matrix)
             slopes["axial_force"] = rows.flatten()[inputs["place"]]
         return {name: slope * inputs["growth"] for name, slope in slopes.items()}
 
@@ -115,33 +116,34 @@ class TabulatedQuadrature(Integrator):
         """
         tubes, groups = self._groups(data)
         compressed = {name: target for name, target in targets.items() if name != "force_sum"}
-        if "force_sum" not in targets:
-            return collocate(tubes, groups, self.basis, compressed)
         # The forces of a test have points in several groups: those with sums are not compressed.
-        force, test = compressed.pop("force"), data["test"].values
+        force = compressed.pop("force") if "force_sum" in targets else None
         arrays = collocate(tubes, groups, self.basis, compressed)
+        arrays.setdefault("slope_matrix", arrays["pressure_matrix"][:, :0])
+        if force is None:
+            return arrays
         matrices, place = curve_matrices(tubes, groups, self.basis)
         rows = np.flatnonzero(np.isfinite(force))
+        arrays |= table_arrays(data["test"].values[rows], data.sizes["test"])
         arrays |= {"force_matrix": matrices["force_matrix"], "force_target": force[rows]}
-        return arrays | table_arrays(test[rows], data.sizes["test"]) | {"force_rows": place[rows]}
+        return arrays | {"force_rows": place[rows]}
 
     def differences(
         self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
-    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
         """Return differences between curves and targets, compressed."""
-        # Without slopes, a matrix without rows.
-        slope_matrix = inputs.get("slope_matrix", inputs["pressure_matrix"][:, :0])
-        pressure, slope = self._pressure(inputs, inputs["pressure_matrix"], slope_matrix, wall)
-        response = {"pressure": [pressure - inputs["pressure_target"]]}
+        matrices = inputs["pressure_matrix"], inputs["slope_matrix"]
+        pressure, slope = self._integrals(CollocatedPressureIntegral, inputs, wall, *matrices)
+        found = {"pressure": pressure - inputs["pressure_target"]}
         if "slope_target" in inputs:
-            response["slope"] = [slope - inputs["slope_target"]]
+            found["slope"] = slope - inputs["slope_target"]
         if "force_target" in inputs:
-            force = self._force(inputs, inputs["force_matrix"], wall)
+            (force,) = self._integrals(CollocatedAxialForce, inputs, wall, inputs["force_matrix"])
             if "force_rows" in inputs:
-                response |= force_differences(inputs, force.flatten())
+                found |= force_differences(inputs, force.flatten())
             else:
-                response["force"] = [force - inputs["force_target"]]
-        return response, []
+                found["force"] = force - inputs["force_target"]
+        return found, []
 
     def values(
         self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
@@ -192,17 +194,13 @@ class TabulatedQuadrature(Integrator):
             )
         return tubes, groups
 
-    def _pressure(
-        self, inputs: Mapping[str, Any], pressure_matrix: Any, slope_matrix: Any, wall: Any
-    ) -> tuple[TensorVariable, TensorVariable]:
-        integral = CollocatedPressureIntegral(strain_energy=wall.energy, per_group=self.by_test)
-        entries = wall.energy.split(wall.parameters)
-        return integral(*_stretches(inputs), pressure_matrix, slope_matrix, *entries)
-
-    def _force(self, inputs: Mapping[str, Any], matrix: Any, wall: Any) -> TensorVariable:
-        integral = CollocatedAxialForce(strain_energy=wall.energy, per_group=self.by_test)
-        return integral(*_stretches(inputs), matrix, *wall.energy.split(wall.parameters))
-
-
-def _stretches(inputs: Mapping[str, Any]) -> tuple[Any, Any]:
-    return inputs["log_hoop"], inputs["log_axial"]
+    def _integrals(
+        self, kind: Any, inputs: Mapping[str, Any], wall: WallVariables, *matrices: Any
+    ) -> list[TensorVariable]:
+        """Matrices times the responses at the nodes."""
+        integral = kind(strain_energy=wall.energy, per_group=self.by_test)
+        nodes, entries = (
+            (inputs["log_hoop"], inputs["log_axial"]),
+            wall.energy.split(wall.parameters),
+        )
+        return integral(*nodes, *matrices, *entries, return_list=True)

@@ -123,7 +123,7 @@ class CurrentTube(NamedTuple):
     radius: Any
     """Internal radius, mm; that of another tube if this one is impossible."""
     possible: Any
-    """Whether the tube is possible, at each point or of all."""
+    """True for a possible tube, at each point or of all."""
     excess: Any = None
     """``r_o² − a²``, if the outer radius ``r_o`` was measured."""
 
