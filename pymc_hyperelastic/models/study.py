@@ -79,7 +79,7 @@ class Study:
     ) -> xr.Dataset:
         """Return the error of curves, and their residuals, to be stored with the evidence."""
         error = self.curve_error(posterior)
-        found = xr.Dataset({"curve_error": error} if np.isfinite(error) else {})
+        found = xr.Dataset({} if np.isnan(error) else {"curve_error": error})
         return found.merge(self.chi_squares_of(model)(self.data, particles))
 
     def curve_error(self, posterior: Mapping[str, Array]) -> float:
