@@ -72,13 +72,13 @@ def choose_integrator(
         return quadrature(WALL_ORDER)
     possible = possible_in_tests(walls, data, geometry_sd=sd)
     in_all = np.flatnonzero(possible.all(axis=0))
-    known_range = len(in_all) >= (_FEWEST if wall.unknown else 1)
+    fewest = _FEWEST if wall.unknown else 1
     reason = "layers, a geometry that is inferred or has an error, and an error in the radius"
     if wall.known_tube and known_radii:
         found, reason = None, f"the response of {wall.energy.name} over the range of its parameters"
         tabulated = TabulatedQuadrature(ChebyshevNodes(2), with_force, by_test, tolerance)
-        if known_range and not extension_tests(data).any():
-            found = _chebyshev(tabulated, walls, data, possible)
+        if not extension_tests(data).any():
+            found = _chebyshev(tabulated, walls, data, possible, fewest)
         draws, many = in_all[in_all < DRAWS], data.sizes["obs"] >= _MANY_POINTS
         if found is None and len(draws) >= _FEWEST and (many or mode == "collocation"):
             found = select_nodes(tabulated, walls.some(draws), data, inaccurate)
@@ -86,8 +86,10 @@ def choose_integrator(
             return found
     if mode == "collocation":
         raise ValueError(f"{reason} cannot be collocated: use mode='quadrature'")
+    if len(in_all) < fewest:
+        return quadrature(WALL_ORDER)
     order, some = WALL_ORDER, walls.some(in_all[evenly(len(in_all), _FEWEST)])
-    while known_range and quadrature(order // 2).errors(data, some).max() <= FINER * tolerance:
+    while quadrature(order // 2).errors(data, some).max() <= FINER * tolerance:
         order //= 2
     return quadrature(order)
 
@@ -97,14 +99,18 @@ def _chebyshev(
     walls: WallVariables,
     data: xr.Dataset,
     possible: NDArray[np.bool_],
+    fewest: int,
 ) -> TabulatedQuadrature | None:
     """Chebyshev nodes for all materials, or else for the possible ones; None if they are too many.
 
-    In each group of points these are the materials that are possible in all of its tests.
+    In each group of points the materials that are possible in all of its tests count, if these are
+    not too few.
     """
     tubes, most, with_force = known_tubes(data), 0, tabulated.with_force
     for group in groups_of(data, tubes, by_test=tabulated.by_test, by_stretch=True):
         own = possible[np.unique(data["test"].values[group.points])].all(axis=0)
+        if own.sum() < fewest:
+            return None
         needed = partial(nodes_needed, walls.energy, tubes, [group], with_force=with_force)
         count = needed(walls.materials)
         if count is None:

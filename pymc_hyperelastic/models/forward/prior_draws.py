@@ -46,16 +46,16 @@ def walls_of_prior(wall: WallVariables, data: xr.Dataset) -> WallVariables:
     return wall.with_values(values, data.sizes["test"])
 
 
+@np.errstate(all="ignore")  # draws may be infinite
 def _with_box(draws: Array, rng: np.random.Generator) -> Array:
     """Return draws, and after them as many points evenly spread between their ends.
 
     Few draws are near the corners of the box that holds them. A parameter that is always positive
     may be of any order of magnitude, and is spread by its logarithm.
     """
-    low, high = draws.min(), draws.max()
-    scale, back = (np.log, np.exp) if low > 0 else (np.positive, np.positive)
-    even = back(rng.uniform(scale(low), scale(high), len(draws)))
-    return np.concatenate([draws, even])
+    scale, back = (np.log, np.exp) if draws.min() > 0 else (np.positive, np.positive)
+    low, high = scale(draws.min()), scale(draws.max())
+    return np.concatenate([draws, back(low + (high - low) * rng.random(len(draws)))])
 
 
 def possible_in_tests(walls: WallVariables, data: xr.Dataset, **settings: Any) -> NDArray[np.bool_]:
