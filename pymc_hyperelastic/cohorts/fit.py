@@ -18,7 +18,6 @@ from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.integral import integrate
 from pymc_hyperelastic.evidence.limits import mass_at_limits
-from pymc_hyperelastic.evidence.results import study_of
 from pymc_hyperelastic.evidence.smc import seed_kept, seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.mechanics.layers import Layer
@@ -38,7 +37,6 @@ from pymc_hyperelastic.models.priors import (
     priors_from_records,
 )
 from pymc_hyperelastic.models.records import wall_attrs
-from pymc_hyperelastic.models.residuals import Residuals
 from pymc_hyperelastic.parallel import LOCK
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
@@ -198,7 +196,7 @@ class _Model:
         self._target = Target(self._model)
         free = self._model.free_RVs
         self._names = [rv.name for rv in free]
-        self._residuals = Residuals(self._model, study_of(self._model))
+        self._chi_squares = self._model.study.chi_squares_of(self._model)
         self._constrain = BatchedFunction.of_model(
             self._model, self._model.replace_rvs_by_values(free)
         )
@@ -211,7 +209,7 @@ class _Model:
         value, error = found.log_value
         evidence = {"log_evidence": value, "log_evidence_se": error, "pareto_k": found.pareto_k}
         limits = mass_at_limits(self._model, self._target.by_name(found.particles[None]))
-        doubtful = doubts_of_fit(limits.merge(self._residuals.of(data, found.particles)))
+        doubtful = doubts_of_fit(limits.merge(self._chi_squares(data, found.particles)))
         return _Fit(values, evidence | {"method": found.method, DOUBTFUL: doubtful})
 
     def materials(self, posterior: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -161,7 +161,8 @@ class BatchedSMC(SMC_KERNEL):
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
         self.start = start
-        self.settings = {"threshold": threshold, "forget": forget, "max_moves": max_moves}
+        settings = {"threshold": threshold, "forget": forget, "max_moves": max_moves}
+        self.settings: dict[str, Any] = settings
         self.rng = np.random.default_rng(random_seed)
         self.search = None
         self._reset_state()

@@ -20,7 +20,7 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.likelihoods.errors import SIZES
-from pymc_hyperelastic.models.natural_scale import SPREAD, NaturalScale
+from pymc_hyperelastic.models.natural_scale import NaturalScale
 from pymc_hyperelastic.models.priors import register_prior
 
 Array = NDArray[np.float64]
@@ -37,13 +37,14 @@ SPREAD_OF_NOISE = {
     "diameter_sd": "diameter_noise_spread",
 }
 # Log-normal priors, dimensionless: median, and standard deviation of the logarithm.
-# Spread of the tests of one specimen, for coordinates whose specimens have the median spread 0.4:
-# tests of one specimen differ less than specimens.
-_EXPERIMENT_SPREAD = (0.15, 0.8)
-# Standard deviation, between specimens, of the logarithm of the spread of their tests.
-_EFFECT_SPREAD = (0.5, 0.5)
-# Standard deviation, between specimens, of the logarithm of the measurement error.
-_NOISE_SPREAD = (0.3, 0.5)
+_SPREADS = {
+    # Spread of the tests of one specimen, in spreads of the specimens: tests differ less.
+    "experiment_spread": (0.375, 0.8),
+    # Standard deviation, between specimens, of the logarithm of the spread of their tests.
+    "effect_spread": (0.5, 0.5),
+    # Standard deviation, between specimens, of the logarithm of the measurement error.
+    "noise_spread": (0.3, 0.5),
+}
 # Concentration η of the LKJ prior of correlations, ∝ det(R)^(η − 1): correlations near ±1, and thus
 # nearly singular covariance matrices, are improbable.
 _CONCENTRATION = 2.0
@@ -158,16 +159,17 @@ def register_class(
     factor = correlation_factor(size)
     optional: dict[str, Any] = {}
     if experiment_effect:
-        # The median spreads of tests and specimens have the same ratio in all coordinates.
-        medians = logs + np.log(_EXPERIMENT_SPREAD[0] / SPREAD[0])
-        prior = pm.LogNormal.dist(medians, _EXPERIMENT_SPREAD[1], shape=size)
+        median, sd_of_log = _SPREADS["experiment_spread"]
+        prior = pm.LogNormal.dist(logs + np.log(median), sd_of_log, shape=size)
         optional["experiment_spread"] = variable("experiment_spread", prior)
-        prior = pm.LogNormal.dist(np.log(_EFFECT_SPREAD[0]), _EFFECT_SPREAD[1])
+        median, sd_of_log = _SPREADS["effect_spread"]
+        prior = pm.LogNormal.dist(np.log(median), sd_of_log)
         optional["effect_spread"] = variable("effect_spread", prior, dims=None)
     inferred = noises_of(likelihood)
     if inferred:
         sizes = likelihood.register_unknowns()
-        prior = pm.LogNormal.dist(np.log(_NOISE_SPREAD[0]), _NOISE_SPREAD[1])
+        median, sd_of_log = _SPREADS["noise_spread"]
+        prior = pm.LogNormal.dist(np.log(median), sd_of_log)
         optional["log_size"] = [pt.log(sizes[name]) for name in inferred]
         optional["noise_spread"] = [
             variable(SPREAD_OF_NOISE[name], prior, dims=None) for name in inferred

@@ -26,9 +26,6 @@ _LARGEST_STRESS = np.float64(1e150)
 _SMALL_STRAIN = 1e-6
 # Number of random materials by which `has_additive_stress` tests a law.
 _TRIAL_MATERIALS = 20
-# Limit of the relative error of the sum of stresses in that test: derivatives of energies are
-# accurate to about 1e-10, and stresses of laws that are not additive differ by much more.
-_SUM_TOLERANCE = 1e-8
 
 
 def moduli_by_ratio(
@@ -116,7 +113,9 @@ def has_additive_stress(energy: StrainEnergy) -> bool:
     stress, *moduli = pytensor.function([], [stress, *moduli], mode="FAST_COMPILE")()
     finite = np.isfinite(stress)
     positive = all((modulus[finite] > 0).all() for modulus in moduli)
-    additive = np.allclose(stress[finite], 1, atol=_SUM_TOLERANCE, rtol=0)
+    # Derivatives of energies are accurate to about 1e-10, and laws that are not additive differ by
+    # far more than NumPy's tolerance of 1e-5.
+    additive = np.allclose(stress[finite], 1)
     return bool(finite.any() and positive and additive)
 
 

@@ -31,40 +31,48 @@ from pymc_hyperelastic.models.records import NamedLayer, named_layers
 
 Array = NDArray[np.float64]
 
-# Priors of the location of a class, dimensionless: median, and standard deviation of the logarithm.
-# Strain at the reference stress: 0.05 to 0.8 with 95 % probability. Seven mouse aortas have 0.11 to
-# 0.24, with a standard deviation of 0.29 of the logarithm.
-_REFERENCE_STRAIN = (0.2, 0.7)
-# Stress of a modulus, divided by that of the first: a factor of at most 50 with 95 % probability.
-_STRESS_RATIO = (1.0, 2.0)
-# Other dimensionless parameters, as a fraction of the upper bound of the default uniform prior: the
-# bound is 1.5 standard deviations above the median.
-_SHAPE = (1 / 6, 1.2)
-# A modulus without a reference stress, as a fraction of the same bound, again 1.5 standard
-# deviations above the median.
-_MODULUS = (1 / 20, 2.0)
-
-# Standard deviations of the location of other coordinates.
-# Logarithm of a modulus divided by the first one: a factor of 20 with 95 % probability.
-_RATIO_SD = 1.5
-# Logit of an angle or a dispersion: nearly uniform between the bounds.
-_LOGIT_SD = 1.5
-# A parameter of either sign: the range divided by this number, two standard deviations each side.
-_REAL_SD = 4.0
-
-# Spread of the specimens of a class, as median and standard deviation of the logarithm: 0.1 to 1.6
-# with 95 % probability, which includes the 0.29 to 0.9 of seven mouse aortas.
-SPREAD = (0.4, 0.7)
-# Median spread of the logarithm of a stress ratio; mouse aortas have 0.7 to 0.9.
-_STRESS_RATIO_SPREAD = 0.8
-# Median spread of the logarithm of a thickness: vessels of one group differ less in thickness than
-# in material.
-_THICKNESS_SPREAD = 0.15
-# Median spread of a parameter of either sign: the range divided by this number.
-_REAL_SPREAD = 20.0
-
 # Draws for the moments of the logarithm of a thickness: 2 % of a standard deviation.
 _THICKNESS_DRAWS = 4000
+
+
+class _Prior(NamedTuple):
+    """Priors of a class in one coordinate: a normal location, and a log-normal spread."""
+
+    mean: float
+    """Mean of the location."""
+    sd: float
+    """Standard deviation of the location."""
+    spread: float = 0.4
+    """Median of the spread. Seven mouse aortas have 0.29 to 0.9."""
+
+
+# Standard deviation of the logarithm of every spread: a factor of 4 each way with 95 % probability.
+_SD_OF_LOG_SPREAD = 0.7
+# Priors by kind of coordinate.
+_PRIORS = {
+    # Logarithm of the strain at the reference stress: 0.05 to 0.8 with 95 % probability. Seven
+    # mouse aortas have 0.11 to 0.24, with a standard deviation of 0.29 of the logarithm.
+    "strain": _Prior(np.log(0.2), 0.7),
+    # Logarithm of the stress of a modulus over that of the first: a factor of 50 with 95 %
+    # probability. Mouse aortas have spreads of 0.7 to 0.9.
+    "stress ratio": _Prior(0.0, 2.0, 0.8),
+    # Logarithm of the ratio of a modulus to the first, over that of their upper bounds: a factor of
+    # 20 with 95 % probability.
+    "ratio": _Prior(0.0, 1.5),
+    # Logarithm of a modulus, without a reference stress, over its upper bound: the bound is 1.5
+    # standard deviations above the median.
+    "modulus": _Prior(np.log(1 / 20), 2.0),
+    # The same of a dimensionless parameter.
+    "shape": _Prior(np.log(1 / 6), 1.2),
+    # Logit of an angle or a dispersion: nearly uniform between the bounds.
+    "logit": _Prior(0.0, 1.5),
+    # A parameter of either sign, from the middle of its range and in units of the range, which is
+    # two standard deviations each side.
+    "real": _Prior(0.0, 1 / 4, 1 / 20),
+    # Logarithm of a thickness, whose location has the moments of its distribution: vessels of one
+    # group differ less in thickness than in material.
+    "thickness": _Prior(np.nan, np.nan, 0.15),
+}
 
 
 @dataclass(frozen=True)
@@ -156,13 +164,13 @@ class NaturalScale:
     @property
     def location_prior(self) -> tuple[Array, Array]:
         """Mean and standard deviation of the normal prior of the location of a class."""
-        mean, sd = np.array([(c.mean, c.sd) for c in self._coordinates]).T
+        mean, sd, _ = np.array([c.prior for c in self._coordinates]).T
         return mean, sd
 
     @property
     def spread_prior(self) -> tuple[Array, float]:
         """Mean and standard deviation of the logarithm of the spread of a class."""
-        return np.log([c.spread for c in self._coordinates]), SPREAD[1]
+        return np.log([c.prior.spread for c in self._coordinates]), _SD_OF_LOG_SPREAD
 
     def parameters(self, coordinates: Sequence[TensorVariable]) -> dict[str, Any]:
         """Material parameters by name, as arguments of the strain energy.
@@ -228,12 +236,7 @@ class _Coordinate(NamedTuple):
     """A coordinate and its default priors."""
 
     name: str
-    mean: float
-    """Mean of the prior of the location."""
-    sd: float
-    """Standard deviation of the prior of the location."""
-    spread: float = SPREAD[0]
-    """Median of the prior of the spread."""
+    prior: _Prior
 
 
 class _Entry(NamedTuple):
@@ -248,16 +251,16 @@ class _Entry(NamedTuple):
     def coordinate(self) -> _Coordinate:
         """Coordinate of the entry by itself: its logarithm, its logit, or the entry."""
         scale, (low, high) = self.parameter.natural_scale, self.parameter.prior_range
-        name = f"{scale}_{self.name}"
         if scale == "log":
-            fraction, sd = _MODULUS if self.parameter.unit == "kPa" else _SHAPE
-            median, sd = self.parameter.typical or (high * fraction, sd)
-            return _Coordinate(name, np.log(median), sd)
-        if scale == "logit":
-            return _Coordinate(name, 0.0, _LOGIT_SD)
-        return _Coordinate(
-            name, (low + high) / 2, (high - low) / _REAL_SD, (high - low) / _REAL_SPREAD
-        )
+            prior = _PRIORS["modulus" if self.parameter.unit == "kPa" else "shape"]
+            median, sd = self.parameter.typical or (high * np.exp(prior.mean), prior.sd)
+            prior = _Prior(np.log(median), sd, prior.spread)
+        else:
+            prior = _PRIORS[scale]
+        if scale == "real":
+            sd, spread = (high - low) * prior.sd, (high - low) * prior.spread
+            prior = _Prior((low + high) / 2, sd, spread)
+        return _Coordinate(f"{scale}_{self.name}", prior)
 
     def value(self, x: TensorVariable | None) -> Any:
         """Value of the entry at its coordinate `x`, or its number."""
@@ -314,14 +317,14 @@ class _Material:
         first = self._entries[self._moduli[0]]
         if entry is first:
             state = "biaxial" if self._additive else "reference"
-            strain, sd = _REFERENCE_STRAIN
-            return _Coordinate(f"log_{state}_strain{self._suffix}", np.log(strain), sd)
+            return _Coordinate(f"log_{state}_strain{self._suffix}", _PRIORS["strain"])
         if self._additive:
-            ratio, sd = _STRESS_RATIO
-            name = f"log_stress_{entry.name}_over_{first.name}"
-            return _Coordinate(name, np.log(ratio), sd, _STRESS_RATIO_SPREAD)
+            return _Coordinate(
+                f"log_stress_{entry.name}_over_{first.name}", _PRIORS["stress ratio"]
+            )
         largest = entry.parameter.prior_range[1] / first.parameter.prior_range[1]
-        return _Coordinate(f"log_{entry.name}_ratio", np.log(largest), _RATIO_SD)
+        prior = _PRIORS["ratio"]._replace(mean=np.log(largest) + _PRIORS["ratio"].mean)
+        return _Coordinate(f"log_{entry.name}_ratio", prior)
 
     def parameters(self, coordinates: Sequence[TensorVariable]) -> dict[str, Any]:
         """Parameters by name, vectors as tuples, from the coordinates of the inferred entries."""
@@ -350,7 +353,8 @@ def _of_thickness(name: str, distribution: TensorVariable) -> _Coordinate:
             "of positive numbers, such as pm.LogNormal.dist(-1, 0.3)"
         )
     logs = np.log(draws)
-    return _Coordinate(f"log_{name}", logs.mean(), logs.std(), _THICKNESS_SPREAD)
+    prior = _PRIORS["thickness"]._replace(mean=logs.mean(), sd=logs.std())
+    return _Coordinate(f"log_{name}", prior)
 
 
 def check_moduli(wall: StrainEnergy | Sequence[Layer]) -> None:

@@ -1,7 +1,7 @@
 """The parts of a model of inflation curves, and quantities computed from its draws."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import describe_test
+from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.results import data_groups
 from pymc_hyperelastic.evidence.verdicts import registered_checks
 from pymc_hyperelastic.mechanics.layers import Layer
@@ -27,14 +28,14 @@ from pymc_hyperelastic.models.records import (
     named_layers,
     strain_energy_attrs,
 )
-from pymc_hyperelastic.models.residuals import Residuals
 
 Array = NDArray[np.float64]
 
 registered_checks.append(CHECKS_OF_CURVES)
 
-# Draws whose curves are compared with quadrature.
-_COMPARED = 64
+# Draws of a posterior whose curves are looked at: the best of these is within about a unit of the
+# largest log likelihood.
+_SOME = 200
 
 
 @dataclass(frozen=True)
@@ -76,32 +77,31 @@ class Study:
     def diagnostics(
         self, model: pm.Model, posterior: Mapping[str, Array], particles: Array
     ) -> xr.Dataset:
-        """Return what is stored with the evidence: the error of curves, and their residuals."""
+        """Return the error of curves, and their residuals, to be stored with the evidence."""
         error = self.curve_error(posterior)
-        found = xr.Dataset({"curve_error": error} if np.isfinite(error) else {})
-        return found.merge(Residuals(model, self).of(self.data, particles))
+        found = xr.Dataset({} if np.isnan(error) else {"curve_error": error})
+        return found.merge(self.chi_squares_of(model)(self.data, particles))
 
     def curve_error(self, posterior: Mapping[str, Array]) -> float:
         """Return the largest error of the curves of some draws, see :meth:`ForwardModel.errors`.
 
         The posterior holds arrays (chain, draw, ...) by name. The error is NaN if a parameter is
-        missing there.
+        missing there. A geometry that was measured with an error has its measured value.
         """
         if self.forward is None:
             return np.nan
         parameters, geometry = self.forward.unknown
         if not {*parameters, *geometry} <= posterior.keys():
             return np.nan
-        sizes = {}
-        if isinstance(self.energy, StrainEnergy):
-            sizes = {p.name: p.size for p in self.energy.parameters if p.size is not None}
-        draws = {}
-        for name in (*parameters, *geometry):
-            # Parameters of a population are by specimen as well.
-            entries = (sizes[name],) if name in sizes else ()
-            values = posterior[name].reshape(-1, *entries)
-            draws[name] = values[:: -(-len(values) // _COMPARED)]
-        known = ({name: draws[name] for name in names} for names in (parameters, geometry))
+        # Parameters of a population are by specimen as well.
+        axes = 3 if self.likelihood is None else 2
+        known = (
+            {
+                name: _some(posterior[name].reshape(-1, *posterior[name].shape[axes:]))
+                for name in names
+            }
+            for names in (parameters, geometry)
+        )
         return float(self.forward.errors(self.data, *known).max())
 
     def residuals(self, model: pm.Model) -> dict[str, Any]:
@@ -128,6 +128,23 @@ class Study:
             difference = model["axial_force"] - shared["axial_force"]
             found["axial_force"] = difference / errors.force_sd
         return found
+
+    def chi_squares_of(self, model: pm.Model) -> Callable[[xr.Dataset, Array], xr.Dataset]:
+        """Compile :meth:`chi_squares` of a model, as a function of its data and of particles.
+
+        The result is empty if the model has no residuals.
+        """
+        residuals = self.residuals(model)
+        if not residuals:
+            return lambda *_: xr.Dataset()
+        terms = model.replace_rvs_by_values([*residuals.values()])
+        function = BatchedFunction.of_model(model, terms)
+
+        def chi_squares(data: xr.Dataset, particles: Array) -> xr.Dataset:
+            values = map(np.asarray, function(_some(particles)))
+            return self.chi_squares(data, dict(zip(residuals, values, strict=True)))
+
+        return chi_squares
 
     def chi_squares(self, data: xr.Dataset, residuals: Mapping[str, Array]) -> xr.Dataset:
         """Squared residuals and numbers of points by test and signal, of the best of some draws.
@@ -212,6 +229,10 @@ class Study:
             return said | layers_attrs(named_layers(law))
         except ValueError:  # settings of a law that are no text
             return said | ({"strain_energy": law.name} if isinstance(law, StrainEnergy) else {})
+
+
+def _some(draws: Array) -> Array:
+    return draws[:: -(-len(draws) // _SOME)]
 
 
 def _measurements_of(data: xr.Dataset) -> dict[str, Array]:

@@ -11,6 +11,8 @@ from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
+from pymc_hyperelastic.models.forward.integrator import REFERENCE_ORDER
+from pymc_hyperelastic.models.forward.numbers import numeric_curves
 from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
 from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature
 
@@ -91,13 +93,12 @@ def test_evidence_has_no_error_if_curves_stay_inaccurate(error, taut, monkeypatc
         points = target.draw_prior(20, np.random.default_rng(SEED))
         return Integral(Estimate(0.0, 0.0), 0.0, "importance", points), target
 
-    exact = PointwiseQuadrature.values
-    for kind in (TabulatedQuadrature, PointwiseQuadrature):
-        monkeypatch.setattr(kind, "values", lambda self, *given: wrong(self.reference(*given)))
-    monkeypatch.setattr(PointwiseQuadrature, "reference", exact)
-
-    def wrong(curves):
+    def wrong(_, *given):
+        curves = numeric_curves(*given, REFERENCE_ORDER)
         return {name: curve * (1 + error) for name, curve in curves.items()}
+
+    for kind in (TabulatedQuadrature, PointwiseQuadrature):
+        monkeypatch.setattr(kind, "values", wrong)
 
     with pytest.warns(UserWarning, match="wrong by more than 1e-06"):
         found, _ = sampler._with_accurate_curves(data, take)

@@ -19,7 +19,7 @@ from pymc_hyperelastic.data.inflation import at_points
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.forward.integrator import compared_points
-from pymc_hyperelastic.models.forward.prior_draws import largest_pressures
+from pymc_hyperelastic.models.forward.prior_draws import possible_in_tests
 from pymc_hyperelastic.models.forward.tube_variables import WallVariables
 from pymc_hyperelastic.models.priors import complete_priors
 
@@ -277,9 +277,7 @@ def test_materials_are_possible_up_to_a_multiple_of_the_measured_pressures():
     unit = ph.inflation_pressure(ph.NeoHookean(), radius, mu=1.0, **tube).eval(mode=AS_WRITTEN)
     largest = BEYOND * np.abs(data["pressure"].values).max() / np.abs(unit).max(axis=1)
     moduli = np.ravel(np.outer(largest, [0.99, 1.01]))
-    wall = WallVariables(ph.NeoHookean(), {"mu": pt.dscalar()}, {})
-    limit = BEYOND * np.abs(data["pressure"].values).max()
-    found = largest_pressures(wall, data, [moduli]) < limit
+    found = possible_in_tests(WallVariables(ph.NeoHookean(), {"mu": moduli}, {}), data)
     np.testing.assert_array_equal(found, moduli < largest[:, None])
 
 
@@ -311,6 +309,15 @@ def test_errors_of_layered_walls_are_those_of_their_order():
     np.testing.assert_allclose(forward.errors(data, values), expected, rtol=1e-3)
     # The refined rule is compared with a finer one, and not with itself.
     assert 0 < forward.refined(data, values).errors(data, values).max() < 1e-10
+
+
+def test_errors_of_layers_with_vectors_of_parameters_are_known():
+    """The posterior of a layer's vector has one more axis."""
+    data = opened_tube().assign(outer_radius=("test", np.full(4, np.nan)))
+    wall = [ph.Layer(ph.OgdenSeries(2), 0.2), ph.Layer(ph.NeoHookean(), 0.1, mu=5.0)]
+    study = ph.inflation_model(wall, data, 0.5).study
+    posterior = {"mu_1": np.full((1, 3, 2), 6.0), "alpha_1": np.full((1, 3, 2), 4.0)}
+    assert study.curve_error(posterior) < 1e-8
 
 
 def test_errors_where_the_geometry_is_not_known_are_those_of_given_tubes():

@@ -1,59 +1,32 @@
 """The choice of an integrator: the cheapest one that is accurate over the range of the prior."""
 
 import warnings
-from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 from pytensor.graph.utils import MissingInputError
 
 from pymc_hyperelastic.data.inflation import extension_tests
 from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.mechanics.interpolation import ChebyshevNodes, evenly, nodes_needed
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
-from pymc_hyperelastic.models.forward.integrator import (
-    REFERENCE_ORDER,
-    Integrator,
-    ends_of_tests,
-)
+from pymc_hyperelastic.models.forward.integrator import Integrator
 from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
-from pymc_hyperelastic.models.forward.prior_draws import (
-    BEYOND,
-    FEWEST,
-    in_numbers,
-    largest_measured,
-    largest_pressures,
-    representative_values,
-)
-from pymc_hyperelastic.models.forward.selection import select_nodes
-from pymc_hyperelastic.models.forward.tabulated import (
-    TabulatedQuadrature,
-    groups_of,
-    known_tubes,
-)
-from pymc_hyperelastic.models.forward.tube_variables import Array, WallVariables
+from pymc_hyperelastic.models.forward.prior_draws import DRAWS, possible_in_tests, walls_of_prior
+from pymc_hyperelastic.models.forward.selection import FINER, select_nodes
+from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature, groups_of, known_tubes
+from pymc_hyperelastic.models.forward.tube_variables import WallVariables
 
 Mode = Literal["auto", "collocation", "quadrature"]
 
-# Orders of quadrature that are compared with the reference order.
-_ORDERS = (4, 6, 8, 12, 16, 24, 32)
-# Largest error of an order, relative to the largest value of a curve: a hundredth of the usual
-# tolerance of matrices, so that pointwise quadrature is the more accurate integrator.
-_ORDER_TOLERANCE = 1e-11
-# Largest pressures of the materials for which Chebyshev nodes are chosen, in largest measured ones:
-# 100 times as large as for the other integrators; chosen by experiment.
-_FAR_BEYOND = 1000.0
-# Tolerance of Chebyshev coefficients of these materials, relative to the largest coefficient: ten
-# times the usual one, because exponentials of squares have larger rounding errors.
-_COEFFICIENT_TOLERANCE = 1e-13
-# Points and materials for which orders are compared.
-_MOST_POINTS = 16
-_MOST_MATERIALS = 200
+# Fewest possible materials of the prior by which its range is known.
+_FEWEST = 32
 # Points of the data from which on it pays to select nodes: quadrature of fewer takes less time.
 _MANY_POINTS = 50
 
@@ -73,9 +46,9 @@ def choose_integrator(
     """Return the cheapest integrator that is accurate over the range of the wall's distributions.
 
     These are Chebyshev nodes if the stretch of each test is held and the response is smooth; nodes
-    that are selected in the walls, for many points; else quadrature of the least order that will
-    do. Curves by selected nodes may err by the `tolerance`; a fraction of the materials of the
-    prior may be `inaccurate`. `geometry_sd` are the errors of a measured geometry.
+    that are selected in the walls, for many points; else quadrature of 32 nodes, or as few as are
+    accurate. Curves may err by the `tolerance`; by selected nodes those of a fraction of the
+    materials, `inaccurate`, by more. `geometry_sd` are the errors of a measured geometry.
     """
     if mode not in get_args(Mode):
         raise ValueError(f"mode is {mode!r}; expected one of {get_args(Mode)}")
@@ -85,9 +58,8 @@ def choose_integrator(
     )
     if mode == "quadrature":
         return quadrature(WALL_ORDER)
-    wall = wall.by_entries()
     try:
-        draws = representative_values(wall.unknown) if wall.unknown else []
+        walls = walls_of_prior(wall, data)
     except (MissingInputError, NotImplementedError) as error:
         unknown = f"the prior cannot be drawn from ({str(error).splitlines()[0]})"
         if mode == "collocation":
@@ -98,75 +70,52 @@ def choose_integrator(
             skip_file_prefixes=(PACKAGE,),
         )
         return quadrature(WALL_ORDER)
+    possible = possible_in_tests(walls, data, geometry_sd=sd)
+    in_all = np.flatnonzero(possible.all(axis=0))
+    fewest = _FEWEST if wall.unknown else 1
     reason = "layers, a geometry that is inferred or has an error, and an error in the radius"
     if wall.known_tube and known_radii:
+        found, reason = None, f"the response of {wall.energy.name} over the range of its parameters"
         tabulated = TabulatedQuadrature(ChebyshevNodes(2), with_force, by_test, tolerance)
-        found = None
         if not extension_tests(data).any():
-            found = _chebyshev(tabulated, wall, data, draws)
-        if found is None and (mode == "collocation" or data.sizes["obs"] >= _MANY_POINTS):
-            found = select_nodes(tabulated, wall, data, inaccurate)
+            found = _chebyshev(tabulated, walls, data, possible, fewest)
+        draws, many = in_all[in_all < DRAWS], data.sizes["obs"] >= _MANY_POINTS
+        if found is None and len(draws) >= _FEWEST and (many or mode == "collocation"):
+            found = select_nodes(tabulated, walls.some(draws), data, inaccurate)
         if found is not None:
             return found
-        reason = f"the response of {wall.energy.name} over the range of these parameters"
     if mode == "collocation":
         raise ValueError(f"{reason} cannot be collocated: use mode='quadrature'")
-    return quadrature(_least_order(quadrature, wall, data, draws))
+    if len(in_all) < fewest:
+        return quadrature(WALL_ORDER)
+    order, some = WALL_ORDER, walls.some(in_all[evenly(len(in_all), _FEWEST)])
+    while quadrature(order // 2).errors(data, some).max() <= FINER * tolerance:
+        order //= 2
+    return quadrature(order)
 
 
 def _chebyshev(
-    tabulated: TabulatedQuadrature, wall: WallVariables, data: xr.Dataset, draws: Sequence[Array]
+    tabulated: TabulatedQuadrature,
+    walls: WallVariables,
+    data: xr.Dataset,
+    possible: NDArray[np.bool_],
+    fewest: int,
 ) -> TabulatedQuadrature | None:
-    """Chebyshev nodes for all draws, or for all possible ones; None if they are too many.
+    """Chebyshev nodes for all materials, or else for the possible ones; None if they are too many.
 
-    The model may be used for one test alone: materials that are impossible in another test count.
+    In each group of points the materials that are possible in all of its tests count, if these are
+    not too few.
     """
-    energy, tubes = wall.energy, known_tubes(data)
-    numbers = in_numbers(wall, data, draws).materials
-    settings: dict[str, Any] = {"with_force": tabulated.with_force}
-    groups = groups_of(data, tubes, by_test=False, by_stretch=True)
-    count = nodes_needed(energy, tubes, groups, numbers, **settings)
-    if count is None:
-        possible = largest_pressures(wall, data, draws) < largest_measured(data, _FAR_BEYOND)
-        settings["tolerance"] = _COEFFICIENT_TOLERANCE
-        counts: list[int | None] = []
-        for group in groups + groups_of(data, tubes, by_test=True, by_stretch=True):
-            own = possible[np.unique(data["test"].values[group.points])].all(axis=0)
-            if own.sum() < FEWEST:
-                return None
-            some = [values[own] for values in numbers]
-            counts.append(nodes_needed(energy, tubes, [group], some, **settings))
-            if counts[-1] is None:
-                return None
-        count = max(c for c in counts if c is not None)
-    return replace(tabulated, basis=ChebyshevNodes(count))
-
-
-def _least_order(
-    quadrature: Any, wall: WallVariables, data: xr.Dataset, draws: Sequence[Array]
-) -> int:
-    """The order after the least at which curves agree with those of the reference order."""
-    points = np.unique(np.concatenate(ends_of_tests(data)))
-    points = points[evenly(len(points), _MOST_POINTS)]
-    some = [values[evenly(len(values), _MOST_MATERIALS)] for values in draws]
-    numbers = in_numbers(wall, data, some)
-
-    def curves(order: int) -> list[Array]:
-        return [*quadrature(order).values(data, numbers, points).values()]
-
-    exact = curves(REFERENCE_ORDER)
-    possible = np.abs(exact[0]).max(axis=1) < largest_measured(data, BEYOND)
-    if not possible.any():
-        return WALL_ORDER
-
-    def enough(order: int) -> bool:
-        return all(
-            np.all(
-                np.abs(curve - expected)[possible]
-                <= _ORDER_TOLERANCE * np.abs(expected[possible]).max(axis=1, keepdims=True)
-            )
-            for curve, expected in zip(curves(order), exact, strict=True)
-        )
-
-    least = bisect_left(_ORDERS, True, key=enough)
-    return [*_ORDERS, REFERENCE_ORDER, REFERENCE_ORDER][least + 1]
+    tubes, most, with_force = known_tubes(data), 0, tabulated.with_force
+    for group in groups_of(data, tubes, by_test=tabulated.by_test, by_stretch=True):
+        own = possible[np.unique(data["test"].values[group.points])].all(axis=0)
+        if own.sum() < fewest:
+            return None
+        needed = partial(nodes_needed, walls.energy, tubes, [group], with_force=with_force)
+        count = needed(walls.materials)
+        if count is None:
+            count = needed(walls.some(own).materials)
+        if count is None:
+            return None
+        most = max(most, count)
+    return replace(tabulated, basis=ChebyshevNodes(most))

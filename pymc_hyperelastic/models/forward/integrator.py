@@ -11,15 +11,20 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, measured_radius, points_of
 from pymc_hyperelastic.mechanics.interpolation import evenly
+from pymc_hyperelastic.models.forward.numbers import numeric_curves
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
 
-# Nodes of the quadrature with which curves are compared: twice as many as a wall needs in the
-# worst case (WALL_ORDER), which squares the error of a Gauss-Legendre rule.
-REFERENCE_ORDER = 64
-# Points of each specimen at which curves are compared, besides the ends of its tests.
-_POINTS_OF_SPECIMEN = 8
-# Points of all specimens at which curves are compared: bounds time and memory.
-_MOST_POINTS = 320
+# Largest slope (kPa/mm) and largest sum of squares (kPa² or their units): far beyond any tube, and
+# multiples of such sums do not overflow.
+LARGEST = np.float64(1e60)
+# Nodes of the quadrature with which curves are compared: more than any integrator has, which are 64
+# at most.
+REFERENCE_ORDER = 96
+# Points at which curves are compared, besides the ends of tests.
+_COMPARED_POINTS = 128
+# Rounds in which an integrator is made accurate for materials whose curves were not; one or two
+# usually suffice.
+MOST_ROUNDS = 4
 
 
 class Integrator(ABC):
@@ -34,6 +39,11 @@ class Integrator(ABC):
     """True if misfits are computed from the curves at all points, and need their arrays."""
     with_force: bool
     by_test: bool
+
+    @property
+    def geometry_sd(self) -> tuple[tuple[str, float | None], ...]:
+        """Names and standard deviations of a measured geometry; None are those of the data."""
+        return ()
 
     @abstractmethod
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
@@ -58,16 +68,8 @@ class Integrator(ABC):
     @abstractmethod
     def differences(
         self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
-    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
         """Return differences between curves and targets, and the conditions for them."""
-
-    @abstractmethod
-    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
-        """Return the arrays of a linear map of each test for :meth:`mapped`."""
-
-    @abstractmethod
-    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
-        """Return a linear map of pressures and of slopes by the radius that was measured."""
 
     @abstractmethod
     def values(
@@ -79,48 +81,40 @@ class Integrator(ABC):
     def refined(self, data: xr.Dataset, wall: WallVariables) -> "Integrator":
         """Return an integrator that is accurate for the materials of this wall, too."""
 
-    @abstractmethod
-    def reference(
-        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
-    ) -> dict[str, Array]:
-        """Return the same curves by quadrature of a higher order, at least REFERENCE_ORDER."""
-
     @np.errstate(all="ignore")  # some of the materials may be impossible
     def errors(self, data: xr.Dataset, wall: WallVariables) -> Array:
-        """Return the largest error of the curves of each material, compared with the reference.
+        """Return the largest error of the curves of each material, compared with a finer rule.
 
         It is relative to the largest value of the curve in the tests of a specimen. Forces may be
         nil: they are compared with the thrust ``π a² p`` of the pressure, if that is larger. An
         error that is not a number counts as infinite. Matrices are compared by their pressures and
         forces alone, and not by their slopes.
         """
-        specimen = np.unique(data["specimen"].values, return_inverse=True)[1]
-        of_points = specimen[data["test"].values]
         points = compared_points(data)
-        found, exact = self.values(data, wall, points), self.reference(data, wall, points)
+        settings = REFERENCE_ORDER, self.with_force, self.geometry_sd
+        exact = numeric_curves(data, wall, points, *settings)
+        found = self.values(data, wall, points)
+        specimen = np.unique(data["specimen"].values, return_inverse=True)[1]
+        specimen = specimen[data["test"].values[points]]
         errors = np.zeros(1)
-        for own in (of_points[points] == i for i in np.unique(of_points[points])):
+        for own in (specimen == i for i in np.unique(specimen)):
             scales = {k: np.abs(v[:, own]).max(axis=1) for k, v in exact.items()}
             if "axial_force" in scales:
                 radius = data["radius"].values[points][own]
                 thrust = np.pi * np.nanmax(radius, initial=0.0) ** 2 * scales["pressure"]
                 scales["axial_force"] = np.maximum(scales["axial_force"], thrust)
             for name, curve in found.items():
-                error = np.abs(curve[:, own] - exact[name][:, own]).max(axis=1)
+                error = np.abs(curve - exact[name])[:, own].max(axis=1)
                 error = error / np.where(scales[name] > 0, scales[name], 1.0)
                 errors = np.maximum(errors, np.where(np.isnan(error), np.inf, error))
         return errors
 
 
 def compared_points(data: xr.Dataset) -> NDArray[np.intp]:
-    """Return points of each specimen: the ends of its tests, and some evenly spread."""
-    _, specimen = np.unique(data["specimen"].values, return_inverse=True)
-    of_points = specimen[data["test"].values]
-    chosen = [np.concatenate(ends_of_tests(data))]
-    for own in (np.flatnonzero(of_points == i) for i in np.unique(of_points)):
-        chosen.append(own[evenly(len(own), _POINTS_OF_SPECIMEN)])
-    points = np.unique(np.concatenate(chosen))
-    return points[evenly(len(points), _MOST_POINTS)]
+    """Return points at which curves are compared: the ends of tests, and others evenly spread."""
+    ends = np.concatenate(ends_of_tests(data))
+    points = np.union1d(ends, evenly(data.sizes["obs"], _COMPARED_POINTS))
+    return points[evenly(len(points), _COMPARED_POINTS)]
 
 
 def ends_of_tests(data: xr.Dataset) -> list[NDArray[np.intp]]:

@@ -23,17 +23,13 @@ from pymc_hyperelastic.data.inflation import (
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.models.forward.choose import Mode, choose_integrator
-from pymc_hyperelastic.models.forward.integrator import Integrator
+from pymc_hyperelastic.models.forward.integrator import LARGEST, MOST_ROUNDS, Integrator
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
 from pymc_hyperelastic.models.geometry import measured_of, priors_of
 from pymc_hyperelastic.models.priors import with_variables
 
-# kPa², or (kPa/mm)²: a misfit far beyond any tube, whose multiples do not overflow.
-_LARGEST_MISFIT = np.float64(1e60)
 # Radii of a test at which it is checked that pressure rises.
 _RADII_BETWEEN = 20
-# Attempts to make curves accurate for the materials that are found; one or two usually suffice.
-_MOST_ROUNDS = 4
 
 
 class ForwardModel:
@@ -60,8 +56,8 @@ class ForwardModel:
     by_test : bool
         Whether each test has parameters of its own, vectors of the length of the tests.
     tolerance : float
-        Largest error of curves by selected nodes and by refined matrices, relative to the largest
-        value of each. Chebyshev nodes and pointwise quadrature are chosen for smaller errors.
+        Largest error of curves, relative to the largest value of each. Chebyshev nodes and
+        pointwise quadrature are chosen for smaller errors.
     inaccurate : float
         Fraction of the materials of the prior whose curves may err by more: a few have fibres that
         stiffen by orders of magnitude within a hundredth of a wall. It may be larger for callers
@@ -93,13 +89,11 @@ class ForwardModel:
     ) -> None:
         self.data, self.error_in, self._replaceable = data, error_in, replaceable
         self.by_test = by_test
-        self._wall, self._distributions = wall, dict(parameters)
-        measured = measured_of(geometry or {})
+        self._energy, self._distributions = wall, dict(parameters)
+        measured, self._geometry = measured_of(geometry or {}), priors_of(geometry or {})
         deviations = {name: pm.Normal.dist() for name in measured}
-        unknown = priors_of(geometry or {})
-        self._stated = WallVariables(wall, self._parameters(parameters), unknown, deviations)
         self.integrator: Integrator = choose_integrator(
-            self._stated,
+            self._wall(parameters, self._geometry, deviations),
             data,
             mode=mode,
             known_radii=error_in == "pressure",
@@ -128,12 +122,12 @@ class ForwardModel:
         The `parameters` and the unknown `geometry` are given by name, with one number for each
         material. A geometry that is missing is the measured one.
         """
-        return self.integrator.errors(data, self._in_numbers(parameters, geometry))
+        return self.integrator.errors(data, self._wall(parameters, geometry))
 
     @property
     def unknown(self) -> tuple[list[str], list[str]]:
         """Names of the unknown material parameters, and of the unknown geometry."""
-        return [*self._distributions], [*self._stated.geometry]
+        return [*self._distributions], [*self._geometry]
 
     def refined(
         self,
@@ -143,18 +137,9 @@ class ForwardModel:
     ) -> "ForwardModel":
         """Return the same with curves that are accurate for these materials, too."""
         other = copy(self)
-        wall = self._in_numbers(parameters, geometry)
+        wall = self._wall(parameters, geometry)
         other.integrator, other._shared = self.integrator.refined(data, wall), {}
         return other
-
-    def _in_numbers(
-        self, parameters: Mapping[str, Any], geometry: Mapping[str, Any] | None
-    ) -> WallVariables:
-        wall: Any = self._wall
-        if not isinstance(wall, StrainEnergy):
-            wall = with_variables(wall, self._distributions, parameters)
-        known = {name: v for name, v in (geometry or {}).items() if name in self._stated.geometry}
-        return WallVariables(wall, self._parameters(parameters), known)
 
     def between(self) -> "ForwardModel":
         """The same tests at radii evenly spread between the ends of each.
@@ -206,15 +191,20 @@ class ForwardModel:
         The `deviations` of the measured geometry, in standard deviations, are vectors with one
         entry for each test.
         """
-        wall: Any = self._wall
-        if not isinstance(wall, StrainEnergy):
-            wall = with_variables(wall, self._distributions, parameters)
-        known = geometry or {}, deviations or {}
-        return SymbolicTube(self, WallVariables(wall, self._parameters(parameters), *known))
+        return SymbolicTube(self, self._wall(parameters, geometry, deviations))
 
-    def _parameters(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Parameters of one material; layers bring their own."""
-        return dict(parameters) if isinstance(self._wall, StrainEnergy) else {}
+    def _wall(
+        self,
+        parameters: Mapping[str, Any],
+        geometry: Mapping[str, Any] | None = None,
+        deviations: Mapping[str, Any] | None = None,
+    ) -> WallVariables:
+        """The wall with variables or numbers in place of the distributions."""
+        unknown = geometry or {}, deviations or {}
+        if isinstance(self._energy, StrainEnergy):
+            return WallVariables(self._energy, dict(parameters), *unknown)
+        layers = with_variables(self._energy, self._distributions, parameters)
+        return WallVariables(layers, {}, *unknown)
 
 
 def until_accurate[T](
@@ -228,7 +218,7 @@ def until_accurate[T](
     which the curves must be accurate: the arguments of :meth:`ForwardModel.errors`. The second
     value is False if the curves are still inaccurate after a few rounds.
     """
-    for rounds_left in range(_MOST_ROUNDS, -1, -1):
+    for rounds_left in range(MOST_ROUNDS, -1, -1):
         found, materials = take(forward)
         # An error that is not a number is infinite.
         if forward.errors(*materials).max() <= tolerance:
@@ -283,15 +273,17 @@ class SymbolicTube(NamedTuple):
         ``"force_sum"``, the forces once more, their differences are added up test by test as well.
         """
         integrator = self.forward.integrator
-        inputs = self._inputs(
+        inputs: dict[str, Any] = self.forward.share(
             ("misfits", key), lambda data: integrator.misfit_arrays(data, targets_of(data))
         )
+        if integrator.by_points:
+            inputs = self._curve_inputs | inputs
         differences, conditions = integrator.differences(inputs, self.wall, self.forward.error_in)
-        (force_sums,) = differences.pop("force_sum", [None])
+        force_sums = differences.pop("force_sum", None)
         squares = {}
-        for name, parts in differences.items():
-            total = sum(pt.sum(pt.square(difference)) for difference in parts)
-            conditions.append(total < _LARGEST_MISFIT)
+        for name, difference in differences.items():
+            total = pt.sum(pt.square(difference))
+            conditions.append(total < LARGEST)
             # Else a noise parameter's gradient would be 0 * inf. That of the material is zero by
             # the integral itself.
             known = pt.where(conditions[-1], total, 0.0)
@@ -299,23 +291,6 @@ class SymbolicTube(NamedTuple):
             if name == "force" and force_sums is not None:
                 force_sums = pt.where(conditions[-1], force_sums, 0.0)
         return Misfits(squares, conditions, force_sums)
-
-    def mapped(self, key: Hashable, linear_of: Callable[[xr.Dataset], Callable]) -> TensorVariable:
-        """A linear map of the pressures, and of the slopes by the radius that was measured.
-
-        `linear_of` gives the map that belongs to data: it takes both as columns over ``obs``, and
-        mixes no two tests. Another map has another `key`.
-        """
-        integrator = self.forward.integrator
-        inputs = self._inputs(
-            ("mapped", key), lambda data: integrator.mapped_arrays(data, linear_of(data))
-        )
-        return integrator.mapped(inputs, self.wall)
-
-    def _inputs(self, key: Hashable, arrays_of: Callable[[xr.Dataset], Arrays]) -> dict[str, Any]:
-        """Shared variables of a misfit or a map, with those of curves where it is made of these."""
-        own = self.forward.share(key, arrays_of)
-        return self._curve_inputs | own if self.forward.integrator.by_points else own
 
     @property
     def _curve_inputs(self) -> dict[str, Any]:

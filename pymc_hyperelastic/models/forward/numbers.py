@@ -1,42 +1,39 @@
-"""Tubes in numbers: curves, stresses and radii of as many tubes as there are draws, at once."""
+"""Numeric tubes: curves, stresses and radii of as many tubes as there are draws, at once."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytensor
 import pytensor.tensor as pt
+import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
+from pymc_hyperelastic.mechanics.axial_force import wall_force
+from pymc_hyperelastic.mechanics.layers import Tube
 from pymc_hyperelastic.mechanics.material import MaterialIntegral
-from pymc_hyperelastic.mechanics.pressure import PressureIntegral
+from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import (
-    GEOMETRY,
-    current_radius,
-    hoop_elongation,
-    inferred_geometry,
-    internal_radius_from_outer_radius,
-    opening_factor,
-)
+from pymc_hyperelastic.mechanics.tube import current_radius, hoop_elongation, opening_factor
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
-from pymc_hyperelastic.models.forward.tube_variables import WallVariables
-from pymc_hyperelastic.models.geometry import deviated_tube
+from pymc_hyperelastic.models.forward.tube_variables import (
+    WallVariables,
+    current_tube,
+    error_inputs,
+    tube_inputs,
+)
 
 Array = NDArray[np.float64]
 
-# A curve is followed in steps of the logarithm of the radius, so short that none leaps over a
-# maximum and the minimum beyond it, and no further than 20 times the radius at which it starts.
-_STEP, _FARTHEST = 0.05, np.log(20.0)
-# Newton's method squares its error: a step of this size leaves one below rounding. An interval that
-# is shorter than the second number without such a step holds the end of the branch.
-_NEWTON_STEP, _NO_LENGTH = 1e-9, 1e-13
-# Relative distance beyond the outer radius of a layer up to which a circle is at the interface.
-_AT_INTERFACE = 1e-12
-# Compiled functions that are kept: ten laws with a few orders each.
-_COMPILED = 64
+# Largest step in the logarithm of the radius along a curve: none leaps over a maximum of the
+# pressure and the minimum beyond it.
+_LARGEST_STEP = 0.05
+# Logarithm of the ratio of the radii between which a pressure is looked for.
+_FARTHEST = np.log(20.0)
+# Step of Newton's method, relative to the radius, with which a radius counts as found: Newton's
+# method squares its error, so that the next step is below rounding.
+SMALLEST_STEP = 1e-9
 # Points that are integrated together: their arrays stay in the processor's cache.
 _PIECE = 4096
 
@@ -87,49 +84,6 @@ class TubeNumbers(NamedTuple):
     geometry: dict[str, Array]
     """Geometry of the whole tube, by the names of GEOMETRY, in their order."""
 
-    @classmethod
-    @np.errstate(all="ignore")  # an impossible tube has no radius
-    def of_wall(
-        cls, inputs: Mapping[str, Array], wall: WallVariables
-    ) -> tuple["TubeNumbers", Array]:
-        """Return tubes (material, point) of a wall in numbers, and their internal radii.
-
-        The `inputs` are those of :func:`tube_inputs` at each point, with its ``test``. The numbers
-        of the wall have shape (material), and deviations (material, test).
-        """
-
-        def column(values: Any) -> Array:
-            return np.reshape(values, (-1, 1))
-
-        deviations = {name: z[:, inputs["test"]] for name, z in wall.deviations.items()}
-        known = deviated_tube(inputs, deviations)
-        tube = inferred_geometry(known | {name: column(v) for name, v in wall.geometry.items()})
-        inner = tube["inner_radius"]
-        if isinstance(wall.energy, StrainEnergy):
-            entries = [column(entry) for entry in wall.energy.split(wall.parameters)]
-            layers = [LayerNumbers(wall.energy, inner, tube["outer_radius"], entries)]
-        else:
-            layers, begin = [], inner
-            for layer in wall.energy:
-                end = begin + column(layer.thickness)
-                entries = [column(entry) for entry in layer.energy.split(layer.parameters)]
-                layers.append(LayerNumbers(layer.energy, begin, end, entries))
-                begin = end
-            tube["outer_radius"] = begin
-        geometry = {name: tube[name] for name in GEOMETRY}
-        if "radius" in inputs:
-            return cls(layers, geometry), inputs["radius"]
-        outer = inputs["current_outer_radius"]
-        return cls(layers, geometry), internal_radius_from_outer_radius(outer, **geometry)
-
-    def curves(
-        self, radius: Any, order: int = WALL_ORDER, *, with_force: bool = False
-    ) -> dict[str, Array]:
-        """Pressure and stiffness at internal radii, and the axial force if it is asked for."""
-        pressure, stiffness = self.pressure(radius, order)
-        curves = {"pressure": pressure, "stiffness": stiffness}
-        return curves | ({"axial_force": self.axial_force(radius, order)} if with_force else {})
-
     def each(self, change: Callable[[Array], Array]) -> "TubeNumbers":
         """The same with every array changed."""
         layers = [
@@ -155,34 +109,18 @@ class TubeNumbers(NamedTuple):
         """Return the current radii of circles at an internal radius."""
         return current_radius(reference, radius, **self._unloaded)
 
-    def pressure(self, radius: Any, order: int = WALL_ORDER) -> tuple[Array, Array]:
+    def pressure(self, radius: Any) -> tuple[Array, Array]:
         """Pressure and stiffness at internal radii."""
-        pressure: Any = 0.0
-        stiffness: Any = 0.0
-        for i, layer in enumerate(self.layers):
-            own = self.current(layer.inner_radius, radius) if i else radius
-            of_layer = self._integrate(PressureIntegral, layer, own, layer.inner_radius, order)
-            pressure = pressure + of_layer[0]
-            # The internal radius a' of a layer grows by a/a' when that of the wall grows by 1.
-            stiffness = stiffness + of_layer[1] * (radius / own if i else 1.0)
+        pressure, stiffness = _integrate(wall_pressure, self._tubes(radius))
         return pressure, stiffness
 
-    def axial_force(self, radius: Any, order: int = WALL_ORDER) -> Array:
+    def axial_force(self, radius: Any) -> Array:
         """Reduced axial force at internal radii."""
-        force: Any = 0.0
-        for i, layer in enumerate(self.layers):
-            own = self.current(layer.inner_radius, radius) if i else radius
-            own_force = self._integrate(AxialForceIntegral, layer, own, layer.inner_radius, order)
-            force = force + own_force[0]
-        return force
+        return _integrate(wall_force, self._tubes(radius))[0]
 
     def wall_means(self, radius: Any) -> WallMeans:
         """Stored energy and material stiffness at internal radii, as means over the wall."""
-        sums: Any = 0.0
-        for i, layer in enumerate(self.layers):
-            own = self.current(layer.inner_radius, radius) if i else radius
-            of_layer = self._integrate(MaterialIntegral, layer, own, layer.inner_radius)
-            sums = sums + np.array(of_layer)
+        sums = np.array(_integrate(_material_sums, self._tubes(radius)))
         # A radius may be NaN, of which a comparison within the law knows nothing.
         return WallMeans(*np.where(np.isnan(radius), np.nan, sums / self.wall_area))
 
@@ -210,28 +148,28 @@ class TubeNumbers(NamedTuple):
         inner, outer = self.geometry["inner_radius"], self.geometry["outer_radius"]
         reference = inner + position * (outer - inner)
         current = self.current(reference, radius)
-        load: Any = 0.0
+        # The wall beyond a circle is a tube; its pressure is the radial stress at the circle.
+        beyond = []
         hoop, axial = np.full_like(current, np.nan), np.full_like(current, np.nan)
-        for i, layer in enumerate(self.layers):
-            last = i == len(self.layers) - 1
-            # The wall beyond a circle is a tube; its pressure is the radial stress at the circle.
+        for layer in self.layers:
+            last = layer is self.layers[-1]
             begin = np.maximum(reference, layer.inner_radius)
             begin = begin if last else np.minimum(begin, layer.outer_radius)
-            own = self.current(begin, radius)
-            load = load + self._integrate(PressureIntegral, layer, own, begin)[0]
+            beyond.append(layer._replace(inner_radius=begin))
             circles = self.circles(layer, radius, reference)
-            outermost = layer.outer_radius * (1 + _AT_INTERFACE)
-            here = np.isnan(hoop) & (last | (reference <= outermost))
+            within = last | (reference < layer.outer_radius)
+            here = np.isnan(hoop) & (within | np.isclose(reference, layer.outer_radius))
             hoop = np.where(here, circles.hoop_difference, hoop)
             axial = np.where(here, circles.axial_difference, axial)
+        load = _integrate(wall_pressure, self._replace(layers=beyond)._tubes(radius))[0]
         return Stresses(current, -load, hoop - load, axial - load)
 
     def radius_at(self, pressure: Array) -> Array:
         """Internal radius at pressures, on the rising branch of the curve, or NaN.
 
-        Newton's method in the logarithm of the radius. It starts at ``a₀`` and moves along the
-        branch in short steps until the pressure has been passed, or the slope is no longer
-        positive; from then on it stays between the last place before that and the first one after.
+        Newton's method in the logarithm of the radius, from the radius ``a₀`` of the unloaded tube.
+        A step that leaves the rising branch, or leads away from the pressure, is taken back, and
+        those after it are half as long at most.
         """
         entries = [np.shape(entry) for layer in self.layers for entry in layer.entries]
         geometry = [np.shape(value) for value in self.geometry.values()]
@@ -240,33 +178,26 @@ class TubeNumbers(NamedTuple):
         tubes = self.each(lambda value: np.ravel(np.broadcast_to(value, shape)))
         inner, _, axial, angle = tubes.geometry.values()
         start = inner / np.sqrt(opening_factor(angle) * axial)
-        way = np.sign(target - tubes.pressure(start)[0])
-        # Places are |ln(a/a₀)|: the last before the end, the first beyond it, the next to look at.
-        before, beyond = np.zeros_like(start), np.full_like(start, np.inf)
-        place, lacking_before = np.zeros_like(start), np.full_like(start, np.inf)
-        found = np.full_like(start, np.nan)
-        active, turn = np.arange(start.size), 0
+        # ln(a/a₀), the step that is tried there, the step of Newton's method, and its bound.
+        place, step, newton = np.zeros((3, start.size))
+        longest, lacking = np.full(start.size, _LARGEST_STEP), np.full(start.size, np.inf)
+        found = np.full(start.size, np.nan)
+        active = np.arange(start.size)
         while active.size:
-            turn += 1
-            at, direction = place[active], way[active]
-            radius = start[active] * np.exp(direction * at)
+            tried = place[active] + step[active]
+            radius = start[active] * np.exp(tried)
             value, slope = tubes.each(lambda x: x[active]).pressure(radius)
-            with np.errstate(all="ignore"):
-                lacking = direction * (target[active] - value)
-                newton = at + np.where(slope > 0, lacking / (slope * radius), np.nan)
-            passed = ~((lacking > 0) & (lacking <= lacking_before[active]) & (slope > 0))
-            beyond[active[passed]] = at[passed]
-            before[active[~passed]] = at[~passed]
-            lacking_before[active[~passed]] = lacking[~passed]
-            solved = np.abs(newton - at) < _NEWTON_STEP
-            found[active[solved]] = (radius * (1 + direction * (newton - at)))[solved]
-            low, high = before[active], np.minimum(beyond[active], before[active] + _STEP)
-            further = np.where(high < beyond[active], high, (low + high) / 2)
-            # Now and then the interval is halved, so that the search ends in any case.
-            trusted = (newton > low) & (newton < high) & (turn % 4 > 0)
-            place[active] = np.where(trusted, newton, further)
-            ended = (high - low < _NO_LENGTH) | (low > _FARTHEST)
-            active = active[~solved & ~ended]
+            left = target[active] - value
+            better = (slope > 0) & (slope < np.inf) & (np.abs(left) < lacking[active])
+            moved = active[better]
+            place[moved], lacking[moved] = tried[better], np.abs(left[better])
+            newton[moved] = left[better] / (slope * radius)[better]
+            longest[active[~better]] /= 2
+            solved = moved[np.abs(newton[moved]) < SMALLEST_STEP]
+            found[solved] = (start * np.exp(place) * (1 + newton))[solved]
+            step[active] = np.clip(newton[active], -longest[active], longest[active])
+            going_on = (longest[active] > SMALLEST_STEP) & (np.abs(place[active]) < _FARTHEST)
+            active = active[going_on & np.isnan(found[active])]
         return found.reshape(shape)
 
     @property
@@ -274,31 +205,78 @@ class TubeNumbers(NamedTuple):
         """The tube, but for its outer radius, on which no circle within depends."""
         return {name: v for name, v in self.geometry.items() if name != "outer_radius"}
 
-    def _integrate(
-        self,
-        kind: Any,
-        layer: LayerNumbers,
-        radius: Any,
-        begin: Array,
-        order: int = WALL_ORDER,
-    ) -> list[Array]:
-        """An integral over a layer from a reference radius, which is now at `radius`."""
+    def _tubes(self, radius: Any) -> list[Tube]:
+        """The layers as concentric tubes at internal radii of the wall."""
         axial, angle = self.geometry["axial_stretch"], self.geometry["opening_angle"]
-        geometry = begin, layer.outer_radius, axial, angle
-        return _evaluate(_integral(kind, layer.energy, order), radius, *geometry, *layer.entries)
+        tubes: list[Tube] = []
+        for layer in self.layers:
+            begin, end = layer.inner_radius, layer.outer_radius
+            geometry = self.current(begin, radius), begin, end, axial, angle
+            tubes.append(Tube(layer.energy, geometry, layer.entries, within=bool(tubes)))
+        return tubes
 
 
-@lru_cache(maxsize=_COMPILED)
-def _integral(kind: Any, energy: StrainEnergy, order: int) -> Any:
-    """Compile an integral for vectors: internal radius, geometry, entries of the parameters."""
-    inputs = [pt.dvector() for _ in range(5 + len(energy.entry_names))]
-    outputs = kind(strain_energy=energy, order=order)(*inputs, return_list=True)
-    # Predictions take many points; to compare orders a few points are enough.
-    mode = None if order == WALL_ORDER else "FAST_COMPILE"
+@np.errstate(all="ignore")  # an impossible tube has no radius
+def numeric_curves(
+    data: xr.Dataset,
+    wall: WallVariables,
+    points: NDArray[np.intp],
+    order: int,
+    with_force: bool = False,
+    geometry_sd: tuple[tuple[str, float | None], ...] = (),
+) -> dict[str, Array]:
+    """Return curves (material, point) of a numeric wall at some points of the data, by quadrature.
+
+    The numbers of the wall have shape (material), and its deviations (material, test). Curves of an
+    impossible tube are NaN.
+    """
+    inputs = tube_inputs(data) | error_inputs(data, dict(geometry_sd))
+    inputs = {name: values[points] for name, values in inputs.items()}
+    test = data["test"].values[points]
+    deviations = {name: z[:, test] for name, z in wall.deviations.items()}
+    columns = wall.mapped(lambda values: np.reshape(values, (-1, 1)))
+    current = current_tube(np, inputs, columns._replace(deviations=deviations))
+    radius = np.where(current.possible, current.radius, np.nan)
+    tubes, settings = current._replace(radius=radius).tubes, (order, "FAST_COMPILE")
+    curves = _integrate(wall_pressure, tubes, *settings)
+    if with_force:
+        curves += _integrate(wall_force, tubes, *settings)
+    return dict(zip(("pressure", "stiffness", "axial_force"), curves, strict=False))
+
+
+def _integrate(
+    integral: Callable, tubes: Sequence[Tube], order: int = WALL_ORDER, mode: str | None = None
+) -> list[Array]:
+    """Integrals over walls that are made of numeric tubes, whose arrays broadcast."""
+    function = _compiled(integral, tuple(tube.energy for tube in tubes), order, mode)
+    return _evaluate(function, *(x for tube in tubes for x in tube.inputs))
+
+
+@lru_cache(maxsize=64)
+def _compiled(
+    integral: Callable, energies: tuple[StrainEnergy, ...], order: int, mode: str | None
+) -> Any:
+    """Compile an integral of concentric tubes for vectors of their inputs."""
+    tubes: list[Tube] = []
+    for energy in energies:
+        geometry = tuple(pt.dvector() for _ in range(5))
+        entries = [pt.dvector() for _ in energy.entry_names]
+        tubes.append(Tube(energy, geometry, entries, within=bool(tubes)))
+    outputs = integral(tubes, order)
+    outputs = [*outputs] if isinstance(outputs, list | tuple) else [outputs]
+    inputs = [x for tube in tubes for x in tube.inputs]
     return pytensor.function(inputs, outputs, mode=mode)
 
 
-@lru_cache(maxsize=_COMPILED)
+def _material_sums(tubes: Sequence[Tube], order: int) -> list[Any]:
+    """Stored energy and moduli of a wall, added up over its tubes."""
+    of_tubes = [
+        MaterialIntegral(strain_energy=tube.energy, order=order)(*tube.inputs) for tube in tubes
+    ]
+    return [sum(values) for values in zip(*of_tubes, strict=True)]
+
+
+@lru_cache(maxsize=64)
 def _stress_differences(energy: StrainEnergy) -> Any:
     """Compile ``σθθ − σrr`` and ``σzz − σrr`` for vectors: logarithms of two stretches, entries."""
     inputs = [pt.dvector() for _ in range(2 + len(energy.entry_names))]
@@ -311,11 +289,10 @@ def _stress_differences(energy: StrainEnergy) -> Any:
     return pytensor.function(inputs, outputs, on_unused_input="ignore")
 
 
+@np.errstate(all="ignore")  # a radius may be NaN, or so large that the stress overflows
 def _evaluate(function: Any, *inputs: Any) -> list[Array]:
     """Outputs of a function of vectors at inputs that broadcast."""
     full = np.broadcast_arrays(*inputs)
     starts = range(0, max(full[0].size, 1), _PIECE)
-    # A radius may be NaN, or so large that the stress overflows.
-    with np.errstate(all="ignore"):
-        pieces = [function(*(x.flat[start : start + _PIECE] for x in full)) for start in starts]
+    pieces = [function(*(x.flat[start : start + _PIECE] for x in full)) for start in starts]
     return [np.concatenate(parts).reshape(full[0].shape) for parts in zip(*pieces, strict=True)]

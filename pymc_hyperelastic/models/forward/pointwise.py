@@ -13,15 +13,13 @@ from pytensor.tensor.variable import TensorVariable
 from pymc_hyperelastic.mechanics.axial_force import wall_force, wall_force_slope
 from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
 from pymc_hyperelastic.mechanics.pressure import wall_pressure
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 from pymc_hyperelastic.models.forward.blocks import (
-    block_arrays,
-    block_product,
-    identity_of_tests,
     table_arrays,
     table_of,
 )
-from pymc_hyperelastic.models.forward.integrator import REFERENCE_ORDER, Integrator
-from pymc_hyperelastic.models.forward.numbers import TubeNumbers
+from pymc_hyperelastic.models.forward.integrator import LARGEST, Integrator
+from pymc_hyperelastic.models.forward.numbers import SMALLEST_STEP, numeric_curves
 from pymc_hyperelastic.models.forward.tube_variables import (
     Array,
     Arrays,
@@ -32,11 +30,6 @@ from pymc_hyperelastic.models.forward.tube_variables import (
     tube_inputs,
     wall_at_points,
 )
-
-# Largest last step of Newton's method, relative to the radius, with which a radius counts as found.
-_LARGEST_LAST_STEP = 1e-6
-# kPa/mm: its square is beyond the largest misfit that counts.
-_OVERFLOW = np.float64(1e60)
 
 
 @dataclass(frozen=True)
@@ -92,7 +85,7 @@ class PointwiseQuadrature(Integrator):
         """Return the condition under which the tube is possible, unless it is known to be."""
         if wall.known_tube:
             return []
-        return [self._tube(inputs, wall).possible]
+        return [pt.all(self._tube(inputs, wall).possible)]
 
     def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
         """Return the arrays of targets, which may be NaN, for :meth:`differences`."""
@@ -107,7 +100,7 @@ class PointwiseQuadrature(Integrator):
 
     def differences(
         self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
-    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
         """Return differences between curves and targets, and the conditions for them.
 
         With the error in the radius, radius and force are those of the tube at the measured
@@ -118,74 +111,40 @@ class PointwiseQuadrature(Integrator):
         current = self._tube(inputs, wall)
         found, there = self._at_pressure(current, inputs["pressure_target"])
         error = there.measured(there.radius) - current.measured(current.radius)
-        response = {"radius": [error]}
+        differences = {"radius": error}
         if "force_rows" in inputs:
-            response |= force_differences(inputs, wall_force(there.tubes, self.order))
-        return response, [*self.conditions(inputs, wall), found]
-
-    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
-        """Return the arrays of a linear map of each test for :meth:`mapped`."""
-        identity = identity_of_tests(data)
-        zero = np.zeros_like(identity)
-        of_pressure = block_arrays(data, linear(identity, zero))
-        of_slope = block_arrays(data, linear(zero, identity))
-        return {
-            "of_pressure": of_pressure.pop("blocks"),
-            "of_slope": of_slope.pop("blocks"),
-            **of_slope,
-        }
-
-    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
-        """Return a linear map of pressures and of slopes by the radius that was measured."""
-        pressure = self.curves(inputs, wall)["pressure"]
-        slope = self.slopes(inputs, wall)["pressure"]
-        return block_product(inputs["of_pressure"], inputs, pressure) + block_product(
-            inputs["of_slope"], inputs, slope
-        )
+            differences |= force_differences(inputs, wall_force(there.tubes, self.order))
+        return differences, [*self.conditions(inputs, wall), found]
 
     def values(
         self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
     ) -> dict[str, Array]:
-        """Return curves (material, point) of a wall in numbers at some of the points."""
-        tube, radius = self.numbers(data, wall, points)
-        return tube.curves(radius, self.order, with_force=self.with_force)
+        """Return curves (material, point) of a numeric wall at some of the points."""
+        settings = self.order, self.with_force, self.geometry_sd
+        return numeric_curves(data, wall, points, *settings)
 
     def refined(self, data: xr.Dataset, wall: WallVariables) -> "PointwiseQuadrature":
-        """Return the rule of the highest order."""
-        return replace(self, order=REFERENCE_ORDER)
-
-    def reference(
-        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
-    ) -> dict[str, Array]:
-        """Return the same curves by the reference order, or by twice this order if it is larger."""
-        finer = replace(self, order=max(REFERENCE_ORDER, 2 * self.order))
-        return finer.values(data, wall, points)
-
-    def numbers(
-        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
-    ) -> tuple[TubeNumbers, Array]:
-        """Return tubes in numbers at some of the points, and their internal radii."""
-        inputs = self.curve_arrays(data) | {"test": data["test"].values}
-        return TubeNumbers.of_wall({name: v[points] for name, v in inputs.items()}, wall)
+        """Return the rule of twice the order of any wall: its error is that order's squared."""
+        return replace(self, order=2 * WALL_ORDER)
 
     def _at_radius(
         self, inputs: Mapping[str, Any], wall: WallVariables
-    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
         """Differences at the measured radii, and the conditions."""
         curves = self.curves(inputs, wall)
-        response = {"pressure": [curves["pressure"] - inputs["pressure_target"]]}
+        differences = {"pressure": curves["pressure"] - inputs["pressure_target"]}
         if "slope_rows" in inputs:
             slope = self.slopes(inputs, wall)["pressure"][inputs["slope_rows"]]
-            response["slope"] = [slope - inputs["slope_target"]]
+            differences["slope"] = slope - inputs["slope_target"]
         if "force_rows" in inputs:
-            response |= force_differences(inputs, curves["axial_force"])
-        return response, self.conditions(inputs, wall)
+            differences |= force_differences(inputs, curves["axial_force"])
+        return differences, self.conditions(inputs, wall)
 
     def _tube(self, inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
         if self.by_test:
             wall = wall_at_points(wall, inputs["test"])
         of_points = {name: z[inputs["test"]] for name, z in wall.deviations.items()}
-        return current_tube(inputs, wall._replace(deviations=of_points))
+        return current_tube(pt, inputs, wall._replace(deviations=of_points))
 
     def _at_pressure(
         self, current: CurrentTube, pressure: Any
@@ -199,20 +158,20 @@ class PointwiseQuadrature(Integrator):
         _, inner_radius, _, *reference = current.tubes[0].geometry
         op = RadiusAtPressure(strain_energies=tuple(energies), order=self.order)
         radius, last_step = op(pressure, current.radius, inner_radius, *reference, *inputs)
-        found = last_step < _LARGEST_LAST_STEP
+        found = last_step < SMALLEST_STEP
         radius = pt.where(found, radius, current.radius)
         return pt.all(found), current._replace(radius=radius)
 
 
 def force_differences(
     inputs: Mapping[str, Any], force: TensorVariable
-) -> dict[str, list[TensorVariable]]:
+) -> dict[str, TensorVariable]:
     """Return differences between forces and targets, and their sums if these have a target."""
     error = force[inputs["force_rows"]] - inputs["force_target"]
-    sums = {"force_sum": [table_of(error, inputs).sum(axis=-1)]} if "points" in inputs else {}
-    return {"force": [error]} | sums
+    sums = {"force_sum": table_of(error, inputs).sum(axis=-1)} if "points" in inputs else {}
+    return {"force": error} | sums
 
 
 def _bounded(stiffness: TensorVariable) -> TensorVariable:
     """Return a bounded stiffness: the gradient of an infinite one would be 0 * inf."""
-    return pt.where(pt.isfinite(stiffness), stiffness, _OVERFLOW)
+    return pt.where(pt.isfinite(stiffness), stiffness, LARGEST)

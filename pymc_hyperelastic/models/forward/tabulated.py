@@ -19,16 +19,18 @@ from pymc_hyperelastic.mechanics.collocation import (
 )
 from pymc_hyperelastic.mechanics.interpolation import (
     ChebyshevNodes,
-    nodes_needed,
     response_function,
 )
 from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes, groups_by
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
-from pymc_hyperelastic.models.forward.blocks import positions, table_arrays, table_of
-from pymc_hyperelastic.models.forward.integrator import REFERENCE_ORDER, Integrator
-from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
+from pymc_hyperelastic.models.forward.blocks import table_arrays
+from pymc_hyperelastic.models.forward.integrator import Integrator
+from pymc_hyperelastic.models.forward.pointwise import (
+    PointwiseQuadrature,
+    force_differences,
+)
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
 
 
@@ -111,53 +113,35 @@ class TabulatedQuadrature(Integrator):
         """
         tubes, groups = self._groups(data)
         compressed = {name: target for name, target in targets.items() if name != "force_sum"}
+        if "force_sum" not in targets:
+            return collocate(tubes, groups, self.basis, compressed)
+        # The forces of a test have points in several groups: those with sums are not compressed.
+        force, test = compressed.pop("force"), data["test"].values
         arrays = collocate(tubes, groups, self.basis, compressed)
-        if "force_sum" in targets:
-            rows = np.isfinite(targets["force_sum"])
-            arrays |= _force_sum_arrays(data, tubes, groups, self.basis, rows)
-            known, tests = np.nan_to_num(targets["force_sum"]), data.sizes["test"]
-            arrays["force_sum_target"] = np.bincount(data["test"].values, known, minlength=tests)
-        return arrays
+        matrices, place = curve_matrices(tubes, groups, self.basis)
+        rows = np.flatnonzero(np.isfinite(force))
+        arrays |= {"force_matrix": matrices["force_matrix"], "force_target": force[rows]}
+        return arrays | table_arrays(test[rows], data.sizes["test"]) | {"force_rows": place[rows]}
 
     def differences(
         self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
-    ) -> tuple[dict[str, list[TensorVariable]], list[TensorVariable]]:
+    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
         """Return differences between curves and targets, compressed."""
-        known = [name.removesuffix("_target") for name in inputs if name.endswith("_target")]
-        found = self._integrals(inputs, [n for n in ("pressure", "slope") if n in known], wall)
-        forces = [name for name in ("force", "force_sum") if name in known]
-        if forces:
-            found |= self._integrals(inputs, forces, wall)
-        if "force_sum" in found:
-            found["force_sum"] = table_of(found["force_sum"].flatten(), inputs).sum(axis=-1)
-        return {name: [curve - inputs[f"{name}_target"]] for name, curve in found.items()}, []
-
-    def mapped_arrays(self, data: xr.Dataset, linear: Any) -> Arrays:
-        """Return the arrays of a linear map of each test for :meth:`mapped`."""
-        tubes, groups = self._groups(data)
-        matrices, place = curve_matrices(tubes, groups, self.basis)
-        shape = matrices["pressure_matrix"].shape
-        pressure, stiffness = (
-            matrices[f"{name}_matrix"].reshape(-1, shape[2])[place]
-            for name in ("pressure", "stiffness")
-        )
-        matrix = np.zeros((shape[0] * shape[1], shape[2]))
-        matrix[place] = linear(pressure, stiffness * tubes.growth[:, None])
-        return {
-            "log_hoop": matrices["log_hoop"],
-            "log_axial": matrices["log_axial"],
-            "mapped_matrix": matrix.reshape(shape),
-            "place": place,
-        }
-
-    def mapped(self, inputs: Mapping[str, Any], wall: WallVariables) -> TensorVariable:
-        """Return a linear map of pressures and slopes: one matrix times the response."""
-        return self._integrals(inputs, ("mapped",), wall)["mapped"].flatten()[inputs["place"]]
+        known = [name for name in ("pressure", "slope") if f"{name}_target" in inputs]
+        found = self._integrals(inputs, known, wall)
+        response = {name: rows - inputs[f"{name}_target"] for name, rows in found.items()}
+        if "force_target" in inputs:
+            force = self._integrals(inputs, ("force",), wall)["force"]
+            if "force_rows" in inputs:
+                response |= force_differences(inputs, force.flatten())
+            else:
+                response["force"] = force - inputs["force_target"]
+        return response, []
 
     def values(
         self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
     ) -> dict[str, Array]:
-        """Return curves (material, point) of a wall in numbers at some of the points."""
+        """Return curves (material, point) of a numeric wall at some of the points."""
         entries = [values[:, None] for values in wall.materials]
         tubes, groups = self._groups(data)
         kinds = {"pressure": False} | ({"axial_force": True} if self.with_force else {})
@@ -174,35 +158,23 @@ class TabulatedQuadrature(Integrator):
                 curves[name][:, own] = response @ matrices["force" if force else name].T
         return curves
 
-    def reference(
-        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
-    ) -> dict[str, Array]:
-        """Return the same curves by quadrature of the order REFERENCE_ORDER."""
-        quadrature = PointwiseQuadrature(REFERENCE_ORDER, self.with_force)
-        return quadrature.values(data, wall, points)
-
     def refined(self, data: xr.Dataset, wall: WallVariables) -> Integrator:
         """Return an integrator that is accurate for the materials of this wall, too.
 
-        It has a larger basis, or is pointwise quadrature if no basis will do.
+        It has more of the selected nodes, or is pointwise quadrature if they will not do.
         """
-        other = self.with_materials(data, wall)
-        if other is not None and other.errors(data, wall).max() <= self.tolerance:
-            return other
+        if isinstance(self.basis, SelectedNodes):
+            other = self.with_materials(data, wall)
+            if other.errors(data, wall).max() <= self.tolerance:
+                return other
         return PointwiseQuadrature(WALL_ORDER, self.with_force, self.by_test)
 
-    def with_materials(self, data: xr.Dataset, wall: WallVariables) -> "TabulatedQuadrature | None":
-        """Return the same with a basis for these materials, too, or None."""
+    def with_materials(self, data: xr.Dataset, wall: WallVariables) -> "TabulatedQuadrature":
+        """Return the same with nodes that are selected for these materials, too."""
         tubes, groups = self._groups(data)
-        materials = wall.materials
+        basis: Any = self.basis
         settings = {"with_force": self.with_force}
-        if isinstance(self.basis, SelectedNodes):
-            basis = self.basis.with_materials(tubes, groups, materials, **settings)
-            return replace(self, basis=basis)
-        count = nodes_needed(wall.energy, tubes, groups, materials, **settings)
-        if count is None:
-            return None
-        return replace(self, basis=ChebyshevNodes(max(count, self.basis.nodes)))
+        return replace(self, basis=basis.with_materials(tubes, groups, wall.materials, **settings))
 
     def _groups(self, data: xr.Dataset) -> tuple[KnownTubes, list[Group]]:
         """The tubes of the data, and groups of points that share nodes."""
@@ -228,33 +200,3 @@ class TabulatedQuadrature(Integrator):
         nodes = inputs["log_hoop"], inputs["log_axial"]
         rows = integral(*nodes, *matrices, *entries, return_list=True)
         return dict(zip(names, rows, strict=True))
-
-
-def _force_sum_arrays(
-    data: xr.Dataset,
-    tubes: KnownTubes,
-    groups: Sequence[Group],
-    basis: ChebyshevNodes | SelectedNodes,
-    measured: NDArray[np.bool_],
-) -> Arrays:
-    """Matrices of the sum of each test's forces: a row for each group that it has points in.
-
-    With them come the places of these rows in a table by test; a test without forces has no row.
-    """
-    matrices, place = curve_matrices(tubes, groups, basis)
-    forces = matrices["force_matrix"].reshape(-1, matrices["log_hoop"].shape[1])
-    of_groups = [group.points[measured[group.points]] for group in groups]
-    rows, tests = np.concatenate(of_groups), data.sizes["test"]
-    group = np.repeat(np.arange(len(groups)), [len(points) for points in of_groups])
-    # The forces of a test in a group are summed, and the sums are sorted by test.
-    both, part_of = np.unique(group * tests + data["test"].values[rows], return_inverse=True)
-    group, test = np.divmod(both, tests)
-    position, width = positions(group)
-    sums = np.zeros((len(groups), width, forces.shape[1]))
-    row = group * width + position
-    np.add.at(sums.reshape(-1, forces.shape[1]), row[part_of], forces[place[rows]])
-    by_test = np.argsort(test, kind="stable")
-    table = table_arrays(test[by_test], tests)
-    # Without rows there is nothing to point to.
-    points = row[by_test][table["points"]] if row.size else table["points"]
-    return {"force_sum_matrix": sums, "points": points, "there": table["there"]}

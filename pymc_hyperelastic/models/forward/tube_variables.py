@@ -1,15 +1,13 @@
 """The tube of a model at each measured point: its wall, geometry and current radius."""
 
-from collections.abc import Mapping
-from types import MappingProxyType
+from collections.abc import Callable, Mapping
+from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
-import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 from pytensor.graph.basic import Constant, Variable
-from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, measured_radius
 from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
@@ -59,56 +57,62 @@ class WallVariables(NamedTuple):
 
     @property
     def materials(self) -> list[Array]:
-        """Entries of the parameters of a wall in numbers, each of shape (material)."""
+        """Entries of the parameters of a numeric wall, each of shape (material)."""
         entries = self.energy.split(self.parameters)
         return [*np.broadcast_arrays(*map(np.atleast_1d, entries))]
 
-    def by_entries(self) -> "WallVariables":
-        """Return the same wall with vector parameters as tuples of their entries."""
-        energy = self.energy
-        if isinstance(energy, StrainEnergy):
-            return self._replace(parameters=energy.join(energy.split(self.parameters)))
-        layers = [
-            Layer(x.energy, x.thickness, **x.energy.join(x.energy.split(x.parameters)))
-            for x in energy
-        ]
-        return self._replace(energy=layers)
-
     @property
     def unknown(self) -> list[Variable]:
-        """All that is not a number, each once; of vectors :meth:`by_entries`, the entries."""
+        """All that is not a number, each once."""
         values = [*self.geometry.values(), *self.deviations.values()]
         if isinstance(self.energy, StrainEnergy):
             values += self.energy.split(self.parameters)
         else:
             for layer in self.energy:
                 values += [layer.thickness, *layer.energy.split(layer.parameters)]
-        inferred = [v for v in values if isinstance(v, Variable) and not isinstance(v, Constant)]
+        inferred = [v for v in values if is_inferred(v) and not isinstance(v, Constant)]
         return list(dict.fromkeys(inferred))
 
+    def mapped(self, change: Callable[[Any], Any]) -> "WallVariables":
+        """Return the wall with a function of all parameters, entry by entry, and of the geometry.
+
+        Vectors become tuples of their entries. Deviations stay.
+        """
+
+        def changed(energy: StrainEnergy, parameters: Mapping[str, Any]) -> dict[str, Any]:
+            return energy.join([change(entry) for entry in energy.split(parameters)])
+
+        geometry = {name: change(value) for name, value in self.geometry.items()}
+        if isinstance(self.energy, StrainEnergy):
+            return self._replace(
+                parameters=changed(self.energy, self.parameters), geometry=geometry
+            )
+        layers = [
+            Layer(x.energy, change(x.thickness), **changed(x.energy, x.parameters))
+            for x in self.energy
+        ]
+        return self._replace(energy=layers, geometry=geometry)
+
+    def some(self, chosen: NDArray[Any]) -> "WallVariables":
+        """Return the numeric wall with some of its materials."""
+        walls = self.mapped(lambda value: value[chosen] if np.ndim(value) else value)
+        return walls._replace(deviations={n: z[chosen] for n, z in self.deviations.items()})
+
     def with_values(self, values: Mapping[Variable, Array], tests: int) -> "WallVariables":
-        """Return the wall in numbers, with one number of each :attr:`unknown` for each material.
+        """Return a numeric wall, with one number of each :attr:`unknown` for each material.
 
         The tests have the same deviations.
         """
 
         def number(value: Any) -> Any:
-            if isinstance(value, tuple):
-                return tuple(map(number, value))
             if isinstance(value, Constant):
                 return value.data
-            return values.get(value, value) if isinstance(value, Variable) else value
+            return values.get(value, value) if is_inferred(value) else value
 
-        def numbers(named: Mapping[str, Any]) -> dict[str, Any]:
-            return {name: number(value) for name, value in named.items()}
-
-        energy: Any = self.energy
-        if not isinstance(energy, StrainEnergy):
-            energy = [Layer(x.energy, number(x.thickness), **numbers(x.parameters)) for x in energy]
         deviations = {
             n: np.repeat(number(v)[:, None], tests, 1) for n, v in self.deviations.items()
         }
-        return WallVariables(energy, numbers(self.parameters), numbers(self.geometry), deviations)
+        return self.mapped(number)._replace(deviations=deviations)
 
 
 class CurrentTube(NamedTuple):
@@ -118,8 +122,8 @@ class CurrentTube(NamedTuple):
     reference: Mapping[str, Any]
     radius: Any
     """Internal radius, mm; that of another tube if this one is impossible."""
-    possible: TensorVariable
-    """Condition for a possible tube."""
+    possible: Any
+    """True for a possible tube, at each point or of all."""
     excess: Any = None
     """``r_o² − a²``, if the outer radius ``r_o`` was measured."""
 
@@ -139,52 +143,37 @@ class CurrentTube(NamedTuple):
         return 1.0 if self.excess is None else self.measured(self.radius) / self.radius
 
 
-def current_tube(inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
-    """Return the tube of measured `inputs`, see :func:`tube_inputs`, with the wall's geometry."""
+def current_tube(xp: ModuleType, inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
+    """Return the tube of measured `inputs`, see :func:`tube_inputs`, with the wall's geometry.
+
+    `xp` is ``numpy`` for numbers and ``pytensor.tensor`` for variables.
+    """
     energy = wall.energy
     known = deviated_tube(inputs, wall.deviations) | dict(wall.geometry)
-    closed = pt.abs(known["opening_angle"]) < 2 * np.pi
+    closed = xp.abs(known["opening_angle"]) < 2 * np.pi
     if "wall_area" in known:
         # A negative area may have no root; an area of zero is as impossible.
-        known["wall_area"] = pt.where(closed, pt.maximum(known["wall_area"], 0.0), 0.0)
+        known["wall_area"] = xp.where(closed, xp.maximum(known["wall_area"], 0.0), 0.0)
     tube = inferred_geometry(known)
-    outer = tube["outer_radius"]
-    possible = pt.all(closed) & pt.all(pt.gt(tube["inner_radius"], 0.0))
+    inner, outer = tube["inner_radius"], tube["outer_radius"]
+    possible = closed & (inner > 0)
     if isinstance(energy, StrainEnergy):
-        possible &= pt.all(outer > tube["inner_radius"])
+        possible = possible & (outer > inner)
     else:
-        outer = tube["inner_radius"] + sum(layer.thickness for layer in energy)
-        tube["outer_radius"] = None
+        outer, tube["outer_radius"] = inner + sum(layer.thickness for layer in energy), None
         for layer in energy:
-            possible &= pt.all(pt.gt(layer.thickness, 0.0))
+            possible = possible & (xp.minimum(inner, layer.thickness) > 0)
     if "current_outer_radius" not in inputs:
         return CurrentTube(wall, tube, inputs["radius"], possible)
-    k = opening_factor(tube["opening_angle"])
-    excess = (outer**2 - tube["inner_radius"] ** 2) / (k * tube["axial_stretch"])
-    square = inputs["current_outer_radius"] ** 2 - excess
-    possible &= pt.all(square > 0)
-    excess = pt.where(square > 0, excess, 0.0)
-    radius = pt.sqrt(inputs["current_outer_radius"] ** 2 - excess)
-    return CurrentTube(wall, tube, radius, possible, excess)
+    area = (outer**2 - inner**2) / (opening_factor(tube["opening_angle"]) * tube["axial_stretch"])
+    square = inputs["current_outer_radius"] ** 2 - area
+    excess = xp.where(square > 0, area, 0.0)
+    radius = xp.sqrt(inputs["current_outer_radius"] ** 2 - excess)
+    return CurrentTube(wall, tube, radius, possible & (square > 0), excess)
 
 
 def wall_at_points(wall: WallVariables, test: Any) -> WallVariables:
     """Return a wall with parameters by point, from one with parameters by test."""
-    if isinstance(wall.energy, StrainEnergy):
-        entries = wall.energy.split(wall.parameters)
-        return wall._replace(parameters=wall.energy.join([x[test] for x in entries]))
-
-    def at_points(value: Any) -> Any:
-        if isinstance(value, tuple):
-            return tuple(map(at_points, value))
-        return value[test] if is_inferred(value) else value
-
-    layers = [
-        Layer(
-            layer.energy,
-            at_points(layer.thickness),
-            **{name: at_points(value) for name, value in layer.parameters.items()},
-        )
-        for layer in wall.energy
-    ]
-    return wall._replace(energy=layers)
+    geometry = wall.geometry
+    by_points = wall.mapped(lambda value: value[test] if is_inferred(value) else value)
+    return by_points._replace(geometry=geometry)
