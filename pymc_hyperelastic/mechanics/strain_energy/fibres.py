@@ -66,7 +66,8 @@ class _Family(NamedTuple):
     @property
     def squares(self) -> tuple[Tensor, Tensor]:
         """``cos² β`` and ``sin² β``."""
-        angle = pt.deg2rad(self.angle)
+        # PyTensor would take a Python number for single precision.
+        angle = pt.deg2rad(pt.as_tensor(self.angle).astype("float64"))
         return pt.cos(angle) ** 2, pt.sin(angle) ** 2
 
     def strain(self, log_hoop: Tensor, log_axial: Tensor) -> Tensor:
