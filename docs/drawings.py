@@ -38,13 +38,15 @@ def example_of(name: str, until: str) -> str:
 
 def draw_law(name: str) -> plt.Figure:
     """Pressure and axial force over the internal radius at three axial stretches."""
-    calls = (
-        node
-        for node in ast.walk(ast.parse(example_of(name, "inflation_pressure")))
-        if isinstance(node, ast.Call)
-    )
+    source, names = example_of(name, "inflation_pressure"), {}
+    exec(source, names)
+    calls = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call))
     call = next(node for node in calls if getattr(node.func, "attr", "") == "inflation_pressure")
-    material = {k.arg: ast.literal_eval(k.value) for k in call.keywords if k.arg not in TUBE}
+    settings = {}
+    for keyword in call.keywords:
+        value = eval(ast.unparse(keyword.value), names)
+        settings |= {keyword.arg: value} if keyword.arg else value  # or **value
+    material = {k: v for k, v in settings.items() if k not in (*TUBE, "internal_radius")}
     radius = np.linspace(7.0, 9.5, 60)
     figure, axes = plt.subplots(1, 2, figsize=(8, 3), layout="constrained")
     curves = {"pressure (mmHg)": ph.inflation_pressure, "axial force (N)": ph.axial_force}
