@@ -19,13 +19,16 @@ from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.target import Target, check_possible, width_of
 from pymc_hyperelastic.evidence.tempering import TemperedSMC
 
-# Particles that are tempered from the prior: fewer do not find modes of small mass.
-_FORWARD = 500
-# Particles that are tempered from the first reference, and draws of the prior and of the modes.
-_PARTICLES = 1000
+# Particles of the search for each unknown: tempered from the first reference, and drawn from the
+# prior and the modes. Half as many are tempered from the prior.
+_PARTICLES_PER_UNKNOWN = 200
+# Particles of the search, at least: fewer do not find modes of small mass.
+_FEWEST_PARTICLES = 1000
+# Particles of the search, at most: their evaluation takes as long as all chains.
+_MOST_PARTICLES = 4000
 # Moves of a stage of the search, which need not be exact, at most.
 _MOVES = 10
-# Draws of the prior, in multiples of `_PARTICLES`, of which enough must be possible.
+# Draws of the prior, in multiples of the particles, of which enough must be possible.
 _MOST_TRIED = 50
 # Probes of one stage for each pair of unknowns: a narrow mode is met by one point in many
 # thousands, and given away by its weight.
@@ -63,19 +66,21 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
     prior particles are tempered once more; the reference is fitted to these. If `checked`, it is
     compared with other particles, and with draws of the prior at its bounds.
     """
-    prior, score, share = _possible_draws(target, rng)
-    forward = _tempered(prior, target, rng)
-    trusted = not forward.capped and len(prior) >= _FORWARD
+    size = _PARTICLES_PER_UNKNOWN * target.dimension
+    size = int(np.clip(size, _FEWEST_PARTICLES, _MOST_PARTICLES))
+    prior, score, share = _possible_draws(target, size, rng)
+    forward = _tempered(prior, size // 2, target, rng)
+    trusted = not forward.capped and len(prior) >= size // 2
     forward_error = float(np.hypot(np.sqrt(forward.variance), share.standard_error))
     modes = _modes(target, prior, score, forward, rng)
 
     mixture, at_modes, at_modes_k = _fitted(forward, rng), Estimate(-np.inf, np.inf), np.inf
     if modes is not None:
         mixture = mixture.joined(modes.mixture)
-        _, log_weights = weighted_draws(target.score, modes.mixture.heavy_tailed(), _PARTICLES, rng)
+        _, log_weights = weighted_draws(target.score, modes.mixture.heavy_tailed(), size, rng)
         at_modes, at_modes_k = mean_weight(log_weights)
     first = Reference(mixture.heavy_tailed(), PRIOR_SHARE)
-    particles = first.draw(target.draw_prior, _PARTICLES, rng)
+    particles = first.draw(target.draw_prior, size, rng)
     found = TemperedSMC(GeometricPath(target, first), particles, rng, max_moves=_MOVES).run()
     mixture = _fitted(found, rng)
     if modes is not None and len(modes.log_masses) > 1:
@@ -93,30 +98,32 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
         }
     )
     if checked and target.dimension > _FEW_UNKNOWNS:
-        others = _tempered(prior[::-1], target, rng).particles
+        others = _tempered(prior[::-1], size // 2, target, rng).particles
         evidence["unmet"] = _unmet(target, reference, found.log_evidence, others)
     if checked:
-        evidence["at_bounds"] = target.log_evidence_at_bounds(_PARTICLES, rng)
+        evidence["at_bounds"] = target.log_evidence_at_bounds(size, rng)
     return Search(reference, evidence)
 
 
-def _possible_draws(target: Target, rng: np.random.Generator) -> tuple[Array, Array, Estimate]:
+def _possible_draws(
+    target: Target, size: int, rng: np.random.Generator
+) -> tuple[Array, Array, Estimate]:
     """Return possible draws of the prior, their log density, and the log of their share.
 
     If few are possible, because the model excludes what its prior does not, more are drawn.
     """
     points, scores = np.empty((0, target.dimension)), np.empty(0)
     drawn = nan_count = 0
-    while len(points) < _FORWARD and drawn < _MOST_TRIED * _PARTICLES:
-        prior = target.draw_prior(_PARTICLES, rng)
+    while len(points) < size // 2 and drawn < _MOST_TRIED * size:
+        prior = target.draw_prior(size, rng)
         log_prior, log_likelihood, bad = target.evaluate(prior)
         score = log_prior + log_likelihood
         possible = np.isfinite(score)
         points, scores = np.append(points, prior[possible], 0), np.append(scores, score[possible])
-        drawn += _PARTICLES
+        drawn += size
         nan_count += bad
     check_possible(np.isfinite(scores), nan_count, f"{drawn} draws of the prior")
-    if not np.allclose(np.add(*target.score(points[:_FORWARD])), scores[:_FORWARD]):
+    if not np.allclose(np.add(*target.score(points[: size // 2])), scores[: size // 2]):
         raise ValueError(
             "the density of the model is random: the same point had another one when it was "
             "computed again. Such a model has no evidence"
@@ -125,9 +132,9 @@ def _possible_draws(target: Target, rng: np.random.Generator) -> tuple[Array, Ar
     return points, scores, Estimate(float(np.log(share)), np.sqrt((1 - share) / len(points)))
 
 
-def _tempered(prior: Array, target: Target, rng: np.random.Generator) -> TemperedSMC:
+def _tempered(prior: Array, count: int, target: Target, rng: np.random.Generator) -> TemperedSMC:
     """Temper draws of the prior; if few are possible, each stands for several particles."""
-    particles = np.resize(prior, (_FORWARD, target.dimension))
+    particles = np.resize(prior, (count, target.dimension))
     return TemperedSMC(GeometricPath(target), particles, rng, max_moves=_MOVES).run()
 
 
