@@ -1,6 +1,5 @@
 """The radius at which a tube has a given pressure: the pressure integral, inverted."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,8 +10,8 @@ from pytensor.graph.replace import _vectorize_node, clone_replace
 from pytensor.tensor.symbolic import TensorSymbolicOp
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
-from pymc_hyperelastic.mechanics.pressure import wall_pressure
+from pymc_hyperelastic.mechanics.integrals import wall_pressure
+from pymc_hyperelastic.mechanics.layers import Tube
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.wall import (
     WALL_ORDER,
@@ -35,10 +34,10 @@ class RadiusAtPressure(TensorSymbolicOp):
 
     .. math:: \frac{∂a}{∂p} = \frac{1}{s}, \qquad \frac{∂a}{∂x} = -\frac{1}{s} \frac{∂p}{∂x}
 
-    with the stiffness ``s = ∂p/∂a``. Inputs are the pressure (kPa), the radius to start from, inner
-    radius, axial stretch, opening angle, and for each layer its thickness and parameters; they
-    broadcast against each other. Outputs are the radius, and the relative length of the last step,
-    infinite where pressure falls with the radius: large where no such radius was found.
+    with the stiffness ``s = ∂p/∂a``. Inputs are the pressure (kPa), the radius to start from, and
+    :attr:`Tube.inputs`; they broadcast against each other. Outputs are the radius, and the relative
+    length of the last step, infinite where pressure falls with the radius: large where no such
+    radius was found.
     `strain_energies` are those of the layers, `order` the nodes of the Gauss-Legendre rule.
     """
 
@@ -59,9 +58,10 @@ class RadiusAtPressure(TensorSymbolicOp):
 
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Take all steps of Newton's method."""
-        pressure, radius, *wall = inputs
+        pressure, radius, *rest = inputs
+        tube = Tube.of_inputs(self.strain_energies, rest)
         for _ in range(_STEPS):
-            here, stiffness = wall_pressure(self.tubes(radius, wall), self.order)
+            here, stiffness = wall_pressure(tube, radius, self.order)
             step = pt.where(stiffness > 0, (pressure - here) / (stiffness * radius), np.inf)
             radius = radius * (1 + pt.clip(step, -_LONGEST_STEP, _LONGEST_STEP))
         return [radius, pt.abs(step)]
@@ -74,7 +74,8 @@ class RadiusAtPressure(TensorSymbolicOp):
         # Variables of their own keep inputs apart that depend on each other.
         own = [x.type() for x in inputs]
         radius, weight = outputs[0].type(), cotangent.type()
-        pressure, stiffness = wall_pressure(self.tubes(radius, own[2:]), self.order)
+        tube = Tube.of_inputs(self.strain_energies, own[2:])
+        pressure, stiffness = wall_pressure(tube, radius, self.order)
         gradients = grad(
             None,
             own,
@@ -85,16 +86,6 @@ class RadiusAtPressure(TensorSymbolicOp):
         known = zip([*own, radius, weight], [*inputs, outputs[0], cotangent], strict=True)
         gradients = clone_replace(gradients, dict(known))
         return zero_at_overflow(gradients, outputs)
-
-    def tubes(self, radius: Tensor, wall: Sequence[Any]) -> list[Tube]:
-        """Layers at an internal radius, from the inputs behind it."""
-        inner_radius, axial_stretch, opening_angle, *rest = wall
-        layers = []
-        for energy in self.strain_energies:
-            thickness, *entries = rest[: 1 + len(energy.entry_names)]
-            rest = rest[1 + len(entries) :]
-            layers.append(Layer(energy, thickness, **energy.join(entries)))
-        return tubes_of(layers, radius, (inner_radius, None, axial_stretch, opening_angle), {})
 
 
 _vectorize_node.register(RadiusAtPressure)(broadcast_batches)

@@ -17,7 +17,7 @@ from pytensor.graph.replace import _vectorize_node, clone_replace
 from pytensor.tensor.symbolic import TensorSymbolicOp
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.layers import Tube, check_energy
+from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import UNLOADED, hoop_elongation, opening_factor
 
@@ -201,19 +201,6 @@ def _in_order(xp: ModuleType, places: Sequence[Any]) -> list[Any]:
             ordered[i], place = xp.minimum(other, place), xp.maximum(other, place)
         ordered.append(place)
     return ordered
-
-
-def wall_integral(
-    kind: type[WallIntegral], tubes: Sequence[Tube], order: int = WALL_ORDER
-) -> tuple[Tensor, Tensor]:
-    """Return the two outputs of an integral, a value and its slope, of a wall of several tubes."""
-    value, slope = 0.0, 0.0
-    for tube in tubes:
-        own_value, own_slope = kind(strain_energy=tube.energy, order=order)(*tube.inputs)
-        value += own_value
-        # Incompressibility: the internal radius a' of a layer satisfies da'/da = a/a'.
-        slope += own_slope * tubes[0].radius / tube.radius if tube.within else own_slope
-    return value, slope
 
 
 @_vectorize_node.register(WallIntegral)

@@ -11,7 +11,7 @@ from pytensor.tensor.blockwise import Blockwise
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.mechanics import collocation, interpolation
-from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
+from pymc_hyperelastic.mechanics.integrals import AxialForceIntegral
 from pymc_hyperelastic.mechanics.known_tubes import KnownTubes, groups_by
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 

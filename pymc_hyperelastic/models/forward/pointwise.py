@@ -10,9 +10,8 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.mechanics.axial_force import wall_force, wall_force_slope
+from pymc_hyperelastic.mechanics.integrals import wall_force, wall_pressure
 from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
-from pymc_hyperelastic.mechanics.pressure import wall_pressure
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 from pymc_hyperelastic.models.forward.blocks import (
     table_arrays,
@@ -65,10 +64,10 @@ class PointwiseQuadrature(Integrator):
     def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """Return pressure and stiffness at the points, and the axial force if it is measured."""
         current = self._tube(inputs, wall)
-        pressure, stiffness = wall_pressure(current.tubes, self.order)
+        pressure, stiffness = wall_pressure(current.tube, current.radius, self.order)
         curves = {"pressure": pressure, "stiffness": stiffness}
         if self.with_force:
-            curves["axial_force"] = wall_force(current.tubes, self.order)
+            curves["axial_force"], _ = wall_force(current.tube, current.radius, self.order)
         if (wall.geometry or wall.deviations) and current.excess is not None:
             curves["radius"] = current.radius
         return curves
@@ -76,9 +75,9 @@ class PointwiseQuadrature(Integrator):
     def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
         """Return derivatives of the curves by the radius that was measured."""
         current = self._tube(inputs, wall)
-        slopes = {"pressure": wall_pressure(current.tubes, self.order)[1]}
+        slopes = {"pressure": wall_pressure(current.tube, current.radius, self.order)[1]}
         if self.with_force:
-            slopes["axial_force"] = wall_force_slope(current.tubes, self.order)
+            _, slopes["axial_force"] = wall_force(current.tube, current.radius, self.order)
         return {name: _bounded(slope) * current.growth for name, slope in slopes.items()}
 
     def conditions(self, inputs: Mapping[str, Any], wall: WallVariables) -> list[TensorVariable]:
@@ -113,7 +112,8 @@ class PointwiseQuadrature(Integrator):
         error = there.measured(there.radius) - current.measured(current.radius)
         differences = {"radius": error}
         if "force_rows" in inputs:
-            differences |= force_differences(inputs, wall_force(there.tubes, self.order))
+            force, _ = wall_force(there.tube, there.radius, self.order)
+            differences |= force_differences(inputs, force)
         return differences, [*self.conditions(inputs, wall), found]
 
     def values(
@@ -150,14 +150,9 @@ class PointwiseQuadrature(Integrator):
         self, current: CurrentTube, pressure: Any
     ) -> tuple[TensorVariable, CurrentTube]:
         """Return a condition for radii at the measured pressures, and the tube at these radii."""
-        energies, inputs = [], []
-        for tube in current.tubes:
-            _, inner_radius, outer_radius, *_ = tube.geometry
-            energies.append(tube.energy)
-            inputs += [outer_radius - inner_radius, *tube.entries]
-        _, inner_radius, _, *reference = current.tubes[0].geometry
-        op = RadiusAtPressure(strain_energies=tuple(energies), order=self.order)
-        radius, last_step = op(pressure, current.radius, inner_radius, *reference, *inputs)
+        energies = tuple(layer.energy for layer in current.tube.layers)
+        op = RadiusAtPressure(strain_energies=energies, order=self.order)
+        radius, last_step = op(pressure, current.radius, *current.tube.inputs)
         found = last_step < SMALLEST_STEP
         radius = pt.where(found, radius, current.radius)
         return pt.all(found), current._replace(radius=radius)

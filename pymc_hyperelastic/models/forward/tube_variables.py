@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pytensor.graph.basic import Constant, Variable
 
 from pymc_hyperelastic.data.inflation import at_points, measured_radius
-from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
+from pymc_hyperelastic.mechanics.layers import Layer, Tube, tube_of
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opening_factor
 from pymc_hyperelastic.models.geometry import deviated_tube
@@ -118,20 +118,13 @@ class WallVariables(NamedTuple):
 class CurrentTube(NamedTuple):
     """A tube as it was measured, at each point."""
 
-    wall: WallVariables
-    reference: Mapping[str, Any]
+    tube: Tube
     radius: Any
     """Internal radius, mm; that of another tube if this one is impossible."""
     possible: Any
     """True for a possible tube, at each point or of all."""
     excess: Any = None
     """``r_o² − a²``, if the outer radius ``r_o`` was measured."""
-
-    @property
-    def tubes(self) -> list[Tube]:
-        """The tubes, one within the other, that make up the wall."""
-        reference = [self.reference[name] for name in GEOMETRY]
-        return tubes_of(self.wall.energy, self.radius, reference, self.wall.parameters)
 
     def measured(self, radius: Any) -> Any:
         """Return the measured radius of a tube with this internal radius."""
@@ -163,13 +156,14 @@ def current_tube(xp: ModuleType, inputs: Mapping[str, Any], wall: WallVariables)
         outer, tube["outer_radius"] = inner + sum(layer.thickness for layer in energy), None
         for layer in energy:
             possible = possible & (xp.minimum(inner, layer.thickness) > 0)
+    unloaded = tube_of(energy, [tube[name] for name in GEOMETRY], wall.parameters)
     if "current_outer_radius" not in inputs:
-        return CurrentTube(wall, tube, inputs["radius"], possible)
+        return CurrentTube(unloaded, inputs["radius"], possible)
     area = (outer**2 - inner**2) / (opening_factor(tube["opening_angle"]) * tube["axial_stretch"])
     square = inputs["current_outer_radius"] ** 2 - area
     excess = xp.where(square > 0, area, 0.0)
     radius = xp.sqrt(inputs["current_outer_radius"] ** 2 - excess)
-    return CurrentTube(wall, tube, radius, possible & (square > 0), excess)
+    return CurrentTube(unloaded, radius, possible & (square > 0), excess)
 
 
 def wall_at_points(wall: WallVariables, test: Any) -> WallVariables:
