@@ -107,12 +107,9 @@ INTEGRATORS = {
     "mechanics": {"collocation", "known_tubes", "selected_nodes", "wall"},
     "models/forward": {
         "choose",
-        "selection",
         "integrator",
         "model",
         "numbers",
-        "pointwise",
-        "prior_draws",
         "tabulated",
         "tube_variables",
     },

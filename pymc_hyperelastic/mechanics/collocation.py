@@ -18,13 +18,10 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 from pymc_hyperelastic.mechanics.interpolation import ChebyshevNodes, Interpolation
 from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
-from pymc_hyperelastic.mechanics.wall import TubeOp, broadcast_batches, response
+from pymc_hyperelastic.mechanics.wall import PIECE, TubeOp, broadcast_batches, response
 
 Array = NDArray[np.float64]
 Basis = ChebyshevNodes | SelectedNodes
-
-# Numbers of a matrix that are computed at once: each takes 32 or 64 weights of quadrature nodes.
-_PIECE = 65_536
 
 
 class CollocatedIntegral(TubeOp):
@@ -133,7 +130,7 @@ def wall_matrices(tubes: KnownTubes, interpolation: Interpolation) -> dict[str, 
     internal radius.
     """
     points = np.arange(len(tubes.radius))
-    pieces = max(1, len(points) * len(interpolation.places[0]) // _PIECE)
+    pieces = max(1, len(points) * len(interpolation.places[0]) // PIECE)
     parts = [_matrices(tubes.at(some), interpolation) for some in np.array_split(points, pieces)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 

@@ -3,7 +3,8 @@
 Wall integrals add up over the layers. Public functions check here what users give them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,6 +61,13 @@ class Layer:
             )
         check_geometry(thickness=thickness)
         self.energy, self.thickness, self.parameters = energy, thickness, parameters
+
+    def mapped(self, change: Callable[[Any], Any]) -> "Layer":
+        """Return the layer with its thickness and all entries changed, without a check."""
+        layer = copy(self)
+        entries = [change(entry) for entry in self.energy.split(self.parameters)]
+        layer.thickness, layer.parameters = change(self.thickness), self.energy.join(entries)
+        return layer
 
     def __repr__(self) -> str:
         settings = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())

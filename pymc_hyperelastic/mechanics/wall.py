@@ -24,9 +24,11 @@ from pymc_hyperelastic.mechanics.tube import UNLOADED, hoop_elongation, opening_
 # Nodes of the Gauss-Legendre rule of a wall, or of each piece between kinks: exact to 1e-10 for
 # the thickest tubes, see PressureIntegral.
 WALL_ORDER = 32
-# Integrals beyond this count as overflow, in kPa or their units: derivatives of an exponential
-# overflow earlier than its value.
-OVERFLOW = np.float64(1e100)
+# Integrals, slopes and sums of squares beyond this count as overflow, in kPa or their units: it is
+# far beyond any tube, and their multiples and squares are finite.
+OVERFLOW = np.float64(1e60)
+# Walls, or entries of matrices, that are integrated at once: arrays of their nodes take 4 MB.
+PIECE = 16_384
 
 
 class TubeOp(TensorSymbolicOp):

@@ -52,7 +52,7 @@ def collocated(op, matrices, *entries):
 def assert_curves_are_exact(basis, groups, energy, tubes, tolerance=CURVE_TOLERANCE):
     """Compare curves of all points by constant matrices with those by quadrature."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(collocation, "_PIECE", 60)  # points are taken in parts
+        patch.setattr(collocation, "PIECE", 60)  # points are taken in parts
         matrices, place = collocation.curve_matrices(tubes, groups, basis)
     expected = direct(energy, tubes, MATERIALS[energy])
     for force, names in ((False, ("pressure", "stiffness")), (True, ("force", "force_slope"))):

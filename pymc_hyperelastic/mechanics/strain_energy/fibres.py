@@ -7,6 +7,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytensor.tensor as pt
 from pytensor.tensor.variable import TensorVariable as Tensor
 
@@ -19,9 +20,6 @@ from pymc_hyperelastic.mechanics.strain_energy.base import (
 from pymc_hyperelastic.mechanics.tube import first_invariant
 
 __all__ = ["FourFiber", "GasserOgdenHolzapfel", "HolzapfelGasserOgden"]
-
-# Value of ln λθ for a kink that does not exist: no wall is stretched by e^10.
-_NO_KINK = 10.0
 
 
 def _fibre_parameters(kind: str = "", superscript: str = "") -> tuple[Parameter, Parameter]:
@@ -156,7 +154,7 @@ class _FibreReinforced(StrainEnergy):
             exists = square > 0
             # The inner `where` keeps the gradient of the unused branch finite.
             log = pt.log(pt.where(exists, square, 1.0)) / 2
-            kinks.append(pt.where(exists, log, _NO_KINK))
+            kinks.append(pt.where(exists, log, np.inf))
         return kinks
 
 

@@ -22,8 +22,14 @@ from pymc_hyperelastic.data.inflation import (
 )
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.wall import OVERFLOW
 from pymc_hyperelastic.models.forward.choose import Mode, choose_integrator
-from pymc_hyperelastic.models.forward.integrator import LARGEST, MOST_ROUNDS, Integrator
+from pymc_hyperelastic.models.forward.integrator import (
+    MOST_ROUNDS,
+    Integrator,
+    conditions_of,
+    slopes_of,
+)
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
 from pymc_hyperelastic.models.geometry import measured_of, priors_of
 from pymc_hyperelastic.models.priors import with_variables
@@ -250,18 +256,19 @@ class SymbolicTube(NamedTuple):
         With measured forces there is ``axial_force``, and if the internal radius depends on an
         unknown geometry, ``radius``.
         """
-        return self.forward.integrator.curves(self._curve_inputs, self.wall)
+        beside = ("force_slope", "growth", "possible")
+        return {name: v for name, v in self._curves().items() if name not in beside}
 
     def conditions(self) -> list[TensorVariable]:
         """Conditions under which the tube is possible, unless it is known to be."""
-        return self.forward.integrator.conditions(self._curve_inputs, self.wall)
+        return conditions_of(self._curves())
 
     def slopes(self) -> dict[str, TensorVariable]:
         """How the curves rise with the radius that was measured, by the names of the curves.
 
         ``pressure`` (kPa/mm), and with measured forces ``axial_force`` (mN/mm).
         """
-        return self.forward.integrator.slopes(self._curve_inputs, self.wall)
+        return slopes_of(self._curves())
 
     def misfits(self, key: Hashable, targets_of: Callable[[xr.Dataset], Arrays]) -> Misfits:
         """Sums of squared differences between the curves and targets.
@@ -283,7 +290,7 @@ class SymbolicTube(NamedTuple):
         squares = {}
         for name, difference in differences.items():
             total = pt.sum(pt.square(difference))
-            conditions.append(total < LARGEST)
+            conditions.append(total < OVERFLOW)
             # Else a noise parameter's gradient would be 0 * inf. That of the material is zero by
             # the integral itself.
             known = pt.where(conditions[-1], total, 0.0)
@@ -291,6 +298,10 @@ class SymbolicTube(NamedTuple):
             if name == "force" and force_sums is not None:
                 force_sums = pt.where(conditions[-1], force_sums, 0.0)
         return Misfits(squares, conditions, force_sums)
+
+    def _curves(self) -> dict[str, TensorVariable]:
+        """All that the integrator computes at the points."""
+        return self.forward.integrator.curves(self._curve_inputs, self.wall)
 
     @property
     def _curve_inputs(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from pymc_hyperelastic.mechanics.integrals import wall_force, wall_material, wal
 from pymc_hyperelastic.mechanics.layers import ReferenceLayer, Tube
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import UNLOADED, hoop_elongation, opening_factor
-from pymc_hyperelastic.mechanics.wall import WALL_ORDER
+from pymc_hyperelastic.mechanics.wall import PIECE, WALL_ORDER
 from pymc_hyperelastic.models.forward.tube_variables import (
     WallVariables,
     current_tube,
@@ -32,8 +32,6 @@ _FARTHEST = np.log(20.0)
 # Step of Newton's method, relative to the radius, with which a radius counts as found: Newton's
 # method squares its error, so that the next step is below rounding.
 SMALLEST_STEP = 1e-9
-# Points that are integrated together: their arrays stay in the processor's cache.
-_PIECE = 4096
 
 
 class Circles(NamedTuple):
@@ -242,6 +240,6 @@ def _stress_differences(energy: StrainEnergy) -> Any:
 def _evaluate(function: Any, *inputs: Any) -> list[Array]:
     """Outputs of a function of vectors at inputs that broadcast."""
     full = np.broadcast_arrays(*inputs)
-    starts = range(0, max(full[0].size, 1), _PIECE)
-    pieces = [function(*(x.flat[start : start + _PIECE] for x in full)) for start in starts]
+    starts = range(0, max(full[0].size, 1), PIECE)
+    pieces = [function(*(x.flat[start : start + PIECE] for x in full)) for start in starts]
     return [np.concatenate(parts).reshape(full[0].shape) for parts in zip(*pieces, strict=True)]

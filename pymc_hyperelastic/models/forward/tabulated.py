@@ -17,20 +17,13 @@ from pymc_hyperelastic.mechanics.collocation import (
     curve_matrices,
     wall_matrices,
 )
-from pymc_hyperelastic.mechanics.interpolation import (
-    ChebyshevNodes,
-    response_function,
-)
+from pymc_hyperelastic.mechanics.interpolation import ChebyshevNodes, response_function
 from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes, groups_by
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 from pymc_hyperelastic.models.forward.blocks import table_arrays
-from pymc_hyperelastic.models.forward.integrator import Integrator
-from pymc_hyperelastic.models.forward.pointwise import (
-    PointwiseQuadrature,
-    force_differences,
-)
+from pymc_hyperelastic.models.forward.integrator import Integrator, force_differences
 from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
 
 
@@ -80,7 +73,7 @@ class TabulatedQuadrature(Integrator):
     tolerance: float = 1e-9
 
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
-        """Return the arrays of the data for :meth:`curves` and :meth:`slopes`."""
+        """Return the arrays of the data for :meth:`curves`."""
         tubes, groups = self._groups(data)
         matrices, place = curve_matrices(tubes, groups, self.basis)
         if not self.with_force:
@@ -88,23 +81,13 @@ class TabulatedQuadrature(Integrator):
         return matrices | {"place": place, "growth": tubes.growth}
 
     def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
-        """Return pressure and stiffness at the points, and the axial force if it is measured."""
+        """Return pressure and stiffness at the points, and others, see :class:`Integrator`."""
         curves = self._integrals(inputs, ("pressure", "stiffness"), wall)
         if self.with_force:
-            curves["axial_force"] = self._integrals(inputs, ("force",), wall)["force"]
-        return {name: rows.flatten()[inputs["place"]] for name, rows in curves.items()}
-
-    def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
-        """Return derivatives of the curves by the radius that was measured."""
-        slopes = {"pressure": self._integrals(inputs, ("stiffness",), wall)["stiffness"]}
-        if self.with_force:
-            (slopes["axial_force"],) = self._integrals(inputs, ("force_slope",), wall).values()
-        by_radius = {name: rows.flatten()[inputs["place"]] for name, rows in slopes.items()}
-        return {name: slope * inputs["growth"] for name, slope in by_radius.items()}
-
-    def conditions(self, *_: Any) -> list[TensorVariable]:
-        """Return none: known tubes are possible."""
-        return []
+            force, slope = self._integrals(inputs, ("force", "force_slope"), wall).values()
+            curves |= {"axial_force": force, "force_slope": slope}
+        of_points = {name: rows.flatten()[inputs["place"]] for name, rows in curves.items()}
+        return of_points | {"growth": inputs["growth"]}
 
     def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
         """Return the arrays of targets, which may be NaN, for :meth:`differences`.
@@ -167,7 +150,7 @@ class TabulatedQuadrature(Integrator):
             other = self.with_materials(data, wall)
             if other.errors(data, wall).max() <= self.tolerance:
                 return other
-        return PointwiseQuadrature(WALL_ORDER, self.with_force, self.by_test)
+        return self.quadrature(WALL_ORDER)
 
     def with_materials(self, data: xr.Dataset, wall: WallVariables) -> "TabulatedQuadrature":
         """Return the same with nodes that are selected for these materials, too."""

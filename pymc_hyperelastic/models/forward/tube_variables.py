@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pytensor.graph.basic import Constant, Variable
 
 from pymc_hyperelastic.data.inflation import at_points, measured_radius
-from pymc_hyperelastic.mechanics.layers import Layer, Tube, tube_of
+from pymc_hyperelastic.mechanics.layers import Tube, tube_of
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opening_factor
 from pymc_hyperelastic.models.geometry import deviated_tube
@@ -78,20 +78,12 @@ class WallVariables(NamedTuple):
 
         Vectors become tuples of their entries. Deviations stay.
         """
-
-        def changed(energy: StrainEnergy, parameters: Mapping[str, Any]) -> dict[str, Any]:
-            return energy.join([change(entry) for entry in energy.split(parameters)])
-
         geometry = {name: change(value) for name, value in self.geometry.items()}
-        if isinstance(self.energy, StrainEnergy):
-            return self._replace(
-                parameters=changed(self.energy, self.parameters), geometry=geometry
-            )
-        layers = [
-            Layer(x.energy, change(x.thickness), **changed(x.energy, x.parameters))
-            for x in self.energy
-        ]
-        return self._replace(energy=layers, geometry=geometry)
+        if not isinstance(self.energy, StrainEnergy):
+            layers = [layer.mapped(change) for layer in self.energy]
+            return self._replace(energy=layers, geometry=geometry)
+        entries = [change(entry) for entry in self.energy.split(self.parameters)]
+        return self._replace(parameters=self.energy.join(entries), geometry=geometry)
 
     def some(self, chosen: NDArray[Any]) -> "WallVariables":
         """Return the numeric wall with some of its materials."""
