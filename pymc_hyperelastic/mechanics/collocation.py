@@ -12,13 +12,16 @@ import numpy as np
 import pytensor.tensor as pt
 from numpy.typing import NDArray
 from pytensor.graph.basic import Variable
-from pytensor.graph.replace import _vectorize_node
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.interpolation import ChebyshevNodes, Interpolation
-from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes
+from pymc_hyperelastic.mechanics.interpolation import (
+    ChebyshevNodes,
+    Group,
+    Interpolation,
+    KnownTubes,
+)
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
-from pymc_hyperelastic.mechanics.wall import PIECE, TubeOp, broadcast_batches, response
+from pymc_hyperelastic.mechanics.wall import PIECE, TubeOp, response
 
 Array = NDArray[np.float64]
 Basis = ChebyshevNodes | SelectedNodes
@@ -35,14 +38,11 @@ class CollocatedIntegral(TubeOp):
 
     Attributes
     ----------
-    force : bool, default False
+    force : bool
         If True, the response is that of the axial force, else that of the pressure.
     """
 
     __props__ = ("strain_energy", "force")
-
-    def __init__(self, input_types: Any = None, *, force: bool = False, **settings: Any) -> None:
-        super().__init__(input_types, force=force, **settings)
 
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Response at the nodes, then one matrix product for each group."""
@@ -54,9 +54,6 @@ class CollocatedIntegral(TubeOp):
         # A row times the transposed matrix: a batch of rows keeps its order in memory.
         row = stress[..., None, :]
         return [(row @ matrix.swapaxes(-1, -2)).squeeze(-2) for matrix in matrices]
-
-
-_vectorize_node.register(CollocatedIntegral)(broadcast_batches)
 
 
 def collocate(

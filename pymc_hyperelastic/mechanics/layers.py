@@ -94,7 +94,7 @@ class Tube(NamedTuple):
     @property
     def inputs(self) -> list[Any]:
         """The measures in UNLOADED, then the outer radius and the entries of each layer."""
-        inputs = [self.geometry[name] for name in UNLOADED]
+        inputs = [*self.unloaded.values()]
         for layer in self.layers:
             inputs += [layer.outer_radius, *layer.entries]
         return inputs
@@ -110,10 +110,14 @@ class Tube(NamedTuple):
             inner, rest = outer, rest[1 + len(entries) :]
         return cls(layers, geometry)
 
+    @property
+    def unloaded(self) -> dict[str, Any]:
+        """The measures in UNLOADED, on which the current radii of all circles depend."""
+        return {name: self.geometry[name] for name in UNLOADED}
+
     def current(self, reference: Any, radius: Any) -> Any:
         """Return the current radii of circles of these reference radii, at an internal radius."""
-        unloaded = {name: self.geometry[name] for name in UNLOADED}
-        return current_radius(reference, radius, **unloaded)
+        return current_radius(reference, radius, **self.unloaded)
 
 
 def tube_of(

@@ -22,8 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
-from pymc_hyperelastic.mechanics.interpolation import Interpolation, evenly, response_function
-from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes
+from pymc_hyperelastic.mechanics.interpolation import (
+    Group,
+    Interpolation,
+    KnownTubes,
+    evenly,
+    response_function,
+)
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.wall import OVERFLOW
 

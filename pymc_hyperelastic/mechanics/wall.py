@@ -32,16 +32,10 @@ PIECE = 16_384
 
 
 class TubeOp(TensorSymbolicOp):
-    """Base class of Ops that integrate a law's stress over a tube's wall, with a gradient."""
+    """Base class of Ops of a tube's wall, which are computed by other Ops, with a gradient."""
 
     # Inlined when compiled, value and gradient share their common terms: two to four times faster.
     inline = True
-
-    def __init__(
-        self, input_types: Any = None, *, strain_energy: StrainEnergy, **settings: Any
-    ) -> None:
-        check_energy(strain_energy)
-        super().__init__(input_types, strain_energy=strain_energy, **settings)
 
     def __call__(self, *inputs: Any, **settings: Any) -> Any:
         """Apply it, by the same Op wherever inputs are of the same types."""
@@ -130,9 +124,10 @@ class WallIntegral(TubeOp):
     __props__ = ("strain_energy", "order")
 
     def __init__(
-        self, input_types: Any = None, *, order: int = WALL_ORDER, **settings: Any
+        self, input_types: Any = None, *, strain_energy: StrainEnergy, order: int = WALL_ORDER
     ) -> None:
-        super().__init__(input_types, order=order, **settings)
+        check_energy(strain_energy)
+        super().__init__(input_types, strain_energy=strain_energy, order=order)
 
     def rule(self, inputs: Sequence[Tensor]) -> tuple[WallRule, Tensor, Any]:
         """Return the rule, ``ln λz`` and the parameters' entries, nodes along a new last axis."""
@@ -178,9 +173,8 @@ def _place(xp: ModuleType, log_stretch: Any, excess: Any, log_ratio: Any) -> Any
     The square of the stretch, relative to the unloaded tube's, exceeds 1 by ``δ``, which falls with
     the square of the radius from `excess` at the inner surface.
     """
-    beyond = xp.expm1(2 * log_stretch)
-    there = abs(beyond) > 0
-    ratio = excess / xp.where(there, beyond, 1.0)
+    there = (abs(log_stretch) > 0) & (abs(log_stretch) < np.inf)
+    ratio = excess / xp.expm1(2 * xp.where(there, log_stretch, 1.0))
     inside = (ratio > 1) & (ratio < xp.exp(2 * log_ratio)) & there
     return xp.where(inside, xp.log(xp.where(inside, ratio, 1.0)) / (2 * log_ratio), 0.0)
 
@@ -205,7 +199,7 @@ def _in_order(xp: ModuleType, places: Sequence[Any]) -> list[Any]:
     return ordered
 
 
-@_vectorize_node.register(WallIntegral)
+@_vectorize_node.register(TubeOp)
 def broadcast_batches(op: Op, node: Apply, *inputs: Tensor) -> Apply:
     """Broadcast batch dimensions from the left; the Op needs no loop over them."""
     core_ndim = node.outputs[0].type.ndim

@@ -68,7 +68,7 @@ class _Family(NamedTuple):
         angle = pt.deg2rad(pt.as_tensor(self.angle).astype("float64"))
         return pt.cos(angle) ** 2, pt.sin(angle) ** 2
 
-    def strain(self, log_hoop: Tensor, log_axial: Tensor) -> Tensor:
+    def strain(self, log_hoop: Any, log_axial: Any) -> Tensor:
         """Fibre strain ``E``, negative in slack fibres; accurate near 0."""
         cosine, sine = self.squares
         aligned = cosine * pt.expm1(2 * log_hoop)
@@ -78,7 +78,7 @@ class _Family(NamedTuple):
         dispersed = first_invariant_excess(log_hoop, log_axial)
         return self.dispersion * dispersed + (1 - 3 * self.dispersion) * aligned
 
-    def stress(self, log_hoop: Tensor, log_axial: Tensor, axial: bool) -> Tensor:
+    def stress(self, log_hoop: Any, log_axial: Any, axial: bool) -> Tensor:
         """``k1 E₊ exp(k2 E₊²) ∂E/∂x`` of all families, ``x = ln λθ``, or ``ln λz`` if `axial`."""
         own, other = (log_axial, log_hoop) if axial else (log_hoop, log_axial)
         half_slope = self.squares[int(axial)] * pt.exp(2 * own)
@@ -111,7 +111,7 @@ class _FibreReinforced(StrainEnergy):
         return total
 
     def stress_difference(
-        self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, **parameters: Any
+        self, log_hoop: Any, log_axial: Any, *, c: Any, **parameters: Any
     ) -> Tensor:
         """``c (λθ² − λr²)``, and for each family ``k1 E₊ exp(k2 E₊²) ∂E/∂ln λθ``."""
         families = self.families(**parameters)
@@ -119,7 +119,7 @@ class _FibreReinforced(StrainEnergy):
         return 2 * c * half_difference(log_hoop, log_axial) + fibres
 
     def axial_stress_difference(
-        self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, **parameters: Any
+        self, log_hoop: Any, log_axial: Any, *, c: Any, **parameters: Any
     ) -> Tensor:
         """``c (λz² − λr²)``, and for each family ``k1 E₊ exp(k2 E₊²) ∂E/∂ln λz``."""
         families = self.families(**parameters)

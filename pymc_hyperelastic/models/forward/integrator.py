@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, measured_radius, points_of
-from pymc_hyperelastic.mechanics.integrals import wall_force, wall_pressure
+from pymc_hyperelastic.mechanics.integrals import RadiusAtPressure, wall_force, wall_pressure
 from pymc_hyperelastic.mechanics.interpolation import evenly
-from pymc_hyperelastic.mechanics.inversion import RadiusAtPressure
 from pymc_hyperelastic.mechanics.wall import OVERFLOW, WALL_ORDER
 from pymc_hyperelastic.models.forward.blocks import table_arrays, table_of
 from pymc_hyperelastic.models.forward.numbers import SMALLEST_STEP, numeric_curves
@@ -27,7 +26,6 @@ from pymc_hyperelastic.models.forward.tube_variables import (
     CurrentTube,
     WallVariables,
     current_tube,
-    error_inputs,
     tube_inputs,
     wall_at_points,
 )
@@ -146,7 +144,7 @@ class PointwiseQuadrature(Integrator):
 
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
         """Return the arrays of the data for :meth:`curves`."""
-        arrays = tube_inputs(data) | error_inputs(data, dict(self.geometry_sd))
+        arrays = tube_inputs(data, self.geometry_sd)
         if self.by_test or self.geometry_sd:
             arrays["test"] = data["test"].values
         return arrays

@@ -10,23 +10,24 @@ import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.mechanics.integrals import wall_force, wall_material, wall_pressure
+from pymc_hyperelastic.mechanics.integrals import (
+    LONGEST_STEP,
+    wall_force,
+    wall_material,
+    wall_pressure,
+)
 from pymc_hyperelastic.mechanics.layers import ReferenceLayer, Tube
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import UNLOADED, hoop_elongation, opening_factor
+from pymc_hyperelastic.mechanics.tube import UNLOADED, measure_of, opening_factor, stretches
 from pymc_hyperelastic.mechanics.wall import PIECE, WALL_ORDER
 from pymc_hyperelastic.models.forward.tube_variables import (
     WallVariables,
     current_tube,
-    error_inputs,
     tube_inputs,
 )
 
 Array = NDArray[np.float64]
 
-# Largest step in the logarithm of the radius along a curve: none leaps over a maximum of the
-# pressure and the minimum beyond it.
-_LARGEST_STEP = 0.05
 # Logarithm of the ratio of the radii between which a pressure is looked for.
 _FARTHEST = np.log(20.0)
 # Step of Newton's method, relative to the radius, with which a radius counts as found: Newton's
@@ -101,17 +102,12 @@ class TubeNumbers(Tube):
     @property
     def wall_area(self) -> Array:
         """Current area of the wall's cross-section, mm²: it does not depend on the pressure."""
-        inner, outer, axial, angle = self.geometry.values()
-        return np.pi * (outer - inner) * (outer + inner) / (opening_factor(angle) * axial)
+        return measure_of("wall_area", self.geometry) / self.geometry["axial_stretch"]
 
     def circles(self, layer: ReferenceLayer, radius: Array, reference: Array) -> Circles:
         """Circles of a layer, of these reference radii, at internal radii of the wall."""
-        angle, axial = self.geometry["opening_angle"], self.geometry["axial_stretch"]
-        inner = self.geometry["inner_radius"]
-        delta = hoop_elongation(
-            radius, reference, inner_radius=inner, axial_stretch=axial, opening_angle=angle
-        )
-        log_hoop = (np.log(opening_factor(angle) / axial) + np.log1p(delta)) / 2
+        _, hoop, axial = stretches(reference, radius, **self.unloaded)
+        log_hoop = np.log(hoop)
         log_axial = np.broadcast_to(np.log(axial), log_hoop.shape)
         function = _stress_differences(layer.energy)
         differences = _evaluate(function, log_hoop, log_axial, *layer.entries)
@@ -156,7 +152,7 @@ class TubeNumbers(Tube):
         start = inner / np.sqrt(opening_factor(angle) * axial)
         # ln(a/a₀), the step that is tried there, the step of Newton's method, and its bound.
         place, step, newton = np.zeros((3, start.size))
-        longest, lacking = np.full(start.size, _LARGEST_STEP), np.full(start.size, np.inf)
+        longest, lacking = np.full(start.size, LONGEST_STEP), np.full(start.size, np.inf)
         found = np.full(start.size, np.nan)
         active = np.arange(start.size)
         while active.size:
@@ -191,7 +187,7 @@ def numeric_curves(
     The numbers of the wall have shape (material), and its deviations (material, test). Curves of an
     impossible tube are NaN.
     """
-    inputs = tube_inputs(data) | error_inputs(data, dict(geometry_sd))
+    inputs = tube_inputs(data, geometry_sd)
     inputs = {name: values[points] for name, values in inputs.items()}
     test = data["test"].values[points]
     deviations = {name: z[:, test] for name, z in wall.deviations.items()}

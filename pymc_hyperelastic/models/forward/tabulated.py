@@ -17,8 +17,13 @@ from pymc_hyperelastic.mechanics.collocation import (
     curve_matrices,
     wall_matrices,
 )
-from pymc_hyperelastic.mechanics.interpolation import ChebyshevNodes, response_function
-from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes, groups_by
+from pymc_hyperelastic.mechanics.interpolation import (
+    ChebyshevNodes,
+    Group,
+    KnownTubes,
+    groups_by,
+    response_function,
+)
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER

@@ -1,6 +1,6 @@
 """The tube of a model at each measured point: its wall, geometry and current radius."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
 
@@ -20,21 +20,18 @@ Array = NDArray[np.float64]
 Arrays = dict[str, NDArray]
 
 
-def tube_inputs(data: xr.Dataset) -> Arrays:
-    """Return the measured geometry of the tube and its measured current radius at each point."""
+def tube_inputs(data: xr.Dataset, errors: Sequence[tuple[str, float | None]]) -> Arrays:
+    """Return the measured geometry of the tube and its measured current radius at each point.
+
+    With them come the standard deviations of the geometry: a number, or None for that of the data.
+    """
     inputs = {name: at_points(data, name) for name in GEOMETRY}
     name = "current_outer_radius" if "outer_diameter" in data else "radius"
-    return inputs | {name: measured_radius(data).values.astype(float)}
-
-
-def error_inputs(data: xr.Dataset, errors: Mapping[str, float | None]) -> Arrays:
-    """Return the standard deviations of the measured geometry; None is that of the data."""
-    return {
-        f"{name}_sd": at_points(data, f"{name}_sd")
-        if sd is None
-        else np.full(data.sizes["obs"], sd)
-        for name, sd in errors.items()
-    }
+    inputs[name] = measured_radius(data).values.astype(float)
+    for name, sd in errors:
+        sds = at_points(data, f"{name}_sd") if sd is None else np.full(data.sizes["obs"], sd)
+        inputs[f"{name}_sd"] = sds
+    return inputs
 
 
 class WallVariables(NamedTuple):
