@@ -5,7 +5,7 @@ matrices times the responses ``g`` at ``K`` nodes in the walls, which a basis ch
 factorisation reduces the squared misfit of any number of points to that of ``K`` numbers.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -57,7 +57,7 @@ class CollocatedIntegral(TubeOp):
 
 
 def collocate(
-    tubes: KnownTubes, groups: Sequence[Group], basis: Basis, targets: dict[str, Array]
+    tubes: KnownTubes, groups: Sequence[Group], basis: Basis, targets: Mapping[str, Array]
 ) -> dict[str, Any]:
     """Return matrices of :class:`CollocatedIntegral`, compressed against the measured values.
 

@@ -56,24 +56,21 @@ class SelectedNodes:
     """Part of a snapshot, relative to the largest, that the others may leave unexplained."""
     split: bool = False
     """True if walls are split where ``λθ = 1``."""
+    with_force: bool = False
+    """True if responses of the axial force are snapshots, too."""
     snapshots: Materials = ()
     """Materials whose responses are snapshots."""
-    with_force: bool = False
-    """True if their responses of the axial force are snapshots, too."""
     by_stretch: ClassVar[bool] = False
     """False: all tests of a specimen, also at several axial stretches, share their nodes."""
 
     @np.errstate(all="ignore")  # some of the materials may be impossible
-    def with_materials(
-        self, tubes: KnownTubes, groups: Sequence[Group], materials: Materials, *, with_force: bool
-    ) -> "SelectedNodes":
+    def with_materials(self, tubes: KnownTubes, materials: Materials) -> "SelectedNodes":
         """Return nodes for these materials, too: their independent responses become snapshots."""
         added = _single_moduli(self.energy, materials) if self.one_by_one else [materials]
         parts = [self.snapshots, *added] if self.snapshots else added
         candidates = [np.concatenate(values) for values in zip(*parts, strict=True)]
-        with_all = replace(self, snapshots=candidates, with_force=with_force)
-        points = np.concatenate([group.points for group in groups])
-        places = self._quadrature_nodes(tubes.at(points), _COMPARED)
+        with_all = replace(self, snapshots=candidates)
+        places = self._quadrature_nodes(tubes, _COMPARED)
         (responses,) = with_all.responses(*places)
         *_, pivots = _independent(_scaled(responses, _scale(responses)).T, self.tolerance)
         chosen = np.unique(pivots % len(candidates[0]))

@@ -173,8 +173,8 @@ def test_curves_and_slopes_by_selected_nodes_equal_quadrature(one_by_one):
     tubes = tubes_of(stretches=(1.3, 1.5, 1.7))
     tubes = tubes.at(np.flatnonzero(tubes.log_hoop[1] > 0))  # fibres are taut
     groups = groups_by(tubes, np.zeros(len(tubes.radius)))
-    empty = SelectedNodes(HGO, one_by_one, tolerance=3e-12)
-    basis = empty.with_materials(tubes, groups, draw_materials()(), with_force=True)
+    empty = SelectedNodes(HGO, one_by_one, tolerance=3e-12, with_force=True)
+    basis = empty.with_materials(tubes, draw_materials()())
     assert len(basis.interpolation(tubes, groups[0]).places[0]) < 150
     assert_curves_are_exact(basis, groups, HGO, tubes, tolerance=1e-9)
 
@@ -185,12 +185,12 @@ def test_selected_nodes_are_added_for_other_materials():
     tubes = tubes.at(np.flatnonzero(tubes.log_hoop[1] > 0))
     groups = groups_by(tubes, np.zeros(len(tubes.radius)))
     some = [values[:3] for values in draw_materials()()]
-    basis = SelectedNodes(HGO, True, tolerance=3e-12)
-    basis = basis.with_materials(tubes, groups, some, with_force=True)
+    basis = SelectedNodes(HGO, True, tolerance=3e-12, with_force=True)
+    basis = basis.with_materials(tubes, some)
     with pytest.raises(AssertionError, match="pressure"):
         assert_curves_are_exact(basis, groups, HGO, tubes, tolerance=1e-9)
     own = [np.array([x, 1.01 * x]) for x in MATERIALS[HGO]]
-    basis = basis.with_materials(tubes, groups, own, with_force=True)
+    basis = basis.with_materials(tubes, own)
     assert_curves_are_exact(basis, groups, HGO, tubes, tolerance=1e-9)
 
 

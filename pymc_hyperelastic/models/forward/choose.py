@@ -26,7 +26,7 @@ from pymc_hyperelastic.models.forward.integrator import (
     ends_of_tests,
 )
 from pymc_hyperelastic.models.forward.numbers import numeric_curves
-from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature, groups_of, known_tubes
+from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature
 from pymc_hyperelastic.models.forward.tube_variables import Array, WallVariables
 from pymc_hyperelastic.models.moduli import has_additive_stress
 
@@ -151,11 +151,9 @@ def _chebyshev(
     tabulated: TabulatedQuadrature, walls: WallVariables, data: xr.Dataset, some: WallVariables
 ) -> TabulatedQuadrature | None:
     """Chebyshev nodes for all materials, or else for some of them; None if they are too many."""
-    tubes = known_tubes(data)
-    groups = groups_of(data, tubes, by_test=tabulated.by_test, by_stretch=True)
-    settings: dict[str, Any] = {"with_force": tabulated.with_force}
+    groups, force = tabulated.groups(data), tabulated.with_force
     for materials in (walls.materials, some.materials):
-        count = nodes_needed(walls.energy, tubes, groups, materials, **settings)
+        count = nodes_needed(walls.energy, *groups, materials, with_force=force)
         if count is not None:
             return replace(tabulated, basis=ChebyshevNodes(count))
     return None
@@ -171,7 +169,8 @@ def _select_nodes(
     """
     energy, tolerance = draws.energy, tabulated.tolerance
     split = bool(energy.kinks(pt.zeros(()), **draws.parameters))
-    basis = SelectedNodes(energy, has_additive_stress(energy), _FINER * tolerance, split=split)
+    one_by_one, force = has_additive_stress(energy), tabulated.with_force
+    basis = SelectedNodes(energy, one_by_one, _FINER * tolerance, split, force)
     first, *others = np.array_split(np.arange(len(draws.materials[0])), MOST_ROUNDS + 1)
     found = replace(tabulated, basis=basis)
     learned = draws.some(first)

@@ -6,12 +6,11 @@ The general one is quadrature of the wall at every point.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import pytensor.tensor as pt
 import xarray as xr
-from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, measured_radius, points_of
@@ -24,6 +23,9 @@ from pymc_hyperelastic.models.forward.tube_variables import (
     Array,
     Arrays,
     CurrentTube,
+    Curves,
+    Points,
+    Values,
     WallVariables,
     current_tube,
     tube_inputs,
@@ -38,6 +40,10 @@ _COMPARED_POINTS = 128
 # Rounds in which an integrator is made accurate for materials whose curves were not; one or two
 # usually suffice.
 MOST_ROUNDS = 4
+
+
+# Differences between curves and targets by name, and the conditions for them.
+Differences = tuple[Curves, list[TensorVariable]]
 
 
 class Integrator(ABC):
@@ -58,7 +64,7 @@ class Integrator(ABC):
         """Return the arrays of the data for :meth:`curves`."""
 
     @abstractmethod
-    def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
+    def curves(self, inputs: Values, wall: WallVariables) -> Curves:
         """Return pressure and stiffness at the points.
 
         If the axial force is measured, there are ``axial_force`` and its ``force_slope`` by the
@@ -72,15 +78,11 @@ class Integrator(ABC):
         """Return the arrays of targets, which may be NaN, for :meth:`differences`."""
 
     @abstractmethod
-    def differences(
-        self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
-    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
+    def differences(self, inputs: Values, wall: WallVariables, error_in: str) -> Differences:
         """Return differences between curves and targets, and the conditions for them."""
 
     @abstractmethod
-    def values(
-        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
-    ) -> dict[str, Array]:
+    def values(self, data: xr.Dataset, wall: WallVariables, points: Points) -> Arrays:
         """Return curves (material, point) of a wall in numbers at some of the points."""
 
     def quadrature(self, order: int) -> "PointwiseQuadrature":
@@ -149,7 +151,7 @@ class PointwiseQuadrature(Integrator):
             arrays["test"] = data["test"].values
         return arrays
 
-    def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
+    def curves(self, inputs: Values, wall: WallVariables) -> Curves:
         """Return pressure and stiffness at the points, and others, see :class:`Integrator`."""
         current = self._tube(inputs, wall)
         pressure, stiffness = wall_pressure(current.tube, current.radius, self.order)
@@ -172,9 +174,7 @@ class PointwiseQuadrature(Integrator):
                 arrays |= {f"{name}_rows": rows, f"{name}_target": target[rows]}
         return arrays
 
-    def differences(
-        self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
-    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
+    def differences(self, inputs: Values, wall: WallVariables, error_in: str) -> Differences:
         """Return differences between curves and targets, and the conditions for them.
 
         With the error in the radius, radius and force are those of the tube at the measured
@@ -191,9 +191,7 @@ class PointwiseQuadrature(Integrator):
             differences |= force_differences(inputs, curves["axial_force"])
         return differences, conditions_of(curves)
 
-    def values(
-        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
-    ) -> dict[str, Array]:
+    def values(self, data: xr.Dataset, wall: WallVariables, points: Points) -> Arrays:
         """Return curves (material, point) of a numeric wall at some of the points."""
         settings = self.order, self.with_force, self.geometry_sd
         return numeric_curves(data, wall, points, *settings)
@@ -206,15 +204,13 @@ class PointwiseQuadrature(Integrator):
         """Return the rule of twice the order of any wall: its error is that order's squared."""
         return self.quadrature(2 * WALL_ORDER)
 
-    def _tube(self, inputs: Mapping[str, Any], wall: WallVariables) -> CurrentTube:
+    def _tube(self, inputs: Values, wall: WallVariables) -> CurrentTube:
         if self.by_test:
             wall = wall_at_points(wall, inputs["test"])
         of_points = {name: z[inputs["test"]] for name, z in wall.deviations.items()}
         return current_tube(pt, inputs, wall._replace(deviations=of_points))
 
-    def _at_pressure(
-        self, inputs: Mapping[str, Any], wall: WallVariables
-    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
+    def _at_pressure(self, inputs: Values, wall: WallVariables) -> Differences:
         """Differences at the measured pressures, and the conditions for radii there."""
         current = self._tube(inputs, wall)
         energies = tuple(layer.energy for layer in current.tube.layers)
@@ -230,7 +226,7 @@ class PointwiseQuadrature(Integrator):
         return differences, [*conditions, pt.all(found)]
 
 
-def slopes_of(curves: Mapping[str, TensorVariable]) -> dict[str, TensorVariable]:
+def slopes_of(curves: Curves) -> Curves:
     """Return derivatives of the curves by the radius that was measured."""
     slopes = {"pressure": curves["stiffness"]}
     if "force_slope" in curves:
@@ -240,28 +236,26 @@ def slopes_of(curves: Mapping[str, TensorVariable]) -> dict[str, TensorVariable]
     return {name: slope * curves["growth"] for name, slope in bounded.items()}
 
 
-def conditions_of(curves: Mapping[str, TensorVariable]) -> list[TensorVariable]:
+def conditions_of(curves: Curves) -> list[TensorVariable]:
     """Return the conditions under which the tube is possible, unless it is known to be."""
     return [pt.all(curves["possible"])] if "possible" in curves else []
 
 
-def force_differences(
-    inputs: Mapping[str, Any], force: TensorVariable
-) -> dict[str, TensorVariable]:
+def force_differences(inputs: Values, force: TensorVariable) -> Curves:
     """Return differences between forces and targets, and their sums if these have a target."""
     error = force[inputs["force_rows"]] - inputs["force_target"]
     sums = {"force_sum": table_of(error, inputs).sum(axis=-1)} if "points" in inputs else {}
     return {"force": error} | sums
 
 
-def compared_points(data: xr.Dataset) -> NDArray[np.intp]:
+def compared_points(data: xr.Dataset) -> Points:
     """Return points at which curves are compared: the ends of tests, and others evenly spread."""
     ends = np.concatenate(ends_of_tests(data))
     points = np.union1d(ends, evenly(data.sizes["obs"], _COMPARED_POINTS))
     return points[evenly(len(points), _COMPARED_POINTS)]
 
 
-def ends_of_tests(data: xr.Dataset) -> list[NDArray[np.intp]]:
+def ends_of_tests(data: xr.Dataset) -> list[Points]:
     """Return the points at the ends of each test: of its radii, and of its axial stretches."""
     along = [measured_radius(data).values, at_points(data, "axial_stretch")]
     spans = [points_of(data, test) for test in range(data.sizes["test"])]

@@ -1,6 +1,6 @@
 """The forward model of a tube."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from copy import copy
 from typing import Any, NamedTuple
 
@@ -30,7 +30,13 @@ from pymc_hyperelastic.models.forward.integrator import (
     conditions_of,
     slopes_of,
 )
-from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
+from pymc_hyperelastic.models.forward.tube_variables import (
+    Array,
+    Arrays,
+    Curves,
+    Values,
+    WallVariables,
+)
 from pymc_hyperelastic.models.geometry import measured_of, priors_of
 from pymc_hyperelastic.models.priors import with_variables
 
@@ -82,8 +88,8 @@ class ForwardModel:
         self,
         wall: StrainEnergy | Sequence[Layer],
         data: xr.Dataset,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
+        parameters: Values,
+        geometry: Values | None = None,
         *,
         mode: Mode = "auto",
         with_force: bool = False,
@@ -117,12 +123,7 @@ class ForwardModel:
         other.data, other._shared = data, {}
         return other
 
-    def errors(
-        self,
-        data: xr.Dataset,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-    ) -> Array:
+    def errors(self, data: xr.Dataset, parameters: Values, geometry: Values | None = None) -> Array:
         """Return the largest error of the curves of each material, see :meth:`Integrator.errors`.
 
         The `parameters` and the unknown `geometry` are given by name, with one number for each
@@ -136,10 +137,7 @@ class ForwardModel:
         return [*self._distributions], [*self._geometry]
 
     def refined(
-        self,
-        data: xr.Dataset,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
+        self, data: xr.Dataset, parameters: Values, geometry: Values | None = None
     ) -> "ForwardModel":
         """Return the same with curves that are accurate for these materials, too."""
         other = copy(self)
@@ -187,10 +185,7 @@ class ForwardModel:
         return self._shared[key][1]
 
     def tube(
-        self,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-        deviations: Mapping[str, Any] | None = None,
+        self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
     ) -> "SymbolicTube":
         """The tube with variables of a model in place of the distributions.
 
@@ -200,10 +195,7 @@ class ForwardModel:
         return SymbolicTube(self, self._wall(parameters, geometry, deviations))
 
     def _wall(
-        self,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-        deviations: Mapping[str, Any] | None = None,
+        self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
     ) -> WallVariables:
         """The wall with variables or numbers in place of the distributions."""
         unknown = geometry or {}, deviations or {}
@@ -250,7 +242,7 @@ class SymbolicTube(NamedTuple):
     forward: ForwardModel
     wall: WallVariables
 
-    def curves(self) -> dict[str, TensorVariable]:
+    def curves(self) -> Curves:
         """Pressure and stiffness at the points, by their names.
 
         With measured forces there is ``axial_force``, and if the internal radius depends on an
@@ -263,7 +255,7 @@ class SymbolicTube(NamedTuple):
         """Conditions under which the tube is possible, unless it is known to be."""
         return conditions_of(self._curves())
 
-    def slopes(self) -> dict[str, TensorVariable]:
+    def slopes(self) -> Curves:
         """How the curves rise with the radius that was measured, by the names of the curves.
 
         ``pressure`` (kPa/mm), and with measured forces ``axial_force`` (mN/mm).
@@ -299,7 +291,7 @@ class SymbolicTube(NamedTuple):
                 force_sums = pt.where(conditions[-1], force_sums, 0.0)
         return Misfits(squares, conditions, force_sums)
 
-    def _curves(self) -> dict[str, TensorVariable]:
+    def _curves(self) -> Curves:
         """All that the integrator computes at the points."""
         return self.forward.integrator.curves(self._curve_inputs, self.wall)
 

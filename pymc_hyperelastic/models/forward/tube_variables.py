@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from pytensor.graph.basic import Constant, Variable
+from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, measured_radius
 from pymc_hyperelastic.mechanics.layers import Tube, tube_of
@@ -18,6 +19,10 @@ from pymc_hyperelastic.models.priors import is_inferred
 
 Array = NDArray[np.float64]
 Arrays = dict[str, NDArray]
+Points = NDArray[np.intp]
+# Variables of a model or numbers, and expressions of these, by name.
+Values = Mapping[str, Any]
+Curves = dict[str, TensorVariable]
 
 
 def tube_inputs(data: xr.Dataset, errors: Sequence[tuple[str, float | None]]) -> Arrays:
