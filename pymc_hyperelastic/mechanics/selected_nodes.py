@@ -1,16 +1,9 @@
 """Nodes selected from the quadrature nodes of the walls: discrete empirical interpolation.
 
-Laws of fibres stiffen by orders of magnitude, and polynomials need thousands of nodes to follow
-them where both stretches vary. All responses of such a law are nevertheless combinations of one or
-two hundred *snapshots*, the responses of some of its materials. A QR factorisation with column
-pivoting selects as many quadrature nodes, at which the response determines the combination.
-
-References
-----------
-M. Barrault, Y. Maday, N. C. Nguyen and A. T. Patera, An 'empirical interpolation' method, Comptes
-Rendus Mathematique 339 (2004) 667. Nodes by a factorisation with pivots: Z. Drmač and S. Gugercin,
-A new selection operator for the discrete empirical interpolation method, SIAM Journal on Scientific
-Computing 38 (2016) A631.
+All responses of a law are combinations of one or two hundred *snapshots*, the responses of some of
+its materials. A QR factorisation with column pivoting selects as many quadrature nodes, at which
+the response determines the combination: Z. Drmač and S. Gugercin, SIAM Journal on Scientific
+Computing 38 (2016) A631. The forward model uses them where polynomials would need too many nodes.
 """
 
 from collections.abc import Sequence

@@ -124,10 +124,15 @@ class WallIntegral(TubeOp):
     __props__ = ("strain_energy", "order")
 
     def __init__(
-        self, input_types: Any = None, *, strain_energy: StrainEnergy, order: int = WALL_ORDER
+        self,
+        input_types: Any = None,
+        *,
+        strain_energy: Any,
+        order: int = WALL_ORDER,
+        **settings: Any,
     ) -> None:
         check_energy(strain_energy)
-        super().__init__(input_types, strain_energy=strain_energy, order=order)
+        super().__init__(input_types, strain_energy=strain_energy, order=order, **settings)
 
     def rule(self, inputs: Sequence[Tensor]) -> tuple[WallRule, Tensor, Any]:
         """Return the rule, ``ln λz`` and the parameters' entries, nodes along a new last axis."""

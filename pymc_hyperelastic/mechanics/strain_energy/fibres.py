@@ -220,14 +220,7 @@ class GasserOgdenHolzapfel(_FibreReinforced):
 
     parameters = _with_matrix(
         *_fibre_parameters(),
-        Parameter(
-            "kappa",
-            r"\kappa",
-            "",
-            (0.0, 1 / 3),
-            "dispersion; 0 aligned, 1/3 uniform",
-            scale="logit",
-        ),
+        Parameter("kappa", r"\kappa", "", (0.0, 1 / 3), "dispersion; 1/3: uniform", scale="logit"),
     )
 
     def families(self, *, k1: Any, k2: Any, kappa: Any, beta: Any) -> Sequence[_Family]:

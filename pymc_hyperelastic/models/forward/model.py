@@ -99,8 +99,8 @@ class ForwardModel:
         inaccurate: float = 1 / 200,
         replaceable: bool = True,
     ) -> None:
-        self.data, self.error_in, self._replaceable = data, error_in, replaceable
-        self.by_test = by_test
+        self.data, self.error_in, self.by_test = data, error_in, by_test
+        self._replaceable = replaceable
         self._energy, self._distributions = wall, dict(parameters)
         measured, self._geometry = measured_of(geometry or {}), priors_of(geometry or {})
         deviations = {name: pm.Normal.dist() for name in measured}
