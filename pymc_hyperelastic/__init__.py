@@ -31,13 +31,9 @@ from pymc_hyperelastic.evidence.quadrature import log_evidence_by_quadrature
 from pymc_hyperelastic.evidence.smc import sample_smc
 from pymc_hyperelastic.files.results import open_result, save_result
 from pymc_hyperelastic.mechanics import strain_energy
-from pymc_hyperelastic.mechanics.axial_force import axial_force
+from pymc_hyperelastic.mechanics.curves import axial_force, inflation_pressure, inflation_stiffness
+from pymc_hyperelastic.mechanics.integrals import PressureIntegral
 from pymc_hyperelastic.mechanics.layers import Layer
-from pymc_hyperelastic.mechanics.pressure import (
-    PressureIntegral,
-    inflation_pressure,
-    inflation_stiffness,
-)
 from pymc_hyperelastic.mechanics.strain_energy import *  # noqa: F403
 from pymc_hyperelastic.models.geometry import Measured
 from pymc_hyperelastic.models.inflation import (

@@ -104,15 +104,12 @@ def test_modules_import_only_from_modules_above_them_in_their_wing(wing):
 
 # Modules that integrate over a wall; others ask the forward model, or for an integral by its name.
 INTEGRATORS = {
-    "mechanics": {"collocation", "known_tubes", "selected_nodes", "wall"},
+    "mechanics": {"collocation", "selected_nodes", "wall"},
     "models/forward": {
         "choose",
-        "selection",
         "integrator",
         "model",
         "numbers",
-        "pointwise",
-        "prior_draws",
         "tabulated",
         "tube_variables",
     },

@@ -11,8 +11,7 @@ import pytensor.tensor as pt
 from problems import AS_WRITTEN, LAWS, PROBLEMS
 
 from pymc_hyperelastic import PressureIntegral
-from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
-from pymc_hyperelastic.mechanics.material import MaterialIntegral
+from pymc_hyperelastic.mechanics.integrals import AxialForceIntegral, MaterialIntegral
 
 SIMPLIFIED = "FAST_COMPILE"
 INTEGRALS = {

@@ -5,26 +5,26 @@ matrices times the responses ``g`` at ``K`` nodes in the walls, which a basis ch
 factorisation reduces the squared misfit of any number of points to that of ``K`` numbers.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pytensor.tensor as pt
 from numpy.typing import NDArray
 from pytensor.graph.basic import Variable
-from pytensor.graph.replace import _vectorize_node
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.interpolation import ChebyshevNodes, Interpolation
-from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes
+from pymc_hyperelastic.mechanics.interpolation import (
+    ChebyshevNodes,
+    Group,
+    Interpolation,
+    KnownTubes,
+)
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
-from pymc_hyperelastic.mechanics.wall import TubeOp, broadcast_batches, response
+from pymc_hyperelastic.mechanics.wall import PIECE, TubeOp, response
 
 Array = NDArray[np.float64]
 Basis = ChebyshevNodes | SelectedNodes
-
-# Numbers of a matrix that are computed at once: each takes 32 or 64 weights of quadrature nodes.
-_PIECE = 65_536
 
 
 class CollocatedIntegral(TubeOp):
@@ -38,14 +38,11 @@ class CollocatedIntegral(TubeOp):
 
     Attributes
     ----------
-    force : bool, default False
+    force : bool
         If True, the response is that of the axial force, else that of the pressure.
     """
 
     __props__ = ("strain_energy", "force")
-
-    def __init__(self, input_types: Any = None, *, force: bool = False, **settings: Any) -> None:
-        super().__init__(input_types, force=force, **settings)
 
     def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
         """Response at the nodes, then one matrix product for each group."""
@@ -59,11 +56,8 @@ class CollocatedIntegral(TubeOp):
         return [(row @ matrix.swapaxes(-1, -2)).squeeze(-2) for matrix in matrices]
 
 
-_vectorize_node.register(CollocatedIntegral)(broadcast_batches)
-
-
 def collocate(
-    tubes: KnownTubes, groups: Sequence[Group], basis: Basis, targets: dict[str, Array]
+    tubes: KnownTubes, groups: Sequence[Group], basis: Basis, targets: Mapping[str, Array]
 ) -> dict[str, Any]:
     """Return matrices of :class:`CollocatedIntegral`, compressed against the measured values.
 
@@ -133,7 +127,7 @@ def wall_matrices(tubes: KnownTubes, interpolation: Interpolation) -> dict[str, 
     internal radius.
     """
     points = np.arange(len(tubes.radius))
-    pieces = max(1, len(points) * len(interpolation.places[0]) // _PIECE)
+    pieces = max(1, len(points) * len(interpolation.places[0]) // PIECE)
     parts = [_matrices(tubes.at(some), interpolation) for some in np.array_split(points, pieces)]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 

@@ -1,16 +1,17 @@
-"""Walls of one material or of several layers, as a list of concentric tubes.
+"""Unloaded tubes of one material or of several layers.
 
-Wall integrals add up over these tubes. Public functions check here what users give them.
+Wall integrals add up over the layers. Public functions check here what users give them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from typing import Any, NamedTuple
 
 import numpy as np
 from pytensor.graph.basic import Variable
 
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import GEOMETRY, UNLOADED, current_radius
+from pymc_hyperelastic.mechanics.tube import UNLOADED, current_radius
 
 
 class Layer:
@@ -61,80 +62,99 @@ class Layer:
         check_geometry(thickness=thickness)
         self.energy, self.thickness, self.parameters = energy, thickness, parameters
 
+    def mapped(self, change: Callable[[Any], Any]) -> "Layer":
+        """Return the layer with its thickness and all entries changed, without a check."""
+        layer = copy(self)
+        entries = [change(entry) for entry in self.energy.split(self.parameters)]
+        layer.thickness, layer.parameters = change(self.thickness), self.energy.join(entries)
+        return layer
+
     def __repr__(self) -> str:
         settings = ", ".join(f"{name}={value!r}" for name, value in self.parameters.items())
         return f"Layer({self.energy!r}, {self.thickness!r}, {settings})"
 
 
-class Tube(NamedTuple):
-    """A tube of one material: the inputs of an integral over its wall."""
+class ReferenceLayer(NamedTuple):
+    """A layer of an unloaded tube."""
 
     energy: StrainEnergy
-    """Strain energy of the material."""
-    geometry: tuple[Any, ...]
-    """Current internal radius, then the reference tube in the order of GEOMETRY."""
+    inner_radius: Any
+    outer_radius: Any
     entries: list[Any]
     """Entries of the material parameters, see :meth:`StrainEnergy.split`."""
-    within: bool = False
-    """True for all layers of a wall except the innermost."""
+
+
+class Tube(NamedTuple):
+    """An unloaded tube: its layers from the inside out, of which a wall of one material has one."""
+
+    layers: list[ReferenceLayer]
+    geometry: dict[str, Any]
+    """Measures of the whole tube by name, at least those in UNLOADED."""
 
     @property
-    def radius(self) -> Any:
-        """Current internal radius, mm."""
-        return self.geometry[0]
+    def inputs(self) -> list[Any]:
+        """The measures in UNLOADED, then the outer radius and the entries of each layer."""
+        inputs = [*self.unloaded.values()]
+        for layer in self.layers:
+            inputs += [layer.outer_radius, *layer.entries]
+        return inputs
+
+    @classmethod
+    def of_inputs(cls, energies: Sequence[StrainEnergy], inputs: Sequence[Any]) -> "Tube":
+        """Return a tube of these materials with other :attr:`inputs`."""
+        geometry, rest = dict(zip(UNLOADED, inputs, strict=False)), inputs[len(UNLOADED) :]
+        inner, layers = geometry["inner_radius"], []
+        for energy in energies:
+            outer, *entries = rest[: 1 + len(energy.entry_names)]
+            layers.append(ReferenceLayer(energy, inner, outer, entries))
+            inner, rest = outer, rest[1 + len(entries) :]
+        return cls(layers, geometry)
 
     @property
-    def inputs(self) -> tuple[Any, ...]:
-        """Geometry and entries of the parameters, in the order of a wall integral's inputs."""
-        return *self.geometry, *self.entries
+    def unloaded(self) -> dict[str, Any]:
+        """The measures in UNLOADED, on which the current radii of all circles depend."""
+        return {name: self.geometry[name] for name in UNLOADED}
+
+    def current(self, reference: Any, radius: Any) -> Any:
+        """Return the current radii of circles of these reference radii, at an internal radius."""
+        return current_radius(reference, radius, **self.unloaded)
 
 
-def tubes_of(
+def tube_of(
     energy: StrainEnergy | Sequence[Layer],
-    internal_radius: Any,
     reference: Sequence[Any],
     parameters: Mapping[str, Any],
-) -> list[Tube]:
-    """Return the concentric tubes of a wall of one material or of layers, from the inside out.
+) -> Tube:
+    """Return the tube of one material or of layers.
 
     `reference` holds the reference tube in the order of GEOMETRY. For layers its outer radius is
     None, and `parameters` is empty. Raise TypeError for any other input.
     """
-    inner_radius, outer_radius, axial_stretch, opening_angle = reference
+    inner, outer, axial_stretch, opening_angle = map(double, reference)
+    geometry = dict(zip(UNLOADED, (inner, axial_stretch, opening_angle), strict=True))
     if isinstance(energy, str) or not isinstance(energy, Sequence):
         check_energy(energy)
-        if outer_radius is None:
+        if outer is None:
             raise TypeError("outer_radius is missing: the reference outer radius of the tube, mm")
-        return [Tube(energy, (internal_radius, *reference), energy.split(parameters))]
+        return Tube([ReferenceLayer(energy, inner, outer, energy.split(parameters))], geometry)
     check_layers(energy)
-    if outer_radius is not None or parameters:
-        given = ["outer_radius"] * (outer_radius is not None) + sorted(parameters)
+    if outer is not None or parameters:
+        given = ["outer_radius"] * (outer is not None) + sorted(parameters)
         raise TypeError(
             f"{given} cannot be given with layers: each layer has its own thickness and parameters"
         )
-    measures = map(_number_or_variable, (inner_radius, axial_stretch, opening_angle))
-    unloaded = dict(zip(UNLOADED, measures, strict=True))
-    current = internal_radius = _number_or_variable(internal_radius)
-    inner, tubes = unloaded["inner_radius"], list[Tube]()
+    layers = []
     for layer in energy:
-        outer = inner + _number_or_variable(layer.thickness)
-        geometry = (current, inner, outer, axial_stretch, opening_angle)
+        outer = inner + double(layer.thickness)
         entries = layer.energy.split(layer.parameters)
-        tubes.append(Tube(layer.energy, geometry, entries, within=bool(tubes)))
-        inner, current = outer, current_radius(outer, internal_radius, **unloaded)
-    return tubes
+        layers.append(ReferenceLayer(layer.energy, inner, outer, entries))
+        inner = outer
+    return Tube(layers, geometry)
 
 
-def checked_tubes(
-    energy: StrainEnergy | Sequence[Layer],
-    internal_radius: Any,
-    reference: Sequence[Any],
-    parameters: Mapping[str, Any],
-) -> list[Tube]:
-    """Return the tubes of :func:`tubes_of`, after :func:`check_geometry`."""
-    geometry = dict(zip(GEOMETRY, reference, strict=True))
-    check_geometry(internal_radius=internal_radius, **geometry)
-    return tubes_of(energy, internal_radius, reference, parameters)
+def double(value: Any) -> Any:
+    """Return numbers in double precision: PyTensor reads the number 7.0 as single precision."""
+    return value if value is None or isinstance(value, Variable) else np.asarray(value, float)
 
 
 def check_geometry(**geometry: Any) -> None:
@@ -184,7 +204,3 @@ def check_energy(energy: Any) -> None:
             ": only curves, ph.inflation_model, ph.population_model and predictions accept layers"
         )
     raise TypeError(f"expected a strain energy such as ph.Ogden(), got {energy!r}{hint}")
-
-
-def _number_or_variable(value: Any) -> Any:
-    return value if isinstance(value, Variable) else np.asarray(value, float)

@@ -1,16 +1,9 @@
 """Nodes selected from the quadrature nodes of the walls: discrete empirical interpolation.
 
-Laws of fibres stiffen by orders of magnitude, and polynomials need thousands of nodes to follow
-them where both stretches vary. All responses of such a law are nevertheless combinations of one or
-two hundred *snapshots*, the responses of some of its materials. A QR factorisation with column
-pivoting selects as many quadrature nodes, at which the response determines the combination.
-
-References
-----------
-M. Barrault, Y. Maday, N. C. Nguyen and A. T. Patera, An 'empirical interpolation' method, Comptes
-Rendus Mathematique 339 (2004) 667. Nodes by a factorisation with pivots: Z. Drmač and S. Gugercin,
-A new selection operator for the discrete empirical interpolation method, SIAM Journal on Scientific
-Computing 38 (2016) A631.
+All responses of a law are combinations of one or two hundred *snapshots*, the responses of some of
+its materials. A QR factorisation with column pivoting selects as many quadrature nodes, at which
+the response determines the combination: Z. Drmač and S. Gugercin, SIAM Journal on Scientific
+Computing 38 (2016) A631. The forward model uses them where polynomials would need too many nodes.
 """
 
 from collections.abc import Sequence
@@ -22,8 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr, solve_triangular
 
-from pymc_hyperelastic.mechanics.interpolation import Interpolation, evenly, response_function
-from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes
+from pymc_hyperelastic.mechanics.interpolation import (
+    Group,
+    Interpolation,
+    KnownTubes,
+    evenly,
+    response_function,
+)
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.wall import OVERFLOW
 
@@ -51,24 +49,21 @@ class SelectedNodes:
     """Part of a snapshot, relative to the largest, that the others may leave unexplained."""
     split: bool = False
     """True if walls are split where ``λθ = 1``."""
+    with_force: bool = False
+    """True if responses of the axial force are snapshots, too."""
     snapshots: Materials = ()
     """Materials whose responses are snapshots."""
-    with_force: bool = False
-    """True if their responses of the axial force are snapshots, too."""
     by_stretch: ClassVar[bool] = False
     """False: all tests of a specimen, also at several axial stretches, share their nodes."""
 
     @np.errstate(all="ignore")  # some of the materials may be impossible
-    def with_materials(
-        self, tubes: KnownTubes, groups: Sequence[Group], materials: Materials, *, with_force: bool
-    ) -> "SelectedNodes":
+    def with_materials(self, tubes: KnownTubes, materials: Materials) -> "SelectedNodes":
         """Return nodes for these materials, too: their independent responses become snapshots."""
         added = _single_moduli(self.energy, materials) if self.one_by_one else [materials]
         parts = [self.snapshots, *added] if self.snapshots else added
         candidates = [np.concatenate(values) for values in zip(*parts, strict=True)]
-        with_all = replace(self, snapshots=candidates, with_force=with_force)
-        points = np.concatenate([group.points for group in groups])
-        places = self._quadrature_nodes(tubes.at(points), _COMPARED)
+        with_all = replace(self, snapshots=candidates)
+        places = self._quadrature_nodes(tubes, _COMPARED)
         (responses,) = with_all.responses(*places)
         *_, pivots = _independent(_scaled(responses, _scale(responses)).T, self.tolerance)
         chosen = np.unique(pivots % len(candidates[0]))

@@ -31,12 +31,7 @@ def opening_factor(opening_angle: Any) -> Any:
 
 
 def hoop_elongation(
-    internal_radius: Any,
-    radius: Any,
-    *,
-    inner_radius: Any,
-    axial_stretch: Any = 1.0,
-    opening_angle: Any = 0.0,
+    internal_radius: Any, radius: Any, *, inner_radius: Any, axial_stretch: Any, opening_angle: Any
 ) -> Any:
     r"""Relative excess ``δ`` of the squared hoop stretch over ``k/λz``.
 
@@ -50,12 +45,7 @@ def hoop_elongation(
 
 
 def current_radius(
-    radius: Any,
-    internal_radius: Any,
-    *,
-    inner_radius: Any,
-    axial_stretch: Any = 1.0,
-    opening_angle: Any = 0.0,
+    radius: Any, internal_radius: Any, *, inner_radius: Any, axial_stretch: Any, opening_angle: Any
 ) -> Any:
     """Radius ``r(R)`` to which the material circle of reference radius ``R`` moves."""
     k = opening_factor(opening_angle)
@@ -63,12 +53,7 @@ def current_radius(
 
 
 def stretches(
-    radius: Any,
-    internal_radius: Any,
-    *,
-    inner_radius: Any,
-    axial_stretch: Any = 1.0,
-    opening_angle: Any = 0.0,
+    radius: Any, internal_radius: Any, *, inner_radius: Any, axial_stretch: Any, opening_angle: Any
 ) -> tuple[Any, Any, Any]:
     """Principal stretches ``(λr, λθ, λz)`` at reference radius ``R``; their product is one."""
     unloaded = dict(zip(UNLOADED, (inner_radius, axial_stretch, opening_angle), strict=True))

@@ -17,29 +17,25 @@ from pytensor.graph.replace import _vectorize_node, clone_replace
 from pytensor.tensor.symbolic import TensorSymbolicOp
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.layers import Tube, check_energy
+from pymc_hyperelastic.mechanics.layers import check_energy
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import UNLOADED, hoop_elongation, opening_factor
 
 # Nodes of the Gauss-Legendre rule of a wall, or of each piece between kinks: exact to 1e-10 for
 # the thickest tubes, see PressureIntegral.
 WALL_ORDER = 32
-# Integrals beyond this count as overflow, in kPa or their units: derivatives of an exponential
-# overflow earlier than its value.
-OVERFLOW = np.float64(1e100)
+# Integrals, slopes and sums of squares beyond this count as overflow, in kPa or their units: it is
+# far beyond any tube, and their multiples and squares are finite.
+OVERFLOW = np.float64(1e60)
+# Walls, or entries of matrices, that are integrated at once: arrays of their nodes take 4 MB.
+PIECE = 16_384
 
 
 class TubeOp(TensorSymbolicOp):
-    """Base class of Ops that integrate a law's stress over a tube's wall, with a gradient."""
+    """Base class of Ops of a tube's wall, which are computed by other Ops, with a gradient."""
 
     # Inlined when compiled, value and gradient share their common terms: two to four times faster.
     inline = True
-
-    def __init__(
-        self, input_types: Any = None, *, strain_energy: StrainEnergy, **settings: Any
-    ) -> None:
-        check_energy(strain_energy)
-        super().__init__(input_types, strain_energy=strain_energy, **settings)
 
     def __call__(self, *inputs: Any, **settings: Any) -> Any:
         """Apply it, by the same Op wherever inputs are of the same types."""
@@ -128,9 +124,15 @@ class WallIntegral(TubeOp):
     __props__ = ("strain_energy", "order")
 
     def __init__(
-        self, input_types: Any = None, *, order: int = WALL_ORDER, **settings: Any
+        self,
+        input_types: Any = None,
+        *,
+        strain_energy: Any,
+        order: int = WALL_ORDER,
+        **settings: Any,
     ) -> None:
-        super().__init__(input_types, order=order, **settings)
+        check_energy(strain_energy)
+        super().__init__(input_types, strain_energy=strain_energy, order=order, **settings)
 
     def rule(self, inputs: Sequence[Tensor]) -> tuple[WallRule, Tensor, Any]:
         """Return the rule, ``ln λz`` and the parameters' entries, nodes along a new last axis."""
@@ -176,9 +178,8 @@ def _place(xp: ModuleType, log_stretch: Any, excess: Any, log_ratio: Any) -> Any
     The square of the stretch, relative to the unloaded tube's, exceeds 1 by ``δ``, which falls with
     the square of the radius from `excess` at the inner surface.
     """
-    beyond = xp.expm1(2 * log_stretch)
-    there = abs(beyond) > 0
-    ratio = excess / xp.where(there, beyond, 1.0)
+    there = (abs(log_stretch) > 0) & (abs(log_stretch) < np.inf)
+    ratio = excess / xp.expm1(2 * xp.where(there, log_stretch, 1.0))
     inside = (ratio > 1) & (ratio < xp.exp(2 * log_ratio)) & there
     return xp.where(inside, xp.log(xp.where(inside, ratio, 1.0)) / (2 * log_ratio), 0.0)
 
@@ -203,20 +204,7 @@ def _in_order(xp: ModuleType, places: Sequence[Any]) -> list[Any]:
     return ordered
 
 
-def wall_integral(
-    kind: type[WallIntegral], tubes: Sequence[Tube], order: int = WALL_ORDER
-) -> tuple[Tensor, Tensor]:
-    """Return the two outputs of an integral, a value and its slope, of a wall of several tubes."""
-    value, slope = 0.0, 0.0
-    for tube in tubes:
-        own_value, own_slope = kind(strain_energy=tube.energy, order=order)(*tube.inputs)
-        value += own_value
-        # Incompressibility: the internal radius a' of a layer satisfies da'/da = a/a'.
-        slope += own_slope * tubes[0].radius / tube.radius if tube.within else own_slope
-    return value, slope
-
-
-@_vectorize_node.register(WallIntegral)
+@_vectorize_node.register(TubeOp)
 def broadcast_batches(op: Op, node: Apply, *inputs: Tensor) -> Apply:
     """Broadcast batch dimensions from the left; the Op needs no loop over them."""
     core_ndim = node.outputs[0].type.ndim

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.data.doubt import Check, check_known
 from pymc_hyperelastic.data.plausible import check_plausible_pressures
 from pymc_hyperelastic.data.units import mmHg, to_internal
-from pymc_hyperelastic.mechanics.layers import Layer, check_geometry
+from pymc_hyperelastic.mechanics.layers import Layer, ReferenceLayer, check_geometry
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
-from pymc_hyperelastic.models.forward import LayerNumbers, TubeNumbers
+from pymc_hyperelastic.models.forward import TubeNumbers
 from pymc_hyperelastic.models.records import NamedLayer
 from pymc_hyperelastic.predictions.measured import (
     ROUNDING,
@@ -226,7 +226,7 @@ def draws_of(tree: xr.DataTree, **tube: Unpack[GivenTube]) -> Draws:
 
 def _layers(
     wall: list[NamedLayer], values: list[dict[str, Array]], geometry: dict[str, Array]
-) -> list[LayerNumbers]:
+) -> list[ReferenceLayer]:
     """The layers of tubes, one around the other."""
     layers = []
     inner = geometry["inner_radius"]
@@ -236,7 +236,7 @@ def _layers(
             check_geometry(thickness=of_layer["thickness"])
             outer = inner + of_layer["thickness"]
         parameters = {name: of_layer[name] for name in layer.energy.parameter_names}
-        layers.append(LayerNumbers(layer.energy, inner, outer, layer.energy.split(parameters)))
+        layers.append(ReferenceLayer(layer.energy, inner, outer, layer.energy.split(parameters)))
         inner = outer
     return layers
 

@@ -11,9 +11,8 @@ from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import Integral
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
-from pymc_hyperelastic.models.forward.integrator import REFERENCE_ORDER
+from pymc_hyperelastic.models.forward.integrator import REFERENCE_ORDER, PointwiseQuadrature
 from pymc_hyperelastic.models.forward.numbers import numeric_curves
-from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
 from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature
 
 SEED = 20261127

@@ -11,8 +11,8 @@ from pytensor.tensor.blockwise import Blockwise
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.mechanics import collocation, interpolation
-from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
-from pymc_hyperelastic.mechanics.known_tubes import KnownTubes, groups_by
+from pymc_hyperelastic.mechanics.integrals import AxialForceIntegral
+from pymc_hyperelastic.mechanics.interpolation import KnownTubes, groups_by
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 
 # Coefficients of the response are left out below 1e-14 of the largest.
@@ -52,7 +52,7 @@ def collocated(op, matrices, *entries):
 def assert_curves_are_exact(basis, groups, energy, tubes, tolerance=CURVE_TOLERANCE):
     """Compare curves of all points by constant matrices with those by quadrature."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(collocation, "_PIECE", 60)  # points are taken in parts
+        patch.setattr(collocation, "PIECE", 60)  # points are taken in parts
         matrices, place = collocation.curve_matrices(tubes, groups, basis)
     expected = direct(energy, tubes, MATERIALS[energy])
     for force, names in ((False, ("pressure", "stiffness")), (True, ("force", "force_slope"))):
@@ -136,7 +136,7 @@ def test_gradient_and_batches_of_collocated_curves(per_group):
     matrices |= {"of_outputs": [matrices["pressure_matrix"], matrices["stiffness_matrix"]]}
     kind, of_batch = (pt.dvector, pt.dmatrix) if per_group else (pt.dscalar, pt.dvector)
     parameters, symbols = [kind(), kind()], [of_batch(), of_batch()]
-    op = collocation.CollocatedIntegral(strain_energy=OGDEN)
+    op = collocation.CollocatedIntegral(strain_energy=OGDEN, force=False)
     entries = [x[:, None] for x in parameters] if per_group else parameters
     pressure, stiffness = collocated(op, matrices, *entries)
     cost = (pressure**2 + stiffness**3).sum()
@@ -173,8 +173,8 @@ def test_curves_and_slopes_by_selected_nodes_equal_quadrature(one_by_one):
     tubes = tubes_of(stretches=(1.3, 1.5, 1.7))
     tubes = tubes.at(np.flatnonzero(tubes.log_hoop[1] > 0))  # fibres are taut
     groups = groups_by(tubes, np.zeros(len(tubes.radius)))
-    empty = SelectedNodes(HGO, one_by_one, tolerance=3e-12)
-    basis = empty.with_materials(tubes, groups, draw_materials()(), with_force=True)
+    empty = SelectedNodes(HGO, one_by_one, tolerance=3e-12, with_force=True)
+    basis = empty.with_materials(tubes, draw_materials()())
     assert len(basis.interpolation(tubes, groups[0]).places[0]) < 150
     assert_curves_are_exact(basis, groups, HGO, tubes, tolerance=1e-9)
 
@@ -185,12 +185,12 @@ def test_selected_nodes_are_added_for_other_materials():
     tubes = tubes.at(np.flatnonzero(tubes.log_hoop[1] > 0))
     groups = groups_by(tubes, np.zeros(len(tubes.radius)))
     some = [values[:3] for values in draw_materials()()]
-    basis = SelectedNodes(HGO, True, tolerance=3e-12)
-    basis = basis.with_materials(tubes, groups, some, with_force=True)
+    basis = SelectedNodes(HGO, True, tolerance=3e-12, with_force=True)
+    basis = basis.with_materials(tubes, some)
     with pytest.raises(AssertionError, match="pressure"):
         assert_curves_are_exact(basis, groups, HGO, tubes, tolerance=1e-9)
     own = [np.array([x, 1.01 * x]) for x in MATERIALS[HGO]]
-    basis = basis.with_materials(tubes, groups, own, with_force=True)
+    basis = basis.with_materials(tubes, own)
     assert_curves_are_exact(basis, groups, HGO, tubes, tolerance=1e-9)
 
 
@@ -203,7 +203,7 @@ def test_walls_are_split_where_fibres_in_the_hoop_direction_slacken():
     columns = [np.array([[x]]) for x in entries]
     errors = []
     for split in (True, False):
-        rule, log_axial = tubes.quadrature(24, split=split)
+        rule, log_axial = tubes.quadrature(split=split)
         places = rule.log_hoop.reshape(1, -1), log_axial.reshape(1, -1)
         for name, weight in (("pressure", rule.pressure_weight), ("force", rule.force_weight)):
             function = interpolation.response_function(energy, name == "force")

@@ -1,4 +1,4 @@
-"""Stored energy and material stiffness of a wall: `mechanics/material.py`."""
+"""Stored energy and material stiffness of a wall: `mechanics/integrals.py`."""
 
 from math import radians
 

@@ -13,7 +13,7 @@ from problems import AS_WRITTEN, LAWS, entries
 from tube_posteriors import fitted_tree
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.mechanics.axial_force import AxialForceIntegral
+from pymc_hyperelastic.mechanics.integrals import AxialForceIntegral
 from pymc_hyperelastic.models.records import strain_energy_attrs
 
 # Some twenty operations in double precision, and an exponent of 25 times 2 ln(1.9), about 32, which

@@ -18,8 +18,8 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.data.inflation import at_points
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.models.forward import ForwardModel
+from pymc_hyperelastic.models.forward.choose import possible_in_tests
 from pymc_hyperelastic.models.forward.integrator import compared_points
-from pymc_hyperelastic.models.forward.prior_draws import possible_in_tests
 from pymc_hyperelastic.models.forward.tube_variables import WallVariables
 from pymc_hyperelastic.models.priors import complete_priors
 

@@ -150,9 +150,7 @@ class StrainEnergy(ABC):
     def energy(self, radial: Any, hoop: Any, axial: Any, **parameters: Tensor) -> Tensor:
         """Return the energy ``W(λr, λθ, λz)`` in kPa, elementwise in stretches and parameters."""
 
-    def stress_difference(
-        self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor
-    ) -> Tensor:
+    def stress_difference(self, log_hoop: Any, log_axial: Any, **parameters: Any) -> Tensor:
         r"""Cauchy stress difference ``σθθ − σrr`` in kPa.
 
         .. math:: σ_{θθ} - σ_{rr} = λ_θ \frac{∂\hat W}{∂λ_θ} = \frac{∂\hat W}{∂\ln λ_θ}, \qquad
@@ -166,9 +164,7 @@ class StrainEnergy(ABC):
         energy = self.reduced_energy(log_hoop, log_axial, **parameters)
         return elementwise_derivative(energy, log_hoop)
 
-    def axial_stress_difference(
-        self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor
-    ) -> Tensor:
+    def axial_stress_difference(self, log_hoop: Any, log_axial: Any, **parameters: Any) -> Tensor:
         r"""Cauchy stress difference ``σzz − σrr = ∂Ŵ/∂ln λz`` in kPa, needed for the axial force.
 
         The default differentiates :meth:`energy`. Arguments are those of
@@ -179,7 +175,7 @@ class StrainEnergy(ABC):
         energy = self.reduced_energy(log_hoop, log_axial, **parameters)
         return elementwise_derivative(energy, log_axial)
 
-    def reduced_energy(self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor) -> Tensor:
+    def reduced_energy(self, log_hoop: Any, log_axial: Any, **parameters: Any) -> Tensor:
         """Energy ``Ŵ(λθ, λz) = W(1/(λθ λz), λθ, λz)`` of the incompressible solid, kPa."""
         hoop, axial = pt.exp(log_hoop), pt.exp(log_axial)
         energy = self.energy(pt.exp(-log_hoop - log_axial), hoop, axial, **parameters)
@@ -303,9 +299,7 @@ class StrainEnergy(ABC):
 class IsotropicStrainEnergy(StrainEnergy):
     """Base class of laws whose energy is symmetric in the three principal stretches."""
 
-    def axial_stress_difference(
-        self, log_hoop: Tensor, log_axial: Tensor, **parameters: Tensor
-    ) -> Tensor:
+    def axial_stress_difference(self, log_hoop: Any, log_axial: Any, **parameters: Any) -> Tensor:
         """``σzz − σrr``: :meth:`stress_difference` with hoop and axial stretch exchanged."""
         return self.stress_difference(log_axial, log_hoop, **parameters)
 
@@ -357,12 +351,12 @@ def elementwise_derivative(y: Tensor, x: Tensor) -> Tensor:
     return grad(y.sum(), x, disconnected_inputs="ignore")
 
 
-def half_difference(log_hoop: Tensor, log_axial: Tensor) -> Tensor:
+def half_difference(log_hoop: Any, log_axial: Any) -> Tensor:
     """``½ (λθ² − λr²) = e^{−z} sinh γ`` with ``γ = 2 ln λθ + ln λz``, ``z = ln λz``."""
     return pt.exp(-log_axial) * pt.sinh(2 * log_hoop + log_axial)
 
 
-def first_invariant_excess(log_hoop: Tensor, log_axial: Tensor) -> Tensor:
+def first_invariant_excess(log_hoop: Any, log_axial: Any) -> Tensor:
     """``I₁ − 3 = 4 e^{−z} sinh²(γ/2) + 2 e^{−z} + e^{2z} − 3``, accurate near 0."""
     across = 4 * pt.exp(-log_axial) * pt.sinh(log_hoop + log_axial / 2) ** 2
     return across + 2 * pt.expm1(-log_axial) + pt.expm1(2 * log_axial)

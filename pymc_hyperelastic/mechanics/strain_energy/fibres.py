@@ -7,6 +7,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 import pytensor.tensor as pt
 from pytensor.tensor.variable import TensorVariable as Tensor
 
@@ -19,9 +20,6 @@ from pymc_hyperelastic.mechanics.strain_energy.base import (
 from pymc_hyperelastic.mechanics.tube import first_invariant
 
 __all__ = ["FourFiber", "GasserOgdenHolzapfel", "HolzapfelGasserOgden"]
-
-# Value of ln λθ for a kink that does not exist: no wall is stretched by e^10.
-_NO_KINK = 10.0
 
 
 def _fibre_parameters(kind: str = "", superscript: str = "") -> tuple[Parameter, Parameter]:
@@ -70,7 +68,7 @@ class _Family(NamedTuple):
         angle = pt.deg2rad(pt.as_tensor(self.angle).astype("float64"))
         return pt.cos(angle) ** 2, pt.sin(angle) ** 2
 
-    def strain(self, log_hoop: Tensor, log_axial: Tensor) -> Tensor:
+    def strain(self, log_hoop: Any, log_axial: Any) -> Tensor:
         """Fibre strain ``E``, negative in slack fibres; accurate near 0."""
         cosine, sine = self.squares
         aligned = cosine * pt.expm1(2 * log_hoop)
@@ -80,7 +78,7 @@ class _Family(NamedTuple):
         dispersed = first_invariant_excess(log_hoop, log_axial)
         return self.dispersion * dispersed + (1 - 3 * self.dispersion) * aligned
 
-    def stress(self, log_hoop: Tensor, log_axial: Tensor, axial: bool) -> Tensor:
+    def stress(self, log_hoop: Any, log_axial: Any, axial: bool) -> Tensor:
         """``k1 E₊ exp(k2 E₊²) ∂E/∂x`` of all families, ``x = ln λθ``, or ``ln λz`` if `axial`."""
         own, other = (log_axial, log_hoop) if axial else (log_hoop, log_axial)
         half_slope = self.squares[int(axial)] * pt.exp(2 * own)
@@ -113,7 +111,7 @@ class _FibreReinforced(StrainEnergy):
         return total
 
     def stress_difference(
-        self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, **parameters: Any
+        self, log_hoop: Any, log_axial: Any, *, c: Any, **parameters: Any
     ) -> Tensor:
         """``c (λθ² − λr²)``, and for each family ``k1 E₊ exp(k2 E₊²) ∂E/∂ln λθ``."""
         families = self.families(**parameters)
@@ -121,7 +119,7 @@ class _FibreReinforced(StrainEnergy):
         return 2 * c * half_difference(log_hoop, log_axial) + fibres
 
     def axial_stress_difference(
-        self, log_hoop: Tensor, log_axial: Tensor, *, c: Any, **parameters: Any
+        self, log_hoop: Any, log_axial: Any, *, c: Any, **parameters: Any
     ) -> Tensor:
         """``c (λz² − λr²)``, and for each family ``k1 E₊ exp(k2 E₊²) ∂E/∂ln λz``."""
         families = self.families(**parameters)
@@ -156,7 +154,7 @@ class _FibreReinforced(StrainEnergy):
             exists = square > 0
             # The inner `where` keeps the gradient of the unused branch finite.
             log = pt.log(pt.where(exists, square, 1.0)) / 2
-            kinks.append(pt.where(exists, log, _NO_KINK))
+            kinks.append(pt.where(exists, log, np.inf))
         return kinks
 
 
@@ -222,14 +220,7 @@ class GasserOgdenHolzapfel(_FibreReinforced):
 
     parameters = _with_matrix(
         *_fibre_parameters(),
-        Parameter(
-            "kappa",
-            r"\kappa",
-            "",
-            (0.0, 1 / 3),
-            "dispersion; 0 aligned, 1/3 uniform",
-            scale="logit",
-        ),
+        Parameter("kappa", r"\kappa", "", (0.0, 1 / 3), "dispersion; 1/3: uniform", scale="logit"),
     )
 
     def families(self, *, k1: Any, k2: Any, kappa: Any, beta: Any) -> Sequence[_Family]:

@@ -5,9 +5,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
+import pymc as pm
+import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 from pytensor.graph.utils import MissingInputError
@@ -15,20 +17,33 @@ from pytensor.graph.utils import MissingInputError
 from pymc_hyperelastic.data.inflation import extension_tests
 from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.mechanics.interpolation import ChebyshevNodes, evenly, nodes_needed
+from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
-from pymc_hyperelastic.models.forward.integrator import Integrator
-from pymc_hyperelastic.models.forward.pointwise import PointwiseQuadrature
-from pymc_hyperelastic.models.forward.prior_draws import DRAWS, possible_in_tests, walls_of_prior
-from pymc_hyperelastic.models.forward.selection import FINER, select_nodes
-from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature, groups_of, known_tubes
-from pymc_hyperelastic.models.forward.tube_variables import WallVariables
+from pymc_hyperelastic.models.forward.integrator import (
+    MOST_ROUNDS,
+    Integrator,
+    PointwiseQuadrature,
+    ends_of_tests,
+)
+from pymc_hyperelastic.models.forward.numbers import numeric_curves
+from pymc_hyperelastic.models.forward.tabulated import TabulatedQuadrature
+from pymc_hyperelastic.models.forward.tube_variables import Array, WallVariables
+from pymc_hyperelastic.models.moduli import has_additive_stress
 
 Mode = Literal["auto", "collocation", "quadrature"]
 
+# Draws of the prior for which an integrator must be accurate, with as many points of their box.
+_DRAWS = 1000
+# Materials whose pressures exceed the largest measured one by this factor do not count, because
+# their likelihood is nil.
+_BEYOND = 10.0
 # Fewest possible materials of the prior by which its range is known.
 _FEWEST = 32
 # Points of the data from which on it pays to select nodes: quadrature of fewer takes less time.
 _MANY_POINTS = 50
+# Tolerance of snapshots, and of orders of quadrature, in tolerances of the curves: those of other
+# materials err by more than those of the materials for which they are chosen.
+_FINER = 1e-2
 
 
 def choose_integrator(
@@ -59,7 +74,7 @@ def choose_integrator(
     if mode == "quadrature":
         return quadrature(WALL_ORDER)
     try:
-        walls = walls_of_prior(wall, data)
+        walls = _walls_of_prior(wall, data)
     except (MissingInputError, NotImplementedError) as error:
         unknown = f"the prior cannot be drawn from ({str(error).splitlines()[0]})"
         if mode == "collocation":
@@ -77,11 +92,12 @@ def choose_integrator(
     if wall.known_tube and known_radii:
         found, reason = None, f"the response of {wall.energy.name} over the range of its parameters"
         tabulated = TabulatedQuadrature(ChebyshevNodes(2), with_force, by_test, tolerance)
-        if not extension_tests(data).any():
-            found = _chebyshev(tabulated, walls, data, possible, fewest)
-        draws, many = in_all[in_all < DRAWS], data.sizes["obs"] >= _MANY_POINTS
+        in_any = np.flatnonzero(possible.any(axis=0))
+        if len(in_any) >= fewest and not extension_tests(data).any():
+            found = _chebyshev(tabulated, walls, data, walls.some(in_any))
+        draws, many = in_all[in_all < _DRAWS], data.sizes["obs"] >= _MANY_POINTS
         if found is None and len(draws) >= _FEWEST and (many or mode == "collocation"):
-            found = select_nodes(tabulated, walls.some(draws), data, inaccurate)
+            found = _select_nodes(tabulated, walls.some(draws), data, inaccurate)
         if found is not None:
             return found
     if mode == "collocation":
@@ -89,33 +105,80 @@ def choose_integrator(
     if len(in_all) < fewest:
         return quadrature(WALL_ORDER)
     order, some = WALL_ORDER, walls.some(in_all[evenly(len(in_all), _FEWEST)])
-    while quadrature(order // 2).errors(data, some).max() <= FINER * tolerance:
+    while quadrature(order // 2).errors(data, some).max() <= _FINER * tolerance:
         order //= 2
     return quadrature(order)
 
 
-def _chebyshev(
-    tabulated: TabulatedQuadrature,
-    walls: WallVariables,
-    data: xr.Dataset,
-    possible: NDArray[np.bool_],
-    fewest: int,
-) -> TabulatedQuadrature | None:
-    """Chebyshev nodes for all materials, or else for the possible ones; None if they are too many.
+def _walls_of_prior(wall: WallVariables, data: xr.Dataset) -> WallVariables:
+    """Return the wall with draws of the prior, as numbers, in place of all that is unknown.
 
-    In each group of points the materials that are possible in all of its tests count, if these are
-    not too few.
+    Raises MissingInputError or NotImplementedError if a prior depends on a variable that is not
+    random, or cannot be drawn from.
     """
-    tubes, most, with_force = known_tubes(data), 0, tabulated.with_force
-    for group in groups_of(data, tubes, by_test=tabulated.by_test, by_stretch=True):
-        own = possible[np.unique(data["test"].values[group.points])].all(axis=0)
-        if own.sum() < fewest:
-            return None
-        needed = partial(nodes_needed, walls.energy, tubes, [group], with_force=with_force)
-        count = needed(walls.materials)
-        if count is None:
-            count = needed(walls.some(own).materials)
-        if count is None:
-            return None
-        most = max(most, count)
-    return replace(tabulated, basis=ChebyshevNodes(most))
+    wall, rng = wall.mapped(lambda value: value), np.random.default_rng(1)  # by entries of vectors
+    settings = {"draws": _DRAWS, "random_seed": 1, "mode": "FAST_COMPILE"}
+    draws = pm.draw(wall.unknown, **settings) if wall.unknown else []
+    values = {v: _with_box(d, rng) for v, d in zip(wall.unknown, draws, strict=True)}
+    return wall.with_values(values, data.sizes["test"])
+
+
+@np.errstate(all="ignore")  # draws may be infinite
+def _with_box(draws: Array, rng: np.random.Generator) -> Array:
+    """Return draws, and after them as many points evenly spread between their ends.
+
+    Few draws are near the corners of the box that holds them. A parameter that is always positive
+    may be of any order of magnitude, and is spread by its logarithm.
+    """
+    scale, back = (np.log, np.exp) if draws.min() > 0 else (np.positive, np.positive)
+    low, high = scale(draws.min()), scale(draws.max())
+    return np.concatenate([draws, back(low + (high - low) * rng.random(len(draws)))])
+
+
+def possible_in_tests(walls: WallVariables, data: xr.Dataset, **settings: Any) -> NDArray[np.bool_]:
+    """Return whether pressures at the ends of each test are possible, (test, material).
+
+    The settings are those of :func:`numeric_curves`.
+    """
+    ends = ends_of_tests(data)
+    curves = numeric_curves(data, walls, np.concatenate(ends), WALL_ORDER, **settings)
+    starts = np.cumsum([0, *map(len, ends)])[:-1]
+    largest = np.maximum.reduceat(np.abs(curves["pressure"]), starts, axis=1)
+    return largest.T < _BEYOND * np.abs(data["pressure"].values).max()
+
+
+def _chebyshev(
+    tabulated: TabulatedQuadrature, walls: WallVariables, data: xr.Dataset, some: WallVariables
+) -> TabulatedQuadrature | None:
+    """Chebyshev nodes for all materials, or else for some of them; None if they are too many."""
+    groups, force = tabulated.groups(data), tabulated.with_force
+    for materials in (walls.materials, some.materials):
+        count = nodes_needed(walls.energy, *groups, materials, with_force=force)
+        if count is not None:
+            return replace(tabulated, basis=ChebyshevNodes(count))
+    return None
+
+
+def _select_nodes(
+    tabulated: TabulatedQuadrature, draws: WallVariables, data: xr.Dataset, inaccurate: float
+) -> TabulatedQuadrature | None:
+    """Return matrices of nodes that are selected for possible `draws` of the prior, or None.
+
+    Nodes are selected for some of the draws, and others whose curves err by more than the tolerance
+    are added, until among fresh draws no larger fraction is `inaccurate`.
+    """
+    energy, tolerance = draws.energy, tabulated.tolerance
+    split = bool(energy.kinks(pt.zeros(()), **draws.parameters))
+    one_by_one, force = has_additive_stress(energy), tabulated.with_force
+    basis = SelectedNodes(energy, one_by_one, _FINER * tolerance, split, force)
+    first, *others = np.array_split(np.arange(len(draws.materials[0])), MOST_ROUNDS + 1)
+    found = replace(tabulated, basis=basis)
+    learned = draws.some(first)
+    for chosen in others:
+        found = found.with_materials(data, learned)
+        fresh = draws.some(chosen)
+        wrong = found.errors(data, fresh) > tolerance
+        if wrong.mean() <= inaccurate:
+            return found
+        learned = fresh.some(wrong)
+    return None

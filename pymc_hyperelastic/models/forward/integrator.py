@@ -1,22 +1,37 @@
-"""The interface of integrators, by which a forward model computes curves and misfits."""
+"""The interface of integrators, by which a forward model computes curves and misfits.
+
+The general one is quadrature of the wall at every point.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
+import pytensor.tensor as pt
 import xarray as xr
-from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, measured_radius, points_of
+from pymc_hyperelastic.mechanics.integrals import RadiusAtPressure, wall_force, wall_pressure
 from pymc_hyperelastic.mechanics.interpolation import evenly
-from pymc_hyperelastic.models.forward.numbers import numeric_curves
-from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
+from pymc_hyperelastic.mechanics.wall import OVERFLOW, WALL_ORDER
+from pymc_hyperelastic.models.forward.blocks import table_arrays, table_of
+from pymc_hyperelastic.models.forward.numbers import SMALLEST_STEP, numeric_curves
+from pymc_hyperelastic.models.forward.tube_variables import (
+    Array,
+    Arrays,
+    CurrentTube,
+    Curves,
+    Points,
+    Values,
+    WallVariables,
+    current_tube,
+    tube_inputs,
+    wall_at_points,
+)
 
-# Largest slope (kPa/mm) and largest sum of squares (kPa² or their units): far beyond any tube, and
-# multiples of such sums do not overflow.
-LARGEST = np.float64(1e60)
 # Nodes of the quadrature with which curves are compared: more than any integrator has, which are 64
 # at most.
 REFERENCE_ORDER = 96
@@ -25,6 +40,10 @@ _COMPARED_POINTS = 128
 # Rounds in which an integrator is made accurate for materials whose curves were not; one or two
 # usually suffice.
 MOST_ROUNDS = 4
+
+
+# Differences between curves and targets by name, and the conditions for them.
+Differences = tuple[Curves, list[TensorVariable]]
 
 
 class Integrator(ABC):
@@ -40,42 +59,35 @@ class Integrator(ABC):
     with_force: bool
     by_test: bool
 
-    @property
-    def geometry_sd(self) -> tuple[tuple[str, float | None], ...]:
-        """Names and standard deviations of a measured geometry; None are those of the data."""
-        return ()
-
     @abstractmethod
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
-        """Return the arrays of the data for :meth:`curves`, :meth:`slopes`, :meth:`conditions`."""
+        """Return the arrays of the data for :meth:`curves`."""
 
     @abstractmethod
-    def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
-        """Return pressure and stiffness at the points, and the axial force if it is measured."""
+    def curves(self, inputs: Values, wall: WallVariables) -> Curves:
+        """Return pressure and stiffness at the points.
 
-    @abstractmethod
-    def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
-        """Return derivatives of the curves by the radius that was measured."""
-
-    @abstractmethod
-    def conditions(self, inputs: Mapping[str, Any], wall: WallVariables) -> list[TensorVariable]:
-        """Return the conditions under which the tube is possible, unless it is known to be."""
+        If the axial force is measured, there are ``axial_force`` and its ``force_slope`` by the
+        internal radius. ``growth`` is the derivative of the internal by the measured radius,
+        ``radius`` the internal radius if it depends on an unknown geometry, and ``possible`` is
+        true for a possible tube, unless each is.
+        """
 
     @abstractmethod
     def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
         """Return the arrays of targets, which may be NaN, for :meth:`differences`."""
 
     @abstractmethod
-    def differences(
-        self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
-    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
+    def differences(self, inputs: Values, wall: WallVariables, error_in: str) -> Differences:
         """Return differences between curves and targets, and the conditions for them."""
 
     @abstractmethod
-    def values(
-        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
-    ) -> dict[str, Array]:
+    def values(self, data: xr.Dataset, wall: WallVariables, points: Points) -> Arrays:
         """Return curves (material, point) of a wall in numbers at some of the points."""
+
+    def quadrature(self, order: int) -> "PointwiseQuadrature":
+        """Return pointwise quadrature of the same curves."""
+        return PointwiseQuadrature(order, self.with_force, self.by_test)
 
     @abstractmethod
     def refined(self, data: xr.Dataset, wall: WallVariables) -> "Integrator":
@@ -91,8 +103,7 @@ class Integrator(ABC):
         forces alone, and not by their slopes.
         """
         points = compared_points(data)
-        settings = REFERENCE_ORDER, self.with_force, self.geometry_sd
-        exact = numeric_curves(data, wall, points, *settings)
+        exact = self.quadrature(REFERENCE_ORDER).values(data, wall, points)
         found = self.values(data, wall, points)
         specimen = np.unique(data["specimen"].values, return_inverse=True)[1]
         specimen = specimen[data["test"].values[points]]
@@ -110,14 +121,141 @@ class Integrator(ABC):
         return errors
 
 
-def compared_points(data: xr.Dataset) -> NDArray[np.intp]:
+@dataclass(frozen=True)
+class PointwiseQuadrature(Integrator):
+    """Gauss-Legendre quadrature at every point, split at the kinks of the law.
+
+    Attributes
+    ----------
+    order : int
+        Nodes of each wall, or of each piece between kinks.
+    with_force : bool
+        Whether the axial force is a curve, too.
+    by_test : bool
+        Whether each test has parameters of its own.
+    geometry_sd : tuple of (name, float or None)
+        Standard deviations of the measured geometry; None are those of the data.
+    """
+
+    by_points: ClassVar[bool] = True
+
+    order: int
+    with_force: bool = False
+    by_test: bool = False
+    geometry_sd: tuple[tuple[str, float | None], ...] = ()
+
+    def curve_arrays(self, data: xr.Dataset) -> Arrays:
+        """Return the arrays of the data for :meth:`curves`."""
+        arrays = tube_inputs(data, self.geometry_sd)
+        if self.by_test or self.geometry_sd:
+            arrays["test"] = data["test"].values
+        return arrays
+
+    def curves(self, inputs: Values, wall: WallVariables) -> Curves:
+        """Return pressure and stiffness at the points, and others, see :class:`Integrator`."""
+        current = self._tube(inputs, wall)
+        pressure, stiffness = wall_pressure(current.tube, current.radius, self.order)
+        curves = {"pressure": pressure, "stiffness": stiffness, "growth": current.growth}
+        if self.with_force:
+            force, slope = wall_force(current.tube, current.radius, self.order)
+            curves |= {"axial_force": force, "force_slope": slope}
+        if (wall.geometry or wall.deviations) and current.excess is not None:
+            curves["radius"] = current.radius
+        return curves if wall.known_tube else curves | {"possible": current.possible}
+
+    def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
+        """Return the arrays of targets, which may be NaN, for :meth:`differences`."""
+        arrays: Arrays = {}
+        for name, target in targets.items():
+            rows = np.flatnonzero(np.isfinite(target))
+            if name == "force_sum":
+                arrays |= table_arrays(data["test"].values[rows], data.sizes["test"])
+            else:
+                arrays |= {f"{name}_rows": rows, f"{name}_target": target[rows]}
+        return arrays
+
+    def differences(self, inputs: Values, wall: WallVariables, error_in: str) -> Differences:
+        """Return differences between curves and targets, and the conditions for them.
+
+        With the error in the radius, radius and force are those of the tube at the measured
+        pressure.
+        """
+        if error_in == "radius":
+            return self._at_pressure(inputs, wall)
+        curves = self.curves(inputs, wall)
+        differences = {"pressure": curves["pressure"] - inputs["pressure_target"]}
+        if "slope_rows" in inputs:
+            slope = slopes_of(curves)["pressure"][inputs["slope_rows"]]
+            differences["slope"] = slope - inputs["slope_target"]
+        if "force_rows" in inputs:
+            differences |= force_differences(inputs, curves["axial_force"])
+        return differences, conditions_of(curves)
+
+    def values(self, data: xr.Dataset, wall: WallVariables, points: Points) -> Arrays:
+        """Return curves (material, point) of a numeric wall at some of the points."""
+        settings = self.order, self.with_force, self.geometry_sd
+        return numeric_curves(data, wall, points, *settings)
+
+    def quadrature(self, order: int) -> "PointwiseQuadrature":
+        """Return the same with another order."""
+        return replace(self, order=order)
+
+    def refined(self, data: xr.Dataset, wall: WallVariables) -> "PointwiseQuadrature":
+        """Return the rule of twice the order of any wall: its error is that order's squared."""
+        return self.quadrature(2 * WALL_ORDER)
+
+    def _tube(self, inputs: Values, wall: WallVariables) -> CurrentTube:
+        if self.by_test:
+            wall = wall_at_points(wall, inputs["test"])
+        of_points = {name: z[inputs["test"]] for name, z in wall.deviations.items()}
+        return current_tube(pt, inputs, wall._replace(deviations=of_points))
+
+    def _at_pressure(self, inputs: Values, wall: WallVariables) -> Differences:
+        """Differences at the measured pressures, and the conditions for radii there."""
+        current = self._tube(inputs, wall)
+        energies = tuple(layer.energy for layer in current.tube.layers)
+        op = RadiusAtPressure(strain_energies=energies, order=self.order)
+        radius, last_step = op(inputs["pressure_target"], current.radius, *current.tube.inputs)
+        found = last_step < SMALLEST_STEP
+        radius = pt.where(found, radius, current.radius)
+        differences = {"radius": current.measured(radius) - current.measured(current.radius)}
+        if "force_rows" in inputs:
+            force, _ = wall_force(current.tube, radius, self.order)
+            differences |= force_differences(inputs, force)
+        conditions = [] if wall.known_tube else [pt.all(current.possible)]
+        return differences, [*conditions, pt.all(found)]
+
+
+def slopes_of(curves: Curves) -> Curves:
+    """Return derivatives of the curves by the radius that was measured."""
+    slopes = {"pressure": curves["stiffness"]}
+    if "force_slope" in curves:
+        slopes["axial_force"] = curves["force_slope"]
+    # The gradient of an infinite slope would be 0 * inf.
+    bounded = {name: pt.where(pt.isfinite(s), s, OVERFLOW) for name, s in slopes.items()}
+    return {name: slope * curves["growth"] for name, slope in bounded.items()}
+
+
+def conditions_of(curves: Curves) -> list[TensorVariable]:
+    """Return the conditions under which the tube is possible, unless it is known to be."""
+    return [pt.all(curves["possible"])] if "possible" in curves else []
+
+
+def force_differences(inputs: Values, force: TensorVariable) -> Curves:
+    """Return differences between forces and targets, and their sums if these have a target."""
+    error = force[inputs["force_rows"]] - inputs["force_target"]
+    sums = {"force_sum": table_of(error, inputs).sum(axis=-1)} if "points" in inputs else {}
+    return {"force": error} | sums
+
+
+def compared_points(data: xr.Dataset) -> Points:
     """Return points at which curves are compared: the ends of tests, and others evenly spread."""
     ends = np.concatenate(ends_of_tests(data))
     points = np.union1d(ends, evenly(data.sizes["obs"], _COMPARED_POINTS))
     return points[evenly(len(points), _COMPARED_POINTS)]
 
 
-def ends_of_tests(data: xr.Dataset) -> list[NDArray[np.intp]]:
+def ends_of_tests(data: xr.Dataset) -> list[Points]:
     """Return the points at the ends of each test: of its radii, and of its axial stretches."""
     along = [measured_radius(data).values, at_points(data, "axial_stretch")]
     spans = [points_of(data, test) for test in range(data.sizes["test"])]

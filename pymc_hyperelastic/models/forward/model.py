@@ -1,6 +1,6 @@
 """The forward model of a tube."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from copy import copy
 from typing import Any, NamedTuple
 
@@ -22,9 +22,21 @@ from pymc_hyperelastic.data.inflation import (
 )
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.wall import OVERFLOW
 from pymc_hyperelastic.models.forward.choose import Mode, choose_integrator
-from pymc_hyperelastic.models.forward.integrator import LARGEST, MOST_ROUNDS, Integrator
-from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
+from pymc_hyperelastic.models.forward.integrator import (
+    MOST_ROUNDS,
+    Integrator,
+    conditions_of,
+    slopes_of,
+)
+from pymc_hyperelastic.models.forward.tube_variables import (
+    Array,
+    Arrays,
+    Curves,
+    Values,
+    WallVariables,
+)
 from pymc_hyperelastic.models.geometry import measured_of, priors_of
 from pymc_hyperelastic.models.priors import with_variables
 
@@ -76,8 +88,8 @@ class ForwardModel:
         self,
         wall: StrainEnergy | Sequence[Layer],
         data: xr.Dataset,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
+        parameters: Values,
+        geometry: Values | None = None,
         *,
         mode: Mode = "auto",
         with_force: bool = False,
@@ -87,8 +99,8 @@ class ForwardModel:
         inaccurate: float = 1 / 200,
         replaceable: bool = True,
     ) -> None:
-        self.data, self.error_in, self._replaceable = data, error_in, replaceable
-        self.by_test = by_test
+        self.data, self.error_in, self.by_test = data, error_in, by_test
+        self._replaceable = replaceable
         self._energy, self._distributions = wall, dict(parameters)
         measured, self._geometry = measured_of(geometry or {}), priors_of(geometry or {})
         deviations = {name: pm.Normal.dist() for name in measured}
@@ -111,12 +123,7 @@ class ForwardModel:
         other.data, other._shared = data, {}
         return other
 
-    def errors(
-        self,
-        data: xr.Dataset,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-    ) -> Array:
+    def errors(self, data: xr.Dataset, parameters: Values, geometry: Values | None = None) -> Array:
         """Return the largest error of the curves of each material, see :meth:`Integrator.errors`.
 
         The `parameters` and the unknown `geometry` are given by name, with one number for each
@@ -130,10 +137,7 @@ class ForwardModel:
         return [*self._distributions], [*self._geometry]
 
     def refined(
-        self,
-        data: xr.Dataset,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
+        self, data: xr.Dataset, parameters: Values, geometry: Values | None = None
     ) -> "ForwardModel":
         """Return the same with curves that are accurate for these materials, too."""
         other = copy(self)
@@ -181,10 +185,7 @@ class ForwardModel:
         return self._shared[key][1]
 
     def tube(
-        self,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-        deviations: Mapping[str, Any] | None = None,
+        self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
     ) -> "SymbolicTube":
         """The tube with variables of a model in place of the distributions.
 
@@ -194,10 +195,7 @@ class ForwardModel:
         return SymbolicTube(self, self._wall(parameters, geometry, deviations))
 
     def _wall(
-        self,
-        parameters: Mapping[str, Any],
-        geometry: Mapping[str, Any] | None = None,
-        deviations: Mapping[str, Any] | None = None,
+        self, parameters: Values, geometry: Values | None = None, deviations: Values | None = None
     ) -> WallVariables:
         """The wall with variables or numbers in place of the distributions."""
         unknown = geometry or {}, deviations or {}
@@ -244,24 +242,25 @@ class SymbolicTube(NamedTuple):
     forward: ForwardModel
     wall: WallVariables
 
-    def curves(self) -> dict[str, TensorVariable]:
+    def curves(self) -> Curves:
         """Pressure and stiffness at the points, by their names.
 
         With measured forces there is ``axial_force``, and if the internal radius depends on an
         unknown geometry, ``radius``.
         """
-        return self.forward.integrator.curves(self._curve_inputs, self.wall)
+        beside = ("force_slope", "growth", "possible")
+        return {name: v for name, v in self._curves().items() if name not in beside}
 
     def conditions(self) -> list[TensorVariable]:
         """Conditions under which the tube is possible, unless it is known to be."""
-        return self.forward.integrator.conditions(self._curve_inputs, self.wall)
+        return conditions_of(self._curves())
 
-    def slopes(self) -> dict[str, TensorVariable]:
+    def slopes(self) -> Curves:
         """How the curves rise with the radius that was measured, by the names of the curves.
 
         ``pressure`` (kPa/mm), and with measured forces ``axial_force`` (mN/mm).
         """
-        return self.forward.integrator.slopes(self._curve_inputs, self.wall)
+        return slopes_of(self._curves())
 
     def misfits(self, key: Hashable, targets_of: Callable[[xr.Dataset], Arrays]) -> Misfits:
         """Sums of squared differences between the curves and targets.
@@ -283,7 +282,7 @@ class SymbolicTube(NamedTuple):
         squares = {}
         for name, difference in differences.items():
             total = pt.sum(pt.square(difference))
-            conditions.append(total < LARGEST)
+            conditions.append(total < OVERFLOW)
             # Else a noise parameter's gradient would be 0 * inf. That of the material is zero by
             # the integral itself.
             known = pt.where(conditions[-1], total, 0.0)
@@ -291,6 +290,10 @@ class SymbolicTube(NamedTuple):
             if name == "force" and force_sums is not None:
                 force_sums = pt.where(conditions[-1], force_sums, 0.0)
         return Misfits(squares, conditions, force_sums)
+
+    def _curves(self) -> Curves:
+        """All that the integrator computes at the points."""
+        return self.forward.integrator.curves(self._curve_inputs, self.wall)
 
     @property
     def _curve_inputs(self) -> dict[str, Any]:

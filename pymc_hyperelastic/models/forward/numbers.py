@@ -1,6 +1,6 @@
 """Numeric tubes: curves, stresses and radii of as many tubes as there are draws, at once."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -10,32 +10,29 @@ import pytensor.tensor as pt
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.mechanics.axial_force import wall_force
-from pymc_hyperelastic.mechanics.layers import Tube
-from pymc_hyperelastic.mechanics.material import MaterialIntegral
-from pymc_hyperelastic.mechanics.pressure import wall_pressure
+from pymc_hyperelastic.mechanics.integrals import (
+    LONGEST_STEP,
+    wall_force,
+    wall_material,
+    wall_pressure,
+)
+from pymc_hyperelastic.mechanics.layers import ReferenceLayer, Tube
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
-from pymc_hyperelastic.mechanics.tube import current_radius, hoop_elongation, opening_factor
-from pymc_hyperelastic.mechanics.wall import WALL_ORDER
+from pymc_hyperelastic.mechanics.tube import UNLOADED, measure_of, opening_factor, stretches
+from pymc_hyperelastic.mechanics.wall import PIECE, WALL_ORDER
 from pymc_hyperelastic.models.forward.tube_variables import (
     WallVariables,
     current_tube,
-    error_inputs,
     tube_inputs,
 )
 
 Array = NDArray[np.float64]
 
-# Largest step in the logarithm of the radius along a curve: none leaps over a maximum of the
-# pressure and the minimum beyond it.
-_LARGEST_STEP = 0.05
 # Logarithm of the ratio of the radii between which a pressure is looked for.
 _FARTHEST = np.log(20.0)
 # Step of Newton's method, relative to the radius, with which a radius counts as found: Newton's
 # method squares its error, so that the next step is below rounding.
 SMALLEST_STEP = 1e-9
-# Points that are integrated together: their arrays stay in the processor's cache.
-_PIECE = 4096
 
 
 class Circles(NamedTuple):
@@ -64,36 +61,18 @@ class WallMeans(NamedTuple):
     axial_stiffness: Array
 
 
-class LayerNumbers(NamedTuple):
-    """A layer of tubes: its law, its place in the reference wall, entries of the parameters."""
-
-    energy: StrainEnergy
-    inner_radius: Array
-    outer_radius: Array
-    entries: list[Array]
-
-
-class TubeNumbers(NamedTuple):
+class TubeNumbers(Tube):
     """Tubes of the same laws, whose parameters and geometry are arrays that broadcast.
 
-    The last axis is that of the radii or pressures that are asked for.
+    The last axis is that of the radii or pressures that are asked for. The geometry has the names
+    of GEOMETRY, in their order.
     """
-
-    layers: list[LayerNumbers]
-    """From the inside out; of a wall of one material it is one."""
-    geometry: dict[str, Array]
-    """Geometry of the whole tube, by the names of GEOMETRY, in their order."""
 
     def each(self, change: Callable[[Array], Array]) -> "TubeNumbers":
         """The same with every array changed."""
         layers = [
-            LayerNumbers(
-                layer.energy,
-                change(layer.inner_radius),
-                change(layer.outer_radius),
-                [change(entry) for entry in layer.entries],
-            )
-            for layer in self.layers
+            ReferenceLayer(law, change(inner), change(outer), [change(entry) for entry in entries])
+            for law, inner, outer, entries in self.layers
         ]
         return TubeNumbers(layers, {name: change(value) for name, value in self.geometry.items()})
 
@@ -105,36 +84,30 @@ class TubeNumbers(NamedTuple):
         """The same tubes at other axial stretches."""
         return self._replace(geometry={**self.geometry, "axial_stretch": axial_stretch})
 
-    def current(self, reference: Array, radius: Any) -> Array:
-        """Return the current radii of circles at an internal radius."""
-        return current_radius(reference, radius, **self._unloaded)
-
     def pressure(self, radius: Any) -> tuple[Array, Array]:
         """Pressure and stiffness at internal radii."""
-        pressure, stiffness = _integrate(wall_pressure, self._tubes(radius))
+        pressure, stiffness = _integrate(wall_pressure, self, radius)
         return pressure, stiffness
 
     def axial_force(self, radius: Any) -> Array:
         """Reduced axial force at internal radii."""
-        return _integrate(wall_force, self._tubes(radius))[0]
+        return _integrate(wall_force, self, radius)[0]
 
     def wall_means(self, radius: Any) -> WallMeans:
         """Stored energy and material stiffness at internal radii, as means over the wall."""
-        sums = np.array(_integrate(_material_sums, self._tubes(radius)))
+        sums = np.array(_integrate(wall_material, self, radius))
         # A radius may be NaN, of which a comparison within the law knows nothing.
         return WallMeans(*np.where(np.isnan(radius), np.nan, sums / self.wall_area))
 
     @property
     def wall_area(self) -> Array:
         """Current area of the wall's cross-section, mm²: it does not depend on the pressure."""
-        inner, outer, axial, angle = self.geometry.values()
-        return np.pi * (outer - inner) * (outer + inner) / (opening_factor(angle) * axial)
+        return measure_of("wall_area", self.geometry) / self.geometry["axial_stretch"]
 
-    def circles(self, layer: LayerNumbers, radius: Array, reference: Array) -> Circles:
+    def circles(self, layer: ReferenceLayer, radius: Array, reference: Array) -> Circles:
         """Circles of a layer, of these reference radii, at internal radii of the wall."""
-        angle, axial = self.geometry["opening_angle"], self.geometry["axial_stretch"]
-        delta = hoop_elongation(radius, reference, **self._unloaded)
-        log_hoop = (np.log(opening_factor(angle) / axial) + np.log1p(delta)) / 2
+        _, hoop, axial = stretches(reference, radius, **self.unloaded)
+        log_hoop = np.log(hoop)
         log_axial = np.broadcast_to(np.log(axial), log_hoop.shape)
         function = _stress_differences(layer.energy)
         differences = _evaluate(function, log_hoop, log_axial, *layer.entries)
@@ -153,15 +126,14 @@ class TubeNumbers(NamedTuple):
         hoop, axial = np.full_like(current, np.nan), np.full_like(current, np.nan)
         for layer in self.layers:
             last = layer is self.layers[-1]
-            begin = np.maximum(reference, layer.inner_radius)
-            begin = begin if last else np.minimum(begin, layer.outer_radius)
-            beyond.append(layer._replace(inner_radius=begin))
+            beyond.append(layer._replace(outer_radius=np.maximum(reference, layer.outer_radius)))
             circles = self.circles(layer, radius, reference)
             within = last | (reference < layer.outer_radius)
             here = np.isnan(hoop) & (within | np.isclose(reference, layer.outer_radius))
             hoop = np.where(here, circles.hoop_difference, hoop)
             axial = np.where(here, circles.axial_difference, axial)
-        load = _integrate(wall_pressure, self._replace(layers=beyond)._tubes(radius))[0]
+        wall = TubeNumbers(beyond, {**self.geometry, "inner_radius": reference})
+        load = _integrate(wall_pressure, wall, current)[0]
         return Stresses(current, -load, hoop - load, axial - load)
 
     def radius_at(self, pressure: Array) -> Array:
@@ -180,7 +152,7 @@ class TubeNumbers(NamedTuple):
         start = inner / np.sqrt(opening_factor(angle) * axial)
         # ln(a/a₀), the step that is tried there, the step of Newton's method, and its bound.
         place, step, newton = np.zeros((3, start.size))
-        longest, lacking = np.full(start.size, _LARGEST_STEP), np.full(start.size, np.inf)
+        longest, lacking = np.full(start.size, LONGEST_STEP), np.full(start.size, np.inf)
         found = np.full(start.size, np.nan)
         active = np.arange(start.size)
         while active.size:
@@ -200,21 +172,6 @@ class TubeNumbers(NamedTuple):
             active = active[going_on & np.isnan(found[active])]
         return found.reshape(shape)
 
-    @property
-    def _unloaded(self) -> dict[str, Array]:
-        """The tube, but for its outer radius, on which no circle within depends."""
-        return {name: v for name, v in self.geometry.items() if name != "outer_radius"}
-
-    def _tubes(self, radius: Any) -> list[Tube]:
-        """The layers as concentric tubes at internal radii of the wall."""
-        axial, angle = self.geometry["axial_stretch"], self.geometry["opening_angle"]
-        tubes: list[Tube] = []
-        for layer in self.layers:
-            begin, end = layer.inner_radius, layer.outer_radius
-            geometry = self.current(begin, radius), begin, end, axial, angle
-            tubes.append(Tube(layer.energy, geometry, layer.entries, within=bool(tubes)))
-        return tubes
-
 
 @np.errstate(all="ignore")  # an impossible tube has no radius
 def numeric_curves(
@@ -230,50 +187,36 @@ def numeric_curves(
     The numbers of the wall have shape (material), and its deviations (material, test). Curves of an
     impossible tube are NaN.
     """
-    inputs = tube_inputs(data) | error_inputs(data, dict(geometry_sd))
+    inputs = tube_inputs(data, geometry_sd)
     inputs = {name: values[points] for name, values in inputs.items()}
     test = data["test"].values[points]
     deviations = {name: z[:, test] for name, z in wall.deviations.items()}
     columns = wall.mapped(lambda values: np.reshape(values, (-1, 1)))
     current = current_tube(np, inputs, columns._replace(deviations=deviations))
     radius = np.where(current.possible, current.radius, np.nan)
-    tubes, settings = current._replace(radius=radius).tubes, (order, "FAST_COMPILE")
-    curves = _integrate(wall_pressure, tubes, *settings)
+    curves = _integrate(wall_pressure, current.tube, radius, order, "FAST_COMPILE")
     if with_force:
-        curves += _integrate(wall_force, tubes, *settings)
+        curves += _integrate(wall_force, current.tube, radius, order, "FAST_COMPILE")[:1]
     return dict(zip(("pressure", "stiffness", "axial_force"), curves, strict=False))
 
 
 def _integrate(
-    integral: Callable, tubes: Sequence[Tube], order: int = WALL_ORDER, mode: str | None = None
+    integral: Callable, tube: Tube, radius: Any, order: int = WALL_ORDER, mode: str | None = None
 ) -> list[Array]:
-    """Integrals over walls that are made of numeric tubes, whose arrays broadcast."""
-    function = _compiled(integral, tuple(tube.energy for tube in tubes), order, mode)
-    return _evaluate(function, *(x for tube in tubes for x in tube.inputs))
+    """Integrals over the walls of numeric tubes at internal radii; all arrays broadcast."""
+    function = _compiled(integral, tuple(layer.energy for layer in tube.layers), order, mode)
+    return _evaluate(function, radius, *tube.inputs)
 
 
 @lru_cache(maxsize=64)
 def _compiled(
     integral: Callable, energies: tuple[StrainEnergy, ...], order: int, mode: str | None
 ) -> Any:
-    """Compile an integral of concentric tubes for vectors of their inputs."""
-    tubes: list[Tube] = []
-    for energy in energies:
-        geometry = tuple(pt.dvector() for _ in range(5))
-        entries = [pt.dvector() for _ in energy.entry_names]
-        tubes.append(Tube(energy, geometry, entries, within=bool(tubes)))
-    outputs = integral(tubes, order)
-    outputs = [*outputs] if isinstance(outputs, list | tuple) else [outputs]
-    inputs = [x for tube in tubes for x in tube.inputs]
-    return pytensor.function(inputs, outputs, mode=mode)
-
-
-def _material_sums(tubes: Sequence[Tube], order: int) -> list[Any]:
-    """Stored energy and moduli of a wall, added up over its tubes."""
-    of_tubes = [
-        MaterialIntegral(strain_energy=tube.energy, order=order)(*tube.inputs) for tube in tubes
-    ]
-    return [sum(values) for values in zip(*of_tubes, strict=True)]
+    """Compile an integral over the walls of tubes, for vectors of radii and of `Tube.inputs`."""
+    count = len(UNLOADED) + sum(1 + len(energy.entry_names) for energy in energies)
+    radius, *inputs = [pt.dvector() for _ in range(1 + count)]
+    outputs = integral(Tube.of_inputs(energies, inputs), radius, order)
+    return pytensor.function([radius, *inputs], [*outputs], mode=mode)
 
 
 @lru_cache(maxsize=64)
@@ -293,6 +236,6 @@ def _stress_differences(energy: StrainEnergy) -> Any:
 def _evaluate(function: Any, *inputs: Any) -> list[Array]:
     """Outputs of a function of vectors at inputs that broadcast."""
     full = np.broadcast_arrays(*inputs)
-    starts = range(0, max(full[0].size, 1), _PIECE)
-    pieces = [function(*(x.flat[start : start + _PIECE] for x in full)) for start in starts]
+    starts = range(0, max(full[0].size, 1), PIECE)
+    pieces = [function(*(x.flat[start : start + PIECE] for x in full)) for start in starts]
     return [np.concatenate(parts).reshape(full[0].shape) for parts in zip(*pieces, strict=True)]

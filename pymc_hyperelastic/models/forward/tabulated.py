@@ -7,8 +7,6 @@ from typing import Any, ClassVar
 import numpy as np
 import pytensor.tensor as pt
 import xarray as xr
-from numpy.typing import NDArray
-from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, extension_tests, measured_radius
 from pymc_hyperelastic.mechanics.collocation import (
@@ -19,37 +17,24 @@ from pymc_hyperelastic.mechanics.collocation import (
 )
 from pymc_hyperelastic.mechanics.interpolation import (
     ChebyshevNodes,
+    Group,
+    KnownTubes,
+    groups_by,
     response_function,
 )
-from pymc_hyperelastic.mechanics.known_tubes import Group, KnownTubes, groups_by
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 from pymc_hyperelastic.models.forward.blocks import table_arrays
-from pymc_hyperelastic.models.forward.integrator import Integrator
-from pymc_hyperelastic.models.forward.pointwise import (
-    PointwiseQuadrature,
-    force_differences,
+from pymc_hyperelastic.models.forward.integrator import Differences, Integrator, force_differences
+from pymc_hyperelastic.models.forward.tube_variables import (
+    Array,
+    Arrays,
+    Curves,
+    Points,
+    Values,
+    WallVariables,
 )
-from pymc_hyperelastic.models.forward.tube_variables import Array, Arrays, WallVariables
-
-
-def known_tubes(data: xr.Dataset) -> KnownTubes:
-    """Return the tube at every point of the data."""
-    radius = data["radius"].values.astype(float)
-    geometry = {name: at_points(data, name) for name in GEOMETRY}
-    return KnownTubes(radius, **geometry, growth=measured_radius(data).values / radius)
-
-
-def groups_of(
-    data: xr.Dataset, tubes: KnownTubes, *, by_test: bool, by_stretch: bool
-) -> list[Group]:
-    """Return groups of points: each test, or else each axial stretch, or else each specimen."""
-    test = data["test"].values
-    specimen = np.unique(data["specimen"].values, return_inverse=True)[1]
-    return groups_by(
-        tubes, test if by_test else tubes.axial_stretch if by_stretch else specimen[test]
-    )
 
 
 @dataclass(frozen=True)
@@ -80,52 +65,40 @@ class TabulatedQuadrature(Integrator):
     tolerance: float = 1e-9
 
     def curve_arrays(self, data: xr.Dataset) -> Arrays:
-        """Return the arrays of the data for :meth:`curves` and :meth:`slopes`."""
-        tubes, groups = self._groups(data)
+        """Return the arrays of the data for :meth:`curves`."""
+        tubes, groups = self.groups(data)
         matrices, place = curve_matrices(tubes, groups, self.basis)
         if not self.with_force:
             del matrices["force_matrix"], matrices["force_slope_matrix"]
         return matrices | {"place": place, "growth": tubes.growth}
 
-    def curves(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
-        """Return pressure and stiffness at the points, and the axial force if it is measured."""
+    def curves(self, inputs: Values, wall: WallVariables) -> Curves:
+        """Return pressure and stiffness at the points, and others, see :class:`Integrator`."""
         curves = self._integrals(inputs, ("pressure", "stiffness"), wall)
         if self.with_force:
-            curves["axial_force"] = self._integrals(inputs, ("force",), wall)["force"]
-        return {name: rows.flatten()[inputs["place"]] for name, rows in curves.items()}
-
-    def slopes(self, inputs: Mapping[str, Any], wall: WallVariables) -> dict[str, TensorVariable]:
-        """Return derivatives of the curves by the radius that was measured."""
-        slopes = {"pressure": self._integrals(inputs, ("stiffness",), wall)["stiffness"]}
-        if self.with_force:
-            (slopes["axial_force"],) = self._integrals(inputs, ("force_slope",), wall).values()
-        by_radius = {name: rows.flatten()[inputs["place"]] for name, rows in slopes.items()}
-        return {name: slope * inputs["growth"] for name, slope in by_radius.items()}
-
-    def conditions(self, *_: Any) -> list[TensorVariable]:
-        """Return none: known tubes are possible."""
-        return []
+            force, slope = self._integrals(inputs, ("force", "force_slope"), wall).values()
+            curves |= {"axial_force": force, "force_slope": slope}
+        of_points = {name: rows.flatten()[inputs["place"]] for name, rows in curves.items()}
+        return of_points | {"growth": inputs["growth"]}
 
     def misfit_arrays(self, data: xr.Dataset, targets: Mapping[str, Array]) -> Arrays:
         """Return the arrays of targets, which may be NaN, for :meth:`differences`.
 
         As many numbers as there are nodes stand for all points, see :func:`collocate`.
         """
-        tubes, groups = self._groups(data)
-        compressed = {name: target for name, target in targets.items() if name != "force_sum"}
+        tubes, groups = self.groups(data)
         if "force_sum" not in targets:
-            return collocate(tubes, groups, self.basis, compressed)
+            return collocate(tubes, groups, self.basis, targets)
         # The forces of a test have points in several groups: those with sums are not compressed.
-        force, test = compressed.pop("force"), data["test"].values
-        arrays = collocate(tubes, groups, self.basis, compressed)
+        others = {name: target for name, target in targets.items() if not name.startswith("force")}
+        arrays = collocate(tubes, groups, self.basis, others)
         matrices, place = curve_matrices(tubes, groups, self.basis)
-        rows = np.flatnonzero(np.isfinite(force))
-        arrays |= {"force_matrix": matrices["force_matrix"], "force_target": force[rows]}
-        return arrays | table_arrays(test[rows], data.sizes["test"]) | {"force_rows": place[rows]}
+        rows = np.flatnonzero(np.isfinite(targets["force"]))
+        arrays |= table_arrays(data["test"].values[rows], data.sizes["test"])
+        arrays |= {"force_rows": place[rows], "force_target": targets["force"][rows]}
+        return arrays | {"force_matrix": matrices["force_matrix"]}
 
-    def differences(
-        self, inputs: Mapping[str, Any], wall: WallVariables, error_in: str
-    ) -> tuple[dict[str, TensorVariable], list[TensorVariable]]:
+    def differences(self, inputs: Values, wall: WallVariables, error_in: str) -> Differences:
         """Return differences between curves and targets, compressed."""
         known = [name for name in ("pressure", "slope") if f"{name}_target" in inputs]
         found = self._integrals(inputs, known, wall)
@@ -138,12 +111,10 @@ class TabulatedQuadrature(Integrator):
                 response["force"] = force - inputs["force_target"]
         return response, []
 
-    def values(
-        self, data: xr.Dataset, wall: WallVariables, points: NDArray[np.intp]
-    ) -> dict[str, Array]:
+    def values(self, data: xr.Dataset, wall: WallVariables, points: Points) -> Arrays:
         """Return curves (material, point) of a numeric wall at some of the points."""
         entries = [values[:, None] for values in wall.materials]
-        tubes, groups = self._groups(data)
+        tubes, groups = self.groups(data)
         kinds = {"pressure": False} | ({"axial_force": True} if self.with_force else {})
         curves = {name: np.full((len(entries[0]), len(points)), np.nan) for name in kinds}
         for group in groups:
@@ -167,29 +138,31 @@ class TabulatedQuadrature(Integrator):
             other = self.with_materials(data, wall)
             if other.errors(data, wall).max() <= self.tolerance:
                 return other
-        return PointwiseQuadrature(WALL_ORDER, self.with_force, self.by_test)
+        return self.quadrature(WALL_ORDER)
 
     def with_materials(self, data: xr.Dataset, wall: WallVariables) -> "TabulatedQuadrature":
         """Return the same with nodes that are selected for these materials, too."""
-        tubes, groups = self._groups(data)
         basis: Any = self.basis
-        settings = {"with_force": self.with_force}
-        return replace(self, basis=basis.with_materials(tubes, groups, wall.materials, **settings))
+        return replace(self, basis=basis.with_materials(self.groups(data)[0], wall.materials))
 
-    def _groups(self, data: xr.Dataset) -> tuple[KnownTubes, list[Group]]:
-        """The tubes of the data, and groups of points that share nodes."""
-        tubes, by_stretch = known_tubes(data), self.basis.by_stretch
-        groups = groups_of(data, tubes, by_test=self.by_test, by_stretch=by_stretch)
-        if by_stretch and extension_tests(data).any():
+    def groups(self, data: xr.Dataset) -> tuple[KnownTubes, list[Group]]:
+        """Return the tubes at all points of the data, and groups of points that share nodes."""
+        if self.basis.by_stretch and extension_tests(data).any():
             raise ValueError(
                 "axial_stretch varies within a test of these data, and in no test of the data that "
                 "the model was made of: make the model of data that hold extension tests"
             )
-        return tubes, groups
+        radius = data["radius"].values.astype(float)
+        geometry = {name: at_points(data, name) for name in GEOMETRY}
+        tubes = KnownTubes(radius, **geometry, growth=measured_radius(data).values / radius)
+        key = test = data["test"].values
+        if not self.by_test and self.basis.by_stretch:
+            key = tubes.axial_stretch
+        elif not self.by_test:
+            key = data["specimen"].values[test]
+        return tubes, groups_by(tubes, key)
 
-    def _integrals(
-        self, inputs: Mapping[str, Any], names: Sequence[str], wall: WallVariables
-    ) -> dict[str, TensorVariable]:
+    def _integrals(self, inputs: Values, names: Sequence[str], wall: WallVariables) -> Curves:
         """Matrices of these names, all of them of forces or none, times the responses at nodes."""
         force = names[0].startswith("force")
         integral = CollocatedIntegral(strain_energy=wall.energy, force=force)

@@ -1,6 +1,6 @@
 """The tube of a model at each measured point: its wall, geometry and current radius."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
 
@@ -8,9 +8,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from pytensor.graph.basic import Constant, Variable
+from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import at_points, measured_radius
-from pymc_hyperelastic.mechanics.layers import Layer, Tube, tubes_of
+from pymc_hyperelastic.mechanics.layers import Tube, tube_of
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry, opening_factor
 from pymc_hyperelastic.models.geometry import deviated_tube
@@ -18,23 +19,24 @@ from pymc_hyperelastic.models.priors import is_inferred
 
 Array = NDArray[np.float64]
 Arrays = dict[str, NDArray]
+Points = NDArray[np.intp]
+# Variables of a model or numbers, and expressions of these, by name.
+Values = Mapping[str, Any]
+Curves = dict[str, TensorVariable]
 
 
-def tube_inputs(data: xr.Dataset) -> Arrays:
-    """Return the measured geometry of the tube and its measured current radius at each point."""
+def tube_inputs(data: xr.Dataset, errors: Sequence[tuple[str, float | None]]) -> Arrays:
+    """Return the measured geometry of the tube and its measured current radius at each point.
+
+    With them come the standard deviations of the geometry: a number, or None for that of the data.
+    """
     inputs = {name: at_points(data, name) for name in GEOMETRY}
     name = "current_outer_radius" if "outer_diameter" in data else "radius"
-    return inputs | {name: measured_radius(data).values.astype(float)}
-
-
-def error_inputs(data: xr.Dataset, errors: Mapping[str, float | None]) -> Arrays:
-    """Return the standard deviations of the measured geometry; None is that of the data."""
-    return {
-        f"{name}_sd": at_points(data, f"{name}_sd")
-        if sd is None
-        else np.full(data.sizes["obs"], sd)
-        for name, sd in errors.items()
-    }
+    inputs[name] = measured_radius(data).values.astype(float)
+    for name, sd in errors:
+        sds = at_points(data, f"{name}_sd") if sd is None else np.full(data.sizes["obs"], sd)
+        inputs[f"{name}_sd"] = sds
+    return inputs
 
 
 class WallVariables(NamedTuple):
@@ -78,20 +80,12 @@ class WallVariables(NamedTuple):
 
         Vectors become tuples of their entries. Deviations stay.
         """
-
-        def changed(energy: StrainEnergy, parameters: Mapping[str, Any]) -> dict[str, Any]:
-            return energy.join([change(entry) for entry in energy.split(parameters)])
-
         geometry = {name: change(value) for name, value in self.geometry.items()}
-        if isinstance(self.energy, StrainEnergy):
-            return self._replace(
-                parameters=changed(self.energy, self.parameters), geometry=geometry
-            )
-        layers = [
-            Layer(x.energy, change(x.thickness), **changed(x.energy, x.parameters))
-            for x in self.energy
-        ]
-        return self._replace(energy=layers, geometry=geometry)
+        if not isinstance(self.energy, StrainEnergy):
+            layers = [layer.mapped(change) for layer in self.energy]
+            return self._replace(energy=layers, geometry=geometry)
+        entries = [change(entry) for entry in self.energy.split(self.parameters)]
+        return self._replace(parameters=self.energy.join(entries), geometry=geometry)
 
     def some(self, chosen: NDArray[Any]) -> "WallVariables":
         """Return the numeric wall with some of its materials."""
@@ -118,20 +112,13 @@ class WallVariables(NamedTuple):
 class CurrentTube(NamedTuple):
     """A tube as it was measured, at each point."""
 
-    wall: WallVariables
-    reference: Mapping[str, Any]
+    tube: Tube
     radius: Any
     """Internal radius, mm; that of another tube if this one is impossible."""
     possible: Any
     """True for a possible tube, at each point or of all."""
     excess: Any = None
     """``r_o² − a²``, if the outer radius ``r_o`` was measured."""
-
-    @property
-    def tubes(self) -> list[Tube]:
-        """The tubes, one within the other, that make up the wall."""
-        reference = [self.reference[name] for name in GEOMETRY]
-        return tubes_of(self.wall.energy, self.radius, reference, self.wall.parameters)
 
     def measured(self, radius: Any) -> Any:
         """Return the measured radius of a tube with this internal radius."""
@@ -163,13 +150,14 @@ def current_tube(xp: ModuleType, inputs: Mapping[str, Any], wall: WallVariables)
         outer, tube["outer_radius"] = inner + sum(layer.thickness for layer in energy), None
         for layer in energy:
             possible = possible & (xp.minimum(inner, layer.thickness) > 0)
+    unloaded = tube_of(energy, [tube[name] for name in GEOMETRY], wall.parameters)
     if "current_outer_radius" not in inputs:
-        return CurrentTube(wall, tube, inputs["radius"], possible)
+        return CurrentTube(unloaded, inputs["radius"], possible)
     area = (outer**2 - inner**2) / (opening_factor(tube["opening_angle"]) * tube["axial_stretch"])
     square = inputs["current_outer_radius"] ** 2 - area
     excess = xp.where(square > 0, area, 0.0)
     radius = xp.sqrt(inputs["current_outer_radius"] ** 2 - excess)
-    return CurrentTube(wall, tube, radius, possible & (square > 0), excess)
+    return CurrentTube(unloaded, radius, possible & (square > 0), excess)
 
 
 def wall_at_points(wall: WallVariables, test: Any) -> WallVariables:

@@ -1,70 +1,18 @@
-"""Pressure and stiffness of an inflated thick-walled tube: one Op for every strain energy."""
+"""Pressure, stiffness and axial force of an inflated thick-walled tube, as users call them.
 
-from collections.abc import Sequence
+Source of the axial force: J. D. Humphrey, Cardiovascular Solid Mechanics, Springer 2002.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from pytensor.graph.basic import Variable
 from pytensor.tensor.variable import TensorVariable as Tensor
 
-from pymc_hyperelastic.mechanics.layers import Layer, Tube, checked_tubes
-from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
-from pymc_hyperelastic.mechanics.wall import WALL_ORDER, WallIntegral, response, wall_integral
-
-
-class PressureIntegral(WallIntegral):
-    r"""Pressure of an inflated tube, and its derivative by the internal radius.
-
-    With the wall coordinate ``s = ln R`` and the elongation ``δ`` of
-    :func:`~pymc_hyperelastic.mechanics.tube.hoop_elongation`
-
-    .. math::
-
-        p(a) &= \int_{\ln A}^{\ln B} \frac{T}{1 + δ} \, ds, \qquad
-        T = \frac{∂\hat W}{∂\ln λ_θ} = σ_{θθ} - σ_{rr}, \\
-        \frac{dp}{da} &= \int_{\ln A}^{\ln B}
-            \left(\frac12 \frac{∂T}{∂\ln λ_θ} - T\right)
-            \frac{2 k λ_z a}{R^2 (1 + δ)^2} \, ds,
-
-    which is ``p = ∫ (∂Ŵ/∂λθ)/(λz r) dR`` in other variables.
-
-    Inputs are internal radius ``a``, inner radius ``A``, outer radius ``B`` (mm), axial stretch,
-    opening angle (rad), then the parameters in the order of the strain energy, vectors entry by
-    entry; they broadcast against each other. Outputs are pressure (kPa) and stiffness (kPa/mm) in
-    the broadcast shape.
-
-    Attributes
-    ----------
-    strain_energy : StrainEnergy
-        The material.
-    order : int, default 32
-        Nodes of the Gauss-Legendre rule, on each piece of a wall that is split where fibres
-        slacken. Wherever ``B/A ≤ 2.5``, ``0.8 ≤ λz ≤ 1.9``, ``Φ ≤ 160°`` and
-        ``0.6 A ≤ a ≤ 1.7 A``, over the default priors' range of parameters, 32 nodes agree with
-        200 to a relative 1e-10, and to 1e-12 for ``a ≥ A``; for laws with the exponential of a
-        square, as long as pressure stays below a thousand moduli.
-
-    See Also
-    --------
-    inflation_pressure
-
-    Examples
-    --------
-    >>> import pymc_hyperelastic as ph
-    >>> integral = ph.PressureIntegral(strain_energy=ph.NeoHookean())
-    >>> pressure, stiffness = integral(8.0, 7.0, 9.0, 1.0, 0.0, 30.0)
-    >>> round(float(pressure.eval()), 3), round(float(stiffness.eval()), 3)
-    (2.629, 2.012)
-    """
-
-    def build_inner_graph(self, *inputs: Tensor) -> list[Variable]:
-        """Gauss-Legendre quadrature over a last axis, which the sums remove."""
-        rule, log_axial, entries = self.rule(inputs)
-        stress = response(self.strain_energy, rule.log_hoop, log_axial, entries)
-        slope = elementwise_derivative(stress, rule.log_hoop)
-        return [
-            (rule.pressure_weight * stress).sum(axis=-1),
-            (rule.stiffness_weight * (slope / 2 - stress)).sum(axis=-1),
-        ]
+from pymc_hyperelastic.mechanics.integrals import wall_force, wall_pressure
+from pymc_hyperelastic.mechanics.layers import Layer, check_geometry, double, tube_of
+from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.mechanics.tube import GEOMETRY
+from pymc_hyperelastic.mechanics.wall import WALL_ORDER
 
 
 def inflation_pressure(
@@ -131,8 +79,7 @@ def inflation_pressure(
     array([ 0.  ,  8.88, 19.  ])
     """
     reference = inner_radius, outer_radius, axial_stretch, opening_angle
-    tubes = checked_tubes(energy, internal_radius, reference, parameters)
-    return wall_pressure(tubes, order)[0]
+    return _curves(wall_pressure, energy, internal_radius, reference, parameters, order)[0]
 
 
 def inflation_stiffness(
@@ -170,10 +117,60 @@ def inflation_stiffness(
     1.165
     """
     reference = inner_radius, outer_radius, axial_stretch, opening_angle
-    tubes = checked_tubes(energy, internal_radius, reference, parameters)
-    return wall_pressure(tubes, order)[1]
+    return _curves(wall_pressure, energy, internal_radius, reference, parameters, order)[1]
 
 
-def wall_pressure(tubes: Sequence[Tube], order: int = WALL_ORDER) -> tuple[Tensor, Tensor]:
-    """Pressure (kPa) and stiffness (kPa/mm) of a wall of concentric tubes."""
-    return wall_integral(PressureIntegral, tubes, order)
+def axial_force(
+    energy: StrainEnergy | Sequence[Layer],
+    internal_radius: Any,
+    *,
+    inner_radius: Any,
+    outer_radius: Any = None,
+    axial_stretch: Any = 1.0,
+    opening_angle: Any = 0.0,
+    order: int = WALL_ORDER,
+    **parameters: Any,
+) -> Tensor:
+    r"""Reduced axial force that holds a tube at the given internal radius and axial stretch.
+
+    .. math:: F(a) = \frac{π}{k λ_z} \int_A^B
+        \left(2 λ_z \frac{∂\hat W}{∂λ_z} - λ_θ \frac{∂\hat W}{∂λ_θ}\right) R \, dR
+
+    ``F`` is the force that must be applied at the ends of a closed tube in addition to the
+    pressure: the axial force in the wall less ``π a² p``. Arguments and errors are those of
+    :func:`~pymc_hyperelastic.inflation_pressure`, including layers.
+
+    Returns
+    -------
+    TensorVariable
+        Force in mN (kPa mm²), in the broadcast shape; tension is positive.
+
+    See Also
+    --------
+    inflation_pressure, predict_axial_force
+
+    Examples
+    --------
+    >>> import pymc_hyperelastic as ph
+    >>> force = ph.axial_force(
+    ...     ph.NeoHookean(), 1.0, inner_radius=1.0, outer_radius=1.5, axial_stretch=1.2, mu=10.0
+    ... )
+    >>> round(float(force.eval()), 3)
+    19.641
+    """
+    reference = inner_radius, outer_radius, axial_stretch, opening_angle
+    return _curves(wall_force, energy, internal_radius, reference, parameters, order)[0]
+
+
+def _curves(
+    integral: Callable,
+    energy: StrainEnergy | Sequence[Layer],
+    internal_radius: Any,
+    reference: Sequence[Any],
+    parameters: Mapping[str, Any],
+    order: int,
+) -> tuple[Tensor, Tensor]:
+    """Check the geometry, and integrate over the wall."""
+    check_geometry(internal_radius=internal_radius, **dict(zip(GEOMETRY, reference, strict=True)))
+    radius = double(internal_radius)
+    return integral(tube_of(energy, reference, parameters), radius, order)
