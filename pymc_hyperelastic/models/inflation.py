@@ -30,14 +30,17 @@ from pymc_hyperelastic.models.geometry import (
     register_measures,
 )
 from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
-from pymc_hyperelastic.models.priors import belongs_to, complete_wall, register_priors
+from pymc_hyperelastic.models.priors import (
+    PRIOR_DRAWS,
+    belongs_to,
+    complete_wall,
+    register_priors,
+)
 from pymc_hyperelastic.models.study import Study
 from pymc_hyperelastic.parallel import one_thread
 
-# Draws from the prior that estimate the probability of a rising pressure.
-_PRIOR_DRAWS = 20000
-# Smallest accepted prior probability of a rising pressure: the estimate errs by 3 % of it, and
-# below it priors contradict `rising`.
+# Smallest accepted prior probability of a rising pressure: its estimate errs by 3 %, and with less
+# the priors contradict `rising`.
 _LEAST_SHARE = 0.05
 
 
@@ -290,7 +293,7 @@ def criscione_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: 
 
 def _prior_probability(condition: TensorVariable, variables: Sequence[TensorVariable]) -> float:
     """Probability that a condition on random variables holds, from many draws."""
-    draws = pm.draw(variables, draws=_PRIOR_DRAWS, random_seed=1, mode="FAST_COMPILE")
+    draws = pm.draw(variables, draws=PRIOR_DRAWS, random_seed=1, mode="FAST_COMPILE")
     symbols = {v: pt.tensor(dtype=v.dtype, shape=(None, *v.type.shape)) for v in variables}
     holds = vectorize_graph(condition, symbols)
     function = pytensor.function(list(symbols.values()), holds, mode="FAST_COMPILE")
@@ -298,7 +301,7 @@ def _prior_probability(condition: TensorVariable, variables: Sequence[TensorVari
         share = float(np.mean(function(*draws)))
     if share < _LEAST_SHARE:
         raise ValueError(
-            f"of {_PRIOR_DRAWS} draws from the prior {share:.2%} have a pressure that rises with "
+            f"of {PRIOR_DRAWS} draws from the prior {share:.2%} have a pressure that rises with "
             "the radius: give priors that do not contradict it"
         )
     return share

@@ -12,7 +12,6 @@ from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
-import pymc as pm
 import pytensor
 import pytensor.tensor as pt
 from numpy.typing import NDArray
@@ -26,13 +25,15 @@ from pymc_hyperelastic.models.moduli import (
     moduli_by_ratio,
     moduli_by_stress,
 )
-from pymc_hyperelastic.models.priors import is_inferred
+from pymc_hyperelastic.models.priors import (
+    complete_layers,
+    is_inferred,
+    positive_draws,
+    with_variables,
+)
 from pymc_hyperelastic.models.records import NamedLayer, named_layers
 
 Array = NDArray[np.float64]
-
-# Draws for the moments of the logarithm of a thickness: 2 % of a standard deviation.
-_THICKNESS_DRAWS = 4000
 
 
 class _Prior(NamedTuple):
@@ -129,18 +130,17 @@ class NaturalScale:
         layers = named_layers(self.wall)
         if isinstance(self.wall, StrainEnergy):
             return [_Material(layers[0], "", self.reference_stress)]
-        for number, layer in enumerate(self.wall, start=1):
-            given = [name for name, value in layer.parameters.items() if is_inferred(value)]
+        materials = []
+        for number, (layer, stated) in enumerate(zip(layers, self.wall, strict=True), start=1):
+            given = [name for name, value in stated.parameters.items() if is_inferred(value)]
             if given:
                 raise TypeError(
                     f"layer {number} has a distribution for {given[0]!r}, but in a model of "
                     "specimens the distribution of the class replaces it. Omit the parameter, or "
                     "give a number"
                 )
-        return [
-            _Material(layer, f"_{number}", self.reference_stress)
-            for number, layer in enumerate(layers, start=1)
-        ]
+            materials.append(_Material(layer, f"_{number}", self.reference_stress))
+        return materials
 
     @cached_property
     def _thicknesses(self) -> dict[str, TensorVariable]:
@@ -152,25 +152,28 @@ class NaturalScale:
         return {name: thickness for name, thickness in given if isinstance(name, str)}
 
     @cached_property
-    def _coordinates(self) -> list["_Coordinate"]:
-        of_materials = [c for material in self._materials for c in material.coordinates]
-        return of_materials + [_of_thickness(name, d) for name, d in self._thicknesses.items()]
+    def _priors(self) -> dict[str, _Prior]:
+        """Default priors by coordinate."""
+        of_materials = (material.coordinates for material in self._materials)
+        priors = {name: prior for found in of_materials for name, prior in found.items()}
+        thicknesses = self._thicknesses.items()
+        return priors | {f"log_{name}": _prior_of_thickness(name, d) for name, d in thicknesses}
 
     @property
     def names(self) -> list[str]:
         """Names of the coordinates, such as ``log_alpha``."""
-        return [c.name for c in self._coordinates]
+        return [*self._priors]
 
     @property
     def location_prior(self) -> tuple[Array, Array]:
         """Mean and standard deviation of the normal prior of the location of a class."""
-        mean, sd, _ = np.array([c.prior for c in self._coordinates]).T
+        mean, sd, _ = np.array([*self._priors.values()]).T
         return mean, sd
 
     @property
     def spread_prior(self) -> tuple[Array, float]:
         """Mean and standard deviation of the logarithm of the spread of a class."""
-        return np.log([c.prior.spread for c in self._coordinates]), _SD_OF_LOG_SPREAD
+        return np.log([prior.spread for prior in self._priors.values()]), _SD_OF_LOG_SPREAD
 
     def parameters(self, coordinates: Sequence[TensorVariable]) -> dict[str, Any]:
         """Material parameters by name, as arguments of the strain energy.
@@ -194,14 +197,7 @@ class NaturalScale:
         """Wall with the values of `parameters` for the inferred parameters of its layers."""
         if isinstance(self.wall, StrainEnergy):
             return self.wall
-
-        def with_values(layer: NamedLayer) -> Layer:
-            values = {
-                n: parameters[v] if isinstance(v, str) else v for n, v in layer.values.items()
-            }
-            return Layer(layer.energy, **values)
-
-        return [with_values(material.layer) for material in self._materials]
+        return with_variables(*complete_layers(self.wall), parameters)
 
     def numbers(self, coordinates: Sequence[Array]) -> dict[str, Array]:
         """Material parameters for numerical coordinates; entries of vectors on the last axis."""
@@ -232,13 +228,6 @@ def _stacked(value: Any) -> Any:
     return pt.stack(value, axis=-1) if isinstance(value, tuple) else value
 
 
-class _Coordinate(NamedTuple):
-    """A coordinate and its default priors."""
-
-    name: str
-    prior: _Prior
-
-
 class _Entry(NamedTuple):
     """One entry of a parameter."""
 
@@ -248,8 +237,8 @@ class _Entry(NamedTuple):
     """Value of the entry; None if the entry is inferred."""
 
     @property
-    def coordinate(self) -> _Coordinate:
-        """Coordinate of the entry by itself: its logarithm, its logit, or the entry."""
+    def coordinate(self) -> tuple[str, _Prior]:
+        """Name and prior of the entry by itself: its logarithm, its logit, or the entry."""
         scale, (low, high) = self.parameter.natural_scale, self.parameter.prior_range
         if scale == "log":
             prior = _PRIORS["modulus" if self.parameter.unit == "kPa" else "shape"]
@@ -260,7 +249,7 @@ class _Entry(NamedTuple):
         if scale == "real":
             sd, spread = (high - low) * prior.sd, (high - low) * prior.spread
             prior = _Prior((low + high) / 2, sd, spread)
-        return _Coordinate(f"{scale}_{self.name}", prior)
+        return f"{scale}_{self.name}", prior
 
     def value(self, x: TensorVariable | None) -> Any:
         """Value of the entry at its coordinate `x`, or its number."""
@@ -305,26 +294,24 @@ class _Material:
         return [_Entry(n, p, number) for n, number in zip(names, numbers, strict=True)]
 
     @property
-    def coordinates(self) -> list[_Coordinate]:
-        """One coordinate for each inferred entry, in the order of the entries."""
+    def coordinates(self) -> dict[str, _Prior]:
+        """Name and prior of the coordinate of each inferred entry, in the order of the entries."""
         inferred = (i for i, entry in enumerate(self._entries) if entry.number is None)
-        return [self._coordinate(i) for i in inferred]
+        return dict(self._coordinate(i) for i in inferred)
 
-    def _coordinate(self, index: int) -> _Coordinate:
+    def _coordinate(self, index: int) -> tuple[str, _Prior]:
         entry = self._entries[index]
         if index not in self._moduli:
             return entry.coordinate
         first = self._entries[self._moduli[0]]
         if entry is first:
             state = "biaxial" if self._additive else "reference"
-            return _Coordinate(f"log_{state}_strain{self._suffix}", _PRIORS["strain"])
+            return f"log_{state}_strain{self._suffix}", _PRIORS["strain"]
         if self._additive:
-            return _Coordinate(
-                f"log_stress_{entry.name}_over_{first.name}", _PRIORS["stress ratio"]
-            )
+            return f"log_stress_{entry.name}_over_{first.name}", _PRIORS["stress ratio"]
         largest = entry.parameter.prior_range[1] / first.parameter.prior_range[1]
         prior = _PRIORS["ratio"]._replace(mean=np.log(largest) + _PRIORS["ratio"].mean)
-        return _Coordinate(f"log_{entry.name}_ratio", prior)
+        return f"log_{entry.name}_ratio", prior
 
     def parameters(self, coordinates: Sequence[TensorVariable]) -> dict[str, Any]:
         """Parameters by name, vectors as tuples, from the coordinates of the inferred entries."""
@@ -344,17 +331,10 @@ class _Material:
 
 
 @lru_cache(maxsize=128)
-def _of_thickness(name: str, distribution: TensorVariable) -> _Coordinate:
-    """Coordinate ``ln h`` of a thickness, with the moments of its logarithm as location prior."""
-    draws = pm.draw(distribution, draws=_THICKNESS_DRAWS, random_seed=1, mode="FAST_COMPILE")
-    if not draws.min() > 0:  # also if draws are NaN
-        raise ValueError(
-            f"the prior of {name!r} has draws such as {draws.min():.3g}; expected a distribution "
-            "of positive numbers, such as pm.LogNormal.dist(-1, 0.3)"
-        )
-    logs = np.log(draws)
-    prior = _PRIORS["thickness"]._replace(mean=logs.mean(), sd=logs.std())
-    return _Coordinate(f"log_{name}", prior)
+def _prior_of_thickness(name: str, distribution: TensorVariable) -> _Prior:
+    """Priors of ``ln h``, whose location has the moments of the distribution."""
+    logs = np.log(positive_draws(name, distribution))
+    return _PRIORS["thickness"]._replace(mean=logs.mean(), sd=logs.std())
 
 
 def check_moduli(wall: StrainEnergy | Sequence[Layer]) -> None:

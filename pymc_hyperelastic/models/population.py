@@ -36,14 +36,18 @@ from pymc_hyperelastic.models.geometry import (
 )
 from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.natural_scale import NaturalScale, check_moduli
-from pymc_hyperelastic.models.priors import check_prior, check_priors, complete_wall, is_inferred
+from pymc_hyperelastic.models.priors import (
+    check_prior,
+    check_priors,
+    complete_wall,
+    is_inferred,
+    positive_draws,
+)
 from pymc_hyperelastic.models.study import Study
 from pymc_hyperelastic.parallel import one_thread
 
 # Range of each coordinate over which curves must be accurate, in prior standard deviations.
 _REACH = 3.0
-# Draws of the prior of a standard deviation that must be positive.
-_POSITIVE_DRAWS = 2000
 
 
 @dataclass(frozen=True)
@@ -81,12 +85,7 @@ class Population:
         check_moduli(self.energy)
         for name, prior in self.likelihood.unknowns.items():
             check_prior(name, prior)
-            smallest = pm.draw(prior, _POSITIVE_DRAWS, random_seed=1, mode="FAST_COMPILE").min()
-            if smallest <= 0:
-                raise ValueError(
-                    f"the prior of {name!r} holds numbers such as {smallest:.3g}; expected a "
-                    "distribution of positive numbers, such as pm.LogNormal.dist(0, 1)"
-                )
+            positive_draws(name, prior)
         if "force_offset_sd" in self.likelihood.unknowns:
             raise ValueError(
                 "force_offset_sd is a distribution; where specimens differ, expected a number of "
