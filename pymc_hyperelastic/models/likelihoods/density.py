@@ -20,9 +20,9 @@ from scipy.linalg import solve_banded
 
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.forward.blocks import block_arrays, block_product, identity_of_tests
+from pymc_hyperelastic.models.forward.integrator import LARGEST
 from pymc_hyperelastic.models.likelihoods.errors import Errors
 from pymc_hyperelastic.models.likelihoods.signals import (
-    LARGEST,
     as_double,
     force_arrays,
     force_errors,
@@ -41,7 +41,6 @@ from pymc_hyperelastic.models.likelihoods.slopes import (
     precision_root,
     squared_singular_values,
 )
-from pymc_hyperelastic.models.priors import is_inferred
 
 Array = NDArray[np.float64]
 Terms = tuple[dict[str, Any], TensorVariable]
@@ -111,25 +110,17 @@ def _slope_normaliser(
 
     .. math:: -\frac{β}{σ^2} |Δs|^2 - \frac{N_s}{2} \ln\frac{π σ^2}{β}
     """
-    inferred = is_inferred(errors.slope_weight)
 
     def arrays_of(data: xr.Dataset) -> dict[str, Array]:
-        arrays = {"slopes": np.array(float(central_differences(data)[0].size))}
-        if inferred:
-            return arrays | {"eigenvalues": squared_singular_values(data)}
-        diagonal, _ = precision_root(data, errors.slope_weight)
-        return arrays | {"half_log_determinant": np.array(np.log(diagonal).sum())}
+        return {"eigenvalues": squared_singular_values(data)}
 
-    weight = None if inferred else float(errors.slope_weight)
-    inputs = tube.forward.share(("slope normaliser", weight), arrays_of)
-    if inferred:
-        beside = pt.sum(pt.log1p(errors.slope_weight * inputs["eigenvalues"])) / 2
-    else:
-        beside = inputs["half_log_determinant"]
+    eigenvalues = tube.forward.share("slope normaliser", arrays_of)["eigenvalues"]
+    weight = as_double(errors.slope_weight)
+    beside = pt.sum(pt.log1p(weight * eigenvalues)) / 2
     if switches is None:
         return beside
-    variance = pt.square(as_double(errors.pressure_sd)) / as_double(errors.slope_weight)
-    alone = normal_log_density(0.0, variance, inputs["slopes"])
+    variance = pt.square(as_double(errors.pressure_sd)) / weight
+    alone = normal_log_density(0.0, variance, eigenvalues.shape[0])
     return pt.where(switches["pressure"], beside, alone)
 
 
@@ -139,7 +130,7 @@ def _terms_by_points(
     """Terms as sums over points, each with a variance of its own, see :func:`signals_of`."""
     curves = tube.curves()
     drawn = [curves[name] for name in ("pressure", "axial_force") if name in curves]
-    small = [pt.all(pt.abs(curve) < LARGEST) for curve in drawn]
+    small = [pt.all(pt.square(curve) < LARGEST) for curve in drawn]
     possible = reduce(and_, [*small, *tube.conditions()])
     safe = {name: pt.where(possible, curve, 0.0) for name, curve in curves.items()}
     pressure_switch = None if switches is None else switches["pressure"]
@@ -194,7 +185,7 @@ def register_measurements(
     conditions = tube.conditions()
 
     def bound(mean: TensorVariable) -> TensorVariable:
-        possible = reduce(and_, [pt.all(pt.abs(mean) < LARGEST), *conditions])
+        possible = reduce(and_, [pt.all(pt.square(mean) < LARGEST), *conditions])
         return pt.where(possible, mean, np.inf)
 
     expected = signals_of(tube, curves, errors)
