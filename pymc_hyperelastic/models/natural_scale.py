@@ -1,8 +1,7 @@
 """Coordinates of a specimen in which the specimens of a class are normally distributed.
 
-Population models and classes with variability between specimens use them. The module holds the
-transformation from coordinates to material parameters, and the default priors of a class in these
-coordinates. The page Variability of the documentation gives equations and reasons.
+Population models and classes with variability between specimens use them: the transformation to
+material parameters, and the default priors of a class. The page Variability gives reasons.
 """
 
 from collections.abc import Mapping, Sequence
@@ -262,17 +261,7 @@ class _Entry(NamedTuple):
 
 
 class _Material:
-    """Coordinates of the law of a wall or of one layer.
-
-    Parameters
-    ----------
-    layer : NamedLayer
-        The law, and the number or the name of each parameter.
-    suffix : str
-        End of the names of the coordinates, ``_1`` for the first layer.
-    reference_stress : float, optional
-        Stress in kPa that replaces the moduli.
-    """
+    """Coordinates of the law of a wall, or of one layer: their names then end with its `suffix`."""
 
     def __init__(self, layer: NamedLayer, suffix: str, reference_stress: float | None) -> None:
         self.layer, self.energy = layer, layer.energy
@@ -338,10 +327,7 @@ def _prior_of_thickness(name: str, distribution: TensorVariable) -> _Prior:
 
 
 def check_moduli(wall: StrainEnergy | Sequence[Layer]) -> None:
-    """Raise ValueError if a law has both positive moduli and moduli of either sign.
-
-    The reference stress determines the positive moduli only if all moduli are positive.
-    """
+    """Raise ValueError if a law has both positive moduli and moduli of either sign."""
     for energy in {layer.energy for layer in named_layers(wall)}:
         scales = {p.name: p.natural_scale for p in energy.parameters if p.unit == "kPa"}
         others = [name for name, scale in scales.items() if scale != "log"]
