@@ -62,11 +62,7 @@ class Study:
         }
 
     def result_groups(self, model: pm.Model) -> dict[str, xr.Dataset]:
-        """The inflation data with what the observed variables hold now: it may have been replaced.
-
-        PyMC's functions look for the names of variables among the observed data, and may replace
-        that group; all data of the study are therefore in the other one.
-        """
+        """The inflation data, with the present values of the observed variables."""
         groups = self._measured(model)
         # Add unknowns that have been observed or set since (pm.observe, pm.do).
         for group, held in data_groups(model).items():
@@ -95,13 +91,8 @@ class Study:
             return np.nan
         # Parameters of a population are by specimen as well.
         axes = 3 if self.likelihood is None else 2
-        known = (
-            {
-                name: _some(posterior[name].reshape(-1, *posterior[name].shape[axes:]))
-                for name in names
-            }
-            for names in (parameters, geometry)
-        )
+        draws = {k: _some(v.reshape(-1, *v.shape[axes:])) for k, v in posterior.items()}
+        known = ({name: draws[name] for name in names} for names in (parameters, geometry))
         return float(self.forward.errors(self.data, *known).max())
 
     def residuals(self, model: pm.Model) -> dict[str, Any]:
@@ -149,7 +140,7 @@ class Study:
     def chi_squares(self, data: xr.Dataset, residuals: Mapping[str, Array]) -> xr.Dataset:
         """Squared residuals and numbers of points by test and signal, of the best of some draws.
 
-        If forces have an offset, the best offset of each test is subtracted.
+        The best offset of each test is subtracted from forces with offsets.
         """
         test, count = data["test"].values, data.sizes["test"]
         offsets = self.likelihood is not None and self.likelihood.with_offset
@@ -178,7 +169,10 @@ class Study:
         return unknowns - {rv.name for rv in model.free_RVs}
 
     def _measured(self, model: pm.Model) -> dict[str, xr.Dataset]:
-        """The inflation data, updated with the values of the observed variables."""
+        """The inflation data, updated with the values of the observed variables.
+
+        PyMC's functions may replace the observed data: constant data hold all of the study.
+        """
         if self.likelihood is not None and not self.likelihood.observed:
             return self.groups()
         data, observed = self.data.copy(), {}
