@@ -45,15 +45,14 @@ class Measured:
     measured values: a thickness leaves the inner radius as it is, and an opening angle leaves the
     middle line and the thickness of the closed ring, from which the radii of the sector follow.
 
-    Tests of one specimen share ``z``, its *deviation*; specimens have one each. An error that
-    several share, as where one value of a batch stands for all, is taken as if each had its own.
+    Tests of one specimen share ``z``, its *deviation*. An error that several specimens share is
+    taken as if each had its own.
 
     Parameters
     ----------
     sd : float, optional
-        Standard deviation, in mm, mm² or rad, that of an axial stretch in 1. If left away it is
-        that of the data, such as ``thickness_sd``, see
-        :func:`pymc_hyperelastic.inflation_data`.
+        Standard deviation, in mm, mm² or rad, that of an axial stretch in 1. The default is that
+        of the data, such as ``thickness_sd``, see :func:`pymc_hyperelastic.inflation_data`.
 
     Raises
     ------

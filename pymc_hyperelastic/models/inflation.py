@@ -76,8 +76,7 @@ def inflation_model(
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
     likelihood : Gaussian, SlopeAugmented, float or distribution
         The measured quantities and their errors, see :class:`~pymc_hyperelastic.Gaussian` and the
-        paper's :class:`~pymc_hyperelastic.SlopeAugmented`. An argument that is a distribution is
-        inferred, as the random variable of that name. A number or a distribution alone is the
+        paper's :class:`~pymc_hyperelastic.SlopeAugmented`. A number or a distribution alone is the
         standard deviation of a pressure, kPa.
     priors : dict of str to distribution, optional
         Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. The default is
@@ -127,20 +126,6 @@ def inflation_model(
     >>> model = ph.inflation_model(ph.Ogden(), data, likelihood)
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha']
-
-    A tube whose unloaded inner radius was not measured:
-
-    >>> import pymc as pm
-    >>> geometry = {"inner_radius": pm.Uniform.dist(6, 8), "thickness": pm.Uniform.dist(1, 3)}
-    >>> model = ph.inflation_model(ph.Ogden(), data, likelihood, geometry=geometry)
-    >>> [rv.name for rv in model.free_RVs]
-    ['mu', 'alpha', 'inner_radius', 'thickness']
-
-    Measurements as an observed variable:
-
-    >>> likelihood = ph.Gaussian(pressure_sd=4 * ph.mmHg, observed=True)
-    >>> [rv.name for rv in ph.inflation_model(ph.Ogden(), data, likelihood).observed_RVs]
-    ['measured_pressure']
 
     Two arteries that share an exponent:
 

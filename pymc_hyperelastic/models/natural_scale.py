@@ -79,31 +79,22 @@ _PRIORS = {
 class NaturalScale:
     r"""Coordinates of a specimen in which the specimens of a class are normally distributed.
 
-    A positive parameter is replaced by its logarithm, and a parameter between two bounds by its
-    logit, see :class:`~pymc_hyperelastic.Parameter`. Moduli have other coordinates, because curves
-    of a stiffening material determine the small-strain modulus poorly and correlate it with the
-    stiffening.
+    A positive parameter is replaced by its logarithm, and one between two bounds by its logit. If a
+    reference stress ``T₀`` is given, the first modulus is replaced by the logarithm of a strain:
 
-    *One modulus.* The coordinate is the logarithm of the hoop strain :math:`e = \ln λ_θ` at which
-    the stress is :math:`T_θ(e, \ln λ_z = 0) = T_0`.
+    - One modulus: of the hoop strain :math:`\ln λ_θ` at which :math:`T_θ = T_0` and ``λz = 1``.
+    - Several moduli, additive stress (see
+      :func:`~pymc_hyperelastic.models.moduli.has_additive_stress`): of the equibiaxial strain ``e``
+      at which the mean of ``Tθ`` and ``Tz`` is ``T₀``. Each other modulus is replaced by the
+      logarithm of its stress over that of the first. With the stress ``t_i`` of a modulus of 1 kPa
 
-    *Several moduli, additive stress.* If the stress is a sum of one term per modulus (see
-    :func:`~pymc_hyperelastic.models.moduli.has_additive_stress`), the first modulus is replaced by
-    the logarithm of the equibiaxial strain :math:`e = \ln λ_θ = \ln λ_z`, in which all fibres have
-    the same stretch, at :math:`\tfrac12 (T_θ + T_z) = T_0`. Each other modulus is replaced by the
-    logarithm of its stress over that of the first, :math:`x_i = \ln (T_i/T_1)`. With the stress
-    :math:`t_i` of a modulus of 1 kPa, the moduli are
+      .. math:: θ_i = \frac{T_i}{t_i(e)}, \qquad \sum_i T_i = T_0, \quad \ln\frac{T_i}{T_1} = x_i .
 
-    .. math:: θ_i = \frac{T_i}{t_i(e)}, \qquad T_i = T_0 \frac{e^{x_i}}{1 + \sum_{j>1} e^{x_j}} .
+    - Other laws: as with one modulus; each other modulus is replaced by its log ratio to the first.
 
-    *Several moduli, other laws.* The first modulus is replaced as in a law with one modulus, and
-    each other modulus by the logarithm of its ratio to the first.
-
-    *No reference stress.* Each modulus is replaced by its own logarithm.
-
-    *Layers.* Each layer has the coordinates of its law. A parameter that is a number has no
-    coordinate; if a modulus is a number, the other moduli of the layer are replaced by their
-    logarithms. An inferred thickness is replaced by its logarithm.
+    Each layer has the coordinates of its law. A parameter that is a number has no coordinate; if a
+    modulus is a number, the other moduli of the layer are replaced by their logarithms. An inferred
+    thickness is replaced by its logarithm.
 
     Attributes
     ----------

@@ -155,16 +155,14 @@ def population_model(
     Parameters
     ----------
     energy : StrainEnergy or list of Layer
-        The material, such as ``ph.Ogden()``, or the layers of the wall from the inside out.
-        Specimens differ in the parameters that a layer does not state, and in a thickness that is a
-        distribution.
+        The material, or the layers of the wall from the inside out. Specimens differ in the
+        parameters that a layer does not state, and in a thickness that is a distribution.
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`: the specimens of one class.
     likelihood : Gaussian, SlopeAugmented, float or distribution
-        The measured quantities and their errors, as in :func:`~pymc_hyperelastic.inflation_model`.
-        A distribution is the prior of the class's median; each specimen has its own standard
-        deviation, such as ``specimen_pressure_sd``. Pressures must have the error, and
-        `slope_weight` and `force_offset_sd` must be numbers.
+        As in :func:`~pymc_hyperelastic.inflation_model`. A distribution is the prior of the class's
+        median; each specimen has its own standard deviation, such as ``specimen_pressure_sd``.
+        Pressures must have the error, and `slope_weight` and `force_offset_sd` must be numbers.
     geometry : dict of str to Measured, optional
         Measures of the tube that have an error, such as ``{"thickness": ph.Measured(sd=0.01)}``:
         each specimen then has its own ``thickness_deviation`` and ``thickness``.
@@ -183,9 +181,8 @@ def population_model(
     Returns
     -------
     pymc.Model
-        With the dimensions ``specimen``, ``coordinate``, ``test`` and ``obs``; the deterministics
-        of the specimens carry the names of the material parameters, and observed variables are
-        ``measured_pressure`` and ``measured_axial_force``.
+        With the dimensions ``specimen``, ``coordinate``, ``test`` and ``obs``; deterministics of
+        the specimens carry the names of the material parameters.
 
     Warns
     -----
@@ -203,13 +200,11 @@ def population_model(
 
     Notes
     -----
-    Default priors, with :math:`x \sim LN(m, s)` for a normal logarithm of median ``m``: the
-    reference strain LN(0.2, 0.7); a shape parameter LN(u/6, 1.2) of its largest value ``u``;
-    ``τ`` LN(0.4, 0.7), a coefficient of variation from 10 to 160 %; ``ω`` LN(0.15, 0.8); ``η``
-    LN(0.5, 0.5); every ``ν`` LN(0.3, 0.5); the density of the correlation matrix ``R`` is
-    proportional to its determinant. None of the spreads can vanish: with a handful of specimens a
-    prior with mass at zero makes a funnel, in which samplers get stuck. The parametrisation is
-    centred, because a curve of many points says more about its specimen than the class does.
+    Default priors of location and ``τ`` are on the theory page on variability. With ``LN(m, s)``
+    for a normal logarithm of median ``m``, ``ω`` has 0.375 times the median of ``τ`` and ``s`` 0.8;
+    ``η`` has LN(0.5, 0.5), every ``ν`` LN(0.3, 0.5), and the density of ``R`` is proportional to
+    its determinant. No spread can vanish: with a handful of specimens a prior with mass at zero
+    makes a funnel, in which samplers get stuck.
 
     Terms of a series such as :class:`~pymc_hyperelastic.OgdenSeries` may change places from one
     specimen to the next: their location and spread then mean little.

@@ -1,8 +1,7 @@
 """Weighted draws of one specimen, and their log density under distributions of a class.
 
 The draws represent the likelihood of a specimen's data as a function of its coordinates. Classes
-are fitted, and specimens classified, by averaging the class density over them, without sampling the
-specimen again. `log_density` also runs on PyTensor variables, inside the model of a class.
+are fitted, and specimens classified, by averaging the class density over them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,8 +23,7 @@ Array = NDArray[np.float64]
 # Number of distributions computed at once: temporary arrays stay in the cache of the processor.
 _BLOCK = 100
 # Number of Gauss-Hermite nodes for the integral over the spread of a specimen's tests. The error is
-# at most 0.002 nats in nine of ten cases. For a single test, whose scatter does not determine where
-# the nodes should be, it is up to 0.1 nats in the tails.
+# at most 0.002 nats in nine of ten cases, and up to 0.1 nats in the tails for a single test.
 _QUADRATURE_ORDER = 5
 
 
@@ -163,10 +161,7 @@ def mean_density(draws: SpecimenDraws, distributions: ClassDistribution) -> Arra
 
 
 def density_of_each(x: Array, distributions: ClassDistribution) -> Array:
-    """Log density of coordinates (coordinate, draw, specimen), each draw under its distribution.
-
-    Noise and the experiment effect are not included.
-    """
+    """Log density of coordinates (coordinate, draw, specimen), each draw under its distribution."""
     return np.einsum("df,fds->ds", _coefficients(np, distributions), _monomials(x))
 
 
@@ -287,15 +282,8 @@ def _independent_directions(
 ) -> tuple[Any, Any, list[Any]]:
     r"""Directions in which specimens, and the tests of one specimen, vary independently.
 
-    ``V`` and ``λ`` satisfy :math:`Σ = ω V λ V^T ω` with the diagonal matrix ``ω`` of the standard
-    deviations of tests.
-
-    Returns
-    -------
-    spread, variances : tensor_like, shape (..., coordinate)
-        ``ω`` and ``λ``.
-    squares : sequence of tensor_like
-        Square of each entry of :math:`V^T ω^{-1} (\bar x - m)`, for each draw.
+    With :math:`Σ = ω V λ V^T ω` and the standard deviations ``ω`` of tests, return ``ω``, ``λ``,
+    and the square of each entry of :math:`V^T ω^{-1} (\bar x - m)`, for each draw.
     """
     size = distribution.size
     location, spread, within = (

@@ -178,9 +178,8 @@ def register_measurements(
 ) -> None:
     """Add the measured pressures, and forces, as observed variables.
 
-    Each point has a log density, given the points before it in its test. With an error of the
-    diameter forces are given the pressures, too. If curves overflow, or the tube is impossible,
-    means are infinite and the log-likelihood is ``−inf``.
+    Each point has a log density, given the points before it in its test. If curves overflow, or the
+    tube is impossible, means are infinite and the log-likelihood is ``−inf``.
     """
     conditions = tube.conditions()
 
@@ -219,15 +218,11 @@ def _data_of(forward: ForwardModel, name: str, dims: str | None) -> dict[str, An
 def _correlated_normal(
     tube: SymbolicTube, pressure: TensorVariable, errors: Errors, bound: Bound, **settings: Any
 ) -> TensorVariable:
-    r"""Add pressures ``y`` whose errors are correlated by slopes.
+    """Add pressures ``y ~ N(μ, s² P⁻¹)`` whose errors are correlated by slopes.
 
-    With ``m`` and ``s`` the model's pressures and slopes,
-
-    .. math:: y \sim \mathcal{N}\big(\tilde μ, σ^2 (B^T B)^{-1}\big), \qquad
-        B^T B = I + β D^T D, \qquad B^T B \tilde μ = m + β D^T s
-
-    ``B`` is lower triangular and ``(B y − B μ̃)/σ`` standard normal: entry ``i`` of its log-density,
-    with ``ln B_ii``, is ``ln p(y_i | the y before)``.
+    ``P`` and ``μ`` are those of :class:`~pymc_hyperelastic.SlopeAugmented`. With the lower
+    triangular ``B`` of ``P = BᵀB``, entry ``i`` of the log density of ``(B y − B μ)/s``, with
+    ``ln B_ii``, is ``ln p(y_i | the y before)``.
     """
     weight = errors.slope_weight
 
