@@ -55,33 +55,26 @@ _VECTORS = ("location", "spread", "experiment_spread")
 class ClassDistribution:
     """Distribution of the specimens of a class, as variables of a model or as draws.
 
-    Draws have two further axes after those below, (draw, 1); the factor has one before, (draw).
-
-    Attributes
-    ----------
-    location, spread : tensor_like, shape (coordinate)
-        Mean and standard deviation of the coordinates of specimens.
-    factor : tensor_like, shape (coordinate, coordinate)
-        Lower Cholesky factor of the correlation matrix of specimens.
-    experiment_spread : tensor_like, shape (coordinate), optional
-        Standard deviation of the tests of a typical specimen about its coordinates.
-    effect_spread : tensor_like, optional
-        Standard deviation, between specimens, of the logarithm of `experiment_spread`.
-    log_size, noise_spread : tensor_like, shape (noise), optional
-        Mean and standard deviation, between specimens, of the logarithm of each inferred size of an
-        error.
-    effects : sequence of tensor_like, shape (coordinate)
-        Change of the location per unit of each covariate.
+    Vectors have one entry for each coordinate, or each size of an error. Draws have two further
+    axes after that one, (draw, 1); the factor has one before, (draw).
     """
 
     location: Any
+    """Mean of the coordinates of specimens."""
     spread: Any
+    """Standard deviation of the coordinates of specimens."""
     factor: Any
+    """Lower Cholesky factor of the correlation matrix of specimens."""
     experiment_spread: Any = None
+    """Standard deviation of the tests of a typical specimen about its coordinates."""
     effect_spread: Any = None
+    """Standard deviation, between specimens, of the logarithm of `experiment_spread`."""
     log_size: Any = None
+    """Mean, between specimens, of the logarithm of each inferred size of an error."""
     noise_spread: Any = None
+    """Standard deviation, between specimens, of the same logarithm."""
     effects: Sequence[Any] = ()
+    """Change of the location per unit of each covariate."""
 
     @property
     def size(self) -> int:

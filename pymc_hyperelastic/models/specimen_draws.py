@@ -33,46 +33,35 @@ class SpecimenDraws:
 
     For every density ``f`` of the coordinates, ``∫ p(D | x) f(x) dx ≈ Σ w_i f(x_i)``.
 
-    Attributes
-    ----------
-    centre, scatter : array, shape (coordinate, draw)
-        Mean of the coordinates of the tests, and sum of their squared deviations from the mean.
-    log_size : array, shape (noise, draw)
-        Logarithm of each inferred size of an error.
-    log_weight : array, shape (draw)
-        Logarithms of the weights.
-    tests : int
-        Number of tests with coordinates of their own.
-    standard_error : float
-        Standard error of the logarithm of the sum of the weights.
-    points : array, shape (draw, entry)
-        Points of the specimen's target density: the coordinates of each test, the logarithm of each
-        inferred size of an error, and the deviations of the tube.
-    deviations : array, shape (measure, draw)
-        Deviations of the tube's measures from their measured values, in standard deviations. Their
-        prior is the same in all classes and is not part of the weights.
-    covariates : array, shape (covariate)
-        Covariates of the specimen, which change the location of the class.
-    misfit, freedom : float
-        Sum of the squared residuals of the best curve, divided by the variance of the noise if it
-        is known, and the number of degrees of freedom.
-    method, pareto_k : str, float
-        Method of the integral ``∫ p(D | x) f(x) dx`` and its Pareto shape, see ``Integral``.
+    The prior of the deviations is the same in all classes, and is not part of the weights.
     """
 
     centre: Array
+    """Mean of the coordinates of the tests, shape (coordinate, draw)."""
     scatter: Array
+    """Sum of the squared deviations of the tests from the mean, shape (coordinate, draw)."""
     log_size: Array
+    """Logarithm of each inferred size of an error, shape (noise, draw)."""
     log_weight: Array
+    """Logarithms of the weights, shape (draw)."""
     tests: int
+    """Number of tests with coordinates of their own."""
     standard_error: float
+    """Standard error of the logarithm of the sum of the weights."""
     points: Array
+    """Points of the target density, shape (draw, entry): coordinates, sizes and deviations."""
     deviations: Array
+    """Deviations of the tube's measures, in standard deviations, shape (measure, draw)."""
     method: str = ""
+    """Method of the integral ``∫ p(D | x) f(x) dx``, see ``Integral``."""
     pareto_k: float = np.nan
+    """Pareto shape of the weights of this integral."""
     covariates: Array = field(default_factory=lambda: np.empty(0))
+    """Covariates of the specimen, which change the location of the class."""
     misfit: float = np.nan
+    """Sum of the squared residuals of the best curve, in variances of the noise if it is known."""
     freedom: float = np.nan
+    """Number of degrees of freedom of the misfit."""
 
     def as_dataset(self) -> xr.Dataset:
         """Return all attributes as a Dataset, to store them in a file."""
