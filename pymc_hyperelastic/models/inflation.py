@@ -11,7 +11,6 @@ import xarray as xr
 from pytensor.graph.replace import vectorize_graph
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.batched import without_traces
 from pymc_hyperelastic.evidence.results import attach_study
@@ -36,7 +35,7 @@ from pymc_hyperelastic.models.priors import (
     complete_wall,
     register_priors,
 )
-from pymc_hyperelastic.models.study import Study
+from pymc_hyperelastic.models.study import Study, coords_of
 from pymc_hyperelastic.parallel import one_thread
 
 # Smallest accepted prior probability of a rising pressure: its estimate errs by 3 %, and with less
@@ -204,11 +203,7 @@ def tube_model(
 def _empty_model(data: xr.Dataset, parent: pm.Model | None, name: str) -> pm.Model:
     """Return a model with the dimensions of the data and no variables."""
     model = pm.Model(name=name, model=parent)
-    coords = {
-        model.name_for("obs"): np.arange(data.sizes["obs"]),
-        model.name_for("test"): [describe_test(data, test) for test in range(data.sizes["test"])],
-        model.name_for("specimen"): specimens_of(data)[0],
-    }
+    coords = {model.name_for(dim): values for dim, values in coords_of(data).items()}
     if parent is not None:
         names, there = [*coords, model.name_for("pressure")], {*parent.coords}
         taken = [name for name in names if name in there | parent.root.named_vars.keys()]

@@ -14,7 +14,6 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.results import attach_study
 from pymc_hyperelastic.files.place import PACKAGE
@@ -43,7 +42,7 @@ from pymc_hyperelastic.models.priors import (
     is_inferred,
     positive_draws,
 )
-from pymc_hyperelastic.models.study import Study
+from pymc_hyperelastic.models.study import Study, coords_of
 from pymc_hyperelastic.parallel import one_thread
 
 # Range of each coordinate over which curves must be accurate, in prior standard deviations.
@@ -139,8 +138,8 @@ def population_model(
 ) -> pm.Model:
     r"""PyMC model of a class whose specimens differ: each has its own parameters.
 
-    On the natural scale of the parameters (see below) the coordinates ``x`` of the specimens ``s``
-    are drawn from the class's distribution, and tests ``t`` share those of their specimen:
+    On the natural scale of the parameters (theory page on variability) the coordinates ``x`` of the
+    specimens ``s`` are drawn from the class's distribution, and tests ``t`` share those of theirs:
 
     .. math:: x_s \sim N(m, \mathrm{diag}(τ) R \, \mathrm{diag}(τ)), \qquad
         x_t \sim N(x_{s(t)}, κ_s^2 \, \mathrm{diag}(ω)^2), \qquad
@@ -233,18 +232,11 @@ def population_model(
             "of the context by ph.inflation_model(..., name=...)",
             skip_file_prefixes=(PACKAGE,),
         )
-    scale = population.scale
-    specimens, of_test = specimens_of(data)
-    coords = {
-        "specimen": specimens,
-        "coordinate": scale.names,
-        "coordinate_2": scale.names,
-        "obs": np.arange(data.sizes["obs"]),
-        "test": [describe_test(data, test) for test in range(data.sizes["test"])],
-    }
+    names = population.scale.names
+    coords = coords_of(data) | {"coordinate": names, "coordinate_2": names}
     with pm.Model(coords=coords, model=None) as model:
         distribution = population.register_class()
-        of_specimens = register_specimens(population, distribution, of_test)
+        of_specimens = register_specimens(population, distribution, specimens_of(data)[1])
         for name, value in of_specimens.noises.items():
             pm.Deterministic(f"specimen_{name}", value, dims="specimen")
         forward = population.forward_model(data)

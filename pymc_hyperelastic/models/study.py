@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import describe_test
+from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.results import data_groups
 from pymc_hyperelastic.evidence.verdicts import registered_checks
@@ -154,7 +155,7 @@ class Study:
                 squares[signal] -= (of_draws @ own.T) ** 2 / points[signal].clip(1)
                 points[signal] = (points[signal] - 1).clip(0)
         best = int(np.argmin(sum(value.sum(axis=1) for value in squares.values())))
-        labels = {"test": [describe_test(data, i) for i in range(count)], "signal": [*squares]}
+        labels = {"test": coords_of(data)["test"], "signal": [*squares]}
         tables = {"chi_square": {k: v[best] for k, v in squares.items()}, "points": points}
         return xr.Dataset(
             {k: (("test", "signal"), np.stack([*v.values()], axis=1)) for k, v in tables.items()},
@@ -223,6 +224,15 @@ class Study:
             return said | layers_attrs(named_layers(law))
         except ValueError:  # settings of a law that are no text
             return said | ({"strain_energy": law.name} if isinstance(law, StrainEnergy) else {})
+
+
+def coords_of(data: xr.Dataset) -> dict[str, Any]:
+    """Return the coordinates of the points, tests and specimens of a model of these data."""
+    return {
+        "obs": np.arange(data.sizes["obs"]),
+        "test": [describe_test(data, test) for test in range(data.sizes["test"])],
+        "specimen": specimens_of(data)[0],
+    }
 
 
 def _some(draws: Array) -> Array:

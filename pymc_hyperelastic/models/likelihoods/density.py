@@ -20,9 +20,9 @@ from scipy.linalg import solve_banded
 
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.forward.blocks import block_arrays, block_product, identity_of_tests
-from pymc_hyperelastic.models.forward.integrator import LARGEST
 from pymc_hyperelastic.models.likelihoods.errors import Errors
 from pymc_hyperelastic.models.likelihoods.signals import (
+    LARGEST,
     as_double,
     force_arrays,
     force_errors,
@@ -130,7 +130,7 @@ def _terms_by_points(
     """Terms as sums over points, each with a variance of its own, see :func:`signals_of`."""
     curves = tube.curves()
     drawn = [curves[name] for name in ("pressure", "axial_force") if name in curves]
-    small = [pt.all(pt.square(curve) < LARGEST) for curve in drawn]
+    small = [pt.all(pt.abs(curve) < LARGEST) for curve in drawn]
     possible = reduce(and_, [*small, *tube.conditions()])
     safe = {name: pt.where(possible, curve, 0.0) for name, curve in curves.items()}
     pressure_switch = None if switches is None else switches["pressure"]
@@ -184,7 +184,7 @@ def register_measurements(
     conditions = tube.conditions()
 
     def bound(mean: TensorVariable) -> TensorVariable:
-        possible = reduce(and_, [pt.all(pt.square(mean) < LARGEST), *conditions])
+        possible = reduce(and_, [pt.all(pt.abs(mean) < LARGEST), *conditions])
         return pt.where(possible, mean, np.inf)
 
     expected = signals_of(tube, curves, errors)

@@ -20,9 +20,12 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.forward.blocks import table_arrays, table_of
-from pymc_hyperelastic.models.forward.integrator import LARGEST
 from pymc_hyperelastic.models.likelihoods.errors import Errors
 from pymc_hyperelastic.models.priors import is_inferred
+
+# Largest pressure (kPa), force (mN) or slope of these (per mm) that is used: far beyond any tube,
+# and small enough that its square does not overflow.
+LARGEST = np.float64(1e30)
 
 
 class Signals(NamedTuple):
