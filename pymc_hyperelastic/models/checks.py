@@ -5,13 +5,7 @@ import xarray as xr
 from scipy.stats import chi2
 
 from pymc_hyperelastic.evidence.diagnosis import checks_of_limits
-from pymc_hyperelastic.evidence.verdicts import (
-    BAD,
-    DOUBTFUL,
-    GOOD,
-    Check,
-    ModelChecks,
-)
+from pymc_hyperelastic.evidence.verdicts import BAD, DOUBTFUL, GOOD, Check, ModelChecks
 
 # Largest error of a curve, relative to its largest value: with errors of a hundredth of that a log
 # density of a hundred points is right to a thousandth.

@@ -1,9 +1,7 @@
-"""Distribution of the specimens of a class: its variables and priors in a model, and its draws.
+"""Normal distribution of the specimens of a class: variables and priors in a model, and draws.
 
-Specimens are normally distributed in the coordinates of
-:class:`~pymc_hyperelastic.models.natural_scale.NaturalScale`. The population model and the classes
-with variability register the distribution in a model; classification, comparison and predictions
-read its posterior draws.
+Population models and classes with variability register it in the coordinates of
+:class:`~pymc_hyperelastic.models.natural_scale.NaturalScale`; what uses classes reads its draws.
 """
 
 from collections.abc import Mapping, Sequence
@@ -57,33 +55,26 @@ _VECTORS = ("location", "spread", "experiment_spread")
 class ClassDistribution:
     """Distribution of the specimens of a class, as variables of a model or as draws.
 
-    Draws have two further axes after those below, (draw, 1); the factor has one before, (draw).
-
-    Attributes
-    ----------
-    location, spread : tensor_like, shape (coordinate)
-        Mean and standard deviation of the coordinates of specimens.
-    factor : tensor_like, shape (coordinate, coordinate)
-        Lower Cholesky factor of the correlation matrix of specimens.
-    experiment_spread : tensor_like, shape (coordinate), optional
-        Standard deviation of the tests of a typical specimen about its coordinates.
-    effect_spread : tensor_like, optional
-        Standard deviation, between specimens, of the logarithm of `experiment_spread`.
-    log_size, noise_spread : tensor_like, shape (noise), optional
-        Mean and standard deviation, between specimens, of the logarithm of each inferred size of an
-        error.
-    effects : sequence of tensor_like, shape (coordinate)
-        Change of the location per unit of each covariate.
+    Vectors have one entry for each coordinate, or each size of an error. Draws have two further
+    axes after that one, (draw, 1); the factor has one before, (draw).
     """
 
     location: Any
+    """Mean of the coordinates of specimens."""
     spread: Any
+    """Standard deviation of the coordinates of specimens."""
     factor: Any
+    """Lower Cholesky factor of the correlation matrix of specimens."""
     experiment_spread: Any = None
+    """Standard deviation of the tests of a typical specimen about its coordinates."""
     effect_spread: Any = None
+    """Standard deviation, between specimens, of the logarithm of `experiment_spread`."""
     log_size: Any = None
+    """Mean, between specimens, of the logarithm of each inferred size of an error."""
     noise_spread: Any = None
+    """Standard deviation, between specimens, of the same logarithm."""
     effects: Sequence[Any] = ()
+    """Change of the location per unit of each covariate."""
 
     @property
     def size(self) -> int:
@@ -146,10 +137,10 @@ def register_class(
     given = dict(priors or {})
     size = len(scale.names)
 
-    def variable(name: str, default: TensorVariable, dims: str | None = "coordinate") -> Any:
+    def variable(name: str, default: TensorVariable) -> Any:
         prior = register_prior(name, given.get(name, default))
-        if dims:
-            pm.modelcontext(None).named_vars_to_dims[name] = (dims,)
+        if prior.type.ndim:
+            pm.modelcontext(None).named_vars_to_dims[name] = ("coordinate",)
         return prior
 
     mean, sd = scale.location_prior
@@ -164,16 +155,14 @@ def register_class(
         optional["experiment_spread"] = variable("experiment_spread", prior)
         median, sd_of_log = _SPREADS["effect_spread"]
         prior = pm.LogNormal.dist(np.log(median), sd_of_log)
-        optional["effect_spread"] = variable("effect_spread", prior, dims=None)
+        optional["effect_spread"] = variable("effect_spread", prior)
     inferred = noises_of(likelihood)
     if inferred:
         sizes = likelihood.register_unknowns()
         median, sd_of_log = _SPREADS["noise_spread"]
         prior = pm.LogNormal.dist(np.log(median), sd_of_log)
         optional["log_size"] = [pt.log(sizes[name]) for name in inferred]
-        optional["noise_spread"] = [
-            variable(SPREAD_OF_NOISE[name], prior, dims=None) for name in inferred
-        ]
+        optional["noise_spread"] = [variable(SPREAD_OF_NOISE[name], prior) for name in inferred]
     return ClassDistribution(location, spread, factor, **optional)
 
 
@@ -252,13 +241,7 @@ def some_of_posterior(tree: xr.DataTree, count: int) -> xr.Dataset:
 
 
 def class_posterior(tree: xr.DataTree) -> xr.Dataset:
-    """Return the checked posterior of a fitted class.
-
-    Raises
-    ------
-    ValueError
-        If a spread is not positive, or a correlation matrix is not positive definite.
-    """
+    """Return the posterior of a fitted class; ValueError for impossible spreads or correlations."""
     posterior, sample = read_draws(tree, "posterior"), ("chain", "draw")
     by_coordinate = (*sample, "coordinate")
     for name in map(str, posterior.data_vars):
@@ -269,13 +252,13 @@ def class_posterior(tree: xr.DataTree) -> xr.Dataset:
             if name != "location" and not np.all(posterior[name] > 0):
                 raise damaged(tree, f"{name!r} of 'posterior' has values that are not positive")
         elif name == "correlation":
-            matrices = read_numbers(tree, "posterior", name, (*by_coordinate, "coordinate_2"))
+            dims = (*by_coordinate, "coordinate_2")
+            matrices = read_numbers(tree, "posterior", name, dims).transpose(*dims).values
             try:
-                np.linalg.cholesky(matrices.transpose(*by_coordinate, "coordinate_2").values)
+                np.linalg.cholesky(matrices)
             except np.linalg.LinAlgError:
-                raise damaged(
-                    tree, "'correlation' of 'posterior' is no correlation matrix"
-                ) from None
+                what = "'correlation' of 'posterior' is no correlation matrix"
+                raise damaged(tree, what) from None
     return posterior
 
 

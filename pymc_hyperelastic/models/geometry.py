@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pymc as pm
 import xarray as xr
-from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import (
     MEASURES,
@@ -26,6 +25,11 @@ from pymc_hyperelastic.models.priors import check_prior
 
 # Measures that give the outer radius, together with the inner one.
 _OUTER = ("outer_radius", "thickness", "wall_area")
+# Variables of the data from which other measures follow.
+_BEHIND = {
+    "thickness": ("inner_radius", "outer_radius"),
+    "wall_area": ("inner_radius", "outer_radius", "opening_angle"),
+}
 
 
 @dataclass(frozen=True)
@@ -41,15 +45,14 @@ class Measured:
     measured values: a thickness leaves the inner radius as it is, and an opening angle leaves the
     middle line and the thickness of the closed ring, from which the radii of the sector follow.
 
-    Tests of one specimen share ``z``, its *deviation*; specimens have one each. An error that
-    several share, as where one value of a batch stands for all, is taken as if each had its own.
+    Tests of one specimen share ``z``, its *deviation*. An error that several specimens share is
+    taken as if each had its own.
 
     Parameters
     ----------
     sd : float, optional
-        Standard deviation, in mm, mm² or rad, that of an axial stretch in 1. If left away it is
-        that of the data, such as ``thickness_sd``, see
-        :func:`pymc_hyperelastic.inflation_data`.
+        Standard deviation, in mm, mm² or rad, that of an axial stretch in 1. The default is that
+        of the data, such as ``thickness_sd``, see :func:`pymc_hyperelastic.inflation_data`.
 
     Raises
     ------
@@ -146,18 +149,18 @@ def check_measured(data: xr.Dataset, measured: Mapping[str, Measured], layered: 
             "ph.Layer(..., thickness=pm.LogNormal.dist(...))"
         )
     if "axial_stretch" in measured:
-        check_held(data, ", and ph.Measured holds one error for all of it: leave it out")
+        _check_held(data, "and ph.Measured holds one error for all of it")
     for name, value in measured.items():
-        for needed in _measures_behind(name):
+        for needed in _BEHIND.get(name, (name,)):
             who = f"geometry={{{name!r}: ph.Measured(...)}}"
-            check_known(data, needed, f", and {who} needs it")
+            _check_known(data, needed, f", and {who} needs it")
         if value.sd is None:
             if f"{name}_sd" not in data:
                 raise ValueError(
                     f"the data hold no {name}_sd: give ph.inflation_data(..., geometry_sd="
                     f"{{{name!r}: ...}}), or the number here, ph.Measured(sd=...)"
                 )
-            check_known(data, f"{name}_sd", ", and ph.Measured() needs it")
+            _check_known(data, f"{name}_sd", ", and ph.Measured() needs it")
 
 
 def check_tube(
@@ -175,35 +178,25 @@ def check_tube(
                 "away, ph.inflation_data(..., outer_radius=None)"
             )
     if "axial_stretch" in inferred:
-        then = (
-            ", in which it was measured, and geometry holds one value for all tests: leave it out"
-        )
-        check_held(data, then)
+        _check_held(data, "in which it was measured, and geometry holds one value for all tests")
     for name in sorted(needed):
         prior = f"give it a prior, geometry={{{name!r}: ...}}"
-        check_known(data, name, f": state it with the data, or {prior}")
+        _check_known(data, name, f": state it with the data, or {prior}")
 
 
-def _measures_behind(name: str) -> tuple[str, ...]:
-    """Return the data variables from which a measure follows."""
-    radii = ("inner_radius", "outer_radius")
-    return {"thickness": radii, "wall_area": (*radii, "opening_angle")}.get(name, (name,))
-
-
-def check_known(data: xr.Dataset, name: str, then: str) -> None:
+def _check_known(data: xr.Dataset, name: str, then: str) -> None:
     """Raise, saying what then, unless a measure is known of every test."""
-    _refuse(data, data[name].isnull().values, f"{name} is not known{then}")
+    for test in np.flatnonzero(data[name].isnull()):
+        raise ValueError(f"{describe_test(data, int(test))}: {name} is not known{then}")
 
 
-def check_held(data: xr.Dataset, then: str) -> None:
-    """Raise, saying what then, unless the axial stretch is held in every test."""
-    _refuse(data, extension_tests(data), f"axial_stretch varies within this test{then}")
-
-
-def _refuse(data: xr.Dataset, bad: NDArray[np.bool_], message: str) -> None:
-    where = np.flatnonzero(bad)
-    if where.size:
-        raise ValueError(f"{describe_test(data, int(where[0]))}: {message}")
+def _check_held(data: xr.Dataset, reason: str) -> None:
+    """Raise, with the reason, unless the axial stretch is held in every test."""
+    for test in np.flatnonzero(extension_tests(data)):
+        raise ValueError(
+            f"{describe_test(data, int(test))}: axial_stretch varies within this test, {reason}: "
+            "leave it out"
+        )
 
 
 def register_deviations(geometry: Mapping[str, Any], dims: str = "specimen") -> dict[str, Any]:
@@ -245,7 +238,7 @@ def deviated_tube(tube: Mapping[str, Any], deviations: Mapping[str, Any]) -> dic
     """Return a tube that deviates from the measured one, see :class:`Measured`.
 
     The `tube` holds measured values, and their errors by names such as ``thickness_sd``. Deviations
-    are in standard deviations. Measures without one keep their measured values.
+    are in standard deviations.
     """
     measured = {name: tube[name] for name in GEOMETRY}
     if not deviations:

@@ -11,7 +11,6 @@ import xarray as xr
 from pytensor.graph.replace import vectorize_graph
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.batched import without_traces
 from pymc_hyperelastic.evidence.results import attach_study
@@ -30,14 +29,17 @@ from pymc_hyperelastic.models.geometry import (
     register_measures,
 )
 from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
-from pymc_hyperelastic.models.priors import belongs_to, complete_wall, register_priors
-from pymc_hyperelastic.models.study import Study
+from pymc_hyperelastic.models.priors import (
+    PRIOR_DRAWS,
+    belongs_to,
+    complete_wall,
+    register_priors,
+)
+from pymc_hyperelastic.models.study import Study, coords_of
 from pymc_hyperelastic.parallel import one_thread
 
-# Draws from the prior that estimate the probability of a rising pressure.
-_PRIOR_DRAWS = 20000
-# Smallest accepted prior probability of a rising pressure: the estimate errs by 3 % of it, and
-# below it priors contradict `rising`.
+# Smallest accepted prior probability of a rising pressure: its estimate errs by 3 %, and with less
+# the priors contradict `rising`.
 _LEAST_SHARE = 0.05
 
 
@@ -73,8 +75,7 @@ def inflation_model(
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`.
     likelihood : Gaussian, SlopeAugmented, float or distribution
         The measured quantities and their errors, see :class:`~pymc_hyperelastic.Gaussian` and the
-        paper's :class:`~pymc_hyperelastic.SlopeAugmented`. An argument that is a distribution is
-        inferred, as the random variable of that name. A number or a distribution alone is the
+        paper's :class:`~pymc_hyperelastic.SlopeAugmented`. A number or a distribution alone is the
         standard deviation of a pressure, kPa.
     priors : dict of str to distribution, optional
         Priors by parameter name, such as ``{"mu": pm.Uniform.dist(0, 50)}``. The default is
@@ -124,20 +125,6 @@ def inflation_model(
     >>> model = ph.inflation_model(ph.Ogden(), data, likelihood)
     >>> [rv.name for rv in model.free_RVs]
     ['mu', 'alpha']
-
-    A tube whose unloaded inner radius was not measured:
-
-    >>> import pymc as pm
-    >>> geometry = {"inner_radius": pm.Uniform.dist(6, 8), "thickness": pm.Uniform.dist(1, 3)}
-    >>> model = ph.inflation_model(ph.Ogden(), data, likelihood, geometry=geometry)
-    >>> [rv.name for rv in model.free_RVs]
-    ['mu', 'alpha', 'inner_radius', 'thickness']
-
-    Measurements as an observed variable:
-
-    >>> likelihood = ph.Gaussian(pressure_sd=4 * ph.mmHg, observed=True)
-    >>> [rv.name for rv in ph.inflation_model(ph.Ogden(), data, likelihood).observed_RVs]
-    ['measured_pressure']
 
     Two arteries that share an exponent:
 
@@ -216,11 +203,7 @@ def tube_model(
 def _empty_model(data: xr.Dataset, parent: pm.Model | None, name: str) -> pm.Model:
     """Return a model with the dimensions of the data and no variables."""
     model = pm.Model(name=name, model=parent)
-    coords = {
-        model.name_for("obs"): np.arange(data.sizes["obs"]),
-        model.name_for("test"): [describe_test(data, test) for test in range(data.sizes["test"])],
-        model.name_for("specimen"): specimens_of(data)[0],
-    }
+    coords = {model.name_for(dim): values for dim, values in coords_of(data).items()}
     if parent is not None:
         names, there = [*coords, model.name_for("pressure")], {*parent.coords}
         taken = [name for name in names if name in there | parent.root.named_vars.keys()]
@@ -290,7 +273,7 @@ def criscione_model(data: xr.Dataset, likelihood: Likelihood | Any, **settings: 
 
 def _prior_probability(condition: TensorVariable, variables: Sequence[TensorVariable]) -> float:
     """Probability that a condition on random variables holds, from many draws."""
-    draws = pm.draw(variables, draws=_PRIOR_DRAWS, random_seed=1, mode="FAST_COMPILE")
+    draws = pm.draw(variables, draws=PRIOR_DRAWS, random_seed=1, mode="FAST_COMPILE")
     symbols = {v: pt.tensor(dtype=v.dtype, shape=(None, *v.type.shape)) for v in variables}
     holds = vectorize_graph(condition, symbols)
     function = pytensor.function(list(symbols.values()), holds, mode="FAST_COMPILE")
@@ -298,7 +281,7 @@ def _prior_probability(condition: TensorVariable, variables: Sequence[TensorVari
         share = float(np.mean(function(*draws)))
     if share < _LEAST_SHARE:
         raise ValueError(
-            f"of {_PRIOR_DRAWS} draws from the prior {share:.2%} have a pressure that rises with "
+            f"of {PRIOR_DRAWS} draws from the prior {share:.2%} have a pressure that rises with "
             "the radius: give priors that do not contradict it"
         )
     return share

@@ -19,9 +19,6 @@ from pytensor.tensor.variable import TensorVariable as Tensor
 
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy, elementwise_derivative
 
-# Stress of a modulus of 1 kPa, in kPa, from which on the modulus is set to 0: about the square root
-# of the largest double, so that products of such stresses do not overflow in gradients.
-_LARGEST_STRESS = np.float64(1e150)
 # Strain that replaces one at which stress overflows, in the unused branch: no law overflows here.
 _SMALL_STRAIN = 1e-6
 # Number of random materials by which `has_additive_stress` tests a law.
@@ -36,12 +33,11 @@ def moduli_by_ratio(
     log_ratios: Sequence[Tensor],
     stress: float,
 ) -> list[Tensor]:
-    r"""Moduli with given ratios to the first and ``σθθ − σrr = stress`` at a hoop strain.
+    """Moduli with given ratios to the first and ``σθθ − σrr = stress`` at a hoop strain ``ln λθ``.
 
-    The axial strain is 0, `strain` is ``ln λθ``, and `stress` is in kPa. `indices` are the indices
-    of the moduli in `entries`, the entries of all parameters, and `log_ratios` the logarithms of
-    all moduli but the first, divided by the first. The stress of the law must be proportional to
-    all moduli together.
+    The axial strain is 0, and `stress` is in kPa. `indices` are those of the moduli in `entries`,
+    the entries of all parameters, and `log_ratios` the logarithms of all moduli but the first,
+    divided by the first. The stress of the law must be proportional to all moduli together.
     """
     moduli = [pt.ones_like(strain), *(pt.exp(x) for x in log_ratios)]
     parameters = energy.join(_replaced(entries, indices, moduli))
@@ -57,20 +53,18 @@ def moduli_by_stress(
     log_ratios: Sequence[Tensor],
     stress: float,
 ) -> list[Tensor]:
-    r"""Moduli whose stresses have given ratios and the sum ``T₀`` at an equibiaxial strain ``e``.
+    """Moduli whose stresses have given ratios and the sum ``T₀`` at an equibiaxial strain ``e``.
 
-    With the stress ``t_i`` of a modulus of 1 kPa, see :func:`biaxial_stress`, the moduli are
-
-    .. math:: θ_i = \frac{T_i}{t_i(e)}, \qquad \sum_i T_i = T_0, \quad \ln\frac{T_i}{T_1} = x_i .
-
-    The stress of the law must be the sum of the stresses of its moduli, see
-    :func:`has_additive_stress`. A modulus is 0 if ``t_i`` exceeds 1e150 kPa. Parameters are those
-    of :func:`moduli_by_ratio`, with ``e`` as `strain` and the ``x_i``, ``i > 1``, as `log_ratios`.
+    See :class:`~pymc_hyperelastic.models.natural_scale.NaturalScale` for the equation. The stress
+    of the law must be the sum of the stresses ``t_i`` of its moduli, see
+    :func:`has_additive_stress`. A modulus is 0 if the square of ``t_i`` overflows. Parameters are
+    those of :func:`moduli_by_ratio`, `strain` is ``e``, and `log_ratios` are ``x_i``, ``i > 1``.
     """
     log_ratios = [pt.zeros_like(strain), *log_ratios]
     moduli = []
     for index, x in zip(indices, log_ratios, strict=True):
-        finite = _unit_stress(energy, entries, indices, index, strain) < _LARGEST_STRESS
+        # Gradients hold products of such stresses.
+        finite = pt.isfinite(pt.square(_unit_stress(energy, entries, indices, index, strain)))
         # Without a strain of its own the unused branch would have the gradient 0 · inf.
         safe = pt.where(finite, strain, _SMALL_STRAIN)
         unit = _unit_stress(energy, entries, indices, index, safe)
@@ -94,19 +88,17 @@ def biaxial_stress(energy: StrainEnergy, strain: Tensor, entries: Sequence[Any])
 def has_additive_stress(energy: StrainEnergy) -> bool:
     """Return True if the biaxial stress is a sum of one tensile stress per modulus.
 
-    The test is numerical. Moduli are computed by :func:`moduli_by_stress` for random materials; the
-    stress of these moduli equals the given stress only if the law is additive.
+    The test is numerical: only of an additive law do the moduli of :func:`moduli_by_stress` have
+    the given stress, in random materials.
     """
     parameters = [p for p in energy.parameters for _ in range(p.size or 1)]
     indices = [i for i, p in enumerate(parameters) if p.unit == "kPa" and p.natural_scale == "log"]
     rng = np.random.default_rng(1)
     # Small strains, and parameters in the lower half of their ranges: few stresses overflow.
     strain = pt.constant(rng.uniform(0.02, 0.2, _TRIAL_MATERIALS))
-    entries: list[Any] = []
-    for p in parameters:
-        low, high = p.prior_range
-        fraction = rng.uniform(0.05, 0.5, _TRIAL_MATERIALS)
-        entries.append(pt.constant(low + (high - low) * fraction))
+    fractions = rng.uniform(0.05, 0.5, (len(parameters), _TRIAL_MATERIALS))
+    low, high = np.transpose([p.prior_range for p in parameters])[..., None]
+    entries: list[Any] = [*map(pt.constant, low + (high - low) * fractions)]
     log_ratios = [pt.constant(rng.standard_normal(_TRIAL_MATERIALS)) for _ in indices[1:]]
     moduli = moduli_by_stress(energy, entries, indices, strain, log_ratios, 1.0)
     stress = biaxial_stress(energy, strain, _replaced(entries, indices, moduli))

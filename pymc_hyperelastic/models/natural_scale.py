@@ -1,8 +1,7 @@
 """Coordinates of a specimen in which the specimens of a class are normally distributed.
 
-Population models and classes with variability between specimens use them. The module holds the
-transformation from coordinates to material parameters, and the default priors of a class in these
-coordinates. The page Variability of the documentation gives equations and reasons.
+Population models and classes with variability between specimens use them: the transformation to
+material parameters, and the default priors of a class. The page Variability gives reasons.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +11,6 @@ from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
-import pymc as pm
 import pytensor
 import pytensor.tensor as pt
 from numpy.typing import NDArray
@@ -26,13 +24,15 @@ from pymc_hyperelastic.models.moduli import (
     moduli_by_ratio,
     moduli_by_stress,
 )
-from pymc_hyperelastic.models.priors import is_inferred
+from pymc_hyperelastic.models.priors import (
+    complete_layers,
+    is_inferred,
+    positive_draws,
+    with_variables,
+)
 from pymc_hyperelastic.models.records import NamedLayer, named_layers
 
 Array = NDArray[np.float64]
-
-# Draws for the moments of the logarithm of a thickness: 2 % of a standard deviation.
-_THICKNESS_DRAWS = 4000
 
 
 class _Prior(NamedTuple):
@@ -79,31 +79,22 @@ _PRIORS = {
 class NaturalScale:
     r"""Coordinates of a specimen in which the specimens of a class are normally distributed.
 
-    A positive parameter is replaced by its logarithm, and a parameter between two bounds by its
-    logit, see :class:`~pymc_hyperelastic.Parameter`. Moduli have other coordinates, because curves
-    of a stiffening material determine the small-strain modulus poorly and correlate it with the
-    stiffening.
+    A positive parameter is replaced by its logarithm, and one between two bounds by its logit. If a
+    reference stress ``T₀`` is given, the first modulus is replaced by the logarithm of a strain:
 
-    *One modulus.* The coordinate is the logarithm of the hoop strain :math:`e = \ln λ_θ` at which
-    the stress is :math:`T_θ(e, \ln λ_z = 0) = T_0`.
+    - One modulus: the hoop strain :math:`\ln λ_θ` at which :math:`T_θ = T_0` and ``λz = 1``.
+    - Several moduli, additive stress (see
+      :func:`~pymc_hyperelastic.models.moduli.has_additive_stress`): the equibiaxial strain ``e`` at
+      which the mean of ``Tθ`` and ``Tz`` is ``T₀``. Each other modulus is replaced by the logarithm
+      of its stress over that of the first. With the stress ``t_i`` of a modulus of 1 kPa
 
-    *Several moduli, additive stress.* If the stress is a sum of one term per modulus (see
-    :func:`~pymc_hyperelastic.models.moduli.has_additive_stress`), the first modulus is replaced by
-    the logarithm of the equibiaxial strain :math:`e = \ln λ_θ = \ln λ_z`, in which all fibres have
-    the same stretch, at :math:`\tfrac12 (T_θ + T_z) = T_0`. Each other modulus is replaced by the
-    logarithm of its stress over that of the first, :math:`x_i = \ln (T_i/T_1)`. With the stress
-    :math:`t_i` of a modulus of 1 kPa, the moduli are
+      .. math:: θ_i = \frac{T_i}{t_i(e)}, \qquad \sum_i T_i = T_0, \quad \ln\frac{T_i}{T_1} = x_i .
 
-    .. math:: θ_i = \frac{T_i}{t_i(e)}, \qquad T_i = T_0 \frac{e^{x_i}}{1 + \sum_{j>1} e^{x_j}} .
+    - Other laws: as with one modulus; each other modulus is replaced by its log ratio to the first.
 
-    *Several moduli, other laws.* The first modulus is replaced as in a law with one modulus, and
-    each other modulus by the logarithm of its ratio to the first.
-
-    *No reference stress.* Each modulus is replaced by its own logarithm.
-
-    *Layers.* Each layer has the coordinates of its law. A parameter that is a number has no
-    coordinate; if a modulus is a number, the other moduli of the layer are replaced by their
-    logarithms. An inferred thickness is replaced by its logarithm.
+    Each layer has the coordinates of its law. A parameter that is a number has no coordinate; if a
+    modulus is a number, the other moduli of the layer are replaced by their logarithms. An inferred
+    thickness is replaced by its logarithm.
 
     Attributes
     ----------
@@ -129,18 +120,17 @@ class NaturalScale:
         layers = named_layers(self.wall)
         if isinstance(self.wall, StrainEnergy):
             return [_Material(layers[0], "", self.reference_stress)]
-        for number, layer in enumerate(self.wall, start=1):
-            given = [name for name, value in layer.parameters.items() if is_inferred(value)]
+        materials = []
+        for number, (layer, stated) in enumerate(zip(layers, self.wall, strict=True), start=1):
+            given = [name for name, value in stated.parameters.items() if is_inferred(value)]
             if given:
                 raise TypeError(
                     f"layer {number} has a distribution for {given[0]!r}, but in a model of "
                     "specimens the distribution of the class replaces it. Omit the parameter, or "
                     "give a number"
                 )
-        return [
-            _Material(layer, f"_{number}", self.reference_stress)
-            for number, layer in enumerate(layers, start=1)
-        ]
+            materials.append(_Material(layer, f"_{number}", self.reference_stress))
+        return materials
 
     @cached_property
     def _thicknesses(self) -> dict[str, TensorVariable]:
@@ -152,25 +142,28 @@ class NaturalScale:
         return {name: thickness for name, thickness in given if isinstance(name, str)}
 
     @cached_property
-    def _coordinates(self) -> list["_Coordinate"]:
-        of_materials = [c for material in self._materials for c in material.coordinates]
-        return of_materials + [_of_thickness(name, d) for name, d in self._thicknesses.items()]
+    def _priors(self) -> dict[str, _Prior]:
+        """Default priors by coordinate."""
+        of_materials = (material.coordinates for material in self._materials)
+        priors = {name: prior for found in of_materials for name, prior in found.items()}
+        thicknesses = self._thicknesses.items()
+        return priors | {f"log_{name}": _prior_of_thickness(name, d) for name, d in thicknesses}
 
     @property
     def names(self) -> list[str]:
         """Names of the coordinates, such as ``log_alpha``."""
-        return [c.name for c in self._coordinates]
+        return [*self._priors]
 
     @property
     def location_prior(self) -> tuple[Array, Array]:
         """Mean and standard deviation of the normal prior of the location of a class."""
-        mean, sd, _ = np.array([c.prior for c in self._coordinates]).T
+        mean, sd, _ = np.array([*self._priors.values()]).T
         return mean, sd
 
     @property
     def spread_prior(self) -> tuple[Array, float]:
         """Mean and standard deviation of the logarithm of the spread of a class."""
-        return np.log([c.prior.spread for c in self._coordinates]), _SD_OF_LOG_SPREAD
+        return np.log([prior.spread for prior in self._priors.values()]), _SD_OF_LOG_SPREAD
 
     def parameters(self, coordinates: Sequence[TensorVariable]) -> dict[str, Any]:
         """Material parameters by name, as arguments of the strain energy.
@@ -194,14 +187,7 @@ class NaturalScale:
         """Wall with the values of `parameters` for the inferred parameters of its layers."""
         if isinstance(self.wall, StrainEnergy):
             return self.wall
-
-        def with_values(layer: NamedLayer) -> Layer:
-            values = {
-                n: parameters[v] if isinstance(v, str) else v for n, v in layer.values.items()
-            }
-            return Layer(layer.energy, **values)
-
-        return [with_values(material.layer) for material in self._materials]
+        return with_variables(*complete_layers(self.wall), parameters)
 
     def numbers(self, coordinates: Sequence[Array]) -> dict[str, Array]:
         """Material parameters for numerical coordinates; entries of vectors on the last axis."""
@@ -232,13 +218,6 @@ def _stacked(value: Any) -> Any:
     return pt.stack(value, axis=-1) if isinstance(value, tuple) else value
 
 
-class _Coordinate(NamedTuple):
-    """A coordinate and its default priors."""
-
-    name: str
-    prior: _Prior
-
-
 class _Entry(NamedTuple):
     """One entry of a parameter."""
 
@@ -248,8 +227,8 @@ class _Entry(NamedTuple):
     """Value of the entry; None if the entry is inferred."""
 
     @property
-    def coordinate(self) -> _Coordinate:
-        """Coordinate of the entry by itself: its logarithm, its logit, or the entry."""
+    def coordinate(self) -> tuple[str, _Prior]:
+        """Name and prior of the entry by itself: its logarithm, its logit, or the entry."""
         scale, (low, high) = self.parameter.natural_scale, self.parameter.prior_range
         if scale == "log":
             prior = _PRIORS["modulus" if self.parameter.unit == "kPa" else "shape"]
@@ -260,7 +239,7 @@ class _Entry(NamedTuple):
         if scale == "real":
             sd, spread = (high - low) * prior.sd, (high - low) * prior.spread
             prior = _Prior((low + high) / 2, sd, spread)
-        return _Coordinate(f"{scale}_{self.name}", prior)
+        return f"{scale}_{self.name}", prior
 
     def value(self, x: TensorVariable | None) -> Any:
         """Value of the entry at its coordinate `x`, or its number."""
@@ -273,17 +252,7 @@ class _Entry(NamedTuple):
 
 
 class _Material:
-    """Coordinates of the law of a wall or of one layer.
-
-    Parameters
-    ----------
-    layer : NamedLayer
-        The law, and the number or the name of each parameter.
-    suffix : str
-        End of the names of the coordinates, ``_1`` for the first layer.
-    reference_stress : float, optional
-        Stress in kPa that replaces the moduli.
-    """
+    """Coordinates of the law of a wall, or of one layer: their names then end with its `suffix`."""
 
     def __init__(self, layer: NamedLayer, suffix: str, reference_stress: float | None) -> None:
         self.layer, self.energy = layer, layer.energy
@@ -305,26 +274,24 @@ class _Material:
         return [_Entry(n, p, number) for n, number in zip(names, numbers, strict=True)]
 
     @property
-    def coordinates(self) -> list[_Coordinate]:
-        """One coordinate for each inferred entry, in the order of the entries."""
+    def coordinates(self) -> dict[str, _Prior]:
+        """Name and prior of the coordinate of each inferred entry, in the order of the entries."""
         inferred = (i for i, entry in enumerate(self._entries) if entry.number is None)
-        return [self._coordinate(i) for i in inferred]
+        return dict(self._coordinate(i) for i in inferred)
 
-    def _coordinate(self, index: int) -> _Coordinate:
+    def _coordinate(self, index: int) -> tuple[str, _Prior]:
         entry = self._entries[index]
         if index not in self._moduli:
             return entry.coordinate
         first = self._entries[self._moduli[0]]
         if entry is first:
             state = "biaxial" if self._additive else "reference"
-            return _Coordinate(f"log_{state}_strain{self._suffix}", _PRIORS["strain"])
+            return f"log_{state}_strain{self._suffix}", _PRIORS["strain"]
         if self._additive:
-            return _Coordinate(
-                f"log_stress_{entry.name}_over_{first.name}", _PRIORS["stress ratio"]
-            )
+            return f"log_stress_{entry.name}_over_{first.name}", _PRIORS["stress ratio"]
         largest = entry.parameter.prior_range[1] / first.parameter.prior_range[1]
         prior = _PRIORS["ratio"]._replace(mean=np.log(largest) + _PRIORS["ratio"].mean)
-        return _Coordinate(f"log_{entry.name}_ratio", prior)
+        return f"log_{entry.name}_ratio", prior
 
     def parameters(self, coordinates: Sequence[TensorVariable]) -> dict[str, Any]:
         """Parameters by name, vectors as tuples, from the coordinates of the inferred entries."""
@@ -344,24 +311,14 @@ class _Material:
 
 
 @lru_cache(maxsize=128)
-def _of_thickness(name: str, distribution: TensorVariable) -> _Coordinate:
-    """Coordinate ``ln h`` of a thickness, with the moments of its logarithm as location prior."""
-    draws = pm.draw(distribution, draws=_THICKNESS_DRAWS, random_seed=1, mode="FAST_COMPILE")
-    if not draws.min() > 0:  # also if draws are NaN
-        raise ValueError(
-            f"the prior of {name!r} has draws such as {draws.min():.3g}; expected a distribution "
-            "of positive numbers, such as pm.LogNormal.dist(-1, 0.3)"
-        )
-    logs = np.log(draws)
-    prior = _PRIORS["thickness"]._replace(mean=logs.mean(), sd=logs.std())
-    return _Coordinate(f"log_{name}", prior)
+def _prior_of_thickness(name: str, distribution: TensorVariable) -> _Prior:
+    """Priors of ``ln h``, whose location has the moments of the distribution."""
+    logs = np.log(positive_draws(name, distribution))
+    return _PRIORS["thickness"]._replace(mean=logs.mean(), sd=logs.std())
 
 
 def check_moduli(wall: StrainEnergy | Sequence[Layer]) -> None:
-    """Raise ValueError if a law has both positive moduli and moduli of either sign.
-
-    The reference stress determines the positive moduli only if all moduli are positive.
-    """
+    """Raise ValueError if a law has both positive moduli and moduli of either sign."""
     for energy in {layer.energy for layer in named_layers(wall)}:
         scales = {p.name: p.natural_scale for p in energy.parameters if p.unit == "kPa"}
         others = [name for name, scale in scales.items() if scale != "log"]

@@ -14,7 +14,6 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.data.inflation import describe_test
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.results import attach_study
 from pymc_hyperelastic.files.place import PACKAGE
@@ -36,14 +35,18 @@ from pymc_hyperelastic.models.geometry import (
 )
 from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.natural_scale import NaturalScale, check_moduli
-from pymc_hyperelastic.models.priors import check_prior, check_priors, complete_wall, is_inferred
-from pymc_hyperelastic.models.study import Study
+from pymc_hyperelastic.models.priors import (
+    check_prior,
+    check_priors,
+    complete_wall,
+    is_inferred,
+    positive_draws,
+)
+from pymc_hyperelastic.models.study import Study, coords_of
 from pymc_hyperelastic.parallel import one_thread
 
 # Range of each coordinate over which curves must be accurate, in prior standard deviations.
 _REACH = 3.0
-# Draws of the prior of a standard deviation that must be positive.
-_POSITIVE_DRAWS = 2000
 
 
 @dataclass(frozen=True)
@@ -81,12 +84,7 @@ class Population:
         check_moduli(self.energy)
         for name, prior in self.likelihood.unknowns.items():
             check_prior(name, prior)
-            smallest = pm.draw(prior, _POSITIVE_DRAWS, random_seed=1, mode="FAST_COMPILE").min()
-            if smallest <= 0:
-                raise ValueError(
-                    f"the prior of {name!r} holds numbers such as {smallest:.3g}; expected a "
-                    "distribution of positive numbers, such as pm.LogNormal.dist(0, 1)"
-                )
+            positive_draws(name, prior)
         if "force_offset_sd" in self.likelihood.unknowns:
             raise ValueError(
                 "force_offset_sd is a distribution; where specimens differ, expected a number of "
@@ -140,8 +138,8 @@ def population_model(
 ) -> pm.Model:
     r"""PyMC model of a class whose specimens differ: each has its own parameters.
 
-    On the natural scale of the parameters (see below) the coordinates ``x`` of the specimens ``s``
-    are drawn from the class's distribution, and tests ``t`` share those of their specimen:
+    On the natural scale of the parameters (theory page on variability) the coordinates ``x`` of the
+    specimens ``s`` are drawn from the class's distribution, and tests ``t`` share those of theirs:
 
     .. math:: x_s \sim N(m, \mathrm{diag}(τ) R \, \mathrm{diag}(τ)), \qquad
         x_t \sim N(x_{s(t)}, κ_s^2 \, \mathrm{diag}(ω)^2), \qquad
@@ -156,16 +154,14 @@ def population_model(
     Parameters
     ----------
     energy : StrainEnergy or list of Layer
-        The material, such as ``ph.Ogden()``, or the layers of the wall from the inside out.
-        Specimens differ in the parameters that a layer does not state, and in a thickness that is a
-        distribution.
+        The material, or the layers of the wall from the inside out. Specimens differ in the
+        parameters that a layer does not state, and in a thickness that is a distribution.
     data : xarray.Dataset
         Inflation data, see :func:`pymc_hyperelastic.inflation_data`: the specimens of one class.
     likelihood : Gaussian, SlopeAugmented, float or distribution
-        The measured quantities and their errors, as in :func:`~pymc_hyperelastic.inflation_model`.
-        A distribution is the prior of the class's median; each specimen has its own standard
-        deviation, such as ``specimen_pressure_sd``. Pressures must have the error, and
-        `slope_weight` and `force_offset_sd` must be numbers.
+        As in :func:`~pymc_hyperelastic.inflation_model`. A distribution is the prior of the class's
+        median; each specimen has its own standard deviation, such as ``specimen_pressure_sd``.
+        Pressures must have the error, and `slope_weight` and `force_offset_sd` must be numbers.
     geometry : dict of str to Measured, optional
         Measures of the tube that have an error, such as ``{"thickness": ph.Measured(sd=0.01)}``:
         each specimen then has its own ``thickness_deviation`` and ``thickness``.
@@ -184,9 +180,8 @@ def population_model(
     Returns
     -------
     pymc.Model
-        With the dimensions ``specimen``, ``coordinate``, ``test`` and ``obs``; the deterministics
-        of the specimens carry the names of the material parameters, and observed variables are
-        ``measured_pressure`` and ``measured_axial_force``.
+        With the dimensions ``specimen``, ``coordinate``, ``test`` and ``obs``; deterministics of
+        the specimens carry the names of the material parameters.
 
     Warns
     -----
@@ -204,13 +199,11 @@ def population_model(
 
     Notes
     -----
-    Default priors, with :math:`x \sim LN(m, s)` for a normal logarithm of median ``m``: the
-    reference strain LN(0.2, 0.7); a shape parameter LN(u/6, 1.2) of its largest value ``u``;
-    ``τ`` LN(0.4, 0.7), a coefficient of variation from 10 to 160 %; ``ω`` LN(0.15, 0.8); ``η``
-    LN(0.5, 0.5); every ``ν`` LN(0.3, 0.5); the density of the correlation matrix ``R`` is
-    proportional to its determinant. None of the spreads can vanish: with a handful of specimens a
-    prior with mass at zero makes a funnel, in which samplers get stuck. The parametrisation is
-    centred, because a curve of many points says more about its specimen than the class does.
+    Default priors of location and ``τ`` are on the theory page on variability. With ``LN(m, s)``
+    for a normal logarithm of median ``m``, ``ω`` has 0.375 times the median of ``τ`` and ``s`` 0.8;
+    ``η`` has LN(0.5, 0.5), every ``ν`` LN(0.3, 0.5), and the density of ``R`` is proportional to
+    its determinant. No spread can vanish: with a handful of specimens a prior with mass at zero
+    makes a funnel, in which samplers get stuck.
 
     Terms of a series such as :class:`~pymc_hyperelastic.OgdenSeries` may change places from one
     specimen to the next: their location and spread then mean little.
@@ -239,18 +232,11 @@ def population_model(
             "of the context by ph.inflation_model(..., name=...)",
             skip_file_prefixes=(PACKAGE,),
         )
-    scale = population.scale
-    specimens, of_test = specimens_of(data)
-    coords = {
-        "specimen": specimens,
-        "coordinate": scale.names,
-        "coordinate_2": scale.names,
-        "obs": np.arange(data.sizes["obs"]),
-        "test": [describe_test(data, test) for test in range(data.sizes["test"])],
-    }
+    names = population.scale.names
+    coords = coords_of(data) | {"coordinate": names, "coordinate_2": names}
     with pm.Model(coords=coords, model=None) as model:
         distribution = population.register_class()
-        of_specimens = register_specimens(population, distribution, of_test)
+        of_specimens = register_specimens(population, distribution, specimens_of(data)[1])
         for name, value in of_specimens.noises.items():
             pm.Deterministic(f"specimen_{name}", value, dims="specimen")
         forward = population.forward_model(data)

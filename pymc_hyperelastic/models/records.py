@@ -146,35 +146,14 @@ def stated_wall_of(tree: xr.DataTree) -> StrainEnergy | list[Layer]:
 
 
 def strain_energy_of(tree: xr.DataTree) -> StrainEnergy:
-    """Strain energy of a result that names it."""
+    """Strain energy of a result that names it; ValueError if its stresses are others now."""
     if "strain_energy" not in tree.attrs:
         raise ValueError(
             "the result does not name its strain energy: give it as energy=ph.Ogden(), or the "
             "layers of the model as energy=[ph.Layer(...), ...]"
         )
-    return _strain_energy(tree, read_text(tree, "strain_energy"), tree.attrs, "the result")
-
-
-def _strain_energy(
-    tree: xr.DataTree, name: str, record: Mapping[Any, Any], owner: str
-) -> StrainEnergy:
-    """Strain energy of a record of :func:`strain_energy_attrs`, if it has the same stresses."""
-
-    def stated(key: str, default: Any) -> Any:
-        text = record.get(key)
-        try:
-            value = default if text is None else json.loads(text)
-        except (TypeError, ValueError, RecursionError):
-            value = None
-        if not isinstance(value, type(default)):
-            kind = "object" if isinstance(default, dict) else "list"
-            raise damaged(tree, f"{owner} has the {key} {shown(text)}; expected a JSON {kind}")
-        return value
-
-    settings, fingerprint = (
-        stated("strain_energy_settings", {}),
-        stated("strain_energy_fingerprint", []),
-    )
+    name, settings = read_text(tree, "strain_energy"), read_json(tree, "strain_energy_settings", {})
+    fingerprint = read_json(tree, "strain_energy_fingerprint", [])
     # A law of the user's own that is not defined here is no damage.
     with reading(tree, ""):
         energy = StrainEnergy.from_name(name, **settings)
@@ -262,7 +241,9 @@ def _layer_records(tree: xr.DataTree) -> list[dict[str, Any]]:
 
 def _layer_of(tree: xr.DataTree, record: dict[str, Any]) -> NamedLayer:
     """A layer of a record of :func:`layers_attrs`."""
-    energy = _strain_energy(tree, record["strain_energy"], record, "a layer")
+    stated = xr.DataTree(xr.Dataset(attrs=record), name=tree.name)
+    stated.encoding = tree.root.encoding
+    energy = strain_energy_of(stated)
     values = record.get("values")
     needed = {"thickness", *energy.parameter_names}
     if not isinstance(values, dict) or set(values) != needed:

@@ -1,13 +1,12 @@
 """Weighted draws of one specimen, and their log density under distributions of a class.
 
 The draws represent the likelihood of a specimen's data as a function of its coordinates. Classes
-are fitted, and specimens classified, by averaging the class density over them, without sampling the
-specimen again. `log_density` also runs on PyTensor variables, inside the model of a class.
+are fitted, and specimens classified, by averaging the class density over them.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, reduce
+from functools import reduce
 from types import ModuleType
 from typing import Any
 
@@ -21,11 +20,10 @@ from pymc_hyperelastic.models.class_distribution import ClassDistribution
 
 Array = NDArray[np.float64]
 
-# Number of log densities computed at once, in arrays of 8 MB: bounds memory.
-_BLOCK = 1_000_000
+# Number of distributions computed at once: temporary arrays stay in the cache of the processor.
+_BLOCK = 100
 # Number of Gauss-Hermite nodes for the integral over the spread of a specimen's tests. The error is
-# at most 0.002 nats in nine of ten cases. For a single test, whose scatter does not determine where
-# the nodes should be, it is up to 0.1 nats in the tails.
+# at most 0.002 nats in nine of ten cases, and up to 0.1 nats in the tails for a single test.
 _QUADRATURE_ORDER = 5
 
 
@@ -35,46 +33,35 @@ class SpecimenDraws:
 
     For every density ``f`` of the coordinates, ``∫ p(D | x) f(x) dx ≈ Σ w_i f(x_i)``.
 
-    Attributes
-    ----------
-    centre, scatter : array, shape (coordinate, draw)
-        Mean of the coordinates of the tests, and sum of their squared deviations from the mean.
-    log_size : array, shape (noise, draw)
-        Logarithm of each inferred size of an error.
-    log_weight : array, shape (draw)
-        Logarithms of the weights.
-    tests : int
-        Number of tests with coordinates of their own.
-    standard_error : float
-        Standard error of the logarithm of the sum of the weights.
-    points : array, shape (draw, entry)
-        Points of the specimen's target density: the coordinates of each test, the logarithm of each
-        inferred size of an error, and the deviations of the tube.
-    deviations : array, shape (measure, draw)
-        Deviations of the tube's measures from their measured values, in standard deviations. Their
-        prior is the same in all classes and is not part of the weights.
-    covariates : array, shape (covariate)
-        Covariates of the specimen, which change the location of the class.
-    misfit, freedom : float
-        Sum of the squared residuals of the best curve, divided by the variance of the noise if it
-        is known, and the number of degrees of freedom.
-    method, pareto_k : str, float
-        Method of the integral ``∫ p(D | x) f(x) dx`` and its Pareto shape, see ``Integral``.
+    The prior of the deviations is the same in all classes, and is not part of the weights.
     """
 
     centre: Array
+    """Mean of the coordinates of the tests, shape (coordinate, draw)."""
     scatter: Array
+    """Sum of the squared deviations of the tests from the mean, shape (coordinate, draw)."""
     log_size: Array
+    """Logarithm of each inferred size of an error, shape (noise, draw)."""
     log_weight: Array
+    """Logarithms of the weights, shape (draw)."""
     tests: int
+    """Number of tests with coordinates of their own."""
     standard_error: float
+    """Standard error of the logarithm of the sum of the weights."""
     points: Array
+    """Points of the target density, shape (draw, entry): coordinates, sizes and deviations."""
     deviations: Array
+    """Deviations of the tube's measures, in standard deviations, shape (measure, draw)."""
     method: str = ""
+    """Method of the integral ``∫ p(D | x) f(x) dx``, see ``Integral``."""
     pareto_k: float = np.nan
+    """Pareto shape of the weights of this integral."""
     covariates: Array = field(default_factory=lambda: np.empty(0))
+    """Covariates of the specimen, which change the location of the class."""
     misfit: float = np.nan
+    """Sum of the squared residuals of the best curve, in variances of the noise if it is known."""
     freedom: float = np.nan
+    """Number of degrees of freedom of the misfit."""
 
     def as_dataset(self) -> xr.Dataset:
         """Return all attributes as a Dataset, to store them in a file."""
@@ -150,10 +137,9 @@ def log_density_of_noise(xp: ModuleType, log_size: Any, distribution: ClassDistr
 
 def log_densities(draws: SpecimenDraws, distributions: ClassDistribution) -> Array:
     """Log densities (distribution, draw) of a specimen's draws under draws of a class."""
-    arrays = {name: getattr(draws, name) for name in ("centre", "scatter", "log_size", "tests")}
-    arrays["monomials"] = _monomials(draws.centre, draws.covariates[:, None])
-    count, size = len(distributions.location[0]), max(1, _BLOCK // len(draws.log_weight))
-    blocks = np.split(np.arange(count), range(size, count, size))
+    arrays = vars(draws) | {"monomials": _monomials(draws.centre, draws.covariates[:, None])}
+    count = len(distributions.location[0])
+    blocks = np.split(np.arange(count), range(_BLOCK, count, _BLOCK))
     return np.concatenate([log_density(np, arrays, distributions.at(block)) for block in blocks])
 
 
@@ -164,10 +150,7 @@ def mean_density(draws: SpecimenDraws, distributions: ClassDistribution) -> Arra
 
 
 def density_of_each(x: Array, distributions: ClassDistribution) -> Array:
-    """Log density of coordinates (coordinate, draw, specimen), each draw under its distribution.
-
-    Noise and the experiment effect are not included.
-    """
+    """Log density of coordinates (coordinate, draw, specimen), each draw under its distribution."""
     return np.einsum("df,fds->ds", _coefficients(np, distributions), _monomials(x))
 
 
@@ -179,18 +162,8 @@ def _monomials(x: Array, covariates: Array | None = None) -> Array:
     if covariates is not None:
         covariates = np.broadcast_to(covariates, (len(covariates), *x.shape[1:]))
         x = np.concatenate([x, covariates])
-    rows, columns = np.triu_indices(len(x))
-    return np.concatenate([x[rows] * x[columns], x, np.ones_like(x[:1])])
-
-
-@lru_cache(maxsize=64)
-def _pair_sums(size: int) -> Array:
-    """Matrix that adds up the entries ij and ji of a flattened matrix, for each pair i ≤ j."""
-    rows, columns = np.triu_indices(size)
-    sums = np.zeros((size, size, len(rows)))
-    sums[rows, columns, np.arange(len(rows))] = 1.0
-    sums[columns, rows, np.arange(len(rows))] = 1.0
-    return sums.reshape(size**2, -1)
+    products = (x[:, None] * x).reshape(-1, *x.shape[1:])
+    return np.concatenate([products, x, np.ones_like(x[:1])])
 
 
 def _coefficients(xp: ModuleType, distribution: ClassDistribution) -> Any:
@@ -216,7 +189,6 @@ def _coefficients(xp: ModuleType, distribution: ClassDistribution) -> Any:
     constant = log_volume - xp.square(middle).sum(axis=-1) / 2 - size / 2 * np.log(2 * np.pi)
     squares = -(whitening.mT @ whitening) / 2
     squares = squares.reshape((*location.shape[:-1], -1))
-    squares = squares @ _pair_sums(size + len(distribution.effects))
     return xp.concatenate([squares, slope, constant[..., None]], axis=-1)
 
 
@@ -273,8 +245,8 @@ def _log_density_of_tests(
     steps = width * np.sqrt(8)  # twice the Gauss-Hermite step √2 width, for exp(2u)
     nodes, weights = hermgauss(_QUADRATURE_ORDER)
     exponents, volumes = [], []
-    for node, factor in zip(nodes, _exponentials(xp, steps, nodes), strict=True):
-        square = middle_square * factor  # κ² at the node
+    for node in nodes:
+        square = middle_square * xp.exp(node * steps)  # κ² at the node
         misfit, volume = scatter / square, 1.0
         for i, deviation in enumerate(of_centre):
             variance = variances[(..., i, *(None,) * axes)] + square / tests
@@ -294,26 +266,13 @@ def _log_density_of_tests(
     return total - tests * normaliser - size / 2 * xp.log(tests)
 
 
-def _exponentials(xp: ModuleType, steps: Any, nodes: Array) -> list[Any]:
-    """``exp(node · steps)`` for each node; the nodes are symmetric about 0."""
-    above = [xp.exp(node * steps) for node in nodes if node > 0]
-    return [*(1 / factor for factor in above[::-1]), 1.0, *above]
-
-
 def _independent_directions(
     xp: ModuleType, centre: Any, distribution: ClassDistribution
 ) -> tuple[Any, Any, list[Any]]:
     r"""Directions in which specimens, and the tests of one specimen, vary independently.
 
-    ``V`` and ``λ`` satisfy :math:`Σ = ω V λ V^T ω` with the diagonal matrix ``ω`` of the standard
-    deviations of tests.
-
-    Returns
-    -------
-    spread, variances : tensor_like, shape (..., coordinate)
-        ``ω`` and ``λ``.
-    squares : sequence of tensor_like
-        Square of each entry of :math:`V^T ω^{-1} (\bar x - m)`, for each draw.
+    With :math:`Σ = ω V λ V^T ω` and the standard deviations ``ω`` of tests, return ``ω``, ``λ``,
+    and the square of each entry of :math:`V^T ω^{-1} (\bar x - m)`, for each draw.
     """
     size = distribution.size
     location, spread, within = (

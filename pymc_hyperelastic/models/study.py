@@ -12,6 +12,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import describe_test
+from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.results import data_groups
 from pymc_hyperelastic.evidence.verdicts import registered_checks
@@ -62,11 +63,7 @@ class Study:
         }
 
     def result_groups(self, model: pm.Model) -> dict[str, xr.Dataset]:
-        """The inflation data with what the observed variables hold now: it may have been replaced.
-
-        PyMC's functions look for the names of variables among the observed data, and may replace
-        that group; all data of the study are therefore in the other one.
-        """
+        """The inflation data, with the present values of the observed variables."""
         groups = self._measured(model)
         # Add unknowns that have been observed or set since (pm.observe, pm.do).
         for group, held in data_groups(model).items():
@@ -95,13 +92,8 @@ class Study:
             return np.nan
         # Parameters of a population are by specimen as well.
         axes = 3 if self.likelihood is None else 2
-        known = (
-            {
-                name: _some(posterior[name].reshape(-1, *posterior[name].shape[axes:]))
-                for name in names
-            }
-            for names in (parameters, geometry)
-        )
+        draws = {k: _some(v.reshape(-1, *v.shape[axes:])) for k, v in posterior.items()}
+        known = ({name: draws[name] for name in names} for names in (parameters, geometry))
         return float(self.forward.errors(self.data, *known).max())
 
     def residuals(self, model: pm.Model) -> dict[str, Any]:
@@ -149,7 +141,7 @@ class Study:
     def chi_squares(self, data: xr.Dataset, residuals: Mapping[str, Array]) -> xr.Dataset:
         """Squared residuals and numbers of points by test and signal, of the best of some draws.
 
-        If forces have an offset, the best offset of each test is subtracted.
+        The best offset of each test is subtracted from forces with offsets.
         """
         test, count = data["test"].values, data.sizes["test"]
         offsets = self.likelihood is not None and self.likelihood.with_offset
@@ -163,7 +155,7 @@ class Study:
                 squares[signal] -= (of_draws @ own.T) ** 2 / points[signal].clip(1)
                 points[signal] = (points[signal] - 1).clip(0)
         best = int(np.argmin(sum(value.sum(axis=1) for value in squares.values())))
-        labels = {"test": [describe_test(data, i) for i in range(count)], "signal": [*squares]}
+        labels = {"test": coords_of(data)["test"], "signal": [*squares]}
         tables = {"chi_square": {k: v[best] for k, v in squares.items()}, "points": points}
         return xr.Dataset(
             {k: (("test", "signal"), np.stack([*v.values()], axis=1)) for k, v in tables.items()},
@@ -178,7 +170,10 @@ class Study:
         return unknowns - {rv.name for rv in model.free_RVs}
 
     def _measured(self, model: pm.Model) -> dict[str, xr.Dataset]:
-        """The inflation data, updated with the values of the observed variables."""
+        """The inflation data, updated with the values of the observed variables.
+
+        PyMC's functions may replace the observed data: constant data hold all of the study.
+        """
         if self.likelihood is not None and not self.likelihood.observed:
             return self.groups()
         data, observed = self.data.copy(), {}
@@ -229,6 +224,15 @@ class Study:
             return said | layers_attrs(named_layers(law))
         except ValueError:  # settings of a law that are no text
             return said | ({"strain_energy": law.name} if isinstance(law, StrainEnergy) else {})
+
+
+def coords_of(data: xr.Dataset) -> dict[str, Any]:
+    """Return the coordinates of the points, tests and specimens of a model of these data."""
+    return {
+        "obs": np.arange(data.sizes["obs"]),
+        "test": [describe_test(data, test) for test in range(data.sizes["test"])],
+        "specimen": specimens_of(data)[0],
+    }
 
 
 def _some(draws: Array) -> Array:

@@ -220,7 +220,7 @@ DAMAGE = {
     "no record": ("variable", layered(within("layers", 0, value=3)), "classify", "holds 3; expect"),
     "law of a layer": (
         "variable", layered(within("layers", 0, "strain_energy_settings", value="[")), "classify",
-        r"a layer has the strain_energy_settings '\['",
+        r"'strain_energy_settings' is no JSON: '\['",
     ),
     "no value": (
         "variable", layered(within("layers", 1, "values", value={})), "classify",

@@ -148,7 +148,7 @@ VALUE_ERRORS = [
     (lambda: population(EitherSign()), "'c01' of EitherSign|'real'|positive prior_range"),
     (
         lambda: population(likelihood=pm.Normal.dist(0.5, 0.3)),
-        "'pressure_sd' holds numbers such as -",
+        "'pressure_sd' has draws such as -",
     ),
     (lambda: population(reference_stress=0.0), "reference_stress is 0.0; expected a positive"),
     (lambda: population(priors={"mu": HALF}), "prior is given for 'mu'|spread"),

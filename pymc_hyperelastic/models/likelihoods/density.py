@@ -41,7 +41,6 @@ from pymc_hyperelastic.models.likelihoods.slopes import (
     precision_root,
     squared_singular_values,
 )
-from pymc_hyperelastic.models.priors import is_inferred
 
 Array = NDArray[np.float64]
 Terms = tuple[dict[str, Any], TensorVariable]
@@ -111,25 +110,17 @@ def _slope_normaliser(
 
     .. math:: -\frac{β}{σ^2} |Δs|^2 - \frac{N_s}{2} \ln\frac{π σ^2}{β}
     """
-    inferred = is_inferred(errors.slope_weight)
 
     def arrays_of(data: xr.Dataset) -> dict[str, Array]:
-        arrays = {"slopes": np.array(float(central_differences(data)[0].size))}
-        if inferred:
-            return arrays | {"eigenvalues": squared_singular_values(data)}
-        diagonal, _ = precision_root(data, errors.slope_weight)
-        return arrays | {"half_log_determinant": np.array(np.log(diagonal).sum())}
+        return {"eigenvalues": squared_singular_values(data)}
 
-    weight = None if inferred else float(errors.slope_weight)
-    inputs = tube.forward.share(("slope normaliser", weight), arrays_of)
-    if inferred:
-        beside = pt.sum(pt.log1p(errors.slope_weight * inputs["eigenvalues"])) / 2
-    else:
-        beside = inputs["half_log_determinant"]
+    eigenvalues = tube.forward.share("slope normaliser", arrays_of)["eigenvalues"]
+    weight = as_double(errors.slope_weight)
+    beside = pt.sum(pt.log1p(weight * eigenvalues)) / 2
     if switches is None:
         return beside
-    variance = pt.square(as_double(errors.pressure_sd)) / as_double(errors.slope_weight)
-    alone = normal_log_density(0.0, variance, inputs["slopes"])
+    variance = pt.square(as_double(errors.pressure_sd)) / weight
+    alone = normal_log_density(0.0, variance, eigenvalues.shape[0])
     return pt.where(switches["pressure"], beside, alone)
 
 
@@ -187,9 +178,8 @@ def register_measurements(
 ) -> None:
     """Add the measured pressures, and forces, as observed variables.
 
-    Each point has a log density, given the points before it in its test. With an error of the
-    diameter forces are given the pressures, too. If curves overflow, or the tube is impossible,
-    means are infinite and the log-likelihood is ``−inf``.
+    Each point has a log density, given the points before it in its test. If curves overflow, or the
+    tube is impossible, means are infinite and the log-likelihood is ``−inf``.
     """
     conditions = tube.conditions()
 
@@ -228,15 +218,11 @@ def _data_of(forward: ForwardModel, name: str, dims: str | None) -> dict[str, An
 def _correlated_normal(
     tube: SymbolicTube, pressure: TensorVariable, errors: Errors, bound: Bound, **settings: Any
 ) -> TensorVariable:
-    r"""Add pressures ``y`` whose errors are correlated by slopes.
+    """Add pressures ``y ~ N(μ, s² P⁻¹)`` whose errors are correlated by slopes.
 
-    With ``m`` and ``s`` the model's pressures and slopes,
-
-    .. math:: y \sim \mathcal{N}\big(\tilde μ, σ^2 (B^T B)^{-1}\big), \qquad
-        B^T B = I + β D^T D, \qquad B^T B \tilde μ = m + β D^T s
-
-    ``B`` is lower triangular and ``(B y − B μ̃)/σ`` standard normal: entry ``i`` of its log-density,
-    with ``ln B_ii``, is ``ln p(y_i | the y before)``.
+    ``P`` and ``μ`` are those of :class:`~pymc_hyperelastic.SlopeAugmented`. With the lower
+    triangular ``B`` of ``P = BᵀB``, entry ``i`` of the log density of ``(B y − B μ)/s``, with
+    ``ln B_ii``, is ``ln p(y_i | the y before)``.
     """
     weight = errors.slope_weight
 

@@ -65,9 +65,8 @@ class Gaussian(Likelihood):
     .. math:: \begin{pmatrix} s_p^2 & 0 \\ 0 & s_F^2 \end{pmatrix}
         + s_r^2 \begin{pmatrix} p'^2 & p' F' \\ p' F' & F'^2 \end{pmatrix}.
 
-    This is the integral over the true diameter under a flat prior, for curves that are straight
-    over the error. Do not use it where the slope changes by more than a tenth over one standard
-    deviation, ``κ = s_D |p''/p'| > 0.1``: the theory page on likelihoods has a table of errors.
+    Do not use it where the slope changes by more than a tenth over one standard deviation,
+    ``κ = s_D |p''/p'| > 0.1``: the theory page on likelihoods has a table of errors.
 
     Examples
     --------

@@ -48,10 +48,9 @@ def inflation_likelihood(
         Values of ``inner_radius``, ``outer_radius`` (mm), ``axial_stretch`` and ``opening_angle``
         (rad) in place of those of the data: scalars for all tests.
     mode : {"auto", "collocation", "quadrature"}
-        How the integral over the wall is computed: by constant matrices, whose cost does not depend
-        on the number of points, or by quadrature at every point. "auto" chooses matrices if their
-        curves are accurate over the range of the parameters' prior; see the theory page "How the
-        wall is integrated" for the limits.
+        How the wall is integrated: by constant matrices, whose cost does not depend on the number
+        of points, or by quadrature at every point. "auto" chooses matrices if their curves are
+        accurate over the range of the prior; see the theory page "How the wall is integrated".
 
     Returns
     -------

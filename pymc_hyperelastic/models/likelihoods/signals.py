@@ -1,14 +1,9 @@
 r"""Expected measurements of a tube, the standard deviations of their errors, and normal densities.
 
-An error of the diameter shifts pressure and force of a point together, along the curves. With the
-model's slopes ``p'`` and ``F'`` by the measured radius, and half of the standard deviation of the
-diameter ``s_r``, both errors have, to first order, the covariance
-
-.. math:: \begin{pmatrix} s_p^2 & 0 \\ 0 & s_F^2 \end{pmatrix}
-    + s_r^2 \begin{pmatrix} p'^2 & p' F' \\ p' F' & F'^2 \end{pmatrix} .
-
-The joint density is that of the pressure times that of the force given the pressure. An offset
-``o ~ N(0, s_o²)`` shifts all forces of a test. Given errors ``u_i`` with variances ``w_i``,
+An error of the diameter correlates pressure and force of a point, see
+:class:`~pymc_hyperelastic.Gaussian`: the joint density is that of the pressure times that of the
+force given the pressure. An offset ``o ~ N(0, s_o²)`` shifts all forces of a test. Given errors
+``u_i`` with variances ``w_i``,
 
 .. math:: o \sim \mathcal{N}(v \textstyle\sum_i u_i / w_i,\ v), \qquad
     1/v = 1/s_o^2 + \textstyle\sum_i 1/w_i .
@@ -67,7 +62,7 @@ def signals_of(
     by_pressure = None
     if errors.diameter_sd is not None:
         radius_sd = as_double(errors.diameter_sd) / 2
-        # Curves whose slope overflows are rejected by the caller.
+        # A slope that overflows, or is not a number, counts as a huge one.
         shifts = {
             name: radius_sd * pt.where(pt.abs(slope) < LARGEST, slope, LARGEST)
             for name, slope in tube.slopes().items()
@@ -134,10 +129,7 @@ def normal_log_density(square: Any, variance: Any, count: Any = 1.0) -> TensorVa
 def log_density_by_points(
     error: TensorVariable, variance: Any, offset_sd: Any, inputs: Mapping[str, Any]
 ) -> TensorVariable:
-    """Return the log density of each force, given those before it in its test.
-
-    The offset is integrated out. The `inputs` are those of :func:`force_arrays`.
-    """
+    """Return the log density of each force, given those before it in its test, without offset."""
     tables = weights_of_tests(error, variance, inputs)
     precision, weighted = (pt.cumsum(x, axis=-1) - x for x in tables)
     moments = offset_moments(precision, weighted, offset_sd)
@@ -155,9 +147,9 @@ def log_density_ratio_of_offset(precision: Any, weighted: Any, offset_sd: Any) -
 def offset_moments(
     precision: Any, weighted: Any, offset_sd: Any
 ) -> tuple[TensorVariable, TensorVariable]:
-    """Return the posterior mean and variance of an offset whose prior has the sd `offset_sd`.
+    """Return the posterior mean and variance of an offset.
 
-    From the sums of the precisions of its errors, and of the errors times their precisions.
+    The arguments are the sums of the precisions of the errors, and of errors times precisions.
     """
     prior = pt.square(as_double(offset_sd))
     variance = prior / (1 + prior * precision)

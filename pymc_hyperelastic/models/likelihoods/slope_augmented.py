@@ -62,8 +62,7 @@ class SlopeAugmented(Likelihood):
         \qquad P = I + β D^T D.
 
     This is the same form without its factor for the gap between ``s`` and ``D m``. It has a
-    log-likelihood by points, each given the points before it in its test. If a pressure overflows,
-    the log-likelihood is ``−inf`` and its gradient 0.
+    log-likelihood by points, each given the points before it in its test.
 
     Examples
     --------

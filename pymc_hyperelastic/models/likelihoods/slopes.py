@@ -14,10 +14,6 @@ from pymc_hyperelastic.data.inflation import (
     measured_radius,
 )
 
-# Two radii count as one if they differ by less than this fraction: no instrument resolves a
-# millionth, and a slope between them would be a rounding error.
-_SAME_RADIUS = 1e-6
-
 
 def balanced_slope_weight(data: xr.Dataset) -> float:
     r"""Slope weight ``β`` at which errors of slope and of pressure weigh alike.
@@ -82,11 +78,8 @@ def measured_slopes(data: xr.Dataset) -> np.ndarray:
 
 def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     """Interior points of inflation tests, and the factor ``1/(r[i+1] − r[i−1])`` at each."""
-    test, radius, with_slope = (
-        data["test"].values,
-        measured_radius(data).values,
-        ~extension_tests(data),
-    )
+    test, with_slope = data["test"].values, ~extension_tests(data)
+    radius = measured_radius(data).values
     counts = np.bincount(test, minlength=len(with_slope))
     short = np.flatnonzero(with_slope & (counts < 3))
     if short.size:
@@ -96,7 +89,8 @@ def central_differences(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
         )
     interior = 1 + np.flatnonzero((test[:-2] == test[2:]) & with_slope[test[2:]])
     step = radius[interior + 1] - radius[interior - 1]
-    alike = interior[np.abs(step) <= _SAME_RADIUS * radius[interior]]
+    # No instrument resolves NumPy's tolerance, a hundred-thousandth of a radius.
+    alike = interior[np.isclose(radius[interior + 1], radius[interior - 1], atol=0)]
     if alike.size:
         i = alike[0]
         what = "half the outer diameter" if "outer_diameter" in data else "radius"
