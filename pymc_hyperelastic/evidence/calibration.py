@@ -4,7 +4,7 @@ import json
 import warnings
 from collections.abc import Sequence
 from functools import partial
-from itertools import chain, product
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,10 @@ import numpy as np
 import pymc as pm
 import pytensor
 import xarray as xr
+from arviz_base import dict_to_dataset, xarray_sel_iter
+from arviz_base.labels import BaseLabeller
 from numpy.typing import NDArray
+from pymc.backends.arviz import coords_and_dims_for_inferencedata
 from pymc.progress_bar import create_simple_progress
 from scipy.stats import chisquare
 
@@ -142,10 +145,13 @@ def simulation_based_calibration(
     names = _ranked_variables(model, var_names)
     observed = [v.name for v in model.observed_RVs]
     if simulator is not None:
-        _check_simulator(simulator, [*names, *observed])
+        _check_simulates("simulator", simulator, [*names, *observed])
     numbers, seed = {"draws": draws, "ranked_draws": ranked_draws}, seed_kept(random_seed, store)
     seeds = seed.generate_state(1 + simulations).tolist()
-    simulated = _simulate(simulator or model, [*names, *observed], simulations, seeds.pop())
+    variables = [(simulator or model)[name] for name in (*names, *observed)]
+    # Drawn a few hundred times, in all: not worth the time that other modes take to compile.
+    drawn = pm.draw(variables, simulations, random_seed=seeds.pop(), mode="FAST_COMPILE")
+    simulated = {v.name: np.asarray(x) for v, x in zip(variables, drawn, strict=True)}
     _check_simulated(model, simulated, names)
 
     data = {name: simulated[name] for name in observed}
@@ -178,8 +184,8 @@ def simulation_based_calibration(
     return calibration.assign_attrs(numbers, bins=bins, random_seed=json.dumps(seed.entropy))
 
 
-def _check_simulates(what: str, model: Any) -> None:
-    """Raise unless data can be drawn from the model."""
+def _check_simulates(what: str, model: Any, names: Sequence[str] = ()) -> None:
+    """Raise unless data can be drawn from the model, and it has these variables."""
     if not isinstance(model, pm.Model):
         raise TypeError(f"the {what} must be a pm.Model, not {type(model).__name__}")
     if model.potentials:
@@ -190,14 +196,8 @@ def _check_simulates(what: str, model: Any) -> None:
         )
     if not model.observed_RVs:
         raise ValueError(f"the {what} has no observed variables: there are no data to simulate")
-
-
-def _check_simulator(simulator: Any, names: Sequence[str]) -> None:
-    """Raise unless the simulator has these variables of the model."""
-    _check_simulates("simulator", simulator)
-    lacking = [name for name in names if name not in simulator.named_vars]
-    if lacking:
-        raise ValueError(f"the simulator has no variables {lacking}, which the model has")
+    if lacking := [name for name in names if name not in model.named_vars]:
+        raise ValueError(f"the {what} has no variables {lacking}, which the model has")
 
 
 def _ranked_variables(model: pm.Model, var_names: Sequence[str] | None) -> list[str]:
@@ -207,16 +207,6 @@ def _ranked_variables(model: pm.Model, var_names: Sequence[str] | None) -> list[
     if not var_names:
         raise ValueError("var_names is empty: name at least one variable that is ranked")
     return list(dict.fromkeys(var_names))
-
-
-def _simulate(
-    model: pm.Model, names: Sequence[str], simulations: int, random_seed: int
-) -> dict[str, Array]:
-    """Joint draws of the variables from the model's prior, simulations along the first axis."""
-    variables = [model[name] for name in names]
-    # Drawn a few hundred times, in all: not worth the time that other modes take to compile.
-    drawn = pm.draw(variables, simulations, random_seed=random_seed, mode="FAST_COMPILE")
-    return {name: np.asarray(v) for name, v in zip(names, drawn, strict=True)}
 
 
 def _check_simulated(model: pm.Model, simulated: dict[str, Array], parameters: list[str]) -> None:
@@ -290,8 +280,7 @@ def _compared(
         return xr.Dataset({name: ("parameter", values) for name, values in found.items()})
 
     complete: list[xr.Dataset] = []
-    progress = create_simple_progress(progressbar)
-    with progress:
+    with (progress := create_simple_progress(progressbar)):
         bar = progress.add_task("Calibrating", completed=0, total=len(truth))
         try:
             for i in range(len(truth)):
@@ -323,15 +312,13 @@ def _uniformity(rank: NDArray[np.int64], bins: int, ranked_draws: int) -> Array:
     """P-value of the chi-square test of each column of ranks."""
     if bins == 1:
         return np.full(rank.shape[1], np.nan)
-    width = (ranked_draws + 1) // bins
-    counts = [np.bincount(column // width, minlength=bins) for column in rank.T]
-    return np.array([chisquare(count).pvalue for count in counts])
+    in_bin = rank // ((ranked_draws + 1) // bins) == np.arange(bins)[:, None, None]
+    return chisquare(in_bin.sum(axis=1)).pvalue
 
 
 def _entries(model: pm.Model, name: str, shape: tuple[int, ...]) -> list[str]:
-    """Label of each entry of a variable."""
-    if not shape:
-        return [name]
-    dims = model.named_vars_to_dims.get(name) or [None] * len(shape)
-    levels = [model.coords.get(dim) or range(n) for dim, n in zip(dims, shape, strict=True)]
-    return [f"{name}[{', '.join(map(str, index))}]" for index in product(*levels)]
+    """Label of each entry of a variable, as in ArviZ's tables."""
+    coords, dims = coords_and_dims_for_inferencedata(model)
+    data = dict_to_dataset({name: np.empty(shape)}, coords=coords, dims=dims, sample_dims=[])
+    label = BaseLabeller().make_label_flat
+    return [label(*entry) for entry in xarray_sel_iter(data)]

@@ -151,18 +151,17 @@ class BatchedSMC(SMC_KERNEL):
         self.variables = model.value_vars
         self.target = Target(model, tempered, compile_kwargs)
         self.var_info, self.dimension = self.target.var_info, self.target.dimension
-        if from_modes and (start is not None or tempered is not None):
-            raise ValueError("from_modes is for particles that start from the prior, all tempered")
         alone = start is not None or tempered is not None
+        if from_modes and alone:
+            raise ValueError("from_modes is for particles that start from the prior, all tempered")
         self.from_modes = not alone if from_modes is None else from_modes
         if self.from_modes:
             self._check_size()
-        self.draws = draws
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
-        self.start = start
-        settings = {"threshold": threshold, "forget": forget, "max_moves": max_moves}
-        self.settings: dict[str, Any] = settings
+        self.draws, self.start = draws, start
+        self.settings: dict[str, Any]
+        self.settings = {"threshold": threshold, "forget": forget, "max_moves": max_moves}
         self.rng = np.random.default_rng(random_seed)
         self.search = None
         self._reset_state()
@@ -223,17 +222,10 @@ class BatchedSMC(SMC_KERNEL):
         else:
             particles = self.target.draw_prior(self.draws, self.rng)
         self.draws = len(particles)
-        self.tempering = TemperedSMC(
-            GeometricPath(self.target, reference),
-            particles,
-            self.rng,
-            most_capped=MOST_CAPPED,
-            **self.settings,
-        )
-        path, self._nan_before = self.tempering.path, 0
-        check_possible(
-            self.tempering.possible, path.nan_count, f"the {self.draws} initial particles"
-        )
+        path, settings = GeometricPath(self.target, reference), self.settings
+        self.tempering = TemperedSMC(path, particles, self.rng, most_capped=MOST_CAPPED, **settings)
+        self._nan_before, nan_count = 0, self.tempering.path.nan_count
+        check_possible(self.tempering.possible, nan_count, f"the {self.draws} initial particles")
         self._read()
 
     def update_beta_and_weights(self) -> None:
