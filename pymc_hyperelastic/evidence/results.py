@@ -113,10 +113,8 @@ def sampling_tree(
     coords, dims = coords_and_dims_for_inferencedata(model)
     stages = range(max(map(len, stats)))
     tables = [pd.DataFrame(of_chain, dtype=float) for of_chain in stats]
-    padded = {
-        name: np.stack([table.reindex(stages)[name] for table in tables]) for name in tables[0]
-    }
-    last = {name: np.array([table[name].iloc[-1] for table in tables]) for name in tables[0]}
+    padded = {n: np.stack([table.reindex(stages)[n] for table in tables]) for n in tables[0]}
+    last = {n: np.array([table[n].iloc[-1] for table in tables]) for n in tables[0]}
     evidence = {
         "log_evidence": last["log_marginal_likelihood"],
         "log_evidence_se": np.sqrt(last["log_evidence_variance"]),

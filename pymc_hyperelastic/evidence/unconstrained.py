@@ -41,12 +41,9 @@ def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> tuple[Array, list
         values = [v.reshape(*size, *v.shape[1:]) for v in flat]
         for rv, value in zip(model.free_RVs, values, strict=True):
             _check_draws(rv.name, value, shapes[model.rvs_to_values[rv].name], _AT_A_BOUND)
-    # PyMC keeps values in the order of their variables.
     values = [value.reshape(*size, -1).astype(float) for value in values]
-    names = [
-        rv.name for rv, v in zip(model.free_RVs, values, strict=True) for _ in range(v.shape[2])
-    ]
-    return np.concatenate(values, axis=2), names
+    names = np.repeat([rv.name for rv in model.free_RVs], [v.shape[2] for v in values])
+    return np.concatenate(values, axis=2), names.tolist()
 
 
 def log_density_function(model: pm.Model) -> Callable[[Array], Array]:
