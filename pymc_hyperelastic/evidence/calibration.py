@@ -154,9 +154,7 @@ def simulation_based_calibration(
     simulated = {v.name: np.asarray(x) for v, x in zip(variables, drawn, strict=True)}
     _check_simulated(model, simulated, names)
 
-    data = {name: simulated[name] for name in observed}
-    posterior = _PosteriorOfSimulation(model, names, data, draws=draws, **kernel_settings)
-    truth = side_by_side([simulated[name] for name in names])
+    compare = _Comparison(model, names, simulated, ranked_draws, draws=draws, **kernel_settings)
 
     def manifest() -> dict[str, Any]:
         arrays = {k: ([f"{k}_{i}" for i in range(v.ndim)], v) for k, v in simulated.items()}
@@ -168,13 +166,12 @@ def simulation_based_calibration(
             "random_seed": seed.entropy,
         }
 
-    remember = remembering(store, manifest)
-    compared = _compared(posterior, truth, ranked_draws, seeds, progressbar, remember)
+    compared = _compared(compare, seeds, progressbar, remembering(store, manifest))
     rank = compared["rank"].values
     bins = _number_of_bins(len(rank), ranked_draws)
     entries = [_entries(model, name, simulated[name].shape[1:]) for name in names]
     calibration = compared.assign(
-        truth=(("simulation", "parameter"), truth[: len(rank)]),
+        truth=(("simulation", "parameter"), compare.truth[: len(rank)]),
         p_value=("parameter", _uniformity(rank, bins, ranked_draws)),
     ).assign_coords(
         simulation=range(len(rank)),
@@ -224,24 +221,31 @@ def _check_simulated(model: pm.Model, simulated: dict[str, Array], parameters: l
             )
 
 
-class _PosteriorOfSimulation:
-    """Draws of the ranked variables given the data of a simulation, by a model compiled once."""
+class _Comparison:
+    """Rank simulated parameters among draws of their posterior, by a model compiled once."""
 
     def __init__(
-        self, model: pm.Model, names: Sequence[str], simulated: dict[str, Array], **settings: Any
+        self,
+        model: pm.Model,
+        names: Sequence[str],
+        simulated: dict[str, Array],
+        ranked_draws: int,
+        **settings: Any,
     ) -> None:
-        self._simulated = simulated
+        self.truth = side_by_side([simulated[name] for name in names])
+        self._simulated, self._ranked_draws = simulated, ranked_draws
         self._data = {
-            name: pytensor.shared(values[0], name=f"{name}_simulated", shape=values.shape[1:])
-            for name, values in simulated.items()
+            v.name: pytensor.shared(simulated[v.name][0], shape=simulated[v.name].shape[1:])
+            for v in model.observed_RVs
         }
         conditioned = pm.observe(model, self._data)
         self._kernel = BatchedSMC(model=conditioned, **settings)
         ranked = conditioned.replace_rvs_by_values([conditioned[name] for name in names])
         self._constrain = BatchedFunction.of_model(conditioned, ranked)
 
-    def __call__(self, simulation: int, rng: np.random.Generator) -> Array:
-        """Sample one posterior: a row for each draw, a column for each entry."""
+    def __call__(self, simulation: int, seed: int) -> xr.Dataset:
+        """Return the rank of the parameters of one simulation, with the mean and sd of draws."""
+        rng = np.random.default_rng(seed)
         for name, shared in self._data.items():
             shared.set_value(self._simulated[name][simulation])
         try:
@@ -249,48 +253,37 @@ class _PosteriorOfSimulation:
             self._kernel.temper(None, rng)
         except ValueError as error:
             raise ValueError(f"simulation {simulation}: {error}") from error
-        posterior = side_by_side(self._constrain(self._kernel.tempered_posterior))
-        if not np.isfinite(posterior).all():
+        draws = side_by_side(self._constrain(self._kernel.tempered_posterior))
+        if not np.isfinite(draws).all():
             raise ValueError(
                 f"simulation {simulation}: the posterior has draws that are not finite, which have "
                 "no rank: choose other variables by var_names"
             )
-        return posterior
-
-
-def _compared(
-    posterior: _PosteriorOfSimulation,
-    truth: Array,
-    ranked_draws: int,
-    seeds: Sequence[int],
-    progressbar: bool,
-    remember: Remember,
-) -> xr.Dataset:
-    """Return the rank of each truth in its posterior, with the posterior's mean and sd."""
-
-    def compare(simulation: int) -> xr.Dataset:
-        rng = np.random.default_rng(seeds[simulation])
-        draws = posterior(simulation, rng)
-        some = rng.permutation(draws)[:ranked_draws]
+        some = rng.permutation(draws)[: self._ranked_draws]
         found = {
-            "rank": _rank(truth[simulation], some, rng),
+            "rank": _rank(self.truth[simulation], some, rng),
             "posterior_mean": draws.mean(axis=0),
             "posterior_sd": draws.std(axis=0, ddof=1),
         }
         return xr.Dataset({name: ("parameter", values) for name, values in found.items()})
 
+
+def _compared(
+    compare: _Comparison, seeds: Sequence[int], progressbar: bool, remember: Remember
+) -> xr.Dataset:
+    """Compare all simulations; after an interrupt return those that are complete."""
     complete: list[xr.Dataset] = []
     with (progress := create_simple_progress(progressbar)):
-        bar = progress.add_task("Calibrating", completed=0, total=len(truth))
+        bar = progress.add_task("Calibrating", completed=0, total=len(seeds))
         try:
-            for i in range(len(truth)):
-                complete.append(remember(f"simulation-{i}", partial(compare, i)))
+            for i, seed in enumerate(seeds):
+                complete.append(remember(f"simulation-{i}", partial(compare, i, seed)))
                 progress.advance(bar)
         except KeyboardInterrupt:
             if not complete:
                 raise
             warnings.warn(
-                f"interrupted: {len(complete)} of {len(truth)} simulations are complete",
+                f"interrupted: {len(complete)} of {len(seeds)} simulations are complete",
                 skip_file_prefixes=(PACKAGE,),
             )
     return xr.concat(complete, "simulation")
