@@ -71,9 +71,8 @@ def simulation_based_calibration(
     draws : int, default 500
         Particles of each fit, one chain of :func:`pymc_hyperelastic.sample_smc`.
     ranked_draws : int, default 99
-        ``L``, the number of them, chosen at random, among which a true value is ranked. Particles
-        may stand at one place in twos or threes; of a fifth of them hardly any do. Draws that equal
-        the true value count as smaller or not at random.
+        ``L``, the number of particles, chosen at random, among which a true value is ranked. Of a
+        fifth of all particles hardly any stand at one place. Ties are broken at random.
     var_names : sequence of str, optional
         Variables that are ranked, deterministics among them; all free variables when missing.
     simulator : pymc.Model, optional
@@ -101,9 +100,9 @@ def simulation_based_calibration(
     TypeError
         If the model or the simulator is no PyMC model, or a number is not a whole one.
     ValueError
-        If the model has no observed variables, or Potentials (nothing can be simulated from them),
-        or discrete free variables; if a variable is unknown, or the simulator lacks it; if
-        simulated data are not finite; or if a posterior cannot be sampled.
+        If the model has no observed variables, or has Potentials or discrete free variables; if a
+        variable is unknown, or the simulator lacks it; if simulated data are not finite; or if a
+        posterior cannot be sampled.
 
     See Also
     --------

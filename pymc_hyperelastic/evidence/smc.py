@@ -47,9 +47,8 @@ def sample_smc(
     chains : int
         Number of independent runs.
     random_seed : int, sequence of int or numpy.random.Generator, optional
-        One seed for the whole; the same seed gives the same result. From a generator one is drawn,
-        so that the next call has another. The result says which it was, in the attribute
-        ``random_seed``.
+        The same seed gives the same result; from a generator one is drawn. The result holds it in
+        the attribute ``random_seed``.
     progressbar : bool
         Whether to show progress. After an interrupt the chains already complete are returned.
     start : sequence of dict, optional
@@ -76,8 +75,7 @@ def sample_smc(
     ------
     TypeError, ValueError
         If there is no model, or it is a part of another one; if it has discrete variables, nothing
-        to temper, or no finite likelihood anywhere, or
-        a setting is impossible.
+        to temper, or no finite likelihood anywhere, or a setting is impossible.
 
     See Also
     --------
