@@ -116,7 +116,7 @@ class BatchedFunction:
     def cost(self) -> int:
         """Return how many numbers are computed for one point: a time that no machine decides.
 
-        Where NumPy does not do the work it is the size of the data.
+        It is the size of the data if another backend does the work.
         """
         if self.function.maker.mode is not IN_NUMPY:
             return self.data_size
@@ -156,7 +156,7 @@ def _of_a_batch(
 
 
 def value_shapes(model: pm.Model) -> dict[str, tuple[int, ...]]:
-    """Return shapes of the value variables by name; those that the types lack are evaluated."""
+    """Return shapes of the value variables by name; evaluate a point if types lack a shape."""
     shapes = {v.name: v.type.shape for v in model.value_vars}
     if any(None in shape for shape in shapes.values()):
         point = model.initial_point(random_seed=0)

@@ -270,7 +270,7 @@ class _Comparison:
 def _compared(
     compare: _Comparison, seeds: Sequence[int], progressbar: bool, remember: Remember
 ) -> xr.Dataset:
-    """Compare all simulations; after an interrupt return those that are complete."""
+    """Compare all simulations; after an interrupt return the complete simulations."""
     complete: list[xr.Dataset] = []
     with (progress := create_simple_progress(progressbar)):
         bar = progress.add_task("Calibrating", completed=0, total=len(seeds))
