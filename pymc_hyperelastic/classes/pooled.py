@@ -445,7 +445,7 @@ class ClassPredictive:
         for chain in effort.chains:
             self._kernel.temper(chain, rng)
             values.append(self._kernel.log_marginal_likelihood)
-            errors.append(np.sqrt(self._kernel.log_evidence_variance))
+            errors.append(np.sqrt(self._kernel.tempering.variance))
         return _prediction(combine_chains(np.array(values), np.array(errors)), "tempering", np.nan)
 
 

@@ -15,7 +15,6 @@ from pymc.distributions.distribution import SymbolicRandomVariable
 from pymc.initial_point import make_initial_point_expression
 from pymc.logprob.transforms import SimplexTransform
 from pymc.logprob.utils import local_check_parameter_to_ninf_switch
-from pymc.pytensorf import compile as compile_pymc
 from pymc.pytensorf import join_nonshared_inputs
 from pytensor.compile.sharedvalue import SharedVariable
 from pytensor.graph.basic import Apply, Variable
@@ -80,30 +79,19 @@ class BatchedFunction:
             )
         compile_kwargs = {"mode": IN_NUMPY} | (compile_kwargs or {})
         shapes, values = value_shapes(model), model.value_vars
-        shared = _shared_inputs(outputs)
-        expressions = FrozenFunctionGraph.from_io([*values, *shared], outputs)
         constants = (v for v in ancestors(outputs) if isinstance(v, TensorConstant))
         largest = max((np.size(v.data) for v in constants), default=0)
-        key = expressions, *shapes.values(), str(compile_kwargs)
 
-        def make() -> Any:
+        def batch() -> tuple[list[TensorVariable], list[Variable]]:
             # Joining all variables takes as long as the comparison of expressions.
             point = {name: np.zeros(shape) for name, shape in shapes.items()}
-            of_joined, joined = join_nonshared_inputs(point, outputs, values)
-            inputs = {v: v.type() for v in shared}
-            batch, of_batch = _of_a_batch(joined, of_joined)
-            function = pytensor.function(
-                [batch, *inputs.values()],
-                clone_replace(of_batch, inputs),
-                on_unused_input="ignore",
-                **compile_kwargs,
-            )
-            # NumPy accepts any array, and checks take longer than operations on small arrays.
-            function.trust_input = compile_kwargs["mode"] is IN_NUMPY
-            return function
+            return _of_a_batch(*join_nonshared_inputs(point, outputs, values))
 
-        size = sum(map(prod, shapes.values()))
-        return cls(_compile_once(key, make), shared, size, largest)
+        key = *shapes.values(), str(compile_kwargs)
+        function, shared = _compile(values, outputs, batch, key, **compile_kwargs)
+        # NumPy accepts any array, and checks take longer than operations on small arrays.
+        function.trust_input = compile_kwargs["mode"] is IN_NUMPY
+        return cls(function, shared, sum(map(prod, shapes.values())), largest)
 
     def __call__(self, particles: Array) -> list[Array]:
         """Return every output at every particle, the particles along the first axis."""
@@ -128,7 +116,7 @@ class BatchedFunction:
     def cost(self) -> int:
         """Return how many numbers are computed for one point: a time that no machine decides.
 
-        Where NumPy does not do the work it is the size of the data.
+        It is the size of the data if another backend does the work.
         """
         if self.function.maker.mode is not IN_NUMPY:
             return self.data_size
@@ -152,8 +140,8 @@ class BatchedFunction:
 
 
 def _of_a_batch(
-    point: TensorVariable, outputs: Sequence[Variable]
-) -> tuple[TensorVariable, list[Variable]]:
+    outputs: Sequence[Variable], point: TensorVariable
+) -> tuple[list[TensorVariable], list[Variable]]:
     """Replace one point by a batch of points, and return the batch and its outputs."""
     # A particle with impossible parameters is impossible by itself. PyMC's checks, once vectorised,
     # would refuse all particles.
@@ -162,13 +150,13 @@ def _of_a_batch(
     batch = pt.matrix("particles", dtype=point.dtype)
     outputs = vectorize_graph(list(graph.outputs), {point: batch})
     # An output that no variable enters is one number for all particles.
-    return batch, [
+    return [batch], [
         out if out.type.ndim else pt.broadcast_to(out, (batch.shape[0],)) for out in outputs
     ]
 
 
 def value_shapes(model: pm.Model) -> dict[str, tuple[int, ...]]:
-    """Return shapes of the value variables by name; those that the types lack are evaluated."""
+    """Return shapes of the value variables by name; evaluate a point if types lack a shape."""
     shapes = {v.name: v.type.shape for v in model.value_vars}
     if any(None in shape for shape in shapes.values()):
         point = model.initial_point(random_seed=0)
@@ -206,36 +194,30 @@ def prior_sampler(model: pm.Model) -> Callable[[int, np.random.Generator], dict[
         return_transformed=True,
     )
     names = [model.rvs_to_values[rv].name for rv in model.free_RVs]
-    nodes = [v.owner for v in ancestors(expressions) if is_random(v)]
-    at_once = all(map(_draws_batches, nodes))
-    shared = _shared_inputs(expressions)
-    key = FrozenFunctionGraph.from_io(shared, expressions), "prior"
+    at_once = all(_draws_batches(v.owner) for v in ancestors(expressions) if is_random(v))
 
-    def make() -> Any:
+    def batch() -> tuple[list[TensorVariable], list[Variable]]:
         count = pt.lscalar("count")
         outputs = _of_size(expressions, count) if at_once else expressions
-        inputs = {v: v.type() for v in shared}
-        outputs = clone_replace(outputs, inputs)
         # PyTensor locks constants of which it asks this. A view that was taken before seems to be
         # open, and SciPy fails to open it.
         for variable in ancestors(outputs):
             if isinstance(variable, TensorConstant):
                 variable.unique_value
-        return compile_pymc(
-            [count, *inputs.values()], outputs, mode=IN_NUMPY, on_unused_input="ignore"
-        )
+        return [count], outputs
 
-    function = _compile_once(key, make)
+    function, shared = _compile([], expressions, batch, ("prior",), mode=IN_NUMPY)
+
+    def draw(count: int, rng: np.random.Generator) -> list[Array]:
+        return function(count, *(_fresh_value(v, rng) for v in shared))
 
     def sample(count: int, rng: np.random.Generator) -> dict[str, Array]:
-        def draw(size: int) -> list[Array]:
-            return function(size, *(_fresh_value(v, rng) for v in shared))
-
         if at_once:
-            values = draw(count)
+            values = draw(count, rng)
         else:
             # A distribution that is made of others cannot always be drawn as a batch.
-            values = [np.stack(v) for v in zip(*(draw(1) for _ in range(count)), strict=True)]
+            each = [draw(1, rng) for _ in range(count)]
+            values = [np.stack(v) for v in zip(*each, strict=True)]
         return dict(zip(names, values, strict=True))
 
     return sample
@@ -251,31 +233,38 @@ def unconstrain(model: pm.Model, values: Sequence[Array]) -> list[Array]:
         outputs.append(transform.forward(rv, *rv.owner.inputs) if transform else rv)
     # Draws come in single precision too.
     draws = {rv: pt.tensor(dtype="float64", shape=(None, *rv.type.shape)) for rv in model.free_RVs}
-    outputs = vectorize_graph(outputs, draws)
-    shared = _shared_inputs(outputs)
-    key = FrozenFunctionGraph.from_io([*draws.values(), *shared], outputs), "unconstrain"
-
-    def make() -> Any:
-        inputs = {v: v.type() for v in shared}
-        return pytensor.function(
-            [*draws.values(), *inputs.values()],
-            clone_replace(outputs, inputs),
-            mode=IN_NUMPY,
-            on_unused_input="ignore",
-        )
-
+    inputs, outputs = [*draws.values()], vectorize_graph(outputs, draws)
+    function, shared = _compile(inputs, outputs, lambda: (inputs, outputs), mode=IN_NUMPY)
     numbers = *(np.asarray(v, float) for v in values), *(v.get_value(borrow=True) for v in shared)
     with np.errstate(all="ignore"):
-        return _compile_once(key, make)(*numbers)
+        return function(*numbers)
 
 
-def _compile_once(key: tuple, make: Callable[[], Any]) -> Any:
-    """Return the compiled function of a key, from :data:`_compiled` if it is there."""
+def _compile(
+    inputs: Sequence[Variable],
+    outputs: Sequence[Variable],
+    batch: Callable[[], tuple[Sequence[Variable], Sequence[Variable]]],
+    key: tuple = (),
+    **options: Any,
+) -> tuple[Any, tuple[SharedVariable, ...]]:
+    """Compile what `batch` makes of expressions, unless it was done before.
+
+    The shared variables, which are returned too, become further inputs.
+    """
+    shared = tuple(v for v in graph_inputs(outputs) if isinstance(v, SharedVariable))
+    key = FrozenFunctionGraph.from_io([*inputs, *shared], outputs), *key
     if key not in _compiled:
         if len(_compiled) >= _MOST_COMPILED:
             del _compiled[next(iter(_compiled))]
-        _compiled[key] = make()
-    return _compiled[key]
+        inputs, outputs = batch()
+        values = {v: v.type() for v in shared}
+        _compiled[key] = pytensor.function(
+            [*inputs, *values.values()],
+            clone_replace(outputs, values),
+            on_unused_input="ignore",
+            **options,
+        )
+    return _compiled[key], shared
 
 
 def _fresh_value(variable: SharedVariable, rng: np.random.Generator) -> Any:
@@ -283,10 +272,6 @@ def _fresh_value(variable: SharedVariable, rng: np.random.Generator) -> Any:
     if isinstance(variable.type, RandomType):
         return np.random.default_rng(rng.integers(2**63))
     return variable.get_value(borrow=True)
-
-
-def _shared_inputs(outputs: Sequence[Variable]) -> tuple[SharedVariable, ...]:
-    return tuple(v for v in graph_inputs(outputs) if isinstance(v, SharedVariable))
 
 
 def _of_size(expressions: Sequence[Variable], draws: TensorVariable) -> list[Variable]:

@@ -4,7 +4,7 @@ import json
 import warnings
 from collections.abc import Sequence
 from functools import partial
-from itertools import chain, product
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,10 @@ import numpy as np
 import pymc as pm
 import pytensor
 import xarray as xr
+from arviz_base import dict_to_dataset, xarray_sel_iter
+from arviz_base.labels import BaseLabeller
 from numpy.typing import NDArray
+from pymc.backends.arviz import coords_and_dims_for_inferencedata
 from pymc.progress_bar import create_simple_progress
 from scipy.stats import chisquare
 
@@ -68,9 +71,8 @@ def simulation_based_calibration(
     draws : int, default 500
         Particles of each fit, one chain of :func:`pymc_hyperelastic.sample_smc`.
     ranked_draws : int, default 99
-        ``L``, the number of them, chosen at random, among which a true value is ranked. Particles
-        may stand at one place in twos or threes; of a fifth of them hardly any do. Draws that equal
-        the true value count as smaller or not at random.
+        ``L``, the number of particles, chosen at random, among which a true value is ranked. Of a
+        fifth of all particles hardly any stand at one place. Ties are broken at random.
     var_names : sequence of str, optional
         Variables that are ranked, deterministics among them; all free variables when missing.
     simulator : pymc.Model, optional
@@ -98,9 +100,9 @@ def simulation_based_calibration(
     TypeError
         If the model or the simulator is no PyMC model, or a number is not a whole one.
     ValueError
-        If the model has no observed variables, or Potentials (nothing can be simulated from them),
-        or discrete free variables; if a variable is unknown, or the simulator lacks it; if
-        simulated data are not finite; or if a posterior cannot be sampled.
+        If the model has no observed variables, or has Potentials or discrete free variables; if a
+        variable is unknown, or the simulator lacks it; if simulated data are not finite; or if a
+        posterior cannot be sampled.
 
     See Also
     --------
@@ -142,15 +144,16 @@ def simulation_based_calibration(
     names = _ranked_variables(model, var_names)
     observed = [v.name for v in model.observed_RVs]
     if simulator is not None:
-        _check_simulator(simulator, [*names, *observed])
+        _check_simulates("simulator", simulator, [*names, *observed])
     numbers, seed = {"draws": draws, "ranked_draws": ranked_draws}, seed_kept(random_seed, store)
     seeds = seed.generate_state(1 + simulations).tolist()
-    simulated = _simulate(simulator or model, [*names, *observed], simulations, seeds.pop())
+    variables = [(simulator or model)[name] for name in (*names, *observed)]
+    # Drawn a few hundred times, in all: not worth the time that other modes take to compile.
+    drawn = pm.draw(variables, simulations, random_seed=seeds.pop(), mode="FAST_COMPILE")
+    simulated = {v.name: np.asarray(x) for v, x in zip(variables, drawn, strict=True)}
     _check_simulated(model, simulated, names)
 
-    data = {name: simulated[name] for name in observed}
-    posterior = _PosteriorOfSimulation(model, names, data, draws=draws, **kernel_settings)
-    truth = side_by_side([simulated[name] for name in names])
+    compare = _Comparison(model, names, simulated, ranked_draws, draws=draws, **kernel_settings)
 
     def manifest() -> dict[str, Any]:
         arrays = {k: ([f"{k}_{i}" for i in range(v.ndim)], v) for k, v in simulated.items()}
@@ -162,13 +165,12 @@ def simulation_based_calibration(
             "random_seed": seed.entropy,
         }
 
-    remember = remembering(store, manifest)
-    compared = _compared(posterior, truth, ranked_draws, seeds, progressbar, remember)
+    compared = _compared(compare, seeds, progressbar, remembering(store, manifest))
     rank = compared["rank"].values
     bins = _number_of_bins(len(rank), ranked_draws)
     entries = [_entries(model, name, simulated[name].shape[1:]) for name in names]
     calibration = compared.assign(
-        truth=(("simulation", "parameter"), truth[: len(rank)]),
+        truth=(("simulation", "parameter"), compare.truth[: len(rank)]),
         p_value=("parameter", _uniformity(rank, bins, ranked_draws)),
     ).assign_coords(
         simulation=range(len(rank)),
@@ -178,8 +180,8 @@ def simulation_based_calibration(
     return calibration.assign_attrs(numbers, bins=bins, random_seed=json.dumps(seed.entropy))
 
 
-def _check_simulates(what: str, model: Any) -> None:
-    """Raise unless data can be drawn from the model."""
+def _check_simulates(what: str, model: Any, names: Sequence[str] = ()) -> None:
+    """Raise unless data can be drawn from the model, and it has these variables."""
     if not isinstance(model, pm.Model):
         raise TypeError(f"the {what} must be a pm.Model, not {type(model).__name__}")
     if model.potentials:
@@ -190,14 +192,8 @@ def _check_simulates(what: str, model: Any) -> None:
         )
     if not model.observed_RVs:
         raise ValueError(f"the {what} has no observed variables: there are no data to simulate")
-
-
-def _check_simulator(simulator: Any, names: Sequence[str]) -> None:
-    """Raise unless the simulator has these variables of the model."""
-    _check_simulates("simulator", simulator)
-    lacking = [name for name in names if name not in simulator.named_vars]
-    if lacking:
-        raise ValueError(f"the simulator has no variables {lacking}, which the model has")
+    if lacking := [name for name in names if name not in model.named_vars]:
+        raise ValueError(f"the {what} has no variables {lacking}, which the model has")
 
 
 def _ranked_variables(model: pm.Model, var_names: Sequence[str] | None) -> list[str]:
@@ -207,16 +203,6 @@ def _ranked_variables(model: pm.Model, var_names: Sequence[str] | None) -> list[
     if not var_names:
         raise ValueError("var_names is empty: name at least one variable that is ranked")
     return list(dict.fromkeys(var_names))
-
-
-def _simulate(
-    model: pm.Model, names: Sequence[str], simulations: int, random_seed: int
-) -> dict[str, Array]:
-    """Joint draws of the variables from the model's prior, simulations along the first axis."""
-    variables = [model[name] for name in names]
-    # Drawn a few hundred times, in all: not worth the time that other modes take to compile.
-    drawn = pm.draw(variables, simulations, random_seed=random_seed, mode="FAST_COMPILE")
-    return {name: np.asarray(v) for name, v in zip(names, drawn, strict=True)}
 
 
 def _check_simulated(model: pm.Model, simulated: dict[str, Array], parameters: list[str]) -> None:
@@ -234,24 +220,31 @@ def _check_simulated(model: pm.Model, simulated: dict[str, Array], parameters: l
             )
 
 
-class _PosteriorOfSimulation:
-    """Draws of the ranked variables given the data of a simulation, by a model compiled once."""
+class _Comparison:
+    """Rank simulated parameters among draws of their posterior, by a model compiled once."""
 
     def __init__(
-        self, model: pm.Model, names: Sequence[str], simulated: dict[str, Array], **settings: Any
+        self,
+        model: pm.Model,
+        names: Sequence[str],
+        simulated: dict[str, Array],
+        ranked_draws: int,
+        **settings: Any,
     ) -> None:
-        self._simulated = simulated
+        self.truth = side_by_side([simulated[name] for name in names])
+        self._simulated, self._ranked_draws = simulated, ranked_draws
         self._data = {
-            name: pytensor.shared(values[0], name=f"{name}_simulated", shape=values.shape[1:])
-            for name, values in simulated.items()
+            v.name: pytensor.shared(simulated[v.name][0], shape=simulated[v.name].shape[1:])
+            for v in model.observed_RVs
         }
         conditioned = pm.observe(model, self._data)
         self._kernel = BatchedSMC(model=conditioned, **settings)
         ranked = conditioned.replace_rvs_by_values([conditioned[name] for name in names])
         self._constrain = BatchedFunction.of_model(conditioned, ranked)
 
-    def __call__(self, simulation: int, rng: np.random.Generator) -> Array:
-        """Sample one posterior: a row for each draw, a column for each entry."""
+    def __call__(self, simulation: int, seed: int) -> xr.Dataset:
+        """Return the rank of the parameters of one simulation, with the mean and sd of draws."""
+        rng = np.random.default_rng(seed)
         for name, shared in self._data.items():
             shared.set_value(self._simulated[name][simulation])
         try:
@@ -259,49 +252,37 @@ class _PosteriorOfSimulation:
             self._kernel.temper(None, rng)
         except ValueError as error:
             raise ValueError(f"simulation {simulation}: {error}") from error
-        posterior = side_by_side(self._constrain(self._kernel.tempered_posterior))
-        if not np.isfinite(posterior).all():
+        draws = side_by_side(self._constrain(self._kernel.tempered_posterior))
+        if not np.isfinite(draws).all():
             raise ValueError(
                 f"simulation {simulation}: the posterior has draws that are not finite, which have "
                 "no rank: choose other variables by var_names"
             )
-        return posterior
-
-
-def _compared(
-    posterior: _PosteriorOfSimulation,
-    truth: Array,
-    ranked_draws: int,
-    seeds: Sequence[int],
-    progressbar: bool,
-    remember: Remember,
-) -> xr.Dataset:
-    """Return the rank of each truth in its posterior, with the posterior's mean and sd."""
-
-    def compare(simulation: int) -> xr.Dataset:
-        rng = np.random.default_rng(seeds[simulation])
-        draws = posterior(simulation, rng)
-        some = rng.permutation(draws)[:ranked_draws]
+        some = rng.permutation(draws)[: self._ranked_draws]
         found = {
-            "rank": _rank(truth[simulation], some, rng),
+            "rank": _rank(self.truth[simulation], some, rng),
             "posterior_mean": draws.mean(axis=0),
             "posterior_sd": draws.std(axis=0, ddof=1),
         }
         return xr.Dataset({name: ("parameter", values) for name, values in found.items()})
 
+
+def _compared(
+    compare: _Comparison, seeds: Sequence[int], progressbar: bool, remember: Remember
+) -> xr.Dataset:
+    """Compare all simulations; after an interrupt return the complete simulations."""
     complete: list[xr.Dataset] = []
-    progress = create_simple_progress(progressbar)
-    with progress:
-        bar = progress.add_task("Calibrating", completed=0, total=len(truth))
+    with (progress := create_simple_progress(progressbar)):
+        bar = progress.add_task("Calibrating", completed=0, total=len(seeds))
         try:
-            for i in range(len(truth)):
-                complete.append(remember(f"simulation-{i}", partial(compare, i)))
+            for i, seed in enumerate(seeds):
+                complete.append(remember(f"simulation-{i}", partial(compare, i, seed)))
                 progress.advance(bar)
         except KeyboardInterrupt:
             if not complete:
                 raise
             warnings.warn(
-                f"interrupted: {len(complete)} of {len(truth)} simulations are complete",
+                f"interrupted: {len(complete)} of {len(seeds)} simulations are complete",
                 skip_file_prefixes=(PACKAGE,),
             )
     return xr.concat(complete, "simulation")
@@ -323,15 +304,13 @@ def _uniformity(rank: NDArray[np.int64], bins: int, ranked_draws: int) -> Array:
     """P-value of the chi-square test of each column of ranks."""
     if bins == 1:
         return np.full(rank.shape[1], np.nan)
-    width = (ranked_draws + 1) // bins
-    counts = [np.bincount(column // width, minlength=bins) for column in rank.T]
-    return np.array([chisquare(count).pvalue for count in counts])
+    in_bin = rank // ((ranked_draws + 1) // bins) == np.arange(bins)[:, None, None]
+    return chisquare(in_bin.sum(axis=1)).pvalue
 
 
 def _entries(model: pm.Model, name: str, shape: tuple[int, ...]) -> list[str]:
-    """Label of each entry of a variable."""
-    if not shape:
-        return [name]
-    dims = model.named_vars_to_dims.get(name) or [None] * len(shape)
-    levels = [model.coords.get(dim) or range(n) for dim, n in zip(dims, shape, strict=True)]
-    return [f"{name}[{', '.join(map(str, index))}]" for index in product(*levels)]
+    """Label of each entry of a variable, as in ArviZ's tables."""
+    coords, dims = coords_and_dims_for_inferencedata(model)
+    data = dict_to_dataset({name: np.empty(shape)}, coords=coords, dims=dims, sample_dims=[])
+    label = BaseLabeller().make_label_flat
+    return [label(*entry) for entry in xarray_sel_iter(data)]

@@ -101,15 +101,8 @@ def _elementwise_by_numpy(fgraph: FunctionGraph, node: Apply) -> list[Variable] 
 
 
 def _fold(function: Callable[..., Any], *values: Any) -> Any:
-    """Small arrays come first, and results take no new memory, which costs more than a product."""
-
-    def fold(total: Any, value: Any) -> Any:
-        fits = isinstance(total, np.ndarray) and total.shape == np.shape(value)
-        fits = fits and total.dtype == value.dtype
-        return function(total, value, out=total if fits else None)
-
-    first, second, *others = sorted(values, key=np.size)
-    return reduce(fold, others, function(first, second))
+    """Small arrays come first."""
+    return reduce(function, sorted(values, key=np.size))
 
 
 @node_rewriter([Blockwise])

@@ -35,11 +35,10 @@ class BatchedSMC(SMC_KERNEL):
     where ``β`` grows from 0 to 1. After each step of ``β`` they are resampled, and move until they
     have forgotten where they were; all places on their way count at the next stage [1]_.
 
-    The reference is found from both ends [2]_: from particles that are tempered from the prior, and
-    from modes, which optimisation finds. It is a mixture with a share of the prior, and often so
-    near the posterior that one stage is enough. Moves are independent draws of a mixture with heavy
-    tails, in turn with local ones: Hamiltonian Monte Carlo with the covariance of the component at
-    hand, or random walks where there are few unknowns or no gradients.
+    The reference is a mixture with a share of the prior, found from both ends [2]_: from particles
+    tempered from the prior, and from modes. Moves are independent draws of a mixture with heavy
+    tails, in turn with Hamiltonian Monte Carlo, or with random walks where there are few unknowns
+    or no gradients.
 
     Use it in ``pm.sample_smc(kernel=...)``, or through :func:`sample_smc`.
 
@@ -55,8 +54,7 @@ class BatchedSMC(SMC_KERNEL):
         Seed of the particles.
     threshold : float
         Fraction of the effective sample size to be kept at each stage. After ``m`` moves at the
-        stage before, ``m/(m + 5)`` is kept if that is more: where particles move with difficulty,
-        smaller steps pay.
+        stage before, ``m/(m + 5)`` is kept if that is more.
     compile_kwargs : dict, optional
         Options of ``pytensor.function``. By default particles are scored by NumPy, which compiles
         in a second; ``{"mode": "NUMBA"}`` takes a minute and scores faster.
@@ -142,8 +140,7 @@ class BatchedSMC(SMC_KERNEL):
         forget: float = FORGET,
         max_moves: int = MAX_MOVES,
     ) -> None:
-        # The base class would compile functions that score one particle; everything that it sets is
-        # set here instead.
+        # The base class, which is not called, would compile functions that score one particle.
         check_fraction("forget", forget)
         check_fraction("threshold", threshold)
         check_count("max_moves", max_moves, 1)
@@ -151,18 +148,17 @@ class BatchedSMC(SMC_KERNEL):
         self.variables = model.value_vars
         self.target = Target(model, tempered, compile_kwargs)
         self.var_info, self.dimension = self.target.var_info, self.target.dimension
-        if from_modes and (start is not None or tempered is not None):
-            raise ValueError("from_modes is for particles that start from the prior, all tempered")
         alone = start is not None or tempered is not None
+        if from_modes and alone:
+            raise ValueError("from_modes is for particles that start from the prior, all tempered")
         self.from_modes = not alone if from_modes is None else from_modes
         if self.from_modes:
             self._check_size()
-        self.draws = draws
         # With fewer particles they have no covariance.
         check_count("draws", draws, self.dimension + 2)
-        self.start = start
-        settings = {"threshold": threshold, "forget": forget, "max_moves": max_moves}
-        self.settings: dict[str, Any] = settings
+        self.draws, self.start = draws, start
+        self.settings: dict[str, Any]
+        self.settings = {"threshold": threshold, "forget": forget, "max_moves": max_moves}
         self.rng = np.random.default_rng(random_seed)
         self.search = None
         self._reset_state()
@@ -223,17 +219,10 @@ class BatchedSMC(SMC_KERNEL):
         else:
             particles = self.target.draw_prior(self.draws, self.rng)
         self.draws = len(particles)
-        self.tempering = TemperedSMC(
-            GeometricPath(self.target, reference),
-            particles,
-            self.rng,
-            most_capped=MOST_CAPPED,
-            **self.settings,
-        )
-        path, self._nan_before = self.tempering.path, 0
-        check_possible(
-            self.tempering.possible, path.nan_count, f"the {self.draws} initial particles"
-        )
+        path, settings = GeometricPath(self.target, reference), self.settings
+        self.tempering = TemperedSMC(path, particles, self.rng, most_capped=MOST_CAPPED, **settings)
+        self._nan_before, nan_count = 0, self.tempering.path.nan_count
+        check_possible(self.tempering.possible, nan_count, f"the {self.draws} initial particles")
         self._read()
 
     def update_beta_and_weights(self) -> None:
@@ -260,7 +249,6 @@ class BatchedSMC(SMC_KERNEL):
         """Set the attributes of a kernel that PyMC reads."""
         self.beta = self.tempering.beta
         self.log_marginal_likelihood = self.tempering.log_evidence
-        self.log_evidence_variance = self.tempering.variance
         self.tempered_posterior = self.tempering.particles
 
     def sample_stats(self) -> dict[str, float]:

@@ -32,6 +32,7 @@ from importlib.metadata import version
 from typing import Any, Protocol
 
 import numpy as np
+import pandas as pd
 import pymc as pm
 import xarray as xr
 from arviz_base import dict_to_dataset
@@ -110,20 +111,18 @@ def sampling_tree(
     :func:`attach_study`, are added.
     """
     coords, dims = coords_and_dims_for_inferencedata(model)
-    most = max(map(len, stats))
-    names = stats[0][0]
-    absent = dict.fromkeys(names, np.nan)
-    stages = [[*of_chain, *[absent] * (most - len(of_chain))] for of_chain in stats]
-    padded = {n: np.array([[stage[n] for stage in row] for row in stages], float) for n in names}
-    last = {name: np.array([of_chain[-1][name] for of_chain in stats]) for name in names}
+    stages = range(max(map(len, stats)))
+    tables = [pd.DataFrame(of_chain, dtype=float) for of_chain in stats]
+    padded = {n: np.stack([table.reindex(stages)[n] for table in tables]) for n in tables[0]}
+    last = {n: np.array([table[n].iloc[-1] for table in tables]) for n in tables[0]}
     evidence = {
         "log_evidence": last["log_marginal_likelihood"],
         "log_evidence_se": np.sqrt(last["log_evidence_variance"]),
     }
-    if "capped" in names:
+    if "capped" in last:
         evidence["stages_capped"] = np.nanmean(padded["capped"], axis=1)
         evidence["ancestor_fraction"] = last["ancestors"] / settings["_n_draws"]
-    if "pareto_k" in names:
+    if "pareto_k" in last:
         evidence["pareto_k"] = last["pareto_k"]
     found = (xr.Dataset() if found is None else found).merge(mass_at_limits(model, unconstrained))
     study = study_of(model)

@@ -47,9 +47,8 @@ def sample_smc(
     chains : int
         Number of independent runs.
     random_seed : int, sequence of int or numpy.random.Generator, optional
-        One seed for the whole; the same seed gives the same result. From a generator one is drawn,
-        so that the next call has another. The result says which it was, in the attribute
-        ``random_seed``.
+        The same seed gives the same result; from a generator one is drawn. The result holds it in
+        the attribute ``random_seed``.
     progressbar : bool
         Whether to show progress. After an interrupt the chains already complete are returned.
     start : sequence of dict, optional
@@ -76,8 +75,7 @@ def sample_smc(
     ------
     TypeError, ValueError
         If there is no model, or it is a part of another one; if it has discrete variables, nothing
-        to temper, or no finite likelihood anywhere, or
-        a setting is impossible.
+        to temper, or no finite likelihood anywhere, or a setting is impossible.
 
     See Also
     --------
@@ -126,7 +124,8 @@ def run_smc(
     check_count("chains", chains, 1)
     if start is not None and len(start) != chains:
         raise ValueError(f"start holds {len(start)} dict(s) of particles for {chains} chains")
-    variables = _variables_to_keep(model, var_names)
+    check_names(var_names, [v.name for v in model.unobserved_RVs])
+    variables = [v for v in model.unobserved_RVs if var_names is None or v.name in var_names]
     # Chosen here if it was not given, so that every result can be had again.
     random_seed = seed_sequence(random_seed).entropy
     first = start[0] if start else None
@@ -184,11 +183,6 @@ def seed_of(seed: np.random.SeedSequence, label: str) -> np.random.SeedSequence:
     return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, *words.tolist()))
 
 
-def _variables_to_keep(model: pm.Model, var_names: Sequence[str] | None) -> list[TensorVariable]:
-    check_names(var_names, [v.name for v in model.unobserved_RVs])
-    return [v for v in model.unobserved_RVs if var_names is None or v.name in var_names]
-
-
 @without_traces
 def particles_to_tree(
     kernel: BatchedSMC,
@@ -202,8 +196,7 @@ def particles_to_tree(
     constrain = BatchedFunction.of_model(model, model.replace_rvs_by_values(variables))
     chains = [constrain(population) for population in populations]
     posterior = {v.name: np.stack([chain[i] for chain in chains]) for i, v in enumerate(variables)}
-    particles = np.stack(populations)
-    unconstrained = kernel.target.by_name(particles)
+    unconstrained = kernel.target.by_name(np.stack(populations))
     found = kernel.search.evidence if kernel.search else xr.Dataset()
     if study := study_of(model):
         found = found.merge(study.diagnostics(model, posterior, np.concatenate(populations)))

@@ -88,12 +88,10 @@ def _evidence_of_pymc(tree: xr.DataTree, stats: xr.Dataset) -> xr.Dataset:
     def last(name: str) -> Array:
         return np.array([stages[~np.isnan(stages)][-1] for stages in of_chains(name)])
 
-    capped = of_chains("capped")
-    return xr.Dataset(
-        {
-            "log_evidence": ("chain", last("log_marginal_likelihood")),
-            "log_evidence_se": ("chain", np.sqrt(last("log_evidence_variance"))),
-            "ancestor_fraction": ("chain", last("ancestors") / read_number(stats, "_n_draws")),
-            "stages_capped": ("chain", np.array([np.nanmean(stages) for stages in capped])),
-        }
-    )
+    found = {
+        "log_evidence": last("log_marginal_likelihood"),
+        "log_evidence_se": np.sqrt(last("log_evidence_variance")),
+        "ancestor_fraction": last("ancestors") / read_number(stats, "_n_draws"),
+        "stages_capped": np.array([np.nanmean(stages) for stages in of_chains("capped")]),
+    }
+    return xr.Dataset({name: ("chain", values) for name, values in found.items()})

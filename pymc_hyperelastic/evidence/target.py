@@ -281,8 +281,7 @@ def finite_differences(
 
     The stencil, (n, d + 1, d), holds each point and its neighbours, `step` widths away. The
     function takes values whose first two axes are those of the stencil, and returns derivatives
-    along the second axis. At a mode of the given width a derivative is wrong by half a step, in
-    nats for one width.
+    along the second axis.
     """
     steps = np.broadcast_to(step * width, points.shape)
     beside = steps[:, None] * np.eye(points.shape[1])

@@ -42,10 +42,8 @@ def unconstrained_draws(model: pm.Model, tree: xr.DataTree) -> tuple[Array, list
         for rv, value in zip(model.free_RVs, values, strict=True):
             _check_draws(rv.name, value, shapes[model.rvs_to_values[rv].name], _AT_A_BOUND)
     values = [value.reshape(*size, -1).astype(float) for value in values]
-    columns = dict(zip(model.free_RVs, values, strict=True))
-    rvs = [model.values_to_rvs[v] for v in model.value_vars]
-    names = [rv.name for rv in rvs for _ in range(columns[rv].shape[2])]
-    return np.concatenate([columns[rv] for rv in rvs], axis=2), names
+    names = np.repeat([rv.name for rv in model.free_RVs], [v.shape[2] for v in values])
+    return np.concatenate(values, axis=2), names.tolist()
 
 
 def log_density_function(model: pm.Model) -> Callable[[Array], Array]:
