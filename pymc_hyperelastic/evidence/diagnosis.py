@@ -5,7 +5,6 @@ from collections.abc import Iterable
 
 import numpy as np
 import xarray as xr
-from scipy.stats import chi2
 
 from pymc_hyperelastic.evidence.convergence import (
     DIGITS,
@@ -13,7 +12,7 @@ from pymc_hyperelastic.evidence.convergence import (
     LARGEST_RHAT,
     largest_rhat,
 )
-from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
+from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains, largest_spread
 from pymc_hyperelastic.evidence.importance import LARGEST_RELIABLE_K
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.stored_evidence import evidence_of, stored_diagnosis
@@ -32,8 +31,6 @@ from pymc_hyperelastic.parallel import one_thread
 
 # Nats by which two evidences may differ whatever their errors.
 _NATS = 0.3
-# Chains whose spread chance explains less often than this are apart.
-_CHANCE = 1e-3
 # R-hat from which chains have certainly not met the same posterior: chosen by experiment.
 _APART_RHAT = 1.2
 # Fraction of the first particles with descendants below which a chain is doubtful.
@@ -293,8 +290,7 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[C
     if len(values) == 1:
         return []
     spread = float(np.std(values, ddof=1))
-    explained = chi2.isf(_CHANCE, len(values) - 1) / (len(values) - 1)
-    limit = float(np.sqrt(np.mean(errors**2) * explained))
+    limit = largest_spread(errors)
     words = f"chains are {np.ptp(values):.2f} nats apart, more than their errors explain"
     checks = [check_small("chains", spread, limit, max(limit, _NATS), words)]
     group = "unconstrained_posterior"

@@ -8,18 +8,14 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, log_sum_exp
 
-# Spread of the lengths of random steps, as the sd of their logarithm: a length that suits the bulk
-# is too long in the neck of a funnel. Chosen by experiment.
-_WALK_SPREAD = 1.5
-# The same for Hamiltonian steps.
-_HAMILTONIAN_SPREAD = 1.0
+# Spread of the lengths of steps, as the sd of their logarithm: a length that suits the bulk is too
+# long in the neck of a funnel. Chosen by experiment.
+_SPREAD = 1.0
 # Acceptance rate to which the length of random steps is adapted: between the optimal 0.23 in many
 # dimensions and 0.44 in one (Roberts and Rosenthal 2001).
 _WALK_RATE = 0.3
 # Acceptance rate to which the length of Hamiltonian steps is adapted (Beskos et al. 2013).
 _HAMILTONIAN_RATE = 0.65
-# Optimal length of random steps times the square root of the dimension (Roberts et al. 1997).
-_WALK_LENGTH = 2.38
 # Largest number of leapfrog steps of one move.
 _MOST_LEAPFROG_STEPS = 10
 
@@ -65,7 +61,7 @@ class RandomWalkMove:
     """Random steps with the covariance of the component that a particle is drawn to belong to."""
 
     def __init__(self, dimension: int) -> None:
-        self._length = _WALK_LENGTH / np.sqrt(dimension)
+        self._length = 1 / np.sqrt(dimension)
 
     def propose(
         self, points: Array, terms: Array, mixture: GaussianMixture, rng: np.random.Generator
@@ -73,7 +69,7 @@ class RandomWalkMove:
         """Propose a new place for each point."""
         component, here = _draw_components(terms, rng)
         steps = mixture.draw_steps(component, rng)
-        lengths = self._length * rng.lognormal(0.0, _WALK_SPREAD, (len(points), 1))
+        lengths = self._length * rng.lognormal(0.0, _SPREAD, (len(points), 1))
         return _proposed(points + lengths * steps, component, here, mixture)
 
     def adapt(self, rate: float) -> None:
@@ -96,7 +92,7 @@ class HamiltonianMove:
     ) -> Proposed:
         """Propose a new place for each point, by leapfrog steps."""
         component, here = _draw_components(terms, rng)
-        lengths = self._length * rng.lognormal(0.0, _HAMILTONIAN_SPREAD, (len(points), 1))
+        lengths = self._length * rng.lognormal(0.0, _SPREAD, (len(points), 1))
         momentum = rng.standard_normal(points.shape)
         energy = (momentum**2).sum(axis=1) / 2
         place, step = points, mixture.steps

@@ -8,14 +8,10 @@ from pymc_hyperelastic.evidence.importance import Integral
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.path import GeometricPath
 from pymc_hyperelastic.evidence.target import Target
-from pymc_hyperelastic.evidence.tempering import TemperedSMC
+from pymc_hyperelastic.evidence.tempering import HASTY_MOVES, TemperedSMC
 
 # Number of particles.
 _PARTICLES = 256
-# Moves of a stage on the way from the prior, which particles need not follow exactly.
-_MOVES_ON_THE_WAY = 5
-# Moves of a stage at the posterior.
-_MOVES = 20
 # Stages at the posterior, at most, until two evidences in a row agree.
 _MOST_STAGES = 10
 # Standard errors within which two evidences agree.
@@ -52,11 +48,11 @@ class BridgeFromParticles:
         path = GeometricPath(target, guide=guide)
         if particles is None:
             start = target.draw_prior(_PARTICLES, rng)
-            smc = TemperedSMC(path, start, rng, max_moves=_MOVES_ON_THE_WAY)
+            smc = TemperedSMC(path, start, rng, max_moves=HASTY_MOVES)
             particles = smc.run().visited
         if len(particles) > _PARTICLES:
             particles = rng.permutation(particles)[:_PARTICLES]
-        self._smc = TemperedSMC(path, particles, rng, beta=1.0, max_moves=_MOVES)
+        self._smc = TemperedSMC(path, particles, rng, beta=1.0, max_moves=HASTY_MOVES)
         self._last = Estimate(-np.inf, np.inf)
 
     @np.errstate(all="ignore")

@@ -21,8 +21,6 @@ _SHRINKAGES = np.append(0.0, np.geomspace(1e-3, 1.0, 13))
 _APPROXIMATIONS = 100
 # Distance that a Laplace approximation reaches, in sds of all draws.
 _REACH = 2.0
-# Largest distance of the mean of a Laplace approximation from its draw, in its own sds.
-_FARTHEST = 3.0
 
 # A method that fits a distribution to points, (n, d).
 Fit = Callable[[Array], GaussianMixture]
@@ -142,7 +140,6 @@ def laplace_about(derivatives: Derivatives, points: Array, factor: Array) -> Gau
     variances = 1 / (eigenvalues.clip(0) + _REACH**-2)
     sds = np.sqrt(variances)
     steps = variances / (1 + sds / _REACH) * (axes.mT @ gradient[..., None])[..., 0]
-    steps = steps.clip(-_FARTHEST * sds, _FARTHEST * sds)
     means = points + (axes @ steps[..., None])[..., 0] @ factor.T
     # The triangular factor of a QR decomposition: the product of the roots may be singular if it is
     # rounded.

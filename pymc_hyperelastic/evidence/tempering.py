@@ -23,19 +23,13 @@ THRESHOLD = 0.5
 FORGET = 0.1
 # Moves of a stage, at most.
 MAX_MOVES = 50
+# The same for particles that need not be exact, but lead to others.
+HASTY_MOVES = 10
 # Stages at which particles have not forgotten their places, before a chain goes on in haste:
 # posteriors that come out right have had six at most.
 MOST_CAPPED = 6
 # Moves of a stage, at least: after fewer a correlation cannot show how fast particles move.
 _FEWEST_MOVES = 4
-# Effective fraction of the particles at the later β at which proposals look ahead.
-_AHEAD = 0.02
-# Share of the points to which a mixture is fitted that are weighted as at the later β.
-_SHARE_AHEAD = 0.3
-# Points to which a mixture is fitted, at most.
-_POINTS_TO_FIT = 1000
-# Iterations of expectation maximisation: the mixture of the stage before is nearly right.
-_ITERATIONS = 4
 
 
 class TemperedSMC:
@@ -91,7 +85,7 @@ class TemperedSMC:
         self.pareto_k = pareto_shape(self._now.log_ratio) if path.reference else np.nan
         self.eve = np.arange(self.draws)
         self._influence = np.zeros(self.draws)
-        self._last_beta, self._step_ahead = self.beta, 0.0
+        self._last_beta = self.beta
         self._visited: list[PathPoints] = [self._now]
         self._before: tuple[list[PathPoints], float] | None = None
         self.mixtures: list[GaussianMixture] = [path.reference.mixture] if path.reference else []
@@ -114,7 +108,7 @@ class TemperedSMC:
 
     def stay(self) -> None:
         """Move the particles once more where they are."""
-        self._last_beta, self._step_ahead = self.beta, 0.0
+        self._last_beta = self.beta
         self.adapt()
         self.move()
 
@@ -168,7 +162,6 @@ class TemperedSMC:
 
         of_particle = self.weights.reshape(-1, self.draws).sum(axis=0) * self.draws
         self._influence += np.bincount(self.eve, of_particle - 1, self.draws)
-        self._step_ahead = max(largest_step(ratio, _AHEAD, remaining) - step, 0.0)
 
     def resample(self) -> None:
         """Resample the particles systematically from all places visited."""
@@ -188,23 +181,18 @@ class TemperedSMC:
             return
         visited, beta = before or self._before
         points, _, ratio = (np.concatenate(x) for x in zip(*visited, strict=True))
-        weights = (1 - _SHARE_AHEAD) * _weights(ratio, self.beta - beta)
-        weights += _SHARE_AHEAD * _weights(ratio, self.beta - beta + self._step_ahead)
-        size = min(len(points), _POINTS_TO_FIT)
-        to_fit = points[systematic(weights, size, self.rng)]
-        components = components_for(size, self.dimension)
+        to_fit = points[systematic(_weights(ratio, self.beta - beta), self.draws, self.rng)]
+        components = components_for(self.draws, self.dimension)
         start = self.mixtures[-1] if self.mixtures else None
         if start is not None and len(start.means) != components:
             start = None
-        mixture = GaussianMixture.fit(
-            to_fit, components, self.rng, start=start, iterations=_ITERATIONS
-        )
+        mixture = GaussianMixture.fit(to_fit, components, self.rng, start=start)
         self.mixtures.append(mixture.heavy_tailed())
 
     @np.errstate(all="ignore")  # a proposal may be so wild that it overflows
     def move(self) -> None:
         """Move the particles until they have forgotten their places."""
-        origin, far = self.particles, self._weight_ahead()
+        origin = self.particles
         self._visited = [self._now]
         self._terms = self.mixtures[-1].log_density_of_components(origin)
         rates: list[float] = []
@@ -212,12 +200,9 @@ class TemperedSMC:
         forgotten = False
         while len(rates) < most and not forgotten:
             rates.append(self._step(self.local_move if len(rates) % 2 else self.independent_move))
-            # The few particles that stick in the tails are lost in the first correlation, but will
-            # carry the weight of later stages.
             forgotten = (
                 len(rates) >= _FEWEST_MOVES
                 and _largest_correlation(origin, self.particles) < self.forget
-                and _largest_correlation(far, self._weight_ahead()) < self.forget / 2
             )
         self.stages += 1
         self.stage_capped = not forgotten
@@ -242,10 +227,6 @@ class TemperedSMC:
         rate = float(accepted.mean())
         move.adapt(rate)
         return rate
-
-    def _weight_ahead(self) -> Array:
-        # Equal weights, of the last stage, have no correlation, not even that of rounding.
-        return _weights(self._now.log_ratio, self._step_ahead)[:, None] * (self._step_ahead > 0)
 
 
 def _weights(log_ratio: Array, power: float) -> Array:
