@@ -108,7 +108,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
 
     ``"chains"``
         The spread of the chains' log evidences, with what their errors explain one time in a
-        thousand.
+        hundred.
     ``"R-hat"``
         The largest R-hat of the unknowns: whether the chains have met the same posterior.
     ``"moves"``
