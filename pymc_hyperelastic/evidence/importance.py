@@ -6,8 +6,8 @@ import numpy as np
 
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, log_sum_exp
+from pymc_hyperelastic.evidence.path import Reference
 from pymc_hyperelastic.evidence.proposal import ProposalBuilder
-from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.target import DrawPrior, Score
 from pymc_hyperelastic.evidence.weights import (
     effective_sample_size,

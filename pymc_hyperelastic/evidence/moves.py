@@ -1,7 +1,7 @@
 """Metropolis-Hastings moves of a population of particles, with steps of the shape of a mixture."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,34 +30,22 @@ class Proposed(NamedTuple):
     """Log density of the proposal of the way back, less that of the way there."""
 
 
-class Move(Protocol):
-    """A reversible move."""
+class Move:
+    """A reversible move: independent draws of the mixture, or steps from where a particle is."""
 
     def propose(
         self, points: Array, terms: Array, mixture: GaussianMixture, rng: np.random.Generator
     ) -> Proposed:
         """Propose a new place for each point, at which the mixture has these `terms`."""
-
-    def adapt(self, rate: float) -> None:
-        """Adapt the length of steps to the acceptance rate of the last move."""
-
-
-class IndependentMove:
-    """Independent draws of the mixture."""
-
-    def propose(
-        self, points: Array, terms: Array, mixture: GaussianMixture, rng: np.random.Generator
-    ) -> Proposed:
-        """Propose a new place for each point."""
         proposal = mixture.draw(len(points), rng)
         there = mixture.log_density_of_components(proposal)
         return Proposed(proposal, there, log_sum_exp(terms) - log_sum_exp(there))
 
     def adapt(self, rate: float) -> None:
-        """Do nothing: there are no steps."""
+        """Adapt the length of steps, if there are any, to the acceptance rate of the last move."""
 
 
-class RandomWalkMove:
+class RandomWalkMove(Move):
     """Random steps with the covariance of the component that a particle is drawn to belong to."""
 
     def __init__(self, dimension: int) -> None:
@@ -77,7 +65,7 @@ class RandomWalkMove:
         self._length *= np.exp(rate - _WALK_RATE)
 
 
-class HamiltonianMove:
+class HamiltonianMove(Move):
     """Hamiltonian Monte Carlo with the covariance of a component.
 
     The gradient may be that of another, cheaper density: it decides where a move ends, and not

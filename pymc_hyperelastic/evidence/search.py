@@ -14,8 +14,7 @@ from pymc_hyperelastic.evidence.importance import (
 )
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import Modes, find_modes, starting_points
-from pymc_hyperelastic.evidence.path import GeometricPath
-from pymc_hyperelastic.evidence.reference import Reference
+from pymc_hyperelastic.evidence.path import GeometricPath, Reference
 from pymc_hyperelastic.evidence.target import Target, check_possible, width_of
 from pymc_hyperelastic.evidence.tempering import HASTY_MOVES, TemperedSMC
 

@@ -8,7 +8,7 @@ from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.checks import no_progress
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
-from pymc_hyperelastic.evidence.moves import HamiltonianMove, IndependentMove, Move, RandomWalkMove
+from pymc_hyperelastic.evidence.moves import HamiltonianMove, Move, RandomWalkMove
 from pymc_hyperelastic.evidence.path import GeometricPath, PathPoints
 from pymc_hyperelastic.evidence.weights import (
     effective_sample_size,
@@ -89,7 +89,7 @@ class TemperedSMC:
         self._visited: list[PathPoints] = [self._now]
         self._before: tuple[list[PathPoints], float] | None = None
         self.mixtures: list[GaussianMixture] = [path.reference.mixture] if path.reference else []
-        self.independent_move = IndependentMove()
+        self.independent_move = Move()
         self.local_move: Move = (
             HamiltonianMove(self.dimension, lambda points: path.gradient(points, self.beta))
             if path.target.has_gradients
