@@ -86,8 +86,8 @@ class TemperedSMC:
         self.eve = np.arange(self.draws)
         self._influence = np.zeros(self.draws)
         self._last_beta = self.beta
-        self._visited: list[PathPoints] = [self._now]
-        self._before: tuple[list[PathPoints], float] | None = None
+        self._places = self._now
+        self._before: tuple[PathPoints, float] | None = None
         self.mixtures: list[GaussianMixture] = [path.reference.mixture] if path.reference else []
         self.independent_move = Move()
         self.local_move: Move = (
@@ -131,15 +131,15 @@ class TemperedSMC:
 
     @property
     def visited(self) -> Array:
-        """All places visited at this stage."""
-        return np.concatenate([at.points for at in self._visited])
+        """All places visited at this stage: where particles began, then after each move."""
+        return self._places.points
 
     @property
     def trajectories(self) -> tuple[Array, Array]:
         """Places of each particle at this stage, (n, move, d), and the log density there."""
-        moved = self._visited[1:]
-        points = np.stack([at.points for at in moved], axis=1)
-        return points, np.stack([at.log_density(self.beta) for at in moved], axis=1)
+        points = self.visited.reshape(-1, self.draws, self.dimension)
+        log_density = self._places.log_density(self.beta).reshape(-1, self.draws)
+        return points[1:].swapaxes(0, 1), log_density[1:].T
 
     @property
     def possible(self) -> NDArray[np.bool_]:
@@ -148,7 +148,7 @@ class TemperedSMC:
 
     def reweight(self) -> None:
         """Raise ``β`` as far as the effective sample size allows, and update the evidence."""
-        ratio = np.concatenate([at.log_ratio for at in self._visited])
+        ratio = self._places.log_ratio
         remaining = 1.0 - self.beta
         threshold = max(self.threshold, self.moves / (self.moves + 5))
         step = largest_step(ratio, threshold, remaining)
@@ -165,10 +165,9 @@ class TemperedSMC:
 
     def resample(self) -> None:
         """Resample the particles systematically from all places visited."""
-        visited = PathPoints(*(np.concatenate(x) for x in zip(*self._visited, strict=True)))
         chosen = systematic(self.weights, self.draws, self.rng)
         self.eve = self.eve[chosen % self.draws]
-        self._now = PathPoints(*(values[chosen] for values in visited))
+        self._now = PathPoints(*(values[chosen] for values in self._places))
 
     def adapt(self) -> None:
         """Fit the mixture that proposes moves to the places of the stage before the last one.
@@ -176,12 +175,15 @@ class TemperedSMC:
         Fitted to the particles that it then moves, it would draw them back to their places. The
         first stage has the mixture of the reference, or without one fits its own particles.
         """
-        before, self._before = self._before, (self._visited, self._last_beta)
+        before, self._before = self._before, (self._places, self._last_beta)
         if before is None and self.path.reference is not None:
             return
-        visited, beta = before or self._before
-        points, _, ratio = (np.concatenate(x) for x in zip(*visited, strict=True))
-        to_fit = points[systematic(_weights(ratio, self.beta - beta), self.draws, self.rng)]
+        (points, _, ratio), beta = before or self._before
+        # Avoid 0 times infinity.
+        power, possible = self.beta - beta, ratio > -np.inf
+        log_weights = np.where(possible, power * np.where(possible, ratio, 0.0), -np.inf)
+        weights = np.exp(log_weights - logsumexp(log_weights))
+        to_fit = points[systematic(weights, self.draws, self.rng)]
         components = components_for(self.draws, self.dimension)
         start = self.mixtures[-1] if self.mixtures else None
         if start is not None and len(start.means) != components:
@@ -193,17 +195,19 @@ class TemperedSMC:
     def move(self) -> None:
         """Move the particles until they have forgotten their places."""
         origin = self.particles
-        self._visited = [self._now]
+        visited = [self._now]
         self._terms = self.mixtures[-1].log_density_of_components(origin)
         rates: list[float] = []
         most = 1 if self.capped >= self.most_capped else self.max_moves
         forgotten = False
         while len(rates) < most and not forgotten:
             rates.append(self._step(self.local_move if len(rates) % 2 else self.independent_move))
+            visited.append(self._now)
             forgotten = (
                 len(rates) >= _FEWEST_MOVES
                 and _largest_correlation(origin, self.particles) < self.forget
             )
+        self._places = PathPoints(*(np.concatenate(x) for x in zip(*visited, strict=True)))
         self.stages += 1
         self.stage_capped = not forgotten
         self.capped += self.stage_capped
@@ -223,17 +227,9 @@ class TemperedSMC:
             np.where(accepted, proposed.log_start, self._now.log_start),
             np.where(accepted, proposed.log_ratio, self._now.log_ratio),
         )
-        self._visited.append(self._now)
         rate = float(accepted.mean())
         move.adapt(rate)
         return rate
-
-
-def _weights(log_ratio: Array, power: float) -> Array:
-    """Return normalised weights of particles between two values of β that differ by `power`."""
-    possible = log_ratio > -np.inf
-    log_weights = np.where(possible, power * np.where(possible, log_ratio, 0.0), -np.inf)
-    return np.exp(log_weights - logsumexp(log_weights))
 
 
 def _largest_correlation(before: Array, after: Array) -> float:
