@@ -137,8 +137,8 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     ``"weights"``
         The Pareto shape of the weights, where the evidence is a mean of them.
 
-    A mode that no chain and no optimisation has met cannot be found out: narrower than about a
-    tenth of the others in each of four unknowns, it is a needle.
+    A mode that no chain and no optimisation has met cannot be found out, such as one that is
+    narrower than about a tenth of the others in each of four unknowns.
 
     Parameters
     ----------
@@ -171,10 +171,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     """
     evidence = evidence_of(tree)
     if "diagnosis" in tree.children:
-        said = stored_diagnosis(tree)
-        # Older results do not say so if a specimen was given up.
-        if np.isfinite(evidence.get("specimens_se", 0.0)) or "specimens" in said["check"].values:
-            return said
+        return stored_diagnosis(tree)
     values, errors = evidence["log_evidence"].values, evidence["log_evidence_se"].values
     checks = _checks_of_chains(tree, values, errors)
     checks += [*_checks_of_particles(evidence), *_checks_of_search(evidence)]

@@ -83,14 +83,8 @@ class BridgeFromParticles:
     only, and a rough proposal. Particles that were tempered in haste, or are those of a similar
     posterior, are not there yet; they move until two evidences in a row agree.
 
-    Parameters
-    ----------
-    target : Target
-    rng : numpy.random.Generator
-    particles : array, optional
-        Draws of a similar posterior; tempered from the prior when missing.
-    guide : Target, optional
-        A cheaper target whose gradients lead the particles.
+    The first `particles` may be draws of a similar posterior; when missing they are tempered from
+    the prior. The gradients of a `guide`, a cheaper target, may lead them.
     """
 
     @np.errstate(all="ignore")  # a trajectory may be so wild that it overflows

@@ -122,13 +122,8 @@ def laplace_about(derivatives: Derivatives, points: Array, factor: Array) -> Gau
     have the variance :math:`1/\lambda - C`: the mixture is that distribution again, at any reach
     :math:`h`. For another one it bends as the draws do, and is as thin as the density is at each.
 
-    Parameters
-    ----------
-    derivatives : Derivatives
-        With respect to coordinates ``z``, where ``x = factor z``.
-    points : array, shape (n, d)
-    factor : array, shape (d, d)
-        Cholesky factor of the covariance of all draws.
+    Derivatives are those with respect to ``z``, where ``x = factor z`` and `factor` is a Cholesky
+    factor of the covariance of all draws.
     """
     _, gradient, curvature = derivatives
     assert curvature is not None

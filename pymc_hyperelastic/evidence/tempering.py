@@ -35,19 +35,9 @@ _FEWEST_MOVES = 4
 class TemperedSMC:
     """Particles on the path ``a^(1-β) p^β`` from a density ``a`` to that of the posterior ``p``.
 
-    Parameters
-    ----------
-    path : GeometricPath
-    particles : array, shape (n, d)
-        Draws of the density on the path at `beta`, or near it.
-    rng : numpy.random.Generator
-    beta : float
-        Exponent at which the particles are: 0 at the start of the path, 1 at the posterior.
-    threshold, forget, max_moves
-        See :class:`BatchedSMC`.
-    most_capped : float
-        Stages whose particles may not have forgotten their places. From then on they move once a
-        stage, and the variance is infinite.
+    The particles, (n, d), are draws of the density at `beta`, or near it. After `most_capped`
+    stages whose particles have not forgotten their places they move once a stage, and the variance
+    is infinite. For other settings see :class:`BatchedSMC`.
 
     Attributes
     ----------
@@ -185,9 +175,7 @@ class TemperedSMC:
         weights = np.exp(log_weights - logsumexp(log_weights))
         to_fit = points[systematic(weights, self.draws, self.rng)]
         components = components_for(self.draws, self.dimension)
-        start = self.mixtures[-1] if self.mixtures else None
-        if start is not None and len(start.means) != components:
-            start = None
+        start = next((m for m in self.mixtures[-1:] if len(m.means) == components), None)
         mixture = GaussianMixture.fit(to_fit, components, self.rng, start=start)
         self.mixtures.append(mixture.heavy_tailed())
 
