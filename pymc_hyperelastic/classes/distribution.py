@@ -27,10 +27,9 @@ from pymc_hyperelastic.evidence.importance import (
     Integral,
     importance_sampling,
 )
-from pymc_hyperelastic.evidence.integral import integrate
+from pymc_hyperelastic.evidence.integral import BridgeFromParticles, integrate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
-from pymc_hyperelastic.evidence.particle_bridge import BridgeFromParticles
 from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.evidence.target import Target

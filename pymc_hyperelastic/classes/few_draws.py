@@ -13,8 +13,8 @@ from pymc_hyperelastic.classes.specimen_target import SpecimenTarget
 from pymc_hyperelastic.classes.specimens import SpecimenSampler, one_draw
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
 from pymc_hyperelastic.evidence.optimise import Maxima, maximize_batch
+from pymc_hyperelastic.evidence.path import Reference
 from pymc_hyperelastic.evidence.proposal import expectation_maximisation
-from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.weights import effective_sample_size, largest_step
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
 

@@ -112,12 +112,10 @@ def log_evidence_by_bridge(
     **A mode, or a tail, that no chain has met is missing**, and the standard error does not know
     it. Chains that start far apart, or :func:`sample_smc`, tell whether there are several modes.
 
-    A proposal looks more like the draws that it was fitted to than it is [3]_. Each chain (of a
-    single one, each half) is therefore compared with a proposal that was fitted to the others, and
-    the evidences are averaged. The standard error is that of [4]_, with the autocorrelation of the
-    chains and the largest possible correlation of the parts. If the parts differ more than that one
-    time in a hundred by chance, their spread counts instead. A score test finds draws of other
-    data, or of a posterior that was sampled 5 % too wide. A tutorial of the method is [5]_.
+    Each chain (of a single one, each half) is compared with a proposal that was fitted to the
+    others [3]_. The standard error is that of [4]_, or the spread of these evidences if chance
+    explains it less than one time in a hundred. A score test finds draws of other data, or of a
+    posterior that was sampled 5 % too wide. A tutorial of the method is [5]_.
 
     References
     ----------

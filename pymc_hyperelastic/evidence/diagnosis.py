@@ -5,7 +5,6 @@ from collections.abc import Iterable
 
 import numpy as np
 import xarray as xr
-from scipy.stats import chi2
 
 from pymc_hyperelastic.evidence.convergence import (
     DIGITS,
@@ -13,7 +12,7 @@ from pymc_hyperelastic.evidence.convergence import (
     LARGEST_RHAT,
     largest_rhat,
 )
-from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains
+from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains, largest_spread
 from pymc_hyperelastic.evidence.importance import LARGEST_RELIABLE_K
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.stored_evidence import evidence_of, stored_diagnosis
@@ -32,8 +31,6 @@ from pymc_hyperelastic.parallel import one_thread
 
 # Nats by which two evidences may differ whatever their errors.
 _NATS = 0.3
-# Chains whose spread chance explains less often than this are apart.
-_CHANCE = 1e-3
 # R-hat from which chains have certainly not met the same posterior: chosen by experiment.
 _APART_RHAT = 1.2
 # Fraction of the first particles with descendants below which a chain is doubtful.
@@ -111,7 +108,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
 
     ``"chains"``
         The spread of the chains' log evidences, with what their errors explain one time in a
-        thousand.
+        hundred.
     ``"R-hat"``
         The largest R-hat of the unknowns: whether the chains have met the same posterior.
     ``"moves"``
@@ -140,8 +137,8 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     ``"weights"``
         The Pareto shape of the weights, where the evidence is a mean of them.
 
-    A mode that no chain and no optimisation has met cannot be found out: narrower than about a
-    tenth of the others in each of four unknowns, it is a needle.
+    A mode that no chain and no optimisation has met cannot be found out, such as one that is
+    narrower than about a tenth of the others in each of four unknowns.
 
     Parameters
     ----------
@@ -174,10 +171,7 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     """
     evidence = evidence_of(tree)
     if "diagnosis" in tree.children:
-        said = stored_diagnosis(tree)
-        # Older results do not say so if a specimen was given up.
-        if np.isfinite(evidence.get("specimens_se", 0.0)) or "specimens" in said["check"].values:
-            return said
+        return stored_diagnosis(tree)
     values, errors = evidence["log_evidence"].values, evidence["log_evidence_se"].values
     checks = _checks_of_chains(tree, values, errors)
     checks += [*_checks_of_particles(evidence), *_checks_of_search(evidence)]
@@ -293,8 +287,7 @@ def _checks_of_chains(tree: xr.DataTree, values: Array, errors: Array) -> list[C
     if len(values) == 1:
         return []
     spread = float(np.std(values, ddof=1))
-    explained = chi2.isf(_CHANCE, len(values) - 1) / (len(values) - 1)
-    limit = float(np.sqrt(np.mean(errors**2) * explained))
+    limit = largest_spread(errors)
     words = f"chains are {np.ptp(values):.2f} nats apart, more than their errors explain"
     checks = [check_small("chains", spread, limit, max(limit, _NATS), words)]
     group = "unconstrained_posterior"

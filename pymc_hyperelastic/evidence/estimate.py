@@ -40,6 +40,12 @@ class Estimate(NamedTuple):
         return f"{self.value:.3f} ± {self.standard_error:.3f}"
 
 
+def largest_spread(standard_errors: Array) -> float:
+    """Return the sd of log evidences with these errors that chance exceeds once in 100 times."""
+    more = len(standard_errors) - 1
+    return float(np.sqrt(np.mean(np.square(standard_errors)) * chi2.isf(_CHANCE, more) / more))
+
+
 def combine_chains(log_evidences: Array, standard_errors: Array) -> Estimate:
     """Mean evidence of independent chains, as its logarithm with a standard error.
 
@@ -54,6 +60,6 @@ def combine_chains(log_evidences: Array, standard_errors: Array) -> Estimate:
     if chains > 1:
         relative = np.exp(log_evidences - value)
         spread = max(np.var(relative, ddof=1), np.var(log_evidences, ddof=1))
-        if spread > variance * chi2.isf(_CHANCE, chains - 1) / (chains - 1):
+        if spread > largest_spread(standard_errors) ** 2:
             variance = spread
     return Estimate(value, float(np.sqrt(variance / chains)))

@@ -6,8 +6,8 @@ import numpy as np
 
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, log_sum_exp
+from pymc_hyperelastic.evidence.path import Reference
 from pymc_hyperelastic.evidence.proposal import ProposalBuilder
-from pymc_hyperelastic.evidence.reference import Reference
 from pymc_hyperelastic.evidence.target import DrawPrior, Score
 from pymc_hyperelastic.evidence.weights import (
     effective_sample_size,
@@ -79,23 +79,10 @@ def importance_sampling(
 
     Draws to which a proposal was fitted are never averaged: their weights are too small.
 
-    Parameters
-    ----------
-    score : callable
-        Log prior and log likelihood of points, (n, d); their sum is the log density.
-    initial_proposal : GaussianMixture
-        Roughly like the density, or wider.
-    builder : callable
-        Fits a proposal to weighted draws.
-    size : int
-        Number of particles.
-    draw_prior : callable, optional
-        Draws of the prior, which then has a share in each proposal: weights are bounded if the
-        likelihood is, and mass that the mixture has missed shows.
-    draws : int
-        Number of fresh draws of the first round.
-    candidate : tuple of GaussianMixture and int, optional
-        A proposal that may be like the density, and the number of its draws.
+    The initial proposal is roughly like the density, or wider. With `draw_prior` the prior has a
+    share in each proposal: weights are bounded if the likelihood is, and mass that the mixture has
+    missed shows. `size` is the number of particles, `draws` that of the first fresh draws, and
+    `candidate` a proposal that may be like the density, with the number of its draws.
 
     References
     ----------

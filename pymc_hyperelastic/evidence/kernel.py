@@ -65,8 +65,7 @@ class BatchedSMC(SMC_KERNEL):
         Whether particles start from a reference, or from the prior alone. When missing, from a
         reference unless `start` or `tempered` are given, with which there cannot be one.
     forget : float
-        Particles move until the correlation of every variable with its value before is below this,
-        and that of the weight far ahead below half of it.
+        Particles move until the correlation of every variable with its value before is below this.
     max_moves : int
         Largest number of moves at one stage; there are at least 4 if it is not below that. A chain
         whose particles have not moved enough at six stages moves them once at each further stage:

@@ -41,15 +41,7 @@ class GaussianMixture:
         start: "GaussianMixture | None" = None,
         iterations: int = _ITERATIONS,
     ) -> "GaussianMixture":
-        """Fit by expectation maximisation, from `start` or from distinct points drawn far apart.
-
-        Examples
-        --------
-        >>> rng = np.random.default_rng(1)
-        >>> points = np.concatenate([rng.normal(-5, 1, (500, 1)), rng.normal(5, 1, (500, 1))])
-        >>> sorted(GaussianMixture.fit(points, 2, rng).means.round().ravel().tolist())
-        [-5.0, 5.0]
-        """
+        """Fit by expectation maximisation, from `start` or from distinct points drawn far apart."""
         mixture = start
         for _ in range(iterations if components > 1 else 1):
             if mixture is None:

@@ -1,25 +1,21 @@
 """Metropolis-Hastings moves of a population of particles, with steps of the shape of a mixture."""
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, log_sum_exp
 
-# Spread of the lengths of random steps, as the sd of their logarithm: a length that suits the bulk
-# is too long in the neck of a funnel. Chosen by experiment.
-_WALK_SPREAD = 1.5
-# The same for Hamiltonian steps.
-_HAMILTONIAN_SPREAD = 1.0
+# Spread of the lengths of steps, as the sd of their logarithm: a length that suits the bulk is too
+# long in the neck of a funnel. Chosen by experiment.
+_SPREAD = 1.0
 # Acceptance rate to which the length of random steps is adapted: between the optimal 0.23 in many
 # dimensions and 0.44 in one (Roberts and Rosenthal 2001).
 _WALK_RATE = 0.3
 # Acceptance rate to which the length of Hamiltonian steps is adapted (Beskos et al. 2013).
 _HAMILTONIAN_RATE = 0.65
-# Optimal length of random steps times the square root of the dimension (Roberts et al. 1997).
-_WALK_LENGTH = 2.38
 # Largest number of leapfrog steps of one move.
 _MOST_LEAPFROG_STEPS = 10
 
@@ -34,38 +30,26 @@ class Proposed(NamedTuple):
     """Log density of the proposal of the way back, less that of the way there."""
 
 
-class Move(Protocol):
-    """A reversible move."""
+class Move:
+    """A reversible move: independent draws of the mixture, or steps from where a particle is."""
 
     def propose(
         self, points: Array, terms: Array, mixture: GaussianMixture, rng: np.random.Generator
     ) -> Proposed:
         """Propose a new place for each point, at which the mixture has these `terms`."""
-
-    def adapt(self, rate: float) -> None:
-        """Adapt the length of steps to the acceptance rate of the last move."""
-
-
-class IndependentMove:
-    """Independent draws of the mixture."""
-
-    def propose(
-        self, points: Array, terms: Array, mixture: GaussianMixture, rng: np.random.Generator
-    ) -> Proposed:
-        """Propose a new place for each point."""
         proposal = mixture.draw(len(points), rng)
         there = mixture.log_density_of_components(proposal)
         return Proposed(proposal, there, log_sum_exp(terms) - log_sum_exp(there))
 
     def adapt(self, rate: float) -> None:
-        """Do nothing: there are no steps."""
+        """Adapt the length of steps, if there are any, to the acceptance rate of the last move."""
 
 
-class RandomWalkMove:
+class RandomWalkMove(Move):
     """Random steps with the covariance of the component that a particle is drawn to belong to."""
 
     def __init__(self, dimension: int) -> None:
-        self._length = _WALK_LENGTH / np.sqrt(dimension)
+        self._length = 1 / np.sqrt(dimension)
 
     def propose(
         self, points: Array, terms: Array, mixture: GaussianMixture, rng: np.random.Generator
@@ -73,7 +57,7 @@ class RandomWalkMove:
         """Propose a new place for each point."""
         component, here = _draw_components(terms, rng)
         steps = mixture.draw_steps(component, rng)
-        lengths = self._length * rng.lognormal(0.0, _WALK_SPREAD, (len(points), 1))
+        lengths = self._length * rng.lognormal(0.0, _SPREAD, (len(points), 1))
         return _proposed(points + lengths * steps, component, here, mixture)
 
     def adapt(self, rate: float) -> None:
@@ -81,7 +65,7 @@ class RandomWalkMove:
         self._length *= np.exp(rate - _WALK_RATE)
 
 
-class HamiltonianMove:
+class HamiltonianMove(Move):
     """Hamiltonian Monte Carlo with the covariance of a component.
 
     The gradient may be that of another, cheaper density: it decides where a move ends, and not
@@ -96,7 +80,7 @@ class HamiltonianMove:
     ) -> Proposed:
         """Propose a new place for each point, by leapfrog steps."""
         component, here = _draw_components(terms, rng)
-        lengths = self._length * rng.lognormal(0.0, _HAMILTONIAN_SPREAD, (len(points), 1))
+        lengths = self._length * rng.lognormal(0.0, _SPREAD, (len(points), 1))
         momentum = rng.standard_normal(points.shape)
         energy = (momentum**2).sum(axis=1) / 2
         place, step = points, mixture.steps

@@ -21,8 +21,6 @@ _SHRINKAGES = np.append(0.0, np.geomspace(1e-3, 1.0, 13))
 _APPROXIMATIONS = 100
 # Distance that a Laplace approximation reaches, in sds of all draws.
 _REACH = 2.0
-# Largest distance of the mean of a Laplace approximation from its draw, in its own sds.
-_FARTHEST = 3.0
 
 # A method that fits a distribution to points, (n, d).
 Fit = Callable[[Array], GaussianMixture]
@@ -124,13 +122,8 @@ def laplace_about(derivatives: Derivatives, points: Array, factor: Array) -> Gau
     have the variance :math:`1/\lambda - C`: the mixture is that distribution again, at any reach
     :math:`h`. For another one it bends as the draws do, and is as thin as the density is at each.
 
-    Parameters
-    ----------
-    derivatives : Derivatives
-        With respect to coordinates ``z``, where ``x = factor z``.
-    points : array, shape (n, d)
-    factor : array, shape (d, d)
-        Cholesky factor of the covariance of all draws.
+    Derivatives are those with respect to ``z``, where ``x = factor z`` and `factor` is a Cholesky
+    factor of the covariance of all draws.
     """
     _, gradient, curvature = derivatives
     assert curvature is not None
@@ -142,7 +135,6 @@ def laplace_about(derivatives: Derivatives, points: Array, factor: Array) -> Gau
     variances = 1 / (eigenvalues.clip(0) + _REACH**-2)
     sds = np.sqrt(variances)
     steps = variances / (1 + sds / _REACH) * (axes.mT @ gradient[..., None])[..., 0]
-    steps = steps.clip(-_FARTHEST * sds, _FARTHEST * sds)
     means = points + (axes @ steps[..., None])[..., 0] @ factor.T
     # The triangular factor of a QR decomposition: the product of the roots may be singular if it is
     # rounded.

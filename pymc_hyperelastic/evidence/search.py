@@ -14,10 +14,9 @@ from pymc_hyperelastic.evidence.importance import (
 )
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import Modes, find_modes, starting_points
-from pymc_hyperelastic.evidence.path import GeometricPath
-from pymc_hyperelastic.evidence.reference import Reference
+from pymc_hyperelastic.evidence.path import GeometricPath, Reference
 from pymc_hyperelastic.evidence.target import Target, check_possible, width_of
-from pymc_hyperelastic.evidence.tempering import TemperedSMC
+from pymc_hyperelastic.evidence.tempering import HASTY_MOVES, TemperedSMC
 
 # Particles of the search for each unknown: tempered from the first reference, and drawn from the
 # prior and the modes. Half as many are tempered from the prior.
@@ -26,24 +25,15 @@ _PARTICLES_PER_UNKNOWN = 200
 _FEWEST_PARTICLES = 1000
 # Particles of the search, at most: their evaluation takes as long as all chains.
 _MOST_PARTICLES = 4000
-# Moves of a stage of the search, which need not be exact, at most.
-_MOVES = 10
 # Draws of the prior, in multiples of the particles, of which enough must be possible.
 _MOST_TRIED = 50
-# Probes of one stage for each pair of unknowns: a narrow mode is met by one point in many
-# thousands, and given away by its weight.
-_PROBES = 5_000
-# Numbers that are computed for these probes, at most: a second for all stages of one search.
-_PROBED_NUMBERS = 500_000
-# Unknowns of which the pairs are counted, at most.
-_PAIRED = 4
-# Starting points among the probes of a stage.
-_PROBED_STARTS = 2
+# Probes of one stage for each unknown: a narrow mode is met by one point in many thousands, and
+# given away by its weight.
+_PROBES = 20_000
+# Numbers that are computed for the probes of a stage, at most: they take about a second.
+_PROBED_NUMBERS = 8_000_000
 # Share of the modes in the final reference, if there are several.
 _SHARE_OF_MODES = 0.2
-# Unknowns up to which optimisation and probes met every mode of the models in tests/evidence, so
-# that no other particles are needed to check that.
-_FEW_UNKNOWNS = 2
 # Nats by which a reference's density is below that of the posterior where it has too few draws.
 _LACKING = 5.0
 
@@ -81,7 +71,7 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
         at_modes, at_modes_k = mean_weight(log_weights)
     first = Reference(mixture.heavy_tailed(), PRIOR_SHARE)
     particles = first.draw(target.draw_prior, size, rng)
-    found = TemperedSMC(GeometricPath(target, first), particles, rng, max_moves=_MOVES).run()
+    found = TemperedSMC(GeometricPath(target, first), particles, rng, max_moves=HASTY_MOVES).run()
     mixture = _fitted(found, rng)
     if modes is not None and len(modes.log_masses) > 1:
         # There may be more modes than a mixture has components.
@@ -97,10 +87,9 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
             "log_masses": ("mode", modes.log_masses if modes is not None else np.array([])),
         }
     )
-    if checked and target.dimension > _FEW_UNKNOWNS:
+    if checked:
         others = _tempered(prior[::-1], size // 2, target, rng).particles
         evidence["unmet"] = _unmet(target, reference, found.log_evidence, others)
-    if checked:
         evidence["at_bounds"] = target.log_evidence_at_bounds(size, rng)
     return Search(reference, evidence)
 
@@ -135,7 +124,7 @@ def _possible_draws(
 def _tempered(prior: Array, count: int, target: Target, rng: np.random.Generator) -> TemperedSMC:
     """Temper draws of the prior; if few are possible, each stands for several particles."""
     particles = np.resize(prior, (count, target.dimension))
-    return TemperedSMC(GeometricPath(target), particles, rng, max_moves=_MOVES).run()
+    return TemperedSMC(GeometricPath(target), particles, rng, max_moves=HASTY_MOVES).run()
 
 
 def _modes(
@@ -143,17 +132,16 @@ def _modes(
 ) -> Modes | None:
     """Find modes from draws of the prior, and from probes at each stage of tempering."""
     groups = [*starting_points(prior, score)]
-    probes = [_best_probes(target, mixture, rng) for mixture in forward.mixtures]
-    starts = [np.concatenate(groups[:2]), np.concatenate(probes)]
+    probes = [_best_probe(target, mixture, rng) for mixture in forward.mixtures]
+    starts = [np.concatenate(groups[:2]), np.array(probes)]
     return find_modes(target.derivatives, starts, width_of(prior), groups[2:])
 
 
-def _best_probes(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -> Array:
-    """Return draws of a mixture with the largest weights: they may lie in a narrow mode."""
-    of_pair = min(_PROBES, _PROBED_NUMBERS // target.cost())
-    probes = max(of_pair * min(target.dimension, _PAIRED) ** 2, _PROBED_STARTS)
+def _best_probe(target: Target, mixture: GaussianMixture, rng: np.random.Generator) -> Array:
+    """Return the draw of a mixture with the largest weight: it may lie in a narrow mode."""
+    probes = min(_PROBES * target.dimension, max(_PROBED_NUMBERS // target.cost(), 1))
     points, log_weights = weighted_draws(target.score, mixture, probes, rng)
-    return points[np.argpartition(-log_weights, _PROBED_STARTS - 1)[:_PROBED_STARTS]]
+    return points[np.argmax(log_weights)]
 
 
 def _fitted(smc: TemperedSMC, rng: np.random.Generator) -> GaussianMixture:

@@ -8,7 +8,7 @@ from scipy.special import logsumexp
 
 from pymc_hyperelastic.evidence.checks import no_progress
 from pymc_hyperelastic.evidence.mixture import Array, GaussianMixture, components_for
-from pymc_hyperelastic.evidence.moves import HamiltonianMove, IndependentMove, Move, RandomWalkMove
+from pymc_hyperelastic.evidence.moves import HamiltonianMove, Move, RandomWalkMove
 from pymc_hyperelastic.evidence.path import GeometricPath, PathPoints
 from pymc_hyperelastic.evidence.weights import (
     effective_sample_size,
@@ -23,37 +23,21 @@ THRESHOLD = 0.5
 FORGET = 0.1
 # Moves of a stage, at most.
 MAX_MOVES = 50
+# The same for particles that need not be exact, but lead to others.
+HASTY_MOVES = 10
 # Stages at which particles have not forgotten their places, before a chain goes on in haste:
 # posteriors that come out right have had six at most.
 MOST_CAPPED = 6
 # Moves of a stage, at least: after fewer a correlation cannot show how fast particles move.
 _FEWEST_MOVES = 4
-# Effective fraction of the particles at the later β at which proposals look ahead.
-_AHEAD = 0.02
-# Share of the points to which a mixture is fitted that are weighted as at the later β.
-_SHARE_AHEAD = 0.3
-# Points to which a mixture is fitted, at most.
-_POINTS_TO_FIT = 1000
-# Iterations of expectation maximisation: the mixture of the stage before is nearly right.
-_ITERATIONS = 4
 
 
 class TemperedSMC:
     """Particles on the path ``a^(1-β) p^β`` from a density ``a`` to that of the posterior ``p``.
 
-    Parameters
-    ----------
-    path : GeometricPath
-    particles : array, shape (n, d)
-        Draws of the density on the path at `beta`, or near it.
-    rng : numpy.random.Generator
-    beta : float
-        Exponent at which the particles are: 0 at the start of the path, 1 at the posterior.
-    threshold, forget, max_moves
-        See :class:`BatchedSMC`.
-    most_capped : float
-        Stages whose particles may not have forgotten their places. From then on they move once a
-        stage, and the variance is infinite.
+    The particles, (n, d), are draws of the density at `beta`, or near it. After `most_capped`
+    stages whose particles have not forgotten their places they move once a stage, and the variance
+    is infinite. For other settings see :class:`BatchedSMC`.
 
     Attributes
     ----------
@@ -91,11 +75,11 @@ class TemperedSMC:
         self.pareto_k = pareto_shape(self._now.log_ratio) if path.reference else np.nan
         self.eve = np.arange(self.draws)
         self._influence = np.zeros(self.draws)
-        self._last_beta, self._step_ahead = self.beta, 0.0
-        self._visited: list[PathPoints] = [self._now]
-        self._before: tuple[list[PathPoints], float] | None = None
+        self._last_beta = self.beta
+        self._places = self._now
+        self._before: tuple[PathPoints, float] | None = None
         self.mixtures: list[GaussianMixture] = [path.reference.mixture] if path.reference else []
-        self.independent_move = IndependentMove()
+        self.independent_move = Move()
         self.local_move: Move = (
             HamiltonianMove(self.dimension, lambda points: path.gradient(points, self.beta))
             if path.target.has_gradients
@@ -114,7 +98,7 @@ class TemperedSMC:
 
     def stay(self) -> None:
         """Move the particles once more where they are."""
-        self._last_beta, self._step_ahead = self.beta, 0.0
+        self._last_beta = self.beta
         self.adapt()
         self.move()
 
@@ -137,15 +121,15 @@ class TemperedSMC:
 
     @property
     def visited(self) -> Array:
-        """All places visited at this stage."""
-        return np.concatenate([at.points for at in self._visited])
+        """All places visited at this stage: where particles began, then after each move."""
+        return self._places.points
 
     @property
     def trajectories(self) -> tuple[Array, Array]:
         """Places of each particle at this stage, (n, move, d), and the log density there."""
-        moved = self._visited[1:]
-        points = np.stack([at.points for at in moved], axis=1)
-        return points, np.stack([at.log_density(self.beta) for at in moved], axis=1)
+        points = self.visited.reshape(-1, self.draws, self.dimension)
+        log_density = self._places.log_density(self.beta).reshape(-1, self.draws)
+        return points[1:].swapaxes(0, 1), log_density[1:].T
 
     @property
     def possible(self) -> NDArray[np.bool_]:
@@ -154,7 +138,7 @@ class TemperedSMC:
 
     def reweight(self) -> None:
         """Raise ``β`` as far as the effective sample size allows, and update the evidence."""
-        ratio = np.concatenate([at.log_ratio for at in self._visited])
+        ratio = self._places.log_ratio
         remaining = 1.0 - self.beta
         threshold = max(self.threshold, self.moves / (self.moves + 5))
         step = largest_step(ratio, threshold, remaining)
@@ -168,14 +152,12 @@ class TemperedSMC:
 
         of_particle = self.weights.reshape(-1, self.draws).sum(axis=0) * self.draws
         self._influence += np.bincount(self.eve, of_particle - 1, self.draws)
-        self._step_ahead = max(largest_step(ratio, _AHEAD, remaining) - step, 0.0)
 
     def resample(self) -> None:
         """Resample the particles systematically from all places visited."""
-        visited = PathPoints(*(np.concatenate(x) for x in zip(*self._visited, strict=True)))
         chosen = systematic(self.weights, self.draws, self.rng)
         self.eve = self.eve[chosen % self.draws]
-        self._now = PathPoints(*(values[chosen] for values in visited))
+        self._now = PathPoints(*(values[chosen] for values in self._places))
 
     def adapt(self) -> None:
         """Fit the mixture that proposes moves to the places of the stage before the last one.
@@ -183,42 +165,37 @@ class TemperedSMC:
         Fitted to the particles that it then moves, it would draw them back to their places. The
         first stage has the mixture of the reference, or without one fits its own particles.
         """
-        before, self._before = self._before, (self._visited, self._last_beta)
+        before, self._before = self._before, (self._places, self._last_beta)
         if before is None and self.path.reference is not None:
             return
-        visited, beta = before or self._before
-        points, _, ratio = (np.concatenate(x) for x in zip(*visited, strict=True))
-        weights = (1 - _SHARE_AHEAD) * _weights(ratio, self.beta - beta)
-        weights += _SHARE_AHEAD * _weights(ratio, self.beta - beta + self._step_ahead)
-        size = min(len(points), _POINTS_TO_FIT)
-        to_fit = points[systematic(weights, size, self.rng)]
-        components = components_for(size, self.dimension)
-        start = self.mixtures[-1] if self.mixtures else None
-        if start is not None and len(start.means) != components:
-            start = None
-        mixture = GaussianMixture.fit(
-            to_fit, components, self.rng, start=start, iterations=_ITERATIONS
-        )
+        (points, _, ratio), beta = before or self._before
+        # Avoid 0 times infinity.
+        power, possible = self.beta - beta, ratio > -np.inf
+        log_weights = np.where(possible, power * np.where(possible, ratio, 0.0), -np.inf)
+        weights = np.exp(log_weights - logsumexp(log_weights))
+        to_fit = points[systematic(weights, self.draws, self.rng)]
+        components = components_for(self.draws, self.dimension)
+        start = next((m for m in self.mixtures[-1:] if len(m.means) == components), None)
+        mixture = GaussianMixture.fit(to_fit, components, self.rng, start=start)
         self.mixtures.append(mixture.heavy_tailed())
 
     @np.errstate(all="ignore")  # a proposal may be so wild that it overflows
     def move(self) -> None:
         """Move the particles until they have forgotten their places."""
-        origin, far = self.particles, self._weight_ahead()
-        self._visited = [self._now]
+        origin = self.particles
+        visited = [self._now]
         self._terms = self.mixtures[-1].log_density_of_components(origin)
         rates: list[float] = []
         most = 1 if self.capped >= self.most_capped else self.max_moves
         forgotten = False
         while len(rates) < most and not forgotten:
             rates.append(self._step(self.local_move if len(rates) % 2 else self.independent_move))
-            # The few particles that stick in the tails are lost in the first correlation, but will
-            # carry the weight of later stages.
+            visited.append(self._now)
             forgotten = (
                 len(rates) >= _FEWEST_MOVES
                 and _largest_correlation(origin, self.particles) < self.forget
-                and _largest_correlation(far, self._weight_ahead()) < self.forget / 2
             )
+        self._places = PathPoints(*(np.concatenate(x) for x in zip(*visited, strict=True)))
         self.stages += 1
         self.stage_capped = not forgotten
         self.capped += self.stage_capped
@@ -238,21 +215,9 @@ class TemperedSMC:
             np.where(accepted, proposed.log_start, self._now.log_start),
             np.where(accepted, proposed.log_ratio, self._now.log_ratio),
         )
-        self._visited.append(self._now)
         rate = float(accepted.mean())
         move.adapt(rate)
         return rate
-
-    def _weight_ahead(self) -> Array:
-        # Equal weights, of the last stage, have no correlation, not even that of rounding.
-        return _weights(self._now.log_ratio, self._step_ahead)[:, None] * (self._step_ahead > 0)
-
-
-def _weights(log_ratio: Array, power: float) -> Array:
-    """Return normalised weights of particles between two values of β that differ by `power`."""
-    possible = log_ratio > -np.inf
-    log_weights = np.where(possible, power * np.where(possible, log_ratio, 0.0), -np.inf)
-    return np.exp(log_weights - logsumexp(log_weights))
 
 
 def _largest_correlation(before: Array, after: Array) -> float:

@@ -46,8 +46,8 @@ def draws_of_rhat(value):
 
 
 def largest_spread_by_chance(se):
-    """Return the sd of four log evidences that chance exceeds once in a thousand times."""
-    return se * np.sqrt(stats.chi2.isf(1e-3, 3) / 3)
+    """Return the sd of four log evidences that chance exceeds once in a hundred times."""
+    return se * np.sqrt(stats.chi2.isf(0.01, 3) / 3)
 
 
 def chains_of_spread(sd):

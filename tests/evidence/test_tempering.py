@@ -13,10 +13,9 @@ from scipy.special import logsumexp
 from tiers import deep
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.evidence.integral import BridgeFromParticles
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
-from pymc_hyperelastic.evidence.particle_bridge import BridgeFromParticles
-from pymc_hyperelastic.evidence.path import GeometricPath
-from pymc_hyperelastic.evidence.reference import Reference
+from pymc_hyperelastic.evidence.path import GeometricPath, Reference
 from pymc_hyperelastic.evidence.search import find_reference
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.tempering import TemperedSMC
