@@ -20,7 +20,7 @@ from pymc_hyperelastic.models.class_distribution import ClassDistribution
 
 Array = NDArray[np.float64]
 
-# Number of distributions computed at once: temporary arrays stay in the cache of the processor.
+# Number of distributions computed at once: larger temporary arrays take up to twice the time.
 _BLOCK = 100
 # Number of Gauss-Hermite nodes for the integral over the spread of a specimen's tests. The error is
 # at most 0.002 nats in nine of ten cases, and up to 0.1 nats in the tails for a single test.
