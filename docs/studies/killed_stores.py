@@ -4,8 +4,9 @@ python killed_stores.py --kills 20
 
 Each of four jobs runs in a child process on a slow disk, where a write takes 0.6 s. A SIGKILL ends
 the child at a random fraction of the time of an undisturbed run; a child that ended before it does
-not count as killed. The same call then continues in this process. Its numbers must equal those of the undisturbed run exactly, and a report must be the
-old page or the complete new one. The exit code is 1 if one of them differs.
+not count as killed. The same call then continues in this process. Its numbers must equal those of
+the undisturbed run exactly, and a report must be the old page or the complete new one. The exit
+code is 1 if one of them differs.
 """
 
 import argparse
