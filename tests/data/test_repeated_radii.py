@@ -33,8 +33,8 @@ def test_slopes_between_equal_radii_are_refused_unless_their_weight_is_0(step, p
 @pytest.mark.parametrize("weight", [3.0, 1e6, 1e12])
 def test_determinant_is_exact_where_radii_nearly_repeat(weight):
     radius = RADIUS.copy()
-    radius[4] = radius[3] + 2e-5
-    radius[5] = radius[3] + 4e-5
+    radius[4] = radius[3] + 5e-5
+    radius[5] = radius[3] + 1e-4
     data = build(curve(radius=radius))
     interior, difference = central_differences(data)
     with mp.workdps(60):
