@@ -164,17 +164,17 @@ def _select_nodes(
 ) -> TabulatedQuadrature | None:
     """Return matrices of nodes that are selected for possible `draws` of the prior, or None.
 
-    Nodes are selected for some of the draws, and others whose curves err by more than the tolerance
+    Nodes are selected for half of the draws, and others whose curves err by more than the tolerance
     are added, until among fresh draws no larger fraction is `inaccurate`.
     """
     energy, tolerance = draws.energy, tabulated.tolerance
     split = bool(energy.kinks(pt.zeros(()), **draws.parameters))
     one_by_one, force = has_additive_stress(energy), tabulated.with_force
     basis = SelectedNodes(energy, one_by_one, _FINER * tolerance, split, force)
-    first, *others = np.array_split(np.arange(len(draws.materials[0])), MOST_ROUNDS + 1)
+    first, others = np.array_split(np.arange(len(draws.materials[0])), 2)
     found = replace(tabulated, basis=basis)
     learned = draws.some(first)
-    for chosen in others:
+    for chosen in np.array_split(others, MOST_ROUNDS):
         found = found.with_materials(data, learned)
         fresh = draws.some(chosen)
         wrong = found.errors(data, fresh) > tolerance
