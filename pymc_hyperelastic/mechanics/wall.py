@@ -27,8 +27,9 @@ WALL_ORDER = 32
 # Integrals, slopes and sums of squares beyond this count as overflow, in kPa or their units: it is
 # far beyond any tube, and their multiples and squares are finite.
 OVERFLOW = np.float64(1e60)
-# Walls, or entries of matrices, that are integrated at once: arrays of their nodes take 4 MB.
-PIECE = 16_384
+# Walls, or entries of matrices, that are integrated at once: arrays of their nodes, 1 MB each, stay
+# in the processor's cache.
+PIECE = 4096
 
 
 class TubeOp(TensorSymbolicOp):
