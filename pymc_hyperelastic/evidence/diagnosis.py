@@ -171,7 +171,10 @@ def diagnose_evidence(tree: xr.DataTree) -> xr.Dataset:
     """
     evidence = evidence_of(tree)
     if "diagnosis" in tree.children:
-        return stored_diagnosis(tree)
+        said = stored_diagnosis(tree)
+        # A result of an earlier version does not say that a specimen was given up.
+        if np.isfinite(evidence.get("specimens_se", 0.0)) or "specimens" in said["check"].values:
+            return said
     values, errors = evidence["log_evidence"].values, evidence["log_evidence_se"].values
     checks = _checks_of_chains(tree, values, errors)
     checks += [*_checks_of_particles(evidence), *_checks_of_search(evidence)]

@@ -57,7 +57,8 @@ def find_reference(target: Target, rng: np.random.Generator, *, checked: bool = 
     Particles that are tempered from the prior find mass, but miss narrow modes. Optimisation finds
     those, but neither skewed densities nor those without a mode. From a mixture of both and of the
     prior particles are tempered once more; the reference is fitted to these. If `checked`, it is
-    compared with other particles, and with draws of the prior at its bounds.
+    compared with draws of the prior at its bounds and, with more than two unknowns, with other
+    particles.
     """
     size = _PARTICLES_PER_UNKNOWN * target.dimension
     size = int(np.clip(size, _FEWEST_PARTICLES, _MOST_PARTICLES))

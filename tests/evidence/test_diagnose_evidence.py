@@ -142,6 +142,12 @@ def test_verdict_is_stored_and_the_warning_says_why():
     assert worst_of(["", GOOD]) == GOOD
 
 
+def test_verdict_of_an_earlier_version_does_not_hide_a_specimen_that_was_given_up():
+    tree = with_diagnosis(result())
+    tree["evidence"]["specimens_se"] = np.inf
+    assert ph.diagnose_evidence(tree).attrs["verdict"] == BAD
+
+
 def test_result_of_the_sampler_of_pymc_is_read_from_its_stages():
     """The last finite number of each chain counts, and the share of stages with all moves made."""
     stages = {
