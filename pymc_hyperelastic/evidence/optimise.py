@@ -11,6 +11,9 @@ from pymc_hyperelastic.evidence.target import Derivatives, LogDensityGradient
 # Largest component of the gradient at the end, in nats for the width of the mode, which may be far
 # too small where it was learned from the steps.
 _GRADIENT_TOLERANCE = 0.005
+# Steps of one optimisation for each unknown, at most: a few starts far up a narrow curved valley
+# would take longer than all others.
+_STEPS_PER_UNKNOWN = 25
 # Steps of one optimisation, at most: a density without bound has no maximum.
 _MOST_STEPS = 300
 # Factor of the damping after a rejected step, and divisor after an accepted one (Marquardt).
@@ -56,7 +59,7 @@ def maximize_batch(derivatives: LogDensityGradient, starts: Array, width: Array)
     value, gradient, known = evaluate(x, local)
     curvature = np.zeros((count, size, size)) if known is None else known
     damping, moving = np.linalg.norm(gradient, axis=1), np.isfinite(value)
-    for _ in range(_MOST_STEPS):
+    for _ in range(min(_STEPS_PER_UNKNOWN * size, _MOST_STEPS)):
         steep = np.abs(gradient * local).max(axis=1) > _GRADIENT_TOLERANCE
         own = np.flatnonzero(moving & steep)
         if not own.size:

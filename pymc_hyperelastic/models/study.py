@@ -37,9 +37,9 @@ registered_checks.append(CHECKS_OF_CURVES)
 # Draws of a posterior whose residuals are looked at: the best of these is within about a unit of
 # the largest log likelihood.
 _SOME = 200
-# Draws of a posterior whose curves are compared with exact ones: half of all samples of this size
-# hold a draw of any hundredth of the posterior.
-_COMPARED = 64
+# Draws of a posterior whose curves are compared with exact ones: four of five samples of this size
+# hold a draw of any twentieth of the posterior.
+_COMPARED = 32
 
 
 @dataclass(frozen=True)
