@@ -8,6 +8,7 @@ from importlib.metadata import version
 
 from pymc_hyperelastic.classes.classify import classify
 from pymc_hyperelastic.classes.compare import kl_divergence
+from pymc_hyperelastic.classes.explain import explain_classification
 from pymc_hyperelastic.classes.fit import fit_classes
 from pymc_hyperelastic.classes.groups import compare_classes
 from pymc_hyperelastic.classes.held_out import calibration_report
@@ -115,6 +116,7 @@ __all__ = [
     "material_card",
     "fit_classes",
     "classify",
+    "explain_classification",
     "compare_classes",
     "expected_information",
     "plan_study",

@@ -63,6 +63,11 @@ def classify(data, classes, **settings):
     return ph.classify(data, classes, **defaults | settings)
 
 
+def explain(data, classes, **settings):
+    defaults = {"by": "specimen", "random_seed": SEED, "progressbar": False}
+    return ph.explain_classification(data, classes, **defaults | settings)
+
+
 # --- exact answers: the coordinate of a specimen is the logarithm of its reference strain ---------
 
 # kPa: the package's reference stress. A neo-Hookean wall has it at the reference strain.

@@ -13,7 +13,7 @@ from scipy.special import softmax
 from pymc_hyperelastic.classes.average import average, laws_of
 from pymc_hyperelastic.classes.interface import Prediction
 from pymc_hyperelastic.classes.kinds import kind_of_classes
-from pymc_hyperelastic.classes.parts import parts_of, table_of_parts, with_parts
+from pymc_hyperelastic.classes.shapley import log_ratio_parts, parts_of, rivals_of
 from pymc_hyperelastic.classes.training import check_new
 from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
 from pymc_hyperelastic.data.select import labels_of_units, tests_at, units_of
@@ -127,7 +127,7 @@ class Classification:
             for i, (label, unit) in enumerate(units.items()):
                 part = tests_at(data, unit)
                 try:
-                    predictions[i] = self._predict(part, label)
+                    predictions[i] = self._predict(part, label)[0]
                 except (ValueError, ArithmeticError) as error:
                     # One specimen must not end a batch.
                     predictions[i], errors[i] = [_FAILED] * classes, str(error)
@@ -142,8 +142,6 @@ class Classification:
             )
         result = _tabulate(predictions, self._prior, self.by, self.names)
         result["error"] = (self.by, errors)
-        parts = parts_of(self._laws)
-        result = result.assign(table_of_parts(predictions, self.by, self.names, parts))
         if not self._has_p_value:
             result = result.drop_vars(["p_value", "typical_p_value", "fit_p_value"])
         verdicts = [worst_verdict(tree[name] for tree in self.trees) for name in self.names]
@@ -160,14 +158,44 @@ class Classification:
             }
         )
 
-    def _predict(self, data: xr.Dataset, label: str) -> list[Prediction]:
-        """What the classes say of one experiment or specimen."""
+    def explanation(
+        self, data: xr.Dataset, advance: Callable[[], None] = no_progress
+    ) -> xr.Dataset:
+        """The result of :func:`explain_classification` for these data."""
+        parts, units, classes = parts_of(self._laws), units_of(data, self.by), len(self.names)
+        rivals = np.full((len(units), classes), "", dtype=object)
+        values = np.full((len(units), classes, len(parts)), np.nan)
+        for i, (label, unit) in enumerate(units.items()):
+            part = tests_at(data, unit)
+            try:
+                averaged, of_laws = self._predict(part, label)
+                evidence = np.array([p.log_evidence.value for p in averaged])
+                for own, rival in enumerate(rivals_of(evidence + self._log_prior)):
+                    rivals[i, own] = self.names[rival]
+                    values[i, own] = log_ratio_parts(self._laws, of_laws, own, rival)
+            except (ValueError, ArithmeticError) as error:
+                # One specimen must not end a batch.
+                said = f"{describe_test(part, 0)} cannot be judged: {error}"
+                warnings.warn(said, skip_file_prefixes=(PACKAGE,))
+            advance()
+        variables = {
+            "rival": ((self.by, "class_label"), rivals.astype(str)),
+            "log_ratio_part": ((self.by, "class_label", "part"), values),
+        }
+        found = xr.Dataset(variables, {"class_label": self.names, "part": parts})
+        return _labelled(found, data, self.by)
+
+    def _predict(
+        self, data: xr.Dataset, label: str
+    ) -> tuple[list[Prediction], list[list[Prediction]]]:
+        """What the classes say of one experiment or specimen: averaged over laws, and by law."""
         of_laws = [
             predictor(data, seed_of(seed, label))
             for predictor, seed in zip(self._predictors, self._seeds, strict=True)
         ]
+        # What hybrids are made of is large.
         averaged = average(self._laws, of_laws, self._log_prior)
-        return with_parts(averaged, self._laws, of_laws, self._log_prior)
+        return [p._replace(hybrids=None) for p in averaged], of_laws
 
 
 def are_of_classes(decisions: xr.Dataset, trees: Sequence[xr.DataTree]) -> bool:

@@ -112,29 +112,6 @@ def classify(
         says how far the fits of the classes can be trusted, see
         :func:`~pymc_hyperelastic.diagnose_evidence`.
 
-        What drives an answer is in ``log_ratio_part`` (..., class_label, part), in nats: the log
-        ratio of the evidences of the class and of its ``rival``, the most probable other class, is
-        the sum of these parts. With variability they are "material" (location, spreads and
-        correlation of the coordinates), "experiments" (how much those on a specimen differ) and
-        "noise" (its size), as far as the classes have them. Without, they are what was measured:
-        "pressure", "slope" and "force", as far as the likelihood of the classes has them. Each
-        is the mean change of the log evidence ``v`` when the class's part is exchanged for the
-        rival's, over all orders in which the ``n`` parts can be exchanged,
-
-        .. math:: φ_j = \sum_{S \not\ni j} \frac{|S|! \, (n - 1 - |S|)!}{n!} \,
-            \bigl[v(S) - v(S \cup \{j\})\bigr], \qquad
-            \sum_j φ_j = \ln\frac{P(D | C)}{P(D | C_{\mathrm{rival}})}
-
-        and positive where it speaks for the class; NaN where one of these evidences is not to be
-        trusted. A signal is exchanged when the rival predicts it, by itself, and the class the
-        others: ``v`` is then the sum of the log evidences of the two, each of its own signals.
-        Slopes are differences of the same pressures. Beside these they are what they add to the
-        likelihood; without them they are taken as numbers by themselves, with the errors that the
-        likelihood gives each. What the two tell alike is divided between them. Evidences of some
-        signals alone are taken with fewer draws: mostly to a few hundredths of a nat, and a part
-        that rests on one with an error above half a nat is NaN. They take half as long again for
-        two signals, and twice as long for three; of one signal there are none.
-
         ``error`` says why what was given up could not be judged, and is empty otherwise.
 
     Warns
@@ -151,7 +128,7 @@ def classify(
 
     See Also
     --------
-    fit_classes, plot_class_probability
+    fit_classes, explain_classification, plot_class_probability
 
     Examples
     --------
@@ -162,9 +139,6 @@ def classify(
     >>> result = ph.classify(new, classes, random_seed=2, progressbar=False)
     >>> result["class_probability"].idxmax("class_label").item()
     'C2'
-    >>> parts = result["log_ratio_part"].sel(class_label="C2")
-    >>> bool(parts.sum("part") > 0)  # of the log ratio to class C1
-    True
     """
     classification = Classification(
         classes,

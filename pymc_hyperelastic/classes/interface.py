@@ -35,10 +35,6 @@ class Prediction(NamedTuple):
     """
     probability_error: float = 0.0
     """Standard error of the class's probability from what laws it is an average of."""
-    rival: int = -1
-    """Number of the most probable other class."""
-    parts: tuple[float, ...] = ()
-    """Parts of the log ratio of the evidences of this class and its rival."""
 
 
 class Fold(NamedTuple):

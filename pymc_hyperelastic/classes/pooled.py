@@ -1,13 +1,12 @@
 """Classes whose specimens share one set of parameters, as in the paper."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
-from typing import Any, ClassVar, NamedTuple
+from functools import cache, partial
+from typing import Any, ClassVar
 
 import numpy as np
 import pymc as pm
-import pytensor
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -59,8 +58,6 @@ Array = NDArray[np.float64]
 
 # Draws of a class to which a mixture is fitted, and of the mixture for the class's own evidence.
 _TO_FIT, _CLASS_DRAWS = 4000, 20000
-# The same for a part of an answer: draws of the class, of a mixture, and particles of one chain.
-_FEW_CLASS_DRAWS, _FEW_DRAWS, _FEW_PARTICLES = 4000, 2000, 500
 # So many draws of a class show whether all of them are worth their time: then at least so many are
 # effective.
 _SEEN_BY, _FEW = 200, 10
@@ -68,7 +65,7 @@ _SEEN_BY, _FEW = 200, 10
 _CANDIDATE_DRAWS = 1500
 # Of these draws, the share of the class's mixture; the others are of modes.
 _SHARE_OF_CLASS = 0.1
-# Nats: of a part that is known no better nothing is told.
+# Standard error, in nats, from which on the evidence of some signals alone counts as unknown.
 _LARGEST_ERROR = 0.5
 
 
@@ -209,18 +206,25 @@ class Pooled(ClassKind):
         priors = complete_priors(self.energy, self.priors)
         forward = self.likelihood.forward_model(self.energy, like, priors)
         rng = np.random.default_rng(seed)
-        predictives = [ClassPredictive(fitted, self, forward, rng) for fitted in classes.values()]
+        members = [*classes.values()]
+        predictives = [ClassPredictive(fitted, self, forward, rng) for fitted in members]
+
+        @cache
+        def of_signals(number: int, signals: frozenset[str]) -> ClassPredictive:
+            rng = np.random.default_rng(seed_of(seed, f"{number} {sorted(signals)}"))
+            return ClassPredictive(members[number], self, forward, rng, signals)
 
         def predict(data: xr.Dataset, seed: Seed) -> list[Prediction]:
             forward.set_data(data)
-            own = list(zip(predictives, seed.generate_state(len(predictives)), strict=True))
-            known = [predictive(int(state)) for predictive, state in own]
-            if len(self.parts) == 1:
-                return known
+            states = seed.generate_state(len(predictives)).tolist()
+            known = [p(state) for p, state in zip(predictives, states, strict=True)]
 
-            def evidence_of(number: int, signals: Collection[str]) -> float:
-                predictive, state = own[number]
-                return predictive.log_evidence_of(signals, int(state))
+            def evidence_of(number: int, signals: frozenset[str]) -> float:
+                try:
+                    value, error = of_signals(number, signals)(states[number]).log_evidence
+                except (ValueError, ArithmeticError):
+                    return np.nan
+                return value if error < _LARGEST_ERROR else np.nan
 
             measured = self.likelihood.measured(data)
             return with_hybrids(known, self.parts, measured, evidence_of)
@@ -316,36 +320,33 @@ class ClassPredictive:
     draws are effective (A. Vehtari, D. Simpson, A. Gelman, Y. Yao and J. Gabry, Pareto smoothed
     importance sampling, Journal of Machine Learning Research 25 (2024) 72). Everything is compiled
     once, and for all classes of one law together: they may share the `forward` model of the new
-    data.
+    data, of which some `signals` may be used alone.
     """
 
     @without_traces
     def __init__(
-        self, fitted: xr.DataTree, kind: Pooled, forward: ForwardModel, rng: np.random.Generator
+        self,
+        fitted: xr.DataTree,
+        kind: Pooled,
+        forward: ForwardModel,
+        rng: np.random.Generator,
+        signals: Collection[str] | None = None,
     ) -> None:
+        self.signals = signals
         model = kind.model(inflation_data_of(fitted))
         sizes = {name: model[name] for name in kind.likelihood.unknowns}
-        parameters = {name: model[name] for name in kind.energy.parameter_names}
-        signals = kind.parts
-        # One signal is never left out.
-        names = signals if len(signals) > 1 else ()
-        self._switches = {name: pytensor.shared(1.0, name=f"with_{name}") for name in names}
-        tube = forward.tube(parameters)
-        log_likelihood = kind.likelihood.log_likelihood(tube, sizes, self._switches or None)
+        tube = forward.tube({name: model[name] for name in kind.energy.parameter_names})
         with model:
-            new = pm.Potential("new", log_likelihood)
+            new = pm.Potential("new", kind.likelihood.log_likelihood(tube, sizes, signals))
 
         particles = _particles(fitted, model)
         count, draws_of_chain = next(iter(particles.values())).shape[:2]
-        chains = [{name: v[chain] for name, v in particles.items()} for chain in range(count)]
+        self._chains = [{name: v[chain] for name, v in particles.items()} for chain in range(count)]
         self._likelihood = BatchedFunction.of_model(model, [model.logp([new])])
         self._kernel = BatchedSMC(draws=draws_of_chain, model=model, tempered=["new"])
-        draws = np.concatenate([self._kernel.target.columns(chain) for chain in chains])
-        self._effort = _Effort(draws, 2 * STEP_DRAWS, chains)
-        thinned = {name: _some(values, _FEW_PARTICLES) for name, values in chains[0].items()}
-        self._little = _Effort(_some(draws, _FEW_CLASS_DRAWS), _FEW_DRAWS, [thinned])
+        self._draws = np.concatenate([self._kernel.target.columns(c) for c in self._chains])
 
-        some = draws[:: max(1, len(draws) // _TO_FIT)]
+        some = _some(self._draws, _TO_FIT)
         components = components_for(len(some), self._kernel.dimension)
         self._mixture = GaussianMixture.fit(some, components, rng, iterations=20)
         self._width = width_of(some)
@@ -365,40 +366,14 @@ class ClassPredictive:
 
     def __call__(self, random_seed: int) -> Prediction:
         """Marginal likelihood of the data that the forward model holds."""
-        return self._predict(self._effort, np.random.default_rng(random_seed))
+        rng = np.random.default_rng(random_seed)
+        return self._from_class_draws() or self._from_adapted_draws(rng) or self._by_tempering(rng)
 
-    def log_evidence_of(self, signals: Collection[str], random_seed: int) -> float:
-        """Log evidence of some of the signals of these data; NaN where it cannot be trusted.
-
-        No class is chosen by it, and to a few hundredths of a nat it is known with fewer draws.
-        """
-        on = [name in signals for name in self._switches]
-        self._switch(on)
-        try:
-            rng = np.random.default_rng([random_seed, *on])
-            value, error = self._predict(self._little, rng).log_evidence
-        except (ValueError, ArithmeticError):
-            return np.nan
-        finally:
-            self._switch([True] * len(on))
-        return value if error < _LARGEST_ERROR else np.nan
-
-    def _switch(self, on: Sequence[bool]) -> None:
-        for switch, signal_on in zip(self._switches.values(), on, strict=True):
-            switch.set_value(float(signal_on))
-
-    def _predict(self, effort: "_Effort", rng: np.random.Generator) -> Prediction:
-        return (
-            self._from_class_draws(effort)
-            or self._from_adapted_draws(effort, rng)
-            or self._by_tempering(effort, rng)
-        )
-
-    def _from_class_draws(self, effort: "_Effort") -> Prediction | None:
+    def _from_class_draws(self) -> Prediction | None:
         # Most specimens are too far from the class, which a few draws tell.
-        if effective_sample_size(self._log_likelihood(_some(effort.class_draws, _SEEN_BY))) < _FEW:
+        if effective_sample_size(self._log_likelihood(_some(self._draws, _SEEN_BY))) < _FEW:
             return None
-        log_weights = self._log_likelihood(effort.class_draws)
+        log_weights = self._log_likelihood(self._draws)
         estimate, pareto_k = mean_weight(log_weights)
         if not pareto_k < LARGEST_PARETO_K:
             return None
@@ -408,7 +383,7 @@ class ClassPredictive:
         """Of the new data."""
         return np.nan_to_num(self._likelihood(points)[0], nan=-np.inf, neginf=-np.inf)
 
-    def _from_adapted_draws(self, effort: "_Effort", rng: np.random.Generator) -> Prediction | None:
+    def _from_adapted_draws(self, rng: np.random.Generator) -> Prediction | None:
         if not self._normaliser_k < LARGEST_PARETO_K:
             return None
         found = importance_sampling(
@@ -417,7 +392,7 @@ class ClassPredictive:
             expectation_maximisation,
             1,
             rng,
-            draws=effort.draws,
+            draws=2 * STEP_DRAWS,
             candidate=self._candidate(),
         )
         if not found.pareto_k < LARGEST_PARETO_K:
@@ -440,23 +415,13 @@ class ClassPredictive:
         joined = modes.joined(self._mixture, _SHARE_OF_CLASS)
         return joined.heavy_tailed(), _CANDIDATE_DRAWS
 
-    def _by_tempering(self, effort: "_Effort", rng: np.random.Generator) -> Prediction:
+    def _by_tempering(self, rng: np.random.Generator) -> Prediction:
         values, errors = [], []
-        for chain in effort.chains:
+        for chain in self._chains:
             self._kernel.temper(chain, rng)
             values.append(self._kernel.log_marginal_likelihood)
             errors.append(np.sqrt(self._kernel.tempering.variance))
         return _prediction(combine_chains(np.array(values), np.array(errors)), "tempering", np.nan)
-
-
-class _Effort(NamedTuple):
-    """With how many draws each of the three ways is gone."""
-
-    class_draws: Array
-    draws: int
-    """From the adapted mixture, at first."""
-    chains: list[dict[str, Array]]
-    """Particles of the class that are tempered."""
 
 
 def _some(draws: Array, most: int) -> Array:

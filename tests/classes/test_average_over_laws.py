@@ -10,7 +10,7 @@ from variable_classes import NAMES, classify, curves, fit
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.average import Laws, average, labels_of
 from pymc_hyperelastic.classes.interface import Prediction
-from pymc_hyperelastic.classes.parts import parts_of, with_parts
+from pymc_hyperelastic.classes.shapley import log_ratio_parts, parts_of
 from pymc_hyperelastic.classes.variable import Variability
 
 # Relative rounding error of a sum of a few numbers.
@@ -111,17 +111,16 @@ def test_parts_of_an_average_are_those_of_averaged_evidences():
     ]
     both = laws((-50.0, 0.0), (-51.0, 0.0), parts=(("material", "noise"), ("material",)))
     averaged = average(both, known, EQUAL)
-    first, second = with_parts(averaged, both, known, EQUAL)
+    first, second = (log_ratio_parts(both, known, own, 1 - own) for own in (0, 1))
     assert parts_of(both) == ["material", "noise"]
     one, two = (np.exp(table) for table in of_class(0))
     v = np.log(FIRST * one + (1 - FIRST) * two[:, None])
     material = (v[0, 0] - v[1, 0] + v[0, 1] - v[1, 1]) / 2
     noise = (v[0, 0] - v[0, 1] + v[1, 0] - v[1, 1]) / 2
-    np.testing.assert_allclose(first.parts, [material, noise])
-    np.testing.assert_allclose(second.parts, [-material, -noise])
+    np.testing.assert_allclose(first, [material, noise])
+    np.testing.assert_allclose(second, [-material, -noise])
     log_ratio = averaged[0].log_evidence.value - averaged[1].log_evidence.value
-    np.testing.assert_allclose(sum(first.parts), log_ratio)
-    assert (first.rival, second.rival) == (1, 0)
+    np.testing.assert_allclose(sum(first), log_ratio)
 
 
 def of_one_law(between):
@@ -137,12 +136,11 @@ def test_unknown_parts_of_a_negligible_law_are_ignored():
     parts = (("pressure", "slope"),) * 2
     known = [of_one_law(-4.5), of_one_law(np.nan)]
     alone = Laws(["one"], [parts[0]], [ph.Estimate(-50.0, 0.0)])
-    expected = np.array(with_parts(known[0], alone, known[:1], EQUAL)[0].parts)
+    expected = log_ratio_parts(alone, known[:1], 0, 1)
 
     def parts_with(second, known=known):
         both = laws((-50.0, 0.0), (second, 0.0), parts=parts)
-        found = with_parts(average(both, known, EQUAL), both, known, EQUAL)
-        return np.array([prediction.parts for prediction in found])
+        return np.array([log_ratio_parts(both, known, own, 1 - own) for own in (0, 1)])
 
     for second in (-59.5, -2000.0, -np.inf):  # exp(-9.5) = 0.7e-4
         np.testing.assert_allclose(parts_with(second), [expected, -expected], atol=1e-3)

@@ -1,6 +1,6 @@
 """Base class of likelihoods: checks, storage, words, and the part of a PyMC model."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from math import sqrt
 from typing import Any, ClassVar, Self
@@ -169,7 +169,7 @@ class Likelihood:
         if self.observed:
             register_measurements(tube, curves, errors, dims)
         else:
-            pm.Potential("likelihood", log_likelihood(tube, errors))
+            pm.Potential("likelihood", log_likelihood(tube, errors, self.signals))
         if self.with_offset:
             tests = pm.modelcontext(None).name_for("test")
             moments = posterior_of_offsets(tube, curves, errors)
@@ -180,14 +180,13 @@ class Likelihood:
         self,
         tube: SymbolicTube,
         values: Mapping[str, Any] | None = None,
-        switches: Mapping[str, Any] | None = None,
+        signals: Collection[str] | None = None,
     ) -> TensorVariable:
-        """Return the log likelihood of the tube's data, a scalar.
+        """Return the log likelihood of the tube's data, or of some of its signals, a scalar.
 
-        The `values` are those of :meth:`errors`. With `switches`, one for each of the
-        :attr:`signals`, a signal whose switch is 0 is left out.
+        The `values` are those of :meth:`errors`.
         """
-        return log_likelihood(tube, self.errors(values), switches)
+        return log_likelihood(tube, self.errors(values), signals or self.signals)
 
     def to_record(self) -> dict[str, Any]:
         """Return the likelihood in JSON types, with its units.

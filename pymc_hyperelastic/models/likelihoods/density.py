@@ -5,7 +5,7 @@ compute from a few nodes in place of all points. If the diameter has an error, e
 variance of its own, and the terms are sums over points.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import reduce
 from operator import add, and_
 from typing import Any
@@ -49,22 +49,18 @@ Bound = Callable[[TensorVariable], TensorVariable]
 """A function of means that makes those of an impossible tube infinite."""
 
 
-def log_likelihood(
-    tube: SymbolicTube, errors: Errors, switches: Mapping[str, Any] | None = None
-) -> TensorVariable:
-    """Return the log likelihood of the tube's data; minus infinity for an impossible tube.
+def log_likelihood(tube: SymbolicTube, errors: Errors, signals: Collection[str]) -> TensorVariable:
+    """Return the log likelihood of signals of the tube's data; minus infinity if it is impossible.
 
-    With `switches`, signals ``"pressure"``, ``"slope"`` and ``"force"`` whose switch is 0 are left
-    out.
+    The `signals` are some of ``"pressure"``, ``"slope"`` and ``"force"``.
     """
     by = _terms_by_points if errors.diameter_sd is not None else _terms_by_sums
-    terms, possible = by(tube, errors, switches)
-    if switches is not None:
-        terms = {name: pt.where(switches[name], term, 0.0) for name, term in terms.items()}
-    return pt.where(possible, reduce(add, terms.values()), -np.inf)
+    terms, possible = by(tube, errors, "pressure" in signals)
+    counted = [term for name, term in terms.items() if name in signals]
+    return pt.where(possible, reduce(add, counted), -np.inf)
 
 
-def _terms_by_sums(tube: SymbolicTube, errors: Errors, switches: Mapping[str, Any] | None) -> Terms:
+def _terms_by_sums(tube: SymbolicTube, errors: Errors, with_pressure: bool) -> Terms:
     """Terms from sums of squared misfits, see :meth:`SymbolicTube.misfits`."""
     forward = tube.forward
     sd = errors.pressure_sd if errors.radius_sd is None else errors.radius_sd
@@ -75,7 +71,7 @@ def _terms_by_sums(tube: SymbolicTube, errors: Errors, switches: Mapping[str, An
     points = measured(forward, "pressure").shape[0]
     terms = {"pressure": normal_log_density(squares[forward.error_in], variance, points)}
     if with_slopes:
-        normaliser = _slope_normaliser(tube, errors, switches)
+        normaliser = _slope_normaliser(tube, errors, with_pressure)
         weight = as_double(errors.slope_weight)
         terms["slope"] = normaliser - weight * squares["slope"] / (2 * variance)
     if with_force:
@@ -100,9 +96,7 @@ def _targets(data: xr.Dataset, slopes: bool, forces: bool, offsets: bool) -> dic
     return targets
 
 
-def _slope_normaliser(
-    tube: SymbolicTube, errors: Errors, switches: Mapping[str, Any] | None
-) -> TensorVariable:
+def _slope_normaliser(tube: SymbolicTube, errors: Errors, with_pressure: bool) -> TensorVariable:
     r"""Return the normaliser of the slope term, ``½ ln det(I + β DᵀD)`` beside the pressures.
 
     Slopes without their pressures count as ``N_s`` independent numbers. Otherwise an inferred ``σ``
@@ -116,25 +110,20 @@ def _slope_normaliser(
 
     eigenvalues = tube.forward.share("slope normaliser", arrays_of)["eigenvalues"]
     weight = as_double(errors.slope_weight)
-    beside = pt.sum(pt.log1p(weight * eigenvalues)) / 2
-    if switches is None:
-        return beside
+    if with_pressure:
+        return pt.sum(pt.log1p(weight * eigenvalues)) / 2
     variance = pt.square(as_double(errors.pressure_sd)) / weight
-    alone = normal_log_density(0.0, variance, eigenvalues.shape[0])
-    return pt.where(switches["pressure"], beside, alone)
+    return normal_log_density(0.0, variance, eigenvalues.shape[0])
 
 
-def _terms_by_points(
-    tube: SymbolicTube, errors: Errors, switches: Mapping[str, Any] | None
-) -> Terms:
+def _terms_by_points(tube: SymbolicTube, errors: Errors, with_pressure: bool) -> Terms:
     """Terms as sums over points, each with a variance of its own, see :func:`signals_of`."""
     curves = tube.curves()
     drawn = [curves[name] for name in ("pressure", "axial_force") if name in curves]
     small = [pt.all(pt.abs(curve) < LARGEST) for curve in drawn]
     possible = reduce(and_, [*small, *tube.conditions()])
     safe = {name: pt.where(possible, curve, 0.0) for name, curve in curves.items()}
-    pressure_switch = None if switches is None else switches["pressure"]
-    expected = signals_of(tube, safe, errors, pressure_switch)
+    expected = signals_of(tube, safe, errors, with_pressure)
     square = pt.square(measured(tube.forward, "pressure") - expected.pressure)
     terms = {"pressure": pt.sum(normal_log_density(square, pt.square(expected.pressure_sd)))}
     if expected.force is not None:

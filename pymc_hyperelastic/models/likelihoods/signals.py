@@ -51,11 +51,11 @@ def signals_of(
     tube: SymbolicTube,
     curves: Mapping[str, TensorVariable],
     errors: Errors,
-    pressure_switch: Any = None,
+    with_pressure: bool = True,
 ) -> Signals:
     """Return the expected measurements for the curves of a tube.
 
-    If the `pressure_switch` is 0, expected forces do not depend on the measured pressures.
+    Expected forces depend on the measured pressures if these are used, `with_pressure`.
     """
     pressure, pressure_sd = curves["pressure"], as_double(errors.pressure_sd)
     force_sd = None if errors.force_sd is None else as_double(errors.force_sd)
@@ -71,12 +71,10 @@ def signals_of(
         total = known + pt.square(of_pressure)
         pressure_sd = pt.sqrt(total)
         if force_sd is not None:
-            of_force = shifts["axial_force"]
-            # Fraction of the variance of the diameter error that the measured pressure leaves.
-            left, by_pressure = known / total, of_pressure * of_force / total
-            if pressure_switch is not None:
-                left = pt.where(pressure_switch, left, 1.0)
-                by_pressure = pt.where(pressure_switch, by_pressure, 0.0)
+            of_force, left = shifts["axial_force"], 1.0
+            if with_pressure:
+                # Fraction of the variance of the diameter error that the measured pressure leaves.
+                left, by_pressure = known / total, of_pressure * of_force / total
             force_sd = pt.sqrt(pt.square(force_sd) + pt.square(of_force) * left)
     if force_sd is None:
         return Signals(pressure, pressure_sd)

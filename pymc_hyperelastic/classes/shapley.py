@@ -1,8 +1,7 @@
-"""What drives an answer: parts of the log ratio of a specimen's evidences under two classes."""
+"""Shapley values: parts of the log ratio of a specimen's evidences under two classes."""
 
 from collections.abc import Sequence
 from math import factorial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,33 +25,19 @@ def parts_of(laws: Laws) -> list[str]:
     return list(dict.fromkeys(part for parts in by_number for part in parts))
 
 
-def with_parts(
-    averaged: Sequence[Prediction],
-    laws: Laws,
-    predictions: Sequence[Sequence[Prediction]],
-    log_prior: Array,
-) -> list[Prediction]:
-    r"""Predictions of the classes, each with its most probable rival and what tells it from that.
+def log_ratio_parts(
+    laws: Laws, predictions: Sequence[Sequence[Prediction]], own: int, rival: int
+) -> Array:
+    """Parts of the log ratio of the evidences of two classes, from predictions by law and class."""
+    return shapley(_hybrids(laws, predictions, own, rival))
 
-    `averaged` are those of the `laws` together, and `predictions` those of every class by law.
-    """
-    if len(averaged) < 2:
-        return [prediction._replace(hybrids=None) for prediction in averaged]
-    chances = np.nan_to_num([p.log_evidence.value for p in averaged], nan=-np.inf) + log_prior
-    chances = chances.round(_DIGITS)
-    known: dict[tuple[int, int], Array] = {}
-    result = []
-    for own, prediction in enumerate(averaged):
-        rival = max((i for i in range(len(chances)) if i != own), key=lambda i: chances[i])
-        if (rival, own) in known:
-            parts = -known[rival, own]
-        else:
-            parts = shapley(_hybrids(laws, predictions, own, rival))
-        known[own, rival] = parts
-        told = tuple(parts.tolist())
-        # What hybrids are made of is large, and of no more use.
-        result.append(prediction._replace(rival=rival, parts=told, hybrids=None))
-    return result
+
+def rivals_of(log_probability: Array) -> list[int]:
+    """Number of the most probable other class of each."""
+    # So rounded, rounding errors do not decide; what is not known is least probable.
+    known = np.nan_to_num(log_probability.round(_DIGITS), nan=-np.inf)
+    first, second = np.argsort(-known, kind="stable")[:2].tolist()
+    return [second if own == first else first for own in range(len(known))]
 
 
 def _hybrids(
@@ -104,19 +89,3 @@ def shapley(values: Array) -> Array:
     weights = np.array(orders)[exchanged]
     gains = [values.take(0, axis=j) - values.take(1, axis=j) for j in range(n)]
     return np.array([np.sum(weights * gain) for gain in gains])
-
-
-def table_of_parts(
-    predictions: Sequence[Sequence[Prediction]], by: str, names: Sequence[str], parts: Sequence[str]
-) -> dict[str, Any]:
-    """Rivals, and parts of log ratios, as variables of the result of classifying."""
-    if len(names) < 2:
-        return {}
-    rivals = [["" if p.rival < 0 else names[p.rival] for p in row] for row in predictions]
-    nothing = (np.nan,) * len(parts)
-    values = np.array([[p.parts or nothing for p in row] for row in predictions])
-    return {
-        "rival": ((by, "class_label"), np.array(rivals)),
-        "log_ratio_part": ((by, "class_label", "part"), values),
-        "part": ("part", list(parts)),
-    }

@@ -7,12 +7,12 @@ import numpy as np
 import pymc as pm
 import pytest
 from normal_specimens import repeated_class
-from variable_classes import PRESSURE_SD, TRAINING, classify, curves, fit
+from variable_classes import PRESSURE_SD, TRAINING, classify, curves, explain, fit
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.average import Laws
 from pymc_hyperelastic.classes.interface import Prediction
-from pymc_hyperelastic.classes.parts import shapley, with_parts
+from pymc_hyperelastic.classes.shapley import log_ratio_parts, rivals_of, shapley
 from pymc_hyperelastic.classes.specimen_evidence import PARTS, hybrid_evidences, specimen_evidence
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_density
 
@@ -100,16 +100,21 @@ def test_mixed_evidences_that_cannot_be_trusted_are_nan():
 
 
 def test_the_rival_is_the_most_probable_other_class():
-    values, laws = [-3.0, -4.0, -3.5], Laws(["law"], [("all",)], [ph.Estimate(0.0, 0.0)])
+    values = np.array([-3.0, -4.0, -3.5])
+    for prior, rivals in (((0.4, 0.3, 0.3), [2, 0, 0]), ((0.3, 0.6, 0.1), [1, 0, 0])):
+        assert rivals_of(values + np.log(prior)) == rivals
+    # What is not known is the least probable; of equals the first is the rival.
+    assert rivals_of(np.array([np.nan, -2.0, -3.0])) == [1, 2, 1]
+    assert rivals_of(np.zeros(3)) == [1, 0, 0]
+
+
+def test_a_single_part_is_the_log_ratio():
+    laws, values = Laws(["law"], [("all",)], [ph.Estimate(0.0, 0.0)]), [-3.0, -4.0, -3.5]
     known = []
     for v in values:
         prediction = Prediction(ph.Estimate(v, 0.0), 0.0, "", 0.1)
         known.append(prediction._replace(hybrids=lambda i, v=v: np.array([v, values[i]])))
-    for prior, rivals in (((0.4, 0.3, 0.3), [2, 0, 0]), ((0.3, 0.6, 0.1), [1, 0, 0])):
-        found = with_parts(known, laws, [known], np.log(prior))
-        assert [prediction.rival for prediction in found] == rivals
-        expected = [[v - values[rival]] for v, rival in zip(values, rivals, strict=True)]
-        np.testing.assert_allclose([prediction.parts for prediction in found], expected)
+    assert log_ratio_parts(laws, [known], 0, 1).tolist() == [1.0]
 
 
 @pytest.mark.filterwarnings("ignore:class .* evidence")
@@ -119,11 +124,11 @@ def test_parts_of_fitted_classes_are_material_and_noise():
     training = {name: ph.select(TRAINING[name], specimen=own) for name, own in ends.items()}
     noise = pm.LogNormal.dist(np.log(PRESSURE_SD), 0.4)
     classes = fit(training=training, likelihood=noise, draws=100, chains=1)
-    results = [classify(curves({"N1": [modulus]}, 3), classes) for modulus in (36.0, 50.0)]
-    parts = [result["log_ratio_part"].sel(class_label="soft") for result in results]
+    new = [curves({"N1": [modulus]}, 3) for modulus in (36.0, 50.0)]
+    parts = [explain(data, classes)["log_ratio_part"].sel(class_label="soft") for data in new]
     assert parts[0]["part"].values.tolist() == ["material", "noise"]
-    for result, own in zip(results, parts, strict=True):
-        log_ratio = -np.diff(result["log_evidence"], axis=1)[:, 0]
+    for data, own in zip(new, parts, strict=True):
+        log_ratio = -np.diff(classify(data, classes)["log_evidence"], axis=1)[:, 0]
         np.testing.assert_allclose(own.sum("part"), log_ratio)
     material, noise = (parts[0] - parts[1]).values.ravel()
     assert material > 0.5 > 0.25 > abs(noise)
