@@ -12,7 +12,7 @@ from scipy.special import softmax
 
 from pymc_hyperelastic.classes.average import average, laws_of
 from pymc_hyperelastic.classes.interface import Prediction
-from pymc_hyperelastic.classes.kinds import kind_of_classes
+from pymc_hyperelastic.classes.kinds import MISSING, kind_of_classes
 from pymc_hyperelastic.classes.shapley import log_ratio_parts, parts_of, rivals_of
 from pymc_hyperelastic.classes.training import check_new
 from pymc_hyperelastic.data.inflation import check_inflation_data, describe_test
@@ -25,7 +25,7 @@ from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
 from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.files.seal import digests_of
-from pymc_hyperelastic.files.stored import read_json
+from pymc_hyperelastic.files.stored import read_dict, read_json
 
 _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
 _FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
@@ -74,6 +74,9 @@ class Classification:
         kinds = [kind_of_classes(tree) for tree in self.trees]
         self._identity = [digests_of(tree.children) for tree in self.trees]
         self.names = list(classes.children)
+        if class_prior is None:
+            for tree in self.trees:
+                _check_complete(tree)
         self._prior = _class_prior(class_prior, self.names)
         with np.errstate(divide="ignore"):
             self._log_prior = np.log(self._prior)
@@ -196,6 +199,19 @@ class Classification:
         # What hybrids are made of is large.
         averaged = average(self._laws, of_laws, self._log_prior)
         return [p._replace(hybrids=None) for p in averaged], of_laws
+
+
+def _check_complete(classes: xr.DataTree) -> None:
+    """Raise if a class is missing: the others would share its probability without a word."""
+    if MISSING not in classes.attrs:
+        return
+    for name, why in read_dict(classes, MISSING).items():
+        if name not in classes.children:
+            raise ValueError(
+                f"class {name!r} was not fitted ({why}), and would have no probability: fit it, or "
+                f"give class_prior, of {list(classes.children)} alone, if there is no other to "
+                "choose from"
+            )
 
 
 def are_of_classes(decisions: xr.Dataset, trees: Sequence[xr.DataTree]) -> bool:

@@ -59,7 +59,8 @@ def classify(
     by : {"test", "specimen"}
         What is classified: each experiment by itself, or all experiments on a specimen together.
     class_prior : dict of str to float, optional
-        Probability of each class beforehand; equal when missing.
+        Probability of each class beforehand; equal when missing. It is needed if a class of the
+        result could not be fitted: it says that the others are all that there are to choose from.
     average_over : sequence of xarray.DataTree, optional
         The same classes, of the same training data, fitted with other strain energies: what each
         says counts by its posterior probability, which is the product of the evidences of its
@@ -124,7 +125,8 @@ def classify(
     ------
     TypeError, ValueError
         If the data are unsound or were in the training data, `classes` are not fitted classes of
-        one model, or `class_prior` is not a probability of each class.
+        one model, one of them could not be fitted and there is no `class_prior`, or that is not a
+        probability of each class.
 
     See Also
     --------

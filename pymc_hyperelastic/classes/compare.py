@@ -2,6 +2,7 @@
 
 import numpy as np
 import xarray as xr
+from arviz_stats import ess
 
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
@@ -56,8 +57,11 @@ def kl_divergence(classes: xr.DataTree, first: str, second: str) -> Estimate:
         for name, evidence in zip((first, second), evidences, strict=True)
     ]
     difference = log_posteriors[0] - log_posteriors[1]
+    chains = classes[first]["posterior"].sizes["chain"]
     variance = sum(evidence.standard_error**2 for evidence in evidences)
-    variance += np.var(difference) / difference.size
+    if spread := np.var(difference):
+        # Particles that were resampled from one are not independent.
+        variance += spread / ess(difference.reshape(chains, -1), method="mean")
     if first == second:
         variance = 0.0
     return Estimate(float(np.mean(difference)), float(np.sqrt(variance)))

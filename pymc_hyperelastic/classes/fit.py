@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.classes.interface import ClassKind, Data
-from pymc_hyperelastic.classes.kinds import kind_of_settings
+from pymc_hyperelastic.classes.kinds import MISSING, kind_of_settings
 from pymc_hyperelastic.data.labels import forbidden_character
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
 from pymc_hyperelastic.evidence.smc import seed_kept
@@ -90,7 +90,8 @@ def fit_classes(
         by which ``method`` each was integrated, "importance", "tempering" or, a distribution of
         more than 24 unknowns, "bridge", with the Pareto shape ``pareto_k`` of the weights (NaN
         where there are none). It can be saved with
-        ``classes.to_netcdf(path)`` and read with ``xarray.open_datatree(path)``.
+        ``classes.to_netcdf(path)`` and read with ``xarray.open_datatree(path)``. If some classes
+        could not be fitted, the attribute ``missing_classes`` says which, and why.
 
     Raises
     ------
@@ -151,19 +152,21 @@ def fit_classes(
             warn_of_evidence(fitted, f"class {name!r}: ")
             tree[name] = sealed(fitted)
     except KeyboardInterrupt:
-        # With a store the same call continues; a partial result could be mistaken for a whole.
+        # With a store the same call continues.
         if not tree.children or store is not None:
             raise
-        warnings.warn(
-            f"interrupted: only {list(tree.children)} are fitted", skip_file_prefixes=(PACKAGE,)
-        )
-    for name, error in failed.items():
-        said = f"class {name!r} cannot be fitted: {error}"
+    missing = {
+        name: str(failed.get(name, "interrupted")) for name in classes if name not in tree.children
+    }
+    for name, why in missing.items():
+        said = f"class {name!r} is not fitted: {why}"
         if not tree.children:
-            raise ValueError(said) from error
+            raise ValueError(said) from failed[name]
         # Keep the classes that were fitted.
         warnings.warn(said, skip_file_prefixes=(PACKAGE,))
     tree.attrs |= kind.attrs() | {"random_seed": json.dumps(seed.entropy)}
+    if missing:
+        tree.attrs[MISSING] = json.dumps(missing)
     return tree
 
 

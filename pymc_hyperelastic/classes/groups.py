@@ -563,7 +563,10 @@ def _overlap(both: Array) -> Array:
             for k in range(2)
         ]
     shared = np.minimum(*density).sum(axis=0) * (grid[1] - grid[0])
-    return np.nan_to_num(shared) + np.isnan(both).mean(axis=-1).min(axis=0)
+    lacking = np.isnan(both).mean(axis=-1)
+    # A group of which no specimen has the quantity shares no value with the other.
+    shared = np.where((lacking == 1).any(axis=0), 0.0, shared)
+    return shared + lacking.min(axis=0)
 
 
 def _overlap_of_specimens(

@@ -56,8 +56,9 @@ def calibration_report(
     r"""Leave specimens out, one after another, and classify them by all others.
 
     Probabilities of classes can be trusted if specimens that took no part in a fit belong to a
-    class as often as they are said to. Nothing of the specimens left out, not even the choice
-    between strain energies, enters what is said of them.
+    class as often as they are said to. Posteriors of the classes, and probabilities of strain
+    energies, rest on the other specimens alone. With variability the starting points and proposals
+    of a fit are made once, from all specimens: they change its error, and not what it estimates.
 
     Parameters
     ----------

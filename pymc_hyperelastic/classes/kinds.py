@@ -26,6 +26,8 @@ _MATERIAL = (
     "layers",
     "thickness_priors",
 )
+#: Attribute of fitted classes: those that could not be fitted, and why, as JSON.
+MISSING = "missing_classes"
 _KINDS: dict[str, type[ClassKind]] = {kind.variability: kind for kind in (Pooled, Variability)}
 
 

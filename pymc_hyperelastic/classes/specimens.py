@@ -60,8 +60,6 @@ PARTICLES = 2000
 _KEPT = 0.25
 # Particles whose curves are compared with quadrature.
 _MATERIALS = 16
-# Specimens with refined curves that are kept.
-_REFINED = 16
 # Spreads of the reference distribution, in medians of a class's.
 _WIDER = 2.0
 _EFFECT = 1.0
@@ -117,7 +115,6 @@ class SpecimenSampler:
         self.population, self.scale = population, population.scale
         self.forward, self.reference = forward, reference
         self._models: dict[int, _SpecimenModel] = {}
-        self._refined: dict[str, SpecimenSampler] = {}
 
     def __call__(self, data: xr.Dataset, rng: np.random.Generator) -> SpecimenDraws:
         """Sample the specimen of these data."""
@@ -189,20 +186,21 @@ class SpecimenSampler:
         """Take an integral until the curves of its particles are accurate.
 
         Curves are accurate over the range of the class's default priors. If the data want other
-        materials, the integrator is refined for these, and the integral is taken again. Other
-        specimens keep their curves.
+        materials, the integrator is refined for these, and the integral is taken again. Nothing of
+        that is kept: what is said of a specimen must not depend on what was sampled before it.
         """
-        (name,) = specimens_of(data)[0]
 
         def with_curves(forward: ForwardModel) -> tuple[Taken, tuple[Any, ...]]:
-            sampler = self._with(forward, name)
+            sampler = self
+            if forward is not self.forward:
+                sampler = SpecimenSampler(self.population, forward, self.reference)
             found, target = take(sampler)
             return (found, target), (data, self._parameters(found.particles[:_MATERIALS]))
 
-        start = self._refined.get(name, self).forward
-        (found, target), accurate = until_accurate(start, with_curves, LARGEST_CURVE_ERROR)
+        (found, target), accurate = until_accurate(self.forward, with_curves, LARGEST_CURVE_ERROR)
         if accurate:
             return found, target
+        (name,) = specimens_of(data)[0]
         warnings.warn(
             f"curves of specimen {name!r} are wrong by more than {LARGEST_CURVE_ERROR:.0e} of "
             "their largest value, and its evidence has no error: its material is far from what "
@@ -210,19 +208,6 @@ class SpecimenSampler:
             skip_file_prefixes=(PACKAGE,),
         )
         return found._replace(log_value=Estimate(found.log_value.value, np.inf)), target
-
-    def _with(self, forward: ForwardModel, name: str) -> "SpecimenSampler":
-        """The sampler with this forward model; one with a refined integrator is kept a while.
-
-        The specimen is sampled again, and soon, when the distribution of its class is known.
-        """
-        if forward is self.forward:
-            return self
-        kept = self._refined.get(name)
-        if kept is None or kept.forward is not forward:
-            kept = SpecimenSampler(self.population, forward, self.reference)
-            self._refined = {**dict([*self._refined.items()][1 - _REFINED :]), name: kept}
-        return kept
 
     def _parameters(self, points: Array) -> dict[str, Array]:
         """Material parameters of particles, of all their tests."""

@@ -105,10 +105,8 @@ def misfit_p_value(draws: SpecimenDraws, misfit: Array, freedom: Array) -> float
 
     The squared misfits per degree of freedom of this specimen and of those of the class, `misfit`
     and `freedom`, have the ratio of a Fisher distribution. A misfit that is the law's, and no
-    stranger to the class, says nothing against a specimen.
+    stranger to the class, says nothing against a specimen. NaN if the misfit is no number.
     """
-    if not np.isfinite(draws.misfit):
-        return 0.0
     # Specimens that were measured better than the noise says do not make others strange.
     usual = max(misfit.sum() / freedom.sum(), 1.0)
     return float(f.sf(draws.misfit / draws.freedom / usual, draws.freedom, freedom.sum()))

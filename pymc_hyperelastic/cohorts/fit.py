@@ -1,6 +1,7 @@
 """Fit many specimens, each by itself."""
 
 import json
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -163,7 +164,13 @@ class _Fit:
             variables[name] = (by, [value], {GROUP: "evidence"})
         variables["error"] = (by, [""], {GROUP: "evidence"})
         if work.properties:
-            variables |= self._properties(work, data)
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                variables |= self._properties(work, data)
+            # A row has no other place for them, such as that a pressure was not measured.
+            said = [str(w.message) for w in caught if issubclass(w.category, UserWarning)]
+            texts = filter(None, [self.evidence[DOUBTFUL], *said])
+            variables[DOUBTFUL] = (by, ["; ".join(texts)], {GROUP: "evidence"})
         coords = labels_of(data, by) | {"chain": [0], "draw": np.arange(work.draws)}
         return xr.Dataset(variables, coords)
 

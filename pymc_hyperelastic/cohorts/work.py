@@ -91,15 +91,13 @@ def run_batch(work: Work, token: str, data: xr.Dataset, part: Part) -> Remarks:
 
 
 def _each_alone_if_needed(run: Prepared, data: xr.Dataset, by: str) -> xr.Dataset:
-    """Results of a batch; if something in it raises, that becomes a row with its message."""
+    """Results of a batch; an error that data can cause becomes a row with its message."""
     try:
         return run(data)
-    except OSError:
-        raise
-    except Exception as error:
+    except (ValueError, ArithmeticError) as error:
         units = units_of(data, by)
         if len(units) == 1:
-            return failure(data, by, f"{type(error).__name__}: {error}")
+            return failure(data, by, str(error))
     return joined(
         [_each_alone_if_needed(run, tests_at(data, tests), by) for tests in units.values()], by
     )

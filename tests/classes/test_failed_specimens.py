@@ -1,5 +1,7 @@
 """Specimens that cannot be sampled, or are given up after long, and their classes."""
 
+import json
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -64,10 +66,17 @@ def test_other_specimens_are_classified(classes, monkeypatch):
 def test_other_classes_are_fitted(monkeypatch):
     """A training specimen is not left out silently: its class is not fitted."""
     change(monkeypatch, "__call__", "B2", fail)
-    said = "class 'stiff' cannot be fitted: specimen 'B2' .*singular"
+    said = "class 'stiff' is not fitted: specimen 'B2' .*singular"
     with pytest.warns(UserWarning, match=said):
         classes = fit(draws=100, chains=1)
     assert list(classes.children) == ["soft"]
+    assert json.loads(classes.attrs["missing_classes"]) == {
+        "stiff": "specimen 'B2' cannot be sampled: singular"
+    }
+    new = curves({"N1": [42.0]}, 3)
+    with pytest.raises(ValueError, match=r"class 'stiff' was not fitted .*singular.* class_prior"):
+        classify(new, classes)
+    assert classify(new, classes, class_prior={"soft": 1.0})["decision"].item() == "soft"
     with pytest.raises(ValueError, match=said):
         fit(training={"stiff": TRAINING["stiff"]})
 

@@ -7,6 +7,7 @@ import pytest
 from pooled_classes import NAMES, NOISE, STANDARD_ERRORS, exact_posterior, training_curves
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.classes.pooled import Pooled
 
 
 @pytest.mark.parametrize(("first", "second"), [NAMES, NAMES[::-1]])
@@ -28,3 +29,17 @@ def test_divergence_is_that_of_quadrature(first, second):
 
 def test_divergence_of_a_class_from_itself_is_zero_without_error():
     assert ph.kl_divergence(fits.fit("pooled"), "C1", "C1") == (0.0, 0.0)
+
+
+def test_the_error_counts_effective_draws(monkeypatch):
+    """Each draw is there ten times in succession."""
+    classes = fits.fit("pooled")
+    count = classes["C1"]["posterior"].sizes["chain"] * classes["C1"]["posterior"].sizes["draw"]
+    drawn = np.random.default_rng(1).standard_normal(count // 10)
+    monkeypatch.setattr(
+        Pooled, "log_density", lambda _, tree, __: np.repeat(drawn, 10) * (tree.name == "C1")
+    )
+    error = ph.kl_divergence(classes, "C1", "C2").standard_error
+    of_evidences = [ph.log_evidence(classes[name]).standard_error for name in ("C1", "C2")]
+    expected = np.sqrt(np.var(drawn) / drawn.size + np.sum(np.square(of_evidences)))
+    assert error == pytest.approx(expected, rel=0.1)

@@ -119,6 +119,7 @@ def test_misfit_p_value_is_that_of_the_ratio_of_two_chi_squares():
     as_noise = p_value(draws, freedom, freedom)
     assert as_noise == p_value(draws, freedom / 2, freedom) < expected / 2
     assert p_value(replace(draws, misfit=np.inf), freedom, freedom) == 0
+    assert np.isnan(p_value(replace(draws, misfit=np.nan), freedom, freedom))
 
 
 # Changes of the pressures of a specimen with a modulus of 38 kPa; classes have 30 to 110 kPa.

@@ -71,7 +71,7 @@ class SimulatedWork(Work):
             if label in self.kills or (label in self.kills_once and first):
                 os.kill(os.getpid(), signal.SIGKILL)
             if label in self.raises:
-                raise KeyError(label)
+                raise ValueError("no curve")
             parent = os.getppid()
             while label in self.waits and os.getppid() == parent:
                 time.sleep(POLL)

@@ -74,7 +74,7 @@ def test_answers_that_die_with_their_worker_are_computed_again(
         distributed.wait(workers._work)
         monkeypatch.setattr(client, "gather", gather_after_deaths)
         failed = workers.submit(data, Part(tmp_path / "part.nc", "hash")).result()
-    assert failed.failed == ["S5: KeyError: 'S5'"]
+    assert failed.failed == ["S5: no curve"]
 
 
 @pytest.mark.parametrize("processes", [True, False])

@@ -32,6 +32,15 @@ def fitted(tmp_path_factory):
     return ph.open_cohort(store)
 
 
+def test_a_property_beyond_the_measured_pressures_is_doubtful(tmp_path):
+    properties = {"pressure": [300], "pressure_unit": "mmHg"}
+    one = ph.select(STUDY, specimen="S1")
+    with pytest.warns(UserWarning, match="1 of 1 have a doubtful fit.*S1: .*measured"):
+        ph.fit_cohort(ph.Ogden(), one, LIKELIHOOD, tmp_path, properties=properties, **SERIAL)
+    (said,) = ph.open_cohort(tmp_path)["evidence"]["doubtful"].values.tolist()
+    assert "measured" in said
+
+
 def test_the_evidence_of_a_specimen_equals_quadrature(fitted):
     one = ph.select(STUDY, specimen="S4")
     exact = ph.log_evidence_by_quadrature(ph.inflation_model(ph.Ogden(), one, LIKELIHOOD))

@@ -86,16 +86,23 @@ def test_a_store_refuses_other_work_or_data(data, tmp_path):
 
 def test_a_specimen_that_fails_becomes_a_row_with_its_message(data, undisturbed, tmp_path):
     """The other specimens, also those of its batch, are as without it."""
-    with pytest.warns(UserWarning, match="2 of 20 failed.* the first is S3: KeyError: 'S3'"):
+    with pytest.warns(UserWarning, match="2 of 20 failed.* the first is S3: no curve"):
         work = SimulatedWork(raises=("S3", "S19"))
         result = computed(work, data, tmp_path / "store", batch_size=8)
     failed = result.sel(specimen=["S3", "S19"])
-    assert failed["error"].values.tolist() == ["KeyError: 'S3'", "KeyError: 'S19'"]
+    assert failed["error"].values.tolist() == ["no curve"] * 2
     assert failed["total"].isnull().all() and failed["text"].values.tolist() == ["", ""]
     check_others(result, undisturbed, "S3", "S19")
     everyone = SimulatedWork(raises=tuple(f"S{i}" for i in range(SPECIMENS)))
     with pytest.warns(UserWarning, match="20 of 20 failed"):
         assert set(computed(everyone, data, tmp_path / "all").data_vars) == {"error"}
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_an_error_of_the_program_ends_the_run(cores, data, tmp_path):
+    work = SimulatedWork(factor=None)
+    with pytest.raises(TypeError, match="NoneType"):
+        computed(work, data, tmp_path / "store", cores=cores, batch_size=5)
 
 
 def test_a_batch_is_retried_and_halved_until_the_specimen_at_fault_is_alone(
