@@ -16,12 +16,6 @@ from pymc_hyperelastic.classes.groups import (
     kind_of_groups,
     specimens_in,
 )
-from pymc_hyperelastic.classes.normal_groups import (
-    Found,
-    NormalGroups,
-    draw_groups,
-    partial_correlations,
-)
 from pymc_hyperelastic.classes.quantities import place_of, unit_of, values_of
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
@@ -47,12 +41,23 @@ class _Pilot(NamedTuple):
 
     location: Array
     """(group, draw, coordinate)."""
-    root: Array
-    """Lower Cholesky factors (group, draw, coordinate, coordinate) of specimens' covariances."""
-    errors: list[Array]
-    """Of each group the covariances (specimen, coordinate, coordinate) of what is found of one."""
-    roots_of_errors: list[Array]
-    """Lower Cholesky factors of them."""
+    covariance: Array
+    """Of specimens, (group, draw, coordinate, coordinate)."""
+    errors: Array
+    """Covariances (specimen, coordinate, coordinate) of what is found of a specimen."""
+
+
+class _Known(NamedTuple):
+    """What studies know of a group: its location and a new specimen have Student distributions."""
+
+    mean: Array
+    """(group, size, study, coordinate)."""
+    scale: Array
+    """Matrix of the location (group, size, study, coordinate, coordinate)."""
+    wider: Array
+    """Factor of that matrix for a new specimen, by size."""
+    freedom: Array
+    """Degrees of freedom, by size."""
 
 
 @one_thread
@@ -78,7 +83,7 @@ def plan_study(
     The pilot does not know how much groups differ. Each simulated study has a truth of its own, one
     that the pilot holds for possible; its specimens are measured as well as those of the pilot, and
     what :func:`compare_classes` would make of them is found for all numbers of specimens. Shares of
-    studies are then *assurances*, not the power at one guess.
+    studies are then *assurances* [1]_, not the power at one guess.
 
     Parameters
     ----------
@@ -144,16 +149,20 @@ def plan_study(
 
     Notes
     -----
-    What the curves of one specimen say is taken as a normal distribution of its coordinates; each
-    simulated specimen is known as well as one of the pilot of its group. A study's groups then have
-    posteriors that are drawn from, thousands at once, under the priors of :func:`fit_classes`: by
-    Gibbs' and Metropolis' algorithms. Errors that the pilot infers of each specimen are as large as
-    they were there; what tests of one specimen differ by is part of them.
+    What the curves of one specimen say is taken as a normal distribution of its coordinates, as
+    wide as that of a specimen of the pilot; what tests of one specimen differ by is part of it. The
+    coordinates that a study finds of its specimens then vary around the location of their group
+    with the covariance of specimens and errors together. Under a conjugate prior, a normal-inverse
+    Wishart distribution in which the density of the logarithm of each spread has the mode and the
+    curvature of that of :func:`fit_classes`, the location and a new specimen have Student
+    distributions [2]_.
 
     References
     ----------
-    A. O'Hagan, J. W. Stevens and M. J. Campbell, Assurance in clinical trial design, Pharmaceutical
-    Statistics 4 (2005) 187–201.
+    .. [1] A. O'Hagan, J. W. Stevens and M. J. Campbell, Assurance in clinical trial design,
+       Pharmaceutical Statistics 4 (2005) 187–201.
+    .. [2] A. Gelman, J. B. Carlin, H. S. Stern, D. B. Dunson, A. Vehtari and D. B. Rubin, Bayesian
+       Data Analysis, 3rd edition, CRC Press 2013, section 3.6.
 
     Examples
     --------
@@ -192,7 +201,7 @@ def plan_study(
         raise ValueError(f"studies are planned for one pressure; got {place.pressure.tolist()}")
     rng = np.random.default_rng(random_seed)
     pilot = _pilot(kind, classes, studies, rng)
-    posterior = _studied(kind, pilot, sizes, draws, rng)
+    known = _studied(kind, pilot, sizes, rng)
 
     def difference(location: Array) -> Array:
         """Of typical specimens (comparison, quantity, ...), at (group, ..., coordinate)."""
@@ -203,7 +212,7 @@ def plan_study(
         pairs = combinations(range(len(groups)), 2)
         return np.stack([of_groups[:, j] - of_groups[:, i] for i, j in pairs])
 
-    truth, found = difference(pilot.location), difference(posterior.location)
+    truth, found = difference(pilot.location), difference(_locations(known, draws, rng))
     lacking = np.isnan(found).mean()
     if lacking > _TOLD:
         warn_user(
@@ -211,7 +220,7 @@ def plan_study(
             "and are left out"
         )
     result = _result(truth, found, relevant, prob)
-    result = result.assign(_scores(pilot, posterior, new_specimens, rng))
+    result = result.assign(_scores(pilot, known, new_specimens, rng))
     labels = [f"{b} − {a}" for a, b in combinations(groups, 2)]
     units = [unit_of(name, kind) or "" for name in names]
     coords = {"specimens": sizes, "comparison": labels, "quantity": names}
@@ -234,16 +243,15 @@ def _sizes(given: Any) -> list[int]:
 
 def _pilot(kind: Variability, classes: xr.DataTree, studies: int, rng: Any) -> _Pilot:
     """Truths of so many studies."""
-    location, root, errors = [], [], []
+    location, covariance, errors = [], [], []
     for fitted in classes.children.values():
         distributions = distributions_of(fitted)
         count = len(distributions.location[0])
         chosen = distributions.at(rng.choice(count, size=studies, replace=studies > count))
         location.append(np.asarray(chosen.location)[..., 0].T)
-        root.append(np.linalg.cholesky(chosen.covariance()))
-        of_each = [_error(stored_draws(fitted, n), distributions) for n in specimens_in(fitted)]
-        errors.append(np.stack(of_each))
-    return _Pilot(np.stack(location), np.stack(root), errors, [*map(np.linalg.cholesky, errors)])
+        covariance.append(chosen.covariance())
+        errors += [_error(stored_draws(fitted, n), distributions) for n in specimens_in(fitted)]
+    return _Pilot(np.stack(location), np.stack(covariance), np.stack(errors))
 
 
 def _error(draws: Any, distributions: ClassDistribution) -> Array:
@@ -270,36 +278,49 @@ def _error(draws: Any, distributions: ClassDistribution) -> Array:
     return root @ of_curves @ root.T + within
 
 
-def _studied(
-    kind: Variability, pilot: _Pilot, sizes: Sequence[int], draws: int, rng: Any
-) -> NormalGroups:
-    """Posteriors (group, size, study, draw, ...) of all groups."""
+def _studied(kind: Variability, pilot: _Pilot, sizes: Sequence[int], rng: Any) -> _Known:
+    """What studies of these sizes find of all groups."""
+    specimens = _found(pilot, sizes[-1], rng)[0]
+    mean, spread = kind.scale.location_prior[0], np.exp(kind.scale.spread_prior[0])
+    # The conjugate prior: the location counts as so many specimens; the density of the logarithm of
+    # a spread has the mode and the curvature of that of a class.
+    weight = np.mean((spread / kind.scale.location_prior[1]) ** 2)
+    freedom = 1 / (2 * kind.scale.spread_prior[1] ** 2)
+    error = np.diagonal(pilot.errors, axis1=1, axis2=2).mean(axis=0)
+    scatter = freedom * np.diag(spread**2 + error)
+
+    middles, scales = [], []
+    for n in sizes:
+        x = specimens[:, :, :n]
+        found = x.mean(axis=2)
+        centred = x - found[:, :, None]
+        off = found - mean
+        total = scatter + centred.mT @ centred
+        total = total + weight * n / (weight + n) * off[..., None] * off[..., None, :]
+        middles.append((weight * mean + n * found) / (weight + n))
+        scales.append(total / ((weight + n) * (freedom + n)))
+    counts = np.array(sizes)
+    return _Known(
+        np.stack(middles, axis=1), np.stack(scales, axis=1), weight + counts + 1, freedom + counts
+    )
+
+
+def _found(pilot: _Pilot, count: int, rng: Any) -> tuple[Array, Array]:
+    """Coordinates (group, study, specimen, coordinate) found of specimens, and their errors."""
     groups, studies, dimension = pilot.location.shape
-    found = []
-    most = max(map(len, pilot.errors))
-    for location, root, errors, roots in zip(*pilot, strict=True):
-        z = location[:, None] + rng.standard_normal((studies, sizes[-1], dimension)) @ root.mT
-        kind_of_error = rng.integers(len(errors), size=z.shape[:2])
-        noise = rng.standard_normal((*z.shape, 1))
-        x = z + (roots[kind_of_error] @ noise)[..., 0]
-        # Groups of all pilots have errors of as many kinds, of which some may not occur.
-        kinds = errors[np.arange(most) % len(errors)]
-        found += [
-            Found(x[s, :n], kind_of_error[s, :n], kinds) for n in sizes for s in range(studies)
-        ]
+    noise = rng.standard_normal((2, groups, studies, count, dimension))
+    errors = pilot.errors[rng.integers(len(pilot.errors), size=noise.shape[1:4])]
+    roots = np.linalg.cholesky(pilot.covariance), np.linalg.cholesky(errors)
+    x = pilot.location[:, :, None] + noise[0] @ roots[0].mT
+    return x + (roots[1] @ noise[1][..., None])[..., 0], errors
 
-    def repeated(values: Array) -> Array:
-        """One of each group and study, for all sizes."""
-        by_size = np.repeat(values[:, None], len(sizes), axis=1)
-        return by_size.reshape(groups * len(sizes) * studies, *values.shape[2:])
 
-    flat = pilot.root.reshape(-1, dimension, dimension)
-    spreads = np.log(np.linalg.norm(pilot.root, axis=-1))
-    partial = partial_correlations(flat).reshape(groups, studies, -1)
-    start = repeated(spreads), repeated(partial)
-    posterior = draw_groups(kind.scale, found, start, draws, rng)
-    apart = groups, len(sizes), studies
-    return NormalGroups(*(values.reshape(*apart, *values.shape[1:]) for values in posterior))
+def _locations(known: _Known, draws: int, rng: Any) -> Array:
+    """Draws (group, size, study, draw, coordinate) of the locations."""
+    freedom = known.freedom[:, None, None]
+    noise = rng.standard_normal((*known.mean.shape[:3], draws, known.mean.shape[-1]))
+    noise *= np.sqrt(freedom / rng.chisquare(freedom, noise.shape[:-1]))[..., None]
+    return known.mean[..., None, :] + noise @ np.linalg.cholesky(known.scale).mT
 
 
 def _result(truth: Array, found: Array, relevant: float, prob: float) -> xr.Dataset:
@@ -335,39 +356,38 @@ def _result(truth: Array, found: Array, relevant: float, prob: float) -> xr.Data
     )
 
 
-def _scores(pilot: _Pilot, posterior: NormalGroups, count: int, rng: Any) -> xr.Dataset:
+def _scores(pilot: _Pilot, known: _Known, count: int, rng: Any) -> xr.Dataset:
     """Log scores of new specimens, by groups as they are known and as they are."""
-    groups, studies, dimension = pilot.location.shape
-    # All new specimens of a study are known as well as one of the pilot, of either group.
-    errors, roots = np.concatenate(pilot.errors), np.concatenate(pilot.roots_of_errors)
-    kind = rng.integers(len(errors), size=studies)
-    shape = groups, studies, count, dimension
-    new = pilot.location[:, :, None] + rng.standard_normal(shape) @ pilot.root.mT
-    new += rng.standard_normal(shape) @ roots[kind].mT
-    x = np.concatenate([*new], axis=1)  # (study, specimen, coordinate)
-    truth = np.repeat(np.arange(groups), count)
+    x, errors = _found(pilot, count, rng)
+    own = np.arange(len(x))
 
-    def score(location: Array, root: Array) -> Array:
-        """Mean log score of each study, by draws (group, study, draw, ...)."""
-        whitening = np.linalg.inv(np.linalg.cholesky(root @ root.mT + errors[kind, None]))
-        centred = x[None, :, None] - location[:, :, :, None]
-        squares = ((centred @ whitening.mT) ** 2).sum(axis=-1)
-        log_volume = np.log(np.diagonal(whitening, axis1=-2, axis2=-1)).sum(axis=-1)
-        log_p = special.logsumexp(log_volume[..., None] - squares / 2, axis=2)
-        chance = special.log_softmax(log_p, axis=0)
-        return chance[truth, :, np.arange(len(truth))].mean(axis=0)
+    def score(log_density: Array) -> Array:
+        """Mean log score of each study, by log densities (class, group, study, specimen)."""
+        return special.log_softmax(log_density, axis=0)[own, own].mean(axis=(0, 2))
 
-    of_sizes = np.stack(
-        [
-            score(posterior.location[:, i], posterior.root[:, i])
-            for i in range(posterior.location.shape[1])
-        ]
-    )
-    best = score(pilot.location[:, :, None], pilot.root[:, :, None])
+    def squares(mean: Array, scale: Array) -> tuple[Array, Array]:
+        """Squared distances of all specimens from a mean, and half of the log determinant."""
+        root = np.linalg.cholesky(scale)
+        whitened = np.linalg.solve(root, (x - mean)[..., None])[..., 0]
+        log_volume = np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=-1)
+        return (whitened**2).sum(axis=-1), log_volume
+
+    dimension, by_size = x.shape[-1], []
+    for i, (wider, freedom) in enumerate(zip(known.wider, known.freedom, strict=True)):
+        log_density = []
+        for mean, scale in zip(known.mean[:, i], known.scale[:, i], strict=True):
+            square, log_volume = squares(mean[:, None], wider * scale[:, None])
+            # But for constants, which are those of all classes.
+            log_density.append(-np.log1p(square / freedom) * (freedom + dimension) / 2 - log_volume)
+        by_size.append(score(np.stack(log_density)))
+    truth = [
+        squares(pilot.location[g][:, None], pilot.covariance[g][:, None] + errors) for g in own
+    ]
+    best = score(np.stack([-r / 2 - v for r, v in truth]))
     return xr.Dataset(
         {
-            "log_score": ("specimens", of_sizes.mean(axis=1)),
-            "log_score_se": ("specimens", stats.sem(of_sizes, axis=1)),
+            "log_score": ("specimens", np.mean(by_size, axis=1)),
+            "log_score_se": ("specimens", stats.sem(by_size, axis=1)),
             "best_log_score": best.mean(),
         }
     )

@@ -10,8 +10,16 @@ from scipy import stats
 from variable_classes import fit, known_specimen, with_distribution
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.normal_groups import NormalGroups
-from pymc_hyperelastic.classes.planning import _error, _Pilot, _result, _scores
+from pymc_hyperelastic.classes.planning import (
+    _error,
+    _found,
+    _Known,
+    _Pilot,
+    _result,
+    _scores,
+    _studied,
+)
+from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.models.class_distribution import distributions_of
 
 SEED = 915
@@ -36,22 +44,53 @@ def test_the_error_of_a_specimen_excludes_its_class(classes):
     assert more[0, 0] == pytest.approx(0.3**2 / 2)
 
 
+def pilot_of(location=(-0.5, 0.5), spread=(0.3, 0.6), error=0.5, studies=200):
+    """Return truths of studies that are all alike, of two groups with one coordinate."""
+    location = np.broadcast_to(np.array(location)[:, None, None], (2, studies, 1))
+    covariance = np.broadcast_to(np.square(spread)[:, None, None, None], (2, studies, 1, 1))
+    return _Pilot(location, covariance, np.full((1, 1, 1), error**2))
+
+
 def test_log_scores_of_new_specimens_equal_quadrature():
     """New specimens are measured with errors; the classes are known exactly."""
-    shape, error = (2, 200, 1), 0.5
-    location = np.broadcast_to(np.array([-0.5, 0.5])[:, None, None], shape)
-    root = np.broadcast_to(np.array([0.3, 0.6])[:, None, None, None], (*shape, 1))
-    errors = [np.full((1, 1, 1), error**2)] * 2
-    pilot = _Pilot(location, root, errors, [np.sqrt(each) for each in errors])
-    known = NormalGroups(location[:, None, :, None], root[:, None, :, None])
+    pilot, wider = pilot_of(), np.array([2.0])
+    scale = (pilot.covariance + pilot.errors) / wider
+    known = _Known(pilot.location[:, None], scale[:, None], wider, np.array([1e9]))
     found = _scores(pilot, known, 20, np.random.default_rng(SEED))
     x = np.linspace(-6, 6, 4001)
-    p = np.array([stats.norm.pdf(x, m, np.hypot(s, error)) for m, s in ((-0.5, 0.3), (0.5, 0.6))])
+    p = np.array([stats.norm.pdf(x, m, np.hypot(s, 0.5)) for m, s in ((-0.5, 0.3), (0.5, 0.6))])
     expected = np.sum(p * np.log(p / p.sum(axis=0))) * (x[1] - x[0]) / 2
     limit = 4 * found["log_score_se"].item()
     assert limit < 0.1
     for name in ("log_score", "best_log_score"):
         assert abs(found[name].item() - expected) < limit
+
+
+def test_what_a_study_knows_is_the_conjugate_posterior():
+    """One coordinate, by sums over the location and the variance of specimens and errors."""
+    kind = Variability.of_settings(ph.NeoHookean(), 1.0)
+    (mean,), (sd,) = kind.scale.location_prior
+    (log_spread,), sd_of_log = kind.scale.spread_prior
+    pilot = pilot_of((mean - 0.2, mean + 0.2), error=0.1, studies=3)
+    known = _studied(kind, pilot, [3, 8], np.random.default_rng(SEED))
+    x = _found(pilot, 8, np.random.default_rng(SEED))[0][0, 1, :3, 0]
+    freedom = known.freedom[0] - 3
+    scatter = freedom * (np.exp(2 * log_spread) + 0.1**2)
+    m, variance = np.linspace(mean - 6, mean + 6, 6001), np.geomspace(1e-4, 1e5, 2000)[:, None]
+    log_p = stats.invgamma.logpdf(variance, freedom / 2, scale=scatter / 2) + np.log(variance)
+    weight = np.exp(2 * log_spread) / sd**2
+    log_p = log_p + stats.norm.logpdf(m, mean, np.sqrt(variance / weight))
+    log_p = log_p + sum(stats.norm.logpdf(value, m, np.sqrt(variance)) for value in x)
+    density = np.exp(log_p - log_p.max()).sum(axis=0)
+    cumulative = (np.cumsum(density) - density / 2) / density.sum()
+    of_study = known.freedom[0], known.mean[0, 0, 1, 0], np.sqrt(known.scale[0, 0, 1, 0, 0])
+    location = stats.t(*of_study)
+    # The density of the logarithm of the spread has the curvature of the class's at its mode.
+    log_spreads = np.log(scatter / freedom) / 2 + np.array([-1e-3, 0.0, 1e-3])
+    prior = stats.invgamma.logpdf(np.exp(2 * log_spreads), freedom / 2, scale=scatter / 2)
+    curvature = np.diff(prior + 2 * log_spreads, 2) / 1e-6
+    assert curvature == pytest.approx(-(sd_of_log**-2), rel=1e-3)
+    np.testing.assert_allclose(location.cdf(m), cumulative, atol=1e-4)
 
 
 def test_intervals_of_studies_hold_the_truth(classes):
