@@ -10,6 +10,7 @@ from contextlib import nullcontext
 import fits
 import pytensor
 import pytest
+import xarray as xr
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -24,6 +25,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="print the total time of each file of tests, the slowest first",
     )
+
+
+@pytest.fixture(scope="module")
+def classes() -> xr.DataTree:
+    """Return fitted classes of neo-Hookean specimens; tests do not change them."""
+    return fits.fit("neo_hookean_classes")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

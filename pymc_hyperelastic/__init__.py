@@ -12,8 +12,6 @@ from pymc_hyperelastic.classes.explain import explain_classification
 from pymc_hyperelastic.classes.fit import fit_classes
 from pymc_hyperelastic.classes.groups import compare_classes
 from pymc_hyperelastic.classes.held_out import calibration_report
-from pymc_hyperelastic.classes.information import expected_information
-from pymc_hyperelastic.classes.planning import plan_study
 from pymc_hyperelastic.classes.scores import score_probabilities
 from pymc_hyperelastic.cohorts.classify import classify_cohort
 from pymc_hyperelastic.cohorts.fit import fit_cohort
@@ -23,6 +21,8 @@ from pymc_hyperelastic.data.files import read_tests
 from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.data.table import inflation_data
 from pymc_hyperelastic.data.units import mmHg
+from pymc_hyperelastic.design.information import expected_information
+from pymc_hyperelastic.design.study_size import plan_study
 from pymc_hyperelastic.evidence.bridge import log_evidence_by_bridge
 from pymc_hyperelastic.evidence.calibration import simulation_based_calibration
 from pymc_hyperelastic.evidence.diagnosis import diagnose_evidence, log_evidence

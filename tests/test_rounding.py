@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from pymc_hyperelastic.classes.parts import with_parts
 from tube_posteriors import result
 
 import pymc_hyperelastic as ph
@@ -13,11 +14,10 @@ from pymc_hyperelastic.classes import information, typicality
 from pymc_hyperelastic.classes.average import Laws
 from pymc_hyperelastic.classes.classification import _decide
 from pymc_hyperelastic.classes.covariates import Covariates
-from pymc_hyperelastic.classes.designs import PlannedTest, radii_of
 from pymc_hyperelastic.classes.interface import Prediction
-from pymc_hyperelastic.classes.parts import with_parts
 from pymc_hyperelastic.data import extension, order
 from pymc_hyperelastic.data.files.join import joined
+from pymc_hyperelastic.design.planned_tests import PlannedTest, radii_of
 from pymc_hyperelastic.evidence.convergence import disagreement
 from pymc_hyperelastic.evidence.weights import pareto_shape
 from pymc_hyperelastic.plots import bands, probability

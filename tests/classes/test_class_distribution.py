@@ -7,9 +7,9 @@ import xarray as xr
 from normal_specimens import repeated_class
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.few_draws import known_class
 from pymc_hyperelastic.classes.specimen_evidence import near_class
 from pymc_hyperelastic.classes.specimens import fresh_specimens, reference_of
+from pymc_hyperelastic.design.few_draws import known_class
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
 from pymc_hyperelastic.models.population import Population, log_noise_name
 

@@ -8,8 +8,8 @@ from scipy.special import logsumexp, softmax
 from variable_classes import PRESSURE_SD, curves, log_evidence_of_specimen
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.few_draws import FewDraws, KnownClass, _around, known_class
 from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.design.few_draws import FewDraws, KnownClass, _around, known_class
 from pymc_hyperelastic.evidence.optimise import Maxima
 from pymc_hyperelastic.evidence.target import Derivatives
 from pymc_hyperelastic.models.class_distribution import ClassDistribution

@@ -10,9 +10,10 @@ from scipy.special import entr, logsumexp, softmax
 from variable_classes import SIGMA, TRAINING, TUBE, curves, fit, unit_pressure, with_distribution
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes import information as module
-from pymc_hyperelastic.classes.designs import as_design, radii_of
 from pymc_hyperelastic.classes.kinds import kind_of_classes
+from pymc_hyperelastic.design import information as module
+from pymc_hyperelastic.design import trials
+from pymc_hyperelastic.design.planned_tests import as_design, radii_of
 
 SEED = 914
 X = "log_reference_strain"
@@ -169,7 +170,7 @@ def test_means_errors_and_warnings_by_hand(classes):
     gain = np.array([[0.1, 0.3, 0.2, 0.2], [0.5, 0.7, np.nan, 0.9], [0.0, 0.4, 0.0, 0.0]])
     gains = np.stack([gain, gain - np.array([[0.0], [0.3], [0.01]])])
     effective = np.array([[30.0] * 4, [20, 20, np.nan, 20], [19, 30, 30, 30]])
-    tried = module._Specimens({}, np.array([0, 0, 1, 1]), np.log([0.25, 0.75]))
+    tried = trials.Specimens({}, np.array([0, 0, 1, 1]), np.log([0.25, 0.75]))
     with pytest.warns(UserWarning) as warned:
         found = module._result(planned, gains, effective, tried, [*TRAINING], "class", 0.7)
     assert found["design"].values.tolist() == ["b", "a", "c"]
@@ -190,7 +191,7 @@ def test_means_errors_and_warnings_by_hand(classes):
     # The density of a normal distribution by its quantiles.
     draws = stats.norm.ppf((np.arange(400) + 0.5) / 400)
     for at in (0.0, 1.0):
-        assert module._log_density(draws, at) == pytest.approx(stats.norm.logpdf(at), abs=0.02)
+        assert trials._log_density(draws, at) == pytest.approx(stats.norm.logpdf(at), abs=0.02)
 
 
 def test_radii_of_planned_tests(classes):

@@ -10,7 +10,8 @@ from scipy import stats
 from variable_classes import fit, known_specimen, with_distribution
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.classes.planning import (
+from pymc_hyperelastic.classes.variable import Variability
+from pymc_hyperelastic.design.study_size import (
     _error,
     _found,
     _Known,
@@ -19,7 +20,6 @@ from pymc_hyperelastic.classes.planning import (
     _scores,
     _studied,
 )
-from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.models.class_distribution import distributions_of
 
 SEED = 915

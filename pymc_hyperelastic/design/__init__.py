@@ -1,0 +1,1 @@
+"""Planned work: what tests would tell, and how large a study must be."""
