@@ -7,10 +7,10 @@ evidences and class probabilities come out, as ordinary PyMC models and ArviZ re
 from importlib.metadata import version
 
 from pymc_hyperelastic.classes.classify import classify
-from pymc_hyperelastic.classes.compare import kl_divergence
+from pymc_hyperelastic.classes.compare_classes import compare_classes
+from pymc_hyperelastic.classes.divergence import kl_divergence
 from pymc_hyperelastic.classes.explain import explain_classification
 from pymc_hyperelastic.classes.fit import fit_classes
-from pymc_hyperelastic.classes.groups import compare_classes
 from pymc_hyperelastic.classes.held_out import calibration_report
 from pymc_hyperelastic.classes.scores import score_probabilities
 from pymc_hyperelastic.cohorts.classify import classify_cohort

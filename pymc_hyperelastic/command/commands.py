@@ -12,8 +12,8 @@ import pandas as pd
 import typer
 import xarray as xr
 
+from pymc_hyperelastic.classes.compare_classes import compare_classes
 from pymc_hyperelastic.classes.fit import fit_classes
-from pymc_hyperelastic.classes.groups import compare_classes
 from pymc_hyperelastic.cohorts.classify import classify_cohort
 from pymc_hyperelastic.cohorts.open import open_cohort
 from pymc_hyperelastic.command.sizes import likelihood_of_options, size_of

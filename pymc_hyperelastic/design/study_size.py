@@ -10,12 +10,8 @@ from numpy.typing import NDArray
 from scipy import special, stats
 
 from pymc_hyperelastic.classes.average import labels_of
-from pymc_hyperelastic.classes.groups import (
-    check_quantities,
-    groups_of,
-    kind_of_groups,
-    specimens_in,
-)
+from pymc_hyperelastic.classes.compare_classes import check_quantities
+from pymc_hyperelastic.classes.groups import groups_of, kind_of_groups
 from pymc_hyperelastic.classes.quantities import place_of, unit_of, values_of
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
@@ -24,7 +20,7 @@ from pymc_hyperelastic.models.records import origin_of
 from pymc_hyperelastic.models.specimen_draws import log_densities
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
-from pymc_hyperelastic.predictions.members import stored_draws
+from pymc_hyperelastic.predictions.members import names_of_specimens, stored_draws
 
 Array = NDArray[np.float64]
 
@@ -250,7 +246,8 @@ def _pilot(kind: Variability, classes: xr.DataTree, studies: int, rng: Any) -> _
         chosen = distributions.at(rng.choice(count, size=studies, replace=studies > count))
         location.append(np.asarray(chosen.location)[..., 0].T)
         covariance.append(chosen.covariance())
-        errors += [_error(stored_draws(fitted, n), distributions) for n in specimens_in(fitted)]
+        specimens = [stored_draws(fitted, name) for name in names_of_specimens(fitted)]
+        errors += [_error(draws, distributions) for draws in specimens]
     return _Pilot(np.stack(location), np.stack(covariance), np.stack(errors))
 
 

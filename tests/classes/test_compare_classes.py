@@ -14,6 +14,7 @@ from variable_classes import SIGMA, STRESS, TRAINING, TUBE, UNIT_PRESSURE, fit, 
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes import groups
+from pymc_hyperelastic.classes.compare_classes import _averaged
 from pymc_hyperelastic.classes.joint import Apart, Joint
 from pymc_hyperelastic.classes.kinds import kind_of_classes
 from pymc_hyperelastic.classes.quantities import place_of, standard_specimens
@@ -268,7 +269,7 @@ def test_bayes_factors_of_laws_are_averaged_by_their_evidence():
     class Laws:
         log_probability = np.log([0.7, 0.3])
 
-    found = groups._averaged([[(2.0, 0.1)], [(-1.0, 0.2)]], Laws())
+    found = _averaged([[(2.0, 0.1)], [(-1.0, 0.2)]], Laws())
     none = 0.7 / np.exp(2.0), 0.3 / np.exp(-1.0)
     assert found["log_bayes_factor"][1] == pytest.approx([-np.log(sum(none))])
     error = np.hypot(none[0] * 0.1, none[1] * 0.2) / sum(none)

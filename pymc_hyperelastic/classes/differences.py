@@ -1,0 +1,182 @@
+"""Differences between groups, draw by draw of their distributions."""
+
+import warnings
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy import stats
+
+from pymc_hyperelastic.classes.groups import GroupDraws, Groups
+from pymc_hyperelastic.classes.quantities import Place, is_logarithm, values_of
+from pymc_hyperelastic.models.class_distribution import ClassDistribution
+from pymc_hyperelastic.models.specimen_draws import density_of_each
+
+Array = NDArray[np.float64]
+
+STATISTICS = ["typical", "mean", "spread"]
+# Points of a grid on which distributions of a quantity over specimens are compared.
+_GRID = 128
+# Widths by which the grid reaches beyond the specimens.
+_BEYOND = 4.0
+# Width of a density, relative to the quantity, at least.
+_SMALLEST = 1e-9
+
+
+def by_draw(of_law: Groups, found: GroupDraws, names: Sequence[str], place: Place) -> xr.Dataset:
+    """All that is compared, by draw of the distributions of the groups."""
+    groups, kind = of_law.groups, of_law.kind
+    values = np.stack(
+        [np.stack([*values_of(kind, found.coordinates[g], names, place).values()]) for g in groups]
+    )  # (group, quantity, pressure, draw, specimen)
+    typical, others = values[..., 0], values[..., 1:]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # all specimens may lack it
+        statistics = [typical, np.nanmean(others, axis=-1), np.nanstd(others, axis=-1)]
+    places = list(combinations(range(len(groups)), 2))
+    of_comparison = "comparison", "quantity", "pressure", "draw"
+    result = xr.Dataset(
+        {
+            "draws": (("statistic", "group", "quantity", "pressure", "draw"), np.stack(statistics)),
+            "lacking": (
+                ("group", "quantity", "pressure", "draw"),
+                np.isnan(others).mean(axis=-1),
+            ),
+            "overlap": (of_comparison, np.stack([_overlap(others[[*p]]) for p in places])),
+            "overlap_of_specimens": (
+                ("comparison", "draw"),
+                np.stack(
+                    [
+                        _overlap_of_specimens(
+                            [found.coordinates[groups[k]] for k in p],
+                            [found.distributions[groups[k]] for k in p],
+                        )
+                        for p in places
+                    ]
+                ),
+            ),
+        },
+        {
+            "statistic": STATISTICS,
+            "group": groups,
+            "quantity": list(names),
+            "pressure": place.pressure,
+            "has_ratio": ("quantity", [not is_logarithm(n, kind) for n in names]),
+            "comparison": [f"{b} − {a}" for a, b in of_law.comparisons],
+            "first": ("comparison", [a for a, _ in of_law.comparisons]),
+            "second": ("comparison", [b for _, b in of_law.comparisons]),
+        },
+    )
+    if of_law.pairs:
+        change = others[1] - others[0]
+        for name, value in {
+            "spread_of_change": np.nanstd(change, axis=-1),
+            "share_rising": (change > 0).mean(axis=-1),
+        }.items():
+            result[name] = of_comparison, value[None]
+    return result
+
+
+def _overlap(both: Array) -> Array:
+    r"""Overlap ``∫ min(f, g)`` of two distributions of a quantity, by specimens (2, ..., specimen).
+
+    Their densities are sums of normal ones around the specimens, of which Silverman says how wide
+    they are. Specimens are drawn together, so that the variance stays what it was. Those without
+    the quantity are alike in that.
+    """
+    if np.nanmin(both) > 0:
+        both = np.log(both)
+    count = both.shape[-1]
+    width = 1.06 * count**-0.2
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # all of them may lack it
+        mean, sd = (f(both, axis=-1, keepdims=True) for f in (np.nanmean, np.nanstd))
+        sd = np.maximum(sd, _SMALLEST * np.abs(mean))
+        x, width = mean + (both - mean) / np.hypot(1, width), width * sd / np.hypot(1, width)
+        low = np.nanmin(x - _BEYOND * width, axis=(0, -1))
+        high = np.nanmax(x + _BEYOND * width, axis=(0, -1))
+        grid = np.linspace(low, high, _GRID)
+        density = [
+            np.nansum(stats.norm.pdf(grid[..., None], x[k], width[k]), axis=-1) / count
+            for k in range(2)
+        ]
+    shared = np.minimum(*density).sum(axis=0) * (grid[1] - grid[0])
+    lacking = np.isnan(both).mean(axis=-1)
+    # A group of which no specimen has the quantity shares no value with the other.
+    shared = np.where((lacking == 1).any(axis=0), 0.0, shared)
+    return shared + lacking.min(axis=0)
+
+
+def _overlap_of_specimens(
+    coordinates: Sequence[Array], distributions: Sequence[ClassDistribution]
+) -> Array:
+    """Overlap of the two distributions of specimens themselves, by draw.
+
+    It is the mean of ``min(1, g/f)`` over specimens of ``f``, and the other way round.
+    """
+    found = []
+    for own, other in ((0, 1), (1, 0)):
+        x = coordinates[own][..., 1:]
+        ratio = density_of_each(x, distributions[other]) - density_of_each(x, distributions[own])
+        found.append(np.exp(np.minimum(ratio, 0.0)).mean(axis=-1))
+    return np.mean(found, axis=0)
+
+
+def summary(by_draw: xr.Dataset, prob: float) -> xr.Dataset:
+    """What the draws say of each group, and of each pair of them."""
+    draws = by_draw["draws"]
+    first, second = both(by_draw)
+    difference = second - first
+    typical = difference.sel(statistic="typical", drop=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = (second / first).where((first > 0) & (second > 0) & by_draw["has_ratio"])
+        spreads = xr.concat([first, second], "of").sel(statistic="spread", drop=True)
+        effect = typical / np.sqrt((spreads**2).mean("of"))
+        found = {
+            "value": draws,
+            "difference": difference,
+            "ratio": ratio,
+            "effect_size": effect,
+            "overlap": by_draw["overlap"],
+            "overlap_of_specimens": by_draw["overlap_of_specimens"],
+        }
+        if "spread_of_change" in by_draw:
+            found["effect_size_of_change"] = typical / by_draw["spread_of_change"]
+            found |= {name: by_draw[name] for name in ("spread_of_change", "share_rising")}
+    result = xr.Dataset()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # what is not there has no median
+        for name, values in found.items():
+            result[name] = values.median("draw")
+            result[f"{name}_sd"] = values.std("draw", ddof=1)
+            result[f"{name}_interval"] = interval(values, prob)
+    rises = ((difference > 0) + (difference == 0) / 2).where(difference.notnull())
+    positive = rises.mean("draw")
+    result["probability_of_rise"] = positive
+    result["probability_of_direction"] = np.maximum(positive, 1 - positive)
+    result["best_accuracy"] = 1 - result["overlap"] / 2
+    result["lacking"] = by_draw["lacking"].mean("draw")
+    return result.assign(draws=draws)
+
+
+def both(result: xr.Dataset) -> tuple[xr.DataArray, xr.DataArray]:
+    """Draws of the first and of the second group of each comparison."""
+    first, second = (
+        result["draws"].sel(group=result[name].drop_vars(["first", "second"])).drop_vars("group")
+        for name in ("first", "second")
+    )
+    return first, second
+
+
+def differences(result: xr.Dataset) -> xr.DataArray:
+    """Draws of the difference of each comparison."""
+    first, second = both(result)
+    return second - first
+
+
+def interval(values: xr.DataArray, prob: float) -> xr.DataArray:
+    """Ends of an interval with equal tails."""
+    ends = values.quantile([(1 - prob) / 2, (1 + prob) / 2], "draw").rename(quantile="bound")
+    return ends.assign_coords(bound=["low", "high"]).transpose(..., "bound")
