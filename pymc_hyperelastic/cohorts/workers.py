@@ -3,13 +3,12 @@
 import asyncio
 import os
 import pickle
-import shutil
-import subprocess
+import signal
 import sys
-import tempfile
 import threading
 import time
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -17,30 +16,18 @@ from typing import Any, Protocol
 
 import cloudpickle
 import xarray as xr
+from loky import ProcessPoolExecutor
 
 from pymc_hyperelastic.cohorts.work import Remarks, Work, run_batch
 from pymc_hyperelastic.files.store import Part
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
 
 # Deaths of processes at one batch after which it is halved: three are hardly chance.
 DEATHS = 3
 # Seconds for which a cluster may be without any worker: it may be about to start some.
 _PATIENCE = 60.0
-# Program of a worker process.
-_START = """
-import sys
-sys.path[:] = {paths!r}
-from pymc_hyperelastic.cohorts.worker import main
-main()
-"""
-# Start of the names of temporary folders of workers.
-_FOLDER = "pymc_hyperelastic_"
-# File in each of these folders that is locked while a process uses the folder.
-_IN_USE = "in_use"
+# Seconds after which a worker looks whether the process that started it still runs.
+_LOOK = 1.0
+# Libraries that would start threads of their own in each process.
 _THREADS = ("OMP", "OPENBLAS", "MKL", "NUMBA", "VECLIB_MAXIMUM", "NUMEXPR")
 
 
@@ -96,21 +83,18 @@ class ThisProcess:
 
 
 class Processes:
-    """Worker processes of this machine, each of which gets its batches from a thread here.
+    """Worker processes of this machine.
 
-    A worker has one batch at a time: if it dies, its batch is known, and another worker takes its
-    place. Each worker has one thread for linear algebra, and its own folder for compiled functions.
+    Each is the only one of its executor: if it dies, its batch is known, and another one takes its
+    place. It has one thread for linear algebra.
     """
 
     def __init__(self, work: Work, count: int) -> None:
         self.count = count
         self._work = cloudpickle.dumps(work)
-        self._folder = tempfile.TemporaryDirectory(prefix=_FOLDER)
-        self._in_use = mark_in_use(Path(self._folder.name))
-        remove_abandoned()
-        self._own, self._all = threading.local(), set[subprocess.Popen]()
+        self._own, self._all = threading.local(), set[ProcessPoolExecutor]()
         self._threads = ThreadPoolExecutor(count)
-        self._closed, self._started = False, False
+        self._closed = False
 
     def submit(self, data: xr.Dataset, part: Part) -> Future:
         """Let the next free worker do a batch."""
@@ -120,92 +104,59 @@ class Processes:
         """Do nothing: a worker that dies is replaced."""
 
     def close(self) -> None:
-        """Stop all workers, and remove their folder."""
+        """Stop all workers."""
         self._closed = True
-        for process in list(self._all):
-            _stop(process)
+        for executor in list(self._all):
+            executor.shutdown(kill_workers=True)
         self._threads.shutdown(cancel_futures=True)
-        if self._in_use is not None:
-            self._in_use.close()
-        self._folder.cleanup()
 
-    def _do(self, data: xr.Dataset, part: Part) -> list[str]:
-        process = getattr(self._own, "process", None) or self._start()
-        return self._answer(process, (data, part))
+    def _do(self, data: xr.Dataset, part: Part) -> Remarks:
+        executor = getattr(self._own, "executor", None) or self._start()
+        try:
+            return executor.submit(_run_sent, data, part).result()
+        except BrokenProcessPool as died:
+            self._own.executor = None
+            self._all.discard(executor)
+            raise WorkerDied(str(died.__cause__ or died)) from None
 
-    def _start(self) -> Any:
+    def _start(self) -> ProcessPoolExecutor:
         """Start the worker of this thread."""
         if self._closed:
             raise WorkerDied("it was stopped")
-        own = tempfile.mkdtemp(dir=self._folder.name)
-        flags = [os.environ.get("PYTENSOR_FLAGS", ""), f"base_compiledir={own}"]
-        said = Path(own, "stderr")
-        with said.open("wb") as stderr:
-            process: Any = subprocess.Popen(
-                # -P: import nothing from the current folder, which may be somebody else's.
-                [sys.executable, "-P", "-c", _START.format(paths=_search_path())],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=stderr,
-                env={
-                    **os.environ,
-                    **{f"{name}_NUM_THREADS": "1" for name in _THREADS},
-                    "PYTENSOR_FLAGS": ",".join(filter(None, flags)),
-                },
-                # A worker that outlives this process keeps its folder.
-                pass_fds=[] if self._in_use is None else [self._in_use.fileno()],
-            )
-        self._all.add(process)
-        self._own.process = process
+        # Import nothing from the current folder, which may be somebody else's.
+        env = {"PYTHONSAFEPATH": "1", **{f"{name}_NUM_THREADS": "1" for name in _THREADS}}
+        executor = ProcessPoolExecutor(1, env=env)
+        self._all.add(executor)
+        self._own.executor = executor
         try:
-            self._answer(process, self._work)
+            executor.submit(_receive, self._work, _search_path()).result()
         except Exception as error:
-            if self._started and isinstance(error, WorkerDied):
-                raise
-            lines = said.read_text("utf-8", "replace").strip()
-            why = [str(error), *lines.splitlines()[-1:]]
-            lost = WorkersLost(f"no worker process can start: {': '.join(why)}")
-            if lines:
-                lost.add_note(lines)
-            raise lost from None
-        self._started = True
-        return process
-
-    def _answer(self, process: Any, question: Any) -> Any:
-        """Ask a worker, and return its answer."""
-        try:
-            cloudpickle.dump(question, process.stdin)
-            process.stdin.flush()
-            answer = pickle.load(process.stdout)
-        except (OSError, EOFError, pickle.UnpicklingError):
-            self._own.process = None
-            self._all.discard(process)
-            raise WorkerDied(_how(_stop(process))) from None
-        if isinstance(answer, Exception):
-            raise answer
-        return answer
+            raise WorkersLost(f"no worker process can start: {error}") from error
+        return executor
 
 
-def mark_in_use(folder: Path) -> Any:
-    """Return an open, locked file of a folder, which stays locked while a process has it open.
-
-    Windows has no such locks, and returns None.
-    """
-    if fcntl is None:
-        return None
-    new = (folder / "new").open("w")
-    fcntl.flock(new, fcntl.LOCK_EX)
-    os.rename(new.name, folder / _IN_USE)
-    return new
+# The work that a worker process has received.
+_received: list[Work] = []
 
 
-def remove_abandoned() -> None:
-    """Remove the folders of runs whose processes were all killed."""
-    for path in Path(tempfile.gettempdir()).glob(f"{_FOLDER}*/{_IN_USE}"):
-        # OSError: another process has the lock, or the folder is that of another user.
-        with suppress(OSError), path.open() as file:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            shutil.rmtree(path.parent, ignore_errors=True)
+def _receive(work: bytes, paths: list[str]) -> None:
+    """Set up a worker process."""
+    # The process that asks stops its workers after an interrupt.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
+    sys.path[:] = paths
+    _received[:] = [pickle.loads(work)]
+
+
+def _end_with(parent: int) -> None:
+    """End this process when the one that started it has been killed."""
+    while os.getppid() == parent:
+        time.sleep(_LOOK)
+    os._exit(1)
+
+
+def _run_sent(data: xr.Dataset, part: Part) -> Remarks:
+    return run_batch(_received[0], "here", data, part)
 
 
 def _search_path() -> list[str]:
@@ -309,22 +260,6 @@ def _begun(part: Path) -> int:
         return 0
     finally:
         _note(part).unlink(missing_ok=True)
-
-
-def _stop(process: subprocess.Popen) -> int:
-    """Stop a process, if it has not ended, and return its exit code."""
-    process.kill()
-    for channel in (process.stdin, process.stdout):
-        with suppress(OSError):
-            channel.close()  # type: ignore[union-attr]
-    return process.wait()
-
-
-def _how(code: int) -> str:
-    """How a process ended, in words."""
-    if code < 0:
-        return f"it was killed by signal {-code}, perhaps for its memory"
-    return f"it ended with exit code {code}"
 
 
 def workers_for(work: Work, token: str, client: Any, cores: int) -> Workers:

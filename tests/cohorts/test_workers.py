@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 from concurrent.futures import Future
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,8 +23,6 @@ from pymc_hyperelastic.cohorts.workers import (
     ThisProcess,
     WorkerDied,
     WorkersLost,
-    _how,
-    mark_in_use,
 )
 from pymc_hyperelastic.files.store import Part, hash_of, manifest_of
 
@@ -118,7 +115,7 @@ def test_a_batch_is_retried_and_halved_until_the_specimen_at_fault_is_alone(
                 return super().submit(data, part)
             attempts.append(names)
             future = Future()
-            future.set_exception(WorkerDied(_how(-9)))
+            future.set_exception(WorkerDied("it was killed"))
             return future
 
     workers = "pymc_hyperelastic.cohorts.run.workers_for"
@@ -126,12 +123,11 @@ def test_a_batch_is_retried_and_halved_until_the_specimen_at_fault_is_alone(
     with pytest.warns(UserWarning, match="1 of 20 failed.* S5: the process that computed it died"):
         result = computed(SimulatedWork(), data, tmp_path / "store", batch_size=4)
     assert attempts == [["S4", "S5", "S6", "S7"]] * 3 + [["S4", "S5"]] * 3 + [["S5"]] * 3
-    words = "the process that computed it died 3 times: it was killed by signal 9, perhaps for its "
-    assert result["error"].sel(specimen="S5").item() == f"{words}memory"
+    said = "the process that computed it died 3 times: it was killed"
+    assert result["error"].sel(specimen="S5").item() == said
     check_others(result, undisturbed, "S5")
     monkeypatch.undo()
     assert computed(SimulatedWork(), data, tmp_path / "store").identical(undisturbed)
-    assert _how(3) == "it ended with exit code 3"
 
 
 def test_a_damaged_part_is_named_and_computed_again(data, undisturbed, tmp_path):
@@ -230,7 +226,8 @@ def test_killed_processes_are_replaced(data, undisturbed, tmp_path):
     with pytest.warns(UserWarning, match="1 of 20 failed.* S5: the process that computed it died"):
         result = computed(work, data, tmp_path / "store", batch_size=1, cores=2)
     assert work.note("S2").exists() and work.note("S11").exists()
-    assert "3 times: it was killed by signal 9" in result["error"].sel(specimen="S5").item()
+    said = result["error"].sel(specimen="S5").item()
+    assert "3 times" in said and "SIGKILL" in said
     check_others(result, undisturbed, "S5")
 
 
@@ -274,30 +271,20 @@ def test_processes_prefer_installed_modules_to_those_of_the_current_folder(
     assert np.array_equal(ph.open_result(tmp_path / "part.nc")["total"], total)
 
 
-def test_workers_that_cannot_start_are_one_message(data, undisturbed, tmp_path, monkeypatch):
+class Unreadable(SimulatedWork):
+    """Work that no other process can receive, as if a package were missing there."""
+
+    def __reduce__(self):
+        return exec, ("raise ImportError('no module named pymc')",)
+
+
+def test_workers_that_cannot_start_are_one_message(data, undisturbed, tmp_path):
     """No specimen is at fault: once the reason is gone, the same call computes all of them."""
-    (tmp_path / "signal.py").write_text("raise ImportError('this is no module for signals')")
-    path = [str(tmp_path), *sys.path]
-    with monkeypatch.context() as patch, pytest.raises(WorkersLost) as lost:
-        patch.setattr(sys, "path", path)
-        computed(SimulatedWork(), data, tmp_path / "store", batch_size=4, cores=2)
-    said = "no worker process can start: it ended with exit code 1: ImportError: this is no module"
+    with pytest.raises(WorkersLost) as lost:
+        computed(Unreadable(), data, tmp_path / "store", batch_size=4, cores=2)
+    said = "no worker process can start: no module named pymc"
     assert str(lost.value).startswith(said) and "the same call continues" in str(lost.value)
     assert computed(SimulatedWork(), data, tmp_path / "store").identical(undisturbed)
-
-
-def test_folders_of_killed_processes_are_removed_by_the_next_run(tmp_path, monkeypatch):
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
-    abandoned = tmp_path / "pymc_hyperelastic_0123"
-    (abandoned / "compiled").mkdir(parents=True)
-    mark_in_use(abandoned).close()
-    running = Processes(SimulatedWork(), 1)
-    assert len(list(tmp_path.iterdir())) == 1 and not abandoned.exists()
-    another = Processes(SimulatedWork(), 1)
-    assert len(list(tmp_path.iterdir())) == 2
-    running.close()
-    another.close()
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_cluster_without_workers_is_lost_when_nothing_happens_there(monkeypatch):
