@@ -14,8 +14,8 @@ from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.data.labels import forbidden_character
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
 from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.files.checksum import digests_of
 from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.seal import digests_of, sealed
 from pymc_hyperelastic.files.store import remembering
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -149,7 +149,7 @@ def fit_classes(
                 failed[name] = fitted
                 continue
             warn_of_evidence(fitted, f"class {name!r}: ")
-            tree[name] = sealed(fitted)
+            tree[name] = fitted
     except KeyboardInterrupt:
         # With a store the same call continues; a partial result could be mistaken for a whole.
         if not tree.children or store is not None:

@@ -23,8 +23,8 @@ from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.smc import seed_kept
 from pymc_hyperelastic.evidence.verdicts import worst_of
+from pymc_hyperelastic.files.checksum import digests_of
 from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.store import Remember, named, remembering
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy

@@ -11,7 +11,6 @@ from pymc_hyperelastic.classes.pooled import Pooled
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.results import check_result
-from pymc_hyperelastic.files.seal import check_seal
 from pymc_hyperelastic.files.stored import read_text
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -60,7 +59,6 @@ def kind_of_classes(classes: xr.DataTree, *, whole: bool = True) -> ClassKind:
     kind = _KINDS[variability]
     stored = {name for known in _KINDS.values() for name in known.common_attrs}
     for name, fitted in classes.children.items():
-        check_seal(fitted, f"class {name!r}")
         if not stored & set(fitted.attrs):
             raise ValueError(
                 f"classes must be the result of ph.fit_classes, all of it; {name!r} is no class"

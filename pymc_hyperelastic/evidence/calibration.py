@@ -24,8 +24,8 @@ from pymc_hyperelastic.evidence.checks import check_count, check_names, check_sh
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.files.checksum import digests_of
 from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.seal import digests_of
 from pymc_hyperelastic.files.store import Remember, remembering
 from pymc_hyperelastic.parallel import one_thread
 

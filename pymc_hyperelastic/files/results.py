@@ -10,20 +10,27 @@ from typing import Any
 
 import xarray as xr
 
-from pymc_hyperelastic.files.seal import NotAsComputed, check_seal, digest_of, groups_of, sealed
+from pymc_hyperelastic.files.atomic import atomic_write
+from pymc_hyperelastic.files.checksum import CHECKSUM, digest_of, groups_of
 from pymc_hyperelastic.files.storable import storable
 from pymc_hyperelastic.files.stored import Result, in_one_line, shown
 from pymc_hyperelastic.files.untrusted import check_self_contained
-from pymc_hyperelastic.files.whole import written_whole
 from pymc_hyperelastic.parallel import one_thread
+
+# Versions that write no settings record, and another checksum.
+OLDER_VERSION = "pymc_hyperelastic 0.1"
+
+
+class DamagedFile(ValueError):
+    """A file is there, and is not what was written."""
 
 
 @one_thread
 def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
     """Write a result to a netCDF file, whole or not at all.
 
-    It is written beside the file, which it replaces when all of it is on the disk, and carries a
-    checksum, which :func:`open_result` and whatever takes results compare.
+    It is written beside the file, which it replaces when all of it is on the disk, with a checksum,
+    which :func:`open_result` compares.
 
     Parameters
     ----------
@@ -61,7 +68,7 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
     with _without_cluster():
         content = _content(storable(result))
     try:
-        with written_whole(path) as beside:
+        with atomic_write(path) as beside:
             beside.write_bytes(content)
     except OSError as error:
         failed = type(error)(
@@ -107,7 +114,7 @@ def _parts(table: xr.Dataset, place: str) -> Iterator[tuple[str, xr.Dataset]]:
 def _round_trip(result: Result) -> tuple[bytes, str]:
     """Return the file of a result; and what is wrong if it is not read as it was written."""
     tree = result.copy() if isinstance(result, xr.DataTree) else xr.DataTree(result)
-    tree, digest = sealed(tree), digest_of(tree)
+    tree.attrs[CHECKSUM] = digest = digest_of(tree)
     try:
         content = bytes(tree.to_netcdf(engine="h5netcdf"))
         again = _in_memory(xr.open_datatree(io.BytesIO(content), engine="h5netcdf"))
@@ -144,10 +151,10 @@ def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
 
     Raises
     ------
-    FileNotFoundError
-        If there is no such file.
+    OSError
+        If there is no such file, or it cannot be read: no permission, a network disk that fails.
     ValueError
-        If it is no netCDF file, cut off or damaged, or was changed since.
+        If it is no netCDF file of a result, cut off or damaged, or was changed since.
 
     See Also
     --------
@@ -172,24 +179,33 @@ def open_table(path: str | Path) -> xr.Dataset:
 
 def _loaded(path: str | Path, opener: Callable[..., Result]) -> Result:
     path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}")
     try:
-        # xarray keeps a path open that it could not read, but not what is opened here.
-        with path.open("rb") as file:
-            check_self_contained(file)
-            result = _in_memory(opener(file, engine="h5netcdf"))
-        result.encoding["source"] = str(path)
-        check_seal(result, "the result")
-        one = isinstance(result, xr.DataTree) and not result.children
-        return result.to_dataset() if one else result
-    except NotAsComputed:
+        # An error of the disk, such as a lack of permission, is raised here, as it is.
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise FileNotFoundError(f"there is no file {path}") from None
+    try:
+        check_self_contained(content)
+        result = _in_memory(opener(io.BytesIO(content), engine="h5netcdf"))
+    except (MemoryError, ImportError):
         raise
     except Exception as error:  # h5py has errors of every kind for files that are cut off
-        raise ValueError(
+        raise DamagedFile(
             f"{path} is no netCDF file of a result, or it was cut off or damaged: "
             f"{in_one_line(error)}"
         ) from error
+    checksum = result.attrs.pop(CHECKSUM, None)
+    if isinstance(checksum, str) and checksum.startswith("{"):
+        raise ValueError(f"{path} was written in an older format: it needs {OLDER_VERSION}")
+    if checksum is not None and checksum != digest_of(result):
+        raise DamagedFile(
+            f"{path} is not what was written: numbers, settings or groups were changed or damaged "
+            f"since, and no longer have the checksum of the file. Take a copy, or compute the "
+            f"result again. If it was changed on purpose, remove the attribute {CHECKSUM!r}"
+        )
+    result.encoding["source"] = str(path)
+    one = isinstance(result, xr.DataTree) and not result.children
+    return result.to_dataset() if one else result
 
 
 def _in_memory[Opened: (xr.DataTree, xr.Dataset)](result: Opened) -> Opened:

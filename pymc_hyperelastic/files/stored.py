@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.files.seal import source_of
+from pymc_hyperelastic.files.checksum import groups_of
 
 type Result = xr.Dataset | xr.DataTree
 
@@ -34,6 +34,15 @@ def damaged(result: Result, what: str, blame: str = _BLAME) -> Damaged:
     name = result.name if isinstance(result, xr.DataTree) else None
     called = f"class {name!r}" if name else "the result"
     return Damaged(f"{called}{source_of(result)}: {what}{blame}")
+
+
+def source_of(result: Result) -> str:
+    """Return the file from which a result was read, in words; nothing if that is not known."""
+    encodings = [data.encoding for _, data in groups_of(result)]
+    if isinstance(result, xr.DataTree):
+        encodings += [node.encoding for node in result.parents]
+    sources = {str(known["source"]) for known in encodings if known.get("source")}
+    return f" of {sources.pop()}" if len(sources) == 1 else ""
 
 
 @contextmanager

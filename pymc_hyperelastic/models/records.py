@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.inflation import check_inflation_data
-from pymc_hyperelastic.files.seal import source_of
 from pymc_hyperelastic.files.stored import (
     damaged,
     is_number,
@@ -23,6 +22,7 @@ from pymc_hyperelastic.files.stored import (
     read_text,
     reading,
     shown,
+    source_of,
 )
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import Parameter, StrainEnergy

@@ -22,7 +22,6 @@ def altered(key: str, value: str, *names: str) -> xr.DataTree:
     classes = fitted().copy()
     for name in names:
         classes[name].attrs[key] = value
-        classes[name].attrs.pop("checksum", None)
     return classes
 
 
