@@ -3,6 +3,7 @@
 import json
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
@@ -163,7 +164,7 @@ def fit_classes(
             raise ValueError(said) from error
         # Keep the classes that were fitted.
         warnings.warn(said, skip_file_prefixes=(PACKAGE,))
-    tree.attrs |= kind.attrs() | {"random_seed": json.dumps(seed.entropy)}
+    tree.attrs |= kind.settings().attrs() | {"random_seed": json.dumps(seed.entropy)}
     return tree
 
 
@@ -173,7 +174,7 @@ def _manifest(
     """Return the settings on which the numbers of fitted classes depend, for a store."""
     return {
         "work": "fit_classes",
-        **kind.manifest(),
+        "settings": asdict(kind.settings()),
         "draws": draws,
         "chains": chains,
         "random_seed": seed.entropy,

@@ -3,6 +3,7 @@
 import json
 import warnings
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from dataclasses import asdict
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -177,7 +178,7 @@ def _manifest(
     """Return the settings on which the numbers of a report depend, for a store."""
     return {
         "work": "calibration_report",
-        "laws": [kind.manifest() for kind in kinds],
+        "laws": [asdict(kind.settings()) for kind in kinds],
         "left_out": {specimen: str(unit) for specimen, unit in units.items()},
         "draws": draws,
         "chains": chains,

@@ -27,7 +27,7 @@ from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.models.class_distribution import distributions_of
-from pymc_hyperelastic.models.records import inflation_data_of, origin_of
+from pymc_hyperelastic.models.settings import inflation_data_of, origin_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
 

@@ -13,7 +13,7 @@ from pymc_hyperelastic.cohorts.run import run_cohort
 from pymc_hyperelastic.cohorts.work import Prepared, Work
 from pymc_hyperelastic.evidence.smc import seed_kept
 from pymc_hyperelastic.files.checksum import digests_of
-from pymc_hyperelastic.models.records import wall_of
+from pymc_hyperelastic.models.settings import wall_of
 from pymc_hyperelastic.parallel import LOCK
 
 

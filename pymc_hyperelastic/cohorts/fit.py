@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -36,7 +36,7 @@ from pymc_hyperelastic.models.priors import (
     prior_to_record,
     priors_from_records,
 )
-from pymc_hyperelastic.models.records import wall_attrs
+from pymc_hyperelastic.models.settings import ModelSettings
 from pymc_hyperelastic.parallel import LOCK
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
@@ -68,7 +68,7 @@ class Fitting(Work):
     def manifest(self) -> dict[str, Any]:
         """The law, priors and settings."""
         return {
-            "strain_energy": wall_attrs(self.energy),
+            "settings": asdict(ModelSettings.of(self.energy)),
             "likelihood": self.record,
             "priors": self.priors,
             "geometry": self.geometry,

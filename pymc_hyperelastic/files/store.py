@@ -231,7 +231,7 @@ def differences(there: Any, now: Any, where: str = "") -> list[str]:
         return differences(dict(enumerate(there, 1)), dict(enumerate(now, 1)), where)
     if where.endswith("fingerprint"):
         return [
-            f"{where.removesuffix('_fingerprint')} has another formula there than here: its "
+            f"{where.removesuffix(', fingerprint')} has another formula there than here: its "
             f"stresses are {there} there and {now} here"
         ]
     if where.endswith("sha256"):

@@ -13,24 +13,19 @@ from pymc_hyperelastic.files.stored import (
     damaged,
     read_draws,
     read_group,
-    read_json,
     reading,
 )
-from pymc_hyperelastic.mechanics.layers import Layer
-from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import class_posterior, distributions_of
 from pymc_hyperelastic.models.geometry import (
     deviated_tube,
-    measured_from_records,
     tube_of_specimens,
 )
 from pymc_hyperelastic.models.natural_scale import NaturalScale
-from pymc_hyperelastic.models.records import (
+from pymc_hyperelastic.models.settings import (
     NamedLayer,
     holds_inflation_data,
     inflation_data_of,
-    reference_stress_of,
-    stated_wall_of,
+    model_settings_of,
     wall_of,
 )
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities
@@ -139,17 +134,16 @@ def tests_of(data: xr.Dataset | None, specimen: str) -> xr.Dataset:
 
 def _scale(tree: xr.DataTree, wall: list[NamedLayer]) -> NaturalScale:
     """Coordinates of the specimens of a class or a population."""
-    name = "reference_stress"
-    if "variability_settings" in tree.attrs:
-        stress = reference_stress_of(tree, read_json(tree, "variability_settings", {}), name)
-    elif name in tree.attrs:
-        stress = reference_stress_of(tree, {name: read_json(tree, name)}, name)
-    else:
+    settings, layered = model_settings_of(tree), "thickness" in wall[0].values
+    if settings is None or settings.priors is None:
+        typical = "the typical specimen"
+        unknown = f"{typical} of its layers" if layered else f"its reference_stress, and {typical}"
         raise ValueError(
-            "the result does not tell its reference_stress, and with it the typical specimen: "
-            "name one that was measured, specimen='S1'"
+            f"the result does not state {unknown}: name one that was measured, specimen='S1'"
         )
-    scale = NaturalScale(_stated(tree, wall), stress)
+    with reading(tree):
+        stated = settings.make_wall() if layered else wall[0].energy
+    scale = NaturalScale(stated, settings.reference_stress)
     names = class_posterior(tree)["coordinate"].values.tolist()
     if scale.names != names:
         raise ValueError(
@@ -157,18 +151,6 @@ def _scale(tree: xr.DataTree, wall: list[NamedLayer]) -> NaturalScale:
             f"would be {scale.names}: leave energy out, or give that of the model"
         )
     return scale
-
-
-def _stated(tree: xr.DataTree, wall: list[NamedLayer]) -> StrainEnergy | list[Layer]:
-    """The material, or the layers of a class, as they were given."""
-    if "thickness" not in wall[0].values:
-        return wall[0].energy
-    if "thickness_priors" not in tree.attrs:
-        raise ValueError(
-            "the result does not tell the typical specimen of these layers: name one that was "
-            "measured, specimen='S1'"
-        )
-    return stated_wall_of(tree)
 
 
 def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr.Dataset:
@@ -206,9 +188,8 @@ def _tube_of_draws(
     tree: xr.DataTree, specimen: str, deviations: Array
 ) -> dict[str, tuple[tuple[str, str], Array]]:
     """The tube of a specimen by (chain, draw), as far as it was measured with an error."""
-    with reading(tree):
-        settings = read_json(tree, "variability_settings", {})
-        errors = {name: measure.sd for name, measure in measured_from_records(settings).items()}
+    settings = model_settings_of(tree)
+    errors = settings.geometry_sd if settings else {}
     if len(errors) != len(deviations):
         raise damaged(tree, f"its draws have {len(deviations)} measures of tubes, not {[*errors]}")
     # A stretch is asked for, and not that of a test.

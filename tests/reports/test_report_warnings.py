@@ -123,7 +123,7 @@ def test_pooled_specimens_are_a_warning(write_words):
 
 def test_unknown_law_and_invalid_data_are_warnings(write_words):
     tree = fitted_class(MEASURED)
-    tree.attrs["strain_energy"] = "OfAnotherDay"
+    tree.attrs = {"strain_energy": "OfAnotherDay"}
     data = DATA.assign(pressure=DATA["pressure"].where(DATA["pressure"] > 2.0))
     page = write_words({"Artery": tree, "Data": data})
     assert "OfAnotherDay" in page.warnings and "Run or import its class first" in page.warnings
