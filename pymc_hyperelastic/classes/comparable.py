@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import xarray as xr
 
-from pymc_hyperelastic.files.place import PACKAGE
+from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.settings import (
     holds_inflation_data,
     inflation_data_of,

@@ -14,12 +14,11 @@ from pymc_hyperelastic.classes.interface import ClassKind, Data
 from pymc_hyperelastic.classes.kinds import kind_of_settings
 from pymc_hyperelastic.data.labels import forbidden_character
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
-from pymc_hyperelastic.evidence.smc import seed_kept
-from pymc_hyperelastic.files.checksum import digests_of
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.store import remembering
+from pymc_hyperelastic.evidence.keeping import remembering, seed_kept
+from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.geometry import Measured
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.parallel import one_thread

@@ -22,13 +22,12 @@ from pymc_hyperelastic.classes.training import check_left_out
 from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.evidence.keeping import Remember, named, remembering, seed_kept
 from pymc_hyperelastic.evidence.verdicts import worst_of
-from pymc_hyperelastic.files.checksum import digests_of
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.store import Remember, named, remembering
+from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.geometry import Measured
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.parallel import one_thread

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.files.store import Remember, compute_now
+from pymc_hyperelastic.evidence.keeping import Remember, compute_now
 from pymc_hyperelastic.models.settings import ModelSettings
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from pymc_hyperelastic.classes.pooled import Pooled
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.results import check_result
-from pymc_hyperelastic.files.stored import reading
+from pymc_hyperelastic.evidence.stored import reading
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.likelihoods import Likelihood

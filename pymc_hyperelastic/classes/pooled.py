@@ -33,16 +33,16 @@ from pymc_hyperelastic.evidence.importance import (
     mean_weight,
     weighted_draws,
 )
+from pymc_hyperelastic.evidence.keeping import Remember, compute_now
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import find_modes
 from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
+from pymc_hyperelastic.evidence.stored import damaged, read_draws, read_numbers, reading
 from pymc_hyperelastic.evidence.stored_evidence import check_evidence
 from pymc_hyperelastic.evidence.target import Score, gradient_by_differences, width_of
 from pymc_hyperelastic.evidence.weights import effective_sample_size
-from pymc_hyperelastic.files.store import Remember, compute_now
-from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers, reading
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.inflation import tube_model

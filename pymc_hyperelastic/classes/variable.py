@@ -46,10 +46,10 @@ from pymc_hyperelastic.data.select import specimens_apart, specimens_of, tests_a
 from pymc_hyperelastic.evidence.checks import check_count, no_progress
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
+from pymc_hyperelastic.evidence.keeping import Remember, compute_now, named
 from pymc_hyperelastic.evidence.smc import seed_of
+from pymc_hyperelastic.evidence.stored import read_numbers, reading
 from pymc_hyperelastic.evidence.stored_evidence import check_evidence
-from pymc_hyperelastic.files.store import Remember, compute_now, named
-from pymc_hyperelastic.files.stored import read_numbers, reading
 from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy

@@ -17,8 +17,9 @@ from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.integral import integrate
+from pymc_hyperelastic.evidence.keeping import seed_kept
 from pymc_hyperelastic.evidence.limits import mass_at_limits
-from pymc_hyperelastic.evidence.smc import seed_kept, seed_of, seed_sequence
+from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy

@@ -12,9 +12,9 @@ from xarray.core import indexing
 
 from pymc_hyperelastic.cohorts.run import UNITS, Batch, parts_of
 from pymc_hyperelastic.cohorts.work import filled
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.results import open_table
-from pymc_hyperelastic.files.store import check_store, hash_of, manifest_of
+from pymc_hyperelastic.io.results import open_table
+from pymc_hyperelastic.io.store import check_store, hash_of, manifest_of
+from pymc_hyperelastic.messages import PACKAGE
 
 # Least number of parts that stay in memory after reading, so that reading all variables one by one
 # reads each part once. Not tuned.

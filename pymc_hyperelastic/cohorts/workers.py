@@ -19,7 +19,7 @@ import cloudpickle
 import xarray as xr
 
 from pymc_hyperelastic.cohorts.work import Remarks, Work, run_batch
-from pymc_hyperelastic.files.store import Part
+from pymc_hyperelastic.io.store import Part
 
 try:
     import fcntl

@@ -4,7 +4,8 @@ from dataclasses import MISSING, fields, is_dataclass
 from types import NoneType, UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from pymc_hyperelastic.files.stored import is_number, shown
+from pymc_hyperelastic.evidence.stored import is_number
+from pymc_hyperelastic.messages import shown
 
 _WORDS = {str: "text", float: "a number", bool: "true or false", NoneType: "null"}
 _WORDS |= {list: "a JSON list", dict: "a JSON object"}
@@ -38,7 +39,8 @@ def from_json(kind: Any, value: Any, place: str) -> Any:
                 f"{place} lacks the entries {missing} and has the unknown entries "
                 f"{shown(unknown)}; expected {[*types]}"
             )
-        return member(**{k: from_json(types[k], v, f"{place}.{k}") for k, v in value.items()})
+        make: Any = member
+        return make(**{k: from_json(types[k], v, f"{place}.{k}") for k, v in value.items()})
     if basic is list and isinstance(value, list):
         return [from_json(get_args(member)[0], v, f"{place}[{i}]") for i, v in enumerate(value)]
     if basic is dict and isinstance(value, dict):

@@ -16,17 +16,10 @@ import xarray as xr
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import check_inflation_data
-from pymc_hyperelastic.files.results import OLDER_VERSION
-from pymc_hyperelastic.files.stored import (
-    in_one_line,
-    is_said,
-    read_group,
-    reading,
-    shown,
-    source_of,
-)
+from pymc_hyperelastic.evidence.stored import is_said, read_group, reading, source_of
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.messages import in_one_line, shown
 from pymc_hyperelastic.models.geometry import Measured, check_geometry
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.priors import (
@@ -41,6 +34,8 @@ from pymc_hyperelastic.models.records import from_json
 SETTINGS = "model_settings"
 # Version of the record. A change of its fields needs another one.
 _FORMAT = 2
+#: Version that wrote results without this record.
+OLDER_VERSION = "pymc_hyperelastic 0.1"
 # Attributes of results that were written before there was a record.
 _OLDER_ATTRS = {"strain_energy_fingerprint", "variability_settings", "layers", "priors"}
 # Records that stay decoded: those of the classes of some studies.

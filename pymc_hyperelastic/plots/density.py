@@ -10,8 +10,9 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
-from pymc_hyperelastic.files.stored import damaged, read_json, read_numbers, shown
+from pymc_hyperelastic.evidence.stored import damaged, read_json, read_numbers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.settings import model_settings_of
 from pymc_hyperelastic.parallel import one_thread

@@ -8,7 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of
-from pymc_hyperelastic.files.stored import (
+from pymc_hyperelastic.evidence.stored import (
     check_numbers,
     damaged,
     read_draws,

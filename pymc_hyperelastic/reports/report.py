@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.classes.classification import are_of_classes
-from pymc_hyperelastic.files.atomic import atomic_write
+from pymc_hyperelastic.io.atomic import atomic_write
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.reports.blocks import BAD, LEVELS, Block, Found, Page, short

@@ -8,7 +8,7 @@ import pymc as pm
 import xarray as xr
 
 from pymc_hyperelastic.classes.variable import Variability
-from pymc_hyperelastic.files.stored import read_draws, reading
+from pymc_hyperelastic.evidence.stored import read_draws, reading
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.likelihoods.errors import SD_OF_SIGMA, SIZES
 from pymc_hyperelastic.models.priors import is_inferred, prior_to_record

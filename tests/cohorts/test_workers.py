@@ -27,7 +27,7 @@ from pymc_hyperelastic.cohorts.workers import (
     _how,
     mark_in_use,
 )
-from pymc_hyperelastic.files.store import Part, hash_of, manifest_of
+from pymc_hyperelastic.io.store import Part, hash_of, manifest_of
 
 
 def check_others(result, undisturbed, *failed):
@@ -175,7 +175,7 @@ def test_a_specimen_is_read_without_the_parts_of_others(data, undisturbed, tmp_p
 def test_open_cohort_refuses_what_is_no_store(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"is no store: it has no manifest\.json"):
         ph.open_cohort(tmp_path)
-    intact = {"format": 1, "by": "specimen", "units": 20}
+    intact = {"format": 2, "by": "specimen", "units": 20}
     for damage in ({"by": "animal"}, {"units": True}, {"units": 0}):
         (tmp_path / "manifest.json").write_text(json.dumps(intact | damage))
         with pytest.raises(ValueError, match=r"the manifest of .* says .* it is damaged"):
@@ -207,7 +207,7 @@ def test_a_full_disk_or_an_interrupt_loses_nothing(data, undisturbed, tmp_path, 
     folders = tmp_path / "interrupted", tmp_path / "full"
     with pytest.raises(KeyboardInterrupt), pytest.warns(UserWarning, match="same call continues"):
         computed(Interrupted(), data, folders[0], batch_size=4)
-    monkeypatch.setattr("pymc_hyperelastic.files.whole.os.replace", full)
+    monkeypatch.setattr("pymc_hyperelastic.io.atomic.os.replace", full)
     with pytest.raises(
         OSError, match=r"No space left.*Finished batches are in .*the same call continues"
     ):

@@ -8,7 +8,7 @@ import xarray as xr
 from stored_results import DATA, classified, fitted_class, fitted_classes
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.files.checksum import digests_of
+from pymc_hyperelastic.io.checksum import digests_of
 
 MEASURED = ph.load_dataset("murine_pulmonary_artery")
 NOTHING = "Nothing was found that speaks against the results."

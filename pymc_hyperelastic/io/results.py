@@ -10,15 +10,14 @@ from typing import Any
 
 import xarray as xr
 
-from pymc_hyperelastic.files.atomic import atomic_write
-from pymc_hyperelastic.files.checksum import CHECKSUM, digest_of, groups_of
-from pymc_hyperelastic.files.storable import storable
-from pymc_hyperelastic.files.stored import Result, in_one_line, shown
-from pymc_hyperelastic.files.untrusted import check_self_contained
+from pymc_hyperelastic.evidence.stored import Result
+from pymc_hyperelastic.io.atomic import atomic_write
+from pymc_hyperelastic.io.checksum import CHECKSUM, digest_of, groups_of
+from pymc_hyperelastic.io.storable import storable
+from pymc_hyperelastic.io.untrusted import check_self_contained
+from pymc_hyperelastic.messages import in_one_line, shown
+from pymc_hyperelastic.models.settings import OLDER_VERSION, model_settings_of
 from pymc_hyperelastic.parallel import one_thread
-
-# Versions that write no settings record, and another checksum.
-OLDER_VERSION = "pymc_hyperelastic 0.1"
 
 
 class DamagedFile(ValueError):
@@ -204,6 +203,9 @@ def _loaded(path: str | Path, opener: Callable[..., Result]) -> Result:
             f"result again. If it was changed on purpose, remove the attribute {CHECKSUM!r}"
         )
     result.encoding["source"] = str(path)
+    if isinstance(result, xr.DataTree):
+        for node in result.subtree:
+            model_settings_of(node)
     one = isinstance(result, xr.DataTree) and not result.children
     return result.to_dataset() if one else result
 

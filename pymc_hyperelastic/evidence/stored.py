@@ -13,14 +13,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.files.checksum import groups_of
+from pymc_hyperelastic.messages import shown
 
 type Result = xr.Dataset | xr.DataTree
 
 _REQUIRED = object()
-# Letters of a value, and of what another library says, that a message shows.
-_LONGEST_SHOWN = 80
-_LONGEST_REASON = 300
 
 _BLAME = "; it was not written by pymc_hyperelastic, or is damaged"
 
@@ -38,10 +35,8 @@ def damaged(result: Result, what: str, blame: str = _BLAME) -> Damaged:
 
 def source_of(result: Result) -> str:
     """Return the file from which a result was read, in words; nothing if that is not known."""
-    encodings = [data.encoding for _, data in groups_of(result)]
-    if isinstance(result, xr.DataTree):
-        encodings += [node.encoding for node in result.parents]
-    sources = {str(known["source"]) for known in encodings if known.get("source")}
+    known = [result, *(result.parents if isinstance(result, xr.DataTree) else ())]
+    sources = {str(part.encoding["source"]) for part in known if part.encoding.get("source")}
     return f" of {sources.pop()}" if len(sources) == 1 else ""
 
 
@@ -179,34 +174,6 @@ def is_number(value: Any) -> bool:
 def is_said(value: Any) -> bool:
     """Whether an attribute says yes, whatever a file has made of it."""
     return isinstance(value, str | bool | int | float | np.generic) and bool(value)
-
-
-def shown(value: Any) -> str:
-    """A value as an error shows it, cut off where it is long.
-
-    Examples
-    --------
-    >>> shown("a" * 1000)[-5:], shown([1.5])
-    ("aaa…'", '[1.5]')
-    """
-    if isinstance(value, str):
-        return repr(value if len(value) <= _LONGEST_SHOWN else value[: _LONGEST_SHOWN - 1] + "…")
-    text = " ".join(repr(value).split())
-    return text if len(text) <= _LONGEST_SHOWN else text[: _LONGEST_SHOWN - 1] + "…"
-
-
-def in_one_line(error: Exception) -> str:
-    r"""What an error of another library says, in one line, cut off where it is long.
-
-    Examples
-    --------
-    >>> in_one_line(KeyError("mu")), in_one_line(ValueError("no\nnumber"))
-    ("KeyError: 'mu'", 'no number')
-    """
-    text = " ".join(str(error).split())
-    if isinstance(error, KeyError) or not text:
-        text = f"{type(error).__name__}: {text}"
-    return text if len(text) <= _LONGEST_REASON else text[: _LONGEST_REASON - 1] + "…"
 
 
 def _kind_of(default: Any) -> str:

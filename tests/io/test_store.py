@@ -13,14 +13,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from pymc_hyperelastic.files import store as store_module
-from pymc_hyperelastic.files.store import (
+from pymc_hyperelastic.evidence.keeping import named, remembering
+from pymc_hyperelastic.io import store as store_module
+from pymc_hyperelastic.io.store import (
     OtherWork,
     Store,
     differences,
     hash_of,
-    named,
-    remembering,
     seed_in,
 )
 
@@ -104,17 +103,17 @@ def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
 
 
 def test_differences_of_manifests_are_named():
-    there = {"law": {"law_fingerprint": "[1]"}, "classes": [{"A": {"sha256": "0"}, "B": 1}]}
-    here = {"law": {"law_fingerprint": "[2]"}, "classes": [{"A": {"sha256": "1"}, "B": 1}]}
+    there = {"layers": [{"fingerprint": [1]}], "classes": [{"A": {"sha256": "0"}, "B": 1}]}
+    here = {"layers": [{"fingerprint": [2]}], "classes": [{"A": {"sha256": "1"}, "B": 1}]}
     assert differences(there, there) == []
     assert differences(there, here) == [
-        "law, law has another formula there than here: its stresses are [1] there and [2] here",
+        "layers, 1 has another formula there than here: its stresses are [1] there and [2] here",
         "classes, 1, A are not the same",
     ]
 
 
 def test_the_seed_of_a_store_is_that_of_its_manifest(tmp_path):
-    assert seed_in(None) is None and seed_in(tmp_path / "store") is None
+    assert seed_in(tmp_path / "store") is None
     for seed in (0, 7, [1, 2], -1, 1.5, "x", [1, "x"]):
         (tmp_path / "manifest.json").write_text(json.dumps({"format": 2, "random_seed": seed}))
         if seed in (0, 7, [1, 2]):
@@ -156,7 +155,7 @@ def test_two_processes_that_make_a_store_agree_whichever_is_first(tmp_path, monk
             time.sleep(rng.uniform(0.0, 0.003))
 
     link, check = os.link, store_module._check_empty
-    monkeypatch.setattr("pymc_hyperelastic.files.atomic.os.link", partial(waiting, link))
+    monkeypatch.setattr("pymc_hyperelastic.io.atomic.os.link", partial(waiting, link))
     monkeypatch.setattr(store_module, "_check_empty", partial(waiting, check))
 
     def made(folder, seed):

@@ -11,13 +11,12 @@ from typing import Any
 
 import xarray as xr
 
-from pymc_hyperelastic.files.atomic import UNFINISHED, atomic_write
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.results import OLDER_VERSION, DamagedFile, open_result, save_result
-from pymc_hyperelastic.files.stored import in_one_line, shown
-
-#: A function of the name of a part and of how it is computed, which gives it.
-Remember = Callable[[str, Callable[[], Any]], Any]
+from pymc_hyperelastic.evidence.keeping import registered_stores
+from pymc_hyperelastic.io.atomic import UNFINISHED, atomic_write
+from pymc_hyperelastic.io.checksum import digest_of
+from pymc_hyperelastic.io.results import DamagedFile, open_result, save_result
+from pymc_hyperelastic.messages import PACKAGE, in_one_line, shown
+from pymc_hyperelastic.models.settings import OLDER_VERSION
 
 # Format of the parts and of the manifest. A change of the numbers that the package computes for the
 # same manifest, or of how a part is stored, needs another one.
@@ -65,8 +64,9 @@ class Store:
     folder : str or Path
         Where it is, or is to be.
     manifest : mapping
-        All that decides the result, as JSON has it: what is computed, a hash of the data, settings,
-        the seed. The format of results and the versions of PyMC and PyTensor are added.
+        All that decides the result, as JSON has it: what is computed, settings, the seed. A Dataset
+        or a DataTree becomes its checksum. The format of results and the versions of PyMC and
+        PyTensor are added.
 
     Raises
     ------
@@ -79,7 +79,8 @@ class Store:
     def __init__(self, folder: str | Path, manifest: Mapping[str, Any]) -> None:
         self.folder = Path(folder)
         versions = {name: ".".join(version(name).split(".")[:2]) for name in _PACKAGES}
-        manifest = {"format": _FORMAT, **json.loads(json.dumps(manifest)), "versions": versions}
+        manifest = json.loads(json.dumps(manifest, default=_checksum))
+        manifest = {"format": _FORMAT, **manifest, "versions": versions}
         there = manifest_of(self.folder, missing=True)
         if there is None:
             _check_empty(self.folder)
@@ -148,6 +149,13 @@ def set_aside(path: Path) -> Path:
     return path.rename(aside)
 
 
+def _checksum(data: Any) -> dict[str, str]:
+    """Return what stands for data in a manifest; TypeError if it is something else."""
+    if not isinstance(data, xr.Dataset | xr.DataTree):
+        raise TypeError(f"a manifest cannot hold {shown(data)}")
+    return {"sha256": digest_of(data)}
+
+
 def hash_of(manifest: Mapping[str, Any]) -> str:
     """Return the SHA-256 of a manifest, by which its parts are recognised."""
     return hashlib.sha256(json.dumps(manifest, sort_keys=True).encode()).hexdigest()
@@ -164,24 +172,9 @@ def check_store(part: xr.Dataset | xr.DataTree, expected: str, path: Path) -> No
         )
 
 
-def compute_now[Result](_: str, compute: Callable[[], Result]) -> Result:
-    """Compute a part, as :meth:`Store.remember` does, without a store."""
-    return compute()
-
-
-def named(prefix: str, remember: Remember) -> Remember:
-    """Return a `remember` that puts a prefix before the name of each part."""
-    return lambda name, compute: remember(f"{prefix}-{name}", compute)
-
-
-def remembering(folder: str | Path | None, manifest: Callable[[], Mapping[str, Any]]) -> Remember:
-    """Return how to keep parts: in a folder, or not at all if `folder` is None."""
-    return compute_now if folder is None else Store(folder, manifest()).remember
-
-
-def seed_in(folder: str | Path | None) -> Any:
+def seed_in(folder: str | Path) -> Any:
     """Return the seed in the manifest of a store; None if the store does not exist."""
-    manifest = None if folder is None else manifest_of(Path(folder), missing=True)
+    manifest = manifest_of(Path(folder), missing=True)
     seed = None if manifest is None else manifest.get("random_seed")
     for entry in seed if isinstance(seed, list) else [seed]:
         if entry is not None and (type(entry) is not int or entry < 0):
@@ -252,3 +245,6 @@ def _check_empty(folder: Path) -> None:
             f"the folder {folder} is no store, and not empty: it holds {', '.join(strangers)}. "
             "Give a folder of its own"
         )
+
+
+registered_stores.append((seed_in, lambda folder, manifest: Store(folder, manifest).remember))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import h5py
 
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.messages import shown
 
 # A result has a class in a group, and in it groups of draws: two levels.
 _DEEPEST = 10

@@ -264,6 +264,12 @@ def test_message_names_the_file_of_the_result(tmp_path):
     )
 
 
+def test_settings_are_checked_when_a_result_is_opened(tmp_path):
+    ph.save_result(altered("pooled", within("likelihood", "sigma", value=-1)), tmp_path / "bad.nc")
+    with pytest.raises(ValueError, match=r"the result of .*bad\.nc: .*sigma is -1"):
+        ph.open_result(tmp_path / "bad.nc")
+
+
 def test_a_result_without_a_record_names_the_version_that_it_needs():
     older = altered("pooled", attribute(SETTINGS))
     for fitted_class in older.children.values():

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.messages import shown
 
 # Types of real numbers that every reader of netCDF files knows.
 _FLOATS = ("float32", "float64")

@@ -16,8 +16,8 @@ import pytest
 import xarray as xr
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.files.atomic import atomic_write
-from pymc_hyperelastic.files.checksum import digest_of
+from pymc_hyperelastic.io.atomic import atomic_write
+from pymc_hyperelastic.io.checksum import digest_of
 
 # Bytes that are damaged, one at a time, and the seed that chooses them.
 DAMAGED_BYTES = 25
@@ -229,7 +229,7 @@ def test_an_interrupted_write_leaves_the_file_as_it_was(tmp_path):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from pymc_hyperelastic.files.atomic import atomic_write
+from pymc_hyperelastic.io.atomic import atomic_write
 with atomic_write(Path(sys.argv[1])) as beside:
     beside.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)
