@@ -1,21 +1,18 @@
 """Results as netCDF files."""
 
 import io
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import xarray as xr
 
 from pymc_hyperelastic.evidence.stored import Result
 from pymc_hyperelastic.io.atomic import atomic_write
-from pymc_hyperelastic.io.checksum import CHECKSUM, digest_of, groups_of
-from pymc_hyperelastic.io.storable import storable
+from pymc_hyperelastic.io.checksum import CHECKSUM, digest_of
+from pymc_hyperelastic.io.storable import in_memory, netcdf_bytes
 from pymc_hyperelastic.io.untrusted import check_self_contained
-from pymc_hyperelastic.messages import in_one_line, shown
+from pymc_hyperelastic.messages import in_one_line
 from pymc_hyperelastic.models.settings import OLDER_VERSION, model_settings_of
 from pymc_hyperelastic.parallel import one_thread
 
@@ -63,9 +60,7 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
     if not isinstance(result, xr.Dataset | xr.DataTree):
         raise TypeError(f"a result is a DataTree or a Dataset, not {type(result).__name__}")
     path = Path(path)
-    # HDF5 itself may end the process when the disk is full, so that it writes to memory.
-    with _without_cluster():
-        content = _content(storable(result))
+    content = netcdf_bytes(result)
     try:
         with atomic_write(path) as beside:
             beside.write_bytes(content)
@@ -76,63 +71,6 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
         )
         failed.errno = error.errno
         raise failed from error
-
-
-def _content(result: Result) -> bytes:
-    """Return the file of a result; TypeError names what it would not give back as it was."""
-    content, why = _round_trip(result)
-    if not why:
-        return content
-    groups: dict[str, xr.Dataset] = {}
-    for path, table in groups_of(result):
-        groups["/" if path == "." else f"/{path}"] = table
-        place = f" of group {shown([*groups][-1])}" if isinstance(result, xr.DataTree) else ""
-        for what, part in _parts(table, place):
-            if why_part := _round_trip(part)[1]:
-                raise TypeError(f"{what} {why_part}: rename it, remove it or make it text")
-        if why_together := _round_trip(xr.DataTree.from_dict(groups))[1]:
-            raise TypeError(
-                f"the variables{place or ' of the result'} together, and with groups above, "
-                f"{why_together}: give each of them a name and dimensions of its own"
-            )
-    raise TypeError(f"the result {why}")
-
-
-def _parts(table: xr.Dataset, place: str) -> Iterator[tuple[str, xr.Dataset]]:
-    """Yield each variable and each attribute of a group by itself."""
-    for name, variable in table.variables.items():
-        what = f"the variable {shown(name)}{place}"
-        yield what, xr.Dataset({name: (variable.dims, variable.values)})
-        for key, value in variable.attrs.items():
-            part = xr.Dataset({name: (variable.dims, variable.values, {key: value})})
-            yield f"the attribute {shown(key)} of {what}", part
-    for key, value in table.attrs.items():
-        yield f"the attribute {shown(key)}{place}", xr.Dataset(attrs={key: value})
-
-
-def _round_trip(result: Result) -> tuple[bytes, str]:
-    """Return the file of a result; and what is wrong if it is not read as it was written."""
-    tree = result.copy() if isinstance(result, xr.DataTree) else xr.DataTree(result)
-    tree.attrs[CHECKSUM] = digest = digest_of(tree)
-    try:
-        content = bytes(tree.to_netcdf(engine="h5netcdf"))
-        again = _in_memory(xr.open_datatree(io.BytesIO(content), engine="h5netcdf"))
-        again.name = tree.name
-        same = again.identical(tree) and digest_of(again) == digest
-    except MemoryError:
-        raise
-    except Exception as error:  # of every kind, where a file cannot hold something
-        return b"", f"cannot be written ({in_one_line(error)})"
-    return content, "" if same else "would not be read as it was written"
-
-
-def _without_cluster() -> AbstractContextManager[Any]:
-    """Let xarray take a lock of this process: a lock of a Dask cluster needs the name of a file."""
-    if "distributed" not in sys.modules:
-        return nullcontext()
-    import dask
-
-    return dask.config.set(scheduler="synchronous")
 
 
 def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
@@ -185,7 +123,7 @@ def _loaded(path: str | Path, opener: Callable[..., Result]) -> Result:
         raise FileNotFoundError(f"there is no file {path}") from None
     try:
         check_self_contained(content)
-        result = _in_memory(opener(io.BytesIO(content), engine="h5netcdf"))
+        result = in_memory(opener(io.BytesIO(content), engine="h5netcdf"))
     except (MemoryError, ImportError):
         raise
     except Exception as error:  # h5py has errors of every kind for files that are cut off
@@ -208,11 +146,3 @@ def _loaded(path: str | Path, opener: Callable[..., Result]) -> Result:
             model_settings_of(node)
     one = isinstance(result, xr.DataTree) and not result.children
     return result.to_dataset() if one else result
-
-
-def _in_memory[Opened: (xr.DataTree, xr.Dataset)](result: Opened) -> Opened:
-    """Read all of a file, and close it. DataTree.load skips variables that a coordinate hides."""
-    for _, table in groups_of(result):
-        table.load()
-    result.close()
-    return result

@@ -1,98 +1,150 @@
-"""Prepare a result for a netCDF file, which gives back only some names, types and attributes.
+"""Write a result as the bytes of a netCDF file, or name what a file would not give back."""
 
-:func:`~pymc_hyperelastic.save_result` converts attributes, and refuses everything else by its name.
-"""
-
+import io
 import json
+import sys
 from collections.abc import Hashable
+from contextlib import AbstractContextManager, nullcontext
 from datetime import date
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.messages import shown
+from pymc_hyperelastic.evidence.stored import Result
+from pymc_hyperelastic.io.checksum import CHECKSUM, digest_of, groups_of
+from pymc_hyperelastic.messages import in_one_line, shown
 
 # Types of real numbers that every reader of netCDF files knows.
 _FLOATS = ("float32", "float64")
 
 
-def storable[Stored: (xr.Dataset, xr.DataTree)](result: Stored) -> Stored:
-    """Return a copy with attributes as a file can hold them; TypeError names what it cannot hold.
+def netcdf_bytes(result: Result) -> bytes:
+    """Return the netCDF file of a result, with its checksum.
+
+    The file is read again, and compared. TypeError names the group, and the variable or attribute,
+    that a file cannot hold or would change. HDF5 writes to memory: it may end the process when a
+    disk is full.
+    """
+    with _without_cluster():
+        result = _prepared(result)
+        content, why = _round_trip(result)
+        if not why:
+            return content
+        groups: dict[str, xr.Dataset] = {}
+        for path, table in groups_of(result):
+            groups["/" if path == "." else f"/{path}"] = table
+            place = f" of group {shown([*groups][-1])}" if isinstance(result, xr.DataTree) else ""
+            for name in table.variables:
+                _check_variable(table, name, f"the variable {shown(name)}{place}")
+            for key, value in table.attrs.items():
+                _check(xr.Dataset(attrs={key: value}), f"the attribute {shown(key)}{place}")
+            together = f"the variables{place or ' of the result'} together, and with groups above,"
+            _check(xr.DataTree.from_dict(groups), together)
+        raise TypeError(f"the result {why}")
+
+
+def _check_variable(table: xr.Dataset, name: Hashable, what: str) -> None:
+    """Raise TypeError if a file would not give back a variable; look for the reason."""
+    variable = table.variables[name]
+    along = [f"dimension_{i}" for i in range(variable.ndim)]
+    if _round_trip(xr.Dataset({"values": (along, variable.values)}))[1]:
+        _refuse_type(variable, what)
+    for own in (name, *variable.dims):
+        if _round_trip(xr.Dataset({own: 1.0}))[1]:
+            _refuse_name(what if own is name else f"the dimension {shown(own)} of {what}")
+    _check(xr.Dataset({name: (variable.dims, variable.values)}), what)
+    for key, value in variable.attrs.items():
+        part = xr.Dataset({name: (variable.dims, variable.values, {key: value})})
+        _check(part, f"the attribute {shown(key)} of {what}")
+
+
+def _refuse_type(variable: xr.Variable, what: str) -> NoReturn:
+    raise TypeError(
+        f"{what} holds {variable.dtype}, which a file does not give back: make it numbers, dates "
+        "from 1678 to 2262 or text without special characters, such as by .astype(float) or "
+        ".astype(str)"
+    )
+
+
+def _refuse_name(what: str) -> NoReturn:
+    raise TypeError(f"{what} cannot be written under this name: rename it, to text without '/'")
+
+
+def _check(part: Result, what: str) -> None:
+    if why := _round_trip(part)[1]:
+        raise TypeError(f"{what} {why}: rename it, remove it or make it text")
+
+
+def _round_trip(result: Result) -> tuple[bytes, str]:
+    """Return the file of a result; and what is wrong if it is not read as it was written."""
+    tree = result.copy() if isinstance(result, xr.DataTree) else xr.DataTree(result)
+    try:
+        tree.attrs[CHECKSUM] = digest = digest_of(tree)
+        content = bytes(tree.to_netcdf(engine="h5netcdf"))
+        again = in_memory(xr.open_datatree(io.BytesIO(content), engine="h5netcdf"))
+        again.name = tree.name
+        same = again.identical(tree) and digest_of(again) == digest
+    except MemoryError:
+        raise
+    except Exception as error:  # of every kind, where a file cannot hold something
+        return b"", f"cannot be written ({in_one_line(error)})"
+    return content, "" if same else "would not be read as it was written"
+
+
+def in_memory[Opened: (xr.DataTree, xr.Dataset)](result: Opened) -> Opened:
+    """Read all of a file, and close it. DataTree.load skips variables that a coordinate hides."""
+    for _, table in groups_of(result):
+        table.load()
+    result.close()
+    return result
+
+
+def _without_cluster() -> AbstractContextManager[Any]:
+    """Let xarray take a lock of this process: a lock of a Dask cluster needs the name of a file."""
+    if "distributed" not in sys.modules:
+        return nullcontext()
+    import dask
+
+    return dask.config.set(scheduler="synchronous")
+
+
+def _prepared[Stored: (xr.Dataset, xr.DataTree)](result: Stored) -> Stored:
+    """Return a copy whose attributes are plain; TypeError for names and types that no file has.
 
     The `encoding` that xarray keeps of an earlier file, such as a smaller type, is removed: it
     would round the numbers.
-
-    Examples
-    --------
-    >>> storable(xr.Dataset(attrs={"done": True})).attrs
-    {'done': 1}
     """
     result = result.copy()
     for table in result.subtree if isinstance(result, xr.DataTree) else [result]:
         place = f" of group {table.path!r}" if isinstance(table, xr.DataTree) else ""
-        for name in table.sizes:
-            _check_name(name, "dimension", place)
-        table.attrs = {k: _attribute(k, v, place) for k, v in table.attrs.items()}
-        table.encoding = {k: v for k, v in table.encoding.items() if k == "source"}
+        table.attrs = {k: _plain(k, v, place) for k, v in table.attrs.items()}
+        table.encoding = {}
         for name, variable in table.variables.items():
-            _check_name(name, "variable", place)
-            _check_values(table, name, place)
-            of = f" of the variable {shown(name)}{place}"
-            variable.attrs = {k: _attribute(k, v, of) for k, v in variable.attrs.items()}
+            what = f"the variable {shown(name)}{place}"
+            for own in (name, *variable.dims):
+                if not isinstance(own, str) or "/" in own:
+                    _refuse_name(what if own is name else f"the dimension {shown(own)} of {what}")
+            if isinstance(table.xindexes.get(name), xr.indexes.PandasMultiIndex):
+                raise TypeError(
+                    f"{what} is part of a MultiIndex, which a file cannot hold: unstack it"
+                )
+            dtype = variable.dtype
+            is_text = dtype == np.dtype("O") and all(
+                isinstance(x, str) for x in variable.values.flat
+            )
+            known = isinstance(dtype, np.dtype) and (dtype in _FLOATS or dtype.kind in "biuUmM")
+            if not (is_text or known):
+                _refuse_type(variable, what)
+            variable.attrs = {k: _plain(k, v, f" of {what}") for k, v in variable.attrs.items()}
             # NaN is what is missing, and needs no other number.
-            variable.encoding = {"_FillValue": None} if variable.dtype.kind == "f" else {}
+            variable.encoding = {"_FillValue": None} if dtype.kind == "f" else {}
     return result
 
 
-def _check_name(name: Hashable, what: str, place: str) -> None:
-    if not isinstance(name, str) or not name or "/" in name or not _is_storable(name):
-        raise TypeError(
-            f"the {what} {shown(name)}{place} cannot be written under this name: rename it, to "
-            "text without '/'"
-        )
-
-
-def _is_storable(text: str) -> bool:
-    """Return True for text without NUL and halves of characters, which HDF5 cannot hold."""
-    return "\0" not in text and text.encode("utf-8", "replace") == text.encode("utf-8", "ignore")
-
-
-def _check_values(table: xr.Dataset | xr.DataTree, name: Hashable, place: str) -> None:
-    """Raise TypeError for values of a type that a file would not give back."""
-    variable, what = table.variables[name], f"the variable {shown(name)}{place}"
-    if isinstance(table.xindexes.get(name), xr.indexes.PandasMultiIndex):
-        raise TypeError(f"{what} is part of a MultiIndex, which a file cannot hold: unstack it")
-    dtype = variable.dtype
-    is_text = dtype == np.dtype("O") and all(isinstance(x, str) for x in variable.values.flat)
-    known = isinstance(dtype, np.dtype) and (dtype in _FLOATS or dtype.kind in "biuUmM")
-    if not (is_text or known):
-        raise TypeError(
-            f"{what} holds {dtype}, which a file does not give back: make it numbers, text or "
-            "dates, such as by .astype(float) or .astype(str)"
-        )
-    if dtype.kind in "OU" and not all(map(_is_storable, variable.values.flat)):
-        raise TypeError(f"{what} holds text with a character that a file cannot hold: remove it")
-    if dtype.kind in "mM" and not _in_nanoseconds(variable.values):
-        raise TypeError(
-            f"{what} holds dates or times that nanoseconds cannot state: expected 1678 to 2262"
-        )
-
-
-def _in_nanoseconds(times: np.ndarray) -> bool:
-    """Return True for times that a file gives back: it counts nanoseconds."""
-    try:
-        exact = times.astype(f"{times.dtype.kind}8[ns]").astype(times.dtype)
-    except OverflowError:
-        return False
-    return np.array_equal(exact, times, equal_nan=True)
-
-
-def _attribute(name: Hashable, value: Any, place: str) -> Any:
+def _plain(name: Hashable, value: Any, place: str) -> Any:
     """Return an attribute as text, a number or a list of numbers or texts."""
-    if not isinstance(name, str) or not name or not _is_storable(name):
-        raise TypeError(f"the attribute {shown(name)}{place} must be named by text: rename it")
     if isinstance(value, dict):
         try:
             value = json.dumps(value)
@@ -102,7 +154,7 @@ def _attribute(name: Hashable, value: Any, place: str) -> Any:
         value = str(value)
     entries = value.tolist() if isinstance(value, np.ndarray) else value
     entries = list(entries) if isinstance(entries, list | tuple) else [entries]
-    if entries and all(isinstance(entry, str) and _is_storable(entry) for entry in entries):
+    if entries and all(isinstance(entry, str) for entry in entries):
         return entries[0] if len(entries) == 1 else entries
     numbers = np.asarray(entries if all(map(np.isscalar, entries)) else None)
     if numbers.size and numbers.dtype.kind in "biuf":
