@@ -1,4 +1,4 @@
-"""What messages show: values, errors of other libraries, and the line that called the package."""
+"""Texts in messages: values, errors of other libraries, and the line that called the package."""
 
 import os.path
 from typing import Any
@@ -12,7 +12,7 @@ _LONGEST_REASON = 300
 
 
 def shown(value: Any) -> str:
-    """A value as an error shows it, cut off where it is long.
+    """Return a value as an error shows it, cut off where it is long.
 
     Examples
     --------
@@ -26,7 +26,7 @@ def shown(value: Any) -> str:
 
 
 def in_one_line(error: Exception) -> str:
-    r"""What an error of another library says, in one line, cut off where it is long.
+    r"""Return the text of another library's error in one line, cut off where it is long.
 
     Examples
     --------

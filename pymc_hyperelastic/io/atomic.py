@@ -15,7 +15,7 @@ except ImportError:  # Windows
 
 #: How the name of a file ends while it is written.
 UNFINISHED = ".unfinished"
-# Hexadecimal digits of the hash of a target's name: 64 bits tell all files of a folder apart.
+# Hexadecimal digits of the hash of a target's name: 64 bits differ between all files of a folder.
 _DIGITS = 16
 
 

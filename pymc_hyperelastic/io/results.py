@@ -18,7 +18,7 @@ from pymc_hyperelastic.parallel import one_thread
 
 
 class DamagedFile(ValueError):
-    """A file is there, and is not what was written."""
+    """The content of a file was changed or damaged after it was written."""
 
 
 @one_thread
@@ -66,15 +66,15 @@ def save_result(result: xr.Dataset | xr.DataTree, path: str | Path) -> None:
             beside.write_bytes(content)
     except OSError as error:
         failed = type(error)(
-            f"{path} cannot be written: {error.strerror or error}. What was there before is left "
-            "as it was"
+            f"{path} cannot be written: {error.strerror or error}. The file that was there before "
+            "is left as it was"
         )
         failed.errno = error.errno
         raise failed from error
 
 
 def open_result(path: str | Path) -> xr.DataTree | xr.Dataset:
-    """Read a result from a netCDF file, and check that it is what was written.
+    """Read a result from a netCDF file, and compare its checksum.
 
     Parameters
     ----------
@@ -136,9 +136,9 @@ def _loaded(path: str | Path, opener: Callable[..., Result]) -> Result:
         raise ValueError(f"{path} was written in an older format: it needs {OLDER_VERSION}")
     if checksum is not None and checksum != digest_of(result):
         raise DamagedFile(
-            f"{path} is not what was written: numbers, settings or groups were changed or damaged "
-            f"since, and no longer have the checksum of the file. Take a copy, or compute the "
-            f"result again. If it was changed on purpose, remove the attribute {CHECKSUM!r}"
+            f"{path} is not what was written: numbers, settings or groups do not have the checksum "
+            "of the file. Take a copy, or compute the result again. If you changed the file on "
+            f"purpose, remove its attribute {CHECKSUM!r}"
         )
     result.encoding["source"] = str(path)
     if isinstance(result, xr.DataTree):

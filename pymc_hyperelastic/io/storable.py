@@ -78,7 +78,7 @@ def _check(part: Result, what: str) -> None:
 
 
 def _round_trip(result: Result) -> tuple[bytes, str]:
-    """Return the file of a result; and what is wrong if it is not read as it was written."""
+    """Return the file of a result, and the fault if it is not read as it was written."""
     tree = result.copy() if isinstance(result, xr.DataTree) else xr.DataTree(result)
     try:
         tree.attrs[CHECKSUM] = digest = digest_of(tree)
@@ -121,7 +121,8 @@ def _prepared[Stored: (xr.Dataset, xr.DataTree)](result: Stored) -> Stored:
         place = f" of group {table.path!r}" if isinstance(table, xr.DataTree) else ""
         table.attrs = {k: _plain(k, v, place) for k, v in table.attrs.items()}
         table.encoding = {}
-        for name, variable in table.variables.items():
+        for name in table.variables:
+            variable: xr.Variable = table.variables[name]
             what = f"the variable {shown(name)}{place}"
             for own in (name, *variable.dims):
                 if not isinstance(own, str) or "/" in own:
@@ -138,7 +139,7 @@ def _prepared[Stored: (xr.Dataset, xr.DataTree)](result: Stored) -> Stored:
             if not (is_text or known):
                 _refuse_type(variable, what)
             variable.attrs = {k: _plain(k, v, f" of {what}") for k, v in variable.attrs.items()}
-            # NaN is what is missing, and needs no other number.
+            # NaN marks missing values; no other number is needed.
             variable.encoding = {"_FillValue": None} if dtype.kind == "f" else {}
     return result
 

@@ -1,4 +1,4 @@
-"""What a netCDF file that somebody sent may not do: read other files, or have no end."""
+"""Refuse netCDF files that would read other files, or that have no end."""
 
 import io
 import re

@@ -1,4 +1,4 @@
-"""What a result holds of its model: one record of its settings, and the inflation data.
+"""The model of a result: one record of its settings, and its inflation data.
 
 The record is JSON in the attribute ``model_settings``. It is checked when a result is opened, or
 when a function reads it. The inflation data are in the group ``constant_data``, measured pressures
@@ -16,10 +16,17 @@ import xarray as xr
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import check_inflation_data
-from pymc_hyperelastic.evidence.stored import is_said, read_group, reading, source_of
+from pymc_hyperelastic.evidence.stored import (
+    from_json,
+    is_said,
+    parsed_json,
+    read_group,
+    reading,
+    source_of,
+)
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.messages import in_one_line, shown
+from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.models.geometry import Measured, check_geometry
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.priors import (
@@ -28,7 +35,6 @@ from pymc_hyperelastic.models.priors import (
     prior_to_record,
     priors_from_records,
 )
-from pymc_hyperelastic.models.records import from_json
 
 #: Attribute of a result that holds the record.
 SETTINGS = "model_settings"
@@ -97,7 +103,7 @@ class ModelSettings:
     variability: str = "none"
     experiment_effect: bool = False
     reference_stress: float | None = None
-    """Where specimens differ: stress at which they are compared, kPa."""
+    """Stress at which specimens that differ are compared, kPa."""
     geometry_sd: dict[str, float | None] = field(default_factory=dict)
     """Standard errors of the measures of tubes; None if the data state them."""
 
@@ -221,14 +227,11 @@ def named_layers(wall: StrainEnergy | Sequence[Layer]) -> list[NamedLayer]:
 @lru_cache(maxsize=_DECODED)
 def _decoded(text: str) -> ModelSettings:
     """Return the record that a text holds; ValueError if it is unsound."""
-    try:
-        record = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"its attribute {SETTINGS!r} is no JSON: {in_one_line(error)}") from None
-    record = from_json(dict[str, Any], record, f"its {SETTINGS}")
+    place = f"its {SETTINGS}"
+    record = from_json(dict[str, Any], parsed_json(text, place), place)
     if (version := record.pop("format", None)) != _FORMAT:
-        raise ValueError(f"its {SETTINGS} have the format {shown(version)}; expected {_FORMAT}")
-    settings = from_json(ModelSettings, record, f"its {SETTINGS}")
+        raise ValueError(f"{place} have the format {shown(version)}; expected {_FORMAT}")
+    settings = from_json(ModelSettings, record, place)
     for make in (settings.make_priors, settings.make_likelihood, settings.make_geometry):
         make()
     priors_from_records(settings.thickness_priors)
@@ -238,7 +241,7 @@ def _decoded(text: str) -> ModelSettings:
 def model_settings_of(tree: xr.DataTree) -> ModelSettings | None:
     """Return the settings of the model of a result; None if the result holds none.
 
-    ValueError names what is damaged, or the version that a result of an older version needs.
+    ValueError names the damaged entry, or the version that an older result needs.
     """
     if SETTINGS not in tree.attrs:
         if not _OLDER_ATTRS & set(tree.attrs):

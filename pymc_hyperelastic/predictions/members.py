@@ -1,7 +1,7 @@
 """Of whom a prediction is: the typical specimen of a class, or one that was measured."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -38,12 +38,15 @@ TYPICAL = "typical"
 _SEED = 1
 
 
-# What a class stores of each specimen; others are not in older files.
+# Variables of the group "specimens" of a class, and their dimensions for one specimen.
 _DRAWS: dict[str, tuple[str, ...]] = {
     "centre": ("coordinate", "particle"),
     "scatter": ("coordinate", "particle"),
+    "log_size": ("noise", "particle"),
+    "deviations": ("measure", "particle"),
     "log_weight": ("particle",),
     "tests": (),
+    "standard_error": (),
 }
 
 
@@ -217,34 +220,18 @@ def stored_draws(fitted: xr.DataTree, specimen: str) -> SpecimenDraws:
         raise damaged(fitted, f"it has no draws of specimen {specimen!r}, but of {names}")
     of_one = read_group(fitted, "specimens").isel(specimen=names.index(specimen))
     where = f" of specimen {specimen!r}"
+    values: dict[str, Any] = {}
     for name, dims in _DRAWS.items():
-        check_numbers(fitted, of_one, name, dims, where)
-    # Of a specimen that was given up it is infinite.
-    check_numbers(fitted, of_one, "standard_error", (), where, finite=False)
-    if not of_one["standard_error"] >= 0:
-        raise damaged(fitted, f"the 'standard_error'{where} is {of_one['standard_error'].item()}")
-    for name, dim in (("log_size", "noise"), ("deviations", "measure")):
-        if name in of_one and of_one[name].size:
-            dims = ("particle", *({dim} & set(of_one[name].dims)))
-            check_numbers(fitted, of_one, name, dims, where)
-    return SpecimenDraws(
-        centre=of_one["centre"].transpose("coordinate", "particle").values,
-        scatter=of_one["scatter"].transpose("coordinate", "particle").values,
-        log_size=_rows(of_one, "log_size", "noise"),
-        log_weight=of_one["log_weight"].values,
-        tests=int(of_one["tests"]),
-        standard_error=float(of_one["standard_error"]),
-        points=np.empty((of_one.sizes["particle"], 0)),
-        deviations=_rows(of_one, "deviations", "measure"),
-    )
-
-
-def _rows(of_one: xr.Dataset, name: str, dim: str) -> Array:
-    """Draws of one or several quantities, (quantity, particle); older files hold one, or none."""
-    if name not in of_one:
-        return np.empty((0, of_one.sizes["particle"]))
-    values = of_one[name]
-    return values.values[None] if dim not in values.dims else values.transpose(dim, ...).values
+        # A class may have no inferred errors, and no measures of tubes with errors.
+        empty = name in ("log_size", "deviations") and name in of_one and not of_one[name].size
+        if not empty:
+            # The error of a specimen that was given up is infinite.
+            check_numbers(fitted, of_one, name, dims, where, finite=name != "standard_error")
+        values[name] = of_one[name].transpose(*dims).values
+    if not values["standard_error"] >= 0:
+        raise damaged(fitted, f"the 'standard_error'{where} is {values['standard_error']}")
+    numbers = {"tests": int(values["tests"]), "standard_error": float(values["standard_error"])}
+    return SpecimenDraws(**values | numbers, points=np.empty((of_one.sizes["particle"], 0)))
 
 
 def _one_draw_each(
