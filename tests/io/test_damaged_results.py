@@ -188,7 +188,7 @@ def texts(name: str):
 BLAME = "it was not written by pymc_hyperelastic, or is damaged"
 # A kind of result, its damage, a call, and a regular expression of the message.
 DAMAGE = {
-    "half an attribute": ("pooled", attribute(SETTINGS, "{"), "classify", "model_settings is no JSON"),
+    "half an attribute": ("pooled", attribute(SETTINGS, "{"), "classify", "settings is no JSON"),
     "a number": ("pooled", attribute(SETTINGS, 1.5), "classify", "model_settings is 1.5; expected"),
     "nested": ("pooled", attribute(SETTINGS, "[" * 100_000), "classify", "model_settings is no J"),
     "older": ("pooled", attribute(SETTINGS, "{}"), "classify", "have the format None; expected 2"),
