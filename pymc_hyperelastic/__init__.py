@@ -30,7 +30,7 @@ from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.quadrature import log_evidence_by_quadrature
 from pymc_hyperelastic.evidence.smc import sample_smc
-from pymc_hyperelastic.files.results import open_result, save_result
+from pymc_hyperelastic.io.results import open_result, save_result
 from pymc_hyperelastic.mechanics import strain_energy
 from pymc_hyperelastic.mechanics.curves import axial_force, inflation_pressure, inflation_stiffness
 from pymc_hyperelastic.mechanics.integrals import PressureIntegral

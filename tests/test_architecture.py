@@ -96,7 +96,7 @@ def test_wings_import_only_from_wings_above_them_on_the_page():
 
 @pytest.mark.parametrize(
     "wing",
-    ["files", "mechanics", "data", "evidence", "models", "classes", "cohorts", "plots", "reports"],
+    ["mechanics", "data", "evidence", "models", "io", "classes", "cohorts", "plots", "reports"],
 )
 def test_modules_import_only_from_modules_above_them_in_their_wing(wing):
     assert_upward(mapped_rooms(wing), arrows(PACKAGE / wing, (wing,)))
@@ -162,7 +162,7 @@ print(log_evidence(tree).value)
 
 
 def test_evidence_samples_a_model_where_no_wing_about_tubes_can_be_imported():
-    others = [wing for wing in inside(PACKAGE) if wing not in ("evidence", "files", "parallel")]
+    others = [wing for wing in inside(PACKAGE) if wing not in ("evidence", "messages", "parallel")]
     code = ALONE.format(others=others, folder=str(PACKAGE))
     in_python = os.environ | {"PYTENSOR_FLAGS": "mode=FAST_COMPILE"}
     command = [sys.executable, "-c", code]

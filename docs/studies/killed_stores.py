@@ -22,8 +22,8 @@ import numpy as np
 import xarray as xr
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.files import whole
-from pymc_hyperelastic.files.store import Store
+from pymc_hyperelastic.io import atomic
+from pymc_hyperelastic.io.store import Store
 
 options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
 options.add_argument("--kills", type=int, default=20, help="of each job (%(default)s)")
@@ -70,7 +70,7 @@ def write_report(folder: Path) -> None:
 def files(folder: Path) -> dict[str, bytes]:
     """Return the contents of the finished files of a folder."""
     paths = [path for path in folder.rglob("*") if path.is_file()]
-    return {path.name: path.read_bytes() for path in paths if path.suffix != whole.UNFINISHED}
+    return {path.name: path.read_bytes() for path in paths if path.suffix != atomic.UNFINISHED}
 
 
 def posteriors(folder: Path) -> dict[str, xr.Dataset]:
@@ -145,7 +145,7 @@ def main() -> int:
             os.kill(child, signal.SIGKILL)
             _, status = os.waitpid(child, 0)
             killed, ended = killed + os.WIFSIGNALED(status), ended + os.WIFEXITED(status)
-            unfinished += len([*folder.rglob(f"*{whole.UNFINISHED}")])
+            unfinished += len([*folder.rglob(f"*{atomic.UNFINISHED}")])
             page = (folder / "report.html").read_text(encoding="utf-8")
             complete = page in (OLD_PAGE, undisturbed.get("report.html", b"").decode())
             job(folder)

@@ -21,7 +21,7 @@ from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.records import wall_of
+from pymc_hyperelastic.models.settings import law_names_of, wall_of
 
 Array = NDArray[np.float64]
 
@@ -175,7 +175,7 @@ def labels_of_results(trees: Sequence[xr.DataTree]) -> list[str]:
     """Names of the strain energies, or of the layers, of sampled models."""
     known = []
     for i, tree in enumerate(trees):
-        if not {"strain_energy", "layers"} & set(tree.attrs):
+        if not law_names_of(tree):
             raise ValueError(
                 f"fit number {i} does not name its strain energy: give the fits as a dict of names "
                 "to results"

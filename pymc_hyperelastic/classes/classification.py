@@ -22,10 +22,10 @@ from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
+from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.seal import digests_of
-from pymc_hyperelastic.files.stored import read_dict, read_json
+from pymc_hyperelastic.io.checksum import digests_of
+from pymc_hyperelastic.messages import PACKAGE
 
 _UNKNOWN = Prediction(Estimate(np.nan, np.nan), np.nan, "", np.nan)
 _FAILED = Prediction(Estimate(np.nan, np.inf), np.inf, "failed", np.inf)
@@ -203,9 +203,7 @@ class Classification:
 
 def _check_complete(classes: xr.DataTree) -> None:
     """Raise if a class is missing: the others would share its probability without a word."""
-    if MISSING not in classes.attrs:
-        return
-    for name, why in read_dict(classes, MISSING).items():
+    for name, why in read_json(classes, MISSING, {}).items():
         if name not in classes.children:
             raise ValueError(
                 f"class {name!r} was not fitted ({why}), and would have no probability: fit it, or "

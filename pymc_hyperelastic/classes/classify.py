@@ -10,9 +10,8 @@ from pymc.progress_bar import create_simple_progress
 
 from pymc_hyperelastic.classes.classification import Classification, warn_of_doubt
 from pymc_hyperelastic.data.select import tests_at, units_of
-from pymc_hyperelastic.evidence.smc import seed_kept
-from pymc_hyperelastic.files.seal import sealed
-from pymc_hyperelastic.files.store import Store
+from pymc_hyperelastic.evidence.keeping import seed_kept
+from pymc_hyperelastic.io.store import Store
 from pymc_hyperelastic.parallel import one_thread
 
 # Of what is the same in all, the first is taken.
@@ -168,4 +167,4 @@ def classify(
                 advance()
             result = xr.concat(rows, by, **_ROWS)
     warn_of_doubt(result)
-    return sealed(result)
+    return result

@@ -6,12 +6,11 @@ from typing import NamedTuple
 
 import xarray as xr
 
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.stored import read_text
-from pymc_hyperelastic.models.records import (
+from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.models.settings import (
     holds_inflation_data,
     inflation_data_of,
-    likelihood_of,
+    model_settings_of,
 )
 
 
@@ -27,14 +26,15 @@ class Fit(NamedTuple):
 
 def likelihood_said(tree: xr.DataTree) -> str | None:
     """Return the likelihood of one result in words; None if the result does not state it."""
-    likelihood = likelihood_of(tree)
-    if likelihood is None:
+    settings = model_settings_of(tree)
+    likelihood = None if settings is None else settings.make_likelihood()
+    if settings is None or likelihood is None:
         return None
-    if "variability" in tree.attrs:
-        # Errors belong to each specimen and may differ between laws; the signals may not.
-        forces = " and forces" if likelihood.with_force else ""
-        return f"variability={read_text(tree, 'variability')!r}, of pressures{forces}"
-    return f"the likelihood {likelihood!r}"
+    if settings.variability == "none":
+        return f"the likelihood {likelihood!r}"
+    # Errors belong to each specimen and may differ between laws; the signals may not.
+    forces = " and forces" if likelihood.with_force else ""
+    return f"variability={settings.variability!r}, of pressures{forces}"
 
 
 def check_comparable(fits: Sequence[Fit], argument: str) -> None:

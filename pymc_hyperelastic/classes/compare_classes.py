@@ -26,7 +26,7 @@ from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.evidence.estimate import Estimate
 from pymc_hyperelastic.models.class_distribution import ClassDistribution
-from pymc_hyperelastic.models.records import origin_of
+from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
 

@@ -34,7 +34,7 @@ from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.smc import particles_to_tree
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.evidence.verdicts import registered_checks
-from pymc_hyperelastic.files.place import PACKAGE
+from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.class_distribution import distributions_of
 from pymc_hyperelastic.models.population import Population
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, stacked

@@ -9,7 +9,6 @@ from pymc.progress_bar import create_simple_progress
 
 from pymc_hyperelastic.classes.classification import Classification
 from pymc_hyperelastic.data.select import units_of
-from pymc_hyperelastic.files.seal import sealed
 from pymc_hyperelastic.parallel import one_thread
 
 
@@ -110,4 +109,4 @@ def explain_classification(
     classification.check_new(new_data)
     with (progress := create_simple_progress(progressbar)):
         bar = progress.add_task("Explaining", completed=0, total=len(units_of(new_data, by)))
-        return sealed(classification.explanation(new_data, partial(progress.advance, bar)))
+        return classification.explanation(new_data, partial(progress.advance, bar))

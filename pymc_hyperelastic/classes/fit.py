@@ -3,6 +3,7 @@
 import json
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
@@ -13,12 +14,11 @@ from pymc_hyperelastic.classes.interface import ClassKind, Data
 from pymc_hyperelastic.classes.kinds import MISSING, kind_of_settings
 from pymc_hyperelastic.data.labels import forbidden_character
 from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence
-from pymc_hyperelastic.evidence.smc import seed_kept
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.seal import digests_of, sealed
-from pymc_hyperelastic.files.store import remembering
+from pymc_hyperelastic.evidence.keeping import remembering, seed_kept
+from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.geometry import Measured
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.parallel import one_thread
@@ -150,7 +150,7 @@ def fit_classes(
                 failed[name] = fitted
                 continue
             warn_of_evidence(fitted, f"class {name!r}: ")
-            tree[name] = sealed(fitted)
+            tree[name] = fitted
     except KeyboardInterrupt:
         # With a store the same call continues.
         if not tree.children or store is not None:
@@ -164,7 +164,7 @@ def fit_classes(
             raise ValueError(said) from failed[name]
         # Keep the classes that were fitted.
         warnings.warn(said, skip_file_prefixes=(PACKAGE,))
-    tree.attrs |= kind.attrs() | {"random_seed": json.dumps(seed.entropy)}
+    tree.attrs |= kind.settings().attrs() | {"random_seed": json.dumps(seed.entropy)}
     if missing:
         tree.attrs[MISSING] = json.dumps(missing)
     return tree
@@ -176,7 +176,7 @@ def _manifest(
     """Return the settings on which the numbers of fitted classes depend, for a store."""
     return {
         "work": "fit_classes",
-        **kind.manifest(),
+        "settings": asdict(kind.settings()),
         "draws": draws,
         "chains": chains,
         "random_seed": seed.entropy,

@@ -3,6 +3,7 @@
 import json
 import warnings
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
+from dataclasses import asdict
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -21,13 +22,12 @@ from pymc_hyperelastic.classes.training import check_left_out
 from pymc_hyperelastic.data.inflation import check_inflation_data
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.evidence.smc import seed_kept
+from pymc_hyperelastic.evidence.keeping import Remember, named, remembering, seed_kept
 from pymc_hyperelastic.evidence.verdicts import worst_of
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.seal import digests_of
-from pymc_hyperelastic.files.store import Remember, named, remembering
+from pymc_hyperelastic.io.checksum import digests_of
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.geometry import Measured
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.parallel import one_thread
@@ -178,7 +178,7 @@ def _manifest(
     """Return the settings on which the numbers of a report depend, for a store."""
     return {
         "work": "calibration_report",
-        "laws": [kind.manifest() for kind in kinds],
+        "laws": [asdict(kind.settings()) for kind in kinds],
         "left_out": {specimen: str(unit) for specimen, unit in units.items()},
         "draws": draws,
         "chains": chains,

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.estimate import Estimate
-from pymc_hyperelastic.files.store import Remember, compute_now
+from pymc_hyperelastic.evidence.keeping import Remember, compute_now
+from pymc_hyperelastic.models.settings import ModelSettings
 
 Array = NDArray[np.float64]
 
@@ -67,8 +68,6 @@ class ClassKind(ABC):
     has_p_value: ClassVar[bool]
     #: Whether a new specimen is a fresh draw, which no specimen of the class is.
     fresh_specimens: ClassVar[bool] = False
-    #: Attributes of a fitted class that must be alike in all classes of a comparison.
-    common_attrs: ClassVar[tuple[str, ...]]
 
     energy: Any
     """A strain energy, or layers."""
@@ -102,22 +101,18 @@ class ClassKind(ABC):
 
     @classmethod
     @abstractmethod
-    def of_tree(cls, fitted: xr.DataTree) -> Self:
+    def from_settings(cls, settings: ModelSettings) -> Self:
         """The kind of a fitted class, as it was stored."""
 
     def check_stored(self, fitted: xr.DataTree) -> None:
         """Raise ValueError, naming the class, unless it holds what this kind reads of one.
 
-        What a class is read by is told before that, see :meth:`of_tree`.
+        Its settings are read before that, see :meth:`from_settings`.
         """
 
     @abstractmethod
-    def attrs(self) -> dict[str, str]:
-        """The settings as text, for attributes of a file; ValueError if they cannot be written."""
-
-    def manifest(self) -> dict[str, Any]:
-        """The settings as a store says them."""
-        return dict(self.attrs())
+    def settings(self) -> ModelSettings:
+        """The settings as a result and a store hold them; ValueError if they cannot be stored."""
 
     @abstractmethod
     def check(self, data: xr.Dataset) -> None:

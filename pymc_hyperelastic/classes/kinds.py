@@ -11,21 +11,13 @@ from pymc_hyperelastic.classes.pooled import Pooled
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
 from pymc_hyperelastic.evidence.results import check_result
-from pymc_hyperelastic.files.seal import check_seal
-from pymc_hyperelastic.files.stored import read_text
+from pymc_hyperelastic.evidence.stored import reading
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.likelihoods import Likelihood
+from pymc_hyperelastic.models.settings import ModelSettings, law_names_of, model_settings_of
 from pymc_hyperelastic.predictions.measured import warn_user
 
-# Attributes that say of what material a class is.
-_MATERIAL = (
-    "strain_energy",
-    "strain_energy_settings",
-    "strain_energy_fingerprint",
-    "layers",
-    "thickness_priors",
-)
 #: Attribute of fitted classes: those that could not be fitted, and why, as JSON.
 MISSING = "missing_classes"
 _KINDS: dict[str, type[ClassKind]] = {kind.variability: kind for kind in (Pooled, Variability)}
@@ -52,34 +44,34 @@ def kind_of_classes(classes: xr.DataTree, *, whole: bool = True) -> ClassKind:
     check_result(classes, "ph.fit_classes")
     if not classes.children:
         raise ValueError("classes must be the result of ph.fit_classes; here are no classes")
-    first = next(iter(classes.children.values()))
-    variability = read_text(first, "variability", Pooled.variability)
-    if variability not in _KINDS:
-        raise ValueError(
-            f"classes of the variability {variability!r} are not known here; known are "
-            f"{list(_KINDS)}"
-        )
-    kind = _KINDS[variability]
-    stored = {name for known in _KINDS.values() for name in known.common_attrs}
-    for name, fitted in classes.children.items():
-        check_seal(fitted, f"class {name!r}")
-        if not stored & set(fitted.attrs):
-            raise ValueError(
-                f"classes must be the result of ph.fit_classes, all of it; {name!r} is no class"
-            )
-        for key in (*_MATERIAL, *kind.common_attrs):
-            # All classes have the common ones, and only layers their own.
-            missing = () if key in kind.common_attrs else (None,)
-            mine, theirs = (read_text(tree, key, *missing) for tree in (fitted, first))
+    settings = {name: _settings_of(name, fitted) for name, fitted in classes.children.items()}
+    first = next(iter(settings.values()))
+    for name, own in settings.items():
+        for key, mine in vars(own).items():
+            theirs = getattr(first, key)
             if mine != theirs:
                 raise ValueError(
                     f"class {name!r} was fitted with {key} {mine}, others with {theirs}: evidences "
                     "can only be compared under one strain energy, one prior and one likelihood"
                 )
-    found = kind.of_tree(first)
+    with reading(next(iter(classes.children.values())), ""):
+        found = _KINDS[first.variability].from_settings(first)
     for fitted in classes.children.values() if whole else ():
         found.check_stored(fitted)
     return found
+
+
+def _settings_of(name: str, fitted: xr.DataTree) -> ModelSettings:
+    settings = model_settings_of(fitted)
+    if settings is None or settings.priors is None or settings.likelihood is None:
+        raise ValueError(
+            f"classes must be the result of ph.fit_classes, all of it; {name!r} is no class"
+        )
+    if settings.variability not in _KINDS:
+        raise ValueError(
+            f"class {name!r} has the variability {settings.variability!r}; known are {[*_KINDS]}"
+        )
+    return settings
 
 
 def kind_of_variable_classes(classes: xr.DataTree, why: str) -> Variability:
@@ -92,9 +84,9 @@ def kind_of_variable_classes(classes: xr.DataTree, why: str) -> Variability:
         raise ValueError(f"{why}: fit the classes with variability='specimen'")
     for name, fitted in classes.children.items():
         if not np.isfinite(log_evidence(fitted).standard_error):
-            law = read_text(fitted, "strain_energy", "layers")
+            laws = " in ".join(law_names_of(fitted))
             warn_user(
-                f"the fit of class {name!r} ({law}) is not to be trusted, nor is what follows from "
-                "it: see ph.diagnose_evidence"
+                f"the fit of class {name!r} ({laws}) is not to be trusted, nor is what follows "
+                "from it: see ph.diagnose_evidence"
             )
     return kind

@@ -32,27 +32,23 @@ from pymc_hyperelastic.evidence.importance import (
     mean_weight,
     weighted_draws,
 )
+from pymc_hyperelastic.evidence.keeping import Remember, compute_now
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import GaussianMixture, components_for
 from pymc_hyperelastic.evidence.modes import find_modes
 from pymc_hyperelastic.evidence.proposal import expectation_maximisation
 from pymc_hyperelastic.evidence.smc import run_smc, seed_of, seed_sequence
+from pymc_hyperelastic.evidence.stored import damaged, read_draws, read_numbers, reading
 from pymc_hyperelastic.evidence.stored_evidence import check_evidence
 from pymc_hyperelastic.evidence.target import Score, gradient_by_differences, width_of
 from pymc_hyperelastic.evidence.weights import effective_sample_size
-from pymc_hyperelastic.files.store import Remember, compute_now
-from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers, reading
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.inflation import tube_model
 from pymc_hyperelastic.models.likelihoods import OFFSET_VARIABLES, Likelihood, as_likelihood
-from pymc_hyperelastic.models.priors import complete_priors, prior_to_record
-from pymc_hyperelastic.models.records import (
-    inflation_data_of,
-    model_settings_of,
-    values_of_parameter,
-    wall_attrs,
-)
+from pymc_hyperelastic.models.priors import complete_priors
+from pymc_hyperelastic.models.settings import ModelSettings, inflation_data_of
+from pymc_hyperelastic.predictions.walls import values_by_draw
 
 Array = NDArray[np.float64]
 
@@ -75,7 +71,6 @@ class Pooled(ClassKind):
 
     variability: ClassVar[str] = "none"
     has_p_value: ClassVar[bool] = False
-    common_attrs: ClassVar[tuple[str, ...]] = ("priors", "likelihood")
 
     energy: StrainEnergy
     likelihood: Likelihood
@@ -111,29 +106,33 @@ class Pooled(ClassKind):
             )
 
     @classmethod
-    def of_tree(cls, fitted: xr.DataTree) -> "Pooled":
+    def from_settings(cls, settings: ModelSettings) -> "Pooled":
         """Settings of a fitted class."""
-        settings = model_settings_of(fitted)
-        if settings["likelihood"].observed:
+        wall, likelihood = settings.make_wall(), settings.make_likelihood()
+        if not isinstance(wall, StrainEnergy) or likelihood is None:
+            raise ValueError("it has layers, or no likelihood: make classes by ph.fit_classes")
+        if likelihood.observed:
             raise ValueError(
-                f"class {fitted.name!r} was sampled with observed variables, "
-                f"{settings['likelihood']!r}: make classes by ph.fit_classes"
+                f"it was sampled with observed variables, {likelihood!r}: make classes by "
+                "ph.fit_classes"
             )
-        with reading(fitted):
-            complete_priors(settings["energy"], settings["priors"])
-            return cls(**settings)
+        priors = settings.make_priors()
+        complete_priors(wall, priors)
+        return cls(wall, likelihood, priors)
 
     def check_stored(self, fitted: xr.DataTree) -> None:
         """Raise unless a class has its data, and draws of all that is not known."""
         data = inflation_data_of(fitted)
-        lacking = set(self.energy.parameter_names) - set(self.priors or {})
-        if lacking:
-            raise damaged(fitted, f"its attribute 'priors' lacks those of {sorted(lacking)}")
         with reading(fitted):
+            if lacking := set(self.energy.parameter_names) - set(self.priors or {}):
+                raise ValueError(f"its priors lack those of {sorted(lacking)}")
             self.check(data)
         check_evidence(fitted)
+        posterior = read_draws(fitted, "posterior")
         for p in self.energy.parameters:
-            values_of_parameter(fitted, p)
+            read_numbers(fitted, "posterior", p.name, None)
+            with reading(fitted):
+                values_by_draw(posterior, p.name, p.size)
         for name in self.likelihood.unknowns:
             read_numbers(fitted, "posterior", name, ("chain", "draw"))
         particles = read_draws(fitted, "unconstrained_posterior")
@@ -149,18 +148,10 @@ class Pooled(ClassKind):
         """Model of a class with these data."""
         return tube_model(self.energy, data, self.likelihood, priors=self.priors)
 
-    def attrs(self) -> dict[str, str]:
-        """Settings are those of the models, and stored with each."""
-        return {}
-
-    def manifest(self) -> dict[str, Any]:
+    def settings(self) -> ModelSettings:
         """The law, priors and errors."""
         priors = complete_priors(self.energy, self.priors)
-        return wall_attrs(self.energy) | {
-            "variability": self.variability,
-            "priors": {name: prior_to_record(name, prior) for name, prior in priors.items()},
-            "likelihood": self.likelihood.to_record(),
-        }
+        return ModelSettings.of(self.energy, priors, self.likelihood)
 
     def check(self, data: xr.Dataset) -> None:
         """Raise unless these data can be modelled so."""
@@ -180,7 +171,7 @@ class Pooled(ClassKind):
         for name, data in classes.items():
             try:
                 models[name] = self.model(data)
-                models[name].study.attrs()
+                models[name].study.settings()
             except (TypeError, ValueError) as error:
                 raise type(error)(f"class {name!r}: {error}") from error
         seeds = seed.generate_state(len(models)).tolist()
@@ -248,13 +239,12 @@ class Pooled(ClassKind):
             if any(of_class["evidence"].sizes["chain"] < chains for of_class in fitted.values()):
                 # What an interrupt has left of the chains is of no use here.
                 raise KeyboardInterrupt
-            stored = self.of_tree(next(iter(fitted.values())))
             predictions: dict[str, list[Prediction]] = {}
             for data in classes.values():
                 parts = specimens_apart(data, left_out)
                 if parts:
                     new_data = without_specimens(data, set(specimens_of(data)[0]) - set(parts))
-                    predict = stored.predictor(fitted, new_data, new)
+                    predict = self.predictor(fitted, new_data, new)
                     predictions |= {
                         name: predict(part, seed_of(new, name)) for name, part in parts.items()
                     }

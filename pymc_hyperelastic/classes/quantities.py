@@ -13,7 +13,7 @@ from scipy import linalg, stats
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
-from pymc_hyperelastic.models.records import inflation_data_of
+from pymc_hyperelastic.models.settings import has_layers, inflation_data_of
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
 
@@ -199,7 +199,7 @@ def place_of(
         for fitted in groups.children.values()
         for part in specimens_apart(inflation_data_of(fitted)).values()
     ]
-    layered = "layers" in next(iter(groups.children.values())).attrs
+    layered = has_layers(next(iter(groups.children.values())))
     measured = [n for n in GEOMETRY if not (layered and n == "outer_radius")]
     middle = {
         name: float(np.median([np.median(part[name].values) for part in parts]))

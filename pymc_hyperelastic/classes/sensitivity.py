@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
-from pymc_hyperelastic.files.stored import read_draws, read_numbers
+from pymc_hyperelastic.evidence.stored import read_draws, read_numbers
 
 Array = NDArray[np.float64]
 

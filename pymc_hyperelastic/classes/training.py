@@ -7,8 +7,8 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.data.inflation import describe_test, measured_radius
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.models.records import inflation_data_of
+from pymc_hyperelastic.messages import PACKAGE
+from pymc_hyperelastic.models.settings import inflation_data_of
 
 # kPa and mm: what the conversion of units, or a file, may change of a number.
 _DECIMALS = 9

@@ -1,6 +1,5 @@
 """Classes whose specimens differ: each has parameters of its own, drawn from a distribution."""
 
-import json
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -47,16 +46,10 @@ from pymc_hyperelastic.data.select import specimens_apart, specimens_of, tests_a
 from pymc_hyperelastic.evidence.checks import check_count, no_progress
 from pymc_hyperelastic.evidence.diagnosis import worst_verdict
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
+from pymc_hyperelastic.evidence.keeping import Remember, compute_now, named
 from pymc_hyperelastic.evidence.smc import seed_of
+from pymc_hyperelastic.evidence.stored import read_numbers, reading
 from pymc_hyperelastic.evidence.stored_evidence import check_evidence
-from pymc_hyperelastic.files.store import Remember, compute_now, named
-from pymc_hyperelastic.files.stored import (
-    damaged,
-    read_dict,
-    read_numbers,
-    reading,
-    shown,
-)
 from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -68,18 +61,13 @@ from pymc_hyperelastic.models.class_distribution import (
     distributions_of,
 )
 from pymc_hyperelastic.models.forward import ForwardModel
-from pymc_hyperelastic.models.geometry import check_geometry, measured_from_records
+from pymc_hyperelastic.models.geometry import check_geometry
 from pymc_hyperelastic.models.likelihoods import Likelihood, as_likelihood
 from pymc_hyperelastic.models.population import Population
-from pymc_hyperelastic.models.priors import prior_to_record, priors_from_records
-from pymc_hyperelastic.models.records import (
+from pymc_hyperelastic.models.settings import (
+    ModelSettings,
     holds_inflation_data,
     inflation_data_of,
-    likelihood_attrs,
-    likelihood_of,
-    reference_stress_of,
-    stated_wall_of,
-    wall_attrs,
 )
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws
 from pymc_hyperelastic.models.study import Study
@@ -104,7 +92,6 @@ class Variability(Population, ClassKind):
     variability: ClassVar[str] = "specimen"
     has_p_value: ClassVar[bool] = True
     fresh_specimens: ClassVar[bool] = True
-    common_attrs: ClassVar[tuple[str, ...]] = ("variability_settings", "likelihood")
 
     @classmethod
     def of_settings(
@@ -148,46 +135,32 @@ class Variability(Population, ClassKind):
         own, accuracy = bool(self.experiment_effect), {"tolerance": LARGEST_CURVE_ERROR}
         return self.forward_model(data, by_test=own, **accuracy, inaccurate=_INACCURATE)
 
-    def attrs(self) -> dict[str, str]:
-        """The settings as text; ValueError if a prior, or one of the law's, cannot be written."""
-        settings: dict[str, Any] = {
-            "experiment_effect": bool(self.experiment_effect),
-            "reference_stress": self.reference_stress,
-            "priors": {k: prior_to_record(k, v) for k, v in (self.priors or {}).items()},
-        }
-        if self.geometry:
-            settings["geometry_sd"] = {name: v.sd for name, v in self.geometry.items()}
-        return (
-            wall_attrs(self.energy)
-            | {
-                "variability": self.variability,
-                "variability_settings": json.dumps(settings),
-            }
-            | likelihood_attrs(self.likelihood)
+    def settings(self) -> ModelSettings:
+        """The settings as a result holds them; ValueError if a prior cannot be stored."""
+        return ModelSettings.of(
+            self.energy,
+            self.priors or {},
+            self.likelihood,
+            self.geometry,
+            variability=self.variability,
+            experiment_effect=bool(self.experiment_effect),
+            reference_stress=self.reference_stress,
         )
 
     @classmethod
-    def of_tree(cls, fitted: xr.DataTree) -> "Variability":
+    def from_settings(cls, settings: ModelSettings) -> "Variability":
         """Settings of a fitted class."""
-        settings, wall = read_dict(fitted, "variability_settings"), stated_wall_of(fitted)
-        likelihood = likelihood_of(fitted)
+        likelihood = settings.make_likelihood()
         if likelihood is None:
-            raise damaged(fitted, "its attribute 'likelihood' is missing")
-        effect = settings.get("experiment_effect")
-        if not isinstance(effect, bool):
-            raise damaged(
-                fitted, f"its experiment_effect is {shown(effect)}; expected true or false"
-            )
-        stress = reference_stress_of(fitted, settings, "reference_stress")
-        with reading(fitted):
-            return cls(
-                wall,
-                likelihood,
-                effect,
-                stress,
-                priors_from_records(settings.get("priors")),
-                check_geometry(measured_from_records(settings)),
-            )
+            raise ValueError("its likelihood is missing")
+        return cls(
+            settings.make_wall(),
+            likelihood,
+            settings.experiment_effect,
+            settings.reference_stress,
+            settings.make_priors(),
+            settings.make_geometry(),
+        )
 
     def check_stored(self, fitted: xr.DataTree) -> None:
         """Raise unless a class has draws of its distribution, and sound data if it has any."""
@@ -214,7 +187,7 @@ class Variability(Population, ClassKind):
         check_count("draws", draws, 100)
         check_count("chains", chains, 1)
         self.check_classes(classes)
-        self.attrs()
+        self.settings()
         return self._fitted(classes, draws, chains, seed, progressbar, remember)
 
     def _fitted(
@@ -244,7 +217,7 @@ class Variability(Population, ClassKind):
                 except (ValueError, ArithmeticError) as error:
                     yield name, error
                     continue
-                fitted.attrs |= self.attrs()
+                fitted.attrs |= self.settings().attrs()
                 for group, dataset in Study(self.energy, data, {}).groups().items():
                     fitted[group] = dataset
                 yield name, fitted

@@ -11,9 +11,9 @@ from pymc_hyperelastic.classes.classification import Classification
 from pymc_hyperelastic.cohorts.representatives import representatives
 from pymc_hyperelastic.cohorts.run import run_cohort
 from pymc_hyperelastic.cohorts.work import Prepared, Work
-from pymc_hyperelastic.evidence.smc import seed_kept
-from pymc_hyperelastic.files.seal import digests_of
-from pymc_hyperelastic.models.records import wall_of
+from pymc_hyperelastic.evidence.keeping import seed_kept
+from pymc_hyperelastic.io.checksum import digests_of
+from pymc_hyperelastic.models.settings import wall_of
 from pymc_hyperelastic.parallel import LOCK
 
 

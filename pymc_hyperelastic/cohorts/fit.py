@@ -3,7 +3,7 @@
 import json
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -18,8 +18,9 @@ from pymc_hyperelastic.data.select import tests_at, units_of
 from pymc_hyperelastic.evidence.batched import BatchedFunction, without_traces
 from pymc_hyperelastic.evidence.checks import check_count
 from pymc_hyperelastic.evidence.integral import integrate
+from pymc_hyperelastic.evidence.keeping import seed_kept
 from pymc_hyperelastic.evidence.limits import mass_at_limits
-from pymc_hyperelastic.evidence.smc import seed_kept, seed_of, seed_sequence
+from pymc_hyperelastic.evidence.smc import seed_of, seed_sequence
 from pymc_hyperelastic.evidence.target import Target
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
@@ -37,7 +38,7 @@ from pymc_hyperelastic.models.priors import (
     prior_to_record,
     priors_from_records,
 )
-from pymc_hyperelastic.models.records import wall_attrs
+from pymc_hyperelastic.models.settings import ModelSettings
 from pymc_hyperelastic.parallel import LOCK
 from pymc_hyperelastic.predictions.members import posterior_of
 from pymc_hyperelastic.predictions.properties import tube_properties
@@ -69,7 +70,7 @@ class Fitting(Work):
     def manifest(self) -> dict[str, Any]:
         """The law, priors and settings."""
         return {
-            "strain_energy": wall_attrs(self.energy),
+            "settings": asdict(ModelSettings.of(self.energy)),
             "likelihood": self.record,
             "priors": self.priors,
             "geometry": self.geometry,

@@ -12,10 +12,9 @@ from xarray.core import indexing
 
 from pymc_hyperelastic.cohorts.run import UNITS, Batch, parts_of
 from pymc_hyperelastic.cohorts.work import filled
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.results import open_table
-from pymc_hyperelastic.files.seal import unsealed
-from pymc_hyperelastic.files.store import check_store, hash_of, manifest_of
+from pymc_hyperelastic.io.results import open_table
+from pymc_hyperelastic.io.store import check_store, hash_of, manifest_of
+from pymc_hyperelastic.messages import PACKAGE
 
 # Least number of parts that stay in memory after reading, so that reading all variables one by one
 # reads each part once. Not tuned.
@@ -110,7 +109,7 @@ def open_cohort(store: str | Path) -> xr.DataTree | xr.Dataset:
         for name, variable in template.variables.items()
         if name not in units.coords
     }
-    result = xr.Dataset(variables, attrs=unsealed(template.attrs))
+    result = xr.Dataset(variables, attrs=template.attrs)
     result = result.set_coords([n for n in template.coords if n in variables])
     result = result.assign_coords(units.coords)
     return _in_groups(result) if manifest["work"] == "fit_cohort" else result

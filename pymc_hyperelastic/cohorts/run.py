@@ -17,9 +17,9 @@ from pymc_hyperelastic.cohorts.work import DOUBTFUL, Remarks, Work, failure, lab
 from pymc_hyperelastic.cohorts.workers import DEATHS, WorkerDied, Workers, workers_for
 from pymc_hyperelastic.data.select import tests_of_many, units_of
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.seal import digests_of
-from pymc_hyperelastic.files.store import Store
+from pymc_hyperelastic.io.checksum import digests_of
+from pymc_hyperelastic.io.store import Store
+from pymc_hyperelastic.messages import PACKAGE
 
 # Batches that wait at the workers for each that is being done.
 _WAITING = 2

@@ -10,7 +10,7 @@ import xarray as xr
 from threadpoolctl import threadpool_limits
 
 from pymc_hyperelastic.data.select import labels_of_units, tests_at, units_of
-from pymc_hyperelastic.files.store import Part
+from pymc_hyperelastic.io.store import Part
 from pymc_hyperelastic.parallel import LOCK
 
 Prepared = Callable[[xr.Dataset], xr.Dataset]

@@ -19,7 +19,7 @@ import xarray as xr
 from loky import ProcessPoolExecutor
 
 from pymc_hyperelastic.cohorts.work import Remarks, Work, run_batch
-from pymc_hyperelastic.files.store import Part
+from pymc_hyperelastic.io.store import Part
 
 # Deaths of processes at one batch after which it is halved: three are hardly chance.
 DEATHS = 3

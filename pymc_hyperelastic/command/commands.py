@@ -22,8 +22,8 @@ from pymc_hyperelastic.data.files import read_tests
 from pymc_hyperelastic.data.files.read import settings_of_study
 from pymc_hyperelastic.data.select import select
 from pymc_hyperelastic.evidence.diagnosis import log_evidence
-from pymc_hyperelastic.files.results import save_result
-from pymc_hyperelastic.files.store import OtherWork
+from pymc_hyperelastic.io.results import save_result
+from pymc_hyperelastic.io.store import OtherWork
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy, list_strain_energies
 from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.reports.report import report as write_report

@@ -5,8 +5,8 @@ from pathlib import Path
 import xarray as xr
 
 from pymc_hyperelastic.cohorts.open import open_cohort
-from pymc_hyperelastic.files.results import open_result
-from pymc_hyperelastic.models.records import law_names_of
+from pymc_hyperelastic.io.results import open_result
+from pymc_hyperelastic.models.settings import law_names_of
 
 CLASSES, COMPARISON = "classes", "comparison"
 #: Folder of the store of decisions.

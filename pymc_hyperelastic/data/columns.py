@@ -12,7 +12,7 @@ import pandas as pd
 
 from pymc_hyperelastic.data.inflation import listed
 from pymc_hyperelastic.data.labels import plain_label
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.messages import shown
 
 # Relative difference up to which two numbers of a table are equal: lengths in mm that are converted
 # from different units differ by rounding errors.

@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Sequence
 from typing import Literal, get_args
 
-from pymc_hyperelastic.files.place import PACKAGE
+from pymc_hyperelastic.messages import PACKAGE
 
 Check = Literal["warn", "raise", "ignore"]
 

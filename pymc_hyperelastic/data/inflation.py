@@ -17,8 +17,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.files.stored import shown
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
+from pymc_hyperelastic.messages import shown
 
 # Labels that a message names.
 _MOST_LISTED = 30

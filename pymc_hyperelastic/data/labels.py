@@ -3,7 +3,7 @@
 import re
 from typing import Any
 
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.messages import shown
 
 # Spaces of one width that a word processor puts between words which shall stay on one line.
 _SPACES = dict.fromkeys(map(ord, "\u00a0\u2007\u202f"), " ")

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.data.doubt import Check, doubt
 from pymc_hyperelastic.data.inflation import at_points, describe_test
 from pymc_hyperelastic.data.units import mmHg
-from pymc_hyperelastic.files.stored import shown
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius, opening_factor
+from pymc_hyperelastic.messages import shown
 
 Array = NDArray[np.float64]
 

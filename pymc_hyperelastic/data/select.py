@@ -12,7 +12,7 @@ from pymc_hyperelastic.data.inflation import (
     extension_tests,
     listed,
 )
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.messages import shown
 
 
 def select(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.messages import shown
 
 if TYPE_CHECKING:
     import pint

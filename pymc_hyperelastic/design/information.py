@@ -15,7 +15,7 @@ from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.design.planned_tests import Design, as_design, words_of
 from pymc_hyperelastic.design.trials import Simulation, Specimens
 from pymc_hyperelastic.evidence.checks import check_count
-from pymc_hyperelastic.models.records import origin_of
+from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user
 

@@ -16,7 +16,7 @@ from pymc_hyperelastic.classes.quantities import place_of, unit_of, values_of
 from pymc_hyperelastic.classes.variable import Variability
 from pymc_hyperelastic.evidence.checks import check_count, check_fraction
 from pymc_hyperelastic.models.class_distribution import ClassDistribution, distributions_of
-from pymc_hyperelastic.models.records import origin_of
+from pymc_hyperelastic.models.settings import origin_of
 from pymc_hyperelastic.models.specimen_draws import log_densities
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.measured import warn_user

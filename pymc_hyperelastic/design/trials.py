@@ -17,7 +17,7 @@ from pymc_hyperelastic.data.select import specimens_apart, specimens_of
 from pymc_hyperelastic.design.few_draws import FewDraws, known_class
 from pymc_hyperelastic.design.planned_tests import Design, beside, empty_data, radii_of, words_of
 from pymc_hyperelastic.models.class_distribution import distributions_of
-from pymc_hyperelastic.models.records import inflation_data_of
+from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.predictions.measured import warn_user
 
 Array = NDArray[np.float64]

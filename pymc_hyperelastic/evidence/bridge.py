@@ -28,7 +28,7 @@ from pymc_hyperelastic.evidence.unconstrained import (
     refuse_draws,
     unconstrained_draws,
 )
-from pymc_hyperelastic.files.place import PACKAGE
+from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.parallel import one_thread
 
 Proposal = Literal["auto", "normal", "warped", "mixture"]

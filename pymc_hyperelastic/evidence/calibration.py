@@ -21,12 +21,10 @@ from scipy.stats import chisquare
 
 from pymc_hyperelastic.evidence.batched import BatchedFunction, side_by_side
 from pymc_hyperelastic.evidence.checks import check_count, check_names, check_shape
+from pymc_hyperelastic.evidence.keeping import Remember, remembering, seed_kept
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
-from pymc_hyperelastic.evidence.smc import seed_kept
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.seal import digests_of
-from pymc_hyperelastic.files.store import Remember, remembering
+from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.parallel import one_thread
 
 # Expected counts in a bin, at least: the chi-square distribution of the test is an approximation.
@@ -159,7 +157,7 @@ def simulation_based_calibration(
         arrays = {k: ([f"{k}_{i}" for i in range(v.ndim)], v) for k, v in simulated.items()}
         return {
             "work": "simulation_based_calibration",
-            **digests_of({"simulations": xr.Dataset(arrays)}),
+            "simulations": xr.Dataset(arrays),
             "model": [v.name for v in model.value_vars],
             "settings": {**numbers, **kernel_settings},
             "random_seed": seed.entropy,

@@ -15,6 +15,7 @@ from pymc_hyperelastic.evidence.convergence import (
 from pymc_hyperelastic.evidence.estimate import Estimate, combine_chains, largest_spread
 from pymc_hyperelastic.evidence.importance import LARGEST_RELIABLE_K
 from pymc_hyperelastic.evidence.mixture import Array
+from pymc_hyperelastic.evidence.stored import read_draws, read_numbers
 from pymc_hyperelastic.evidence.stored_evidence import evidence_of, stored_diagnosis
 from pymc_hyperelastic.evidence.verdicts import (
     BAD,
@@ -25,8 +26,7 @@ from pymc_hyperelastic.evidence.verdicts import (
     registered_checks,
     worst_of,
 )
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.stored import read_draws, read_numbers
+from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.parallel import one_thread
 
 # Nats by which two evidences may differ whatever their errors.

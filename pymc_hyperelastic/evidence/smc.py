@@ -4,7 +4,6 @@ import hashlib
 import warnings
 from collections.abc import Sequence
 from inspect import signature
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,7 @@ from pymc_hyperelastic.evidence.diagnosis import warn_of_evidence, with_diagnosi
 from pymc_hyperelastic.evidence.kernel import BatchedSMC
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import sampling_tree, study_of
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.store import seed_in
+from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.parallel import one_thread
 
 
@@ -169,12 +167,6 @@ def seed_sequence(random_seed: Any) -> np.random.SeedSequence:
             f"random_seed is {random_seed!r}; expected a whole number, not negative, several, "
             "or a numpy.random.Generator"
         ) from None
-
-
-def seed_kept(random_seed: Any, store: str | Path | None) -> np.random.SeedSequence:
-    """Seed sequence of work that a store may hold: without a seed that which it was begun with."""
-    known = seed_in(store) if random_seed is None else None
-    return seed_sequence(random_seed if known is None else known)
 
 
 def seed_of(seed: np.random.SeedSequence, label: str) -> np.random.SeedSequence:

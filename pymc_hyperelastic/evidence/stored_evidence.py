@@ -5,14 +5,14 @@ import xarray as xr
 
 from pymc_hyperelastic.evidence.mixture import Array
 from pymc_hyperelastic.evidence.results import check_result
-from pymc_hyperelastic.evidence.verdicts import VERDICTS, registered_checks
-from pymc_hyperelastic.files.stored import (
+from pymc_hyperelastic.evidence.stored import (
     check_numbers,
     damaged,
     is_number,
     read_group,
     read_number,
 )
+from pymc_hyperelastic.evidence.verdicts import VERDICTS, registered_checks
 
 # Variables without which there is no evidence.
 _NEEDED = ("log_evidence", "log_evidence_se")

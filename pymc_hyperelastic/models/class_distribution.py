@@ -15,7 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pytensor.tensor.variable import TensorVariable
 
-from pymc_hyperelastic.files.stored import damaged, read_draws, read_numbers
+from pymc_hyperelastic.evidence.stored import damaged, read_draws, read_numbers
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.likelihoods.errors import SIZES
 from pymc_hyperelastic.models.natural_scale import NaturalScale

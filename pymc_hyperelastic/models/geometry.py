@@ -123,14 +123,6 @@ def check_measured_only(geometry: Mapping[str, Any]) -> None:
             )
 
 
-def measured_from_records(settings: Mapping[str, Any]) -> dict[str, Measured]:
-    """Measures of a tube that a class stored with their errors; ValueError if it is no such."""
-    records = settings.get("geometry_sd", {})
-    if not isinstance(records, dict):
-        raise ValueError(f"geometry_sd is {records!r}; expected a JSON object of names to numbers")
-    return {name: Measured(sd) for name, sd in records.items()}
-
-
 def measured_of(geometry: Mapping[str, Any]) -> dict[str, Measured]:
     """Those that were measured with an error."""
     return {name: value for name, value in geometry.items() if isinstance(value, Measured)}

@@ -30,7 +30,7 @@ from pymc_hyperelastic.models.priors import (
     positive_draws,
     with_variables,
 )
-from pymc_hyperelastic.models.records import NamedLayer, named_layers
+from pymc_hyperelastic.models.settings import NamedLayer, named_layers
 
 Array = NDArray[np.float64]
 

@@ -16,9 +16,9 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.evidence.results import attach_study
-from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.class_distribution import (
     SPREAD_OF_NOISE,
     ClassDistribution,

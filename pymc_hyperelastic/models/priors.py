@@ -26,9 +26,10 @@ from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.evidence.batched import is_random
 from pymc_hyperelastic.evidence.checks import check_precision
-from pymc_hyperelastic.files.stored import is_number, shown
+from pymc_hyperelastic.evidence.stored import is_number
 from pymc_hyperelastic.mechanics.layers import Layer, check_energy, check_layers
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.messages import shown
 
 # Draws of a prior for its moments and probabilities: an estimate of the prior probability 0.05 has
 # a relative standard error of 3 %.

@@ -1,6 +1,5 @@
 """The parts of a model of inflation curves, and quantities computed from its draws."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -22,13 +21,7 @@ from pymc_hyperelastic.models.checks import CHECKS_OF_CURVES
 from pymc_hyperelastic.models.forward import ForwardModel
 from pymc_hyperelastic.models.geometry import Measured, deviation_name
 from pymc_hyperelastic.models.likelihoods import Likelihood
-from pymc_hyperelastic.models.priors import prior_to_record
-from pymc_hyperelastic.models.records import (
-    layers_attrs,
-    likelihood_attrs,
-    named_layers,
-    strain_energy_attrs,
-)
+from pymc_hyperelastic.models.settings import ModelSettings
 
 Array = NDArray[np.float64]
 
@@ -189,8 +182,8 @@ class Study:
                 data[name] = data[name].copy(data=column)
         return {"observed_data": xr.Dataset(observed), "constant_data": data}
 
-    def attrs(self) -> dict[str, str]:
-        """All that is needed to build the model again, as text."""
+    def settings(self) -> ModelSettings:
+        """Return all that is needed to build the model again; ValueError if it is no class."""
         if not isinstance(self.energy, StrainEnergy) or self.geometry:
             raise ValueError(
                 "layers, or a geometry that is inferred, do not make a class whose specimens are "
@@ -200,32 +193,24 @@ class Study:
         likelihood = self.likelihood
         if self.rising or (likelihood and likelihood.error_in != "pressure"):
             raise ValueError("a class has its error in the pressure, and its prior as it is given")
-        units = likelihood.units if likelihood else {}
-        units = units | {p.name: p.unit for p in self.energy.parameters}
-        priors = {name: prior_to_record(name, prior) for name, prior in self.priors.items()}
-        stress = {"reference_stress": json.dumps(self.reference_stress)}
-        return strain_energy_attrs(self.energy) | {
-            "units": json.dumps(units),
-            "priors": json.dumps(priors),
-            **(likelihood_attrs(likelihood) if likelihood else stress),
-        }
+        return ModelSettings.of(
+            self.energy, self.priors, likelihood, reference_stress=self.reference_stress
+        )
 
     def result_attrs(self, model: pm.Model) -> dict[str, str]:
         """Attributes of a result: the whole model, or its law if the model cannot be stored."""
         try:
             if self._fixed(model):
                 raise ValueError("the model has been changed since, and is not that of its priors")
-            return self.attrs()
+            return self.settings().attrs()
         except ValueError:
             # Sampling a model with a prior of one's own is fine; it cannot serve as a stored class,
             # which `fit_classes` checks before it samples.
-            law = self.energy
-        said = {"likelihood_in_words": self.likelihood.in_words} if self.likelihood else {}
+            said = {"likelihood_in_words": self.likelihood.in_words} if self.likelihood else {}
         try:
-            if isinstance(law, StrainEnergy):
-                return said | strain_energy_attrs(law)
-            return said | layers_attrs(named_layers(law))
+            return said | ModelSettings.of(self.energy).attrs()
         except ValueError:  # settings of a law that are no text
+            law = self.energy
             return said | ({"strain_energy": law.name} if isinstance(law, StrainEnergy) else {})
 
 

@@ -20,7 +20,7 @@ from pymc_hyperelastic.evidence.results import thinned_draws
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
-from pymc_hyperelastic.models.records import inflation_data_of
+from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.plots.extension import Along, extension_curves, is_over_stretch
 from pymc_hyperelastic.plots.style import (
     MARKERS,

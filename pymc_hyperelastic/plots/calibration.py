@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.stats import binom
 
 from pymc_hyperelastic.evidence.checks import check_fraction
-from pymc_hyperelastic.files.stored import check_numbers, damaged, read_number
+from pymc_hyperelastic.evidence.stored import check_numbers, damaged, read_number
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import PALETTE, Backend, Canvas, Visuals, check_table, stacked
 

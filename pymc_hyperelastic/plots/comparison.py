@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.files.stored import check_numbers, damaged, read_number, read_text
+from pymc_hyperelastic.evidence.stored import check_numbers, damaged, read_number, read_text
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.properties import (
     PROPERTY_LABELS,

@@ -10,10 +10,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.mixture import GaussianMixture
-from pymc_hyperelastic.files.stored import damaged, read_json, read_numbers, reading, shown
+from pymc_hyperelastic.evidence.stored import damaged, read_json, read_numbers
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.models.class_distribution import distributions_of
-from pymc_hyperelastic.models.priors import priors_from_records
+from pymc_hyperelastic.models.settings import model_settings_of
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import (
     Backend,
@@ -362,9 +363,8 @@ def _breaks(values: Sequence[Array]) -> list[float]:
 
 def _bounds(tree: xr.DataTree, names: tuple[str, str]) -> Array:
     """Lower and upper ends of the uniform priors; infinite for others, but a spread's 0."""
-    priors = read_json(tree, "priors", {})
-    with reading(tree):
-        priors_from_records(priors)
+    settings = model_settings_of(tree)
+    priors = (settings.priors if settings else None) or {}
     records = [priors.get(name, ["", []])[:2] for name in names]
     low = [0.0 if name.startswith("spread[") else -np.inf for name in names]
     ends = [

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from pymc_hyperelastic.files.stored import check_numbers, read_number, read_text
+from pymc_hyperelastic.evidence.stored import check_numbers, read_number, read_text
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import (
     Backend,

@@ -12,9 +12,9 @@ import xarray as xr
 from pymc_hyperelastic.data.inflation import extension_tests, held_stretches, points_of
 from pymc_hyperelastic.data.units import to_internal
 from pymc_hyperelastic.evidence.results import check_result
-from pymc_hyperelastic.files.stored import check_numbers, damaged, is_said, read_draws
+from pymc_hyperelastic.evidence.stored import check_numbers, damaged, is_said, read_draws
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.records import law_names_of
+from pymc_hyperelastic.models.settings import law_names_of
 
 # arviz_plots brings matplotlib along: it is imported when the first figure is drawn.
 if TYPE_CHECKING:

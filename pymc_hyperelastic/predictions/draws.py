@@ -15,7 +15,7 @@ from pymc_hyperelastic.mechanics.layers import Layer, ReferenceLayer, check_geom
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, inferred_geometry
 from pymc_hyperelastic.models.forward import TubeNumbers
-from pymc_hyperelastic.models.records import NamedLayer
+from pymc_hyperelastic.models.settings import NamedLayer
 from pymc_hyperelastic.predictions.measured import (
     ROUNDING,
     Extrapolated,

@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.inflation import at_points, extension_tests, points_of
 from pymc_hyperelastic.data.units import mmHg
-from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.mechanics.tube import (
     GEOMETRY,
     inferred_geometry,
     internal_radius_from_outer_radius,
     stretches,
 )
+from pymc_hyperelastic.messages import PACKAGE
 
 Array = NDArray[np.float64]
 

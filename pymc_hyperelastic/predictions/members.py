@@ -1,36 +1,31 @@
 """Of whom a prediction is: the typical specimen of a class, or one that was measured."""
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.data.select import specimens_apart, specimens_of
-from pymc_hyperelastic.files.stored import (
+from pymc_hyperelastic.evidence.stored import (
     check_numbers,
     damaged,
     read_draws,
     read_group,
-    read_json,
     reading,
 )
-from pymc_hyperelastic.mechanics.layers import Layer
-from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.class_distribution import class_posterior, distributions_of
 from pymc_hyperelastic.models.geometry import (
     deviated_tube,
-    measured_from_records,
     tube_of_specimens,
 )
 from pymc_hyperelastic.models.natural_scale import NaturalScale
-from pymc_hyperelastic.models.records import (
+from pymc_hyperelastic.models.settings import (
     NamedLayer,
     holds_inflation_data,
     inflation_data_of,
-    reference_stress_of,
-    stated_wall_of,
+    model_settings_of,
     wall_of,
 )
 from pymc_hyperelastic.models.specimen_draws import SpecimenDraws, log_densities
@@ -43,12 +38,15 @@ TYPICAL = "typical"
 _SEED = 1
 
 
-# What a class stores of each specimen; others are not in older files.
+# Variables of the group "specimens" of a class, and their dimensions for one specimen.
 _DRAWS: dict[str, tuple[str, ...]] = {
     "centre": ("coordinate", "particle"),
     "scatter": ("coordinate", "particle"),
+    "log_size": ("noise", "particle"),
+    "deviations": ("measure", "particle"),
     "log_weight": ("particle",),
     "tests": (),
+    "standard_error": (),
 }
 
 
@@ -139,17 +137,16 @@ def tests_of(data: xr.Dataset | None, specimen: str) -> xr.Dataset:
 
 def _scale(tree: xr.DataTree, wall: list[NamedLayer]) -> NaturalScale:
     """Coordinates of the specimens of a class or a population."""
-    name = "reference_stress"
-    if "variability_settings" in tree.attrs:
-        stress = reference_stress_of(tree, read_json(tree, "variability_settings", {}), name)
-    elif name in tree.attrs:
-        stress = reference_stress_of(tree, {name: read_json(tree, name)}, name)
-    else:
+    settings, layered = model_settings_of(tree), "thickness" in wall[0].values
+    if settings is None or settings.priors is None:
+        typical = "the typical specimen"
+        unknown = f"{typical} of its layers" if layered else f"its reference_stress, and {typical}"
         raise ValueError(
-            "the result does not tell its reference_stress, and with it the typical specimen: "
-            "name one that was measured, specimen='S1'"
+            f"the result does not state {unknown}: name one that was measured, specimen='S1'"
         )
-    scale = NaturalScale(_stated(tree, wall), stress)
+    with reading(tree):
+        stated = settings.make_wall() if layered else wall[0].energy
+    scale = NaturalScale(stated, settings.reference_stress)
     names = class_posterior(tree)["coordinate"].values.tolist()
     if scale.names != names:
         raise ValueError(
@@ -157,18 +154,6 @@ def _scale(tree: xr.DataTree, wall: list[NamedLayer]) -> NaturalScale:
             f"would be {scale.names}: leave energy out, or give that of the model"
         )
     return scale
-
-
-def _stated(tree: xr.DataTree, wall: list[NamedLayer]) -> StrainEnergy | list[Layer]:
-    """The material, or the layers of a class, as they were given."""
-    if "thickness" not in wall[0].values:
-        return wall[0].energy
-    if "thickness_priors" not in tree.attrs:
-        raise ValueError(
-            "the result does not tell the typical specimen of these layers: name one that was "
-            "measured, specimen='S1'"
-        )
-    return stated_wall_of(tree)
 
 
 def _of_specimen(tree: xr.DataTree, wall: list[NamedLayer], specimen: str) -> xr.Dataset:
@@ -206,9 +191,8 @@ def _tube_of_draws(
     tree: xr.DataTree, specimen: str, deviations: Array
 ) -> dict[str, tuple[tuple[str, str], Array]]:
     """The tube of a specimen by (chain, draw), as far as it was measured with an error."""
-    with reading(tree):
-        settings = read_json(tree, "variability_settings", {})
-        errors = {name: measure.sd for name, measure in measured_from_records(settings).items()}
+    settings = model_settings_of(tree)
+    errors = settings.geometry_sd if settings else {}
     if len(errors) != len(deviations):
         raise damaged(tree, f"its draws have {len(deviations)} measures of tubes, not {[*errors]}")
     # A stretch is asked for, and not that of a test.
@@ -236,34 +220,18 @@ def stored_draws(fitted: xr.DataTree, specimen: str) -> SpecimenDraws:
         raise damaged(fitted, f"it has no draws of specimen {specimen!r}, but of {names}")
     of_one = read_group(fitted, "specimens").isel(specimen=names.index(specimen))
     where = f" of specimen {specimen!r}"
+    values: dict[str, Any] = {}
     for name, dims in _DRAWS.items():
-        check_numbers(fitted, of_one, name, dims, where)
-    # Of a specimen that was given up it is infinite.
-    check_numbers(fitted, of_one, "standard_error", (), where, finite=False)
-    if not of_one["standard_error"] >= 0:
-        raise damaged(fitted, f"the 'standard_error'{where} is {of_one['standard_error'].item()}")
-    for name, dim in (("log_size", "noise"), ("deviations", "measure")):
-        if name in of_one and of_one[name].size:
-            dims = ("particle", *({dim} & set(of_one[name].dims)))
-            check_numbers(fitted, of_one, name, dims, where)
-    return SpecimenDraws(
-        centre=of_one["centre"].transpose("coordinate", "particle").values,
-        scatter=of_one["scatter"].transpose("coordinate", "particle").values,
-        log_size=_rows(of_one, "log_size", "noise"),
-        log_weight=of_one["log_weight"].values,
-        tests=int(of_one["tests"]),
-        standard_error=float(of_one["standard_error"]),
-        points=np.empty((of_one.sizes["particle"], 0)),
-        deviations=_rows(of_one, "deviations", "measure"),
-    )
-
-
-def _rows(of_one: xr.Dataset, name: str, dim: str) -> Array:
-    """Draws of one or several quantities, (quantity, particle); older files hold one, or none."""
-    if name not in of_one:
-        return np.empty((0, of_one.sizes["particle"]))
-    values = of_one[name]
-    return values.values[None] if dim not in values.dims else values.transpose(dim, ...).values
+        # A class may have no inferred errors, and no measures of tubes with errors.
+        empty = name in ("log_size", "deviations") and name in of_one and not of_one[name].size
+        if not empty:
+            # The error of a specimen that was given up is infinite.
+            check_numbers(fitted, of_one, name, dims, where, finite=name != "standard_error")
+        values[name] = of_one[name].transpose(*dims).values
+    if not values["standard_error"] >= 0:
+        raise damaged(fitted, f"the 'standard_error'{where} is {values['standard_error']}")
+    numbers = {"tests": int(values["tests"]), "standard_error": float(values["standard_error"])}
+    return SpecimenDraws(**values | numbers, points=np.empty((of_one.sizes["particle"], 0)))
 
 
 def _one_draw_each(

@@ -8,10 +8,10 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.evidence.results import check_result
-from pymc_hyperelastic.files.stored import check_numbers
+from pymc_hyperelastic.evidence.stored import check_numbers
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.records import NamedLayer, named_layers, wall_of
+from pymc_hyperelastic.models.settings import NamedLayer, named_layers, wall_of
 from pymc_hyperelastic.predictions.members import Member, member_of
 
 Array = NDArray[np.float64]

@@ -6,8 +6,8 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
+from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
-from pymc_hyperelastic.files.stored import read_json
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
 from pymc_hyperelastic.reports.blocks import (

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.files.stored import read_json
+from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.mechanics.interpolation import evenly
 from pymc_hyperelastic.plots.comparison import plot_comparison
 from pymc_hyperelastic.reports.blocks import (

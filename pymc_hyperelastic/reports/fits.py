@@ -9,7 +9,7 @@ import xarray as xr
 from arviz_stats.base import array_stats
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.models.records import inflation_data_of
+from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.plots.density import plot_parameter_density
 from pymc_hyperelastic.plots.fit import plot_pressure_fit
 from pymc_hyperelastic.plots.force import plot_axial_force

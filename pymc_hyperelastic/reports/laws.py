@@ -7,11 +7,12 @@ from typing import Any
 
 import xarray as xr
 
-from pymc_hyperelastic.files.stored import damaged, read_json, shown
+from pymc_hyperelastic.evidence.stored import damaged, read_json
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.models.likelihoods.errors import SIZES
 from pymc_hyperelastic.models.priors import prior_from_record
-from pymc_hyperelastic.models.records import NamedLayer, wall_of
+from pymc_hyperelastic.models.settings import NamedLayer, wall_of
 from pymc_hyperelastic.reports.blocks import short
 
 _RAISED = str.maketrans("0123456789+-i", "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻ⁱ")

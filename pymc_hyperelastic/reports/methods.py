@@ -6,7 +6,7 @@ import xarray as xr
 
 from pymc_hyperelastic.data.inflation import extension_tests
 from pymc_hyperelastic.data.select import specimens_of
-from pymc_hyperelastic.models.records import inflation_data_of
+from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.reports.blocks import Found, in_words, plural
 from pymc_hyperelastic.reports.fits import by_name, has_data
 from pymc_hyperelastic.reports.settings import Settings, model_sentences, settings_of

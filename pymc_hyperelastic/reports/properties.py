@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pymc_hyperelastic.data.inflation import extension_tests, held_stretches, points_of
 from pymc_hyperelastic.evidence.results import thinned_draws
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
-from pymc_hyperelastic.models.records import inflation_data_of
+from pymc_hyperelastic.models.settings import has_layers, inflation_data_of
 from pymc_hyperelastic.plots.properties import PROPERTY_LABELS, plot_elastic_properties
 from pymc_hyperelastic.plots.style import fitted_classes, per_kilopascal
 from pymc_hyperelastic.predictions.properties import tube_properties
@@ -45,7 +45,7 @@ def show_properties(found: Found, page: Page) -> list[Block]:
         pressures, curve = (np.linspace(*span, n) for n in (_IN_TABLE, _IN_CURVE))
     else:
         return [Text("There is no pressure that all experiments reached.")]
-    tube, said = _one_tube(data, "layers" in next(iter(trees.values())).attrs)
+    tube, said = _one_tube(data, has_layers(next(iter(trees.values()))))
     blocks: list[Block] = []
     if len(set(curve.tolist())) > 1:
         blocks += page.figure(

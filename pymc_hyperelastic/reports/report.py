@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.classes.classification import are_of_classes
-from pymc_hyperelastic.files.whole import written_whole
+from pymc_hyperelastic.io.atomic import atomic_write
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.reports.blocks import BAD, LEVELS, Block, Found, Page, short
@@ -129,7 +129,7 @@ def report(
         style=files(__package__).joinpath("style.css").read_text(encoding="utf-8"),
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    with written_whole(path) as beside:
+    with atomic_write(path) as beside:
         beside.write_text(html, encoding="utf-8")
     return path
 

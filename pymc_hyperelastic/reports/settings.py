@@ -8,11 +8,11 @@ import pymc as pm
 import xarray as xr
 
 from pymc_hyperelastic.classes.variable import Variability
-from pymc_hyperelastic.files.stored import read_draws, read_json, reading
+from pymc_hyperelastic.evidence.stored import read_draws, reading
 from pymc_hyperelastic.models.likelihoods import Likelihood
 from pymc_hyperelastic.models.likelihoods.errors import SD_OF_SIGMA, SIZES
 from pymc_hyperelastic.models.priors import is_inferred, prior_to_record
-from pymc_hyperelastic.models.records import NamedLayer, likelihood_of
+from pymc_hyperelastic.models.settings import NamedLayer, model_settings_of
 from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ
 from pymc_hyperelastic.reports.blocks import in_words, plural, short
@@ -52,24 +52,22 @@ def settings_of(tree: xr.DataTree) -> Settings:
     """Settings of a sampled model, or of fitted classes, which have all the same."""
     first = next(iter(fitted_classes(tree).values()))
     posterior = read_draws(first, "posterior")
+    stored = model_settings_of(first)
+    likelihood = stored.make_likelihood() if stored else None
     kind: Variability | None = None
-    if "variability_settings" in first.attrs:
-        kind = Variability.of_tree(first)
-        likelihood: Likelihood | None = kind.likelihood
+    if stored and stored.variability == Variability.variability:
+        with reading(first):
+            kind = Variability.from_settings(stored)
         priors = priors_of_class(kind)
     else:
-        likelihood, units = likelihood_of(first), units_of(first)
-        with reading(first):
-            priors = {
-                name: distribution_in_words(record, units.get(name, ""))
-                for name, record in read_json(first, "priors", {}).items()
-            }
-            unknowns = likelihood.unknowns if likelihood else {}
-            priors |= {
-                name: distribution_in_words(prior_to_record(name, prior), likelihood.units[name])
-                for name, prior in unknowns.items()
-                if likelihood
-            }
+        unknown = (stored.make_priors() if stored else {}) | (
+            likelihood.unknowns if likelihood else {}
+        )
+        units = units_of(first)
+        priors = {
+            name: distribution_in_words(prior_to_record(name, prior), units.get(name, ""))
+            for name, prior in unknown.items()
+        }
     return Settings(
         wall_in_words(first),
         kind,

@@ -6,7 +6,7 @@ from typing import Any
 
 import xarray as xr
 
-from pymc_hyperelastic.files.stored import read_json
+from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.reports.blocks import Found, Page
 from pymc_hyperelastic.reports.kinds import Kind
 

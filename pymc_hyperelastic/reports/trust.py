@@ -11,7 +11,7 @@ from pymc_hyperelastic.evidence.diagnosis import (
 )
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
-from pymc_hyperelastic.models.records import inflation_data_of
+from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.predictions.members import specimens_differ
 from pymc_hyperelastic.reports.blocks import BAD, CAUTION, NOTE, Block, Found, Page, Table, short
 from pymc_hyperelastic.reports.fits import by_name, has_data, posterior_rows

@@ -1,6 +1,8 @@
 """Bad input of fit_classes, classify and kl_divergence: one error, before sampling."""
 
 import json
+from dataclasses import asdict
+from typing import Any
 
 import pymc as pm
 import pytest
@@ -8,32 +10,34 @@ import xarray as xr
 from bad_input import PLACE, assert_refused, curves, fit, fitted, with_nan
 
 import pymc_hyperelastic as ph
+from pymc_hyperelastic.models.settings import SETTINGS, ModelSettings
 
 UNKNOWN_WEIGHT = ph.SlopeAugmented(1.0, pm.HalfNormal.dist())
 WITH_FORCE = ph.Gaussian(1.0, force_sd=3.0)
-OTHER_LAW = "strain_energy", "Fung", "C2"
+DEMIRAY = asdict(ModelSettings.of(ph.Demiray()))["layers"]
+OTHER_LAW = "layers", DEMIRAY, "C2"
 CUSTOM = pm.CustomDist.dist(
     1.0, logp=lambda x, m: -((x - m) ** 2), random=lambda m, rng, size: rng.normal(m, size=size)
 )
 
 
-def altered(key: str, value: str, *names: str) -> xr.DataTree:
+def altered(key: str, value: Any, *names: str) -> xr.DataTree:
     """Fitted classes of which some state other settings."""
     classes = fitted().copy()
     for name in names:
-        classes[name].attrs[key] = value
-        classes[name].attrs.pop("checksum", None)
+        stored = json.loads(classes[name].attrs[SETTINGS])
+        classes[name].attrs[SETTINGS] = json.dumps(stored | {key: value})
     return classes
 
 
 def observed() -> xr.DataTree:
     likelihood = ph.SlopeAugmented(sigma=1.0, slope_weight=1.0, observed=True)
-    return altered("likelihood", json.dumps(likelihood.to_record()), "C1", "C2")
+    return altered("likelihood", likelihood.to_record(), "C1", "C2")
 
 
 def other_noise(*names: str) -> xr.DataTree:
     likelihood = ph.SlopeAugmented(sigma=2.0, slope_weight=1.0)
-    return altered("likelihood", json.dumps(likelihood.to_record()), *names)
+    return altered("likelihood", likelihood.to_record(), *names)
 
 
 def variable(**settings) -> xr.DataTree:
@@ -75,7 +79,7 @@ BAD_INPUT = [
     (lambda: classify(class_prior={"C1": 1.5, "C2": -0.5}), ValueError, "'C2': -0.5"),
     (lambda: classify(class_prior=[0.5, 0.5]), TypeError, "class_prior", "dict", "[0.5, 0.5]"),
     (lambda: classify(with_nan()), ValueError, PLACE, "row 43", "pressure is nan kPa"),
-    (lambda: classify(classes=altered("priors", "{}", "C2")), ValueError, "'C2'", "priors {}"),
+    (lambda: classify(classes=altered("priors", {}, "C2")), ValueError, "'C2'", "priors {}"),
     (lambda: classify(classes=observed()), ValueError, "'C1'", "observed variables", "fit_classes"),
     (lambda: classify(classes=other_noise("C2")), ValueError, "class 'C2'", "one likelihood"),
     (lambda: classify(classes=altered("variability", "x", "C1")), ValueError, "'x'", "['none',"),
@@ -84,7 +88,12 @@ BAD_INPUT = [
     (lambda: classify(none_below=0.05), ValueError, "none_below needs", "variability='specimen'"),
     (lambda: classify(undecided_below=-0.1), ValueError, "undecided_below is -0.1", "from 0 to 1"),
     (lambda: classify(undecided_below=1.0), ValueError, "undecided_below is 1.0", "from 0 to 1"),
-    (lambda: ph.kl_divergence(altered(*OTHER_LAW), "C1", "C2"), ValueError, "class 'C2'", "Fung"),
+    (
+        lambda: ph.kl_divergence(altered(*OTHER_LAW), "C1", "C2"),
+        ValueError,
+        "class 'C2'",
+        "Demiray",
+    ),
     (lambda: ph.kl_divergence(fitted(), "C1", "C3"), ValueError, "no class 'C3'", "['C1',"),
 ]
 

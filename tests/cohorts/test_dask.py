@@ -14,7 +14,7 @@ from simulated_work import POLL, SimulatedWork, computed, wait_for
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.cohorts.workers import Cluster, WorkersLost
-from pymc_hyperelastic.files.store import Part
+from pymc_hyperelastic.io.store import Part
 
 dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")

@@ -14,7 +14,7 @@ from tube_posteriors import fitted_tree
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.mechanics.integrals import AxialForceIntegral
-from pymc_hyperelastic.models.records import strain_energy_attrs
+from pymc_hyperelastic.models.settings import ModelSettings
 
 # Some twenty operations in double precision, and an exponent of 25 times 2 ln(1.9), about 32, which
 # multiplies the rounding of its argument.
@@ -326,7 +326,7 @@ def test_result_is_refused_if_the_law_of_its_name_has_another_formula(monkeypatc
     # A fingerprint has six digits; the difference of two derivatives loses some of 16.
     np.testing.assert_allclose(neo_hookean.fingerprint, ph.NeoHookean().fingerprint, rtol=1e-5)
     tree = fitted_tree(mu=[20.0])
-    tree.attrs |= strain_energy_attrs(neo_hookean)
+    tree.attrs |= ModelSettings.of(neo_hookean).attrs()
     same = ph.predict_pressure(tree, [8.0])
     assert mine(2).fingerprint == neo_hookean.fingerprint
     assert ph.predict_pressure(tree, [8.0]).equals(same)

@@ -7,6 +7,7 @@ from tube_posteriors import exact_points, result
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.natural_scale import NaturalScale
+from pymc_hyperelastic.models.settings import ModelSettings
 
 SEED = 20261122  # any seed will do: the draws below stand for a sampled posterior
 TUBE = {"inner_radius": 7.0, "outer_radius": 9.0}
@@ -90,7 +91,7 @@ def hierarchical_class(spread):
         {"coordinate": names, "coordinate_2": names},
     )
     tree = xr.DataTree.from_dict({"posterior": posterior})
-    tree.attrs = {"strain_energy": "Ogden", "reference_stress": "20.0"}
+    tree.attrs = ModelSettings.of(ph.Ogden(), {}, reference_stress=20.0).attrs()
     return tree, (location[0] + spread * rng.standard_normal((1000, 2))).T
 
 

@@ -8,10 +8,10 @@ from scipy.special import softmax
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.classes.average import laws_of_fits
-from pymc_hyperelastic.models.records import likelihood_attrs
+from pymc_hyperelastic.models.settings import ModelSettings
 
-LIKELIHOOD, OTHER = (likelihood_attrs(ph.Gaussian(sd))["likelihood"] for sd in (1.0, 2.0))
-OBSERVED = likelihood_attrs(ph.Gaussian(1.0, observed=True))["likelihood"]
+LIKELIHOOD, OTHER = ph.Gaussian(1.0), ph.Gaussian(2.0)
+OBSERVED = ph.Gaussian(1.0, observed=True)
 # Log evidence and its standard error of each law.
 LAWS = {
     "Ogden": (-120.0, 0.05),
@@ -25,11 +25,11 @@ LAWS = {
 OF_DRAWS = 0.06
 
 
-def fit(value, error=0.1, data=DATA, **attrs):
+def fit(value, error=0.1, data=DATA, likelihood=LIKELIHOOD):
     """Return a sampled model of one chain with this log evidence."""
     evidence = {"log_evidence": ("chain", [value]), "log_evidence_se": ("chain", [error])}
     tree = fitted(data).assign({"evidence": xr.DataTree(xr.Dataset(evidence))})
-    tree.attrs = {"likelihood": LIKELIHOOD, "priors": "{}", "strain_energy": "Ogden"} | attrs
+    tree.attrs = ModelSettings.of(ph.Ogden(), {}, likelihood).attrs()
     return tree
 
 
@@ -177,7 +177,6 @@ def test_wrong_input_is_refused():
         ph.plot_law_probability(fit(-50.0))
     with pytest.raises(ValueError, match=r"lacks 'strain_energy_log_evidence'; .*average_over"):
         ph.plot_law_probability(DATA)
-    unknown = fit(-50.0)
-    del unknown.attrs["likelihood"]
+    unknown = fit(-50.0, likelihood=None)
     with pytest.warns(UserWarning, match="fits: B does not say with which likelihood it was made"):
         ph.plot_law_probability({"A": fit(-51.0), "B": unknown}, backend="none")

@@ -4,10 +4,11 @@ import json
 
 import numpy as np
 import pandas as pd
+import pymc as pm
 import xarray as xr
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.models.records import likelihood_attrs
+from pymc_hyperelastic.models.settings import ModelSettings
 
 SEED = 20261126  # any would do: draws below stand for a posterior
 DATA = ph.load_dataset("simulated_sheep_aorta")
@@ -26,17 +27,21 @@ def curves(names, group="C1"):
 VALUES = {"mu": 70.0, "b": 0.5}
 
 
-def fitted_class(data, energy="Demiray", draws=100, chains=2, shift=0.0, **attrs):
+LIKELIHOOD = ph.SlopeAugmented(sigma=2.0, slope_weight=0.0)
+
+
+def fitted_class(
+    data, energy="Demiray", draws=100, chains=2, shift=0.0, likelihood=LIKELIHOOD, **attrs
+):
     """Return a fitted class with a normal posterior about `VALUES`, without sampling."""
     rng = np.random.default_rng(SEED)
-    posterior, priors, units = {}, {}, {"sigma": "kPa"}
-    for p in ph.StrainEnergy.from_name(energy).parameters:
+    posterior, priors, law = {}, {}, ph.StrainEnergy.from_name(energy)
+    for p in law.parameters:
         low, high = p.prior_range
         values = 1 + 0.02 * rng.normal(size=(chains, draws))
         values *= VALUES.get(p.name, (low + high) / 4)
         posterior[p.name] = ("chain", "draw"), values + shift * np.arange(chains)[:, None]
-        priors[p.name] = ["Uniform", [low, high]]
-        units[p.name] = p.unit
+        priors[p.name] = pm.Uniform.dist(low, high)
     evidence = {"log_evidence": np.linspace(-27.8, -27.7, chains)}
     evidence["log_evidence_se"] = np.full(chains, 0.05)
     check = {
@@ -60,11 +65,7 @@ def fitted_class(data, energy="Demiray", draws=100, chains=2, shift=0.0, **attrs
         }
     )
     tree.attrs = {
-        "strain_energy": energy,
-        "strain_energy_settings": "{}",
-        "units": json.dumps(units),
-        "priors": json.dumps(priors),
-        **likelihood_attrs(ph.SlopeAugmented(sigma=2.0, slope_weight=0.0)),
+        **ModelSettings.of(law, priors, likelihood).attrs(),
         "versions": json.dumps({"pymc-hyperelastic": "0.0.9", "pymc": "6.1.0"}),
     } | attrs
     return tree

@@ -8,7 +8,6 @@ import pytest
 from stored_results import DATA, classified, fitted_class, fitted_classes
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.models.records import likelihood_attrs
 from pymc_hyperelastic.reports.blocks import Found
 from pymc_hyperelastic.reports.decisions import classified_sentences
 from pymc_hyperelastic.reports.laws import in_text
@@ -61,8 +60,7 @@ SD, INFERRED = "with a standard deviation", pm.HalfNormal.dist(1.0)
     ],
 )
 def test_methods_state_the_size_of_each_error(likelihood, sentence):
-    stated = likelihood_attrs(likelihood)
-    found = methods(fitted_class(ONE, energy="NeoHookean", chains=1, **stated))
+    found = methods(fitted_class(ONE, "NeoHookean", chains=1, likelihood=likelihood))
     assert sentence in found
     assert "curves of 1 specimen were analysed: 1 experiment with 20 points." in found
     assert ("The prior was Uniform(0, 200) kPa for mu." in found) == ("inferred" not in found)

@@ -8,7 +8,7 @@ import xarray as xr
 from stored_results import DATA, classified, fitted_class, fitted_classes
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.files.seal import digests_of
+from pymc_hyperelastic.io.checksum import digests_of
 
 MEASURED = ph.load_dataset("murine_pulmonary_artery")
 NOTHING = "Nothing was found that speaks against the results."
@@ -123,7 +123,7 @@ def test_pooled_specimens_are_a_warning(write_words):
 
 def test_unknown_law_and_invalid_data_are_warnings(write_words):
     tree = fitted_class(MEASURED)
-    tree.attrs["strain_energy"] = "OfAnotherDay"
+    tree.attrs = {"strain_energy": "OfAnotherDay"}
     data = DATA.assign(pressure=DATA["pressure"].where(DATA["pressure"] > 2.0))
     page = write_words({"Artery": tree, "Data": data})
     assert "OfAnotherDay" in page.warnings and "Run or import its class first" in page.warnings

@@ -18,7 +18,7 @@ from pymc_hyperelastic.data.files.numerals import (
 from pymc_hyperelastic.data.files.settings import OF_KIND, Settings
 from pymc_hyperelastic.data.files.spellings import Unit, known_unit, units_of
 from pymc_hyperelastic.data.files.text import Sheet, lines_in_words
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.messages import shown
 
 # What may be missing in some rows.
 _MAY_BE_MISSING = ("axial_force",)

@@ -6,7 +6,7 @@ import pandas as pd
 from pymc_hyperelastic.data.columns import differ
 from pymc_hyperelastic.data.doubt import refuse
 from pymc_hyperelastic.data.inflation import listed
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.messages import shown
 
 # Labels without points that are named.
 _MOST_IDLE = 30

@@ -21,8 +21,7 @@ from pymc_hyperelastic.data.files.text import read_sheet
 from pymc_hyperelastic.data.geometry import WALL
 from pymc_hyperelastic.data.inflation import MEASURES
 from pymc_hyperelastic.data.table import inflation_data
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.messages import PACKAGE, shown
 
 Paths = str | os.PathLike[str] | Iterable[str | os.PathLike[str]]
 

@@ -12,7 +12,7 @@ from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_un
 from pymc_hyperelastic.data.files.text import SEPARATORS
 from pymc_hyperelastic.data.inflation import listed
 from pymc_hyperelastic.data.labels import plain_label
-from pymc_hyperelastic.files.stored import in_one_line, shown
+from pymc_hyperelastic.messages import in_one_line, shown
 
 # Units of all columns of a kind, as arguments of inflation_data are called.
 OF_KIND = {

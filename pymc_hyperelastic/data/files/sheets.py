@@ -36,7 +36,7 @@ from pymc_hyperelastic.data.files.settings import Settings
 from pymc_hyperelastic.data.files.spellings import Unit, internal_unit, known_unit
 from pymc_hyperelastic.data.files.text import SEPARATORS, Sheet, no_rows
 from pymc_hyperelastic.data.labels import plain_label
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.messages import shown
 
 # Columns that are named as not used.
 _MOST_UNUSED = 100

@@ -11,7 +11,7 @@ from pymc_hyperelastic.data.files.sheets import Table
 from pymc_hyperelastic.data.files.spellings import internal_unit
 from pymc_hyperelastic.data.geometry import WALL
 from pymc_hyperelastic.data.inflation import listed
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.messages import shown
 
 MEASURED = ("radius", "outer_diameter")
 # Points of a test that another has too; fewer may agree by chance.

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pymc_hyperelastic.data.files.headers import KINDS, heading
 from pymc_hyperelastic.data.labels import forbidden_character, plain_text
-from pymc_hyperelastic.files.stored import in_one_line, shown
+from pymc_hyperelastic.messages import in_one_line, shown
 
 SEPARATORS = {"\t": "tabs", ";": "semicolons", ",": "commas"}
 

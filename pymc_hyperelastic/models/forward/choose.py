@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from pytensor.graph.utils import MissingInputError
 
 from pymc_hyperelastic.data.inflation import extension_tests
-from pymc_hyperelastic.files.place import PACKAGE
 from pymc_hyperelastic.mechanics.interpolation import ChebyshevNodes, evenly, nodes_needed
 from pymc_hyperelastic.mechanics.selected_nodes import SelectedNodes
 from pymc_hyperelastic.mechanics.wall import WALL_ORDER
+from pymc_hyperelastic.messages import PACKAGE
 from pymc_hyperelastic.models.forward.integrator import (
     MOST_ROUNDS,
     Integrator,

@@ -10,9 +10,10 @@ import xarray as xr
 from pytensor.tensor.variable import TensorVariable
 
 from pymc_hyperelastic.data.inflation import check_inflation_data
-from pymc_hyperelastic.files.stored import is_number, shown
+from pymc_hyperelastic.evidence.stored import is_number
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy.base import StrainEnergy
+from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.models.forward import ForwardModel, SymbolicTube
 from pymc_hyperelastic.models.geometry import check_tube
 from pymc_hyperelastic.models.likelihoods.density import (

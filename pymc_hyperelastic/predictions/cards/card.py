@@ -9,7 +9,7 @@ import xarray as xr
 
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
-from pymc_hyperelastic.models.records import NamedLayer
+from pymc_hyperelastic.models.settings import NamedLayer
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.predictions.cards.abaqus import ABAQUS
 from pymc_hyperelastic.predictions.cards.febio import FEBIO

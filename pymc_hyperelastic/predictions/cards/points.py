@@ -8,7 +8,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from pymc_hyperelastic.mechanics.strain_energy import Parameter
-from pymc_hyperelastic.models.records import NamedLayer
+from pymc_hyperelastic.models.settings import NamedLayer
 from pymc_hyperelastic.predictions.walls import WallDraws
 
 Array = NDArray[np.float64]

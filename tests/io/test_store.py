@@ -1,24 +1,25 @@
 """The folder that keeps the parts of a long computation."""
 
+import errno
 import json
 import os
 import shutil
 import time
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
-from pymc_hyperelastic.files import store as store_module
-from pymc_hyperelastic.files.store import (
+from pymc_hyperelastic.evidence.keeping import named, remembering
+from pymc_hyperelastic.io import store as store_module
+from pymc_hyperelastic.io.store import (
     OtherWork,
     Store,
     differences,
     hash_of,
-    named,
-    remembering,
     seed_in,
 )
 
@@ -43,13 +44,43 @@ def test_a_part_is_computed_once(tmp_path):
     assert calls == [1, 1]
 
 
-def test_a_damaged_part_is_named_and_computed_again(tmp_path):
+def test_a_damaged_part_is_named_and_renamed_and_computed_again(tmp_path):
     store = Store(tmp_path / "store", {"what": "test"})
     store.remember("one", RESULT.copy)
-    store.part("one").write_bytes(store.part("one").read_bytes()[:-50])
-    with pytest.warns(UserWarning, match=r"one\.nc .* It is computed again"):
-        assert store.remember("one", RESULT.copy).equals(RESULT)
+    for _ in range(2):
+        store.part("one").write_bytes(store.part("one").read_bytes()[:-50])
+        with pytest.warns(UserWarning, match=r"one\.nc .* was renamed to one\.nc\.damaged"):
+            assert store.remember("one", RESULT.copy).equals(RESULT)
     assert store.kept("one").equals(RESULT) and store.kept("two") is None
+    found = sorted(path.name for path in store.folder.iterdir())
+    assert found == ["manifest.json", "one.nc", "one.nc.damaged-1", "one.nc.damaged-2"]
+
+
+def test_a_part_that_cannot_be_read_is_left_as_it_is(tmp_path, monkeypatch):
+    store = Store(tmp_path / "store", {"what": "test"})
+    store.remember("one", RESULT.copy)
+    for error in (PermissionError(errno.EACCES, "denied"), OSError(errno.ESTALE, "stale")):
+
+        def read_bytes(path, error=error):
+            raise error
+
+        with monkeypatch.context() as patched:
+            patched.setattr(Path, "read_bytes", read_bytes)
+            with pytest.raises(type(error)) as raised:
+                store.remember("one", RESULT.copy)
+        assert raised.value is error
+    assert store.kept("one").equals(RESULT)
+
+
+def test_a_store_serves_after_a_patch_release_and_not_after_a_minor_one(tmp_path, monkeypatch):
+    installed = {"pymc": "6.1.0", "pytensor": "3.1.2", "numpy": "2.1.0"}
+    monkeypatch.setattr(store_module, "version", installed.__getitem__)
+    Store(tmp_path / "store", {"what": "test"}).remember("one", RESULT.copy)
+    installed |= {"pymc": "6.1.9", "pytensor": "3.1.4", "numpy": "2.2.0"}
+    assert Store(tmp_path / "store", {"what": "test"}).kept("one").equals(RESULT)
+    installed["pymc"] = "6.2.0"
+    with pytest.raises(OtherWork, match=r"versions, pymc is '6\.1' there and '6\.2' here"):
+        Store(tmp_path / "store", {"what": "test"})
 
 
 def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
@@ -62,7 +93,7 @@ def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
         with pytest.raises(error, match=message):
             Store(folder, {})
     store = Store(tmp_path / "store", {})
-    for text in ("", "null", "[1]", '{"format": 99}'):
+    for text in ("", "null", "[1]", '{"format": 99}', '{"format": []}', "[" * 100_000):
         (store.folder / "manifest.json").write_text(text)
         with pytest.raises(ValueError, match=r"manifest\.json"):
             Store(store.folder, {})
@@ -72,19 +103,19 @@ def test_a_store_refuses_folders_of_other_files_and_damaged_manifests(tmp_path):
 
 
 def test_differences_of_manifests_are_named():
-    there = {"law": {"law_fingerprint": "[1]"}, "classes": [{"A": {"sha256": "0"}, "B": 1}]}
-    here = {"law": {"law_fingerprint": "[2]"}, "classes": [{"A": {"sha256": "1"}, "B": 1}]}
+    there = {"layers": [{"fingerprint": [1]}], "classes": [{"A": {"sha256": "0"}, "B": 1}]}
+    here = {"layers": [{"fingerprint": [2]}], "classes": [{"A": {"sha256": "1"}, "B": 1}]}
     assert differences(there, there) == []
     assert differences(there, here) == [
-        "law, law has another formula there than here: its stresses are [1] there and [2] here",
+        "layers, 1 has another formula there than here: its stresses are [1] there and [2] here",
         "classes, 1, A are not the same",
     ]
 
 
 def test_the_seed_of_a_store_is_that_of_its_manifest(tmp_path):
-    assert seed_in(None) is None and seed_in(tmp_path / "store") is None
+    assert seed_in(tmp_path / "store") is None
     for seed in (0, 7, [1, 2], -1, 1.5, "x", [1, "x"]):
-        (tmp_path / "manifest.json").write_text(json.dumps({"format": 1, "random_seed": seed}))
+        (tmp_path / "manifest.json").write_text(json.dumps({"format": 2, "random_seed": seed}))
         if seed in (0, 7, [1, 2]):
             assert seed_in(tmp_path) == seed
             continue
@@ -124,7 +155,7 @@ def test_two_processes_that_make_a_store_agree_whichever_is_first(tmp_path, monk
             time.sleep(rng.uniform(0.0, 0.003))
 
     link, check = os.link, store_module._check_empty
-    monkeypatch.setattr("pymc_hyperelastic.files.whole.os.link", partial(waiting, link))
+    monkeypatch.setattr("pymc_hyperelastic.io.atomic.os.link", partial(waiting, link))
     monkeypatch.setattr(store_module, "_check_empty", partial(waiting, check))
 
     def made(folder, seed):
@@ -144,12 +175,19 @@ def test_two_processes_that_make_a_store_agree_whichever_is_first(tmp_path, monk
             assert not list(folder.glob(".*"))
 
 
-def test_a_part_of_another_store_is_computed_again(tmp_path):
+def test_a_part_of_another_store_is_refused_and_left(tmp_path):
     one, two = (Store(tmp_path / name, {"what": name}) for name in ("one", "two"))
     one.remember("part", RESULT.copy)
     shutil.copy(one.part("part"), two.part("part"))
     said = (
         rf"part\.nc belongs to another store: .* {one.hash[:12]}, that of .*two has {two.hash[:12]}"
     )
-    with pytest.warns(UserWarning, match=said):
-        assert two.kept("part") is None
+    with pytest.raises(ValueError, match=said):
+        two.kept("part")
+    assert two.part("part").exists()
+
+
+def test_a_store_of_an_older_format_names_the_version_that_it_needs(tmp_path):
+    (tmp_path / "manifest.json").write_text('{"format": 1}')
+    with pytest.raises(ValueError, match=r"it has format 1, and needs pymc_hyperelastic 0\.1"):
+        Store(tmp_path, {})

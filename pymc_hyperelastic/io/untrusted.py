@@ -1,14 +1,12 @@
-"""What a netCDF file that somebody sent may not do: read other files, or have no end."""
+"""Refuse netCDF files that would read other files, or that have no end."""
 
-import os
+import io
 import re
 from collections.abc import Iterator
-from mmap import ACCESS_READ, mmap
-from typing import BinaryIO
 
 import h5py
 
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.messages import shown
 
 # A result has a class in a group, and in it groups of draws: two levels.
 _DEEPEST = 10
@@ -20,19 +18,17 @@ _LARGEST_RATIO = 1100
 _HEAP_HEADER = 16
 
 
-def check_self_contained(file: BinaryIO) -> None:
+def check_self_contained(content: bytes) -> None:
     """Raise ValueError for an HDF5 file that points to other files, or to groups in a circle.
 
     HDF5 follows external links, external storage and virtual datasets to any file that the reader
     of the result may read.
     """
-    size = os.fstat(file.fileno()).st_size
-    if not size:
+    if not content:
         raise ValueError("it is empty")
-    with mmap(file.fileno(), 0, access=ACCESS_READ) as content:
-        _check_heaps(content)
+    _check_heaps(content)
     declared = 0
-    with h5py.File(file, "r") as root:
+    with h5py.File(io.BytesIO(content), "r") as root:
         for count, (name, entry) in enumerate(_entries(root, "", {_identity(root)})):
             if count >= _MOST_OBJECTS:
                 raise ValueError(f"it holds more than {_MOST_OBJECTS} groups and variables")
@@ -41,11 +37,11 @@ def check_self_contained(file: BinaryIO) -> None:
                     raise ValueError(f"its variable {shown(name)} points to another file")
                 _check_dimensions(name, entry)
                 declared += entry.size * entry.dtype.itemsize if entry.size else 0
-        if declared > _LARGEST_RATIO * size:
+        if declared > _LARGEST_RATIO * len(content):
             raise ValueError(f"its variables would take {declared / 1e9:.3g} GB of memory")
 
 
-def _check_heaps(content: mmap) -> None:
+def _check_heaps(content: bytes) -> None:
     """Raise ValueError for a heap of texts or lists that HDF5 2.0 would never finish reading.
 
     A heap is a row of objects, each with a number, a size and its bytes; number 0 is the free space

@@ -11,20 +11,23 @@ from typing import Any
 
 import xarray as xr
 
-from pymc_hyperelastic.files.place import PACKAGE
-from pymc_hyperelastic.files.results import open_result, save_result
-from pymc_hyperelastic.files.seal import STORE
-from pymc_hyperelastic.files.stored import shown
-from pymc_hyperelastic.files.whole import UNFINISHED, written_whole
+from pymc_hyperelastic.evidence.keeping import registered_stores
+from pymc_hyperelastic.io.atomic import UNFINISHED, atomic_write
+from pymc_hyperelastic.io.checksum import digest_of
+from pymc_hyperelastic.io.results import DamagedFile, open_result, save_result
+from pymc_hyperelastic.messages import PACKAGE, in_one_line, shown
+from pymc_hyperelastic.models.settings import OLDER_VERSION
 
-#: A function of the name of a part and of how it is computed, which gives it.
-Remember = Callable[[str, Callable[[], Any]], Any]
-
-_FORMAT = 1
+# Format of the parts and of the manifest. A change of the numbers that the package computes for the
+# same manifest, or of how a part is stored, needs another one.
+_FORMAT = 2
 _MANIFEST = "manifest.json"
+#: Attribute of a part: the hash of the manifest of its store.
+STORE = "store"
 # Digits of a hash in a message.
 _SHORT = 12
-_PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "numpy", "scipy", "xarray")
+# Packages whose major and minor version may change the numbers.
+_PACKAGES = ("pymc", "pytensor")
 
 
 class OtherWork(ValueError):
@@ -61,8 +64,9 @@ class Store:
     folder : str or Path
         Where it is, or is to be.
     manifest : mapping
-        All that decides the result, as JSON has it: what is computed, a hash of the data, settings,
-        the seed. Versions of what computes it are added.
+        All that decides the result, as JSON has it: what is computed, settings, the seed. A Dataset
+        or a DataTree becomes its checksum. The format of results and the versions of PyMC and
+        PyTensor are added.
 
     Raises
     ------
@@ -74,14 +78,15 @@ class Store:
 
     def __init__(self, folder: str | Path, manifest: Mapping[str, Any]) -> None:
         self.folder = Path(folder)
-        versions = {name: version(name) for name in _PACKAGES}
-        manifest = {"format": _FORMAT, **json.loads(json.dumps(manifest)), "versions": versions}
+        versions = {name: ".".join(version(name).split(".")[:2]) for name in _PACKAGES}
+        manifest = json.loads(json.dumps(manifest, default=_checksum))
+        manifest = {"format": _FORMAT, **manifest, "versions": versions}
         there = manifest_of(self.folder, missing=True)
         if there is None:
             _check_empty(self.folder)
             try:
                 self.folder.mkdir(parents=True, exist_ok=True)
-                with written_whole(self.folder / _MANIFEST, once=True) as path:
+                with atomic_write(self.folder / _MANIFEST, once=True) as path:
                     path.write_text(json.dumps(manifest, indent=1, ensure_ascii=False), "utf-8")
             except OSError as error:
                 raise type(error)(
@@ -115,23 +120,40 @@ class Store:
         return Part(self.part(name), self.hash)
 
     def kept(self, name: str) -> Any:
-        """Return the part of this name; None if it is missing, damaged or of another store.
+        """Return the part of this name; None if it is missing or damaged.
 
-        A warning names a part that is damaged or of another store. It is removed.
+        A damaged part is renamed, and a warning names it. All other errors are raised: those of the
+        disk, and ValueError for a part of another store.
         """
         path = self.part(name)
-        if not path.exists():
-            return None
         try:
             result = open_result(path)
-            check_store(result, self.hash, path)
-            del result.attrs[STORE]
-            return result
-        except ValueError as error:
-            said = f"{error}. It is computed again"
-            warnings.warn(said, skip_file_prefixes=(PACKAGE,))
-            path.unlink()
+        except FileNotFoundError:
             return None
+        except DamagedFile as error:
+            aside = set_aside(path)
+            warnings.warn(
+                f"{error}. The file was renamed to {aside.name}, and the part is computed again",
+                skip_file_prefixes=(PACKAGE,),
+            )
+            return None
+        check_store(result, self.hash, path)
+        return result
+
+
+def set_aside(path: Path) -> Path:
+    """Rename a damaged file, to a name that is free."""
+    number = 1
+    while (aside := path.with_name(f"{path.name}.damaged-{number}")).exists():
+        number += 1
+    return path.rename(aside)
+
+
+def _checksum(data: Any) -> dict[str, str]:
+    """Return what stands for data in a manifest; TypeError if it is something else."""
+    if not isinstance(data, xr.Dataset | xr.DataTree):
+        raise TypeError(f"a manifest cannot hold {shown(data)}")
+    return {"sha256": digest_of(data)}
 
 
 def hash_of(manifest: Mapping[str, Any]) -> str:
@@ -140,33 +162,19 @@ def hash_of(manifest: Mapping[str, Any]) -> str:
 
 
 def check_store(part: xr.Dataset | xr.DataTree, expected: str, path: Path) -> None:
-    """Raise ValueError for a part that was computed for another store."""
-    found = part.attrs.get(STORE)
+    """Remove the note of its store from a part; ValueError if it was computed for another store."""
+    found = part.attrs.pop(STORE, None)
     if found != expected:
         raise ValueError(
             f"{path} belongs to another store: its manifest has the hash {str(found)[:_SHORT]}, "
-            f"that of {path.parent} has {expected[:_SHORT]}; data, settings or versions differ"
+            f"that of {path.parent} has {expected[:_SHORT]}; data, settings or versions differ. "
+            "Remove the file, or give another folder"
         )
 
 
-def compute_now[Result](_: str, compute: Callable[[], Result]) -> Result:
-    """Compute a part, as :meth:`Store.remember` does, without a store."""
-    return compute()
-
-
-def named(prefix: str, remember: Remember) -> Remember:
-    """Return a `remember` that puts a prefix before the name of each part."""
-    return lambda name, compute: remember(f"{prefix}-{name}", compute)
-
-
-def remembering(folder: str | Path | None, manifest: Callable[[], Mapping[str, Any]]) -> Remember:
-    """Return how to keep parts: in a folder, or not at all if `folder` is None."""
-    return compute_now if folder is None else Store(folder, manifest()).remember
-
-
-def seed_in(folder: str | Path | None) -> Any:
+def seed_in(folder: str | Path) -> Any:
     """Return the seed in the manifest of a store; None if the store does not exist."""
-    manifest = None if folder is None else manifest_of(Path(folder), missing=True)
+    manifest = manifest_of(Path(folder), missing=True)
     seed = None if manifest is None else manifest.get("random_seed")
     for entry in seed if isinstance(seed, list) else [seed]:
         if entry is not None and (type(entry) is not int or entry < 0):
@@ -189,10 +197,12 @@ def manifest_of(folder: Path, *, missing: bool = False) -> dict[str, Any] | None
             f"{folder} is no store: it has no {_MANIFEST}; ph.fit_cohort and ph.classify_cohort "
             "make one"
         ) from None
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path} cannot be read: {error}") from None
-    if not isinstance(manifest, dict) or manifest.get("format") != _FORMAT:
-        raise ValueError(f"{path} is no manifest of a store of format {_FORMAT}")
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is damaged: it is no JSON: {in_one_line(error)}") from None
+    found = manifest.get("format") if isinstance(manifest, dict) else None
+    if found != _FORMAT:
+        older = f"it has format 1, and needs {OLDER_VERSION}" if found == 1 else "it is damaged"
+        raise ValueError(f"{path} is no manifest of a store of format {_FORMAT}: {older}")
     return manifest
 
 
@@ -214,7 +224,7 @@ def differences(there: Any, now: Any, where: str = "") -> list[str]:
         return differences(dict(enumerate(there, 1)), dict(enumerate(now, 1)), where)
     if where.endswith("fingerprint"):
         return [
-            f"{where.removesuffix('_fingerprint')} has another formula there than here: its "
+            f"{where.removesuffix(', fingerprint')} has another formula there than here: its "
             f"stresses are {there} there and {now} here"
         ]
     if where.endswith("sha256"):
@@ -235,3 +245,6 @@ def _check_empty(folder: Path) -> None:
             f"the folder {folder} is no store, and not empty: it holds {', '.join(strangers)}. "
             "Give a folder of its own"
         )
+
+
+registered_stores.append((seed_in, lambda folder, manifest: Store(folder, manifest).remember))

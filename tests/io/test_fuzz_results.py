@@ -17,9 +17,9 @@ import xarray as xr
 from tiers import deep
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.files.results import open_table
-from pymc_hyperelastic.files.seal import groups_of
-from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.io.checksum import groups_of
+from pymc_hyperelastic.io.results import open_table
+from pymc_hyperelastic.messages import shown
 
 # FUZZ multiplies the number of cases of the second tier, which are then new ones at each run.
 FUZZ = int(os.environ.get("FUZZ", "1"))
@@ -275,7 +275,7 @@ def check_opening(seed: int, folder: Path) -> str:
         path.write_bytes(content)
         if rng.random() < 0.5:
             with h5py.File(path, "a") as file:
-                del file.attrs["checksum"]
+                file.attrs.pop("checksum")
         for _ in range(rng.choice([1, 1, 2, 3])):
             try:
                 damage(rng, path)

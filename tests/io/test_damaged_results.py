@@ -4,6 +4,7 @@ import json
 import re
 import warnings
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from functools import cache
 
 import fits
@@ -17,7 +18,7 @@ from tiers import deep
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.priors import prior_from_record
-from pymc_hyperelastic.models.records import wall_attrs
+from pymc_hyperelastic.models.settings import SETTINGS, ModelSettings
 from pymc_hyperelastic.reports.settings import settings_of
 
 # Words of Python's own errors, which do not help a user.
@@ -101,11 +102,8 @@ def refusal(call: Callable[[xr.DataTree], object], damaged: xr.DataTree) -> str:
 
 
 def groups_of(whole: xr.DataTree) -> Groups:
-    """Return the groups by path, without the checksums, which older files do not have."""
-    groups = {n.relative_to(whole): n.to_dataset(inherit=False) for n in whole.subtree}
-    for data in groups.values():
-        data.attrs = {name: value for name, value in data.attrs.items() if name != "checksum"}
-    return groups
+    """Return the groups by path."""
+    return {n.relative_to(whole): n.to_dataset(inherit=False) for n in whole.subtree}
 
 
 def altered(kind: str, change: Callable[[Groups], None]) -> xr.DataTree:
@@ -127,17 +125,17 @@ def attribute(name: str, value=None, only: str | None = None):
     return change
 
 
-def within(name: str, *place, value):
-    """Replace something in the JSON of an attribute."""
+def within(*place, value):
+    """Replace something in the settings of the model."""
 
     def change(groups):
         for data in groups.values():
-            if name in data.attrs:
-                whole = part = json.loads(data.attrs[name])
+            if SETTINGS in data.attrs:
+                whole = part = json.loads(data.attrs[SETTINGS])
                 for key in place[:-1]:
                     part = part[key]
                 part[place[-1]] = value
-                data.attrs[name] = json.dumps(whole)
+                data.attrs[SETTINGS] = json.dumps(whole)
 
     return change
 
@@ -145,11 +143,13 @@ def within(name: str, *place, value):
 def layered(damage: Callable[[Groups], None]):
     """Make the material of classes two layers, and damage them."""
     layers = [ph.Layer(ph.NeoHookean(), pm.LogNormal.dist()), ph.Layer(ph.Demiray(), 0.8, b=0.5)]
+    record = asdict(ModelSettings.of(layers, {}))
+    wall = {name: record[name] for name in ("layers", "thickness_priors")}
 
     def change(groups):
         for data in groups.values():
-            if data.attrs.pop("strain_energy", None):
-                data.attrs.update(wall_attrs(layers))
+            if SETTINGS in data.attrs:
+                data.attrs[SETTINGS] = json.dumps(json.loads(data.attrs[SETTINGS]) | wall)
         damage(groups)
 
     return change
@@ -186,15 +186,21 @@ def texts(name: str):
 
 
 BLAME = "it was not written by pymc_hyperelastic, or is damaged"
-SETTINGS = "variability_settings"
 # A kind of result, its damage, a call, and a regular expression of the message.
 DAMAGE = {
-    "half an attribute": ("pooled", attribute("priors", "{"), "classify", "'priors'.*JSON"),
+    "half an attribute": ("pooled", attribute(SETTINGS, "{"), "classify", "settings is no JSON"),
+    "a number": ("pooled", attribute(SETTINGS, 1.5), "classify", "model_settings is 1.5; expected"),
+    "nested": ("pooled", attribute(SETTINGS, "[" * 100_000), "classify", "model_settings is no J"),
+    "older": ("pooled", attribute(SETTINGS, "{}"), "classify", "have the format None; expected 2"),
     "negative noise": ("pooled", within("likelihood", "sigma", value=-1), "classify", "sigma.*-1"),
-    "no priors": ("pooled", attribute("priors", "{}"), "classify", "'priors' lacks.*'mu'"),
-    "unknown law": ("pooled", attribute("strain_energy", "Own"), "classify", "'Own'.*import"),
+    "no noise": ("pooled", within("likelihood", value=None), "classify", "'C1' is no class"),
+    "no priors": ("pooled", within("priors", value={}), "classify", "priors lack.*'mu'"),
+    "unknown law": (
+        "pooled", within("layers", 0, "strain_energy", value="Own"), "classify", "'Own'.*import",
+    ),
+    "other entry": ("pooled", within("weight", value=1), "classify", "unknown entries .'weight'"),
     "variability": (
-        "variable", attribute("variability", "cloud"), "classify", "'cloud'.*'specimen'",
+        "variable", within("variability", value="cloud"), "classify", "'cloud'.*'specimen'",
     ),
     "no posterior": ("sampled", group("posterior", gone), "predict_pressure", "no posterior"),
     "NaN": (
@@ -212,27 +218,31 @@ DAMAGE = {
     "unknown verdict": (
         "sampled", attribute("verdict", "splendid"), "log_evidence", "'splendid'.*'doubtful'",
     ),
-    "effect": ("variable", within(SETTINGS, "experiment_effect", value=1), "classify", "is 1; exp"),
-    "stress": ("variable", within(SETTINGS, "reference_stress", value=-1), "classify", "is -1; ex"),
+    "effect": ("variable", within("experiment_effect", value=1), "classify", "is 1; expected t"),
+    "stress": ("variable", within("reference_stress", value=-1), "classify", "is -1; expected a"),
     "errors": ("variable", within("likelihood", "pressure_sd", value=[]), "classify", "is .]; exp"),
-    "no layer": ("variable", layered(attribute("layers", "[]")), "classify", "holds no layers"),
-    "no list": ("variable", layered(attribute("layers", "{}")), "classify", "expected a JSON list"),
-    "no record": ("variable", layered(within("layers", 0, value=3)), "classify", "holds 3; expect"),
+    "measure": (
+        "variable", within("geometry_sd", value={"thickness": "a"}), "classify",
+        "geometry_sd.thickness is 'a'; expected a number or null",
+    ),
+    "no layer": ("variable", layered(within("layers", value=[])), "classify", "holds no layers"),
+    "no list": ("variable", layered(within("layers", value={})), "classify", "expected a JSON li"),
+    "no record": ("variable", layered(within("layers", 0, value=3)), "classify", "is 3; expected"),
     "law of a layer": (
-        "variable", layered(within("layers", 0, "strain_energy_settings", value="[")), "classify",
-        r"'strain_energy_settings' is no JSON: '\['",
+        "variable", layered(within("layers", 0, "settings", value="[")), "classify",
+        r"layers\[0\].settings is '\['; expected a JSON object",
     ),
     "no value": (
         "variable", layered(within("layers", 1, "values", value={})), "classify",
-        "a layer of Demiray has the values {}; expected .*'thickness'",
+        "a layer of Demiray has the values {}; expected ",
     ),
     "value of a layer": (
         "variable", layered(within("layers", 1, "values", "b", value=None)), "classify",
-        "b of a layer is None; expected a name or numbers",
+        r"layers\[1\].values.b is None; expected text or a number or a JSON list",
     ),
     "thickness": (
-        "variable", layered(attribute("thickness_priors", "{}")), "classify",
-        "'thickness_priors' lacks 'thickness_1'",
+        "variable", layered(within("thickness_priors", value={})), "classify",
+        "thickness_priors lack 'thickness_1'",
     ),
 }  # fmt: skip
 
@@ -243,23 +253,28 @@ def test_message_names_what_is_damaged_and_what_was_expected(kind, change, call,
     assert re.search(message, found, re.DOTALL), found or "it was accepted"
 
 
-@pytest.mark.parametrize("call", [*OF_CLASSES["variable"]][:-1])
-def test_change_of_one_digit_of_stored_classes_is_noticed_by_their_checksum(call):
-    classes = result("variable").copy(deep=True)
-    location = classes["stiff/posterior"]["location"].values
-    location.flat[0] = np.nextafter(location.flat[0], np.inf)
-    message = refusal(CALLS["variable"][call], classes)
-    assert re.search("class 'stiff'.* is not what was computed", message), message
-
-
 def test_message_names_the_file_of_the_result(tmp_path):
     ph.save_result(result("pooled"), tmp_path / "classes.nc")
     classes = ph.open_result(tmp_path / "classes.nc")
     for fitted_class in classes.children.values():
-        del fitted_class.attrs["checksum"], fitted_class.attrs["likelihood"]
+        fitted_class.attrs[SETTINGS] = "[]"
     assert refusal(classify, classes) == (
-        f"class 'C1' of {tmp_path / 'classes.nc'}: its attribute 'likelihood' is missing; {BLAME}"
+        f"class 'C1' of {tmp_path / 'classes.nc'}: its model_settings is []; expected a JSON "
+        f"object; {BLAME}"
     )
+
+
+def test_settings_are_checked_when_a_result_is_opened(tmp_path):
+    ph.save_result(altered("pooled", within("likelihood", "sigma", value=-1)), tmp_path / "bad.nc")
+    with pytest.raises(ValueError, match=r"the result of .*bad\.nc: .*sigma is -1"):
+        ph.open_result(tmp_path / "bad.nc")
+
+
+def test_a_result_without_a_record_names_the_version_that_it_needs():
+    older = altered("pooled", attribute(SETTINGS))
+    for fitted_class in older.children.values():
+        fitted_class.attrs["priors"] = "{}"
+    assert "an older format: it needs pymc_hyperelastic 0.1" in refusal(classify, older)
 
 
 @pytest.mark.parametrize(
@@ -267,18 +282,17 @@ def test_message_names_the_file_of_the_result(tmp_path):
     [
         (
             within("priors", "mu", value=["logp", [0.0, 1.0]]),
-            "a prior is ['logp', [0.0, 1.0]]; expected [name",
+            "the prior of 'mu' is ['logp', [0.0, 1.0]]; expected [name",
         ),
         (
             within("priors", "mu", value=["Nothing", [0.0]]),
-            "a prior is ['Nothing', [0.0]]; expected [name",
+            "the prior of 'mu' is ['Nothing', [0.0]]; expected [name",
         ),
         (within("likelihood", "weight", value=1.0), "the argument 'weight'; expected one of"),
         (within("likelihood", "units", value=[]), "has the units []; expected {'sigma': 'kPa'"),
         (within("likelihood", "name", value=["os"]), "expected a record with a name of"),
         (within("likelihood", "sigma", value=["os.system", [1.0]]), "[1.0]]; expected [name"),
         (within("likelihood", "observed", value=1), "observed is 1; expected True or False"),
-        (attribute("likelihood", "[" * 100_000), "'likelihood' is no JSON"),
         (attribute("units", '{"mu": [1]}'), "'units' is {'mu': [1]}; expected the unit of each"),
     ],
 )
@@ -308,16 +322,29 @@ CARD_COMMENT = re.compile("<!--.*?-->", re.DOTALL)
 FREE_TEXT = {"title", "description", "source", "simulated"}
 # Words that name a part of a result besides its own name.
 OTHER_NAMES = {
-    "strain_energy": ["strain energy"],
     "observed_data": ["pressure"],
     "constant_data": ["inner_radius", "test"],
-    "variability": ["priors"],
-    "variability_settings": ["reference_stress", "class"],
+    SETTINGS: ["reference_stress", "class"],
+    "strain_energy": ["strain energy"],
+    "settings": ["strain energy"],
+    "fingerprint": ["another formula"],
+    "values": ["layer", "posterior lacks"],
+    "reference_stress": ["coordinates"],
+    "format": ["an older format"],
 }
 # Results of older versions have no misfits of their specimens, by which fits are judged.
 MAY_DIFFER = {"fit_p_value"}
 # The first tier tries every ninth damage, and by the quick calls only.
 EVERY = 9
+
+
+def places(record: object, above: tuple = ()) -> Iterator[tuple]:
+    """Yield the place of each entry of a record, and of entries of its entries."""
+    entries = record.items() if isinstance(record, dict) else enumerate(record)
+    for name, value in entries:
+        yield (*above, name)
+        if isinstance(value, dict | list):
+            yield from places(value, (*above, name))
 
 
 def damages(kind: str) -> Iterator[tuple[str, list[str], Callable[[Groups], None]]]:
@@ -331,6 +358,10 @@ def damages(kind: str) -> Iterator[tuple[str, list[str], Callable[[Groups], None
         for name in sorted(set(data.attrs) - FREE_TEXT):
             for value in (None, "{", -1.5):
                 yield f"attribute {path} {name} {value}", [name], attribute(name, value, path)
+        for place in places(json.loads(data.attrs.get(SETTINGS, "{}"))):
+            for value in (None, [], {}, "{", -1.5):
+                change = within(*place, value=value)
+                yield f"settings {path} {place} {value}", [*map(str, place)], change
         if path in (".", first):
             continue
         changes = [("no", path, gone), ("empty", path, lambda d: xr.Dataset(attrs=d.attrs))]

@@ -4,6 +4,8 @@ import errno
 import os
 import random
 import re
+import subprocess
+import sys
 from datetime import date
 from pathlib import Path
 
@@ -14,8 +16,8 @@ import pytest
 import xarray as xr
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.files.seal import check_seal, digest_of, sealed
-from pymc_hyperelastic.files.whole import written_whole
+from pymc_hyperelastic.io.atomic import atomic_write
+from pymc_hyperelastic.io.checksum import digest_of
 
 # Bytes that are damaged, one at a time, and the seed that chooses them.
 DAMAGED_BYTES = 25
@@ -52,17 +54,16 @@ def test_a_result_is_the_same_after_writing_and_reading(make, tmp_path):
     assert type(again) is type(result)
     assert again.equals(result)
     assert digest_of(again) == digest_of(result)
-    assert "checksum" in again.attrs and "checksum" not in result.attrs
+    assert "checksum" not in again.attrs and "checksum" not in result.attrs
     assert os.listdir(tmp_path) == ["result.nc"]
 
 
 def test_the_checksum_notices_every_change():
-    result = sealed(every_type())
-    check_seal(result, "the class")
+    result = every_type()
     number, text = result.copy(deep=True), result.copy(deep=True)
     number["real"].values[0] = np.nextafter(1.5, 2)
     text["text"].values[0] = "b"
-    for changed in (
+    changes = [
         number,
         text,
         result.assign(flag=~result["flag"]),
@@ -71,31 +72,86 @@ def test_the_checksum_notices_every_change():
         result.rename_vars(integer="number"),
         result.isel(x=[1, 0, 2]),
         result.assign_coords(x=["S1", "S2", "S4"]),
-        result.drop_attrs().assign_attrs(checksum=result.attrs["checksum"]),
-        result.assign_attrs(checksum="null"),
-        result.assign_attrs(checksum=result.attrs["checksum"][:-9]),
+        result.drop_attrs(),
+        xr.DataTree.from_dict({"C1": result}),
+    ]
+    assert len({digest_of(changed) for changed in [result, *changes]}) == 1 + len(changes)
+    assert digest_of(result.assign_attrs(created_at="today")) == digest_of(result)
+
+
+def test_a_file_that_was_changed_since_is_refused_by_its_checksum(tmp_path):
+    path = tmp_path / "result.nc"
+    for change in (
+        lambda file: file["C1/p/real"].__setitem__(0, 1.25),
+        lambda file: file["C1/p"].attrs.__setitem__("text", "u"),
+        lambda file: file.attrs.__setitem__("more", "u"),
+        lambda file: file.move("C1", "C3"),
+        lambda file: file.attrs.__setitem__("checksum", "0"),
     ):
-        with pytest.raises(ValueError, match="the class is not what was computed"):
-            check_seal(changed, "the class")
+        ph.save_result(every_group(), path)
+        with h5py.File(path, "a") as file:
+            change(file)
+        with pytest.raises(ValueError, match=r"result\.nc is not what was written"):
+            ph.open_result(path)
 
 
-def test_the_checksum_allows_additions_to_a_result():
-    tree = sealed(every_group())
+def test_a_result_that_was_opened_may_be_changed_and_saved(tmp_path):
+    path = tmp_path / "result.nc"
+    ph.save_result(every_group(), path)
+    tree = ph.open_result(path)
     tree["more"] = xr.Dataset({"y": 1.0})
-    tree.attrs["note"] = "seen"
-    tree["C1/p"] = tree["C1/p"].to_dataset().assign(z=2.0)
-    check_seal(tree, "the result")
-    with pytest.raises(ValueError, match="the result is not what was computed"):
-        check_seal(tree.isel(x=[0]), "the result")
+    ph.save_result(tree, path)
+    assert ph.open_result(path)["more/y"].item() == 1.0
+    tree["more"] = xr.Dataset({"y": 2.0})
+    tree.to_netcdf(path, engine="h5netcdf")
+    assert ph.open_result(path)["more/y"].item() == 2.0
 
 
-def test_files_of_xarray_and_files_without_a_checksum_are_read(tmp_path):
-    """Attributes of ArviZ are no part of the checksum."""
-    sealed(every_group()).to_netcdf(tmp_path / "tree.nc")
-    check_seal(xr.open_datatree(tmp_path / "tree.nc").load(), "the result")
-    every_type().to_netcdf(tmp_path / "old.nc", engine="h5netcdf")
-    assert ph.open_result(tmp_path / "old.nc").equals(every_type())
-    check_seal(sealed(every_type()).assign_attrs(created_at="today"), "the result")
+def test_a_file_of_an_older_format_names_the_version_that_it_needs(tmp_path):
+    old = every_type().assign_attrs(checksum='{"groups": {}, "sha256": "0"}')
+    old.to_netcdf(tmp_path / "old.nc", engine="h5netcdf")
+    with pytest.raises(ValueError, match=r"old\.nc was written in an older format: it needs py"):
+        ph.open_result(tmp_path / "old.nc")
+
+
+def unreadable(error):
+    def read_bytes(path):
+        raise error
+
+    return read_bytes
+
+
+ERRORS_OF_THE_DISK = {
+    "permission": PermissionError(errno.EACCES, "Permission denied", "result.nc"),
+    "network disk": OSError(errno.ESTALE, "Stale file handle", "result.nc"),
+    "memory": MemoryError("no memory"),
+}
+
+
+@pytest.mark.parametrize("error", ERRORS_OF_THE_DISK.values(), ids=ERRORS_OF_THE_DISK)
+def test_an_error_of_the_disk_is_raised_as_it_is(error, tmp_path, monkeypatch):
+    """The file may be sound: nobody should take it for a damaged one."""
+    ph.save_result(every_type(), tmp_path / "result.nc")
+    monkeypatch.setattr(Path, "read_bytes", unreadable(error))
+    with pytest.raises(type(error)) as raised:
+        ph.open_result(tmp_path / "result.nc")
+    assert raised.value is error
+
+
+def test_a_lack_of_memory_while_a_file_is_read_is_raised_as_it_is(tmp_path, monkeypatch):
+    ph.save_result(every_type(), tmp_path / "result.nc")
+
+    def load(*_):
+        raise MemoryError("no memory")
+
+    monkeypatch.setattr(xr.Dataset, "load", load)
+    with pytest.raises(MemoryError, match="no memory"):
+        ph.open_result(tmp_path / "result.nc")
+
+
+def test_files_without_a_checksum_are_read(tmp_path):
+    every_type().to_netcdf(tmp_path / "plain.nc", engine="h5netcdf")
+    assert ph.open_result(tmp_path / "plain.nc").equals(every_type())
 
 
 # h5netcdf cannot close a file that it could not open, and warns where no test can catch it.
@@ -163,11 +219,35 @@ def test_wrong_types_and_paths_are_errors(tmp_path):
 def test_an_interrupted_write_leaves_the_file_as_it_was(tmp_path):
     path = tmp_path / "file"
     path.write_text("before")
-    with pytest.raises(KeyboardInterrupt), written_whole(path) as beside:
+    with pytest.raises(KeyboardInterrupt), atomic_write(path) as beside:
         beside.write_text("half")
         raise KeyboardInterrupt
     assert path.read_text() == "before"
     assert os.listdir(tmp_path) == ["file"]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from pymc_hyperelastic.io.atomic import atomic_write
+with atomic_write(Path(sys.argv[1])) as beside:
+    beside.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_later_writer_removes_what_a_killed_one_left_of_the_same_file(tmp_path):
+    pytest.importorskip("fcntl", reason="only Unix has locks of files")
+    for name in ("one", "other"):
+        subprocess.run([sys.executable, "-c", KILLED, str(tmp_path / name)], check=False)
+    assert len(os.listdir(tmp_path)) == 2
+    with atomic_write(tmp_path / "one") as beside:
+        beside.write_text("all")
+        with atomic_write(tmp_path / "one") as again:  # the first writer lives
+            again.write_text("all of another")
+    assert (tmp_path / "one").read_text() == "all"
+    (left,) = {*os.listdir(tmp_path)} - {"one"}
+    assert left.endswith(".unfinished") and (tmp_path / left).read_text() == "half"
 
 
 def test_attributes_become_text_or_numbers_or_are_refused_by_name(tmp_path):
