@@ -1,8 +1,9 @@
-"""One page of a study: written from its results, and whole by itself."""
+"""The report of a study: one HTML page, written from its results."""
 
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,27 +12,140 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.classes.classification import are_of_classes
+from pymc_hyperelastic.files.stored import read_json
 from pymc_hyperelastic.files.whole import written_whole
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import per_kilopascal
-from pymc_hyperelastic.reports.blocks import BAD, LEVELS, Block, Found, Page, short
-from pymc_hyperelastic.reports.decisions import is_classified
-from pymc_hyperelastic.reports.fits import are_fits
-from pymc_hyperelastic.reports.kinds import CHAPTERS, Kind, kind_of
-from pymc_hyperelastic.reports.software import methods_of, versions_of
+from pymc_hyperelastic.reports import (
+    cohort,
+    comparison,
+    cross_validation,
+    decisions,
+    design,
+    fits,
+    measurements,
+    properties,
+    settings,
+)
+from pymc_hyperelastic.reports.page import BAD, LEVELS, Entry, Page, listed
+
+_PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "arviz", "numpy", "xarray", "matplotlib")
+# Beginning of the sentence on a strain energy, and that on a further one.
+_MODELLED, _ALSO = "Each vessel was modelled", "Each vessel was also modelled"
+# Titles of the chapters by anchor, in their order on the page. The notices of "warnings" and the
+# sentences of "methods" have templates of their own.
+CHAPTERS = {
+    "warnings": "Warnings and diagnoses",
+    "evidence": "Evidence and its diagnosis",
+    "data": "Data",
+    "fits": "Fits",
+    "posteriors": "Posteriors",
+    "classes": "Classes and decisions",
+    "differences": "Differences between groups",
+    "properties": "Elastic properties",
+    "design": "What to measure next",
+    "settings": "Settings",
+    "methods": "Methods",
+}
 
 
-class _Part(NamedTuple):
-    """What one result says in a chapter."""
+class Kind(NamedTuple):
+    """What a report says about one kind of result."""
 
-    title: str
-    blocks: list[Block]
+    name: str
+    """Title of a result without one."""
+    names: set[str]
+    """Variables of a Dataset, or groups of a DataTree, by which the kind is recognised."""
+    sections: Mapping[str, Callable[[Entry, Page], None]]
+    """Functions that write the chapters, by anchor."""
 
 
-class _Chapter(NamedTuple):
-    anchor: str
-    title: str
-    parts: list[_Part]
+COHORT = Kind(
+    "Fitted cohort",
+    {"posterior", "evidence"},
+    {
+        "warnings": cohort.check_cohort,
+        "evidence": cohort.show_cohort_evidence,
+        "posteriors": cohort.show_cohort_posteriors,
+        "properties": cohort.show_cohort_properties,
+        "methods": cohort.cohort_methods,
+    },
+)
+CLASSES = Kind(
+    "Fitted classes",
+    {"posterior"},
+    {
+        "warnings": fits.check_fits,
+        "evidence": fits.show_evidence,
+        "data": fits.show_training,
+        "fits": fits.show_fits,
+        "posteriors": fits.show_posteriors,
+        "properties": properties.show_properties,
+        "settings": settings.show_settings,
+        "methods": settings.fit_methods,
+    },
+)
+CLASSIFIED = Kind(
+    "Classified",
+    {"class_probability", "class_probability_se", "class_label"},
+    {
+        "warnings": decisions.check_classified,
+        "classes": decisions.show_classified,
+        "methods": decisions.classified_methods,
+    },
+)
+TABLES = (
+    Kind(
+        "Cross-validation",
+        {"log_score", "true_class", "class_label"},
+        {
+            "warnings": cross_validation.check_cross_validation,
+            "classes": cross_validation.show_cross_validation,
+            "methods": cross_validation.cross_validation_methods,
+        },
+    ),
+    CLASSIFIED,
+    Kind(
+        "Explanation",
+        {"log_ratio_part", "rival", "class_label"},
+        {"classes": decisions.show_explanation},
+    ),
+    Kind(
+        "Comparison of groups",
+        {"difference", "comparison", "quantity"},
+        {
+            "warnings": comparison.check_comparison,
+            "differences": comparison.show_comparison,
+            "methods": comparison.comparison_methods,
+        },
+    ),
+    Kind(
+        "Planned tests",
+        {"information", "design", "tests"},
+        {
+            "warnings": design.check_designs,
+            "design": design.show_designs,
+            "methods": design.designs_methods,
+        },
+    ),
+    Kind(
+        "Planned study",
+        {"width", "decided", "specimens"},
+        {
+            "warnings": design.check_plan,
+            "design": design.show_plan,
+            "methods": design.plan_methods,
+        },
+    ),
+    Kind(
+        "Data",
+        {"pressure", "radius", "specimen"},
+        {
+            "warnings": measurements.check_measurements,
+            "data": measurements.show_measurements,
+        },
+    ),
+)
 
 
 @one_thread
@@ -44,12 +158,11 @@ def report(
     pressure: Any = None,
     pressure_unit: str = "mmHg",
 ) -> Path:
-    """Write a report of results: one HTML file that needs no other, on a screen and on paper.
+    """Write a report of results: one HTML file for the screen and for paper.
 
-    What is to be known before the numbers stands first: what the data are, verdicts about
-    evidences, and what cannot be judged. Data, fits, posteriors, decisions, differences and
-    elastic properties follow as figures and tables, as far as the results hold them; then the
-    settings, how to cite, and a paragraph on the methods that can be pasted into an article.
+    Warnings and diagnoses come first. Then the report shows, as far as the results hold them, data,
+    fits, posteriors, decisions, differences and elastic properties in figures and tables. At the
+    end are the settings, a paragraph on the methods for an article, and how to cite the package.
 
     Parameters
     ----------
@@ -57,21 +170,20 @@ def report(
         Results of :func:`fit_classes`, :func:`sample_smc`, :func:`classify`, :func:`open_cohort`,
         :func:`compare_classes`, :func:`calibration_report`, :func:`expected_information` and
         :func:`plan_study`, or inflation data. Several are given as a list, or as a dict of titles
-        to results. Of more than 200 classified specimens decisions are counted, and those whose
-        class is least clear are shown.
+        to results. If more than 200 specimens were classified, decisions are counted, and the
+        specimens with the least clear class are shown.
     path : str or path
-        The file. Its folder is made if there is none. What was there is replaced when all of the
-        new one is written, and stays if that fails.
+        The file. Its folder is made if needed. An existing file is replaced once the new one is
+        complete.
     data : xarray.Dataset or dict of str to xarray.Dataset, optional
-        Measurements that are shown beside the training data of the classes, such as those that were
-        classified.
+        Further measurements to show, such as those that were classified.
     title : str, optional
-        Heading of the page; what the data are called when missing.
+        Heading of the page; by default the title of the data.
     pressure : array_like, optional
         Internal pressures of the elastic properties, in `pressure_unit`; by default three that all
         experiments of the classes reached.
     pressure_unit : str, default "mmHg"
-        Unit of the pressures that are shown, as pint knows it.
+        Unit of pressures on the page, as pint knows it.
 
     Returns
     -------
@@ -91,8 +203,8 @@ def report(
 
     Notes
     -----
-    A figure that cannot be drawn is missing, and the warnings on top of the page say why. The same
-    results give the same file.
+    If a figure cannot be drawn, a warning at the top of the page gives the reason. The same results
+    give the same file.
 
     Examples
     --------
@@ -104,27 +216,24 @@ def report(
     True
     """
     template = _template()
-    per_kilopascal(pressure_unit)  # an unknown unit is told before anything is drawn
+    per_kilopascal(pressure_unit)  # raise for an unknown unit before anything is drawn
     path = _checked_path(path)
-    found = [(each, kind_of(each.result)) for each in _titled(result, data)]
+    entries = _entries(result, data)
     page = Page(_checked_pressure(pressure), pressure_unit)
-    for each, kind in found:
-        with page.listening(f"What speaks against {each.title}"):
-            kind.check(each, page)
-    _check_identity([each for each, _ in found], page)
-    chapters = _chapters(found, page)
-    methods = methods_of(found, page)
-    # A figure tells what its data lack only when it is drawn: warnings are sorted at the end.
+    chapters: list[dict[str, Any]] = []
+    for anchor, chapter in CHAPTERS.items():
+        parts = [(entry.title, _blocks(entry, anchor, page)) for entry in entries]
+        if parts := [part for part in parts if part[1]]:
+            chapters.append({"anchor": anchor, "title": chapter, "parts": parts})
+    _check_classes(entries, page)
     page.notices.sort(key=lambda notice: LEVELS.index(notice.level))
     html = template.render(
-        title=title or _title_of(found),
-        words=[f"{each.title} ({kind.name.lower()})" for each, kind in found],
-        notices=page.notices,
-        checked=page.checked,
-        complete=page.complete,
+        title=title or _title_of(entries),
+        results=[f"{entry.title} ({kind_of(entry.result).name.lower()})" for entry in entries],
+        page=page,
         chapters=chapters,
-        methods=" ".join(methods),
-        versions=versions_of(found),
+        methods=_methods(page.methods, entries),
+        versions=_versions(entries),
         python=platform.python_version(),
         style=files(__package__).joinpath("style.css").read_text(encoding="utf-8"),
     )
@@ -134,19 +243,81 @@ def report(
     return path
 
 
-def _check_identity(found: Sequence[Found], page: Page) -> None:
-    """Say where decisions were made with other classes than those that the page shows."""
-    classes = [each for each in found if are_fits(each.result) and "posterior" not in each.result]
-    for each in found:
-        if classes and is_classified(each.result):
-            with page.listening(f"What speaks against {each.title}"):
-                if not are_of_classes(each.result, [one.result for one in classes]):
-                    shown = " and ".join(one.title for one in classes)
-                    page.notice(
-                        BAD,
-                        f"{each.title}: the decisions were made with other classes than {shown} on "
-                        "this page. Classify again",
+def kind_of(result: Any) -> Kind:
+    """Return the kind of a result; TypeError if it is no result."""
+    if isinstance(result, xr.DataTree):
+        groups = {*result.children}
+        if COHORT.names <= groups and "error" in result["evidence"].data_vars:
+            return COHORT
+        if any("posterior" in tree.children for tree in (result, *result.children.values())):
+            return CLASSES
+    elif isinstance(result, xr.Dataset):
+        for kind in TABLES:
+            if kind.names <= {*result.variables}:
+                return kind
+    raise TypeError(
+        "expected results of ph.fit_classes, ph.sample_smc, ph.classify, ph.open_cohort, "
+        "ph.compare_classes, ph.calibration_report, ph.expected_information and ph.plan_study, "
+        "inflation data, or a list or a dict of titles with several of these; got "
+        f"{_described(result)}"
+    )
+
+
+def _described(result: Any) -> str:
+    name = type(result).__name__
+    if hasattr(result, "data_vars"):
+        held = [str(name) for name in (*result.data_vars, *getattr(result, "children", ()))]
+        return f"a {name} of {held[:6] or 'nothing'}"
+    return f"{result!r:.60}" if isinstance(result, str | int | float) else name
+
+
+def _entries(result: Any, data: Any) -> list[Entry]:
+    """Return all results, each with a title of its own."""
+    several: list[tuple[str | None, Any]] = []
+    for given in (result, data):
+        if isinstance(given, Mapping) and not isinstance(given, xr.Dataset | xr.DataTree):
+            several += [(str(title), each) for title, each in given.items()]
+        elif isinstance(given, Sequence) and not isinstance(given, str | bytes):
+            several += [(None, each) for each in given]
+        elif given is result or given is not None:
+            several.append((None, given))
+    if not several:
+        raise ValueError("there are no results; expected at least one")
+    entries: list[Entry] = []
+    for given_title, each in several:
+        title = plain = given_title or kind_of(each).name
+        kind_of(each)
+        count = 1
+        while title in [entry.title for entry in entries]:
+            count += 1
+            title = f"{plain} {count}"
+        entries.append(Entry(title, each))
+    return entries
+
+
+def _blocks(entry: Entry, anchor: str, page: Page) -> list[dict[str, Any]]:
+    """Write what a result says in a chapter, and return it."""
+    page.title, page.blocks = entry.title, []
+    write = kind_of(entry.result).sections.get(anchor)
+    if write:
+        with page.catching(f"“{CHAPTERS[anchor]}” of {entry.title}"):
+            write(entry, page)
+    return page.blocks
+
+
+def _check_classes(entries: Sequence[Entry], page: Page) -> None:
+    """Add a notice if decisions were made with other classes than those on the page."""
+    fitted = [each for each in entries if kind_of(each.result) is CLASSES]
+    classes = [each for each in fitted if "posterior" not in each.result.children]
+    for entry in entries if classes else ():
+        if kind_of(entry.result) is CLASSIFIED:
+            with page.catching(entry.title):
+                if not are_of_classes(entry.result, [each.result for each in classes]):
+                    words = (
+                        "the decisions were made with other classes than "
+                        f"{listed([each.title for each in classes])} on this page. Classify again"
                     )
+                    page.notice(BAD, words, entry.title)
 
 
 def _template() -> Any:
@@ -163,7 +334,6 @@ def _template() -> Any:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["short"] = short
     return environment.get_template("page.html.jinja")
 
 
@@ -189,57 +359,56 @@ def _checked_pressure(pressure: Any) -> Any:
     return values
 
 
-def _titled(result: Any, data: Any) -> list[Found]:
-    """All results, each with a title of its own."""
-    several: list[tuple[str | None, Any]]
-    if isinstance(result, xr.Dataset | xr.DataTree):
-        several = [(None, result)]
-    elif isinstance(result, Mapping):
-        several = [(str(name), each) for name, each in result.items()]
-    elif isinstance(result, Sequence) and not isinstance(result, str | bytes):
-        several = [(None, each) for each in result]
-    else:
-        several = [(None, result)]
-    if isinstance(data, Mapping) and not isinstance(data, xr.Dataset):
-        several += [(str(name), each) for name, each in data.items()]
-    elif data is not None:
-        several.append((None, data))
-    if not several:
-        raise ValueError("there are no results: a report is of one at least")
-    found: list[Found] = []
-    for name, each in several:
-        plain = name or kind_of(each).name
-        count, title = 1, plain
-        while title in {known.title for known in found}:
-            count += 1
-            title = f"{plain} {count}"
-        found.append(Found(title, each))
-    return found
-
-
-def _chapters(found: Sequence[tuple[Found, Kind]], page: Page) -> list[_Chapter]:
-    chapters = []
-    for anchor, title in CHAPTERS.items():
-        parts = []
-        for each, kind in found:
-            blocks: list[Block] = []
-            if anchor in kind.chapters:
-                with page.listening(f"The chapter “{title}” of {each.title}"):
-                    blocks = kind.chapters[anchor](each, page)
-            if blocks:
-                parts.append(_Part(each.title, blocks))
-        if parts:
-            chapters.append(_Chapter(anchor, title, parts))
-    return chapters
-
-
-def _title_of(found: Sequence[tuple[Found, Kind]]) -> str:
-    """What the data are called."""
+def _title_of(entries: Sequence[Entry]) -> str:
+    """Return the titles of the data."""
     attrs = []
-    for each, _ in found:
-        attrs.append(each.result.attrs)
-        if isinstance(each.result, xr.DataTree):
-            trees = [each.result, *each.result.children.values()]
-            attrs += [t["constant_data"].attrs for t in trees if "constant_data" in t.children]
+    for _, result in entries:
+        attrs.append(result.attrs)
+        if isinstance(result, xr.DataTree):
+            groups = [node for node in result.subtree if node.name == "constant_data"]
+            attrs += [group.attrs for group in groups]
     titles = dict.fromkeys(str(a["title"]) for a in attrs if a.get("title"))
     return ", ".join(titles) or "Report of a study"
+
+
+def _methods(sentences: Sequence[str], entries: Sequence[Entry]) -> str:
+    """Return the paragraph on the methods, each sentence once."""
+    paragraph: list[str] = []
+    for sentence in dict.fromkeys(sentences):
+        several = any(other.startswith((_MODELLED, _ALSO)) for other in paragraph)
+        paragraph.append(sentence.replace(_MODELLED, _ALSO) if several else sentence)
+    software = {name: _installed(name) for name in _PACKAGES}
+    for _, result in entries:
+        software |= _stored_versions(result)
+    paragraph.append(
+        f"All results were computed with pymc_hyperelastic {software['pymc-hyperelastic']} on PyMC "
+        f"{software['pymc']}, PyTensor {software['pytensor']} and NumPy {software['numpy']}."
+    )
+    return " ".join(paragraph)
+
+
+def _versions(entries: Sequence[Entry]) -> list[tuple[str, str, str]]:
+    """Return the versions of packages when the results were made, and now."""
+    stored: dict[str, list[str]] = {name: [] for name in _PACKAGES}
+    for _, result in entries:
+        for name, number in _stored_versions(result).items():
+            stored.setdefault(name, []).append(number)
+    return [
+        (name, ", ".join(dict.fromkeys(numbers)) or "unknown", _installed(name))
+        for name, numbers in stored.items()
+    ]
+
+
+def _installed(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+def _stored_versions(result: Any) -> dict[str, str]:
+    """Return the versions that a result, or its first class, holds by package."""
+    trees = [result, *result.children.values()] if isinstance(result, xr.DataTree) else []
+    stored = next((tree for tree in trees if "versions" in tree.attrs), None)
+    versions = {} if stored is None else read_json(stored, "versions", {})
+    return {str(name): str(number) for name, number in versions.items()}
