@@ -11,10 +11,8 @@ from pymc_hyperelastic.reports.page import (
     BAD,
     CAUTION,
     NOTE,
-    Entry,
     Page,
     frame_of,
-    interval_ends,
     listed,
     short,
 )
@@ -27,9 +25,8 @@ _LACKING = 0.005
 _MOST_PRESSURES = 3
 
 
-def check_comparison(entry: Entry, page: Page) -> None:
+def _check(result: xr.Dataset, page: Page) -> None:
     """Add notices on the number of differences, the prior, and specimens without a quantity."""
-    result: xr.Dataset = entry.result
     warn_of_simulated(result.attrs, page)
     if "words" in result.attrs:
         page.notice(NOTE, result.attrs["words"])
@@ -57,9 +54,10 @@ def check_comparison(entry: Entry, page: Page) -> None:
             page.notice(BAD, f"the error of the Bayes factor of {of} is infinite")
 
 
-def show_comparison(entry: Entry, page: Page) -> None:
+def show_comparison(result: xr.Dataset, page: Page) -> None:
     """Add differences as a figure and tables."""
-    result: xr.Dataset = entry.result
+    _check(result, page)
+    _add_methods(result, page)
     prob = float(result.attrs["interval"])
     page.figure(
         "Differences between groups",
@@ -70,52 +68,34 @@ def show_comparison(entry: Entry, page: Page) -> None:
     if tube := read_json(result, "tube", {}):
         sizes = listed([f"{name.replace('_', ' ')} {short(v)}" for name, v in tube.items()])
         page.text(f"All materials are compared in one tube, in mm and rad: {sizes}.")
-    dims, at = [], {}
+    dims = []
     if "pressure" in result.dims:
         dims = ["pressure"]
-        at = {"pressure": f"pressure ({result.attrs['pressure_unit']})"}
         result = result.isel(pressure=evenly(result.sizes["pressure"], _MOST_PRESSURES))
-    low, high = interval_ends(prob)
-    columns = {"quantity": "quantity", "unit": "unit", "group": "group", "statistic": "statistic"}
-    columns |= at | {"value": "median", "value_sd": "sd"}
-    columns |= {"value_interval:low": low, "value_interval:high": high}
-    values = result.assign_coords(unit=result["unit"].where(result["unit"] != "1", ""))
-    frame = frame_of(values, columns, ["quantity", "group", "statistic", *dims])
+        page.text(f"Pressures in the tables are in {result.attrs['pressure_unit']}.")
+    place = "pressure " if dims else ""
+    names = f"quantity unit group statistic {place}value value_sd value_interval"
+    frame = frame_of(result, names, "quantity", "group", "statistic", *dims)
     page.table("Values of the groups", frame)
-    columns = {"quantity": "quantity", "comparison": "comparison"} | at
-    columns |= {
-        "difference": "difference",
-        "difference_interval:low": low,
-        "difference_interval:high": high,
-        "probability_of_rise": "probability of a rise",
-        "effect_size": "effect size",
-        "effect_size_interval:low": f"effect size, {low}",
-        "effect_size_interval:high": f"effect size, {high}",
-        "best_accuracy": "best accuracy",
-    }
-    if "prior_sensitivity" in result:
-        columns["prior_sensitivity"] = "sensitivity to the prior"
+    names = (
+        f"quantity comparison {place}difference difference_interval probability_of_rise "
+        "effect_size effect_size_interval best_accuracy prior_sensitivity"
+    )
     typical = result.sel(statistic="typical", drop=True)
     page.table(
         "Differences of the typical specimens",
-        frame_of(typical, columns, ["quantity", "comparison", *dims]),
+        frame_of(typical, names, "quantity", "comparison", *dims),
         "Effect sizes are in units of the standard deviation between specimens. The best accuracy "
         "is that of an ideal decision about one new specimen.",
     )
     if "log_bayes_factor" in result:
-        columns = {
-            "comparison": "comparison",
-            "log_bayes_factor": "log Bayes factor",
-            "log_bayes_factor_se": "its standard error",
-            "probability_of_difference": "probability of a difference",
-        }
-        frame = frame_of(result, columns, ["comparison"])
+        names = "comparison log_bayes_factor log_bayes_factor_se probability_of_difference"
+        frame = frame_of(result, names, "comparison")
         page.table("Bayes factors of different against equal distributions", frame)
 
 
-def comparison_methods(entry: Entry, page: Page) -> None:
+def _add_methods(result: xr.Dataset, page: Page) -> None:
     """Add sentences on how groups were compared."""
-    result: xr.Dataset = entry.result
     names = result["quantity"].values.tolist()
     count = int(result.attrs.get("compared", len(names)))
     at = ""

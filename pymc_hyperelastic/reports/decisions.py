@@ -1,6 +1,7 @@
 """Classified specimens or experiments in a report."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,7 +16,6 @@ from pymc_hyperelastic.reports.measurements import warn_of_simulated
 from pymc_hyperelastic.reports.page import (
     BAD,
     CAUTION,
-    Entry,
     Page,
     frame_of,
     listed,
@@ -35,19 +35,14 @@ _CLEAR = 0.95
 _MOST_MESSAGES = 10
 # Digits to which probabilities are rounded before they are sorted, against rounding errors.
 _DIGITS = 9
-_COLUMNS = {
-    "name": "specimen",
-    "group": "known group",
-    "decision": "decision",
-    "class_label": "class",
-    "class_probability": "probability",
-    "class_probability_se": "its standard error",
-    "log_evidence": "log evidence",
-    "log_evidence_se": "its standard error",
-    "pareto_k": "Pareto shape",
-    "p_value": "p-value",
-    "method": "integrated by",
-}
+_COLUMNS = (
+    "name group decision class_label class_probability class_probability_se log_evidence "
+    "log_evidence_se pareto_k p_value method"
+)
+_LAW_COLUMNS = (
+    "strain_energy strain_energy_probability strain_energy_probability_se "
+    "strain_energy_log_evidence strain_energy_log_evidence_se"
+)
 
 
 def unit_of(result: xr.Dataset) -> str:
@@ -86,20 +81,15 @@ def warn_of_failures(result: xr.Dataset, page: Page) -> None:
         page.notice(CAUTION, f"{listed(names[rest])} failed for other reasons")
 
 
-def warn_of_some(
-    page: Page, names: np.ndarray, cases: Iterable[tuple[str, str, np.ndarray]]
-) -> None:
+def warn_of_some(page: Page, names: np.ndarray, cases: Iterable[tuple[str, str, Any]]) -> None:
     """Add a notice with the names where a condition holds; cases are (level, words, condition)."""
     for level, words, where in cases:
         if where.any():
-            page.notice(level, f"{words}: {listed(names[where])}")
+            page.notice(level, f"{words}: {listed(names[np.asarray(where)])}")
 
 
-def check_classified(entry: Entry, page: Page) -> None:
+def _check_decisions(result: xr.Dataset, page: Page) -> None:
     """Add notices on specimens without a reliable decision, and on doubtful classes."""
-    result: xr.Dataset = entry.result
-    warn_of_simulated(result.attrs, page)
-    warn_of_failures(result, page)
     page.check("decisions, and errors of the evidences and probabilities behind them")
     unit = unit_of(result)
     table = {
@@ -142,9 +132,12 @@ def check_classified(entry: Entry, page: Page) -> None:
                 page.notice(level, f"the fit of class {label} is {verdict}")
 
 
-def show_classified(entry: Entry, page: Page) -> None:
+def show_classified(result: xr.Dataset, page: Page) -> None:
     """Add probabilities of the classes, and of the strain energies if they were averaged."""
-    result: xr.Dataset = entry.result
+    warn_of_simulated(result.attrs, page)
+    warn_of_failures(result, page)
+    _check_decisions(result, page)
+    _add_methods(result, page)
     unit = unit_of(result)
     if result.sizes[unit] > _MOST_SHOWN:
         result = _least_clear(result, page)
@@ -162,14 +155,7 @@ def show_classified(entry: Entry, page: Page) -> None:
         _show_decisions(result, page)
     if "strain_energy_probability" in result:
         page.figure("Probability of each strain energy", plot_law_probability, result)
-        columns = {
-            "strain_energy": "strain energy",
-            "strain_energy_probability": "probability",
-            "strain_energy_probability_se": "its standard error",
-            "strain_energy_log_evidence": "log evidence",
-            "strain_energy_log_evidence_se": "its standard error",
-        }
-        frame = frame_of(result, columns, ["strain_energy"])
+        frame = frame_of(result, _LAW_COLUMNS, "strain_energy")
         page.table("Strain energies in the average", frame)
 
 
@@ -180,13 +166,11 @@ def _show_decisions(result: xr.Dataset, page: Page) -> None:
     table = table.drop_vars(labels).assign(name=(unit, names_of(result)))
     if "decision" in table:
         table["decision"] = table["decision"].where(table["decision"] != "", "not classified")
-    columns = {name: heading for name, heading in _COLUMNS.items() if name in table}
-    page.table("Decisions and probabilities", frame_of(table, columns, [unit, "class_label"]))
+    page.table("Decisions and probabilities", frame_of(table, _COLUMNS, unit, "class_label"))
 
 
-def show_explanation(entry: Entry, page: Page) -> None:
+def show_explanation(result: xr.Dataset, page: Page) -> None:
     """Add the parts of the log ratios of evidences."""
-    result: xr.Dataset = entry.result
     parts = result["part"].values.tolist()
     rows = []
     for i, name in enumerate(names_of(result)):
@@ -228,9 +212,8 @@ def _least_clear(result: xr.Dataset, page: Page) -> xr.Dataset:
     return result.isel({unit: np.sort(chosen)})
 
 
-def classified_methods(entry: Entry, page: Page) -> None:
+def _add_methods(result: xr.Dataset, page: Page) -> None:
     """Add sentences on how decisions were made."""
-    result: xr.Dataset = entry.result
     unit = unit_of(result)
     what = plural(result.sizes[unit], "experiment" if unit == "test" else "specimen")
     labels = result["class_label"].values.tolist()

@@ -4,7 +4,7 @@ import xarray as xr
 
 from pymc_hyperelastic.plots.information import plot_information
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
-from pymc_hyperelastic.reports.page import CAUTION, NOTE, Entry, Page, frame_of, listed, short
+from pymc_hyperelastic.reports.page import CAUTION, NOTE, Page, frame_of, listed, short
 
 # Share of specimens that cannot be tested by a design above which it is a warning.
 _LACKING = 0.005
@@ -14,9 +14,8 @@ _UNSURE = 0.05
 _ERRORS = 2
 
 
-def check_designs(entry: Entry, page: Page) -> None:
+def _check_designs(result: xr.Dataset, page: Page) -> None:
     """Add notices on designs that are as good as the best, and on specimens that are left out."""
-    result: xr.Dataset = entry.result
     warn_of_simulated(result.attrs, page)
     page.check("whether planned tests differ by more than their errors, and which are impossible")
     if "words" in result.attrs:
@@ -34,95 +33,59 @@ def check_designs(entry: Entry, page: Page) -> None:
     ):
         for name, share in zip(names, result[variable].values.tolist(), strict=True):
             if share > limit:
-                page.notice(CAUTION, f"{share:.1%} {words}", f"{entry.title}, {name}")
+                page.notice(CAUTION, f"{share:.1%} {words}", f"{page.title}, {name}")
 
 
-def show_designs(entry: Entry, page: Page) -> None:
+def show_designs(result: xr.Dataset, page: Page) -> None:
     """Add the expected information of planned tests."""
-    result: xr.Dataset = entry.result
+    _check_designs(result, page)
     about = str(result.attrs["about"]).replace("_", " ")
+    page.methods.append(
+        f"Planned tests were ranked by the expected information about the {about} of a new "
+        f"specimen, estimated with {result.sizes['specimen']} specimens that were simulated from "
+        "the classes and measured in each of the tests."
+    )
     what = f"Expected information of planned tests about the {about} of a new specimen"
     page.figure(what, plot_information, result, note="Lines: ± two standard errors.")
-    headings = {
-        "information": "information",
-        "difference": "less than the best",
-        "change_by_half": "change with half of the draws",
-    }
-    columns = {"design": "design", "tests": "tests"}
-    for name, heading in headings.items():
-        columns |= {name: heading, f"{name}_se": "its standard error"}
-    page.table(f"{what}, in nats", frame_of(result, columns, ["design"]))
+    names = (
+        "design tests information information_se difference difference_se change_by_half "
+        "change_by_half_se"
+    )
+    page.table(f"{what}, in nats", frame_of(result, names, "design"))
     if about == "class":
         most = short(float(result.attrs["entropy"]))
         page.text(f"Tests that tell the class with certainty would give {most} nats.")
 
 
-def designs_methods(entry: Entry, page: Page) -> None:
-    """Add a sentence on how planned tests were compared."""
-    about = str(entry.result.attrs["about"]).replace("_", " ")
-    page.methods.append(
-        f"Planned tests were ranked by the expected information about the {about} of a new "
-        f"specimen, estimated with {entry.result.sizes['specimen']} specimens that were simulated "
-        "from the classes and measured in each of the tests."
-    )
-
-
-def check_plan(entry: Entry, page: Page) -> None:
-    """Add a notice on the number of simulated studies."""
-    result: xr.Dataset = entry.result
+def show_plan(result: xr.Dataset, page: Page) -> None:
+    """Add what studies of each size are expected to find."""
     warn_of_simulated(result.attrs, page)
-    page.check("the number of simulated studies")
+    studies = f"{result.attrs['studies']} simulated studies"
     page.notice(
         NOTE,
-        f"the shares are those of {result.attrs['studies']} simulated studies, with parameters "
-        "from the posterior of the pilot study",
+        f"shares are those of {studies}, with parameters from the posterior of the pilot study",
     )
-
-
-def show_plan(entry: Entry, page: Page) -> None:
-    """Add what studies of each size are expected to find."""
-    result: xr.Dataset = entry.result
+    page.methods.append(
+        f"The number of specimens was planned by assurance: the results for differences in "
+        f"{listed(result['quantity'].values.tolist())} were those of {studies} of "
+        f"{listed(result['specimens'].values.tolist())} specimens per group, with parameters drawn "
+        "from the posterior of the pilot study."
+    )
     prob = f"{100 * float(result.attrs['interval']):.3g} %"
-    columns = {
-        "quantity": "quantity",
-        "unit": "unit",
-        "comparison": "comparison",
-        "specimens": "specimens per group",
-        "width": f"width of the {prob} interval",
-        "width_se": "its standard error",
-        "width_interval:low": "from",
-        "width_interval:high": "to",
-        "decided": "share decided",
-        "decided_se": "its standard error",
-        "wrong": "share decided wrongly",
-        "covered": "share covered",
-    }
-    table = result.assign_coords(unit=result["unit"].where(result["unit"] != "1", ""))
+    names = (
+        "quantity unit comparison specimens width width_se width_interval decided decided_se "
+        "wrong covered"
+    )
     page.table(
         "Expected results for differences",
-        frame_of(table, columns, ["quantity", "comparison", "specimens"]),
-        f"The width is the median, with the range of {prob} of the studies. A study decides if "
-        f"its interval lies beyond {short(float(result.attrs['relevant']))} on one side.",
+        frame_of(result, names, "quantity", "comparison", "specimens"),
+        f"For each number of specimens per group, the width of the {prob} interval (median and "
+        f"range of {prob} of the studies), and the shares of studies that decide, decide wrongly "
+        "and cover the truth. A study decides if its interval lies beyond "
+        f"{short(float(result.attrs['relevant']))} on one side.",
     )
-    columns = {
-        "specimens": "specimens per group",
-        "log_score": "mean log score",
-        "log_score_se": "its standard error",
-    }
     page.table(
         "Expected classification of new specimens",
-        frame_of(result, columns, ["specimens"]),
+        frame_of(result, "specimens log_score log_score_se", "specimens"),
         f"The best attainable mean log score is {short(float(result['best_log_score']))}.",
-    )
-
-
-def plan_methods(entry: Entry, page: Page) -> None:
-    """Add a sentence on how a study was planned."""
-    result: xr.Dataset = entry.result
-    sizes = listed(result["specimens"].values.tolist())
-    page.methods.append(
-        "The number of specimens was planned by assurance: for "
-        f"{result.attrs['studies']} simulated studies of {sizes} specimens per group, with "
-        "parameters drawn from the posterior of the pilot study, the expected results for "
-        f"differences in {listed(result['quantity'].values.tolist())} were computed."
     )

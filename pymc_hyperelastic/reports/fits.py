@@ -22,7 +22,6 @@ from pymc_hyperelastic.reports.page import (
     BAD,
     CAUTION,
     NOTE,
-    Entry,
     Page,
     frame_of,
     interval_ends,
@@ -39,10 +38,9 @@ _BOTH_SIGNS = 0.01
 _LEVELS = dict(zip(VERDICTS, (NOTE, CAUTION, BAD), strict=True))
 
 
-def classes_of(entry: Entry) -> dict[str, xr.DataTree]:
-    """Return the fitted classes by name; a sampled model has the title of its entry."""
-    one = "posterior" in entry.result.children
-    return {entry.title: entry.result} if one else fitted_classes(entry.result)
+def classes_of(result: xr.DataTree, page: Page) -> dict[str, xr.DataTree]:
+    """Return the fitted classes by name; a sampled model has the title of the result."""
+    return {page.title: result} if "posterior" in result.children else fitted_classes(result)
 
 
 def has_data(tree: xr.DataTree) -> bool:
@@ -50,15 +48,15 @@ def has_data(tree: xr.DataTree) -> bool:
     return "constant_data" in tree.children and "radius" in tree["constant_data"].data_vars
 
 
-def _subject(entry: Entry, name: str) -> str:
-    return name if name == entry.title else f"{entry.title}, class {name}"
+def _subject(name: str, page: Page) -> str:
+    return name if name == page.title else f"{page.title}, class {name}"
 
 
-def check_fits(entry: Entry, page: Page) -> None:
+def _check(result: xr.DataTree, page: Page) -> None:
     """Add notices on evidences, chains, specimens and pooling."""
-    classes = classes_of(entry)
+    classes = classes_of(result, page)
     for name, tree in classes.items():
-        subject = _subject(entry, name)
+        subject = _subject(name, page)
         if has_data(tree):
             warn_of_simulated(tree["constant_data"].attrs, page)
         _check_evidence(subject, tree, page)
@@ -117,11 +115,12 @@ def _check_specimens(subject: str, specimens: xr.Dataset, page: Page) -> None:
             page.notice(CAUTION, words, subject)
 
 
-def show_evidence(entry: Entry, page: Page) -> None:
-    """Add the evidence of each class, and the checks of its diagnosis."""
+def show_evidence(result: xr.DataTree, page: Page) -> None:
+    """Add the evidence of each class, and the checks of its diagnosis; add notices on a fit."""
+    _check(result, page)
     evidences, checks = [], {}
-    for name, tree in classes_of(entry).items():
-        with suppress(ValueError):  # a result without evidence: see check_fits
+    for name, tree in classes_of(result, page).items():
+        with suppress(ValueError):  # a result without evidence: see _check_evidence
             diagnosis = diagnose_evidence(tree)
             value, error = log_evidence(tree)
             evidences.append([name, value, error, diagnosis.attrs["verdict"]])
@@ -136,18 +135,19 @@ def show_evidence(entry: Entry, page: Page) -> None:
         )
 
 
-def show_training(entry: Entry, page: Page) -> None:
+def show_training(result: xr.DataTree, page: Page) -> None:
     """Add the data to which classes were fitted."""
-    for name, tree in classes_of(entry).items():
+    title = page.title
+    for name, tree in classes_of(result, page).items():
         if has_data(tree):
-            page.title = name if name == entry.title else f"class {name}"
-            show_measurements(Entry(page.title, inflation_data_of(tree)), page)
-    page.title = entry.title
+            page.title = name if name == title else f"class {name}"
+            show_measurements(inflation_data_of(tree), page)
+    page.title = title
 
 
-def show_fits(entry: Entry, page: Page) -> None:
+def show_fits(result: xr.DataTree, page: Page) -> None:
     """Add bands of the posterior with the data, and how well each specimen was integrated."""
-    classes = classes_of(entry)
+    classes = classes_of(result, page)
     if not all(map(has_data, classes.values())):
         page.text("The result holds no data with which its curves could be compared.")
         return
@@ -160,47 +160,41 @@ def show_fits(entry: Entry, page: Page) -> None:
     page.figure(
         "Fit of the pressure and its slope",
         plot_pressure_fit,
-        entry.result,
+        result,
         note=note,
         prob=PROB,
         pressure_unit=page.pressure_unit,
     )
     if any("axial_force" in inflation_data_of(tree) for tree in classes.values()):
-        page.figure("Fit of the axial force", plot_axial_force, entry.result, note=note, prob=PROB)
+        page.figure("Fit of the axial force", plot_axial_force, result, note=note, prob=PROB)
     if differ and all("specimens" in tree.children for tree in classes.values()):
-        columns = {
-            "specimen": "specimen",
-            "misfit": "squared misfit",
-            "freedom": "degrees of freedom",
-            "pareto_k": "Pareto shape",
-            "standard_error": "error of log evidence",
-            "method": "integrated by",
-        }
+        names = "specimen misfit freedom pareto_k standard_error method"
         tables = []
         for name, tree in classes.items():
-            tables.append(frame_of(tree["specimens"].to_dataset(), columns, ["specimen"]))
+            tables.append(frame_of(tree["specimens"].to_dataset(), names, "specimen"))
             tables[-1].insert(1, "class", name)
         page.table(
             "Best curve of each specimen",
             pd.concat(tables),
-            "If the noise is known, the squared misfit (in variances of the noise) is about the "
-            "number of degrees of freedom.",
+            "If the noise is known, the misfit (squared residuals in variances of the noise) is "
+            "about the number of degrees of freedom. The standard error is that of the log "
+            "evidence of the specimen.",
         )
 
 
-def show_posteriors(entry: Entry, page: Page) -> None:
+def show_posteriors(result: xr.DataTree, page: Page) -> None:
     """Add the joint posterior of two parameters, and a table of all; check convergence."""
-    classes = classes_of(entry)
+    classes = classes_of(result, page)
     tables = {}
     for name, tree in classes.items():
         posterior = _posterior(tree)
         tables[name] = _summary(name, posterior, units_of(tree))
-        _check_convergence(_subject(entry, name), posterior, tables[name], page)
+        _check_convergence(_subject(name, page), posterior, tables[name], page)
     if all(sum("|" not in p for p in table["parameter"]) > 1 for table in tables.values()):
         page.figure(
             "Joint posterior of two parameters",
             plot_parameter_density,
-            entry.result,
+            result,
             note=f"The regions hold {' and '.join(f'{100 * p:.3g} %' for p in _REGIONS)}.",
             probs=_REGIONS,
         )

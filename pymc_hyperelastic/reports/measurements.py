@@ -14,7 +14,7 @@ from pymc_hyperelastic.data.inflation import (
 from pymc_hyperelastic.data.select import specimens_apart
 from pymc_hyperelastic.plots.inflation import plot_inflation
 from pymc_hyperelastic.plots.style import per_kilopascal
-from pymc_hyperelastic.reports.page import NOTE, Entry, Page, plural, short
+from pymc_hyperelastic.reports.page import NOTE, Page, plural, short
 
 # Heading and unit, in units of the package, of each quantity of the table.
 _QUANTITIES = {
@@ -26,13 +26,6 @@ _QUANTITIES = {
 }
 
 
-def check_measurements(entry: Entry, page: Page) -> None:
-    """Add notices if data are simulated, or not sound."""
-    with page.catching(entry.title):
-        check_inflation_data(entry.result)
-    warn_of_simulated(entry.result.attrs, page)
-
-
 def warn_of_simulated(attrs: Any, page: Page) -> None:
     """Add a notice if data are simulated."""
     page.check("whether data are simulated")
@@ -41,9 +34,11 @@ def warn_of_simulated(attrs: Any, page: Page) -> None:
         page.notice(NOTE, "The data are simulated, and nothing was measured", subject=title)
 
 
-def show_measurements(entry: Entry, page: Page) -> None:
+def show_measurements(data: xr.Dataset, page: Page) -> None:
     """Add where the data come from, a table of the specimens, and the curves."""
-    data: xr.Dataset = entry.result
+    with page.catching(page.title):
+        check_inflation_data(data)
+    warn_of_simulated(data.attrs, page)
     if any(isinstance(shown, xr.Dataset) and data.identical(shown) for shown in page.shown):
         return
     page.shown.append(data)

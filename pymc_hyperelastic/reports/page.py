@@ -5,7 +5,7 @@ import io
 import math
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -24,15 +24,15 @@ _MOST_SHAPES = 6000
 _PIXELS = 96
 # Names that one sentence lists at most.
 _MOST_NAMES = 20
-# Beginnings of the headings of columns whose numbers are never shown as exactly 0 or 1.
-_PROBABILITIES = ("probability", "p-value", "share")
-
-
-class Entry(NamedTuple):
-    """A result with its title."""
-
-    title: str
-    result: Any
+# Headings that the name of a variable does not give.
+_HEADINGS = {
+    "name": "specimen",
+    "class_label": "class",
+    "pareto_k": "Pareto k",
+    "p_value": "p-value",
+}
+# Words in the headings of columns whose numbers are never shown as exactly 0 or 1.
+_PROBABILITIES = re.compile("^(?!SE ).*(probability|p-value|share|decided|wrong|covered)")
 
 
 class Notice(NamedTuple):
@@ -146,18 +146,27 @@ def _simplify(figure: Any) -> None:
             cloud.set_rasterized(True)
 
 
-def frame_of(result: xr.Dataset, columns: Mapping[str, str], dims: Sequence[str]) -> pd.DataFrame:
-    """Return variables and coordinates in columns with the given headings, a row per entry.
+def frame_of(result: xr.Dataset, names: str, *dims: str) -> pd.DataFrame:
+    """Return those of the named variables that are there, in columns; a row per entry along dims.
 
-    The name ``"x_interval:low"`` is the lower end of the interval ``x_interval``.
+    An interval has a column for each end.
     """
-    table = {}
-    for name in columns:
-        variable, _, bound = name.partition(":")
-        table[name] = result[variable].sel(bound=bound, drop=True) if bound else result[variable]
-    variables = {name: values for name, values in table.items() if name not in result.coords}
-    frame = xr.Dataset(variables).to_dataframe(dim_order=list(dims)).reset_index()
-    return frame[[*columns]].set_axis([*columns.values()], axis=1)
+    headings, variables = {}, {}
+    for name in names.split():
+        heading = _HEADINGS.get(name) or name.replace("_", " ").removesuffix(" se")
+        if name.endswith("_interval"):
+            ends = interval_ends(float(result.attrs["interval"]))
+            for bound, end in zip(("low", "high"), ends, strict=True):
+                headings[f"{name} {bound}"] = f"{heading.removesuffix(' interval')}, {end}"
+                variables[f"{name} {bound}"] = result[name].sel(bound=bound, drop=True)
+        elif name in result.variables:
+            headings[name] = f"SE of {heading}" if name.endswith("_se") else heading
+            if name not in result.coords:
+                variables[name] = result[name]
+    frame = xr.Dataset(variables).to_dataframe(dim_order=list(dims)).reset_index()[[*headings]]
+    if "unit" in frame:
+        frame["unit"] = frame["unit"].replace("1", "")
+    return frame.rename(columns=headings)
 
 
 def cell_of(heading: str, value: Any) -> tuple[str, float | None]:
@@ -170,7 +179,7 @@ def cell_of(heading: str, value: Any) -> tuple[str, float | None]:
         return str(value), value
     if not isinstance(value, float):
         return str(value), None
-    if heading.startswith(_PROBABILITIES) and math.isfinite(value):
+    if _PROBABILITIES.match(heading) and math.isfinite(value):
         return rounded_probability(value), value
     return short(value), value
 

@@ -15,7 +15,7 @@ from pymc_hyperelastic.plots.properties import plot_elastic_properties
 from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.predictions.properties import tube_properties
 from pymc_hyperelastic.reports.fits import PROB, classes_of, has_data
-from pymc_hyperelastic.reports.page import Entry, Page, interval_ends
+from pymc_hyperelastic.reports.page import Page, interval_ends
 
 Array = NDArray[np.float64]
 
@@ -34,9 +34,9 @@ _PROPERTIES = [
 ]
 
 
-def show_properties(entry: Entry, page: Page) -> None:
+def show_properties(result: xr.DataTree, page: Page) -> None:
     """Add a figure and a table of elastic properties."""
-    classes = classes_of(entry)
+    classes = classes_of(result, page)
     if not all(map(has_data, classes.values())):
         return
     data = [inflation_data_of(tree) for tree in classes.values()]
@@ -65,7 +65,7 @@ def show_properties(entry: Entry, page: Page) -> None:
         )
     tables = []
     for name, tree in classes.items():
-        with page.catching(f"Elastic properties of {entry.title}"):
+        with page.catching(f"Elastic properties of {page.title}"):
             properties = tube_properties(tree, pressures, **settings | tube)
             tables.append(_table(name, properties, pressures.tolist(), page.pressure_unit))
     if tables:

@@ -16,26 +16,26 @@ from pymc_hyperelastic.files.stored import read_json
 from pymc_hyperelastic.files.whole import written_whole
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import per_kilopascal
-from pymc_hyperelastic.reports import (
-    cohort,
-    comparison,
-    cross_validation,
-    decisions,
-    design,
-    fits,
-    measurements,
-    properties,
-    settings,
+from pymc_hyperelastic.reports.cohort import (
+    show_cohort_evidence,
+    show_cohort_posteriors,
+    show_cohort_properties,
 )
-from pymc_hyperelastic.reports.page import BAD, LEVELS, Entry, Page, listed
+from pymc_hyperelastic.reports.comparison import show_comparison
+from pymc_hyperelastic.reports.cross_validation import show_cross_validation
+from pymc_hyperelastic.reports.decisions import show_classified, show_explanation
+from pymc_hyperelastic.reports.design import show_designs, show_plan
+from pymc_hyperelastic.reports.fits import show_evidence, show_fits, show_posteriors, show_training
+from pymc_hyperelastic.reports.measurements import show_measurements
+from pymc_hyperelastic.reports.page import BAD, LEVELS, Page, listed
+from pymc_hyperelastic.reports.properties import show_properties
+from pymc_hyperelastic.reports.settings import show_settings
 
 _PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "arviz", "numpy", "xarray", "matplotlib")
 # Beginning of the sentence on a strain energy, and that on a further one.
 _MODELLED, _ALSO = "Each vessel was modelled", "Each vessel was also modelled"
-# Titles of the chapters by anchor, in their order on the page. The notices of "warnings" and the
-# sentences of "methods" have templates of their own.
+# Titles of the chapters by anchor, in their order on the page.
 CHAPTERS = {
-    "warnings": "Warnings and diagnoses",
     "evidence": "Evidence and its diagnosis",
     "data": "Data",
     "fits": "Fits",
@@ -45,106 +45,54 @@ CHAPTERS = {
     "properties": "Elastic properties",
     "design": "What to measure next",
     "settings": "Settings",
-    "methods": "Methods",
 }
 
 
 class Kind(NamedTuple):
     """What a report says about one kind of result."""
 
-    name: str
+    title: str
     """Title of a result without one."""
-    names: set[str]
+    names: str
     """Variables of a Dataset, or groups of a DataTree, by which the kind is recognised."""
-    sections: Mapping[str, Callable[[Entry, Page], None]]
+    sections: Mapping[str, Callable[[Any, Page], None]]
     """Functions that write the chapters, by anchor."""
 
 
 COHORT = Kind(
     "Fitted cohort",
-    {"posterior", "evidence"},
+    "posterior evidence",
     {
-        "warnings": cohort.check_cohort,
-        "evidence": cohort.show_cohort_evidence,
-        "posteriors": cohort.show_cohort_posteriors,
-        "properties": cohort.show_cohort_properties,
-        "methods": cohort.cohort_methods,
+        "evidence": show_cohort_evidence,
+        "posteriors": show_cohort_posteriors,
+        "properties": show_cohort_properties,
     },
 )
 CLASSES = Kind(
     "Fitted classes",
-    {"posterior"},
+    "posterior",
     {
-        "warnings": fits.check_fits,
-        "evidence": fits.show_evidence,
-        "data": fits.show_training,
-        "fits": fits.show_fits,
-        "posteriors": fits.show_posteriors,
-        "properties": properties.show_properties,
-        "settings": settings.show_settings,
-        "methods": settings.fit_methods,
+        "evidence": show_evidence,
+        "data": show_training,
+        "fits": show_fits,
+        "posteriors": show_posteriors,
+        "properties": show_properties,
+        "settings": show_settings,
     },
 )
-CLASSIFIED = Kind(
-    "Classified",
-    {"class_probability", "class_probability_se", "class_label"},
-    {
-        "warnings": decisions.check_classified,
-        "classes": decisions.show_classified,
-        "methods": decisions.classified_methods,
-    },
-)
+CLASSIFIED = Kind("Classified", "class_probability class_label", {"classes": show_classified})
 TABLES = (
     Kind(
-        "Cross-validation",
-        {"log_score", "true_class", "class_label"},
-        {
-            "warnings": cross_validation.check_cross_validation,
-            "classes": cross_validation.show_cross_validation,
-            "methods": cross_validation.cross_validation_methods,
-        },
+        "Cross-validation", "log_score true_class class_label", {"classes": show_cross_validation}
     ),
     CLASSIFIED,
+    Kind("Explanation", "log_ratio_part rival class_label", {"classes": show_explanation}),
     Kind(
-        "Explanation",
-        {"log_ratio_part", "rival", "class_label"},
-        {"classes": decisions.show_explanation},
+        "Comparison of groups", "difference comparison quantity", {"differences": show_comparison}
     ),
-    Kind(
-        "Comparison of groups",
-        {"difference", "comparison", "quantity"},
-        {
-            "warnings": comparison.check_comparison,
-            "differences": comparison.show_comparison,
-            "methods": comparison.comparison_methods,
-        },
-    ),
-    Kind(
-        "Planned tests",
-        {"information", "design", "tests"},
-        {
-            "warnings": design.check_designs,
-            "design": design.show_designs,
-            "methods": design.designs_methods,
-        },
-    ),
-    Kind(
-        "Planned study",
-        {"width", "decided", "specimens"},
-        {
-            "warnings": design.check_plan,
-            "design": design.show_plan,
-            "methods": design.plan_methods,
-        },
-    ),
-    Kind(
-        "Data",
-        {"pressure", "radius", "specimen"},
-        {
-            "warnings": measurements.check_measurements,
-            "data": measurements.show_measurements,
-        },
-    ),
+    Kind("Planned tests", "information design tests", {"design": show_designs}),
+    Kind("Planned study", "width decided specimens", {"design": show_plan}),
+    Kind("Data", "pressure radius specimen", {"data": show_measurements}),
 )
 
 
@@ -217,23 +165,28 @@ def report(
     """
     template = _template()
     per_kilopascal(pressure_unit)  # raise for an unknown unit before anything is drawn
-    path = _checked_path(path)
-    entries = _entries(result, data)
+    path = Path(path)
+    if path.is_dir():
+        raise ValueError(f"path {str(path)!r} is a folder: name a file in it, such as report.html")
+    results = _titled(result, data)
     page = Page(_checked_pressure(pressure), pressure_unit)
-    chapters: list[dict[str, Any]] = []
-    for anchor, chapter in CHAPTERS.items():
-        parts = [(entry.title, _blocks(entry, anchor, page)) for entry in entries]
-        if parts := [part for part in parts if part[1]]:
-            chapters.append({"anchor": anchor, "title": chapter, "parts": parts})
-    _check_classes(entries, page)
+    chapters = [
+        {
+            "anchor": anchor,
+            "title": chapter,
+            "parts": [(name, _blocks(name, each, anchor, page)) for name, each in results.items()],
+        }
+        for anchor, chapter in CHAPTERS.items()
+    ]
+    _check_classes(results, page)
     page.notices.sort(key=lambda notice: LEVELS.index(notice.level))
     html = template.render(
-        title=title or _title_of(entries),
-        results=[f"{entry.title} ({kind_of(entry.result).name.lower()})" for entry in entries],
+        title=title or _title_of(results),
+        results=[f"{name} ({kind_of(each).title.lower()})" for name, each in results.items()],
         page=page,
         chapters=chapters,
-        methods=_methods(page.methods, entries),
-        versions=_versions(entries),
+        methods=_methods(page.methods, results),
+        versions=_versions(results),
         python=platform.python_version(),
         style=files(__package__).joinpath("style.css").read_text(encoding="utf-8"),
     )
@@ -247,13 +200,13 @@ def kind_of(result: Any) -> Kind:
     """Return the kind of a result; TypeError if it is no result."""
     if isinstance(result, xr.DataTree):
         groups = {*result.children}
-        if COHORT.names <= groups and "error" in result["evidence"].data_vars:
+        if {*COHORT.names.split()} <= groups and "error" in result["evidence"].data_vars:
             return COHORT
         if any("posterior" in tree.children for tree in (result, *result.children.values())):
             return CLASSES
     elif isinstance(result, xr.Dataset):
         for kind in TABLES:
-            if kind.names <= {*result.variables}:
+            if {*kind.names.split()} <= {*result.variables}:
                 return kind
     raise TypeError(
         "expected results of ph.fit_classes, ph.sample_smc, ph.classify, ph.open_cohort, "
@@ -271,8 +224,8 @@ def _described(result: Any) -> str:
     return f"{result!r:.60}" if isinstance(result, str | int | float) else name
 
 
-def _entries(result: Any, data: Any) -> list[Entry]:
-    """Return all results, each with a title of its own."""
+def _titled(result: Any, data: Any) -> dict[str, Any]:
+    """Return all results by titles that differ."""
     several: list[tuple[str | None, Any]] = []
     for given in (result, data):
         if isinstance(given, Mapping) and not isinstance(given, xr.Dataset | xr.DataTree):
@@ -283,41 +236,44 @@ def _entries(result: Any, data: Any) -> list[Entry]:
             several.append((None, given))
     if not several:
         raise ValueError("there are no results; expected at least one")
-    entries: list[Entry] = []
+    titled: dict[str, Any] = {}
     for given_title, each in several:
-        title = plain = given_title or kind_of(each).name
-        kind_of(each)
-        count = 1
-        while title in [entry.title for entry in entries]:
-            count += 1
-            title = f"{plain} {count}"
-        entries.append(Entry(title, each))
-    return entries
+        kind = kind_of(each)
+        title = plain = given_title or kind.title
+        number = 1
+        while title in titled:
+            number += 1
+            title = f"{plain} {number}"
+        titled[title] = each
+    return titled
 
 
-def _blocks(entry: Entry, anchor: str, page: Page) -> list[dict[str, Any]]:
+def _blocks(title: str, result: Any, anchor: str, page: Page) -> list[dict[str, Any]]:
     """Write what a result says in a chapter, and return it."""
-    page.title, page.blocks = entry.title, []
-    write = kind_of(entry.result).sections.get(anchor)
+    page.title, page.blocks = title, []
+    write = kind_of(result).sections.get(anchor)
     if write:
-        with page.catching(f"“{CHAPTERS[anchor]}” of {entry.title}"):
-            write(entry, page)
+        with page.catching(f"“{CHAPTERS[anchor]}” of {title}"):
+            write(result, page)
     return page.blocks
 
 
-def _check_classes(entries: Sequence[Entry], page: Page) -> None:
+def _check_classes(results: Mapping[str, Any], page: Page) -> None:
     """Add a notice if decisions were made with other classes than those on the page."""
-    fitted = [each for each in entries if kind_of(each.result) is CLASSES]
-    classes = [each for each in fitted if "posterior" not in each.result.children]
-    for entry in entries if classes else ():
-        if kind_of(entry.result) is CLASSIFIED:
-            with page.catching(entry.title):
-                if not are_of_classes(entry.result, [each.result for each in classes]):
+    classes = {
+        title: result
+        for title, result in results.items()
+        if kind_of(result) is CLASSES and "posterior" not in result.children
+    }
+    for title, result in results.items() if classes else ():
+        if kind_of(result) is CLASSIFIED:
+            with page.catching(title):
+                if not are_of_classes(result, [*classes.values()]):
                     words = (
-                        "the decisions were made with other classes than "
-                        f"{listed([each.title for each in classes])} on this page. Classify again"
+                        f"the decisions were made with other classes than {listed([*classes])} on "
+                        "this page. Classify again"
                     )
-                    page.notice(BAD, words, entry.title)
+                    page.notice(BAD, words, title)
 
 
 def _template() -> Any:
@@ -337,16 +293,6 @@ def _template() -> Any:
     return environment.get_template("page.html.jinja")
 
 
-def _checked_path(path: Any) -> Path:
-    try:
-        path = Path(path)
-    except TypeError:
-        raise TypeError(f"path must name a file, such as 'report.html'; got {path!r}") from None
-    if path.is_dir():
-        raise ValueError(f"path {str(path)!r} is a folder: name a file in it, such as report.html")
-    return path
-
-
 def _checked_pressure(pressure: Any) -> Any:
     if pressure is None:
         return None
@@ -359,42 +305,39 @@ def _checked_pressure(pressure: Any) -> Any:
     return values
 
 
-def _title_of(entries: Sequence[Entry]) -> str:
+def _title_of(results: Mapping[str, Any]) -> str:
     """Return the titles of the data."""
-    attrs = []
-    for _, result in entries:
-        attrs.append(result.attrs)
-        if isinstance(result, xr.DataTree):
-            groups = [node for node in result.subtree if node.name == "constant_data"]
-            attrs += [group.attrs for group in groups]
+    attrs = [result.attrs for result in results.values()]
+    for result in results.values():
+        nodes = result.subtree if isinstance(result, xr.DataTree) else ()
+        attrs += [node.attrs for node in nodes if node.name == "constant_data"]
     titles = dict.fromkeys(str(a["title"]) for a in attrs if a.get("title"))
     return ", ".join(titles) or "Report of a study"
 
 
-def _methods(sentences: Sequence[str], entries: Sequence[Entry]) -> str:
+def _methods(sentences: Sequence[str], results: Mapping[str, Any]) -> str:
     """Return the paragraph on the methods, each sentence once."""
     paragraph: list[str] = []
     for sentence in dict.fromkeys(sentences):
-        several = any(other.startswith((_MODELLED, _ALSO)) for other in paragraph)
+        several = any(other.startswith(_MODELLED) for other in paragraph)
         paragraph.append(sentence.replace(_MODELLED, _ALSO) if several else sentence)
-    software = {name: _installed(name) for name in _PACKAGES}
-    for _, result in entries:
-        software |= _stored_versions(result)
-    paragraph.append(
-        f"All results were computed with pymc_hyperelastic {software['pymc-hyperelastic']} on PyMC "
-        f"{software['pymc']}, PyTensor {software['pytensor']} and NumPy {software['numpy']}."
+    used = {name: stored or now for name, stored, now in _versions(results)}
+    return " ".join(paragraph) + (
+        f" All results were computed with pymc_hyperelastic {used['pymc-hyperelastic']} on PyMC "
+        f"{used['pymc']}, PyTensor {used['pytensor']} and NumPy {used['numpy']}."
     )
-    return " ".join(paragraph)
 
 
-def _versions(entries: Sequence[Entry]) -> list[tuple[str, str, str]]:
+def _versions(results: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return the versions of packages when the results were made, and now."""
     stored: dict[str, list[str]] = {name: [] for name in _PACKAGES}
-    for _, result in entries:
-        for name, number in _stored_versions(result).items():
-            stored.setdefault(name, []).append(number)
+    for result in results.values():
+        trees = [result, *result.children.values()] if isinstance(result, xr.DataTree) else []
+        for tree in trees:
+            for name, number in read_json(tree, "versions", {}).items():
+                stored.setdefault(str(name), []).append(str(number))
     return [
-        (name, ", ".join(dict.fromkeys(numbers)) or "unknown", _installed(name))
+        (name, ", ".join(dict.fromkeys(numbers)), _installed(name))
         for name, numbers in stored.items()
     ]
 
@@ -404,11 +347,3 @@ def _installed(name: str) -> str:
         return version(name)
     except PackageNotFoundError:
         return "not installed"
-
-
-def _stored_versions(result: Any) -> dict[str, str]:
-    """Return the versions that a result, or its first class, holds by package."""
-    trees = [result, *result.children.values()] if isinstance(result, xr.DataTree) else []
-    stored = next((tree for tree in trees if "versions" in tree.attrs), None)
-    versions = {} if stored is None else read_json(stored, "versions", {})
-    return {str(name): str(number) for name, number in versions.items()}

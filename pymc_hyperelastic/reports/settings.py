@@ -15,8 +15,8 @@ from pymc_hyperelastic.data.select import specimens_of
 from pymc_hyperelastic.files.stored import damaged, read_draws, read_json, reading, shown
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.models.likelihoods import Likelihood
-from pymc_hyperelastic.models.likelihoods.errors import SD_OF_SIGMA, SIZES
-from pymc_hyperelastic.models.priors import is_inferred, prior_from_record, prior_to_record
+from pymc_hyperelastic.models.likelihoods.errors import SIZES
+from pymc_hyperelastic.models.priors import prior_from_record, prior_to_record
 from pymc_hyperelastic.models.records import (
     NamedLayer,
     inflation_data_of,
@@ -25,7 +25,7 @@ from pymc_hyperelastic.models.records import (
 )
 from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ
-from pymc_hyperelastic.reports.page import Entry, Page, listed, plural, short
+from pymc_hyperelastic.reports.page import Page, listed, plural, short
 
 # Methods by which specimens are integrated, as an article names them.
 _METHODS = {"importance": "importance sampling", "bridge": "bridge sampling"}
@@ -39,8 +39,7 @@ class Settings:
     variability: Variability | None
     differ: bool
     """True if each specimen has parameters of its own."""
-    likelihood: Likelihood | None
-    likelihood_in_words: str
+    likelihood: str
     priors: dict[str, str]
     """By the name of the variable."""
     draws: int
@@ -58,8 +57,7 @@ def settings_of(tree: xr.DataTree) -> Settings:
         _known_wall(first),
         variability,
         specimens_differ(first),
-        likelihood,
-        first.attrs.get("likelihood_in_words", ""),
+        likelihood.in_words if likelihood else "",
         priors_of_class(variability) if variability else _priors_of(first, likelihood),
         posterior.sizes["draw"],
         posterior.sizes["chain"],
@@ -137,9 +135,10 @@ def units_of(tree: xr.DataTree) -> dict[str, str]:
     return {name: unit.replace("mm2", "mm²") for name, unit in units.items()}
 
 
-def show_settings(entry: Entry, page: Page) -> None:
-    """Add a table of the settings."""
-    settings = settings_of(entry.result)
+def show_settings(result: xr.DataTree, page: Page) -> None:
+    """Add a table of the settings, and sentences on the methods."""
+    settings = settings_of(result)
+    _add_methods(result, settings, page)
     rows: list[tuple[str, Any]] = []
     for number, layer in enumerate(settings.wall, start=1):
         where = f" of layer {number}, from inside" if len(settings.wall) > 1 else ""
@@ -165,7 +164,7 @@ def show_settings(entry: Entry, page: Page) -> None:
             rows.append((f"error of the measured {name.replace('_', ' ')}", str(error)))
     rows += [(f"prior of {name}", prior) for name, prior in settings.priors.items()]
     rows += [
-        ("likelihood", settings.likelihood_in_words),
+        ("likelihood", settings.likelihood),
         ("draws per chain", settings.draws),
         ("chains", settings.chains),
         ("random seed", settings.seed),
@@ -174,10 +173,9 @@ def show_settings(entry: Entry, page: Page) -> None:
     page.table("Settings", pd.DataFrame(known, columns=["setting", "value"], dtype=object))
 
 
-def fit_methods(entry: Entry, page: Page) -> None:
+def _add_methods(result: xr.DataTree, settings: Settings, page: Page) -> None:
     """Add sentences on the data, the model and the sampling."""
-    settings = settings_of(entry.result)
-    trees = fitted_classes(entry.result)
+    trees = fitted_classes(result)
     data = {
         name: inflation_data_of(tree)
         for name, tree in trees.items()
@@ -232,10 +230,8 @@ def _model_sentences(settings: Settings, several: bool) -> list[str]:
     elif several:
         sentences.append("All specimens of a class shared one set of parameters.")
     if settings.likelihood:
-        sizes = _error_sizes(settings.likelihood)
-        sentences.append(f"Measurement errors were modelled as normal: {'; '.join(sizes)}.")
-    elif settings.likelihood_in_words:
-        sentences.append(f"The likelihood was {settings.likelihood_in_words}.")
+        words = f"Measurement errors were normal, with the likelihood {settings.likelihood}."
+        sentences.append(words)
     if settings.priors:
         priors = [f"{prior} for {name}" for name, prior in settings.priors.items()]
         start = "The prior was" if len(priors) == 1 else "Priors were"
@@ -251,24 +247,6 @@ def law_in_words(energy: StrainEnergy) -> str:
     'the strain energy Demiray, W = (μ/(2 b)) (e^(b (I₁ − 3)) − 1)'
     """
     return f"the strain energy {energy.name}" + (f", {energy.equation}" if energy.equation else "")
-
-
-def _error_sizes(likelihood: Likelihood) -> list[str]:
-    sizes = []
-    for name, value in likelihood.sizes.items():
-        unit = likelihood.units[name]
-        what = "weight" if name == "slope_weight" else "standard deviation"
-        if is_inferred(value):
-            factor = " times √2" if name in SD_OF_SIGMA else ""
-            prior = distribution_in_words(prior_to_record(name, value), unit)
-            size = f"inferred {what}{factor} with the prior {prior}"
-        elif value:
-            number = getattr(likelihood.errors(), SD_OF_SIGMA.get(name, name))
-            size = f"{what} {short(float(number))} {unit}"
-        else:  # slopes do not count
-            continue
-        sizes.append(f"{SIZES[name].of_what} with {size}")
-    return sizes
 
 
 def _sampling_sentence(settings: Settings, trees: Iterable[xr.DataTree]) -> str:

@@ -67,7 +67,7 @@ def test_decision_table_holds_the_numbers_of_the_result(page):
     names = "class_probability class_probability_se log_evidence log_evidence_se pareto_k"
     expected = np.stack([result[name].values.ravel() for name in names.split()], axis=1)
     assert [row[4:9] for row in rows] == expected.tolist()
-    assert headings[4:7] == ["probability", "its standard error", "log evidence"]
+    assert headings[4:7] == ["class probability", "SE of class probability", "log evidence"]
     _, rows = page.table("Evidence: Classes")
     for row, (name, tree) in zip(rows, fitted_classes().children.items(), strict=True):
         assert row == [name, *ph.log_evidence(tree), "good"]

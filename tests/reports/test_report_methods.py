@@ -9,16 +9,17 @@ from stored_results import DATA, classified, fitted_class, fitted_classes
 
 import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.records import likelihood_attrs
-from pymc_hyperelastic.reports.decisions import classified_methods
-from pymc_hyperelastic.reports.page import Entry, Page
-from pymc_hyperelastic.reports.settings import fit_methods
+from pymc_hyperelastic.reports.decisions import show_classified
+from pymc_hyperelastic.reports.page import Page
+from pymc_hyperelastic.reports.settings import show_settings
 
 ONE = ph.select(DATA, specimen="S1", experiment=1)
 
 
-def methods(result, write=fit_methods):
-    page = Page()
-    write(Entry("Fit", result), page)
+def methods(result, show=show_settings):
+    page = Page(title="Result")
+    page.figure = lambda *_, **__: None
+    show(result, page)
     return " ".join(page.methods)
 
 
@@ -28,7 +29,7 @@ def test_methods_settings_and_versions_of_pooled_classes(write_words):
         "The simulated inflation curves of 5 specimens (3 in C1 and 2 in C2) were analysed: ",
         "10 experiments with 200 points",
         "the strain energy Demiray, W = (μ/(2 b)) (e^(b (I₁ − 3)) − 1). All specimens of a class",
-        "1.414 kPa. Priors were Uniform(0, 200) kPa for mu, Uniform(0, 20) for b. Posteriors ",
+        "1.41421 kPa), slope_weight = 0 mm². Priors were Uniform(0, 200) kPa for mu, Uniform(0",
         "by sequential Monte Carlo in 2 independent chains of 100 draws, which also gives",
     ):
         assert words in page.methods
@@ -42,38 +43,22 @@ def test_methods_settings_and_versions_of_pooled_classes(write_words):
     assert page.methods.endswith(f"with pymc_hyperelastic 0.0.9 on PyMC 6.1.0, {software}")
 
 
-SD, INFERRED = "standard deviation", pm.HalfNormal.dist(1.0)
-
-
 @pytest.mark.parametrize(
-    ("likelihood", "sentence"),
+    ("likelihood", "words"),
     [
-        (
-            ph.Gaussian(INFERRED),
-            f"errors of pressures with inferred {SD} with the prior HalfNormal(",
-        ),
-        (
-            ph.SlopeAugmented(INFERRED, 0.0),
-            f"errors of pressures with inferred {SD} times √2 with the prior",
-        ),
-        (ph.SlopeAugmented(2.0, 3.0), "slopes with weight 3 mm²."),
-        (
-            ph.SlopeAugmented(2.0, 0.0, force_sigma=1.0),
-            f"errors of axial forces with {SD} 0.7071 mN.",
-        ),
-        (
-            ph.Gaussian(1.0, force_sd=1.0, force_offset_sd=3.0),
-            f"offsets of the force transducer, one for each test with {SD} 3 mN.",
-        ),
+        (ph.Gaussian(pm.HalfNormal.dist(1.0)), "Gaussian: pressure_sd inferred, in kPa."),
+        (ph.SlopeAugmented(2.0, 3.0), "(a standard deviation of 1.41421 kPa), slope_weight = 3 mm"),
+        (ph.Gaussian(1.0, force_sd=1.0, force_offset_sd=3.0), "force_offset_sd = 3 mN."),
     ],
 )
-def test_methods_state_the_size_of_each_error(likelihood, sentence):
+def test_methods_state_the_size_of_each_error(likelihood, words):
     stated = likelihood_attrs(likelihood)
     found = methods(fitted_class(ONE, energy="NeoHookean", chains=1, **stated))
-    assert sentence in found
+    assert words in found
     assert "curves of 1 specimen were analysed: 1 experiment with 20 points." in found
-    assert ("The prior was Uniform(0, 200) kPa for mu." in found) == ("inferred" not in found)
-    assert ("slopes" in found) == ("weight" in sentence)
+    inferred = "HalfNormal(0, 1) kPa for pressure_sd"
+    assert (inferred in found) == ("inferred" in words)
+    assert ("The prior was Uniform(0, 200) kPa for mu." in found) == ("inferred" not in words)
 
 
 class LawWithoutEquation(ph.StrainEnergy):
@@ -105,12 +90,12 @@ def test_a_prior_in_a_file_is_looked_up_among_distributions_only(write_words):
 
 
 def test_methods_state_class_priors_and_decision_limits():
-    said = methods(classified(), classified_methods)
+    said = methods(classified(), show_classified)
     assert "All classes had the same prior probability." in said
     assert "No decision" not in said and "none of these" not in said
     prior = json.dumps({"C1": 0.8, "C2": 0.2})
     limits = {"class_prior": prior, "undecided_below": 0.9, "none_below": 0.05}
-    said = methods(classified().assign_attrs(limits), classified_methods)
+    said = methods(classified().assign_attrs(limits), show_classified)
     assert "The prior probabilities of the classes were 0.8 for C1 and 0.2 for C2." in said
     assert (
         "No decision was made if the probability of the most probable class was below 0.9." in said

@@ -114,7 +114,7 @@ def test_each_doubt_about_a_decision_names_its_specimens(write_words):
         assert said in page.warnings
     assert page.warnings.index("Caution") > page.warnings.rindex("Not to be trusted")
     assert page.column("Decisions", "decision")[4:6] == ["not classified"] * 2
-    assert page.column("Decisions", "its standard error")[0] == np.inf
+    assert page.column("Decisions", "SE of class probability")[0] == np.inf
 
 
 def test_pooled_specimens_are_a_warning(write_words):
