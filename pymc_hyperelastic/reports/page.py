@@ -188,26 +188,19 @@ def short(value: float) -> str:
     """Four significant digits of a number.
 
     >>> short(-1234.5678), short(0.00001234), short(float("inf")), short(float("nan"))
-    ('−1235', '1.234 × 10⁻⁵', 'infinite', 'not known')
+    ('−1235', '1.234e−05', 'infinite', 'unknown')
     """
-    if math.isnan(value):
-        return "not known"
-    if math.isinf(value):
-        return "infinite" if value > 0 else "−infinite"
-    text = f"{value:.4g}"
-    if power := re.fullmatch(r"(.*)e([+-])0*(\d+)", text):
-        digits = power[3].translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
-        text = f"{power[1]} × 10{'⁻' if power[2] == '-' else ''}{digits}"
-    return text.replace("-", "−")
+    text = "unknown" if math.isnan(value) else f"{value:.4g}"
+    return text.replace("inf", "infinite").replace("-", "−")
 
 
-def plural(count: int, one: str, many: str = "") -> str:
+def plural(count: int, noun: str) -> str:
     """Count with its noun.
 
-    >>> plural(1, "specimen"), plural(2, "specimen"), plural(2, "axial stretch", "axial stretches")
-    ('1 specimen', '2 specimens', '2 axial stretches')
+    >>> plural(1, "specimen"), plural(2, "specimen")
+    ('1 specimen', '2 specimens')
     """
-    return f"{count} {one if count == 1 else many or one + 's'}"
+    return f"{count} {noun if count == 1 else noun + 's'}"
 
 
 def listed(items: Any) -> str:

@@ -3,12 +3,11 @@
 import os
 import platform
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.classes.classification import are_of_classes
@@ -16,6 +15,7 @@ from pymc_hyperelastic.files.stored import read_json
 from pymc_hyperelastic.files.whole import written_whole
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import per_kilopascal
+from pymc_hyperelastic.predictions.draws import checked_numbers
 from pymc_hyperelastic.reports.cohort import (
     show_cohort_evidence,
     show_cohort_posteriors,
@@ -31,7 +31,6 @@ from pymc_hyperelastic.reports.page import BAD, LEVELS, Page, listed
 from pymc_hyperelastic.reports.properties import show_properties
 from pymc_hyperelastic.reports.settings import show_settings
 
-_PACKAGES = ("pymc-hyperelastic", "pymc", "pytensor", "arviz", "numpy", "xarray", "matplotlib")
 # Beginning of the sentence on a strain energy, and that on a further one.
 _MODELLED, _ALSO = "Each vessel was modelled", "Each vessel was also modelled"
 # Titles of the chapters by anchor, in their order on the page.
@@ -169,7 +168,7 @@ def report(
     if path.is_dir():
         raise ValueError(f"path {str(path)!r} is a folder: name a file in it, such as report.html")
     results = _titled(result, data)
-    page = Page(_checked_pressure(pressure), pressure_unit)
+    page = Page(_checked_pressure(pressure, pressure_unit), pressure_unit)
     chapters = [
         {
             "anchor": anchor,
@@ -186,7 +185,7 @@ def report(
         page=page,
         chapters=chapters,
         methods=_methods(page.methods, results),
-        versions=_versions(results),
+        version=version("pymc-hyperelastic"),
         python=platform.python_version(),
         style=files(__package__).joinpath("style.css").read_text(encoding="utf-8"),
     )
@@ -283,26 +282,19 @@ def _template() -> Any:
         raise ImportError(
             "ph.report needs Jinja2, which is not installed: pip install jinja2"
         ) from error
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader(__package__, "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    loader, strict = jinja2.PackageLoader(__package__, "."), jinja2.StrictUndefined
+    environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict)
+    environment.trim_blocks = environment.lstrip_blocks = True
     return environment.get_template("page.html.jinja")
 
 
-def _checked_pressure(pressure: Any) -> Any:
+def _checked_pressure(pressure: Any, unit: str) -> Any:
     if pressure is None:
         return None
-    try:
-        values = np.atleast_1d(np.asarray(pressure, float))
-    except (TypeError, ValueError):
-        values = np.array([np.nan])
-    if values.ndim != 1 or not values.size or not (np.isfinite(values) & (values >= 0)).all():
-        raise ValueError(f"pressure must be a number from 0 up, or several; got {pressure!r}")
-    return values
+    pressures = checked_numbers("pressure", pressure, f"pressures in {unit}")
+    if pressures.min() < 0:
+        raise ValueError(f"pressure must be at least 0; got {pressure!r}")
+    return pressures
 
 
 def _title_of(results: Mapping[str, Any]) -> str:
@@ -321,29 +313,17 @@ def _methods(sentences: Sequence[str], results: Mapping[str, Any]) -> str:
     for sentence in dict.fromkeys(sentences):
         several = any(other.startswith(_MODELLED) for other in paragraph)
         paragraph.append(sentence.replace(_MODELLED, _ALSO) if several else sentence)
-    used = {name: stored or now for name, stored, now in _versions(results)}
-    return " ".join(paragraph) + (
-        f" All results were computed with pymc_hyperelastic {used['pymc-hyperelastic']} on PyMC "
-        f"{used['pymc']}, PyTensor {used['pytensor']} and NumPy {used['numpy']}."
-    )
+    return " ".join([*paragraph, f"All results were computed with {_versions(results)}."])
 
 
-def _versions(results: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Return the versions of packages when the results were made, and now."""
-    stored: dict[str, list[str]] = {name: [] for name in _PACKAGES}
+def _versions(results: Mapping[str, Any]) -> str:
+    """Return the versions that results hold; if they hold none, those of today."""
+    found: dict[str, list[str]] = {}
     for result in results.values():
         trees = [result, *result.children.values()] if isinstance(result, xr.DataTree) else []
         for tree in trees:
             for name, number in read_json(tree, "versions", {}).items():
-                stored.setdefault(str(name), []).append(str(number))
-    return [
-        (name, ", ".join(dict.fromkeys(numbers)), _installed(name))
-        for name, numbers in stored.items()
-    ]
-
-
-def _installed(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "not installed"
+                found.setdefault(str(name), []).append(str(number))
+    if not found:
+        found = {name: [version(name)] for name in ("pymc-hyperelastic", "pymc", "numpy")}
+    return listed([f"{name} {' or '.join(dict.fromkeys(n))}" for name, n in found.items()])

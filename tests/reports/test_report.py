@@ -133,7 +133,7 @@ def test_titles_come_from_dict_keys_or_kinds(write_words):
         ([], {}, "no results"),
         ([THIRD, xr.Dataset({"x": 1})], {}, r"a Dataset of \['x'\]"),
         (THIRD, {"pressure_unit": "mm"}, "pressure_unit"),
-        (THIRD, {"pressure": [-1.0]}, "pressure must be a number"),
+        (THIRD, {"pressure": [-1.0]}, "pressure must be at least 0"),
         (THIRD, {"path": os.curdir}, "is a folder: name a file in it"),
     ],
 )

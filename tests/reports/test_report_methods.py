@@ -2,7 +2,6 @@
 
 import json
 
-import numpy as np
 import pymc as pm
 import pytest
 from stored_results import DATA, classified, fitted_class, fitted_classes
@@ -36,11 +35,8 @@ def test_methods_settings_and_versions_of_pooled_classes(write_words):
     rows = {row[0]: row[1] for row in page.table("Settings")[1]}
     assert rows["strain energy"] == "Demiray" and rows["prior of mu"] == "Uniform(0, 200) kPa"
     assert rows["draws per chain"] == 100 and rows["chains"] == 2 and rows["random seed"] == "7"
-    versions = {row[0]: row[1:] for row in page.table("Versions")[1]}
-    assert versions["pymc-hyperelastic"] == ["0.0.9", ph.__version__]
-    assert versions["numpy"] == ["unknown", np.__version__]
-    software = f"PyTensor {versions['pytensor'][1]} and NumPy {np.__version__}."
-    assert page.methods.endswith(f"with pymc_hyperelastic 0.0.9 on PyMC 6.1.0, {software}")
+    assert page.methods.endswith("were computed with pymc-hyperelastic 0.0.9 and pymc 6.1.0.")
+    assert f"written by pymc_hyperelastic {ph.__version__} on Python" in page.text
 
 
 @pytest.mark.parametrize(
