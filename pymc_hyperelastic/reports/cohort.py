@@ -8,7 +8,7 @@ from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.reports.decisions import (
     failed_of,
     names_of,
-    warn_of_failures,
+    warn_of_messages,
     warn_of_some,
 )
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
@@ -24,7 +24,7 @@ def show_cohort_evidence(tree: xr.DataTree, page: Page) -> None:
     evidence = tree["evidence"].to_dataset()
     failed = failed_of(evidence)
     warn_of_simulated(tree.attrs, page)
-    warn_of_failures(evidence, page)
+    warn_of_messages(evidence, page)
     page.check("errors of the evidences of specimens, and Pareto shapes of their weights")
     if "log_evidence_se" in evidence:
         infinite = np.isinf(evidence["log_evidence_se"].values)

@@ -116,6 +116,6 @@ def _add_methods(result: xr.Dataset, page: Page) -> None:
     ]
     if "log_bayes_factor" in result:
         page.methods.append(
-            "Whether groups differ at all was judged by the Bayes factor of different against "
-            "equal distributions of their specimens."
+            "Bayes factors compare different distributions of the specimens of the groups with "
+            "one distribution for all specimens."
         )

@@ -46,7 +46,7 @@ _LAW_COLUMNS = (
 
 
 def unit_of(result: xr.Dataset) -> str:
-    """Return the dimension of what was classified or fitted: ``specimen`` or ``test``."""
+    """Return the dimension of a result with one entry per specimen or experiment."""
     return "test" if "test" in result.sizes else "specimen"
 
 
@@ -68,17 +68,21 @@ def failed_of(result: xr.Dataset) -> np.ndarray:
     return result["error"].values.astype(str) != ""
 
 
-def warn_of_failures(result: xr.Dataset, page: Page) -> None:
-    """Add a notice for each error message, with the names of what failed."""
-    if not failed_of(result).any():
-        return
-    errors, names = result["error"].values.astype(str), names_of(result)
-    messages = sorted({*errors.tolist()} - {""})
-    for message in messages[:_MOST_MESSAGES]:
-        page.notice(CAUTION, f"{listed(names[errors == message])}: {message}")
-    rest = np.isin(errors, messages[_MOST_MESSAGES:])
-    if rest.any():
-        page.notice(CAUTION, f"{listed(names[rest])} failed for other reasons")
+def warn_of_messages(result: xr.Dataset, page: Page) -> None:
+    """Add a notice for each error and each doubt, with the names of what it concerns."""
+    names = names_of(result)
+    for variable in ("error", "doubtful"):
+        if variable not in result:
+            continue
+        messages = result[variable].values.astype(str)
+        different = sorted({*messages.tolist()} - {""})
+        for message in different[:_MOST_MESSAGES]:
+            page.notice(CAUTION, f"{listed(names[messages == message])}: {message}")
+        rest = np.isin(messages, different[_MOST_MESSAGES:])
+        if rest.any():
+            page.notice(
+                CAUTION, f"{listed(names[rest])}: other messages in the variable {variable}"
+            )
 
 
 def warn_of_some(page: Page, names: np.ndarray, cases: Iterable[tuple[str, str, Any]]) -> None:
@@ -135,7 +139,7 @@ def _check_decisions(result: xr.Dataset, page: Page) -> None:
 def show_classified(result: xr.Dataset, page: Page) -> None:
     """Add probabilities of the classes, and of the strain energies if they were averaged."""
     warn_of_simulated(result.attrs, page)
-    warn_of_failures(result, page)
+    warn_of_messages(result, page)
     _check_decisions(result, page)
     _add_methods(result, page)
     unit = unit_of(result)
@@ -179,14 +183,14 @@ def show_explanation(result: xr.Dataset, page: Page) -> None:
             numbers = own["log_ratio_part"].sel(part=parts).values.tolist()
             rows.append([name, label, str(own["rival"].item()), *numbers])
     page.table(
-        "What supports each class, in nats",
+        "Support for each class, in nats",
         pd.DataFrame(rows, columns=["specimen", "class", "compared with", *parts]),
         "The parts add up to the log ratio of the evidences of the two classes.",
     )
 
 
 def _least_clear(result: xr.Dataset, page: Page) -> xr.Dataset:
-    """Count the decisions, and return what has no clear class: the least clear ones if many."""
+    """Count the decisions, and return the specimens or experiments with the least clear class."""
     unit = unit_of(result)
     probability = result["class_probability"].max("class_label").fillna(0.0).values.round(_DIGITS)
     decision = None

@@ -54,7 +54,7 @@ def show_designs(result: xr.Dataset, page: Page) -> None:
     page.table(f"{what}, in nats", frame_of(result, names, "design"))
     if about == "class":
         most = short(float(result.attrs["entropy"]))
-        page.text(f"Tests that tell the class with certainty would give {most} nats.")
+        page.text(f"Certain knowledge of the class would be {most} nats.")
 
 
 def show_plan(result: xr.Dataset, page: Page) -> None:

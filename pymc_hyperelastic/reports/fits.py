@@ -11,6 +11,7 @@ from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT, diverge
 from pymc_hyperelastic.evidence.diagnosis import diagnose_evidence, judgement, log_evidence
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
+from pymc_hyperelastic.files.stored import read_json
 from pymc_hyperelastic.models.records import inflation_data_of
 from pymc_hyperelastic.plots.density import plot_parameter_density
 from pymc_hyperelastic.plots.fit import plot_pressure_fit
@@ -53,8 +54,10 @@ def _subject(name: str, page: Page) -> str:
 
 
 def _check(result: xr.DataTree, page: Page) -> None:
-    """Add notices on evidences, chains, specimens and pooling."""
+    """Add notices on missing classes, evidences, chains, specimens and pooling."""
     classes = classes_of(result, page)
+    for name, reason in read_json(result, "missing_classes", {}).items():
+        page.notice(BAD, f"class {name} is missing: {reason}")
     for name, tree in classes.items():
         subject = _subject(name, page)
         if has_data(tree):

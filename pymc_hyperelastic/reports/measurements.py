@@ -31,7 +31,7 @@ def warn_of_simulated(attrs: Any, page: Page) -> None:
     page.check("whether data are simulated")
     if attrs.get("simulated"):
         title = attrs.get("title") or page.title
-        page.notice(NOTE, "The data are simulated, and nothing was measured", subject=title)
+        page.notice(NOTE, "these data are simulated, not measured", subject=title)
 
 
 def show_measurements(data: xr.Dataset, page: Page) -> None:

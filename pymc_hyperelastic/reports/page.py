@@ -36,7 +36,7 @@ _PROBABILITIES = re.compile("^(?!SE ).*(probability|p-value|share|decided|wrong|
 
 
 class Notice(NamedTuple):
-    """What a reader has to know before the numbers."""
+    """A warning or note at the top of the page."""
 
     level: str
     text: str

@@ -48,7 +48,7 @@ CHAPTERS = {
 
 
 class Kind(NamedTuple):
-    """What a report says about one kind of result."""
+    """A kind of result, and the functions that report it."""
 
     title: str
     """Title of a result without one."""

@@ -1,4 +1,4 @@
-"""Warnings at the top of a report, or the list of checks if there are none."""
+"""Warnings and checks at the top of a report."""
 
 import json
 
@@ -121,7 +121,7 @@ def test_pooled_specimens_are_a_warning(write_words):
     assert "all specimens of a class share one set" in write_words(fitted_classes()).warnings
     warnings = write_words([fitted_class(ph.select(DATA, specimen="S1")), DATA]).warnings
     assert "all specimens of a class share one set" not in warnings
-    assert warnings.count("The data are simulated, and nothing was measured") == 1
+    assert warnings.count("these data are simulated, not measured") == 1
 
 
 def test_unknown_law_and_invalid_data_are_warnings(write_words):
@@ -131,3 +131,16 @@ def test_unknown_law_and_invalid_data_are_warnings(write_words):
     page = write_words({"Artery": tree, "Data": data})
     assert "OfAnotherDay" in page.warnings and "Run or import its class first" in page.warnings
     assert "pressure is nan kPa; expected a finite number" in page.warnings
+
+
+def test_missing_classes_and_doubts_of_specimens_reach_the_page(write_words):
+    """Warnings that a result carries are warnings of its report."""
+    tree = fitted_classes()
+    tree.attrs["missing_classes"] = json.dumps({"C3": "the sampler was interrupted"})
+    doubtful = np.array(["", "the pressure is extrapolated"])
+    page = write_words({"Classes": tree, "New": classified(doubtful=doubtful)})
+    assert (
+        "Not to be trusted. Classes: class C3 is missing: the sampler was interrupted."
+        in page.warnings
+    )
+    assert "Caution. New: S2: the pressure is extrapolated." in page.warnings
