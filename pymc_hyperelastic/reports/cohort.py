@@ -9,7 +9,6 @@ from pymc_hyperelastic.reports.decisions import (
     failed_of,
     names_of,
     warn_of_messages,
-    warn_of_some,
 )
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
 from pymc_hyperelastic.reports.page import BAD, CAUTION, Page, plural
@@ -25,13 +24,13 @@ def show_cohort_evidence(tree: xr.DataTree, page: Page) -> None:
     failed = failed_of(evidence)
     warn_of_simulated(tree.attrs, page)
     warn_of_messages(evidence, page)
-    page.check("errors of the evidences of specimens, and Pareto shapes of their weights")
     if "log_evidence_se" in evidence:
         infinite = np.isinf(evidence["log_evidence_se"].values)
         heavy = (evidence["pareto_k"].values >= LARGEST_PARETO_K) & ~failed & ~infinite
         words = f"a few weights dominate a posterior (Pareto shape of {LARGEST_PARETO_K} or more)"
-        cases = [(BAD, "the error of an evidence is infinite", infinite), (CAUTION, words, heavy)]
-        warn_of_some(page, names_of(evidence), cases)
+        names = names_of(evidence)
+        page.notice_where(BAD, "the error of an evidence is infinite", names, infinite)
+        page.notice_where(CAUTION, words, names, heavy)
     others = f"; {plural(int(failed.sum()), 'other')} could not be sampled" if failed.any() else ""
     count = plural(int((~failed).sum()), "specimen")
     page.methods.append(f"The posteriors of {count} were sampled one by one{others}.")

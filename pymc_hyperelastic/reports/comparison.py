@@ -30,7 +30,6 @@ def _check(result: xr.Dataset, page: Page) -> None:
     warn_of_simulated(result.attrs, page)
     if "words" in result.attrs:
         page.notice(NOTE, result.attrs["words"])
-    page.check("the sensitivity of differences to priors")
     for name in result["quantity"].values.tolist():
         own = result.sel(quantity=name)
         typical = own.sel(statistic="typical")
@@ -47,7 +46,6 @@ def _check(result: xr.Dataset, page: Page) -> None:
         if bool(typical["difference"].isnull().any()):
             page.notice(CAUTION, f"the difference of {name} is unknown")
     if "log_bayes_factor_se" in result:
-        page.check("errors of Bayes factors")
         infinite = ~np.isfinite(result["log_bayes_factor_se"].values)
         if infinite.any():
             of = listed(result["comparison"].values[infinite].tolist())

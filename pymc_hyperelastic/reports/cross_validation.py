@@ -7,7 +7,6 @@ from pymc_hyperelastic.classes.scores import score_probabilities
 from pymc_hyperelastic.evidence.verdicts import BAD as UNRELIABLE
 from pymc_hyperelastic.evidence.verdicts import DOUBTFUL
 from pymc_hyperelastic.plots.calibration import plot_reliability
-from pymc_hyperelastic.reports.decisions import warn_of_some
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
 from pymc_hyperelastic.reports.page import (
     BAD,
@@ -26,19 +25,14 @@ _FEW = 20
 def _check(result: xr.Dataset, page: Page) -> None:
     """Add notices on specimens without a score, and on doubtful fits."""
     warn_of_simulated(result.attrs, page)
-    page.check("the fits without each specimen")
     for law in result["strain_energy"].values.tolist():
         own = result.sel(strain_energy=law)
-        cases = [
-            (CAUTION, f"the score with {law} is unknown", own["log_score"].isnull()),
-            (CAUTION, f"the fit of {law} without it is doubtful", own["verdict"] == DOUBTFUL),
-            (
-                BAD,
-                f"the fit of {law} without it is not to be trusted",
-                own["verdict"] == UNRELIABLE,
-            ),
-        ]
-        warn_of_some(page, result["specimen"].values, cases)
+        names, verdict = result["specimen"].values, own["verdict"]
+        words = f"the fit of {law} without it is"
+        page.notice_where(BAD, f"{words} {UNRELIABLE}", names, verdict == UNRELIABLE)
+        page.notice_where(CAUTION, f"{words} {DOUBTFUL}", names, verdict == DOUBTFUL)
+        unknown = own["log_score"].isnull()
+        page.notice_where(CAUTION, f"the score with {law} is unknown", names, unknown)
     if result.sizes["specimen"] < _FEW:
         count = plural(result.sizes["specimen"], "specimen")
         page.notice(NOTE, f"{count} cannot show well how reliable probabilities are")

@@ -1,8 +1,5 @@
 """Classified specimens or experiments in a report."""
 
-from collections.abc import Iterable
-from typing import Any
-
 import numpy as np
 import pandas as pd
 import xarray as xr
@@ -85,16 +82,8 @@ def warn_of_messages(result: xr.Dataset, page: Page) -> None:
             )
 
 
-def warn_of_some(page: Page, names: np.ndarray, cases: Iterable[tuple[str, str, Any]]) -> None:
-    """Add a notice with the names where a condition holds; cases are (level, words, condition)."""
-    for level, words, where in cases:
-        if where.any():
-            page.notice(level, f"{words}: {listed(names[np.asarray(where)])}")
-
-
 def _check_decisions(result: xr.Dataset, page: Page) -> None:
     """Add notices on specimens without a reliable decision, and on doubtful classes."""
-    page.check("decisions, and errors of the evidences and probabilities behind them")
     unit = unit_of(result)
     table = {
         str(name): variable.transpose(unit, "class_label").values
@@ -114,12 +103,10 @@ def _check_decisions(result: xr.Dataset, page: Page) -> None:
         (BAD, "the error of a probability or evidence is infinite", infinite),
     ]
     if "pareto_k" in table:
-        page.check(f"Pareto shapes of the weights, below {LARGEST_PARETO_K}")
         heavy = (table["pareto_k"] >= LARGEST_PARETO_K).any(axis=1)
         words = f"a few weights dominate an evidence (Pareto shape of {LARGEST_PARETO_K} or more)"
         cases.append((CAUTION, words, heavy))
     if "p_value" in table:
-        page.check(f"p-values of each class, from {_ATYPICAL}")
         atypical = (table["p_value"] < _ATYPICAL).all(axis=1)
         cases.append((CAUTION, f"atypical of all classes (p-values below {_ATYPICAL})", atypical))
     else:
@@ -128,7 +115,9 @@ def _check_decisions(result: xr.Dataset, page: Page) -> None:
             "the classes have no variability: all specimens of a class share one set of "
             "parameters. If specimens differ, class probabilities are overconfident",
         )
-    warn_of_some(page, names_of(result), cases)
+    names = names_of(result)
+    for level, words, where in cases:
+        page.notice_where(level, words, names, where)
     if "class_verdict" in result:
         for label, verdict in result["class_verdict"].to_series().items():
             if verdict != VERDICTS[0]:

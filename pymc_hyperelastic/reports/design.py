@@ -17,7 +17,6 @@ _ERRORS = 2
 def _check_designs(result: xr.Dataset, page: Page) -> None:
     """Add notices on designs that are as good as the best, and on specimens that are left out."""
     warn_of_simulated(result.attrs, page)
-    page.check("whether planned tests differ by more than their errors, and which are impossible")
     if "words" in result.attrs:
         page.notice(NOTE, result.attrs["words"])
     names = result["design"].values.tolist()

@@ -25,7 +25,6 @@ from pymc_hyperelastic.reports.page import (
     NOTE,
     Page,
     frame_of,
-    interval_ends,
     short,
 )
 from pymc_hyperelastic.reports.settings import units_of
@@ -68,7 +67,12 @@ def _check(result: xr.DataTree, page: Page) -> None:
         if tree["posterior"].sizes["chain"] == 1:
             page.notice(NOTE, "there is only one chain: convergence cannot be checked", subject)
         if "specimens" in tree.children:
-            _check_specimens(subject, tree["specimens"].to_dataset(), page)
+            specimens = tree["specimens"].to_dataset()
+            names, infinite = specimens["specimen"], ~np.isfinite(specimens["standard_error"])
+            heavy = (specimens["pareto_k"] >= LARGEST_PARETO_K) & ~infinite
+            page.notice_where(BAD, "the integral of a specimen failed", names, infinite, subject)
+            words = f"a few weights dominate an integral (Pareto k of {LARGEST_PARETO_K} or more)"
+            page.notice_where(CAUTION, words, names, heavy, subject)
     pooled = [t for t in classes.values() if has_data(t) and not specimens_differ(t)]
     if any(len(np.unique(inflation_data_of(tree)["specimen"])) > 1 for tree in pooled):
         page.notice(
@@ -85,13 +89,10 @@ def _check_evidence(subject: str, tree: xr.DataTree, page: Page) -> None:
     except ValueError:
         page.notice(NOTE, "the result holds no evidence, and no diagnosis of it", subject)
         return
-    page.check("the evidence of each class, by ph.diagnose_evidence")
     verdict = diagnosis.attrs["verdict"]
     if words := judgement(diagnosis):
         page.notice(_LEVELS[verdict], words, subject)
-    if "residuals" in diagnosis["check"].values:
-        page.check("whether the best curve of each test fits its data within the noise")
-    elif has_data(tree):
+    if has_data(tree) and "residuals" not in diagnosis["check"].values:
         page.complete = False
         page.notice(
             NOTE,
@@ -101,21 +102,6 @@ def _check_evidence(subject: str, tree: xr.DataTree, page: Page) -> None:
         )
     if not np.isfinite(log_evidence(tree).standard_error) and verdict != VERDICTS[-1]:
         page.notice(BAD, "the standard error of the log evidence is infinite", subject)
-
-
-def _check_specimens(subject: str, specimens: xr.Dataset, page: Page) -> None:
-    page.check(f"Pareto shapes of the weights of each specimen, below {LARGEST_PARETO_K}")
-    columns = (specimens[name].values for name in ("specimen", "pareto_k", "standard_error"))
-    for name, shape, error in zip(*columns, strict=True):
-        if not np.isfinite(error):
-            words = f"specimen {name} could not be integrated: its error is infinite"
-            page.notice(BAD, words, subject)
-        elif shape >= LARGEST_PARETO_K:
-            words = (
-                f"a few weights dominate the integral of specimen {name}: their Pareto shape is "
-                f"{short(float(shape))}"
-            )
-            page.notice(CAUTION, words, subject)
 
 
 def show_evidence(result: xr.DataTree, page: Page) -> None:
@@ -188,12 +174,15 @@ def show_fits(result: xr.DataTree, page: Page) -> None:
 def show_posteriors(result: xr.DataTree, page: Page) -> None:
     """Add the joint posterior of two parameters, and a table of all; check convergence."""
     classes = classes_of(result, page)
-    tables = {}
+    summaries = {}
     for name, tree in classes.items():
         posterior = _posterior(tree)
-        tables[name] = _summary(name, posterior, units_of(tree))
-        _check_convergence(_subject(name, page), posterior, tables[name], page)
-    if all(sum("|" not in p for p in table["parameter"]) > 1 for table in tables.values()):
+        finite = posterior.where(np.isfinite(posterior))
+        summaries[name] = summary(finite, ci_prob=PROB, ci_kind="eti", round_to="none", skipna=True)
+        _check_convergence(_subject(name, page), posterior, summaries[name], page)
+    table = pd.concat(summaries, names=["class", "parameter"]).reset_index()
+    unknowns = table["parameter"][~table["parameter"].str.startswith("|")]
+    if len(unknowns) > len(classes):
         page.figure(
             "Joint posterior of two parameters",
             plot_parameter_density,
@@ -201,12 +190,13 @@ def show_posteriors(result: xr.DataTree, page: Page) -> None:
             note=f"The regions hold {' and '.join(f'{100 * p:.3g} %' for p in _REGIONS)}.",
             probs=_REGIONS,
         )
-    of_class = (
-        "Parameters are those of the typical specimen; the others describe the distribution of "
-        "the class."
-    )
-    note = of_class if all(map(specimens_differ, classes.values())) else ""
-    page.table("Posterior of the parameters", pd.concat(tables.values()), note)
+    units = units_of(next(iter(classes.values())))
+    variables = table["parameter"].str.strip("|").str.split("[").str[0]
+    table.insert(2, "unit", [units.get(name, "") for name in variables])
+    note = "The columns are those of arviz.summary."
+    if all(map(specimens_differ, classes.values())):
+        note += " Parameters are those of the typical specimen; other unknowns describe its class."
+    page.table("Posterior of the parameters", table, note)
 
 
 def _posterior(tree: xr.DataTree) -> xr.Dataset:
@@ -224,28 +214,14 @@ def _posterior(tree: xr.DataTree) -> xr.Dataset:
     return xr.Dataset(chosen)
 
 
-def _summary(name: str, posterior: xr.Dataset, units: dict[str, str]) -> pd.DataFrame:
-    """Summarise the finite draws of a class in the columns of the report."""
-    finite = posterior.where(np.isfinite(posterior))
-    table = summary(finite, ci_prob=PROB, ci_kind="eti", round_to="none", skipna=True)
-    interval = [column for column in table.columns if column.startswith("eti")]
-    table = table[["mean", "sd", *interval, "ess_bulk", "r_hat"]]
-    table.columns = ["mean", "sd", *interval_ends(PROB), "effective draws", "R-hat"]
-    table.insert(0, "parameter", [str(parameter) for parameter in table.index])
-    table.insert(1, "class", name)
-    table.insert(2, "unit", [units.get(p.strip("|").split("[")[0], "") for p in table.index])
-    return table
-
-
 def _check_convergence(
     subject: str, posterior: xr.Dataset, table: pd.DataFrame, page: Page
 ) -> None:
     for name, draws in posterior.data_vars.items():
         if not np.isfinite(draws).all():
             page.notice(BAD, f"some draws of {name} are not finite", subject)
-    rhat = table["R-hat"].dropna()
+    rhat = table["r_hat"].dropna()
     if len(rhat):
-        page.check(f"R-hat of each parameter, up to {LARGEST_RHAT}")
         worst = rhat.round(DIGITS).idxmax()
         if rhat[worst] > LARGEST_RHAT:
             words = (

@@ -28,7 +28,6 @@ _QUANTITIES = {
 
 def warn_of_simulated(attrs: Any, page: Page) -> None:
     """Add a notice if data are simulated."""
-    page.check("whether data are simulated")
     if attrs.get("simulated"):
         title = attrs.get("title") or page.title
         page.notice(NOTE, "these data are simulated, not measured", subject=title)

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 
@@ -51,7 +52,6 @@ class Page:
     title: str = ""
     """Title of the result whose section is being written."""
     notices: list[Notice] = field(default_factory=list)
-    checked: list[str] = field(default_factory=list)
     complete: bool = True
     """False if the residuals of a fit are unknown."""
     shown: list[Any] = field(default_factory=list)
@@ -67,10 +67,11 @@ class Page:
         if notice not in self.notices:
             self.notices.append(notice)
 
-    def check(self, what: str) -> None:
-        """List something as checked, once."""
-        if what not in self.checked:
-            self.checked.append(what)
+    def notice_where(self, level: str, words: str, names: Any, where: Any, *subject: str) -> None:
+        """Add a notice with the names where a condition holds."""
+        chosen = np.asarray(names, object)[np.asarray(where)]
+        if chosen.size:
+            self.notice(level, f"{words}: {listed(chosen)}", *subject)
 
     @contextmanager
     def catching(self, subject: str, shown: bool = True) -> Iterator[None]:

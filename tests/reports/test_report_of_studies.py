@@ -89,7 +89,7 @@ def test_fit_tables_hold_the_numbers_of_specimens_and_classes(page, results):
     variable = results["Classes"]
     headings, rows = page.table("Posterior of the parameters")
     spread = variable["soft"]["posterior"]["spread"].values[..., 0]
-    assert rows[2][:2] == ["spread[log_reference_strain]", "soft"]
+    assert rows[2][:2] == ["soft", "spread[log_reference_strain]"]
     assert rows[2][headings.index("mean")] == pytest.approx(spread.mean())
     assert set(page.column("Elastic properties", "pressure (kPa)")) == {2.0}
     _, rows = page.table("Best curve of each specimen")
@@ -204,10 +204,7 @@ def test_specimens_with_a_large_shape_are_named(write_words):
     specimens["pareto_k"].values[:] = 0.1, 0.49, 0.5
     del classes["soft"].attrs["checksum"]
     warnings = write_words(classes, **AT).warnings
-    assert (
-        "a few weights dominate the integral of specimen A3: their Pareto shape is 0.5" in warnings
-    )
-    assert "integral of specimen A2" not in warnings
+    assert "a few weights dominate an integral (Pareto k of 0.5 or more): A3." in warnings
 
 
 @pytest.mark.deep
