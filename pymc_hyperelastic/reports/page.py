@@ -21,6 +21,8 @@ LEVELS = ("not to be trusted", "caution", "note")
 BAD, CAUTION, NOTE = LEVELS
 # Points of a figure above which they are drawn as pixels: as shapes they would make a large file.
 _MOST_SHAPES = 6000
+# Characters that names may have, but no XML, and so no SVG.
+_FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 # CSS pixels per inch.
 _PIXELS = 96
 # Names that one sentence lists at most.
@@ -125,7 +127,8 @@ class Page:
                 file = io.BytesIO()
                 undated = {"Date": None, "Creator": None}
                 figure.savefig(file, format="svg", transparent=True, metadata=undated)
-                image = base64.b64encode(file.getvalue()).decode()
+                drawing = _FORBIDDEN.sub("\ufffd", file.getvalue().decode())
+                image = base64.b64encode(drawing.encode()).decode()
                 width = round(_PIXELS * figure.get_figwidth())
                 caption = self._caption(what, note)
                 self.blocks.append(

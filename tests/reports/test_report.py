@@ -119,6 +119,14 @@ def test_names_with_markup_stay_text(write):
         assert f"specimen {name}" in text_of(probabilities)
 
 
+def test_control_characters_of_names_leave_page_and_figures_sound(write):
+    """XML, and so a drawing, cannot hold them; half of a character cannot be written at all."""
+    page = write(classified(["bell \x07", "S2"]), title="half \ud800, null \x00")
+    assert_sound(page)
+    assert page.column("Decisions", "specimen")[0] == "bell \x07"
+    assert "bell \ufffd" in text_of(*page.figures.values())
+
+
 def test_titles_come_from_dict_keys_or_kinds(write_words):
     page = write_words([THIRD, curves(["A"]), classified()], title="Mine")
     assert [text for tag, text in page.headings if tag == "h3"] == ["Data", "Data 2"]
