@@ -33,6 +33,8 @@ _HEADINGS = {
     "class_label": "class",
     "pareto_k": "Pareto k",
     "p_value": "p-value",
+    "log_bayes_factor": "log Bayes factor",
+    "freedom": "degrees of freedom",
 }
 # Words in the headings of columns whose numbers are never shown as exactly 0 or 1.
 _PROBABILITIES = re.compile("^(?!SE ).*(probability|p-value|share|decided|wrong|covered)")
@@ -98,8 +100,9 @@ class Page:
         columns = [[cell_of(str(name), v) for v in values] for name, values in frame.items()]
         rows = list(zip(*columns, strict=True))
         if rows:
-            caption = self._caption(what, note)
-            self.blocks.append({"caption": caption, "columns": [*frame.columns], "rows": rows})
+            caption = f"{what}: {self.title}"
+            table = {"caption": caption, "note": note, "columns": [*frame.columns], "rows": rows}
+            self.blocks.append(table)
 
     def figure(
         self,
@@ -130,16 +133,10 @@ class Page:
                 drawing = _FORBIDDEN.sub("\ufffd", file.getvalue().decode())
                 image = base64.b64encode(drawing.encode()).decode()
                 width = round(_PIXELS * figure.get_figwidth())
-                caption = self._caption(what, note)
-                self.blocks.append(
-                    {"image": image, "label": label, "caption": caption, "width": width}
-                )
+                self.blocks.append({"image": image, "caption": label, "note": note, "width": width})
             finally:
                 for number in set(plt.get_fignums()) - before:
                     plt.close(number)
-
-    def _caption(self, what: str, note: str) -> str:
-        return f"{what}: {self.title}" + (f". {note}" if note else "")
 
 
 def _simplify(figure: Any) -> None:
@@ -157,11 +154,12 @@ def frame_of(result: xr.Dataset, names: str, *dims: str) -> pd.DataFrame:
     """
     headings, variables = {}, {}
     for name in names.split():
-        heading = _HEADINGS.get(name) or name.replace("_", " ").removesuffix(" se")
+        base = name.removesuffix("_se").removesuffix("_interval")
+        heading = _HEADINGS.get(base) or base.replace("_", " ")
         if name.endswith("_interval"):
             ends = interval_ends(float(result.attrs["interval"]))
             for bound, end in zip(("low", "high"), ends, strict=True):
-                headings[f"{name} {bound}"] = f"{heading.removesuffix(' interval')}, {end}"
+                headings[f"{name} {bound}"] = f"{heading}, {end}"
                 variables[f"{name} {bound}"] = result[name].sel(bound=bound, drop=True)
         elif name in result.variables:
             headings[name] = f"SE of {heading}" if name.endswith("_se") else heading

@@ -83,8 +83,9 @@ def _table(
             draws = properties[key].isel(pressure=i).values
             known = draws[np.isfinite(draws)]
             numbers = np.quantile(known, quantiles) if known.size else np.full(3, np.nan)
-            unit = properties[key].attrs["units"].replace("mm2", "mm²")
-            rows.append([key.replace("_", " "), name, pressure, unit, *numbers.tolist()])
+            attrs = properties[key].attrs
+            unit = attrs["units"].replace("mm2", "mm²")
+            rows.append([attrs["long_name"], name, pressure, unit, *numbers.tolist()])
     columns = ["property", "class", f"pressure ({pressure_unit})", "unit", "median"]
     return pd.DataFrame(rows, columns=[*columns, *interval_ends(PROB)])
 

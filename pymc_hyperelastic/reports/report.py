@@ -29,12 +29,14 @@ from pymc_hyperelastic.reports.fits import show_evidence, show_fits, show_poster
 from pymc_hyperelastic.reports.measurements import show_measurements
 from pymc_hyperelastic.reports.page import BAD, LEVELS, Page, listed
 from pymc_hyperelastic.reports.properties import show_properties
-from pymc_hyperelastic.reports.settings import show_settings
+from pymc_hyperelastic.reports.settings import add_methods, show_settings
 
 # Beginning of the sentence on a strain energy, and that on a further one.
 _MODELLED, _ALSO = "Each vessel was modelled", "Each vessel was also modelled"
-# Titles of the chapters by anchor, in their order on the page.
+# Titles of the chapters by anchor, in their order on the page. The sentences on methods are at its
+# end; those of fits are written first.
 CHAPTERS = {
+    "methods": "Methods",
     "evidence": "Evidence and its diagnosis",
     "data": "Data",
     "fits": "Fits",
@@ -71,6 +73,7 @@ CLASSES = Kind(
     "Fitted classes",
     "posterior",
     {
+        "methods": add_methods,
         "evidence": show_evidence,
         "data": show_training,
         "fits": show_fits,

@@ -136,9 +136,8 @@ def units_of(tree: xr.DataTree) -> dict[str, str]:
 
 
 def show_settings(result: xr.DataTree, page: Page) -> None:
-    """Add a table of the settings, and sentences on the methods."""
+    """Add a table of the settings."""
     settings = settings_of(result)
-    _add_methods(result, settings, page)
     rows: list[tuple[str, Any]] = []
     for number, layer in enumerate(settings.wall, start=1):
         where = f" of layer {number}, from inside" if len(settings.wall) > 1 else ""
@@ -173,8 +172,9 @@ def show_settings(result: xr.DataTree, page: Page) -> None:
     page.table("Settings", pd.DataFrame(known, columns=["setting", "value"], dtype=object))
 
 
-def _add_methods(result: xr.DataTree, settings: Settings, page: Page) -> None:
-    """Add sentences on the data, the model and the sampling."""
+def add_methods(result: xr.DataTree, page: Page) -> None:
+    """Add sentences on the data, the model and the sampling to the methods."""
+    settings = settings_of(result)
     trees = fitted_classes(result)
     data = {
         name: inflation_data_of(tree)

@@ -10,12 +10,12 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.models.records import likelihood_attrs
 from pymc_hyperelastic.reports.decisions import show_classified
 from pymc_hyperelastic.reports.page import Page
-from pymc_hyperelastic.reports.settings import show_settings
+from pymc_hyperelastic.reports.settings import add_methods
 
 ONE = ph.select(DATA, specimen="S1", experiment=1)
 
 
-def methods(result, show=show_settings):
+def methods(result, show=add_methods):
     page = Page(title="Result")
     page.figure = lambda *_, **__: None
     show(result, page)

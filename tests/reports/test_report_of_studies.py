@@ -75,6 +75,7 @@ def test_report_of_a_study_has_all_chapters(page):
     _, rows = page.table("Specimens that were left out")
     assert rows[1][2:7] == ["stiff", 0.2, 0.8, np.log(0.8), 0.08]
     assert "the classes have no variability" not in page.warnings
+    assert page.methods.strip().startswith("The inflation curves of 6 specimens")
     for words in (
         "inflation curves of 6 specimens (3 in soft and 3 in stiff) were analysed",
         "The curves of 2 specimens were compared with the classes soft and stiff",
