@@ -178,7 +178,8 @@ def show_posteriors(result: xr.DataTree, page: Page) -> None:
     for name, tree in classes.items():
         posterior = _posterior(tree)
         finite = posterior.where(np.isfinite(posterior))
-        summaries[name] = summary(finite, ci_prob=PROB, ci_kind="eti", round_to="none", skipna=True)
+        of_class = summary(finite, ci_prob=PROB, ci_kind="eti", round_to="none", skipna=True)
+        summaries[name] = of_class.drop(columns=["mcse_mean", "mcse_sd"])
         _check_convergence(_subject(name, page), posterior, summaries[name], page)
     table = pd.concat(summaries, names=["class", "parameter"]).reset_index()
     unknowns = table["parameter"][~table["parameter"].str.startswith("|")]
