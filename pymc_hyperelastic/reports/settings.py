@@ -129,7 +129,7 @@ def units_of(tree: xr.DataTree) -> dict[str, str]:
     """Return the units of the variables of a result, as far as it says."""
     stated: Mapping[str, str] = read_json(tree, "units", {})
     if not all(isinstance(unit, str) for unit in stated.values()):
-        raise damaged(tree, f"its attribute 'units' is {shown(stated)}; expected a unit for each")
+        raise damaged(tree, f"its attribute 'units' is {shown(stated)}; expected the unit of each")
     units = {p.name: p.unit for layer in _known_wall(tree) for p in layer.energy.parameters}
     units |= {name: size.unit for name, size in SIZES.items()} | dict(stated)
     return {name: unit.replace("mm2", "mm²") for name, unit in units.items()}
