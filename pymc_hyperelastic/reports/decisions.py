@@ -66,7 +66,7 @@ def failed_of(result: xr.Dataset) -> np.ndarray:
 
 
 def warn_of_messages(result: xr.Dataset, page: Page) -> None:
-    """Add a notice for each error and each doubt, with the names of what it concerns."""
+    """Add a notice for each message of an error or doubt, with the names of the specimens."""
     names = names_of(result)
     for variable in ("error", "doubtful"):
         if variable not in result:
