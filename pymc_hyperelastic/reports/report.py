@@ -117,11 +117,12 @@ def report(
     Parameters
     ----------
     result : xarray.DataTree, xarray.Dataset, or a list or dict of them
-        Results of :func:`fit_classes`, :func:`sample_smc`, :func:`classify`, :func:`open_cohort`,
-        :func:`compare_classes`, :func:`calibration_report`, :func:`expected_information` and
-        :func:`plan_study`, or inflation data. Several are given as a list, or as a dict of titles
-        to results. If more than 200 specimens were classified, decisions are counted, and the
-        specimens with the least clear class are shown.
+        Results of :func:`fit_classes`, :func:`sample_smc`, :func:`classify`,
+        :func:`explain_classification`, :func:`open_cohort`, :func:`compare_classes`,
+        :func:`calibration_report`, :func:`expected_information` and :func:`plan_study`, or
+        inflation data. Several are given as a list, or as a dict of titles to results. If more than
+        200 specimens were classified, decisions are counted, and the specimens with the least clear
+        class are shown.
     path : str or path
         The file. Its folder is made if needed. An existing file is replaced once the new one is
         complete.
@@ -311,22 +312,18 @@ def _title_of(results: Mapping[str, Any]) -> str:
 
 
 def _methods(sentences: Sequence[str], results: Mapping[str, Any]) -> str:
-    """Return the paragraph on the methods, each sentence once."""
+    """Return the paragraph on the methods, each sentence once, and the versions of packages."""
     paragraph: list[str] = []
     for sentence in dict.fromkeys(sentences):
         several = any(other.startswith(_MODELLED) for other in paragraph)
         paragraph.append(sentence.replace(_MODELLED, _ALSO) if several else sentence)
-    return " ".join([*paragraph, f"All results were computed with {_versions(results)}."])
-
-
-def _versions(results: Mapping[str, Any]) -> str:
-    """Return the versions that results hold; if they hold none, those of today."""
-    found: dict[str, list[str]] = {}
+    versions: dict[str, list[str]] = {}
     for result in results.values():
         trees = [result, *result.children.values()] if isinstance(result, xr.DataTree) else []
         for tree in trees:
             for name, number in read_json(tree, "versions", {}).items():
-                found.setdefault(str(name), []).append(str(number))
-    if not found:
-        found = {name: [version(name)] for name in ("pymc-hyperelastic", "pymc", "numpy")}
-    return listed([f"{name} {' or '.join(dict.fromkeys(n))}" for name, n in found.items()])
+                versions.setdefault(name, []).append(str(number))
+    if versions:
+        used = [f"{name} {' or '.join(dict.fromkeys(n))}" for name, n in versions.items()]
+        paragraph.append(f"Models were sampled with {listed(used)}.")
+    return " ".join(paragraph)

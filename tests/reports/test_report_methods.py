@@ -35,7 +35,7 @@ def test_methods_settings_and_versions_of_pooled_classes(write_words):
     rows = {row[0]: row[1] for row in page.table("Settings")[1]}
     assert rows["strain energy"] == "Demiray" and rows["prior of mu"] == "Uniform(0, 200) kPa"
     assert rows["draws per chain"] == 100 and rows["chains"] == 2 and rows["random seed"] == "7"
-    assert page.methods.endswith("were computed with pymc-hyperelastic 0.0.9 and pymc 6.1.0.")
+    assert page.methods.endswith("Models were sampled with pymc-hyperelastic 0.0.9 and pymc 6.1.0.")
     assert f"written by pymc_hyperelastic {ph.__version__} on Python" in page.text
 
 

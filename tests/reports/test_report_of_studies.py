@@ -187,6 +187,25 @@ def test_report_of_an_average_over_laws(write_words):
     assert "tube with the strain energy Demiray, W" in second
 
 
+def test_explanations_have_a_table_of_their_parts(write_words):
+    parts = np.array([[[1.0, 0.5], [-1.0, -0.5]], [[-2.0, 0.25], [2.0, -0.25]]])
+    of_class = ("specimen", "class_label")
+    explained = xr.Dataset(
+        {
+            "rival": (of_class, [["stiff", "soft"]] * 2),
+            "log_ratio_part": ((*of_class, "part"), parts),
+        },
+        {
+            "specimen": ["N1", "N2"],
+            "class_label": ["soft", "stiff"],
+            "part": ["material", "noise"],
+        },
+    )
+    headings, rows = write_words({"Why": explained}).table("Support for each class, in nats: Why")
+    assert headings == ["specimen", "class", "compared with", "material", "noise"]
+    assert rows[2] == ["N2", "soft", "stiff", -2.0, 0.25]
+
+
 def test_settings_list_the_priors_of_hierarchical_classes():
     settings = {"priors": {"effect_spread": pm.LogNormal.dist(-1.0, 0.25)}}
     settings |= {"experiment_effect": True}
