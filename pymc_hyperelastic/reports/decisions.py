@@ -90,7 +90,7 @@ def _check_decisions(result: xr.Dataset, page: Page) -> None:
         for name, variable in result.data_vars.items()
         if {*variable.dims} == {unit, "class_label"}
     }
-    decision = result["decision"].values if "decision" in result else np.array([""])
+    decision = result["decision"].values
     judged = decision != "cannot be judged"
     unknown = np.isnan(table["class_probability"]).any(axis=1) & judged & ~failed_of(result)
     errors = [table[k] for k in ("class_probability_se", "log_evidence_se") if k in table]
@@ -157,8 +157,7 @@ def _show_decisions(result: xr.Dataset, page: Page) -> None:
     labels = [name for name in ("specimen", unit) if name in result.coords]
     table = result.reset_coords(["group"] if "group" in result.coords else [])
     table = table.drop_vars(labels).assign(name=(unit, names_of(result)))
-    if "decision" in table:
-        table["decision"] = table["decision"].where(table["decision"] != "", "not classified")
+    table["decision"] = table["decision"].where(table["decision"] != "", "not classified")
     page.table("Decisions and probabilities", frame_of(table, _COLUMNS, unit, "class_label"))
 
 
@@ -182,19 +181,14 @@ def _least_clear(result: xr.Dataset, page: Page) -> xr.Dataset:
     """Count the decisions, and return the specimens or experiments with the least clear class."""
     unit = unit_of(result)
     probability = result["class_probability"].max("class_label").fillna(0.0).values.round(_DIGITS)
-    decision = None
-    if "decision" in result:
-        decision = result["decision"].values.astype(str)
-        labels = result["class_label"].values.astype(str)
-        probability = np.where(np.isin(decision, labels), probability, 0.0)
+    decision = result["decision"].values.astype(str)
+    labels = result["class_label"].values.astype(str)
+    probability = np.where(np.isin(decision, labels), probability, 0.0)
     clear = probability >= _CLEAR
     units = "experiments" if unit == "test" else "specimens"
-    if decision is not None:
-        frame = pd.DataFrame(
-            {"decision": decision, units: 1, "with a clear class": clear.astype(int)}
-        )
-        frame["decision"] = frame["decision"].replace("", "not classified")
-        page.table("Decisions", frame.groupby("decision").sum().reset_index())
+    frame = pd.DataFrame({"decision": decision, units: 1, "with a clear class": clear.astype(int)})
+    frame["decision"] = frame["decision"].replace("", "not classified")
+    page.table("Decisions", frame.groupby("decision").sum().reset_index())
     unclear = np.flatnonzero(~clear)
     chosen = unclear[np.argsort(probability[unclear], kind="stable")[:_MOST_SHOWN]]
     page.text(

@@ -82,7 +82,7 @@ CLASSES = Kind(
         "settings": show_settings,
     },
 )
-CLASSIFIED = Kind("Classified", "class_probability class_label", {"classes": show_classified})
+CLASSIFIED = Kind("Classified", "class_probability decision", {"classes": show_classified})
 TABLES = (
     Kind(
         "Cross-validation", "log_score true_class class_label", {"classes": show_cross_validation}
