@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import pymc as pm
 import xarray as xr
@@ -26,25 +26,17 @@ _QUANTITIES: dict[str, Quantity] = {
     "force_offset_sd": "force",
     "diameter_sd": "length",
 }
-_NAMES = (*_QUANTITIES, "slope_weight")
-# Sizes of a Gaussian likelihood only, and sizes of a slope-augmented likelihood only.
-_WITHOUT_SLOPES = "pressure_sd", "force_sd", "diameter_sd"
-_WITH_SLOPES = "force_sigma", "slope_weight"
-# Scales of the half-normal priors of unknown sizes, by quantity. They are wide: an error as large
-# as the scale is visible on a curve of an artery.
+# Sizes of a Gaussian likelihood only.
+_WITHOUT_SLOPES = ("pressure_sd", "force_sd", "diameter_sd")
+# Sizes of a slope-augmented likelihood only.
+_WITH_SLOPES = ("force_sigma", "slope_weight")
+# Scales of the half-normal priors of unknown sizes. They are wide: an error as large as the scale
+# is visible on a curve of an artery.
 _PRIOR_SDS: dict[Quantity, float] = {
     "pressure": 1.0,  # kPa
     "force": 10.0,  # mN
     "length": 0.05,  # mm
 }
-
-
-class Stated(NamedTuple):
-    """A size that the user stated, and where."""
-
-    place: str
-    """An option such as ``--pressure-sd``, or a key such as ``likelihood.pressure_sd``."""
-    value: str | float
 
 
 def likelihood_of_options(
@@ -67,28 +59,36 @@ def likelihood_of_options(
     ValueError
         If a size is no number with a unit, or sizes exclude each other.
     """
-    given = {name: Stated(f"likelihood.{name}", value) for name, value in table.items()}
-    for name, value in options.items():
-        if value is not None:
-            given[name] = Stated(_option(name), value)
-    strangers = [stated.place for name, stated in given.items() if name not in _NAMES]
-    if strangers:
-        raise ValueError(f"{strangers[0]} is not known; expected some of {list(_NAMES)}")
-    with_slopes = "sigma" in given
+    given = {name: value for name, value in options.items() if value is not None}
+    places = {name: f"likelihood.{name}" for name in table}
+    places |= {name: f"--{name.replace('_', '-')}" for name in given}
+    values: dict[str, str | float] = {**table, **given}
+    known = [*_QUANTITIES, "slope_weight"]
+    for name in values:
+        if name not in known:
+            raise ValueError(f"{places[name]} is not known; expected some of {known}")
+    with_slopes = "sigma" in values
     for name in _WITHOUT_SLOPES if with_slopes else _WITH_SLOPES:
-        if name in given:
+        if name in values:
             needed = "pressure_sd" if with_slopes else "sigma"
             raise ValueError(
-                f"{given[name].place} is given, but it belongs to {needed}: give {needed}, or "
-                f"leave {given[name].place} away"
+                f"{places[name]} is given, but it belongs to {needed}: give {needed}, or leave "
+                f"{places[name]} away"
             )
-    weight = given.pop("slope_weight", None)
-    errors = {name: _error(name, stated) for name, stated in given.items()}
+    weight = values.pop("slope_weight", None)
     if not with_slopes:
-        return Gaussian(**{"pressure_sd": _error("pressure_sd", Stated("", UNKNOWN))} | errors)
-    if weight is None:
-        return SlopeAugmented(slope_weight=balanced_slope_weight(data), **errors)
-    return SlopeAugmented(slope_weight=weight.value, **errors)
+        values.setdefault("pressure_sd", UNKNOWN)
+    errors: dict[str, Any] = {}
+    for name, value in values.items():
+        quantity = _QUANTITIES[name]
+        if value == UNKNOWN and name != "force_offset_sd":
+            errors[name] = pm.HalfNormal.dist(_PRIOR_SDS[quantity])
+        else:
+            errors[name] = size_of(places[name], value, quantity)
+    if not with_slopes:
+        return Gaussian(**errors)
+    weight = balanced_slope_weight(data) if weight is None else weight
+    return SlopeAugmented(slope_weight=weight, **errors)
 
 
 def size_of(place: str, text: str | float, quantity: Quantity) -> float:
@@ -112,15 +112,3 @@ def size_of(place: str, text: str | float, quantity: Quantity) -> float:
         raise ValueError(f"{place} is {text!r}; expected a positive number")
     assert found is not None
     return float(to_internal(number, found[2], quantity, keyword=place))
-
-
-def _error(name: str, stated: Stated) -> Any:
-    """Return the size of an error; for an unknown size, its prior."""
-    quantity = _QUANTITIES[name]
-    if stated.value == UNKNOWN and name != "force_offset_sd":
-        return pm.HalfNormal.dist(_PRIOR_SDS[quantity])
-    return size_of(stated.place, stated.value, quantity)
-
-
-def _option(name: str) -> str:
-    return f"--{name.replace('_', '-')}"

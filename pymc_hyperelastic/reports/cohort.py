@@ -1,126 +1,76 @@
-"""Many specimens, each fitted by itself: the result of ``ph.fit_cohort``."""
-
-from typing import Any
+"""Many specimens that were fitted one by one, by ``ph.fit_cohort``, in a report."""
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
-from pymc_hyperelastic.reports.blocks import (
-    BAD,
-    CAUTION,
-    Block,
-    Found,
-    Page,
-    Table,
-    plural,
-    some_in_words,
+from pymc_hyperelastic.reports.decisions import (
+    failed_of,
+    names_of,
+    warn_of_messages,
 )
-from pymc_hyperelastic.reports.decisions import failed_of, failures, names_of
 from pymc_hyperelastic.reports.measurements import warn_of_simulated
+from pymc_hyperelastic.reports.page import BAD, CAUTION, Page, plural
 
-# What is told of numbers that differ from specimen to specimen.
+# Quantiles over the specimens.
 _QUANTILES = {"2.5 %": 0.025, "median": 0.5, "97.5 %": 0.975}
-_OVER = [f"{name} of the specimens" for name in _QUANTILES]
+_HEADINGS = [f"{name} of the specimens" for name in _QUANTILES]
 
 
-def is_cohort(result: Any) -> bool:
-    """Whether this is what ``ph.open_cohort`` gives of a fitted cohort."""
-    return (
-        isinstance(result, xr.DataTree)
-        and {"posterior", "evidence"} <= set(result.children)
-        and "error" in result["evidence"].data_vars
-    )
-
-
-def check_cohort(found: Found, page: Page) -> None:
-    """Say what failed, and whose posterior is not to be trusted."""
-    tree: xr.DataTree = found.result
+def show_cohort_evidence(tree: xr.DataTree, page: Page) -> None:
+    """Add how many specimens were sampled, and notices on failures and unreliable posteriors."""
     evidence = tree["evidence"].to_dataset()
+    failed = failed_of(evidence)
     warn_of_simulated(tree.attrs, page)
-    page.check("errors of the evidences of single specimens, and Pareto shapes of their weights")
-    for words in failures(evidence):
-        page.notice(CAUTION, f"{found.title}: {words}.")
-    names = np.array(names_of(evidence), dtype=object)
-    if "log_evidence_se" not in evidence:
-        return
-    infinite = np.isinf(evidence["log_evidence_se"].values)
-    heavy = (evidence["pareto_k"].values >= LARGEST_PARETO_K) & ~failed_of(evidence) & ~infinite
-    for level, where, words in (
-        (BAD, infinite, "an evidence has an infinite error"),
-        (
-            CAUTION,
-            heavy,
-            f"a few weights decide a posterior (Pareto shape from {LARGEST_PARETO_K} on)",
-        ),
-    ):
-        if where.any():
-            page.notice(level, f"{found.title}: {words}: {some_in_words(names[where].tolist())}.")
-
-
-def show_cohort_trust(found: Found, page: Page) -> list[Block]:
-    """How many were sampled, and how."""
-    evidence = found.result["evidence"].to_dataset()
-    failed = failed_of(evidence)
-    rows: list[list[Any]] = [["not sampled", int(failed.sum())]]
-    if "method" in evidence:
-        methods = evidence["method"].values.astype(str)[~failed]
-        rows += [[m, int((methods == m).sum())] for m in sorted(set(methods.tolist()))]
-    return [Table(f"How specimens were sampled: {found.title}", ["by", "specimens"], rows)]
-
-
-def show_cohort_posteriors(found: Found, page: Page) -> list[Block]:
-    """Parameters over the specimens: what is found of each, and how well it is known."""
-    posterior = found.result["posterior"].to_dataset()
-    rows = []
-    for name, variable in posterior.data_vars.items():
-        each = variable.stack(sample=("chain", "draw"))
-        for label, own in _entries(str(name), each):
-            known = own.dropna(own.dims[0], how="all")
-            middle, sd = known.median("sample").values, known.std("sample").values
-            if middle.size:
-                rows.append([label, *np.quantile(middle, [*_QUANTILES.values()]), np.median(sd)])
-    columns = ["parameter", *_OVER, "posterior sd of one (median)"]
-    caption = f"Posterior medians of the parameters, over the specimens: {found.title}"
-    return [Table(caption, columns, rows)] if rows else []
-
-
-def show_cohort_properties(found: Found, page: Page) -> list[Block]:
-    """Elastic properties over the specimens."""
-    if "properties" not in found.result.children:
-        return []
-    properties = found.result["properties"].to_dataset()
-    rows = []
-    for name, variable in properties.data_vars.items():
-        if "interval" not in variable.dims:
-            continue
-        for at in range(properties.sizes.get("pressure", 1)):
-            own = variable.isel(pressure=at) if "pressure" in variable.dims else variable
-            low, middle, high = (own.isel(interval=i).values.ravel() for i in range(3))
-            there = np.isfinite(middle)
-            if there.any():
-                over = np.quantile(middle[there], [*_QUANTILES.values()])
-                pressure = float(np.atleast_1d(properties["pressure"].values)[at])
-                unit = str(variable.attrs.get("units", ""))
-                width = float(np.median((high - low)[there]))
-                rows.append([str(name).replace("_", " "), unit, pressure, *over, width])
-    columns = ["property", "unit", "pressure", *_OVER, "width of the interval of one (median)"]
-    caption = f"Elastic properties (posterior medians), over the specimens: {found.title}"
-    return [Table(caption, columns, rows)] if rows else []
-
-
-def cohort_sentences(found: Found) -> list[str]:
-    """How a cohort was fitted, as sentences of an article."""
-    evidence = found.result["evidence"].to_dataset()
-    failed = failed_of(evidence)
+    warn_of_messages(evidence, page)
+    if "log_evidence_se" in evidence:
+        infinite = np.isinf(evidence["log_evidence_se"].values)
+        heavy = (evidence["pareto_k"].values >= LARGEST_PARETO_K) & ~failed & ~infinite
+        words = f"a few weights dominate a posterior (Pareto shape of {LARGEST_PARETO_K} or more)"
+        names = names_of(evidence)
+        page.notice_where(BAD, "the error of an evidence is infinite", names, infinite)
+        page.notice_where(CAUTION, words, names, heavy)
+    others = f"; {plural(int(failed.sum()), 'other')} could not be sampled" if failed.any() else ""
     count = plural(int((~failed).sum()), "specimen")
-    left = f"; {plural(int(failed.sum()), 'other')} could not be" if failed.any() else ""
-    return [f"The posteriors of {count} were sampled, each by itself{left}."]
+    page.methods.append(f"The posteriors of {count} were sampled one by one{others}.")
+    methods = evidence["method"].to_series() if "method" in evidence else pd.Series([], dtype=str)
+    counts = methods.where(~failed, "not sampled").value_counts().sort_index()
+    page.table("Sampling methods of the specimens", counts.rename("specimens").reset_index())
 
 
-def _entries(name: str, values: xr.DataArray) -> list[tuple[str, xr.DataArray]]:
-    """Each number of a parameter, by (unit, sample)."""
-    rest = [dim for dim in values.dims if str(dim).endswith("_entry")]
-    if not rest:
-        return [(name, values)]
-    return [(f"{name}[{i}]", values.isel({rest[0]: i})) for i in range(values.sizes[rest[0]])]
+def show_cohort_posteriors(tree: xr.DataTree, page: Page) -> None:
+    """Add how parameters differ between specimens, and the uncertainty of one specimen."""
+    rows = []
+    for name, draws in tree["posterior"].data_vars.items():
+        medians, sds = draws.median(("chain", "draw")), draws.std(("chain", "draw"))
+        entries = [dim for dim in medians.dims if str(dim).endswith("_entry")]
+        for i in range(medians.sizes[entries[0]] if entries else 1):
+            at = {entries[0]: i} if entries else {}
+            numbers = [*_quantiles(medians.isel(at)), float(sds.isel(at).median())]
+            rows.append([f"{name}[{i}]" if entries else name, *numbers])
+    columns = ["parameter", *_HEADINGS, "median of the posterior sd"]
+    page.table("Posterior medians of the parameters", pd.DataFrame(rows, columns=columns))
+
+
+def show_cohort_properties(tree: xr.DataTree, page: Page) -> None:
+    """Add how elastic properties differ between specimens."""
+    if "properties" not in tree.children:
+        return
+    properties = tree["properties"].to_dataset()
+    rows = []
+    for name, intervals in properties.data_vars.items():
+        if "interval" not in intervals.dims:
+            continue
+        for i, pressure in enumerate(np.ravel(properties["pressure"])):
+            at = {"pressure": i} if "pressure" in intervals.dims else {}
+            low, median, high = intervals.isel(at).transpose("interval", ...)
+            unit = str(intervals.attrs.get("units", ""))
+            numbers = [*_quantiles(median), float((high - low).median())]
+            rows.append([str(name).replace("_", " "), unit, float(pressure), *numbers])
+    columns = ["property", "unit", "pressure", *_HEADINGS, "median width of the intervals"]
+    page.table("Posterior medians of the elastic properties", pd.DataFrame(rows, columns=columns))
+
+
+def _quantiles(values: xr.DataArray) -> list[float]:
+    return values.quantile([*_QUANTILES.values()]).values.tolist()

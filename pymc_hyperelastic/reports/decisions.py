@@ -1,8 +1,7 @@
-"""What was classified: decisions, and how far they can be trusted."""
-
-from typing import Any
+"""Classified specimens or experiments in a report."""
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 
 from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
@@ -10,313 +9,225 @@ from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.evidence.verdicts import VERDICTS
 from pymc_hyperelastic.plots.laws import plot_law_probability
 from pymc_hyperelastic.plots.probability import plot_class_probability
-from pymc_hyperelastic.reports.blocks import (
+from pymc_hyperelastic.reports.measurements import warn_of_simulated
+from pymc_hyperelastic.reports.page import (
     BAD,
     CAUTION,
-    Block,
-    Found,
     Page,
-    Probability,
-    Table,
-    Text,
-    in_words,
-    is_table,
+    frame_of,
+    listed,
     plural,
     short,
-    some_in_words,
 )
-from pymc_hyperelastic.reports.measurements import warn_of_simulated
 
-# A specimen looks like one of a class in one of twenty cases by a smaller p-value.
-_STRANGE = 0.05
-# The most that one figure shows; more are parted.
+# P-value below which a specimen is atypical of a class.
+_ATYPICAL = 0.05
+# Panels of one figure at most.
 _MOST_PANELS = 24
-# Of more specimens those are shown by themselves whose class is not clear, and so many at most.
-_MOST_ALONE = 200
-# Messages of failures that stand before the numbers.
-_MOST_MESSAGES = 10
-# A decision with less than this probability is not clear.
+# Specimens that are shown one by one at most; of more, those with the least clear class.
+_MOST_SHOWN = 200
+# Probability from which on a class is clear.
 _CLEAR = 0.95
-# Digits to which probabilities are rounded before they are compared, so that rounding errors do not
-# decide.
+# Different error messages that are listed at most.
+_MOST_MESSAGES = 10
+# Digits to which probabilities are rounded before they are sorted, against rounding errors.
 _DIGITS = 9
-
-
-def is_classified(result: Any) -> bool:
-    """Whether this comes from ``ph.classify``."""
-    return is_table(result, "class_probability", "class_probability_se", "class_label")
+_COLUMNS = (
+    "name group decision class_label class_probability class_probability_se log_evidence "
+    "log_evidence_se pareto_k p_value method"
+)
+_LAW_COLUMNS = (
+    "strain_energy strain_energy_probability strain_energy_probability_se "
+    "strain_energy_log_evidence strain_energy_log_evidence_se"
+)
 
 
 def unit_of(result: xr.Dataset) -> str:
-    """What was classified: the tests, or the specimens."""
-    judged = result["class_probability" if "class_probability" in result else "error"]
-    return next(str(d) for d in judged.dims if d != "class_label")
+    """Return the dimension of a result with one entry per specimen or experiment."""
+    return "test" if "test" in result.sizes else "specimen"
 
 
-def names_of(result: xr.Dataset) -> list[str]:
-    """Names of what was classified."""
+def names_of(result: xr.Dataset) -> np.ndarray:
+    """Return the name of each specimen or experiment."""
     unit = unit_of(result)
-    names = []
-    for i in range(result.sizes[unit]):
-        name = str(result["specimen"].values[i]) if "specimen" in result.coords else f"{i + 1}"
-        if "experiment" in result.coords:
-            name += f", experiment {result['experiment'].values[i]}"
-        names.append(name)
-    return names
+    numbers = np.arange(1, result.sizes[unit] + 1)
+    names = (result["specimen"].values if "specimen" in result.coords else numbers).astype(str)
+    if "experiment" in result.coords:
+        tests = result["experiment"].values.astype(str)
+        names = [f"{name}, experiment {test}" for name, test in zip(names, tests, strict=True)]
+    return np.array(names, dtype=object)
 
 
-def check_classified(found: Found, page: Page) -> None:
-    """Say what cannot be judged, is in doubt, or looks like no class."""
-    result: xr.Dataset = found.result
-    warn_of_simulated(result.attrs, page)
-    names = np.array(names_of(result), dtype=object)
-
-    def tell(level: str, where: Any, words: str) -> None:
-        if np.any(where):
-            told = some_in_words(names[where].tolist())
-            page.notice(level, f"{found.title}: {words}: {told}.")
-
-    unit = unit_of(result)
-    table = {
-        str(k): v.transpose(unit, "class_label", ...).values
-        for k, v in result.data_vars.items()
-        if {unit, "class_label"} == set(v.dims)
-    }
-    page.check("decisions, and errors of the evidences and probabilities behind them")
-    unknown = np.isnan(table["class_probability"]).any(axis=1)
-    if "decision" in result:
-        decision = result["decision"].values
-        tell(BAD, decision == "cannot be judged", "cannot be judged")
-        tell(CAUTION, decision == "none of these", "looks like none of the classes")
-        tell(CAUTION, decision == "undecided", "undecided")
-        unknown &= decision != "cannot be judged"
-    for words in failures(result):
-        page.notice(CAUTION, f"{found.title}: {words}.")
-    tell(CAUTION, unknown & ~failed_of(result), "not classified, as after an interrupt")
-    errors = [table[k] for k in ("class_probability_se", "log_evidence_se") if k in table]
-    infinite = np.any([np.isinf(e).any(axis=1) for e in errors], axis=0)
-    tell(BAD, infinite, "a probability or an evidence has an infinite error")
-    if "pareto_k" in table:
-        page.check(f"Pareto shapes of the weights, below {LARGEST_PARETO_K}")
-        heavy = (table["pareto_k"] >= LARGEST_PARETO_K).any(axis=1)
-        words = f"a few weights decide an evidence (Pareto shape from {LARGEST_PARETO_K} on)"
-        tell(CAUTION, heavy, words)
-    if "p_value" in table:
-        page.check(f"p-values of each class, from {_STRANGE}")
-        strange = (table["p_value"] < _STRANGE).all(axis=1)
-        tell(CAUTION, strange, f"strange to every class (all p-values below {_STRANGE})")
-    else:
-        page.notice(
-            CAUTION,
-            f"{found.title}: the classes have no variability, all specimens of one share one set "
-            "of parameters. Where specimens differ, such probabilities are far too sure.",
-        )
-    if "class_verdict" in result:
-        for label, verdict in zip(
-            result["class_label"].values.tolist(), result["class_verdict"].values, strict=True
-        ):
-            if verdict != VERDICTS[0]:
-                level = BAD if verdict == VERDICTS[-1] else CAUTION
-                page.notice(level, f"{found.title}: the fit of class {label} is {verdict}.")
-
-
-def failed_of(result: xr.Dataset) -> Any:
-    """Whether each specimen or experiment failed."""
+def failed_of(result: xr.Dataset) -> np.ndarray:
+    """Return which specimens or experiments failed."""
     if "error" not in result:
         return np.zeros(result.sizes[unit_of(result)], bool)
     return result["error"].values.astype(str) != ""
 
 
-def failures(result: xr.Dataset) -> list[str]:
-    """What is said of those that failed, message by message."""
-    if not failed_of(result).any():
-        return []
-    errors = result["error"].values.astype(str)
-    names = np.array(names_of(result), dtype=object)
-    messages = sorted(set(errors.tolist()) - {""})
-    words = [
-        f"{some_in_words(names[errors == message].tolist())}: {message.rstrip('.')}"
-        for message in messages[:_MOST_MESSAGES]
-    ]
-    rest = np.isin(errors, messages[_MOST_MESSAGES:])
-    if rest.any():
-        words.append(f"{some_in_words(names[rest].tolist())} failed for other reasons")
-    return words
+def warn_of_messages(result: xr.Dataset, page: Page) -> None:
+    """Add a notice for each message of an error or doubt, with the names of the specimens."""
+    names = names_of(result)
+    for variable in ("error", "doubtful"):
+        if variable not in result:
+            continue
+        messages = result[variable].values.astype(str)
+        different = sorted({*messages.tolist()} - {""})
+        for message in different[:_MOST_MESSAGES]:
+            page.notice(CAUTION, f"{listed(names[messages == message])}: {message}")
+        rest = np.isin(messages, different[_MOST_MESSAGES:])
+        if rest.any():
+            page.notice(
+                CAUTION, f"{listed(names[rest])}: other messages in the variable {variable}"
+            )
 
 
-def show_classified(found: Found, page: Page) -> list[Block]:
-    """Probabilities of the classes with their errors, as a figure and a table."""
-    blocks: list[Block] = []
-    if found.result.sizes[unit_of(found.result)] > _MOST_ALONE:
-        blocks = _counted(found)
-        found = Found(found.title, _least_clear(found.result))
-    result: xr.Dataset = found.result
+def _check_decisions(result: xr.Dataset, page: Page) -> None:
+    """Add notices on specimens without a reliable decision, and on doubtful classes."""
     unit = unit_of(result)
+    table = {
+        str(name): variable.transpose(unit, "class_label").values
+        for name, variable in result.data_vars.items()
+        if {*variable.dims} == {unit, "class_label"}
+    }
+    decision = result["decision"].values
+    judged = decision != "cannot be judged"
+    unknown = np.isnan(table["class_probability"]).any(axis=1) & judged & ~failed_of(result)
+    errors = [table[k] for k in ("class_probability_se", "log_evidence_se") if k in table]
+    infinite = np.any([np.isinf(error).any(axis=1) for error in errors], axis=0)
+    cases = [
+        (BAD, "cannot be judged", ~judged),
+        (CAUTION, "looks like none of the classes", decision == "none of these"),
+        (CAUTION, "undecided", decision == "undecided"),
+        (CAUTION, "not classified, for example after an interrupt", unknown),
+        (BAD, "the error of a probability or evidence is infinite", infinite),
+    ]
+    if "pareto_k" in table:
+        heavy = (table["pareto_k"] >= LARGEST_PARETO_K).any(axis=1)
+        words = f"a few weights dominate an evidence (Pareto shape of {LARGEST_PARETO_K} or more)"
+        cases.append((CAUTION, words, heavy))
+    if "p_value" in table:
+        atypical = (table["p_value"] < _ATYPICAL).all(axis=1)
+        cases.append((CAUTION, f"atypical of all classes (p-values below {_ATYPICAL})", atypical))
+    else:
+        page.notice(
+            CAUTION,
+            "the classes have no variability: all specimens of a class share one set of "
+            "parameters. If specimens differ, class probabilities are overconfident",
+        )
+    names = names_of(result)
+    for level, words, where in cases:
+        page.notice_where(level, words, names, where)
+    if "class_verdict" in result:
+        for label, verdict in result["class_verdict"].to_series().items():
+            if verdict != VERDICTS[0]:
+                level = BAD if verdict == VERDICTS[-1] else CAUTION
+                page.notice(level, f"the fit of class {label} is {verdict}")
+
+
+def show_classified(result: xr.Dataset, page: Page) -> None:
+    """Add probabilities of the classes, and of the strain energies if they were averaged."""
+    warn_of_simulated(result.attrs, page)
+    warn_of_messages(result, page)
+    _check_decisions(result, page)
+    _add_methods(result, page)
+    unit = unit_of(result)
+    if result.sizes[unit] > _MOST_SHOWN:
+        result = _least_clear(result, page)
     count = result.sizes[unit]
     for start in range(0, count, _MOST_PANELS):
-        part = result.isel({unit: slice(start, start + _MOST_PANELS)})
-        last = min(start + _MOST_PANELS, count)
-        some = f", {start + 1} to {last} of {count}" if count > _MOST_PANELS else ""
-        blocks += page.figure(
+        end = min(start + _MOST_PANELS, count)
+        some = f", {start + 1} to {end} of {count}" if count > _MOST_PANELS else ""
+        page.figure(
+            f"Class probabilities{some}",
             plot_class_probability,
-            part,
-            label=f"Probability of each class: {found.title}{some}",
-            caption=f"Probability of each class{some}: {found.title}. Lines at the bars: one "
-            "standard error to each side.",
+            result.isel({unit: slice(start, end)}),
+            note="Lines at the bars: ± one standard error.",
         )
     if count:
-        blocks.append(_decisions(found))
-        if result.sizes.get("part", 0) > 1:  # of one part it would be the ratio itself
-            blocks.append(_parts(found))
+        _show_decisions(result, page)
     if "strain_energy_probability" in result:
-        blocks += page.figure(
-            plot_law_probability,
-            result,
-            label=f"Probability of each strain energy: {found.title}",
-            caption=f"Probability of each strain energy: {found.title}.",
-        )
-        laws = result["strain_energy"].values.tolist()
-        names = ["probability", "log_evidence"]
-        columns = [
-            result[f"strain_energy_{name}{end}"].values for name in names for end in ("", "_se")
-        ]
-        rows = [
-            [str(law), Probability(columns[0][i]), *(float(c[i]) for c in columns[1:])]
-            for i, law in enumerate(laws)
-        ]
-        headings = ["probability", "its standard error", "log evidence", "its standard error"]
-        caption = f"Strain energies over which was averaged: {found.title}"
-        blocks.append(Table(caption, ["strain energy", *headings], rows))
-    return blocks
+        page.figure("Probability of each strain energy", plot_law_probability, result)
+        frame = frame_of(result, _LAW_COLUMNS, "strain_energy")
+        page.table("Strain energies in the average", frame)
 
 
-def _probable(result: xr.Dataset) -> Any:
-    """Probability of the most probable class; 0 of what was not, or could not be, classified."""
-    probability = result["class_probability"].max("class_label").fillna(0.0).values.round(_DIGITS)
-    if "decision" in result:
-        labels = result["class_label"].values.astype(str)
-        probability = np.where(np.isin(result["decision"].values, labels), probability, 0.0)
-    return probability
+def _show_decisions(result: xr.Dataset, page: Page) -> None:
+    unit = unit_of(result)
+    labels = [name for name in ("specimen", unit) if name in result.coords]
+    table = result.reset_coords(["group"] if "group" in result.coords else [])
+    table = table.drop_vars(labels).assign(name=(unit, names_of(result)))
+    table["decision"] = table["decision"].where(table["decision"] != "", "not classified")
+    page.table("Decisions and probabilities", frame_of(table, _COLUMNS, unit, "class_label"))
 
 
-def _least_clear(result: xr.Dataset) -> xr.Dataset:
-    """Those whose class is least clear, in their order."""
-    probable = _probable(result)
-    chosen = np.argsort(probable, kind="stable")[:_MOST_ALONE]
-    return result.isel({unit_of(result): np.sort(chosen[probable[chosen] < _CLEAR])})
-
-
-def _counted(found: Found) -> list[Block]:
-    """How many have which decision; who is shown alone."""
-    result: xr.Dataset = found.result
-    probable = _probable(result)
-    unit = "experiments" if unit_of(result) == "test" else "specimens"
-    clear = int((probable >= _CLEAR).sum())
-    alone = min(len(probable) - clear, _MOST_ALONE)
-    words = Text(
-        f"Of {len(probable)} {unit} {clear} have a class with a probability from {_CLEAR} on. Of "
-        f"the other {len(probable) - clear}, the {alone} whose class is least clear are shown; all "
-        "are in the result."
-    )
-    if "decision" not in result:
-        return [words]
-    decision = result["decision"].values.astype(str)
-    names, counts = np.unique(decision, return_counts=True)
-    rows = [
-        [name or "not classified", int(count), int((probable[decision == name] >= _CLEAR).sum())]
-        for name, count in zip(names.tolist(), counts.tolist(), strict=True)
-    ]
-    columns = ["decision", unit, f"with a probability from {_CLEAR} on"]
-    return [Table(f"Decisions: {found.title}", columns, rows), words]
-
-
-def _decisions(found: Found) -> Table:
-    result: xr.Dataset = found.result
-    names = names_of(result)
-    numbers = {
-        "class_probability": "probability",
-        "class_probability_se": "its standard error",
-        "log_evidence": "log evidence",
-        "log_evidence_se": "its standard error",
-        "pareto_k": "Pareto shape",
-        "p_value": "p-value",
-    }
-    there = {name: heading for name, heading in numbers.items() if name in result}
-    told = [name for name in ("group",) if name in result.coords]
-    rows = []
-    for i, name in enumerate(names):
-        own = result.isel({unit_of(result): i})
-        decided = str(own["decision"].item()) or "not classified" if "decision" in own else ""
-        for label in result["class_label"].values.tolist():
-            of_class = own.sel(class_label=label)
-            row: list[Any] = [name, *(str(own[t].item()) for t in told), decided, str(label)]
-            row += [_number(n, of_class[n]) for n in there]
-            rows.append(row + [str(of_class["method"].item())] * ("method" in result))
-    columns = [
-        "experiment" if "experiment" in result.coords else "specimen",
-        *(f"known {t}" for t in told),
-        "decision",
-        "class",
-        *there.values(),
-        *["integrated by"] * ("method" in result),
-    ]
-    return Table(f"Decisions and probabilities: {found.title}", columns, rows)
-
-
-def _number(name: str, value: Any) -> float:
-    return Probability(value) if name in ("class_probability", "p_value") else float(value)
-
-
-def _parts(found: Found) -> Table:
-    result: xr.Dataset = found.result
-    parts = [str(p) for p in result["part"].values]
+def show_explanation(result: xr.Dataset, page: Page) -> None:
+    """Add the parts of the log ratios of evidences."""
+    parts = result["part"].values.tolist()
     rows = []
     for i, name in enumerate(names_of(result)):
         for label in result["class_label"].values.tolist():
             own = result.isel({unit_of(result): i}).sel(class_label=label)
-            rival = [str(own["rival"].item())] if "rival" in own else []
-            values = [float(own["log_ratio_part"].sel(part=p)) for p in parts]
-            rows.append([name, str(label), *rival, *values])
-    against = ["against"] if "rival" in result else []
-    caption = (
-        f"What speaks for each class, in nats: {found.title}. The parts add up to the log ratio "
-        "of the evidences of the class and of its rival."
+            numbers = own["log_ratio_part"].sel(part=parts).values.tolist()
+            rows.append([name, label, str(own["rival"].item()), *numbers])
+    page.table(
+        "Support for each class, in nats",
+        pd.DataFrame(rows, columns=["specimen", "class", "compared with", *parts]),
+        "The parts add up to the log ratio of the evidences of the two classes.",
     )
-    return Table(caption, ["of", "class", *against, *parts], rows)
 
 
-def classified_sentences(found: Found) -> list[str]:
-    """How it was classified, as sentences of an article."""
-    result: xr.Dataset = found.result
+def _least_clear(result: xr.Dataset, page: Page) -> xr.Dataset:
+    """Count the decisions, and return the specimens or experiments with the least clear class."""
     unit = unit_of(result)
-    count = result.sizes[unit]
-    what = plural(count, "experiment" if unit == "test" else "specimen")
-    labels = [str(label) for label in result["class_label"].values]
-    classes = "class" if len(labels) == 1 else "classes"
-    sentences = [
-        f"The curves of {what} were held against the {classes} {in_words(labels)} by marginal "
-        "likelihood: the likelihood of the new curves, averaged over the posterior of a class."
-    ]
+    probability = result["class_probability"].max("class_label").fillna(0.0).values.round(_DIGITS)
+    decision = result["decision"].values.astype(str)
+    labels = result["class_label"].values.astype(str)
+    probability = np.where(np.isin(decision, labels), probability, 0.0)
+    clear = probability >= _CLEAR
+    units = "experiments" if unit == "test" else "specimens"
+    frame = pd.DataFrame({"decision": decision, units: 1, "with a clear class": clear.astype(int)})
+    frame["decision"] = frame["decision"].replace("", "not classified")
+    page.table("Decisions", frame.groupby("decision").sum().reset_index())
+    unclear = np.flatnonzero(~clear)
+    chosen = unclear[np.argsort(probability[unclear], kind="stable")[:_MOST_SHOWN]]
+    page.text(
+        f"A class is clear if its probability is at least {_CLEAR}: that of {clear.sum()} of "
+        f"{len(clear)} {units}. Of the other {len(unclear)}, the {len(chosen)} with the lowest "
+        "probabilities are shown. The result holds all of them."
+    )
+    return result.isel({unit: np.sort(chosen)})
+
+
+def _add_methods(result: xr.Dataset, page: Page) -> None:
+    """Add sentences on how decisions were made."""
+    unit = unit_of(result)
+    what = plural(result.sizes[unit], "experiment" if unit == "test" else "specimen")
+    labels = result["class_label"].values.tolist()
+    page.methods.append(
+        f"The curves of {what} were compared with the {'class' if len(labels) == 1 else 'classes'} "
+        f"{listed(labels)} by marginal likelihood, the likelihood of the new curves averaged over "
+        "the posterior of a class."
+    )
     prior = read_json(result, "class_prior", {})
-    if prior and len({round(p, 12) for p in prior.values()}) == 1:
-        sentences += ["All classes were equally probable beforehand."] if len(prior) > 1 else []
-    elif prior:
-        told = in_words([f"{short(p)} of {name}" for name, p in prior.items()])
-        sentences.append(f"The probabilities beforehand were {told}.")
-    if below := float(result.attrs.get("undecided_below", 0.0)):
-        sentences.append(
-            f"It was left undecided where the most probable class had a probability below "
-            f"{short(below)}."
+    if len({round(p, _DIGITS) for p in prior.values()}) > 1:
+        probabilities = listed([f"{short(p)} for {name}" for name, p in prior.items()])
+        page.methods.append(f"The prior probabilities of the classes were {probabilities}.")
+    elif len(prior) > 1:
+        page.methods.append("All classes had the same prior probability.")
+    if limit := float(result.attrs.get("undecided_below", 0.0)):
+        page.methods.append(
+            "No decision was made if the probability of the most probable class was below "
+            f"{short(limit)}."
         )
-    if below := float(result.attrs.get("none_below", 0.0)):
-        sentences.append(
-            f"Where the p-value of every class was below {short(below)}, the decision was that it "
-            "is none of these."
+    if limit := float(result.attrs.get("none_below", 0.0)):
+        page.methods.append(
+            f"If the p-value of every class was below {short(limit)}, the decision was none of "
+            "these classes."
         )
     if "strain_energy_probability" in result:
-        laws = [str(law) for law in result["strain_energy"].values]
-        sentences.append(
-            f"Probabilities were averaged over the strain energies {in_words(laws)}, each counting "
-            "by its posterior probability."
+        laws = listed(result["strain_energy"].values.tolist())
+        page.methods.append(
+            f"Class probabilities were averaged over the strain energies {laws}, weighted by "
+            "their posterior probabilities."
         )
-    return sentences

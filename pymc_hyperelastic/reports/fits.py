@@ -1,194 +1,232 @@
-"""Fitted classes and sampled models: their fits, posteriors and elastic properties."""
+"""Fitted classes and sampled models in a report: diagnosis, fits and posteriors."""
 
-from collections.abc import Iterator
 from contextlib import suppress
-from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import xarray as xr
-from arviz_stats.base import array_stats
-from numpy.typing import NDArray
+from arviz_stats import summary
 
+from pymc_hyperelastic.evidence.convergence import DIGITS, LARGEST_RHAT, divergence
+from pymc_hyperelastic.evidence.diagnosis import diagnose_evidence, judgement, log_evidence
+from pymc_hyperelastic.evidence.importance import LARGEST_PARETO_K
+from pymc_hyperelastic.evidence.stored import read_json
+from pymc_hyperelastic.evidence.verdicts import VERDICTS
 from pymc_hyperelastic.models.settings import inflation_data_of
 from pymc_hyperelastic.plots.density import plot_parameter_density
 from pymc_hyperelastic.plots.fit import plot_pressure_fit
 from pymc_hyperelastic.plots.force import plot_axial_force
 from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ, with_parameters
-from pymc_hyperelastic.reports.blocks import Block, Found, Page, Table, Text
-from pymc_hyperelastic.reports.laws import units_of
-from pymc_hyperelastic.reports.measurements import show_measurements
+from pymc_hyperelastic.reports.measurements import show_measurements, warn_of_simulated
+from pymc_hyperelastic.reports.page import (
+    BAD,
+    CAUTION,
+    NOTE,
+    Page,
+    frame_of,
+    short,
+)
+from pymc_hyperelastic.reports.settings import units_of
 
-Array = NDArray[np.float64]
-
-# Of the intervals and bands of a report, and of its regions.
+# Probability of the intervals and bands of a report.
 PROB = 0.95
+# Probabilities of the regions of a joint posterior.
 _REGIONS = (0.5, PROB)
-# Of both signs are draws of which more than this share have the rarer one.
+# Share of draws with the rarer sign above which the absolute value of a parameter is shown too.
 _BOTH_SIGNS = 0.01
-# Range of draws, relative to the largest, up to which they are constant but for rounding errors.
-_CONSTANT = 1e-12
+_LEVELS = dict(zip(VERDICTS, (NOTE, CAUTION, BAD), strict=True))
 
 
-def are_fits(result: Any) -> bool:
-    """Whether these are fitted classes, or a sampled model."""
-    if not isinstance(result, xr.DataTree):
-        return False
-    return "posterior" in result.children or any(
-        "posterior" in child.children for child in result.children.values()
-    )
-
-
-def by_name(found: Found) -> dict[str, xr.DataTree]:
-    """The classes of a result; a sampled model has the title of the result."""
-    fitted = fitted_classes(found.result)
-    return {found.title: found.result} if "posterior" in found.result.children else fitted
+def classes_of(result: xr.DataTree, page: Page) -> dict[str, xr.DataTree]:
+    """Return the fitted classes by name; a sampled model has the title of the result."""
+    return {page.title: result} if "posterior" in result.children else fitted_classes(result)
 
 
 def has_data(tree: xr.DataTree) -> bool:
-    """Whether a result holds the inflation data to which it was fitted."""
+    """Return True if a result holds the inflation data to which it was fitted."""
     return "constant_data" in tree.children and "radius" in tree["constant_data"].data_vars
 
 
-def show_training(found: Found, page: Page) -> list[Block]:
-    """The data to which classes were fitted."""
-    blocks: list[Block] = []
-    for name, tree in by_name(found).items():
+def _subject(name: str, page: Page) -> str:
+    return name if name == page.title else f"{page.title}, class {name}"
+
+
+def _check(result: xr.DataTree, page: Page) -> None:
+    """Add notices on missing classes, evidences, chains, specimens and pooling."""
+    classes = classes_of(result, page)
+    for name, reason in read_json(result, "missing_classes", {}).items():
+        page.notice(BAD, f"class {name} is missing: {reason}")
+    for name, tree in classes.items():
+        subject = _subject(name, page)
         if has_data(tree):
-            title = name if name == found.title else f"class {name}"
-            blocks += show_measurements(Found(title, inflation_data_of(tree)), page)
-    return blocks
+            warn_of_simulated(tree["constant_data"].attrs, page)
+        _check_evidence(subject, tree, page)
+        for words in divergence(tree):
+            page.notice(CAUTION, words, subject)
+        if tree["posterior"].sizes["chain"] == 1:
+            page.notice(NOTE, "there is only one chain: convergence cannot be checked", subject)
+        if "specimens" in tree.children:
+            specimens = tree["specimens"].to_dataset()
+            names, infinite = specimens["specimen"], ~np.isfinite(specimens["standard_error"])
+            heavy = (specimens["pareto_k"] >= LARGEST_PARETO_K) & ~infinite
+            page.notice_where(BAD, "the integral of a specimen failed", names, infinite, subject)
+            words = f"a few weights dominate an integral (Pareto k of {LARGEST_PARETO_K} or more)"
+            page.notice_where(CAUTION, words, names, heavy, subject)
+    pooled = [t for t in classes.values() if has_data(t) and not specimens_differ(t)]
+    if any(len(np.unique(inflation_data_of(tree)["specimen"])) > 1 for tree in pooled):
+        page.notice(
+            NOTE,
+            "all specimens of a class share one set of parameters. However different the "
+            "specimens are, the posterior becomes narrower with more data, and class probabilities "
+            'are overconfident. variability="specimen" describes the differences',
+        )
 
 
-def show_fits(found: Found, page: Page) -> list[Block]:
-    """Bands of the posterior over the data, of pressure and, where it was measured, of force."""
-    trees = by_name(found)
-    if not all(map(has_data, trees.values())):
-        return [Text("The result holds no data beside which its curves could be shown.")]
-    material = "the typical material in the tube of each specimen"
-    whose = material if _differ(trees) else "all specimens together"
-    held = f"median and {100 * PROB:.3g} % of the posterior of {whose}, without error"
-    blocks = page.figure(
+def _check_evidence(subject: str, tree: xr.DataTree, page: Page) -> None:
+    try:
+        diagnosis = diagnose_evidence(tree)
+    except ValueError:
+        page.notice(NOTE, "the result holds no evidence, and no diagnosis of it", subject)
+        return
+    verdict = diagnosis.attrs["verdict"]
+    if words := judgement(diagnosis):
+        page.notice(_LEVELS[verdict], words, subject)
+    if has_data(tree) and "residuals" not in diagnosis["check"].values:
+        page.complete = False
+        page.notice(
+            NOTE,
+            "the result does not say whether curves fit the data within the noise, because the "
+            "noise was inferred for each specimen, or because another version computed the result",
+            subject,
+        )
+    if not np.isfinite(log_evidence(tree).standard_error) and verdict != VERDICTS[-1]:
+        page.notice(BAD, "the standard error of the log evidence is infinite", subject)
+
+
+def show_evidence(result: xr.DataTree, page: Page) -> None:
+    """Add the evidence of each class, and the checks of its diagnosis; add notices on a fit."""
+    _check(result, page)
+    evidences, checks = [], {}
+    for name, tree in classes_of(result, page).items():
+        with suppress(ValueError):  # a result without evidence: see _check_evidence
+            diagnosis = diagnose_evidence(tree)
+            value, error = log_evidence(tree)
+            evidences.append([name, value, error, diagnosis.attrs["verdict"]])
+            checks[name] = diagnosis[["value", "limit", "verdict"]].to_dataframe()
+    columns = ["class", "log evidence (nats)", "standard error", "verdict"]
+    page.table("Evidence", pd.DataFrame(evidences, columns=columns))
+    if checks:
+        page.table(
+            "Checks of the evidence",
+            pd.concat(checks, names=["class"]).reorder_levels([1, 0]).reset_index(),
+            "A value passes up to its limit; for ancestors and residuals, from its limit on.",
+        )
+
+
+def show_training(result: xr.DataTree, page: Page) -> None:
+    """Add the data to which classes were fitted."""
+    title = page.title
+    for name, tree in classes_of(result, page).items():
+        if has_data(tree):
+            page.title = name if name == title else f"class {name}"
+            show_measurements(inflation_data_of(tree), page)
+    page.title = title
+
+
+def show_fits(result: xr.DataTree, page: Page) -> None:
+    """Add bands of the posterior with the data, and how well each specimen was integrated."""
+    classes = classes_of(result, page)
+    if not all(map(has_data, classes.values())):
+        page.text("The result holds no data with which its curves could be compared.")
+        return
+    differ = all(map(specimens_differ, classes.values()))
+    whose = "the typical material in the tube of each specimen" if differ else "all specimens"
+    note = (
+        f"Lines and bands: median and {100 * PROB:.3g} % interval of the posterior for {whose}, "
+        "without measurement error. Points: data."
+    )
+    page.figure(
+        "Fit of the pressure and its slope",
         plot_pressure_fit,
-        found.result,
-        label=f"Fit of pressure and its slope: {found.title}",
-        caption=f"Fit of pressure and of its slope. Lines and bands: {held}. Points: the data.",
+        result,
+        note=note,
         prob=PROB,
         pressure_unit=page.pressure_unit,
     )
-    if any("axial_force" in inflation_data_of(tree) for tree in trees.values()):
-        blocks += page.figure(
-            plot_axial_force,
-            found.result,
-            label=f"Fit of the axial force: {found.title}",
-            caption=f"Fit of the reduced axial force. Lines and bands: {held}. Points: the data.",
-            prob=PROB,
+    if any("axial_force" in inflation_data_of(tree) for tree in classes.values()):
+        page.figure("Fit of the axial force", plot_axial_force, result, note=note, prob=PROB)
+    if differ and all("specimens" in tree.children for tree in classes.values()):
+        names = "specimen misfit freedom pareto_k standard_error method"
+        tables = []
+        for name, tree in classes.items():
+            tables.append(frame_of(tree["specimens"].to_dataset(), names, "specimen"))
+            tables[-1].insert(1, "class", name)
+        page.table(
+            "Best curve of each specimen",
+            pd.concat(tables),
+            "If the noise is known, the misfit (squared residuals in variances of the noise) is "
+            "about the number of degrees of freedom. The standard error is that of the log "
+            "evidence of the specimen.",
         )
-    if _differ(trees) and all("specimens" in tree.children for tree in trees.values()):
-        blocks.append(_specimens(found.title, trees))
-    return blocks
 
 
-def _differ(trees: dict[str, xr.DataTree]) -> bool:
-    return all(map(specimens_differ, trees.values()))
-
-
-def _specimens(title: str, trees: dict[str, xr.DataTree]) -> Table:
-    rows = []
-    for name, tree in trees.items():
-        specimens = tree["specimens"].to_dataset()
-        for i, specimen in enumerate(specimens["specimen"].values.tolist()):
-            own = specimens.isel(specimen=i)
-            numbers = [float(own[k]) for k in ("misfit", "freedom", "pareto_k", "standard_error")]
-            rows.append([str(specimen), name, *numbers, str(own["method"].item())])
-    columns = ["specimen", "class", "squared misfit", "degrees of freedom", "Pareto shape"]
-    columns += ["error of log evidence", "integrated by"]
-    caption = (
-        f"How well the best curve of each specimen follows its data, and how it was integrated: "
-        f"{title}. With known noise the squared misfit, in its standard deviations, is about the "
-        "number of degrees of freedom."
-    )
-    return Table(caption, columns, rows)
-
-
-def show_posteriors(found: Found, page: Page) -> list[Block]:
-    """The joint posterior of two parameters, and a table of all."""
-    trees = by_name(found)
-    shown = {name: posterior_rows(tree) for name, tree in trees.items()}
-    blocks: list[Block] = []
-    if all(sum("|" not in row.name for row in of_class) > 1 for of_class in shown.values()):
-        regions = " and ".join(f"{100 * prob:.3g} %" for prob in _REGIONS)
-        blocks += page.figure(
+def show_posteriors(result: xr.DataTree, page: Page) -> None:
+    """Add the joint posterior of two parameters, and a table of all; check convergence."""
+    classes = classes_of(result, page)
+    summaries = {}
+    for name, tree in classes.items():
+        posterior = _posterior(tree)
+        finite = posterior.where(np.isfinite(posterior))
+        of_class = summary(finite, ci_prob=PROB, ci_kind="eti", round_to="none", skipna=True)
+        summaries[name] = of_class.drop(columns=["mcse_mean", "mcse_sd"])
+        _check_convergence(_subject(name, page), posterior, summaries[name], page)
+    table = pd.concat(summaries, names=["class", "parameter"]).reset_index()
+    unknowns = table["parameter"][~table["parameter"].str.startswith("|")]
+    if len(unknowns) > len(classes):
+        page.figure(
+            "Joint posterior of two parameters",
             plot_parameter_density,
-            found.result,
-            label=f"Joint posterior of two parameters: {found.title}",
-            caption=f"Joint posterior of two parameters; the regions hold {regions}.",
+            result,
+            note=f"The regions hold {' and '.join(f'{100 * p:.3g} %' for p in _REGIONS)}.",
             probs=_REGIONS,
         )
-    rows = []
-    for name, of_class in shown.items():
-        units = units_of(trees[name])
-        for variable, draws, rhat, effective in of_class:
-            unit = units.get(variable.strip("|").split("[")[0], "")
-            rows.append([variable, name, unit, *summary(draws), effective, rhat])
-    columns = ["parameter", "class", "unit", "mean", "sd", *ends(), "effective draws", "R-hat"]
-    of = " of the typical specimen, and of the distribution of the class" if _differ(trees) else ""
-    blocks.append(Table(f"Posterior of the parameters{of}: {found.title}", columns, rows))
-    return blocks
+    units = units_of(next(iter(classes.values())))
+    variables = table["parameter"].str.strip("|").str.split("[").str[0]
+    table.insert(2, "unit", [units.get(name, "") for name in variables])
+    note = "The columns are those of arviz.summary."
+    if all(map(specimens_differ, classes.values())):
+        note += " Parameters are those of the typical specimen; other unknowns describe its class."
+    page.table("Posterior of the parameters", table, note)
 
 
-class Row(NamedTuple):
-    """A number of a posterior: draws (chain, draw), R-hat, and effective draws."""
-
-    name: str
-    draws: Array
-    rhat: float
-    effective: float
-
-
-def posterior_rows(tree: xr.DataTree) -> list[Row]:
-    """Each number of a posterior, and the absolute value of what has both signs."""
-    with suppress(ValueError):  # of what specimen is typical, if the result does not name its law
+def _posterior(tree: xr.DataTree) -> xr.Dataset:
+    """Return the unknowns, and the absolute value of each scalar that has both signs."""
+    with suppress(ValueError):  # the typical specimen, unless the law is unknown
         tree = with_parameters(tree, None)
     posterior = tree["posterior"].to_dataset()
-    rows = []
-    for name, draws in _entries(posterior):
-        rows.append(Row(name, draws, *_convergence(draws)))
-        negative = float(np.mean(draws < 0))
-        if _BOTH_SIGNS < negative < 1 - _BOTH_SIGNS and "[" not in name:
-            size = np.abs(draws)
-            rows.append(Row(f"|{name}|", size, *_convergence(size)))
-    return rows
+    chosen = {}
+    for name, draws in posterior.data_vars.items():
+        if draws.ndim > 3 or {"obs", "test"} & {*draws.dims} or name == "correlation_unit":
+            continue
+        chosen[name] = draws
+        if draws.ndim == 2 and _BOTH_SIGNS < float((draws < 0).mean()) < 1 - _BOTH_SIGNS:
+            chosen[f"|{name}|"] = abs(draws)
+    return xr.Dataset(chosen)
 
 
-def _entries(posterior: xr.Dataset) -> Iterator[tuple[str, Array]]:
-    for name, variable in posterior.data_vars.items():
-        variable = variable.transpose("chain", "draw", ...)
-        rest = variable.dims[2:]
-        if not rest:
-            yield str(name), variable.values
-        elif len(rest) == 1 and rest[0] not in ("obs", "test") and name != "correlation_unit":
-            for i, label in enumerate(variable[rest[0]].values.tolist()):
-                yield f"{name}[{label}]", variable.values[..., i]
-
-
-def summary(values: Array) -> list[float]:
-    """Mean, standard deviation, and the ends of an interval with equal tails."""
-    known = values[np.isfinite(values)]
-    if not known.size:
-        return [np.nan] * 4
-    low, high = np.quantile(known, [(1 - PROB) / 2, (1 + PROB) / 2])
-    return [float(known.mean()), float(known.std(ddof=1)), float(low), float(high)]
-
-
-def ends() -> list[str]:
-    """Headings of the ends of an interval."""
-    return [f"{100 * q:.3g} %" for q in ((1 - PROB) / 2, (1 + PROB) / 2)]
-
-
-def _convergence(draws: Array) -> tuple[float, float]:
-    """R-hat of several chains, and effective draws."""
-    if not np.isfinite(draws).all() or np.ptp(draws) <= _CONSTANT * np.abs(draws).max():
-        return np.nan, np.nan
-    rhat = float(array_stats.rhat(draws)) if len(draws) > 1 else np.nan
-    return rhat, float(array_stats.ess(draws))
+def _check_convergence(
+    subject: str, posterior: xr.Dataset, table: pd.DataFrame, page: Page
+) -> None:
+    for name, draws in posterior.data_vars.items():
+        if not np.isfinite(draws).all():
+            page.notice(BAD, f"some draws of {name} are not finite", subject)
+    rhat = table["r_hat"].dropna()
+    if len(rhat):
+        worst = rhat.round(DIGITS).idxmax()
+        if rhat[worst] > LARGEST_RHAT:
+            words = (
+                "the chains have met different parts of the posterior: R-hat of "
+                f"{worst} is {short(rhat[worst])}"
+            )
+            page.notice(CAUTION, words, subject)

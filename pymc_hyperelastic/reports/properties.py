@@ -1,8 +1,9 @@
-"""Elastic properties of the tubes of a result."""
+"""Elastic properties in a report, at pressures that were measured or that the user gave."""
 
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -10,119 +11,109 @@ from pymc_hyperelastic.data.inflation import extension_tests, held_stretches, po
 from pymc_hyperelastic.evidence.results import thinned_draws
 from pymc_hyperelastic.mechanics.tube import GEOMETRY
 from pymc_hyperelastic.models.settings import has_layers, inflation_data_of
-from pymc_hyperelastic.plots.properties import PROPERTY_LABELS, plot_elastic_properties
-from pymc_hyperelastic.plots.style import fitted_classes, per_kilopascal
+from pymc_hyperelastic.plots.properties import plot_elastic_properties
+from pymc_hyperelastic.plots.style import per_kilopascal
 from pymc_hyperelastic.predictions.properties import tube_properties
-from pymc_hyperelastic.reports.blocks import Block, Found, Page, Table, Text
-from pymc_hyperelastic.reports.fits import PROB, by_name, ends, has_data, summary
+from pymc_hyperelastic.reports.fits import PROB, classes_of, has_data
+from pymc_hyperelastic.reports.page import Page, interval_ends
 
 Array = NDArray[np.float64]
 
-# Pressures of a table unless they are given, and of a curve.
-_IN_TABLE, _IN_CURVE = 3, 25
-# Draws of a class in a figure: more move no line visibly, and take their time at every pressure.
+# Pressures of the table, unless the user gives them.
+_IN_TABLE = 3
+# Pressures of the figure.
+_IN_FIGURE = 25
+# Draws of a class in the figure: more are slow, and change no line visibly.
 _DRAWN = 1000
-_UNITS = {
-    "compliance": "mm²/kPa",
-    "distensibility": "1/kPa",
-    "peterson_modulus": "kPa",
-    "incremental_modulus": "kPa",
-    "pulse_wave_velocity": "m/s",
-}
+_PROPERTIES = [
+    "compliance",
+    "distensibility",
+    "peterson_modulus",
+    "incremental_modulus",
+    "pulse_wave_velocity",
+]
 
 
-def show_properties(found: Found, page: Page) -> list[Block]:
-    """Elastic properties at pressures that were measured, or that are asked for."""
-    trees = by_name(found)
-    if not all(map(has_data, trees.values())):
-        return []
-    data = [inflation_data_of(tree) for tree in trees.values()]
-    span = _measured_pressures(data, page)
-    if page.pressure is not None:
-        pressures = page.pressure
-        curve = np.linspace(pressures.min(), pressures.max(), _IN_CURVE)
-    elif span is not None:
-        pressures, curve = (np.linspace(*span, n) for n in (_IN_TABLE, _IN_CURVE))
-    else:
-        return [Text("There is no pressure that all experiments reached.")]
-    tube, said = _one_tube(data, has_layers(next(iter(trees.values()))))
-    blocks: list[Block] = []
-    if len(set(curve.tolist())) > 1:
-        blocks += page.figure(
+def show_properties(result: xr.DataTree, page: Page) -> None:
+    """Add a figure and a table of elastic properties."""
+    classes = classes_of(result, page)
+    if not all(map(has_data, classes.values())):
+        return
+    data = [inflation_data_of(tree) for tree in classes.values()]
+    pressures = page.pressure
+    if pressures is None:
+        span = _common_pressures(data)
+        if span is None:
+            page.text("There is no pressure that all experiments reached.")
+            return
+        pressures = np.linspace(*span, _IN_TABLE) * per_kilopascal(page.pressure_unit)
+    tube = _middle_tube(data, layered=has_layers(next(iter(classes.values()))))
+    of_tube = "The tube is the median of the measured ones. " if tube else ""
+    settings: dict[str, Any] = {"pressure_unit": page.pressure_unit}
+    if np.ptp(pressures) > 0:
+        thinned = {name: thinned_draws(tree, _DRAWN) for name, tree in classes.items()}
+        page.figure(
+            "Elastic properties over the pressure",
             plot_elastic_properties,
-            _thinned(found.result),
-            curve,
-            label=f"Elastic properties over the pressure: {found.title}",
-            caption=f"Elastic properties over the pressure{said}. Lines and bands: median and "
-            f"{100 * PROB:.3g} % of the posterior.",
-            aloud=False,  # the table of the same warns of the same
+            xr.DataTree.from_dict(thinned),
+            np.linspace(pressures.min(), pressures.max(), _IN_FIGURE),
+            note=f"{of_tube}Lines and bands: median and {100 * PROB:.3g} % interval.",
+            warned=False,  # the table gives the same warnings, for all draws
             prob=PROB,
-            pressure_unit=page.pressure_unit,
             tube=tube,
+            **settings,
         )
+    tables = []
+    for name, tree in classes.items():
+        with page.catching(f"Elastic properties of {page.title}"):
+            properties = tube_properties(tree, pressures, **settings | tube)
+            tables.append(_table(name, properties, pressures.tolist(), page.pressure_unit))
+    if tables:
+        page.table("Elastic properties", pd.concat(tables), of_tube.strip())
+
+
+def _table(
+    name: str, properties: xr.Dataset, pressures: list[float], pressure_unit: str
+) -> pd.DataFrame:
+    """Return median and interval of each property at each pressure, by finite draws."""
+    quantiles = [0.5, (1 - PROB) / 2, (1 + PROB) / 2]
     rows = []
-    told: dict[str, Any] = {"pressure_unit": page.pressure_unit, **tube}
-    for name, tree in trees.items():
-        with page.listening(f"The elastic properties in {found.title}"):
-            properties = tube_properties(tree, pressures, **told)
-            for i, pressure in enumerate(pressures.tolist()):
-                at = properties.isel(pressure=i)
-                rows += [
-                    [_words(key), name, pressure, unit, *_middle(at[key].values)]
-                    for key, unit in _UNITS.items()
-                ]
-    columns = ["property", "class", f"pressure ({page.pressure_unit})", "unit", "median"]
-    if rows:
-        caption = f"Elastic properties{said}: {found.title}"
-        blocks.append(Table(caption, [*columns, *ends()], rows))
-    return blocks
+    for i, pressure in enumerate(pressures):
+        for key in _PROPERTIES:
+            draws = properties[key].isel(pressure=i).values
+            known = draws[np.isfinite(draws)]
+            numbers = np.quantile(known, quantiles) if known.size else np.full(3, np.nan)
+            attrs = properties[key].attrs
+            unit = attrs["units"].replace("mm2", "mm²")
+            rows.append([attrs["long_name"], name, pressure, unit, *numbers.tolist()])
+    columns = ["property", "class", f"pressure ({pressure_unit})", "unit", "median"]
+    return pd.DataFrame(rows, columns=[*columns, *interval_ends(PROB)])
 
 
-def _thinned(result: xr.DataTree) -> xr.DataTree:
-    """The result with as many draws of each class as a figure needs."""
-    if "posterior" in result.children:
-        return thinned_draws(result, _DRAWN)
-    thinned = xr.DataTree.from_dict({})
-    for name, tree in fitted_classes(result).items():
-        thinned[name] = thinned_draws(tree, _DRAWN)
-    return thinned
-
-
-def _words(name: str) -> str:
-    return PROPERTY_LABELS[name].split(" d$")[0].split(" (")[0]
-
-
-def _measured_pressures(data: list[xr.Dataset], page: Page) -> tuple[float, float] | None:
-    """From which to which pressure all inflation tests reach."""
+def _common_pressures(data: list[xr.Dataset]) -> tuple[float, float] | None:
+    """Return the range of pressures, kPa, that all inflation tests reached; None without one."""
     low, high = 0.0, np.inf
     for of_class in data:
         for test in np.flatnonzero(~extension_tests(of_class)).tolist():
             own = of_class["pressure"].values[points_of(of_class, test)]
             low, high = max(low, float(own.min())), min(high, float(own.max()))
-    unit = per_kilopascal(page.pressure_unit)
-    return (low * unit, high * unit) if low < high < np.inf else None
+    return (low, high) if low < high < np.inf else None
 
 
-def _one_tube(data: list[xr.Dataset], layered: bool) -> tuple[dict[str, float], str]:
-    """The tube in the middle of all that were measured, where these differ, and that it is."""
+def _middle_tube(data: list[xr.Dataset], layered: bool) -> dict[str, float]:
+    """Return the medians of the dimensions in which the measured tubes differ."""
     tube = {}
     for name in GEOMETRY:
-        values = _known([d[name].values for d in data])
-        if values.size and np.ptp(values) > 0 and not (layered and name == "outer_radius"):
-            # A stretch that was held, if there is one, says more than those on the way.
-            held = _known([held_stretches(d) for d in data]) if name == "axial_stretch" else values
+        if layered and name == "outer_radius":
+            continue
+        values = _finite([d[name].values for d in data])
+        if values.size and np.ptp(values) > 0:
+            # The held stretches of inflation tests; those of extension tests vary.
+            held = _finite([held_stretches(d) for d in data]) if name == "axial_stretch" else values
             tube[name] = float(np.median(held if held.size else values))
-    if not tube:
-        return {}, ""
-    return tube, " of the tube in the middle of those that were measured"
+    return tube
 
 
-def _middle(values: Array) -> list[float]:
-    """Median, which a few draws of softening materials do not move, and the ends."""
-    known = values[np.isfinite(values)]
-    return [float(np.median(known)) if known.size else np.nan, *summary(values)[2:]]
-
-
-def _known(values: list[Array]) -> Array:
+def _finite(values: list[Array]) -> Array:
     together = np.concatenate(values)
     return together[np.isfinite(together)]

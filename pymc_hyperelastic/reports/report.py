@@ -1,37 +1,101 @@
-"""One page of a study: written from its results, and whole by itself."""
+"""The report of a study: one HTML page, written from its results."""
 
 import os
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.classes.classification import are_of_classes
+from pymc_hyperelastic.evidence.stored import read_json
 from pymc_hyperelastic.io.atomic import atomic_write
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.style import per_kilopascal
-from pymc_hyperelastic.reports.blocks import BAD, LEVELS, Block, Found, Page, short
-from pymc_hyperelastic.reports.decisions import is_classified
-from pymc_hyperelastic.reports.fits import are_fits
-from pymc_hyperelastic.reports.kinds import CHAPTERS, Kind, kind_of
-from pymc_hyperelastic.reports.software import methods_of, versions_of
+from pymc_hyperelastic.predictions.draws import checked_numbers
+from pymc_hyperelastic.reports.cohort import (
+    show_cohort_evidence,
+    show_cohort_posteriors,
+    show_cohort_properties,
+)
+from pymc_hyperelastic.reports.comparison import show_comparison
+from pymc_hyperelastic.reports.cross_validation import show_cross_validation
+from pymc_hyperelastic.reports.decisions import show_classified, show_explanation
+from pymc_hyperelastic.reports.design import show_designs, show_plan
+from pymc_hyperelastic.reports.fits import show_evidence, show_fits, show_posteriors, show_training
+from pymc_hyperelastic.reports.measurements import show_measurements
+from pymc_hyperelastic.reports.page import BAD, LEVELS, Page, listed
+from pymc_hyperelastic.reports.properties import show_properties
+from pymc_hyperelastic.reports.settings import add_methods, show_settings
+
+# Beginning of the sentence on a strain energy, and that on a further one.
+_MODELLED, _ALSO = "Each vessel was modelled", "Each vessel was also modelled"
+# Titles of the chapters by anchor, in their order on the page. The sentences on methods are at its
+# end; those of fits are written first.
+CHAPTERS = {
+    "methods": "Methods",
+    "evidence": "Evidence and its diagnosis",
+    "data": "Data",
+    "fits": "Fits",
+    "posteriors": "Posteriors",
+    "classes": "Classes and decisions",
+    "differences": "Differences between groups",
+    "properties": "Elastic properties",
+    "design": "What to measure next",
+    "settings": "Settings",
+}
 
 
-class _Part(NamedTuple):
-    """What one result says in a chapter."""
+class Kind(NamedTuple):
+    """A kind of result, and the functions that report it."""
 
     title: str
-    blocks: list[Block]
+    """Title of a result without one."""
+    names: str
+    """Variables of a Dataset, or groups of a DataTree, by which the kind is recognised."""
+    sections: Mapping[str, Callable[[Any, Page], None]]
+    """Functions that write the chapters, by anchor."""
 
 
-class _Chapter(NamedTuple):
-    anchor: str
-    title: str
-    parts: list[_Part]
+COHORT = Kind(
+    "Fitted cohort",
+    "posterior evidence",
+    {
+        "evidence": show_cohort_evidence,
+        "posteriors": show_cohort_posteriors,
+        "properties": show_cohort_properties,
+    },
+)
+CLASSES = Kind(
+    "Fitted classes",
+    "posterior",
+    {
+        "methods": add_methods,
+        "evidence": show_evidence,
+        "data": show_training,
+        "fits": show_fits,
+        "posteriors": show_posteriors,
+        "properties": show_properties,
+        "settings": show_settings,
+    },
+)
+CLASSIFIED = Kind("Classified", "class_probability decision", {"classes": show_classified})
+TABLES = (
+    Kind(
+        "Cross-validation", "log_score true_class class_label", {"classes": show_cross_validation}
+    ),
+    CLASSIFIED,
+    Kind("Explanation", "log_ratio_part rival class_label", {"classes": show_explanation}),
+    Kind(
+        "Comparison of groups", "difference comparison quantity", {"differences": show_comparison}
+    ),
+    Kind("Planned tests", "information design tests", {"design": show_designs}),
+    Kind("Planned study", "width decided specimens", {"design": show_plan}),
+    Kind("Data", "pressure radius specimen", {"data": show_measurements}),
+)
 
 
 @one_thread
@@ -44,34 +108,33 @@ def report(
     pressure: Any = None,
     pressure_unit: str = "mmHg",
 ) -> Path:
-    """Write a report of results: one HTML file that needs no other, on a screen and on paper.
+    """Write a report of results: one HTML file for the screen and for paper.
 
-    What is to be known before the numbers stands first: what the data are, verdicts about
-    evidences, and what cannot be judged. Data, fits, posteriors, decisions, differences and
-    elastic properties follow as figures and tables, as far as the results hold them; then the
-    settings, how to cite, and a paragraph on the methods that can be pasted into an article.
+    Warnings and diagnoses come first. Then the report shows, as far as the results hold them, data,
+    fits, posteriors, decisions, differences and elastic properties in figures and tables. At the
+    end are the settings, a paragraph on the methods for an article, and how to cite the package.
 
     Parameters
     ----------
     result : xarray.DataTree, xarray.Dataset, or a list or dict of them
-        Results of :func:`fit_classes`, :func:`sample_smc`, :func:`classify`, :func:`open_cohort`,
-        :func:`compare_classes`, :func:`calibration_report`, :func:`expected_information` and
-        :func:`plan_study`, or inflation data. Several are given as a list, or as a dict of titles
-        to results. Of more than 200 classified specimens decisions are counted, and those whose
-        class is least clear are shown.
+        Results of :func:`fit_classes`, :func:`sample_smc`, :func:`classify`,
+        :func:`explain_classification`, :func:`open_cohort`, :func:`compare_classes`,
+        :func:`calibration_report`, :func:`expected_information` and :func:`plan_study`, or
+        inflation data. Several are given as a list, or as a dict of titles to results. If more than
+        200 specimens were classified, decisions are counted, and the specimens with the least clear
+        class are shown.
     path : str or path
-        The file. Its folder is made if there is none. What was there is replaced when all of the
-        new one is written, and stays if that fails.
+        The file. Its folder is made if needed. An existing file is replaced once the new one is
+        complete.
     data : xarray.Dataset or dict of str to xarray.Dataset, optional
-        Measurements that are shown beside the training data of the classes, such as those that were
-        classified.
+        Further measurements to show, such as those that were classified.
     title : str, optional
-        Heading of the page; what the data are called when missing.
+        Heading of the page; by default the title of the data.
     pressure : array_like, optional
         Internal pressures of the elastic properties, in `pressure_unit`; by default three that all
         experiments of the classes reached.
     pressure_unit : str, default "mmHg"
-        Unit of the pressures that are shown, as pint knows it.
+        Unit of pressures on the page, as pint knows it.
 
     Returns
     -------
@@ -91,8 +154,8 @@ def report(
 
     Notes
     -----
-    A figure that cannot be drawn is missing, and the warnings on top of the page say why. The same
-    results give the same file.
+    If a figure cannot be drawn, a warning at the top of the page gives the reason. The same results
+    give the same file.
 
     Examples
     --------
@@ -104,49 +167,116 @@ def report(
     True
     """
     template = _template()
-    per_kilopascal(pressure_unit)  # an unknown unit is told before anything is drawn
-    path = _checked_path(path)
-    found = [(each, kind_of(each.result)) for each in _titled(result, data)]
-    page = Page(_checked_pressure(pressure), pressure_unit)
-    for each, kind in found:
-        with page.listening(f"What speaks against {each.title}"):
-            kind.check(each, page)
-    _check_identity([each for each, _ in found], page)
-    chapters = _chapters(found, page)
-    methods = methods_of(found, page)
-    # A figure tells what its data lack only when it is drawn: warnings are sorted at the end.
+    per_kilopascal(pressure_unit)  # raise for an unknown unit before anything is drawn
+    path = Path(path)
+    if path.is_dir():
+        raise ValueError(f"path {str(path)!r} is a folder: name a file in it, such as report.html")
+    results = _titled(result, data)
+    page = Page(_checked_pressure(pressure, pressure_unit), pressure_unit)
+    chapters = [
+        {
+            "anchor": anchor,
+            "title": chapter,
+            "parts": [(name, _blocks(name, each, anchor, page)) for name, each in results.items()],
+        }
+        for anchor, chapter in CHAPTERS.items()
+    ]
+    _check_classes(results, page)
     page.notices.sort(key=lambda notice: LEVELS.index(notice.level))
     html = template.render(
-        title=title or _title_of(found),
-        words=[f"{each.title} ({kind.name.lower()})" for each, kind in found],
-        notices=page.notices,
-        checked=page.checked,
-        complete=page.complete,
+        title=title or _title_of(results),
+        results=[f"{name} ({kind_of(each).title.lower()})" for name, each in results.items()],
+        page=page,
         chapters=chapters,
-        methods=" ".join(methods),
-        versions=versions_of(found),
+        methods=_methods(page.methods, results),
+        version=version("pymc-hyperelastic"),
         python=platform.python_version(),
         style=files(__package__).joinpath("style.css").read_text(encoding="utf-8"),
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path) as beside:
-        beside.write_text(html, encoding="utf-8")
+        beside.write_text(html, encoding="utf-8", errors="replace")
     return path
 
 
-def _check_identity(found: Sequence[Found], page: Page) -> None:
-    """Say where decisions were made with other classes than those that the page shows."""
-    classes = [each for each in found if are_fits(each.result) and "posterior" not in each.result]
-    for each in found:
-        if classes and is_classified(each.result):
-            with page.listening(f"What speaks against {each.title}"):
-                if not are_of_classes(each.result, [one.result for one in classes]):
-                    shown = " and ".join(one.title for one in classes)
-                    page.notice(
-                        BAD,
-                        f"{each.title}: the decisions were made with other classes than {shown} on "
-                        "this page. Classify again",
+def kind_of(result: Any) -> Kind:
+    """Return the kind of a result; TypeError if it is no result."""
+    if isinstance(result, xr.DataTree):
+        groups = {*result.children}
+        if {*COHORT.names.split()} <= groups and "error" in result["evidence"].data_vars:
+            return COHORT
+        if any("posterior" in tree.children for tree in (result, *result.children.values())):
+            return CLASSES
+    elif isinstance(result, xr.Dataset):
+        for kind in TABLES:
+            if {*kind.names.split()} <= {*result.variables}:
+                return kind
+    raise TypeError(
+        "expected results of ph.fit_classes, ph.sample_smc, ph.classify, ph.open_cohort, "
+        "ph.compare_classes, ph.calibration_report, ph.expected_information and ph.plan_study, "
+        "inflation data, or a list or a dict of titles with several of these; got "
+        f"{_described(result)}"
+    )
+
+
+def _described(result: Any) -> str:
+    name = type(result).__name__
+    if hasattr(result, "data_vars"):
+        held = [str(name) for name in (*result.data_vars, *getattr(result, "children", ()))]
+        return f"a {name} of {held[:6] or 'nothing'}"
+    return f"{result!r:.60}" if isinstance(result, str | int | float) else name
+
+
+def _titled(result: Any, data: Any) -> dict[str, Any]:
+    """Return all results by titles that differ."""
+    several: list[tuple[str | None, Any]] = []
+    for given in (result, data):
+        if isinstance(given, Mapping) and not isinstance(given, xr.Dataset | xr.DataTree):
+            several += [(str(title), each) for title, each in given.items()]
+        elif isinstance(given, Sequence) and not isinstance(given, str | bytes):
+            several += [(None, each) for each in given]
+        elif given is result or given is not None:
+            several.append((None, given))
+    if not several:
+        raise ValueError("there are no results; expected at least one")
+    titled: dict[str, Any] = {}
+    for given_title, each in several:
+        kind = kind_of(each)
+        title = plain = given_title or kind.title
+        number = 1
+        while title in titled:
+            number += 1
+            title = f"{plain} {number}"
+        titled[title] = each
+    return titled
+
+
+def _blocks(title: str, result: Any, anchor: str, page: Page) -> list[dict[str, Any]]:
+    """Write what a result says in a chapter, and return it."""
+    page.title, page.blocks = title, []
+    write = kind_of(result).sections.get(anchor)
+    if write:
+        with page.catching(f"“{CHAPTERS[anchor]}” of {title}"):
+            write(result, page)
+    return page.blocks
+
+
+def _check_classes(results: Mapping[str, Any], page: Page) -> None:
+    """Add a notice if decisions were made with other classes than those on the page."""
+    classes = {
+        title: result
+        for title, result in results.items()
+        if kind_of(result) is CLASSES and "posterior" not in result.children
+    }
+    for title, result in results.items() if classes else ():
+        if kind_of(result) is CLASSIFIED:
+            with page.catching(title):
+                if not are_of_classes(result, [*classes.values()]):
+                    words = (
+                        f"the decisions were made with other classes than {listed([*classes])} on "
+                        "this page. Classify again"
                     )
+                    page.notice(BAD, words, title)
 
 
 def _template() -> Any:
@@ -156,90 +286,44 @@ def _template() -> Any:
         raise ImportError(
             "ph.report needs Jinja2, which is not installed: pip install jinja2"
         ) from error
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader(__package__, "."),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["short"] = short
+    loader, strict = jinja2.PackageLoader(__package__, "."), jinja2.StrictUndefined
+    environment = jinja2.Environment(loader=loader, autoescape=True, undefined=strict)
+    environment.trim_blocks = environment.lstrip_blocks = True
     return environment.get_template("page.html.jinja")
 
 
-def _checked_path(path: Any) -> Path:
-    try:
-        path = Path(path)
-    except TypeError:
-        raise TypeError(f"path must name a file, such as 'report.html'; got {path!r}") from None
-    if path.is_dir():
-        raise ValueError(f"path {str(path)!r} is a folder: name a file in it, such as report.html")
-    return path
-
-
-def _checked_pressure(pressure: Any) -> Any:
+def _checked_pressure(pressure: Any, unit: str) -> Any:
     if pressure is None:
         return None
-    try:
-        values = np.atleast_1d(np.asarray(pressure, float))
-    except (TypeError, ValueError):
-        values = np.array([np.nan])
-    if values.ndim != 1 or not values.size or not (np.isfinite(values) & (values >= 0)).all():
-        raise ValueError(f"pressure must be a number from 0 up, or several; got {pressure!r}")
-    return values
+    pressures = checked_numbers("pressure", pressure, f"pressures in {unit}")
+    if pressures.min() < 0:
+        raise ValueError(f"pressure must be at least 0; got {pressure!r}")
+    return pressures
 
 
-def _titled(result: Any, data: Any) -> list[Found]:
-    """All results, each with a title of its own."""
-    several: list[tuple[str | None, Any]]
-    if isinstance(result, xr.Dataset | xr.DataTree):
-        several = [(None, result)]
-    elif isinstance(result, Mapping):
-        several = [(str(name), each) for name, each in result.items()]
-    elif isinstance(result, Sequence) and not isinstance(result, str | bytes):
-        several = [(None, each) for each in result]
-    else:
-        several = [(None, result)]
-    if isinstance(data, Mapping) and not isinstance(data, xr.Dataset):
-        several += [(str(name), each) for name, each in data.items()]
-    elif data is not None:
-        several.append((None, data))
-    if not several:
-        raise ValueError("there are no results: a report is of one at least")
-    found: list[Found] = []
-    for name, each in several:
-        plain = name or kind_of(each).name
-        count, title = 1, plain
-        while title in {known.title for known in found}:
-            count += 1
-            title = f"{plain} {count}"
-        found.append(Found(title, each))
-    return found
-
-
-def _chapters(found: Sequence[tuple[Found, Kind]], page: Page) -> list[_Chapter]:
-    chapters = []
-    for anchor, title in CHAPTERS.items():
-        parts = []
-        for each, kind in found:
-            blocks: list[Block] = []
-            if anchor in kind.chapters:
-                with page.listening(f"The chapter “{title}” of {each.title}"):
-                    blocks = kind.chapters[anchor](each, page)
-            if blocks:
-                parts.append(_Part(each.title, blocks))
-        if parts:
-            chapters.append(_Chapter(anchor, title, parts))
-    return chapters
-
-
-def _title_of(found: Sequence[tuple[Found, Kind]]) -> str:
-    """What the data are called."""
-    attrs = []
-    for each, _ in found:
-        attrs.append(each.result.attrs)
-        if isinstance(each.result, xr.DataTree):
-            trees = [each.result, *each.result.children.values()]
-            attrs += [t["constant_data"].attrs for t in trees if "constant_data" in t.children]
+def _title_of(results: Mapping[str, Any]) -> str:
+    """Return the titles of the data."""
+    attrs = [result.attrs for result in results.values()]
+    for result in results.values():
+        nodes = result.subtree if isinstance(result, xr.DataTree) else ()
+        attrs += [node.attrs for node in nodes if node.name == "constant_data"]
     titles = dict.fromkeys(str(a["title"]) for a in attrs if a.get("title"))
     return ", ".join(titles) or "Report of a study"
+
+
+def _methods(sentences: Sequence[str], results: Mapping[str, Any]) -> str:
+    """Return the paragraph on the methods, each sentence once, and the versions of packages."""
+    paragraph: list[str] = []
+    for sentence in dict.fromkeys(sentences):
+        several = any(other.startswith(_MODELLED) for other in paragraph)
+        paragraph.append(sentence.replace(_MODELLED, _ALSO) if several else sentence)
+    versions: dict[str, list[str]] = {}
+    for result in results.values():
+        trees = [result, *result.children.values()] if isinstance(result, xr.DataTree) else []
+        for tree in trees:
+            for name, number in read_json(tree, "versions", {}).items():
+                versions.setdefault(name, []).append(str(number))
+    if versions:
+        used = [f"{name} {' or '.join(dict.fromkeys(n))}" for name, n in versions.items()]
+        paragraph.append(f"Models were sampled with {listed(used)}.")
+    return " ".join(paragraph)

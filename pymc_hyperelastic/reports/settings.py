@@ -1,91 +1,102 @@
-"""Settings that are stored with results: law, priors, likelihood and sampler."""
+"""How a fit was made: a table of its settings, and sentences on its methods for an article."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pymc as pm
 import xarray as xr
 
 from pymc_hyperelastic.classes.variable import Variability
-from pymc_hyperelastic.evidence.stored import read_draws, reading
+from pymc_hyperelastic.data.inflation import extension_tests
+from pymc_hyperelastic.data.select import specimens_of
+from pymc_hyperelastic.evidence.stored import damaged, read_draws, read_json, reading
+from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
+from pymc_hyperelastic.messages import shown
 from pymc_hyperelastic.models.likelihoods import Likelihood
-from pymc_hyperelastic.models.likelihoods.errors import SD_OF_SIGMA, SIZES
-from pymc_hyperelastic.models.priors import is_inferred, prior_to_record
-from pymc_hyperelastic.models.settings import NamedLayer, model_settings_of
+from pymc_hyperelastic.models.likelihoods.errors import SIZES
+from pymc_hyperelastic.models.priors import prior_from_record, prior_to_record
+from pymc_hyperelastic.models.settings import (
+    ModelSettings,
+    NamedLayer,
+    inflation_data_of,
+    model_settings_of,
+    wall_of,
+)
 from pymc_hyperelastic.plots.style import fitted_classes
 from pymc_hyperelastic.predictions.members import specimens_differ
-from pymc_hyperelastic.reports.blocks import in_words, plural, short
-from pymc_hyperelastic.reports.laws import (
-    distribution_in_words,
-    equation_of,
-    units_of,
-    wall_in_words,
-)
+from pymc_hyperelastic.reports.page import Page, listed, plural, short
+
+# Methods by which specimens are integrated, as an article names them.
+_METHODS = {"importance": "importance sampling", "bridge": "bridge sampling"}
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How a result was made, as far as it says so."""
+    """How a result was made, as far as the result says."""
 
     wall: list[NamedLayer]
     variability: Variability | None
     differ: bool
     """True if each specimen has parameters of its own."""
-    likelihood: Likelihood | None
-    """None if the result does not state it."""
-    likelihood_in_words: str
+    likelihood: str
     priors: dict[str, str]
     """By the name of the variable."""
     draws: int
     chains: int
     seed: str
 
-    @property
-    def law(self) -> str:
-        """Name of the strain energy, or of those of the layers."""
-        names = [layer.energy.name for layer in self.wall]
-        return in_words(names) if names else "a strain energy that is not named"
-
 
 def settings_of(tree: xr.DataTree) -> Settings:
-    """Settings of a sampled model, or of fitted classes, which have all the same."""
+    """Return the settings of a sampled model, or of fitted classes, which all have the same."""
     first = next(iter(fitted_classes(tree).values()))
     posterior = read_draws(first, "posterior")
     stored = model_settings_of(first)
-    likelihood = stored.make_likelihood() if stored else None
-    kind: Variability | None = None
+    variability: Variability | None = None
     if stored and stored.variability == Variability.variability:
         with reading(first):
-            kind = Variability.from_settings(stored)
-        priors = priors_of_class(kind)
-    else:
-        unknown = (stored.make_priors() if stored else {}) | (
-            likelihood.unknowns if likelihood else {}
-        )
-        units = units_of(first)
-        priors = {
-            name: distribution_in_words(prior_to_record(name, prior), units.get(name, ""))
-            for name, prior in unknown.items()
-        }
+            variability = Variability.from_settings(stored)
+    likelihood = stored.make_likelihood() if stored else None
     return Settings(
-        wall_in_words(first),
-        kind,
+        _known_wall(first),
+        variability,
         specimens_differ(first),
-        likelihood,
-        first.attrs.get("likelihood_in_words", ""),
-        priors,
+        likelihood.in_words if likelihood else "",
+        priors_of_class(variability) if variability else _priors_of(first, stored, likelihood),
         posterior.sizes["draw"],
         posterior.sizes["chain"],
         tree.attrs.get("random_seed", ""),
     )
 
 
-def priors_of_class(kind: Variability) -> dict[str, str]:
-    """Priors of all that is unknown of a class, as its model has them, coordinate by coordinate."""
-    names = kind.scale.names
+def _known_wall(tree: xr.DataTree) -> list[NamedLayer]:
+    """Return the layers of the wall, from the inside out; none if a law is unknown."""
+    try:
+        return wall_of(tree)
+    except ValueError:
+        return []
+
+
+def _priors_of(
+    tree: xr.DataTree, stored: ModelSettings | None, likelihood: Likelihood | None
+) -> dict[str, str]:
+    units = units_of(tree)
+    priors = stored.make_priors() if stored else {}
+    if likelihood:
+        priors |= likelihood.unknowns
+    return {
+        name: distribution_in_words(prior_to_record(name, prior), units.get(name, ""))
+        for name, prior in priors.items()
+    }
+
+
+def priors_of_class(variability: Variability) -> dict[str, str]:
+    """Return the priors of all unknowns of a class, coordinate by coordinate."""
+    names = variability.scale.names
     with pm.Model(coords={"coordinate": names, "coordinate_2": names}, model=None) as model:
-        kind.register_class()
+        variability.register_class()
     priors = {}
     for variable in model.free_RVs:
         if variable.name == "correlation_unit":
@@ -93,121 +104,171 @@ def priors_of_class(kind: Variability) -> dict[str, str]:
             continue
         distribution, parameters, *size = prior_to_record(variable.name, variable)
         if not size:
-            record = [distribution, parameters]
             unit = SIZES[variable.name].unit if variable.name in SIZES else ""
+            record = [distribution, parameters]
             priors[variable.name] = distribution_in_words(record, unit)
             continue
-        of_each = np.broadcast_arrays(*parameters, np.empty(size))[:-1]
-        for i, name in enumerate(names):
-            record = [distribution, [float(values[i]) for values in of_each]]
+        table = np.broadcast_arrays(*parameters, np.empty(size))[:-1]
+        for name, *values in zip(names, *table, strict=True):
+            record = [distribution, [float(value) for value in values]]
             priors[f"{variable.name}[{name}]"] = distribution_in_words(record)
     return priors
 
 
-def size_in_words(likelihood: Likelihood, name: str) -> str:
-    """Return how large an error is, or how much slopes count, in words.
+def distribution_in_words(record: Any, unit: str = "") -> str:
+    """Return the text of a record of :func:`prior_to_record`; ValueError if it is no such record.
 
-    >>> import pymc_hyperelastic as ph
-    >>> size_in_words(ph.SlopeAugmented(sigma=2.0, slope_weight=1.0), "sigma")
-    'a standard deviation of 1.414 kPa'
+    >>> distribution_in_words(["Uniform", [0.0, 100.0]], "kPa")
+    'Uniform(0, 100) kPa'
     """
-    value, unit = likelihood.sizes[name], likelihood.units[name]
-    what = "a weight" if name == "slope_weight" else "a standard deviation"
-    if is_inferred(value):
-        times = " times √2" if name in SD_OF_SIGMA else ""
-        prior = distribution_in_words(prior_to_record(name, value), unit)
-        return f"{what}{times} that was inferred, with the prior {prior}"
-    size = getattr(likelihood.errors(), SD_OF_SIGMA.get(name, name))
-    return f"{what} of {short(float(size))} {unit}"
+    prior_from_record(record)
+    name, parameters, *size = record
+    text = f"{name}({', '.join(map(_number, parameters))}) {unit}".rstrip()
+    return f"{text}, {size[0]} of them" if size else text
 
 
-def noise_sentences(settings: Settings) -> list[str]:
-    """Return the errors of the likelihood, as sentences of an article."""
-    likelihood = settings.likelihood
-    if likelihood is None:
-        words = settings.likelihood_in_words
-        return [f"Errors were taken as normal ({words})."] if words else []
-    sentences = []
-    for name, value in likelihood.sizes.items():
-        size = size_in_words(likelihood, name)
-        if name == "slope_weight":
-            if is_inferred(value) or value:
-                sentences.append(f"Slopes of the curves counted too, with {size}.")
-        elif name == "force_offset_sd":
-            words = f"Each test had an offset of the force transducer, normal with {size}."
-            sentences.append(words)
-        else:
-            own = " in each specimen" if settings.variability and is_inferred(value) else ""
-            of_what = SIZES[name].of_what.capitalize()
-            sentences.append(f"{of_what} were taken as normal{own}, with {size}.")
-    return sentences
+def _number(value: Any) -> str:
+    return f"[{', '.join(map(_number, value))}]" if isinstance(value, list) else short(value)
 
 
-def settings_rows(settings: Settings) -> list[list[Any]]:
-    """Return the settings as rows of a table."""
-    rows: list[list[Any]] = []
+def units_of(tree: xr.DataTree) -> dict[str, str]:
+    """Return the units of the variables of a result, as far as it says."""
+    stated: Mapping[str, str] = read_json(tree, "units", {})
+    if not all(isinstance(unit, str) for unit in stated.values()):
+        raise damaged(tree, f"its attribute 'units' is {shown(stated)}; expected the unit of each")
+    units = {p.name: p.unit for layer in _known_wall(tree) for p in layer.energy.parameters}
+    units |= {name: size.unit for name, size in SIZES.items()} | dict(stated)
+    return {name: unit.replace("mm2", "mm²") for name, unit in units.items()}
+
+
+def show_settings(result: xr.DataTree, page: Page) -> None:
+    """Add a table of the settings."""
+    settings = settings_of(result)
+    rows: list[tuple[str, Any]] = []
     for number, layer in enumerate(settings.wall, start=1):
-        of = f" of layer {number}, from inside" if len(settings.wall) > 1 else ""
+        where = f" of layer {number}, from inside" if len(settings.wall) > 1 else ""
         own = ", ".join(f"{name} = {value}" for name, value in vars(layer.energy).items())
-        rows.append([f"strain energy{of}", f"{layer.energy.name}{f' ({own})' if own else ''}"])
-        rows.append([f"its equation{of}", equation_of(layer.energy)])
+        rows.append((f"strain energy{where}", layer.energy.name + (f" ({own})" if own else "")))
+        rows.append((f"equation{where}", layer.energy.equation or "not stated"))
         for p in layer.energy.parameters:
-            unit = f" ({p.unit})" if p.unit else ""
             value = layer.values.get(p.name)
             fixed = f"; given as {short(value)}" if isinstance(value, float) else ""
-            rows.append([f"{p.name}{unit}{of}", p.description + fixed])
+            unit = f" ({p.unit})" if p.unit else ""
+            rows.append((f"{p.name}{unit}{where}", p.description + fixed))
     if kind := settings.variability:
-        rows.append(["variability", "each specimen has parameters of its own"])
-        rows.append(["coordinates of specimens", ", ".join(kind.scale.names)])
-        stress = kind.reference_stress
-        rows.append(["reference stress (kPa)", "none" if stress is None else float(stress)])
-        differ = "differ by an effect" if kind.experiment_effect else "share its parameters"
-        rows.append(["experiments on a specimen", differ])
+        rows += [
+            ("variability", "each specimen has parameters of its own"),
+            ("coordinates of specimens", ", ".join(kind.scale.names)),
+            ("reference stress (kPa)", kind.reference_stress or "none"),
+            (
+                "experiments on a specimen",
+                "differ by a random effect" if kind.experiment_effect else "share its parameters",
+            ),
+        ]
         for name, error in kind.geometry.items():
-            rows.append([f"error of the measured {name.replace('_', ' ')}", str(error)])
-    rows += [[f"prior of {name}", prior] for name, prior in settings.priors.items()]
-    words = settings.likelihood_in_words
-    rows += [["likelihood", words]] if words else []
-    rows += [["draws of a chain", settings.draws], ["chains", settings.chains]]
-    rows += [["random seed", settings.seed]] if settings.seed else []
-    return rows
+            rows.append((f"error of the measured {name.replace('_', ' ')}", str(error)))
+    rows += [(f"prior of {name}", prior) for name, prior in settings.priors.items()]
+    rows += [
+        ("likelihood", settings.likelihood),
+        ("draws per chain", settings.draws),
+        ("chains", settings.chains),
+        ("random seed", settings.seed),
+    ]
+    known = [row for row in rows if row[1] != ""]
+    page.table("Settings", pd.DataFrame(known, columns=["setting", "value"], dtype=object))
 
 
-def model_sentences(settings: Settings, several: bool) -> list[str]:
-    """Describe the model of one specimen, or of `several`, in sentences of an article."""
-    energies = [layer.energy for layer in settings.wall]
-    laws = [f"{e.name}, {equation_of(e).rstrip('.')}" for e in energies]
+def add_methods(result: xr.DataTree, page: Page) -> None:
+    """Add sentences on the data, the model and the sampling to the methods."""
+    settings = settings_of(result)
+    trees = fitted_classes(result)
+    data = {
+        name: inflation_data_of(tree)
+        for name, tree in trees.items()
+        if "radius" in tree.children.get("constant_data", {})
+    }
+    specimens = {name: len(specimens_of(d)[0]) for name, d in data.items()}
+    if data:
+        page.methods.append(_data_sentence(data, specimens))
+        if any("axial_force" in d for d in data.values()):
+            page.methods.append("Axial forces were measured too.")
+    page.methods += _model_sentences(settings, max(specimens.values(), default=1) > 1)
+    page.methods.append(_sampling_sentence(settings, trees.values()))
+
+
+def _data_sentence(data: Mapping[str, xr.Dataset], specimens: Mapping[str, int]) -> str:
+    in_each = listed([f"{count} in {name}" for name, count in specimens.items()])
+    extended = any(extension_tests(d).any() for d in data.values())
+    simulated = any(d.attrs.get("simulated") for d in data.values())
+    tests, points = (sum(d.sizes[dim] for d in data.values()) for dim in ("test", "obs"))
+    return (
+        f"The {'simulated ' if simulated else ''}inflation{' and extension' if extended else ''} "
+        f"curves of {plural(sum(specimens.values()), 'specimen')}"
+        f"{f' ({in_each})' if len(data) > 1 else ''} were analysed: "
+        f"{plural(tests, 'experiment')} with {plural(points, 'point')}."
+    )
+
+
+def _model_sentences(settings: Settings, several: bool) -> list[str]:
+    """Describe the model of one specimen, or of `several`."""
+    if not settings.wall:
+        return ["The result does not say which model was fitted."]
+    laws = [law_in_words(layer.energy) for layer in settings.wall]
     tube = "Each vessel was modelled as a thick-walled, incompressible, hyperelastic tube"
     if len(laws) > 1:
-        sentences = [
-            f"{tube} of {plural(len(laws), 'layer')}, from the inside out of the strain energies "
-            f"{'; '.join(laws)}."
-        ]
-    elif laws:
-        sentences = [f"{tube} with the strain energy {laws[0]}."]
+        layers = plural(len(laws), "layer")
+        sentences = [f"{tube} of {layers} with, from the inside out, {'; '.join(laws)}."]
     else:
-        return ["The result does not say which model it is of."]
+        sentences = [f"{tube} with {laws[0]}."]
     if kind := settings.variability:
+        stress = kind.reference_stress
+        at = f" at a reference stress of {short(stress)} kPa" if stress is not None else ""
         names = kind.scale.names
-        place = "the coordinate" if len(names) == 1 else "the coordinates"
+        of = "the coordinate" if len(names) == 1 else "the coordinates"
         sentences.append(
-            "Specimens of a class differed: the parameters of each were a draw from a normal "
-            f"distribution of its class, over {place} {in_words(names)}"
-            + (
-                f" (reference stress {short(kind.reference_stress)} kPa)."
-                if kind.reference_stress is not None
-                else "."
-            )
+            "The parameters of each specimen were drawn from the distribution of its class, a "
+            f"normal distribution of {of} {listed(names)}{at}."
         )
         if kind.experiment_effect:
             sentences.append("Experiments on a specimen differed by a random effect.")
     elif settings.differ:
         sentences.append("Each specimen had parameters of its own, drawn from one distribution.")
     elif several:
-        sentences.append("All specimens that were fitted together shared one set of parameters.")
-    sentences += noise_sentences(settings)
+        sentences.append("All specimens of a class shared one set of parameters.")
+    if settings.likelihood:
+        words = f"Measurement errors were normal, with the likelihood {settings.likelihood}."
+        sentences.append(words)
     if settings.priors:
         priors = [f"{prior} for {name}" for name, prior in settings.priors.items()]
-        word = "The prior was" if len(priors) == 1 else "Priors were"
-        sentences.append(f"{word} {in_words(priors)}.")
+        start = "The prior was" if len(priors) == 1 else "Priors were"
+        sentences.append(f"{start} {', '.join(priors)}.")
     return sentences
+
+
+def law_in_words(energy: StrainEnergy) -> str:
+    """Name a strain energy with its equation.
+
+    >>> import pymc_hyperelastic as ph
+    >>> law_in_words(ph.Demiray())
+    'the strain energy Demiray, W = (μ/(2 b)) (e^(b (I₁ − 3)) − 1)'
+    """
+    return f"the strain energy {energy.name}" + (f", {energy.equation}" if energy.equation else "")
+
+
+def _sampling_sentence(settings: Settings, trees: Iterable[xr.DataTree]) -> str:
+    draws = f"{plural(settings.chains, 'independent chain')} of {plural(settings.draws, 'draw')}"
+    if settings.variability:
+        tables = [tree["specimens"]["method"] for tree in trees if "specimens" in tree.children]
+        methods = sorted({str(method) for table in tables for method in table.values})
+        by = listed([_METHODS.get(method, method) for method in methods])
+        return (
+            f"The parameters of each specimen were integrated out{f' by {by}' if by else ''}, and "
+            f"the posterior of the distribution of each class was sampled in {draws}, with its "
+            "evidence."
+        )
+    if all("evidence" in tree.children for tree in trees):
+        return (
+            f"Posteriors were sampled by sequential Monte Carlo in {draws}, which also gives the "
+            "evidence and its standard error."
+        )
+    return f"Posteriors were sampled in {draws}."

@@ -5,7 +5,7 @@ import pytest
 from report_pages import Page
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.reports.blocks import Page as Making
+from pymc_hyperelastic.reports.page import Page as Making
 
 mpl.use("Agg")
 
@@ -23,5 +23,5 @@ def write(tmp_path):
 @pytest.fixture
 def write_words(write, monkeypatch):
     """Write a report without its figures, which take most of the time, and read it."""
-    monkeypatch.setattr(Making, "figure", lambda *_, **__: [])
+    monkeypatch.setattr(Making, "figure", lambda *_, **__: None)
     return write

@@ -1,7 +1,9 @@
 """Read a report as HTML: its elements, headings, text and tables."""
 
+import base64
 import itertools
 from html.parser import HTMLParser
+from xml.etree import ElementTree
 
 VOID = {"meta", "br", "hr", "img", "input", "link", "area", "base", "col", "wbr"}
 
@@ -37,6 +39,17 @@ class Page(HTMLParser):
     def handle_startendtag(self, tag, attrs):
         self.elements.append((tag, dict(attrs)))
 
+    @property
+    def figures(self):
+        """The label of each figure, and its drawing as SVG."""
+        images = [attrs for tag, attrs in self.elements if tag == "img"]
+        start = "data:image/svg+xml;base64,"
+        assert all(image["src"].startswith(start) for image in images)
+        return {
+            image["alt"]: base64.b64decode(image["src"].removeprefix(start)).decode()
+            for image in images
+        }
+
     def handle_endtag(self, tag):
         if not self.open or self.open.pop() != tag:
             self.wrong.append(tag)
@@ -69,7 +82,7 @@ class Page(HTMLParser):
 
     @property
     def methods(self):
-        return self.text.split("Methods, to be pasted")[-1].split(" Software, and how")[0]
+        return self.text.split("Methods, for an article")[-1].split(" Software, and how")[0]
 
     def table(self, start):
         """Headings and rows of the table whose caption begins like this."""
@@ -95,8 +108,8 @@ def assert_sound(page):
                 assert (target.startswith("#") and target[1:] in ids) or target.startswith("data:")
         if tag == "th":
             assert attrs["scope"] in ("col", "row")
-    for reference in page.source.split("url(#")[1:]:
-        assert reference.split(")")[0] in ids
+    for drawing in page.figures.values():
+        assert ElementTree.fromstring(drawing).tag.endswith("svg")
     assert "http://" not in page.source and "https://" not in page.source
     levels = [int(tag[1]) for tag, _ in page.headings]
     assert levels[0] == 1 and levels.count(1) == 1

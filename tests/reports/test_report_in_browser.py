@@ -5,6 +5,7 @@ import shutil
 import fits
 import numpy as np
 import pytest
+from report_pages import Page
 from stored_results import classified, curves, fitted_classes
 
 import pymc_hyperelastic as ph
@@ -21,7 +22,7 @@ LONG = "specimen_" + "with_a_name_that_does_not_end_" * 6
 # Elements whose content overflows. Regions that scroll, and the link that is hidden until it has
 # the focus, are excluded.
 OVERFLOWS = """() => [...document.querySelectorAll("body *")].filter(e => {
-    if (e.closest("svg") || e.matches(".skip")) return false;
+    if (e.matches(".skip")) return false;
     const wide = e.scrollWidth > e.clientWidth + 1;
     if (e.closest(".scroll")) return e.matches("td, th, caption") && wide;
     const box = e.getBoundingClientRect();
@@ -33,7 +34,11 @@ SCROLLED = """() => [...document.querySelectorAll(".scroll")]
     .filter(e => e.scrollWidth > e.clientWidth)
     .filter(e => e.tabIndex !== 0 || !document.getElementById(e.getAttribute("aria-labelledby")))
     .length"""
-# Text of a figure that is outside of its drawing, or too small to be read.
+# Figures that are not drawn, or so small that their text cannot be read.
+ILLEGIBLE = """() => [...document.querySelectorAll("figure img")]
+    .filter(e => !e.naturalWidth || e.clientWidth < 0.7 * e.naturalWidth)
+    .map(e => e.alt)"""
+# Text of a drawing that is outside of it.
 CUT_OFF = """() => [...document.querySelectorAll("svg text")].filter(e => {
     const box = e.getBoundingClientRect(), frame = e.closest("svg").getBoundingClientRect();
     return box.left < frame.left - 2 || box.right > frame.right + 2 || box.top < frame.top - 2
@@ -90,7 +95,16 @@ def test_page_loads_and_logs_nothing_and_no_content_overflows(opened, path):
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert page.evaluate(OVERFLOWS) == []
     assert page.evaluate(SCROLLED) == 0
-    assert page.evaluate(CUT_OFF) == []
+    assert page.evaluate(ILLEGIBLE) == []
+
+
+def test_text_of_figures_is_inside_of_their_drawings(browser, path):
+    page, drawings = browser.new_page(), Page(path).figures
+    assert drawings
+    for label, drawing in drawings.items():
+        page.set_content(drawing)
+        assert page.evaluate(CUT_OFF) == [], label
+    page.close()
 
 
 def test_axe_finds_no_serious_violation(opened):

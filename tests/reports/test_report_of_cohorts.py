@@ -31,17 +31,17 @@ def cohort():
 
 def test_cohort_tables_summarise_its_specimens(write_words, cohort):
     page = write_words({"Cohort": cohort})
-    _, rows = page.table("How specimens were sampled: Cohort")
-    assert rows == [["not sampled", 0.0], ["importance", 4.0], ["smc", 1.0]]
+    _, rows = page.table("Sampling methods of the specimens: Cohort")
+    assert rows == [["importance", 4], ["smc", 1]]
     _, (row,) = page.table("Posterior medians of the parameters")
     draws, ends = cohort["posterior"]["mu"], [0.025, 0.5, 0.975]
     medians, sd = (f(["chain", "draw"]).values for f in (draws.median, draws.std))
     np.testing.assert_allclose(row[1:], [*np.quantile(medians, ends), np.median(sd)])
-    _, (_, row) = page.table("Elastic properties (posterior medians)")
+    _, (_, row) = page.table("Posterior medians of the elastic properties")
     assert row[:3] == ["compliance", "mm²/kPa", 120]
     low, middle, high = cohort["properties"]["compliance"].values[:, 1].T
     np.testing.assert_allclose(row[3:], [*np.quantile(middle, ends), np.median(high - low)])
-    assert "The posteriors of 5 specimens were sampled, each by itself." in page.methods
+    assert "The posteriors of 5 specimens were sampled one by one." in page.methods
 
 
 def test_failed_specimens_of_a_cohort_are_named_with_their_messages(write_words, cohort):
@@ -53,11 +53,11 @@ def test_failed_specimens_of_a_cohort_are_named_with_their_messages(write_words,
     cohort["posterior"]["mu"].values[:2] = np.nan
     page = write_words({"Cohort": cohort})
     assert "Cohort: S1 and S2: the wall has no strength." in page.warnings
-    assert "a few weights decide a posterior (Pareto shape from 0.5 on): S4." in page.warnings
-    assert "an evidence has an infinite error: S5." in page.warnings
+    assert "a few weights dominate a posterior (Pareto shape of 0.5 or more): S4." in page.warnings
+    assert "the error of an evidence is infinite: S5." in page.warnings
     _, rows = page.table("Posterior medians of the parameters")
     np.testing.assert_allclose(rows[0][2], np.median(own))
-    assert "3 specimens were sampled, each by itself; 2 others could not be." in page.methods
+    assert "3 specimens were sampled one by one; 2 others could not be sampled." in page.methods
 
 
 @pytest.mark.deep
@@ -66,8 +66,8 @@ def test_report_of_a_fitted_cohort(write, tmp_path):
     properties = {"pressure": [80, 120], "pressure_unit": "mmHg"}
     ph.fit_cohort(ph.Ogden(), DATA, 0.4, tmp_path / "s", properties=properties, **settings)
     page = write({"Cohort": ph.open_cohort(tmp_path / "s").load()})
-    assert page.column("Posterior medians", "parameter") == ["mu", "alpha"]
-    assert "compliance" in page.column("Elastic properties (posterior", "property")
+    assert page.column("Posterior medians of the parameters", "parameter") == ["mu", "alpha"]
+    assert "compliance" in page.column("Posterior medians of the elastic", "property")
     assert "cannot be shown" not in page.text
 
 
@@ -82,18 +82,21 @@ def many(clear, unclear, failed, why=("no convergence.",)):
 
 def test_only_unclear_specimens_of_a_large_cohort_are_shown_one_by_one(write_words):
     page = write_words({"New": many(300, 20, 3)})
-    assert page.table("Decisions: New")[1] == [["not classified", 3, 0], ["C1", 320, 300]]
-    assert "Of 323 specimens 300 have a class with a probability from 0.95 on." in page.text
-    assert "Of the other 23, the 23 whose class is least clear are shown" in page.text
+    assert page.table("Decisions: New")[1] == [["C1", 320, 300], ["not classified", 3, 0]]
+    assert (
+        "A class is clear if its probability is at least 0.95: that of 300 of 323 specimens."
+        in page.text
+    )
+    assert "the 23 with the lowest probabilities are shown" in page.text
     names = set(page.column("Decisions and probabilities", "specimen"))
     assert names == {f"N{i}" for i in range(300, 323)}
     assert "New: N320, N321 and N322: no convergence." in page.warnings
     assert "New: the classes have no variability" in page.warnings
     page = write_words({"New": many(10, 500, 0)})
-    assert "Of the other 500, the 200 whose class is least clear are shown" in page.text
+    assert "the 200 with the lowest probabilities are shown" in page.text
 
 
 def test_only_the_first_ten_failure_messages_are_shown(write_words):
     page = write_words({"New": many(0, 2, 15, [f"reason {i:02}" for i in range(15)])})
     assert "N11: reason 09." in page.warnings and "reason 10" not in page.warnings
-    assert "N12, N13, N14, N15 and N16 failed for other reasons." in page.warnings
+    assert "N12, N13, N14, N15 and N16: other messages in the variable error." in page.warnings

@@ -1,4 +1,4 @@
-"""Warnings at the top of a report, or the list of checks if there are none."""
+"""Warnings and checks at the top of a report."""
 
 import json
 
@@ -11,22 +11,22 @@ import pymc_hyperelastic as ph
 from pymc_hyperelastic.io.checksum import digests_of
 
 MEASURED = ph.load_dataset("murine_pulmonary_artery")
-NOTHING = "Nothing was found that speaks against the results."
+NOTHING = "No problem was found."
 
 
 def test_report_without_warnings_says_what_was_checked(write_words):
     page = write_words({"Artery": fitted_class(ph.select(MEASURED, group="control"))})
     assert NOTHING in page.warnings
     assert "Caution" not in page.warnings and "Not to be trusted" not in page.warnings
-    assert "R-hat of each" in page.warnings and "to within the noise" in page.warnings
+    assert "the report checks the evidence of each class" in page.warnings
 
 
 def test_nothing_is_said_of_a_fit_that_was_not_compared_with_its_data(write_words):
     tree = fitted_class(ph.select(MEASURED, group="control"))
     tree["diagnosis"] = tree["diagnosis"].to_dataset().sel(check=["chains"])
     page = write_words({"Artery": tree})
-    assert NOTHING not in page.warnings and "What was checked does not speak" in page.warnings
-    assert "does not say whether curves follow the data" in page.warnings
+    assert NOTHING not in page.warnings and "by the checks that were possible" in page.warnings
+    assert "does not say whether curves fit the data" in page.warnings
 
 
 @pytest.mark.parametrize(
@@ -54,8 +54,11 @@ def test_a_fit_that_is_doubtful_is_told_from_an_evidence_that_is(write_words):
 
 def test_large_rhat_is_a_warning(write_words):
     page = write_words({"Artery": fitted_class(MEASURED, shift=20.0)})
-    assert "Caution. Artery: chains met different parts of the posterior: R-hat of" in page.warnings
-    assert "there is one chain" in write_words(fitted_class(MEASURED, chains=1)).warnings
+    assert (
+        "Caution. Artery: the chains have met different parts of the posterior: R-hat of"
+        in page.warnings
+    )
+    assert "there is only one chain" in write_words(fitted_class(MEASURED, chains=1)).warnings
 
 
 def test_result_without_evidence(write_words):
@@ -66,7 +69,7 @@ def test_result_without_evidence(write_words):
     diverging = np.arange(200).reshape(2, 100) < 50
     tree["sample_stats"] = xr.Dataset({"diverging": (("chain", "draw"), diverging)})
     page = write_words({"NUTS": tree})
-    assert "NUTS: the result holds no evidence, so that none was judged." in page.warnings
+    assert "NUTS: the result holds no evidence, and no diagnosis of it." in page.warnings
     assert "50 of 200 transitions diverged" in page.warnings
     assert "Evidence and its diagnosis" not in page.chapters
     assert "sequential Monte Carlo" not in page.methods
@@ -100,25 +103,25 @@ def test_each_doubt_about_a_decision_names_its_specimens(write_words):
     page = write_words({"New": result})
     for said in (
         "Not to be trusted. New: cannot be judged: A.",
-        "Not to be trusted. New: a probability or an evidence has an infinite error: A.",
+        "Not to be trusted. New: the error of a probability or evidence is infinite: A.",
         "Caution. New: looks like none of the classes: B.",
-        "Caution. New: strange to every class (all p-values below 0.05): B.",
-        "Caution. New: not classified, as after an interrupt: C.",
+        "Caution. New: atypical of all classes (p-values below 0.05): B.",
+        "Caution. New: not classified, for example after an interrupt: C.",
         "Caution. New: undecided: D.",
-        "Caution. New: a few weights decide an evidence (Pareto shape from 0.5 on): E.",
+        "Caution. New: a few weights dominate an evidence (Pareto shape of 0.5 or more): E.",
         "Caution. New: the fit of class C2 is doubtful.",
     ):
         assert said in page.warnings
     assert page.warnings.index("Caution") > page.warnings.rindex("Not to be trusted")
     assert page.column("Decisions", "decision")[4:6] == ["not classified"] * 2
-    assert page.column("Decisions", "its standard error")[0] == np.inf
+    assert page.column("Decisions", "SE of class probability")[0] == np.inf
 
 
 def test_pooled_specimens_are_a_warning(write_words):
-    assert "specimens that were fitted together share" in write_words(fitted_classes()).warnings
+    assert "all specimens of a class share one set" in write_words(fitted_classes()).warnings
     warnings = write_words([fitted_class(ph.select(DATA, specimen="S1")), DATA]).warnings
-    assert "specimens that were fitted together share" not in warnings
-    assert warnings.count("The data are simulated, and nothing was measured") == 1
+    assert "all specimens of a class share one set" not in warnings
+    assert warnings.count("these data are simulated, not measured") == 1
 
 
 def test_unknown_law_and_invalid_data_are_warnings(write_words):
@@ -128,3 +131,16 @@ def test_unknown_law_and_invalid_data_are_warnings(write_words):
     page = write_words({"Artery": tree, "Data": data})
     assert "OfAnotherDay" in page.warnings and "Run or import its class first" in page.warnings
     assert "pressure is nan kPa; expected a finite number" in page.warnings
+
+
+def test_missing_classes_and_doubts_of_specimens_reach_the_page(write_words):
+    """Warnings that a result carries are warnings of its report."""
+    tree = fitted_classes()
+    tree.attrs["missing_classes"] = json.dumps({"C3": "the sampler was interrupted"})
+    doubtful = np.array(["", "the pressure is extrapolated"])
+    page = write_words({"Classes": tree, "New": classified(doubtful=doubtful)})
+    assert (
+        "Not to be trusted. Classes: class C3 is missing: the sampler was interrupted."
+        in page.warnings
+    )
+    assert "Caution. New: S2: the pressure is extrapolated." in page.warnings

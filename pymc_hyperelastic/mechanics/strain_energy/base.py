@@ -117,6 +117,8 @@ class StrainEnergy(ABC):
     """
 
     parameters: ClassVar[tuple[Parameter, ...]] = ()
+    equation: ClassVar[str] = ""
+    """The energy as text, such as ``"W = (μ/2) (I₁ − 3)"``, for reports; optional."""
     _registry: ClassVar[dict[str, type["StrainEnergy"]]] = {}
 
     def __init_subclass__(cls, **kwargs: Any) -> None:

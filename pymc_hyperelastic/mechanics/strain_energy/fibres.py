@@ -184,6 +184,9 @@ class HolzapfelGasserOgden(_FibreReinforced):
     array([1.821, 5.759])
     """
 
+    equation = (
+        "W = (c/2) (I₁ − 3) + (k₁/k₂) (e^(k₂ E²) − 1), E = max(λ_θ² cos² β + λ_z² sin² β − 1, 0)"
+    )
     parameters = _with_matrix(*_fibre_parameters())
 
     def families(self, *, k1: Any, k2: Any, beta: Any) -> Sequence[_Family]:
@@ -218,6 +221,10 @@ class GasserOgdenHolzapfel(_FibreReinforced):
     array([1.18 , 3.655])
     """
 
+    equation = (
+        "W = (c/2) (I₁ − 3) + (k₁/k₂) (e^(k₂ E²) − 1), "
+        "E = max(κ (I₁ − 3) + (1 − 3κ) (λ_θ² cos² β + λ_z² sin² β − 1), 0)"
+    )
     parameters = _with_matrix(
         *_fibre_parameters(),
         Parameter("kappa", r"\kappa", "", (0.0, 1 / 3), "dispersion; 1/3: uniform", scale="logit"),
@@ -273,6 +280,12 @@ class FourFiber(_FibreReinforced):
     >>> ph.FourFiber(hoop_fibres=False).parameter_names
     ('c', 'k1_axial', 'k2_axial', 'k1_diagonal', 'k2_diagonal', 'beta')
     """
+
+    equation = (
+        "W = (c/2) (I₁ − 3) + Σ (k₁ⁱ/(2 k₂ⁱ)) (e^(k₂ⁱ E_i²) − 1), "
+        "E_i = max(λ_θ² cos² β_i + λ_z² sin² β_i − 1, 0), "
+        "i = 1 to 4"
+    )
 
     def __init__(self, hoop_fibres: bool = True) -> None:
         if not isinstance(hoop_fibres, bool):

@@ -79,6 +79,7 @@ class NeoHookean(_FirstInvariant):
     array([1.98 , 4.695])
     """
 
+    equation = "W = (μ/2) (I₁ − 3)"
     parameters = (_modulus(),)
 
     def of_excess(self, excess: Tensor, *, mu: Any) -> Tensor:
@@ -108,6 +109,7 @@ class MooneyRivlin(IsotropicStrainEnergy):
     array([1.485, 3.521])
     """
 
+    equation = "W = c₁₀ (I₁ − 3) + c₀₁ (I₂ − 3)"
     parameters = (
         Parameter("c10", "c_{10}", "kPa", (0.0, 100.0), "half the modulus of the I₁ term" + _RANGE),
         Parameter("c01", "c_{01}", "kPa", (0.0, 100.0), "half the modulus of the I₂ term"),
@@ -146,6 +148,7 @@ class Yeoh(_FirstInvariant):
     array([1.016, 3.003])
     """
 
+    equation = "W = c₁ (I₁ − 3) + c₂ (I₁ − 3)² + c₃ (I₁ − 3)³"
     parameters = (
         Parameter("c1", "c_1", "kPa", (0.0, 300.0), "half the shear modulus; 174 in an aneurysm"),
         Parameter("c2", "c_2", "kPa", (0.0, 3000.0), "stiffening; 1881 in an aneurysm"),
@@ -180,6 +183,7 @@ class Gent(_FirstInvariant):
     array([0.996, 2.478])
     """
 
+    equation = "W = −(μ J_m/2) ln(1 − (I₁ − 3)/J_m)"
     parameters = (
         _modulus(),
         Parameter("limit", "J_m", "", (0.1, 100.0), "limit of I₁ − 3; 0.4 to 2.3 in arteries"),
@@ -220,6 +224,7 @@ class Demiray(_FirstInvariant):
     array([1.016, 2.898])
     """
 
+    equation = "W = (μ/(2 b)) (e^(b (I₁ − 3)) − 1)"
     parameters = (
         _modulus(),
         Parameter("b", "b", "", (0.0, 20.0), "stiffening exponent; about 0.5 to 10 in arteries"),
@@ -258,6 +263,11 @@ class ArrudaBoyce(_FirstInvariant):
     array([1.443, 3.476])
     """
 
+    equation = (
+        "W = μ Σ C_i/λ_m^(2i−2) (I₁^i − 3^i), "
+        "i = 1 to 5, "
+        "C = 1/2, 1/20, 11/1050, 19/7000, 519/673750"
+    )
     parameters = (
         _modulus("rubbery modulus of the chain network"),
         Parameter(
@@ -294,6 +304,7 @@ class PowerLawNeoHookean(_FirstInvariant):
     array([0.998, 2.514])
     """
 
+    equation = "W = (μ/2) ((1 + (I₁ − 3)/n)^n − 1)"
     parameters = (
         _modulus(),
         Parameter("n", "n", "", (0.3, 30.0), "exponent; softens below 1, exponential at 30"),

@@ -39,6 +39,7 @@ class Ogden(IsotropicStrainEnergy):
     array([3.041, 8.489])
     """
 
+    equation = "W = (2μ/α²) (λ_r^α + λ_θ^α + λ_z^α + λ_r^(−α) + λ_θ^(−α) + λ_z^(−α) − 6)"
     parameters = (
         Parameter("mu", r"\mu", "kPa", (0.0, 100.0), "half the small-strain shear modulus"),
         Parameter(
@@ -91,6 +92,8 @@ class OgdenSeries(IsotropicStrainEnergy):
     >>> ph.inflation_pressure(ph.OgdenSeries(), **tube, **parameters).eval().round(3)
     array([2.005, 5.223])
     """
+
+    equation = "W = Σ (μ_p/α_p) (λ_r^α_p + λ_θ^α_p + λ_z^α_p − 3)"
 
     def __init__(self, terms: int = 3) -> None:
         if not isinstance(terms, int) or isinstance(terms, bool) or terms < 1:

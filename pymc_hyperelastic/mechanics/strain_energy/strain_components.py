@@ -35,6 +35,7 @@ class CriscioneType(StrainEnergy):
     array([ 8.174, 24.028])
     """
 
+    equation = "W = a cosh(b γ₃), γ₃ = 2 ln λ_θ + ln λ_z"
     parameters = (
         Parameter("a", "a", "kPa", (0.0, 100.0), "energy; small inflation has the modulus a b²"),
         Parameter("b", "b", "", (-20.0, 20.0), "stiffening; half of Ogden's exponent", scale="log"),
@@ -79,6 +80,7 @@ class FungOrthotropic(StrainEnergy):
     array([0.589, 2.019])
     """
 
+    equation = "W = (c/2) (e^Q − 1), Q = a₁ E_θ² + a₂ E_z² + 2 a₄ E_θ E_z, E_i = (λ_i² − 1)/2"
     parameters = (
         Parameter("c", "c", "kPa", (0.0, 200.0), "modulus; 10 to 50 in rabbit arteries"),
         Parameter("a1", "a_1", "", (0.0, 20.0), "stiffening with hoop strain; about 1"),

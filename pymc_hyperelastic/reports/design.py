@@ -1,0 +1,90 @@
+"""Planned tests and studies, by ``ph.expected_information`` and ``ph.plan_study``, in a report."""
+
+import xarray as xr
+
+from pymc_hyperelastic.plots.information import plot_information
+from pymc_hyperelastic.reports.measurements import warn_of_simulated
+from pymc_hyperelastic.reports.page import CAUTION, NOTE, Page, frame_of, listed, short
+
+# Share of specimens that cannot be tested by a design above which it is a warning.
+_LACKING = 0.005
+# Share of specimens with few effective draws above which it is a warning.
+_UNSURE = 0.05
+# Standard errors of the difference within which a design may be as good as the best one.
+_ERRORS = 2
+
+
+def _check_designs(result: xr.Dataset, page: Page) -> None:
+    """Add notices on designs that are as good as the best, and on specimens that are left out."""
+    warn_of_simulated(result.attrs, page)
+    if "words" in result.attrs:
+        page.notice(NOTE, result.attrs["words"])
+    names = result["design"].values.tolist()
+    best, *others = names
+    near = (result["difference"] + _ERRORS * result["difference_se"]).values[1:] >= 0
+    if near.any():
+        designs = listed([name for name, is_near in zip(others, near, strict=True) if is_near])
+        words = f"{designs} may be as good as {best}: the difference is within two standard errors"
+        page.notice(NOTE, words)
+    for variable, limit, words in (
+        ("lacking", _LACKING, "of the specimens cannot be tested in this way, and are left out"),
+        ("unsure", _UNSURE, "of the specimens have few effective draws: more draws are needed"),
+    ):
+        for name, share in zip(names, result[variable].values.tolist(), strict=True):
+            if share > limit:
+                page.notice(CAUTION, f"{share:.1%} {words}", f"{page.title}, {name}")
+
+
+def show_designs(result: xr.Dataset, page: Page) -> None:
+    """Add the expected information of planned tests."""
+    _check_designs(result, page)
+    about = str(result.attrs["about"]).replace("_", " ")
+    page.methods.append(
+        f"Planned tests were ranked by the expected information about the {about} of a new "
+        f"specimen, estimated with {result.sizes['specimen']} specimens that were simulated from "
+        "the classes and measured in each of the tests."
+    )
+    what = f"Expected information of planned tests about the {about} of a new specimen"
+    page.figure(what, plot_information, result, note="Lines: ± two standard errors.")
+    names = (
+        "design tests information information_se difference difference_se change_by_half "
+        "change_by_half_se"
+    )
+    page.table(f"{what}, in nats", frame_of(result, names, "design"))
+    if about == "class":
+        most = short(float(result.attrs["entropy"]))
+        page.text(f"Certain knowledge of the class would be {most} nats.")
+
+
+def show_plan(result: xr.Dataset, page: Page) -> None:
+    """Add what studies of each size are expected to find."""
+    warn_of_simulated(result.attrs, page)
+    studies = f"{result.attrs['studies']} simulated studies"
+    page.notice(
+        NOTE,
+        f"shares are those of {studies}, with parameters from the posterior of the pilot study",
+    )
+    page.methods.append(
+        f"The number of specimens was planned by assurance: the results for differences in "
+        f"{listed(result['quantity'].values.tolist())} were those of {studies} of "
+        f"{listed(result['specimens'].values.tolist())} specimens per group, with parameters drawn "
+        "from the posterior of the pilot study."
+    )
+    prob = f"{100 * float(result.attrs['interval']):.3g} %"
+    names = (
+        "quantity unit comparison specimens width width_se width_interval decided decided_se "
+        "wrong covered"
+    )
+    page.table(
+        "Expected results for differences",
+        frame_of(result, names, "quantity", "comparison", "specimens"),
+        f"For each number of specimens per group, the width of the {prob} interval (median and "
+        f"range of {prob} of the studies), and the shares of studies that decide, decide wrongly "
+        "and cover the truth. A study decides if its interval lies beyond "
+        f"{short(float(result.attrs['relevant']))} on one side.",
+    )
+    page.table(
+        "Expected classification of new specimens",
+        frame_of(result, "specimens log_score log_score_se", "specimens"),
+        f"The best attainable mean log score is {short(float(result['best_log_score']))}.",
+    )
