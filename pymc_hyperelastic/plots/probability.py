@@ -10,6 +10,7 @@ import xarray as xr
 
 from pymc_hyperelastic.files.stored import damaged, read_number, read_text
 from pymc_hyperelastic.parallel import one_thread
+from pymc_hyperelastic.plots.labels import axis_label
 from pymc_hyperelastic.plots.style import (
     DOUBT,
     Backend,
@@ -24,8 +25,8 @@ from pymc_hyperelastic.plots.style import (
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-
-_MOST_ROWS = 8  # of panels, where there is one result
+# Rows and columns of panels of a single result.
+_MOST_ROWS, _MOST_COLUMNS = 8, 4
 # Tolerance for equal room above and below a bar, where the number stands above.
 _ROUNDING = 1e-9
 
@@ -43,27 +44,23 @@ def plot_class_probability(
     """Plot the probability of each class: a panel for each new experiment, a bar for each class.
 
     The decision stands above the bars, in another colour where it is no class ("undecided", "none
-    of these", "cannot be judged"). Where classes have variability, a diamond beside each bar is the
+    of these", "cannot be judged"). If classes have variability, a diamond beside each bar is the
     p-value: near 0 no specimen of the class looks like this one, however probable the class is
-    among those that were asked for.
+    among those given.
 
     Parameters
     ----------
     result : xarray.Dataset or dict of str to xarray.Dataset
-        Result of :func:`pymc_hyperelastic.classify`; of a dict, such as one of strain energies,
-        each has a column; of a single one, many panels share a few columns. What is not yet
-        classified (NaN) has no bar.
+        Result of :func:`pymc_hyperelastic.classify`. The results of a dict, such as one of strain
+        energies, have a column each; the panels of a single result share a few columns. Experiments
+        that are not classified yet (NaN) have no bar.
     undecided_below, none_below : float, optional
         Limits drawn as lines unless 0, that of the probability and that of the p-values; when
         missing those that :func:`pymc_hyperelastic.classify` was given.
-    backend : {"matplotlib", "none"}
-        Plotting backend; ``"none"`` only collects what would be drawn.
-    visuals : dict of str to dict or bool, optional
-        Settings of ``bar``, ``error`` (one standard error to each side), ``number``, ``p_value``,
-        ``p_number``, ``undecided_below``, ``none_below`` (the lines), ``xlabel``, ``ylabel``,
-        ``title`` (of a panel) and ``legend``; False leaves one out.
-    **pc_kwargs
-        Passed to :meth:`arviz_plots.PlotCollection.grid`, or ``wrap`` for a single result.
+    backend, visuals, **pc_kwargs
+        See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``bar``, ``error`` (one
+        standard error to each side), ``number``, ``p_value``, ``p_number``, ``undecided_below``,
+        ``none_below`` (the lines), ``xlabel``, ``ylabel``, ``title`` (of a panel) and ``legend``.
 
     Returns
     -------
@@ -105,48 +102,47 @@ def plot_class_probability(
     row, headings, classes = labels[0]
     if any(other != labels[0] for other in labels):
         raise ValueError("the results differ in their experiments or classes; plot them apart")
-    table = _table(results, row, headings)
-    several = len(results) > 1
-    columns = len(results) if several else min(-(-len(headings) // _MOST_ROWS), 4)
-    titles = _titles(results, headings)
-    longest = max(len(line) for _, _, title, _ in titles for line in title.splitlines())
+    table, titles = _table(results, row, headings), _titles(results, headings)
+    columns = min(-(-len(headings) // _MOST_ROWS), _MOST_COLUMNS) if single else len(results)
+    longest = max(len(line) for title, _ in titles for line in title.splitlines())
     of_class = 0.95 if "p_value" in table else 0.55
-    width = max(1 + of_class * len(classes), 2.2, 0 if several else 0.066 * longest)
-    rows = -(-len(headings) // columns) if not several else len(headings)
+    width = max(1 + of_class * len(classes), 2.2, 0.066 * longest if single else 0)
+    height = 1.25 * -(-len(headings) // columns) if single else 1.4 * len(headings)
+    layout: dict[str, Any] = {"rows": [row], "cols": ["model"], "aes": {"color": ["class_label"]}}
     canvas = Canvas(
-        "grid" if several else "wrap",
+        "wrap" if single else "grid",
         table[["class_probability"]],
         f"bar error number p_value p_number {' '.join(limits)} xlabel ylabel title legend",
-        backend,
-        visuals,
-        pc_kwargs,
-        {"figsize": (max(width * columns + 0.8, 3.6), (1.4 if several else 1.25) * rows + 0.7)}
-        # The panel above an empty place would have no ticks.
-        | {"sharex": several or len(headings) % columns == 0, "sharey": True},
-        cols=["model"] if several else [row],
-        **{"rows": [row]} if several else {"col_wrap": columns},
-        aes={"color": ["class_label"]},
+        (backend, visuals, pc_kwargs),
+        (max(width * columns + 0.8, 3.6), height + 0.7),
+        # If panels shared an axis, the one above an empty place would have no ticks.
+        {"sharex": not single or len(headings) % columns == 0, "sharey": True},
+        **{"cols": [row], "col_wrap": columns, "aes": layout["aes"]} if single else layout,
     )
     entries = _draw_bars(canvas, table, limits)
-    canvas.adjust(set_ylim, limits=(0, 1))
-    canvas.adjust(set_xlim, limits=(-0.6, len(classes) - 0.4))
-    canvas.adjust(_probability_ticks)
-    canvas.adjust(set_xticks, values=range(len(classes)), labels=[*map(literal, classes)])
-    for i, (heading, model, title, colour) in enumerate(titles):
-        where = {"coords": {row: heading} | ({"model": model} if several else {})}
+    # Panels of what is not classified have axes, too.
+    everywhere = {"data": table[["class_probability"]].fillna(0.0)}
+    canvas.adjust(set_ylim, limits=(0, 1), **everywhere)
+    canvas.adjust(set_xlim, limits=(-0.6, len(classes) - 0.4), **everywhere)
+    canvas.adjust(_probability_ticks, **everywhere)
+    ticks = {"values": range(len(classes)), "labels": [*map(literal, classes)]}
+    canvas.adjust(set_xticks, **ticks, **everywhere)
+    panels = [(heading, model) for heading in headings for model in results]
+    for i, ((heading, model), (title, colour)) in enumerate(zip(panels, titles, strict=True)):
+        where = {"coords": {row: heading} | ({} if single else {"model": model})}
         canvas.label("title", title, size="small", loc="left", color=colour, **where)
         if i + columns >= len(titles):
             law = model or read_text(results[model], "strain_energy", None)
             canvas.label("xlabel", f"class ({law})" if law else "class", **where)
         if i % columns == 0:
-            canvas.label("ylabel", "probability", **where)
-    canvas.legend(entries, loc="outside lower center")
+            canvas.label("ylabel", axis_label("probability"), **where)
+    canvas.legend(entries)
     canvas.title([r.attrs for r in results.values()], "class probabilities")
     return canvas.collection
 
 
 def _table(results: Mapping[str, xr.Dataset], row: str, headings: list[str]) -> xr.Dataset:
-    """What is drawn of the results, side by side if there are several."""
+    """The numbers that are drawn, with a dimension of several results."""
     drawn = ["class_probability", "class_probability_se", "p_value"]
     tables = [r[[name for name in drawn if name in r]] for r in results.values()]
     table = xr.concat(tables, dim="model", coords="minimal", compat="override", join="override")
@@ -154,19 +150,17 @@ def _table(results: Mapping[str, xr.Dataset], row: str, headings: list[str]) -> 
     return table if len(results) > 1 else table.isel(model=0, drop=True)
 
 
-def _titles(
-    results: Mapping[str, xr.Dataset], headings: list[str]
-) -> list[tuple[str, str, str, str]]:
-    """Heading, model, title and its colour of each panel, row by row."""
+def _titles(results: Mapping[str, xr.Dataset], headings: list[str]) -> list[tuple[str, str]]:
+    """Title and its colour of each panel, row by row."""
     titles = []
     for i, heading in enumerate(headings):
-        for j, (model, result) in enumerate(results.items()):
+        for j, result in enumerate(results.values()):
             title, colour = heading if j == 0 else "", "0.1"
             if "decision" in result:
                 decision = str(result["decision"].values[i]) or "not classified"
                 title += f"{chr(10) if len(results) > 1 else ' '}→ {decision}"
                 colour = colour if decision in result["class_label"] else DOUBT
-            titles.append((heading, model, title, colour))
+            titles.append((title, colour))
     return titles
 
 

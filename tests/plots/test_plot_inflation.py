@@ -24,7 +24,7 @@ import pymc_hyperelastic as ph
     ("group_by", "panels"), [("group", 2), ("specimen", 5), ("experiment", 3), (None, 1)]
 )
 def test_every_measured_point_is_drawn_once(group_by, panels):
-    figure = ph.plot_inflation(DATA, group_by=group_by, backend="none")
+    figure = ph.plot_inflation(DATA, group_by=group_by, pressure_unit="mmHg", backend="none")
     assert figure.viz["plot"].size == panels
     assert len(elements(figure, "line")) == DATA.sizes["test"]
     expected = np.stack([DATA["radius"].values, DATA["pressure"].values / ph.mmHg])
@@ -98,8 +98,8 @@ def test_measured_outer_diameters_are_labelled_as_diameters():
 
 
 def test_inflation_and_extension_points_are_drawn_in_their_own_panels():
-    data, settings = both_kinds(), {"pressure_unit": "kPa", "backend": "none"}
-    figure = ph.plot_inflation(data, group_by="axial_stretch", **settings)
+    data = both_kinds()
+    figure = ph.plot_inflation(data, group_by="axial_stretch", backend="none")
     for variable, x, y, kind in (
         ("pressure", "radius", "pressure", "at"),
         ("axial_force", "axial_stretch", "axial_force", "held"),

@@ -1,0 +1,80 @@
+"""Draw rows of points with intervals: what is compared has a row, two measures have a panel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from pymc_hyperelastic.plots.labels import axis_label
+from pymc_hyperelastic.plots.style import Canvas, Wishes, literal, stacked
+
+_MARGIN = 0.6  # from the first and the last row to the ends of the axis, in rows
+
+
+def row_panels(
+    data: xr.Dataset, known: str, wishes: Wishes, labels: list[str], inches: float, **settings: Any
+) -> Canvas:
+    """Two panels, along dimension ``panel`` of the data, with rows that are so many inches high.
+
+    The first row is on top, at height 0; the others are at -1, -2 and so on.
+    """
+    from arviz_plots.visuals import set_ylim
+
+    longest = max(len(line) for label in labels for line in label.splitlines())
+    size = (6.6 + 0.075 * longest, inches * len(labels) + 1.4)
+    layout = {"cols": ["panel"], "col_wrap": 2} | settings
+    canvas = Canvas("wrap", data, known, wishes, size, {"sharey": True}, **layout)
+    first, *_ = panels = [str(name) for name in data["panel"].values]
+    canvas.adjust(set_ylim, limits=(_MARGIN - len(labels), _MARGIN))
+    canvas.adjust(_name_rows, labels=labels, coords={"panel": first})
+    for panel in panels:
+        canvas.label("xlabel", axis_label(panel), coords={"panel": panel})
+    return canvas
+
+
+def heights(dim: str, count: int) -> xr.DataArray:
+    """Heights of the rows."""
+    return xr.DataArray(-np.arange(float(count)), dims=dim)
+
+
+def draw_points(
+    canvas: Canvas, name: str, x: xr.DataArray, y: xr.DataArray, **settings: Any
+) -> None:
+    """Draw a visual of points."""
+    from arviz_plots.visuals import scatter_xy
+
+    data = stacked(*canvas.collection.data.data_vars, x=x, y=y)
+    canvas.draw(name, scatter_xy, data=data, **{"size": 22} | settings)
+
+
+def draw_lines(
+    canvas: Canvas,
+    name: str,
+    ends: tuple[xr.DataArray, xr.DataArray],
+    y: xr.DataArray,
+    **settings: Any,
+) -> None:
+    """Draw a visual of horizontal lines between two ends."""
+    from arviz_plots.visuals import line_xy
+
+    x = xr.concat(ends, dim="end", coords="minimal", compat="override")
+    data = stacked(*canvas.collection.data.data_vars, x=x, y=y)
+    canvas.draw(name, line_xy, data=data, **{"width": 1.3} | settings)
+
+
+def draw_verticals(canvas: Canvas, name: str, x: dict[str, float]) -> None:
+    """Draw a grey line across all rows of each panel, unless its place is NaN."""
+    from arviz_plots.visuals import vline
+
+    (variable,) = canvas.collection.data.data_vars
+    places = xr.DataArray(list(x.values()), {"panel": list(x)}, "panel").to_dataset(name=variable)
+    canvas.draw(name, vline, data=places, ignore_aes="all", color="0.6", width=0.8)
+
+
+def _name_rows(da: xr.DataArray, target: Any, *, labels: list[str]) -> None:
+    from arviz_plots.plot_collection import backend_from_object
+
+    rows = [-i for i in range(len(labels))]
+    backend_from_object(target).yticks(rows, [*map(literal, labels)], target)
