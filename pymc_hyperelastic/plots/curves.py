@@ -72,7 +72,7 @@ def gathered(
             of_dim.index(label) for of_dim, label in zip(coords.values(), curve.labels, strict=True)
         ]
         array = variables[curve.variable][1]
-        array[(*places, count[key], slice(None), slice(curve.rows.shape[1]))] = curve.rows
+        array[*places, count[key], :, : curve.rows.shape[1]] = curve.rows
     return xr.Dataset(variables, {**coords, "plot_axis": axis})
 
 

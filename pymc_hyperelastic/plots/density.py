@@ -396,7 +396,7 @@ def _contours(
     """Draw one contour, or the area inside it, for each level that the density reaches here."""
     from arviz_plots.plot_collection import backend_from_object
 
-    x, y = np.linspace(da.isel(end=0), da.isel(end=1), _GRID, axis=1)
+    x, y = np.linspace(da.values[:, 0], da.values[:, 1], _GRID, axis=1)
     nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     density = mixture.item().log_density(nodes).reshape(_GRID, _GRID)
     x, y = (np.exp(v) if logarithm else v for v, logarithm in zip((x, y), by_log, strict=True))
