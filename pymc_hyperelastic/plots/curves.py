@@ -68,11 +68,10 @@ def gathered(
     for curve in reversed(curves):
         key = curve.variable, curve.labels
         count[key] -= 1
-        places = [
-            of_dim.index(label) for of_dim, label in zip(coords.values(), curve.labels, strict=True)
-        ]
+        pairs = zip(coords.values(), curve.labels, strict=True)
+        place: tuple[Any, ...] = tuple(of_dim.index(label) for of_dim, label in pairs)
         array = variables[curve.variable][1]
-        array[*places, count[key], :, : curve.rows.shape[1]] = curve.rows
+        array[*place, count[key], :, : curve.rows.shape[1]] = curve.rows
     return xr.Dataset(variables, {**coords, "plot_axis": axis})
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -129,17 +129,17 @@ def plot_parameter_density(
     probs = sorted(probs, reverse=True)
     if not probs or not all(0 < prob < 1 for prob in probs):
         raise ValueError(f"probs must hold probabilities between 0 and 1; got {probs}")
-    groups = {"": fitted}
+    groups = {"typical": fitted}
     of_class = any(name.startswith(_OF_CLASS) for name in names)
     if specimen is None and not of_class:
         new = {name: _with_new_specimens(tree) for name, tree in results.items()}
         if all(tree is not None for tree in new.values()):
             groups["new"] = {name: with_parameters(tree, None) for name, tree in new.items()}
-    panels, by_log = _panels(groups, names, probs)
-    rows, columns = panels[""].ends.sizes["y_part"], panels[""].ends.sizes["x_part"]
+    regions, by_log = _regions(groups, names, probs)
+    rows, columns = regions.sizes["y_part"], regions.sizes["x_part"]
     canvas = Canvas(
         "grid",
-        panels[""].ends,
+        regions[["log_density"]].sel(whose="typical", drop=True),
         "area line new xlabel ylabel legend",
         (backend, visuals, pc_kwargs),
         (3.6 * columns + 0.7, (2.2 if rows > 1 else 3.2) * rows + 0.8),
@@ -148,17 +148,18 @@ def plot_parameter_density(
         cols=["x_part"],
         aes={"color": ["class_label"]},
     )
-    for name, kind, group, levels, settings in (
-        ("area", "contourf", "", len(probs), {"alpha": 0.4}),
-        ("line", "contour", "", len(probs), {"linewidths": 1.2, "linestyles": "solid"}),
-        ("new", "contour", "new", 1, {"linewidths": 1.2, "linestyles": "dashed"}),
+    line = {"kind": "contour", "linewidths": 1.2}
+    for name, whose, levels, settings in (
+        ("area", "typical", len(probs), {"kind": "contourf", "alpha": 0.4}),
+        ("line", "typical", len(probs), line | {"linestyles": "solid"}),
+        ("new", "new", 1, line | {"linestyles": "dashed"}),
     ):
-        if group in panels:
-            ends, mixture, level = panels[group]
-            settings |= {"mixture": mixture, "level": level.isel(prob=slice(levels))}
-            settings |= {"artist_dims": {"prob": levels}, "by_log": by_log, "kind": kind}
-            canvas.draw(name, _contours, data=ends, **settings)
-    _limit(canvas, [group.ends["log_density"] for group in panels.values()], by_log)
+        if whose in groups:
+            own = regions.sel(whose=whose, drop=True).isel(prob=slice(levels))
+            content = {"mixture": own["mixture"], "level": own["level"], "by_log": by_log}
+            content |= {"data": own[["log_density"]], "artist_dims": {"prob": levels}}
+            canvas.draw(name, _contours, **content, **settings)
+    _limit(canvas, regions["log_density"], by_log)
     tree = next(iter(fitted.values()))
     for part in range(columns):
         where = {"y_part": rows - 1, "x_part": part}
@@ -173,11 +174,11 @@ def plot_parameter_density(
         entries["typical specimen"] = {"color": "0.5", "linewidth": 5, "alpha": 0.7}
         entries[f"new specimen, {100 * probs[0]:.3g} %"] = {"color": "0.5", "linestyle": "--"}
     canvas.legend(entries)
-    whose = None if specimen is None else f"specimen {specimen}"
+    owner = None if specimen is None else f"specimen {specimen}"
     if specimen is None and not of_class and any(map(specimens_differ, fitted.values())):
-        whose = "typical specimen"
+        owner = "typical specimen"
     held = " and ".join(f"{100 * prob:.3g} %" for prob in reversed(probs))
-    canvas.title(training_attrs(fitted), law_of(tree), whose, f"{held} of the posterior")
+    canvas.title(training_attrs(fitted), law_of(tree), owner, f"{held} of the posterior")
     return canvas.collection
 
 
@@ -272,45 +273,38 @@ def _bounds(tree: xr.DataTree, names: tuple[str, str]) -> Array:
     return np.transpose(ends)
 
 
-class _Panels(NamedTuple):
-    """What is drawn of the classes, for typical specimens or for new ones."""
-
-    ends: xr.Dataset
-    """Ends of the axes of each class in each panel; NaN if it has no mode there."""
-    mixture: xr.DataArray
-    """The mixture that stands for the draws of each class."""
-    level: xr.DataArray
-    """Log densities at the ends of the regions of each class."""
-
-
-def _panels(
+def _regions(
     groups: Mapping[str, Mapping[str, xr.DataTree]], names: tuple[str, str], probs: Sequence[float]
-) -> tuple[dict[str, _Panels], NDArray[np.bool_]]:
-    """Regions of all classes, in panels of broken axes, and which axes are of logarithms."""
-    first = next(iter(groups[""].values()))
+) -> tuple[xr.Dataset, NDArray[np.bool_]]:
+    """Regions of typical and new specimens of each class, and which axes are of logarithms.
+
+    The dataset holds mixtures, log densities at the ends of regions, and as ``log_density`` the
+    ends of the axes of each panel, which are NaN if a class has no mode there.
+    """
+    first = next(iter(groups["typical"].values()))
     by_log = np.array([_is_log(first, name) for name in names])
-    regions = {}
-    for group, of_group in groups.items():
-        for label, tree in of_group.items():
-            scalars = _scalars(tree)
-            draws = np.stack([scalars[name] for name in names], axis=1)
-            regions[group, label] = _region(_log(draws, by_log), probs)
-    breaks = [_breaks([inside[:, axis] for _, _, inside in regions.values()]) for axis in (0, 1)]
+    trees = [tree for of_group in groups.values() for tree in of_group.values()]
+    draws = [np.stack([_scalars(tree)[name] for name in names], axis=1) for tree in trees]
+    mixtures, levels, inside = zip(
+        *(_region(_log(points, by_log), probs) for points in draws), strict=True
+    )
+    breaks = [_breaks([points[:, axis] for points in inside]) for axis in (0, 1)]
+    ends = [
+        _ends(points, _log(_bounds(tree, names), by_log), breaks)
+        for tree, points in zip(trees, inside, strict=True)
+    ]
+    whose = {"whose": list(groups), "class_label": list(groups["typical"])}
     parts = {"y_part": range(len(breaks[1]) + 1), "x_part": range(len(breaks[0]) + 1)}
-    panels = {}
-    for group, of_group in groups.items():
-        coords = {"class_label": list(of_group)}
-        own = [regions[group, label] for label in of_group]
-        bounds = [_log(_bounds(tree, names), by_log) for tree in of_group.values()]
-        ends = [_ends(inside, b, breaks) for b, (_, _, inside) in zip(bounds, own, strict=True)]
-        mixtures = np.empty(len(own), object)
-        mixtures[:] = [mixture for mixture, _, _ in own]
-        panels[group] = _Panels(
-            xr.Dataset({"log_density": ((*coords, *parts, "axis", "end"), ends)}, coords | parts),
-            xr.DataArray(mixtures, coords),
-            xr.DataArray([level for _, level, _ in own], coords, ("class_label", "prob")),
-        )
-    return panels, by_log
+    shape = tuple(map(len, whose.values()))
+    regions = {
+        "mixture": ((*whose,), np.array(mixtures, object).reshape(shape)),
+        "level": ((*whose, "prob"), np.reshape(levels, (*shape, -1))),
+        "log_density": (
+            (*whose, *parts, "axis", "end"),
+            np.reshape(ends, (*shape, *ends[0].shape)),
+        ),
+    }
+    return xr.Dataset(regions, whose | parts), by_log
 
 
 def _is_log(tree: xr.DataTree, name: str) -> bool:
@@ -365,15 +359,14 @@ def _ends(inside: Array, bounds: Array, breaks: list[list[float]]) -> Array:
     return ends
 
 
-def _limit(canvas: Canvas, ends: list[xr.DataArray], by_log: NDArray[np.bool_]) -> None:
+def _limit(canvas: Canvas, ends: xr.DataArray, by_log: NDArray[np.bool_]) -> None:
     """Let each panel end with the regions in it, and make wide axes of logarithms logarithmic."""
     from arviz_plots import visuals
 
-    both = xr.concat(ends, "group")
     for axis, name in enumerate("xy"):
         part = f"{name}_part"
-        rest = [dim for dim in both.dims if dim not in (part, "axis")]
-        limits = np.array([both.min(rest).isel(axis=axis), both.max(rest).isel(axis=axis)])
+        rest = [dim for dim in ends.dims if dim not in (part, "axis")]
+        limits = np.array([ends.min(rest).isel(axis=axis), ends.max(rest).isel(axis=axis)])
         if by_log[axis]:
             limits = np.exp(limits)
             if (limits[1] > _LOG_FROM * limits[0]).any():

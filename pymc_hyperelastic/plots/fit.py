@@ -8,19 +8,42 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import at_points, extension_tests, points_of
+from pymc_hyperelastic.data.inflation import extension_tests, points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.plots.curves import Array
-from pymc_hyperelastic.plots.fit_panels import draw_fits
-from pymc_hyperelastic.plots.fitted_curves import Drawn, data_beside, fits_of
-from pymc_hyperelastic.plots.style import Backend, Visuals, fitted_classes, per_kilopascal
+from pymc_hyperelastic.plots.curves import BAND_VISUALS, Array, draw_bands
+from pymc_hyperelastic.plots.fitted_curves import (
+    Drawn,
+    Fits,
+    coordinates,
+    data_beside,
+    fits_of,
+    is_over_stretch,
+)
+from pymc_hyperelastic.plots.labels import axis_label, words
+from pymc_hyperelastic.plots.style import (
+    MARKERS,
+    Backend,
+    Canvas,
+    Visuals,
+    Wishes,
+    fitted_classes,
+    law_of,
+    many_looks,
+    per_kilopascal,
+    training_attrs,
+)
 from pymc_hyperelastic.predictions.curves import pressure_curve
 from pymc_hyperelastic.predictions.draws import GivenTube
+from pymc_hyperelastic.predictions.members import specimens_differ
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
+
+_FENCE = 3.0  # interquartile ranges beyond which slopes are far out: Tukey's outer fence
+_ROOM = 2.0  # room of bands above and below the data on an axis, in sizes of the largest datum
+_MARGIN = 0.06  # margin at both ends of an axis, as a part of what it shows
 
 
 @one_thread
@@ -125,11 +148,123 @@ def _measured_pressures(data: xr.Dataset, factor: float) -> dict[str, Array]:
         step = radius[test][2:] - radius[test][:-2]
         step[step == 0] = np.nan
         slope[test][1:-1] = (pressure[test][2:] - pressure[test][:-2]) / step
-    at_stretch = extended[data["test"].values]
-    held = np.where(at_stretch, np.nan, radius)
-    varied = np.where(at_stretch, at_points(data, "axial_stretch"), np.nan)
-    return {
-        "pressure": np.array([held, pressure]),
-        "stiffness": np.array([held, slope]),
-        "extension_radius": np.array([varied, radius]),
-    }
+    return coordinates(data, pressure=pressure, stiffness=slope, extension_radius=radius)
+
+
+def draw_fits(
+    fits: Fits, material: GivenTube, pressure_unit: str, wishes: Wishes, note: str = ""
+) -> PlotCollection:
+    """Draw bands, medians and data; the `note` is what the legend says of the data besides."""
+    quantities = list(map(str, fits.curves.data_vars))
+    columns, rows = len(fits.classes), len(quantities)
+    known = f"{BAND_VISUALS} points beyond"
+    size = (max(2.9 * columns + 0.9, 5), 0.7 + 2.5 * rows)
+    share = {"sharey": "row"} | ({} if any(map(is_over_stretch, quantities)) else {"sharex": "col"})
+    layout: dict[str, Any] = {"rows": ["__variable__"], "cols": ["class_label"], **_looks(fits.by)}
+    canvas = Canvas("grid", fits.curves, known, wishes, size, share, **layout)
+    entries: dict[str, dict[str, Any]] = {}
+    if fits.by:
+        style = ("color", "linestyle", "marker")[: 3 if fits.points else 2]
+        entries |= canvas.entries(fits.by, f"{words(fits.by)} ", *style, markersize=4)
+    if fits.points:
+        data = "data (of that colour)" if fits.by else "data"
+        marker = {"color": "0.25", "marker": "o", "markersize": 3, "linestyle": "none"}
+        entries[data + note] = marker
+        _draw_points(canvas, fits.points, "points", fits.by)
+    entries |= draw_bands(canvas, fits.curves, fits.prob)
+    for quantity in quantities:
+        if quantity in fits.points and not is_over_stretch(quantity):
+            fence = _FENCE if quantity == "stiffness" else np.inf
+            entries |= _limit(canvas, fits, quantity, fence)
+    _label(canvas, fits, quantities, pressure_unit)
+    canvas.legend(entries)
+    law = law_of(next(iter(fits.classes.values())), material["energy"])
+    specimen, differ = material["specimen"], any(map(specimens_differ, fits.classes.values()))
+    whose = f"specimen {specimen}" if specimen is not None else "typical specimen" * differ
+    # The posterior is as simulated as the data that it comes from.
+    origin = [{"simulated": attrs.get("simulated")} for attrs in training_attrs(fits.classes)]
+    canvas.title([*(data.attrs for data in fits.data.values()), *origin], law, whose)
+    return canvas.collection
+
+
+def _looks(by: str | None) -> dict[str, Any]:
+    """Settings of a PlotCollection; classes alone differ only in colour."""
+    if by is None:
+        return {"aes": {"color": ["class_label"], "overlay": ["curve"]}}
+    looks = many_looks() | {"aes": {"color": [by], "linestyle": [by], "marker": [by]}}
+    looks["aes"]["overlay"] = ["curve"]
+    # There are few stretches: each has a marker of its own, which differs in grey, too.
+    return looks | ({"marker": MARKERS} if by == "axial_stretch" else {})
+
+
+def _draw_points(
+    canvas: Canvas, points: xr.Dataset, name: str, by: str | None, **settings: Any
+) -> None:
+    """Draw points in the colour of their band, or in grey where there is one band."""
+    from arviz_plots.visuals import scatter_xy
+
+    looks: dict[str, Any] = {"size": 12, "ignore_aes": {"linestyle"}}
+    if by is None:
+        looks = {"size": 7, "color": "0.25", "ignore_aes": {"color"}}
+    canvas.draw(name, scatter_xy, data=points, **{"alpha": 0.6} | looks | settings)
+
+
+def _limit(canvas: Canvas, fits: Fits, quantity: str, fence: float) -> dict[str, dict[str, Any]]:
+    """Limit an axis that bands, or data beyond so many interquartile ranges, would stretch.
+
+    Returns what the legend says of bands and data beyond the axis.
+    """
+    from arviz_plots.visuals import set_ylim
+
+    points = fits.points[[quantity]]
+    values = points[quantity].sel(plot_axis="y").values
+    values = values[np.isfinite(values)]
+    quartiles = np.quantile(values, [0.25, 0.75])
+    reach = fence * np.ptp(quartiles) if np.isfinite(fence) else np.inf
+    near = values[(values >= quartiles[0] - reach) & (values <= quartiles[1] + reach)]
+    room = _ROOM * np.abs(near).max() or np.inf
+    band = fits.curves[quantity].sel(plot_axis=["y_bottom", "y_top"])
+    low, high = max(float(band.min()), near.min() - room), min(float(band.max()), near.max() + room)
+    cut = low > float(band.min()) or high < float(band.max())
+    low, high = min(low, near.min()), max(high, near.max())
+    far = int(((values < low) | (values > high)).sum())
+    if not cut and not far:
+        return {}
+    margin = _MARGIN * (high - low)
+    low, high = float(low - margin), float(high + margin)
+    canvas.adjust(set_ylim, data=points, limits=(low, high))
+    entries: dict[str, dict[str, Any]] = {}
+    if cut:
+        entries["bands go on beyond the axis"] = {"color": "0.4", "linewidth": 0}
+    if far:
+        y = points.sel(plot_axis="y", drop=True)
+        ends = xr.where(points["plot_axis"] == "y", points.clip(low, high), points)
+        ends = ends.where((y < low) | (y > high))
+        _draw_points(
+            canvas, ends, "beyond", fits.by, marker="D", size=20, alpha=1, clip_on=False, zorder=5
+        )
+        marker = {"marker": "D", "linestyle": "none", "color": "0.25", "markersize": 5}
+        entries[f"{far} of {values.size} slopes beyond the axis"] = marker
+    return entries
+
+
+def _label(canvas: Canvas, fits: Fits, quantities: list[str], pressure_unit: str) -> None:
+    """Label axes, and name the class on top of each column."""
+    over_radius = [name for name in quantities if not is_over_stretch(name)]
+    first = next(iter(fits.classes))
+    for name, data in fits.data.items():
+        where = {"coords": {"class_label": name}}
+        computed = "\nfrom the measured outer diameter" if "outer_diameter" in data else ""
+        for quantity in quantities:
+            panel = where | {"data": fits.curves[[quantity]]}
+            if quantity in over_radius[-1:]:
+                canvas.label("xlabel", axis_label("radius") + computed, **panel)
+            elif is_over_stretch(quantity):
+                canvas.label("xlabel", axis_label("axial_stretch"), **panel)
+            if name == first:
+                quantity_of = {"extension_radius": "radius", "extension_force": "axial_force"}
+                text = axis_label(quantity_of.get(quantity, quantity), pressure_unit)
+                canvas.label("ylabel", text, **panel)
+        if len(fits.data) > 1:
+            top = where | {"data": fits.curves[quantities[:1]]}
+            canvas.label("title", f"class {name}", size="medium", **top)

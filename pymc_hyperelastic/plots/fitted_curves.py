@@ -117,6 +117,14 @@ def is_over_stretch(quantity: str) -> bool:
     return quantity.startswith("extension_")
 
 
+def coordinates(data: xr.Dataset, **values: Array) -> dict[str, Array]:
+    """Coordinates (axis, point) of quantities; NaN at points of tests of the other kind."""
+    radius, stretch = data["radius"].values, at_points(data, "axial_stretch")
+    extended = extension_tests(data)[data["test"].values]
+    x = {False: np.where(extended, np.nan, radius), True: np.where(extended, stretch, np.nan)}
+    return {name: np.array([x[is_over_stretch(name)], y]) for name, y in values.items()}
+
+
 def stretch_labels(
     data: Iterable[xr.Dataset], pressure_unit: str
 ) -> tuple[list[list[str]], list[str]]:

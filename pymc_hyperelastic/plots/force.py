@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import at_points, extension_tests
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.curves import Array
-from pymc_hyperelastic.plots.fit_panels import draw_fits
-from pymc_hyperelastic.plots.fitted_curves import Drawn, data_beside, fits_of
+from pymc_hyperelastic.plots.fit import draw_fits
+from pymc_hyperelastic.plots.fitted_curves import Drawn, coordinates, data_beside, fits_of
 from pymc_hyperelastic.plots.style import Backend, Visuals, fitted_classes
 from pymc_hyperelastic.predictions.curves import force_curve, warn_of_no_force
 from pymc_hyperelastic.predictions.draws import GivenTube
@@ -107,7 +105,5 @@ def plot_axial_force(
 def _measured_forces(data: xr.Dataset) -> dict[str, Array]:
     if "axial_force" not in data:
         return {}
-    force, at_stretch = data["axial_force"].values, extension_tests(data)[data["test"].values]
-    held = np.where(at_stretch, np.nan, data["radius"].values)
-    varied = np.where(at_stretch, at_points(data, "axial_stretch"), np.nan)
-    return {"axial_force": np.array([held, force]), "extension_force": np.array([varied, force])}
+    force = data["axial_force"].values
+    return coordinates(data, axial_force=force, extension_force=force)

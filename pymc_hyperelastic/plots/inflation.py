@@ -145,39 +145,41 @@ def plot_inflation(
 
 
 def _thinned(data: xr.Dataset) -> tuple[xr.Dataset, str | None]:
-    """Choose tests that one figure can show, evenly from all groups, and say how many they are."""
+    """Choose tests that one figure can show, evenly from all, and say how many they are."""
+
+    def evenly(count: int, most: int) -> np.ndarray:
+        return np.linspace(0, count - 1, most).round().astype(int)
+
     names, of_test = specimens_of(data)
     tests, note = np.arange(of_test.size), None
     if len(names) > _MOST_SPECIMENS:
-        groups = data["group"].values[np.unique(of_test, return_index=True)[1]]
-        by_group = np.argsort(groups, kind="stable")
-        tests = np.flatnonzero(np.isin(of_test, by_group[_evenly(len(names), _MOST_SPECIMENS)]))
+        tests = np.flatnonzero(np.isin(of_test, evenly(len(names), _MOST_SPECIMENS)))
         note = f"{_MOST_SPECIMENS} of {len(names)} specimens"
     if tests.size > _MOST_TESTS:
-        tests = tests[_evenly(tests.size, _MOST_TESTS)]
+        tests = tests[evenly(tests.size, _MOST_TESTS)]
         note = f"{_MOST_TESTS} of {of_test.size} tests"
     return (tests_at(data, tests), note) if note else (data, None)
-
-
-def _evenly(count: int, most: int) -> np.ndarray:
-    """Choose `most` of `count` positions, evenly from the first to the last."""
-    return np.linspace(0, count - 1, most).round().astype(int)
 
 
 def _panels(
     curves: xr.Dataset, group_by: str | None, wishes: Wishes, settings: dict[str, Any]
 ) -> Canvas:
     """Panels side by side; where there are curves of two kinds, a row of both for each group."""
-    known = "line points xlabel ylabel title legend"
     groups, kinds = curves.sizes[group_by] if group_by else 1, len(curves.data_vars)
-    columns, rows = (min(groups, 3), -(-groups // 3)) if kinds == 1 else (kinds, groups)
-    size = max(3 * columns + 0.2, 4.4), 2.9 * rows + 0.5
     of_groups = [group_by] if group_by else []
+    columns, rows = (kinds, groups) if kinds > 1 else (min(groups, 3), -(-groups // 3))
+    layout: dict[str, Any] = {"cols": ["__variable__"], "rows": of_groups}
     if kinds == 1:
-        settings |= {"cols": of_groups, "col_wrap": 3}
-        return Canvas("wrap", curves, known, wishes, size, {"sharey": True}, **settings)
-    settings |= {"cols": ["__variable__"], "rows": of_groups}
-    return Canvas("grid", curves, known, wishes, size, {"sharey": "col"}, **settings)
+        layout = {"cols": of_groups, "col_wrap": 3}
+    return Canvas(
+        "wrap" if kinds == 1 else "grid",
+        curves,
+        "line points xlabel ylabel title legend",
+        wishes,
+        (max(3 * columns + 0.2, 4.4), 2.9 * rows + 0.5),
+        {"sharey": "all" if kinds == 1 else "col"},
+        **settings | layout,
+    )
 
 
 def _label(
@@ -231,19 +233,15 @@ def _colour_and_marker(labels: Mapping[str, list], group_by: str | None) -> tupl
 def _curves(data: xr.Dataset, labels: list[list[str]], pressure_unit: str) -> list[Curve]:
     """The curve of each test with its labels: inflation tests before extension tests."""
     radius = data["outer_diameter" if "outer_diameter" in data else "radius"].values
-    pressure = per_kilopascal(pressure_unit) * data["pressure"].values
     extended, stretch = extension_tests(data), at_points(data, "axial_stretch")
     force = data["axial_force"].values if "axial_force" in data else np.full(radius.size, np.nan)
-    forces = np.isfinite(force[extended[data["test"].values]]).any()
-    pulled = Curve(
-        "axial_force" if forces else "radius", (), np.array([stretch, force if forces else radius])
-    )
-    inflated = Curve("pressure", (), np.array([radius, pressure]))
-    return [
-        curve._replace(
-            labels=tuple(of_tests[test] for of_tests in labels),
-            rows=curve.rows[:, points_of(data, test)],
-        )
-        for kind, curve in ((False, inflated), (True, pulled))
-        for test in np.flatnonzero(extended == kind).tolist()
-    ]
+    pulled = {"radius": [stretch, radius]}
+    if np.isfinite(force[extended[data["test"].values]]).any():
+        pulled = {"axial_force": [stretch, force]}
+    inflated = {"pressure": [radius, per_kilopascal(pressure_unit) * data["pressure"].values]}
+    curves = []
+    for test in np.argsort(extended, kind="stable").tolist():
+        ((name, xy),) = (pulled if extended[test] else inflated).items()
+        own = tuple(of_tests[test] for of_tests in labels)
+        curves.append(Curve(name, own, np.array(xy)[:, points_of(data, test)]))
+    return curves

@@ -115,13 +115,12 @@ def plot_law_probability(
     labels = [fill(label, _WIDEST) for label in table["strain_energy"].values.tolist()]
     classes = table.sizes["class_label"] if "class_probability" in table else 0
     lines = max(1 + classes, *(label.count("\n") + 1 for label in labels))
+    names = ["value", *(["class_probability"] if classes else [])]
     # A panel of NaN would be left out.
-    data = (
-        table[["value", *(["class_probability"] if classes else [])]].to_dataarray().sum("variable")
-    )
+    data = table[names].to_dataarray().sum("variable").to_dataset(name="law")
     by = "class_label" if classes else "strain_energy"
     canvas = row_panels(
-        data.to_dataset(name="law"),
+        data,
         "bar points error number class_points class_error xlabel legend",
         (backend, visuals, pc_kwargs),
         labels,
@@ -186,10 +185,9 @@ def _table(result: Any) -> tuple[xr.Dataset, list[Mapping[Any, Any]]]:
 def _limits(table: xr.Dataset) -> dict[str, tuple[float, float]]:
     """Ends of the axis of each panel."""
     difference, error = (table[name].sel(panel="log_evidence") for name in ("value", "error"))
-    ends = difference - error, difference + error
-    finite = [x.where(np.isfinite(x)) for x in ends]
-    low = min(-1.0, float(finite[0].min().fillna(-1.0)))
-    high = max(0.0, float(finite[1].max().fillna(0.0)))
+    ends = np.array([difference - error, difference + error])
+    shown = [-1.0, 0.0, *ends[np.isfinite(ends)].tolist()]
+    low, high = min(shown), max(shown)
     margin = 0.05 * (high - low)
     return {"probability": (0.0, 1.0), "log_evidence": (low - margin, high + margin)}
 

@@ -19,6 +19,7 @@ from pymc_hyperelastic.plots.style import (
     check_table,
     literal,
     rounded_probability,
+    set_yticks,
     stacked,
 )
 
@@ -65,8 +66,7 @@ def plot_class_probability(
     Returns
     -------
     arviz_plots.PlotCollection
-        With the dimensions ``test`` or ``specimen`` (panel), ``class_label``, and for several
-        results ``model`` (column).
+        With the dimensions ``test`` or ``specimen`` and ``model`` (panels), and ``class_label``.
 
     Raises
     ------
@@ -94,44 +94,48 @@ def plot_class_probability(
     """
     from arviz_plots.visuals import set_xlim, set_xticks, set_ylim
 
-    single = isinstance(result, xr.Dataset) or not isinstance(result, Mapping)
-    results: dict[str, Any] = {"": result} if single else dict(result)
+    several = isinstance(result, Mapping) and not isinstance(result, xr.Dataset)
+    results: dict[str, Any] = dict(result) if several else {"": result}
     labels = [_labels(of_model) for of_model in results.values()]
     given = {"undecided_below": undecided_below, "none_below": none_below}
     limits = _limits(given, next(iter(results.values())))
     row, headings, classes = labels[0]
     if any(other != labels[0] for other in labels):
         raise ValueError("the results differ in their experiments or classes; plot them apart")
-    table, titles = _table(results, row, headings), _titles(results, headings)
-    columns = min(-(-len(headings) // _MOST_ROWS), _MOST_COLUMNS) if single else len(results)
-    longest = max(len(line) for title, _ in titles for line in title.splitlines())
+    drawn = ["class_probability", "class_probability_se", "p_value"]
+    tables = [r[[name for name in drawn if name in r]] for r in results.values()]
+    table = xr.concat(tables, dim="model", coords="minimal", compat="override", join="override")
+    table = table.reset_coords(drop=True).assign_coords({"model": list(results), row: headings})
+    panels = _panels(results, headings)
+    columns = len(results) if several else min(-(-len(headings) // _MOST_ROWS), _MOST_COLUMNS)
+    longest = max(len(line) for *_, title, _ in panels for line in title.splitlines())
     of_class = 0.95 if "p_value" in table else 0.55
-    width = max(1 + of_class * len(classes), 2.2, 0.066 * longest if single else 0)
-    height = 1.25 * -(-len(headings) // columns) if single else 1.4 * len(headings)
-    layout: dict[str, Any] = {"rows": [row], "cols": ["model"], "aes": {"color": ["class_label"]}}
+    width = max(1 + of_class * len(classes), 2.2, 0 if several else 0.066 * longest)
+    rows = -(-len(panels) // columns)
     canvas = Canvas(
-        "wrap" if single else "grid",
+        "wrap",
         table[["class_probability"]],
         f"bar error number p_value p_number {' '.join(limits)} xlabel ylabel title legend",
         (backend, visuals, pc_kwargs),
-        (max(width * columns + 0.8, 3.6), height + 0.7),
+        (max(width * columns + 0.8, 3.6), (1.4 if several else 1.25) * rows + 0.7),
         # If panels shared an axis, the one above an empty place would have no ticks.
-        {"sharex": not single or len(headings) % columns == 0, "sharey": True},
-        **{"cols": [row], "col_wrap": columns, "aes": layout["aes"]} if single else layout,
+        {"sharex": len(panels) % columns == 0, "sharey": True},
+        cols=[row, "model"],
+        col_wrap=columns,
+        aes={"color": ["class_label"]},
     )
     entries = _draw_bars(canvas, table, limits)
     # Panels of what is not classified have axes, too.
     everywhere = {"data": table[["class_probability"]].fillna(0.0)}
     canvas.adjust(set_ylim, limits=(0, 1), **everywhere)
     canvas.adjust(set_xlim, limits=(-0.6, len(classes) - 0.4), **everywhere)
-    canvas.adjust(_probability_ticks, **everywhere)
+    canvas.adjust(set_yticks, values=[0, 0.5, 1], labels=["0", "0.5", "1"], **everywhere)
     ticks = {"values": range(len(classes)), "labels": [*map(literal, classes)]}
     canvas.adjust(set_xticks, **ticks, **everywhere)
-    panels = [(heading, model) for heading in headings for model in results]
-    for i, ((heading, model), (title, colour)) in enumerate(zip(panels, titles, strict=True)):
-        where = {"coords": {row: heading} | ({} if single else {"model": model})}
+    for i, (heading, model, title, colour) in enumerate(panels):
+        where = {"coords": {row: heading, "model": model}}
         canvas.label("title", title, size="small", loc="left", color=colour, **where)
-        if i + columns >= len(titles):
+        if i + columns >= len(panels):
             law = model or read_text(results[model], "strain_energy", None)
             canvas.label("xlabel", f"class ({law})" if law else "class", **where)
         if i % columns == 0:
@@ -141,27 +145,20 @@ def plot_class_probability(
     return canvas.collection
 
 
-def _table(results: Mapping[str, xr.Dataset], row: str, headings: list[str]) -> xr.Dataset:
-    """The numbers that are drawn, with a dimension of several results."""
-    drawn = ["class_probability", "class_probability_se", "p_value"]
-    tables = [r[[name for name in drawn if name in r]] for r in results.values()]
-    table = xr.concat(tables, dim="model", coords="minimal", compat="override", join="override")
-    table = table.reset_coords(drop=True).assign_coords({"model": list(results), row: headings})
-    return table if len(results) > 1 else table.isel(model=0, drop=True)
-
-
-def _titles(results: Mapping[str, xr.Dataset], headings: list[str]) -> list[tuple[str, str]]:
-    """Title and its colour of each panel, row by row."""
-    titles = []
+def _panels(
+    results: Mapping[str, xr.Dataset], headings: list[str]
+) -> list[tuple[str, str, str, str]]:
+    """Heading, model, title and its colour of each panel, row by row."""
+    panels = []
     for i, heading in enumerate(headings):
-        for j, result in enumerate(results.values()):
+        for j, (model, result) in enumerate(results.items()):
             title, colour = heading if j == 0 else "", "0.1"
             if "decision" in result:
                 decision = str(result["decision"].values[i]) or "not classified"
                 title += f"{chr(10) if len(results) > 1 else ' '}→ {decision}"
                 colour = colour if decision in result["class_label"] else DOUBT
-            titles.append((title, colour))
-    return titles
+            panels.append((heading, model, title, colour))
+    return panels
 
 
 def _draw_bars(
@@ -252,9 +249,3 @@ def _labels(result: Any) -> tuple[str, list[str], list[str]]:
     if len(set(headings)) < len(headings):
         headings = [f"{i}: {heading}" for i, heading in enumerate(headings, 1)]
     return row, headings, classes
-
-
-def _probability_ticks(da: xr.DataArray, target: Any) -> None:
-    from arviz_plots.plot_collection import backend_from_object
-
-    backend_from_object(target).yticks([0, 0.5, 1], ["0", "0.5", "1"], target)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from pymc_hyperelastic.parallel import one_thread
 from pymc_hyperelastic.plots.curves import (
     BAND,
     BAND_VISUALS,
+    Array,
     Curve,
     band_rows,
     draw_bands,
@@ -134,11 +133,7 @@ def plot_elastic_properties(
     curves = []
     for of_class, table in tables.items():
         x = table["pressure"].values * per_kilopascal(pressure_unit)
-        beyond = _extrapolated(table)
-        curves += [
-            Curve(name, (of_class,), band_rows(x, table[name].values, prob, beyond))
-            for name in names
-        ]
+        curves += _bands(table, names, (of_class,), x, prob)
     wishes = backend, visuals, pc_kwargs
     canvas = draw_over_pressure(curves, list(fitted), prob, pressure_unit, wishes)
     _title(canvas, fitted, tables, (tube or {}).get("energy"))
@@ -234,13 +229,9 @@ def plot_wall_stress(
     ]
     curves = []
     for of_class, table in tables.items():
-        x, beyond = table["position"].values, _extrapolated(table)
         for i, level in enumerate(levels):
-            at_one = table.isel(pressure=i)
-            curves += [
-                Curve(name, (of_class, level), band_rows(x, at_one[name].values, prob, beyond[i]))
-                for name in _STRESSES
-            ]
+            labels, x = (of_class, level), table["position"].values
+            curves += _bands(table.isel(pressure=i), _STRESSES, labels, x, prob)
     bands = gathered(curves, {"class_label": list(fitted), "pressure": levels}, BAND)
     size, share = (8.2, 2.5 * len(fitted) + 0.8), {"sharex": True, "sharey": "col"}
     layout = looks_of("pressure") | {"rows": ["class_label"], "cols": ["__variable__"]}
@@ -275,9 +266,12 @@ def _arguments(tube: Mapping[str, Any] | None, unit: str, given: Mapping[str, An
     return {"pressure_unit": unit, **(tube or {})}
 
 
-def _extrapolated(table: xr.Dataset) -> NDArray[np.bool_]:
-    """Whether each pressure is extrapolated; a result without data cannot say."""
-    return table.coords.get("extrapolated", xr.zeros_like(table["pressure"], bool)).values
+def _bands(
+    table: xr.Dataset, names: Sequence[str], labels: tuple[str, ...], x: Array, prob: float
+) -> list[Curve]:
+    """Bands of quantities of a table; a result without data cannot say what is extrapolated."""
+    beyond = table.coords.get("extrapolated", xr.zeros_like(table["pressure"])).values
+    return [Curve(name, labels, band_rows(x, table[name].values, prob, beyond)) for name in names]
 
 
 def _title(

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from pymc_hyperelastic.plots.labels import axis_label
-from pymc_hyperelastic.plots.style import Canvas, Wishes, literal, stacked
+from pymc_hyperelastic.plots.style import Canvas, Wishes, literal, set_yticks, stacked
 
 _MARGIN = 0.6  # from the first and the last row to the ends of the axis, in rows
 
@@ -28,7 +28,8 @@ def row_panels(
     canvas = Canvas("wrap", data, known, wishes, size, {"sharey": True}, **layout)
     first, *_ = panels = [str(name) for name in data["panel"].values]
     canvas.adjust(set_ylim, limits=(_MARGIN - len(labels), _MARGIN))
-    canvas.adjust(_name_rows, labels=labels, coords={"panel": first})
+    rows = {"values": [-i for i in range(len(labels))], "labels": [*map(literal, labels)]}
+    canvas.adjust(set_yticks, **rows, coords={"panel": first})
     for panel in panels:
         canvas.label("xlabel", axis_label(panel), coords={"panel": panel})
     return canvas
@@ -71,10 +72,3 @@ def draw_verticals(canvas: Canvas, name: str, x: dict[str, float]) -> None:
     (variable,) = canvas.collection.data.data_vars
     places = xr.DataArray(list(x.values()), {"panel": list(x)}, "panel").to_dataset(name=variable)
     canvas.draw(name, vline, data=places, ignore_aes="all", color="0.6", width=0.8)
-
-
-def _name_rows(da: xr.DataArray, target: Any, *, labels: list[str]) -> None:
-    from arviz_plots.plot_collection import backend_from_object
-
-    rows = [-i for i in range(len(labels))]
-    backend_from_object(target).yticks(rows, [*map(literal, labels)], target)

@@ -86,14 +86,10 @@ class Canvas:
         """Write ``xlabel``, ``ylabel`` or ``title`` of panels."""
         from arviz_plots import visuals
 
-        functions = {
-            "xlabel": visuals.labelled_x,
-            "ylabel": visuals.labelled_y,
-            "title": visuals.labelled_title,
-        }
+        function = getattr(visuals, f"labelled_{name.removesuffix('label')}")
         # Titles of panels are labels of the data, and those of axes hold symbols.
         text = literal(text) if name == "title" else text
-        self.draw(name, functions[name], text=text, ignore_aes="all", **settings)
+        self.draw(name, function, text=text, ignore_aes="all", **settings)
 
     def adjust(self, function: Callable, **settings: Any) -> None:
         """Adjust panels, such as their limits."""
@@ -184,6 +180,13 @@ def stacked(name: str, **arrays: xr.DataArray) -> xr.Dataset:
     broadcast = xr.broadcast(*(a.reset_coords(drop=True).astype(float) for a in arrays.values()))
     coordinates = xr.concat(broadcast, dim="plot_axis").assign_coords(plot_axis=list(arrays))
     return coordinates.to_dataset(name=name)
+
+
+def set_yticks(da: xr.DataArray, target: Any, *, values: list[float], labels: list[str]) -> None:
+    """Name places on a vertical axis, which no visual of arviz_plots does."""
+    from arviz_plots.plot_collection import backend_from_object
+
+    backend_from_object(target).yticks(values, labels, target)
 
 
 def per_kilopascal(pressure_unit: str) -> float:
