@@ -91,8 +91,6 @@ def plot_calibration_ranks(
     >>> figure.viz["plot"].sizes["parameter"]
     1
     """
-    from arviz_plots.visuals import fill_between_y, line_xy, set_xticks
-
     check_table(sbc, "ph.simulation_based_calibration", "rank", "p_value")
     check_fraction("prob", prob)
     rank, values = sbc["rank"], int(read_number(sbc, "ranked_draws")) + 1
@@ -120,11 +118,11 @@ def plot_calibration_ranks(
     )
     x, low, high = _simultaneous_band(simulations, values, prob)
     grey = {"ignore_aes": "all", "color": "0.5"}
-    canvas.draw("band", fill_between_y, x=x, y_bottom=low, y_top=high, alpha=0.3, **grey)
-    canvas.draw("line", line_xy, width=1.5)
+    canvas.draw("band", "fill_between_y", x=x, y_bottom=low, y_top=high, alpha=0.3, **grey)
+    canvas.draw("line", "line_xy", width=1.5)
     zero = _straight("ranks", 0.0, 0.0, parameter=names)
-    canvas.draw("reference", line_xy, data=zero, width=0.8, **grey)
-    canvas.adjust(set_xticks, **_TICKS)
+    canvas.draw("reference", "line_xy", data=zero, width=0.8, **grey)
+    canvas.adjust("set_xticks", **_TICKS)
     p_values = np.atleast_1d(sbc["p_value"].values).tolist()
     for i, (name, p_value) in enumerate(zip(names, p_values, strict=True)):
         where = {"coords": {"parameter": name}}
@@ -190,16 +188,6 @@ def plot_reliability(
     >>> figure.viz["plot"].sizes["forecast"]  # the most probable class, and each of the two
     3
     """
-    from arviz_plots.visuals import (
-        ci_line_y,
-        hist,
-        line_xy,
-        scatter_xy,
-        set_xlim,
-        set_xticks,
-        set_ylim,
-    )
-
     check_table(scores, "ph.score_probabilities", *_OF_BINS, _ERROR)
     if "forecast" not in scores.dims:
         scores = scores.expand_dims("forecast")
@@ -227,14 +215,14 @@ def plot_reliability(
     diagram: dict[str, Any] = {"data": drawn, "coords": {"part": "diagram"}}
     diagonal = diagram | {"data": _straight("reliability", 0.0, 1.0, forecast=names)}
     grey = {"color": "0.5", "width": 0.8, "linestyle": "--", "ignore_aes": "all"}
-    canvas.draw("diagonal", line_xy, **diagonal, **grey)
+    canvas.draw("diagonal", "line_xy", **diagonal, **grey)
     # Points at 0 or 1 are drawn whole, though the axes end there.
-    canvas.draw("interval", ci_line_y, **diagram, width=1.2, clip_on=False)
-    canvas.draw("points", scatter_xy, **diagram, size=20, clip_on=False)
-    canvas.draw("bar", hist, data=drawn, coords={"part": "count"}, alpha=0.75)
-    canvas.adjust(set_xlim, limits=(0, 1))
-    canvas.adjust(set_xticks, **_TICKS)
-    canvas.adjust(set_ylim, limits=(0, 1), **diagram)
+    canvas.draw("interval", "ci_line_y", **diagram, width=1.2, clip_on=False)
+    canvas.draw("points", "scatter_xy", **diagram, size=20, clip_on=False)
+    canvas.draw("bar", "hist", data=drawn, coords={"part": "count"}, alpha=0.75)
+    canvas.adjust("set_xlim", limits=(0, 1))
+    canvas.adjust("set_xticks", **_TICKS)
+    canvas.adjust("set_ylim", limits=(0, 1), **diagram)
     for name in names:
         title = f"{name}\n(ECE = {float(scores[_ERROR].sel(forecast=name)):.3f})"
         where = {"forecast": name}

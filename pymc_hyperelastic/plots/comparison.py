@@ -113,8 +113,6 @@ def plot_comparison(
 
 def _rows(result: xr.Dataset, wishes: Wishes) -> Canvas:
     """Draw differences and accuracies as rows."""
-    from arviz_plots.visuals import set_xlim
-
     # A larger overlap means a smaller accuracy.
     accuracy = 1 - result["overlap_interval"].isel(bound=[1, 0]) / 2
     low, high = (
@@ -138,7 +136,7 @@ def _rows(result: xr.Dataset, wishes: Wishes) -> Canvas:
     y = heights("quantity", len(names)) + xr.DataArray(places, dims="comparison")
     draw_lines(canvas, "interval", (low, high), y, ignore_aes={"marker"})
     draw_points(canvas, "points", value, y)
-    canvas.adjust(set_xlim, limits=(0.48, 1.02), coords={"panel": "best_accuracy"})
+    canvas.adjust("set_xlim", limits=(0.48, 1.02), coords={"panel": "best_accuracy"})
     marks: dict[str, Any] = {"linestyle": "none", "markersize": 5}
     canvas.legend(canvas.entries("comparison", "", "color", "marker", **marks))
     return canvas

@@ -83,15 +83,13 @@ def looks_of(dim: str) -> dict[str, Any]:
 
 def draw_bands(canvas: Canvas, bands: xr.Dataset, prob: float) -> dict[str, dict[str, Any]]:
     """Draw bands and medians, dashed where extrapolated; return their entries of a legend."""
-    from arviz_plots.visuals import fill_between_y, line_xy
-
     shape = {"linestyle", "marker"} & canvas.collection.aes_set
     band = bands.sel(plot_axis=["x", "y_bottom", "y_top"]).rename(plot_axis="kwarg")
-    canvas.draw("band", fill_between_y, data=band, alpha=0.3, linewidth=0, ignore_aes=shape)
+    canvas.draw("band", "fill_between_y", data=band, alpha=0.3, linewidth=0, ignore_aes=shape)
     line = bands.sel(plot_axis=["x", "y"])
     beyond = bands.sel(plot_axis="extrapolated", drop=True)
     settings: dict[str, Any] = {"width": 1.5, "ignore_aes": shape - {"linestyle"}}
-    canvas.draw("median", line_xy, data=line.where(beyond != 1), **settings)
+    canvas.draw("median", "line_xy", data=line.where(beyond != 1), **settings)
     colour = _GREY if len(canvas.collection.aes["color"]["mapping"]) > 1 else PALETTE[0]
     entries: dict[str, dict[str, Any]] = {
         "posterior median": {"color": colour, "linewidth": 1.5},
@@ -101,6 +99,6 @@ def draw_bands(canvas: Canvas, bands: xr.Dataset, prob: float) -> dict[str, dict
         # Dashes reach the first point that was measured.
         next_to = beyond.rolling(point=3, center=True, min_periods=1).max()
         settings = {"width": 1.5, "ignore_aes": shape, "linestyle": "--"}
-        canvas.draw("extrapolated", line_xy, data=line.where(next_to == 1), **settings)
+        canvas.draw("extrapolated", "line_xy", data=line.where(next_to == 1), **settings)
         entries["extrapolated"] = {"color": colour, "linestyle": "--"}
     return entries

@@ -361,8 +361,6 @@ def _ends(inside: Array, bounds: Array, breaks: list[list[float]]) -> Array:
 
 def _limit(canvas: Canvas, ends: xr.DataArray, by_log: NDArray[np.bool_]) -> None:
     """Let each panel end with the regions in it, and make wide axes of logarithms logarithmic."""
-    from arviz_plots import visuals
-
     for axis, name in enumerate("xy"):
         part = f"{name}_part"
         rest = [dim for dim in ends.dims if dim not in (part, "axis")]
@@ -370,10 +368,9 @@ def _limit(canvas: Canvas, ends: xr.DataArray, by_log: NDArray[np.bool_]) -> Non
         if by_log[axis]:
             limits = np.exp(limits)
             if (limits[1] > _LOG_FROM * limits[0]).any():
-                canvas.adjust(getattr(visuals, f"set_{name}scale"), scale="log")
+                canvas.adjust(f"set_{name}scale", scale="log")
         for i, ends_of_part in enumerate(limits.T.tolist()):
-            set_limits = getattr(visuals, f"set_{name}lim")
-            canvas.adjust(set_limits, limits=tuple(ends_of_part), coords={part: i})
+            canvas.adjust(f"set_{name}lim", limits=tuple(ends_of_part), coords={part: i})
 
 
 def _contours(

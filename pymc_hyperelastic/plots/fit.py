@@ -201,12 +201,10 @@ def _draw_points(
     canvas: Canvas, points: xr.Dataset, name: str, by: str | None, **settings: Any
 ) -> None:
     """Draw points in the colour of their band, or in grey where there is one band."""
-    from arviz_plots.visuals import scatter_xy
-
     looks: dict[str, Any] = {"size": 12, "ignore_aes": {"linestyle"}}
     if by is None:
         looks = {"size": 7, "color": "0.25", "ignore_aes": {"color"}}
-    canvas.draw(name, scatter_xy, data=points, **{"alpha": 0.6} | looks | settings)
+    canvas.draw(name, "scatter_xy", data=points, **{"alpha": 0.6} | looks | settings)
 
 
 def _limit(canvas: Canvas, fits: Fits, quantity: str, fence: float) -> dict[str, dict[str, Any]]:
@@ -214,8 +212,6 @@ def _limit(canvas: Canvas, fits: Fits, quantity: str, fence: float) -> dict[str,
 
     Returns what the legend says of bands and data beyond the axis.
     """
-    from arviz_plots.visuals import set_ylim
-
     points = fits.points[[quantity]]
     values = points[quantity].sel(plot_axis="y").values
     values = values[np.isfinite(values)]
@@ -232,7 +228,7 @@ def _limit(canvas: Canvas, fits: Fits, quantity: str, fence: float) -> dict[str,
         return {}
     margin = _MARGIN * (high - low)
     low, high = float(low - margin), float(high + margin)
-    canvas.adjust(set_ylim, data=points, limits=(low, high))
+    canvas.adjust("set_ylim", data=points, limits=(low, high))
     entries: dict[str, dict[str, Any]] = {}
     if cut:
         entries["bands go on beyond the axis"] = {"color": "0.4", "linewidth": 0}

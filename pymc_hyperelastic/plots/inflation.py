@@ -102,8 +102,6 @@ def plot_inflation(
     >>> figure.viz["plot"]["group"].values
     array(['C1', 'C2'], dtype='<U2')
     """
-    from arviz_plots.visuals import line_xy, scatter_xy
-
     check_inflation_data(data)
     if group_by not in (*_GROUPINGS, None):
         names = ", ".join(_GROUPINGS)
@@ -123,8 +121,8 @@ def plot_inflation(
     looks = many_looks() | ({"marker": MARKERS} if marker else {})
     looks["aes"] = aes | {"overlay": [*dims, "curve"]}
     canvas = _panels(curves, group_by, (backend, visuals, pc_kwargs), looks)
-    canvas.draw("line", line_xy, width=0.8, alpha=0.7, ignore_aes={"marker"})
-    canvas.draw("points", scatter_xy, size=10, width=0.8, ignore_aes={"linestyle"})
+    canvas.draw("line", "line_xy", width=0.8, alpha=0.7, ignore_aes={"marker"})
+    canvas.draw("points", "scatter_xy", size=10, width=0.8, ignore_aes={"linestyle"})
     radius = "outer_diameter" if "outer_diameter" in data else "radius"
     _label(canvas, curves, group_by, radius, pressure_unit)
     if backend == "matplotlib":
@@ -186,8 +184,6 @@ def _label(
     canvas: Canvas, curves: xr.Dataset, group_by: str | None, radius: str, pressure_unit: str
 ) -> None:
     """Label and limit the panels of each kind of curves."""
-    from arviz_plots.visuals import set_xlim
-
     kinds = list(map(str, curves.data_vars))
     names = curves[group_by].values.tolist() if group_by else [None]
     columns = min(len(names), 3) if len(kinds) == 1 else 1
@@ -196,7 +192,7 @@ def _label(
         x = curves[kind].sel(plot_axis="x")
         low, high = float(x.min()), float(x.max())
         margin = _MARGIN * (high - low)
-        canvas.adjust(set_xlim, limits=(low - margin, high + margin), **one)
+        canvas.adjust("set_xlim", limits=(low - margin, high + margin), **one)
         horizontal = radius if kind == "pressure" else "axial_stretch"
         canvas.label("xlabel", axis_label(horizontal), **one)
         for i, name in enumerate(names):

@@ -109,8 +109,6 @@ def plot_law_probability(
     >>> figure.get_viz("number", panel="probability", strain_energy="Ogden")["string"]
     '>0.999'
     """
-    from arviz_plots.visuals import set_xlim, set_xticks
-
     table, attrs = _table(result)
     labels = [fill(label, _WIDEST) for label in table["strain_energy"].values.tolist()]
     classes = table.sizes["class_label"] if "class_probability" in table else 0
@@ -130,9 +128,9 @@ def plot_law_probability(
     )
     limits = _limits(table)
     for panel, ends in limits.items():
-        canvas.adjust(set_xlim, limits=ends, coords={"panel": panel})
+        canvas.adjust("set_xlim", limits=ends, coords={"panel": panel})
     ticks = {"values": [0, 0.5, 1], "labels": ["0", "0.5", "1"]}
-    canvas.adjust(set_xticks, **ticks, coords={"panel": "probability"})
+    canvas.adjust("set_xticks", **ticks, coords={"panel": "probability"})
     # The bar of a law is above the markers of its classes.
     places = np.linspace(0.26, -0.28, 1 + classes) if classes else np.zeros(1)
     rows = heights("strain_energy", len(labels))

@@ -92,8 +92,6 @@ def plot_class_probability(
     >>> figure.get_viz("number", class_label="C1")["string"]
     '0.900'
     """
-    from arviz_plots.visuals import set_xlim, set_xticks, set_ylim
-
     several = isinstance(result, Mapping) and not isinstance(result, xr.Dataset)
     results: dict[str, Any] = dict(result) if several else {"": result}
     labels = [_labels(of_model) for of_model in results.values()]
@@ -127,11 +125,11 @@ def plot_class_probability(
     entries = _draw_bars(canvas, table, limits)
     # Panels of what is not classified have axes, too.
     everywhere = {"data": table[["class_probability"]].fillna(0.0)}
-    canvas.adjust(set_ylim, limits=(0, 1), **everywhere)
-    canvas.adjust(set_xlim, limits=(-0.6, len(classes) - 0.4), **everywhere)
+    canvas.adjust("set_ylim", limits=(0, 1), **everywhere)
+    canvas.adjust("set_xlim", limits=(-0.6, len(classes) - 0.4), **everywhere)
     canvas.adjust(set_yticks, values=[0, 0.5, 1], labels=["0", "0.5", "1"], **everywhere)
     ticks = {"values": range(len(classes)), "labels": [*map(literal, classes)]}
-    canvas.adjust(set_xticks, **ticks, **everywhere)
+    canvas.adjust("set_xticks", **ticks, **everywhere)
     for i, (heading, model, title, colour) in enumerate(panels):
         where = {"coords": {row: heading, "model": model}}
         canvas.label("title", title, size="small", loc="left", color=colour, **where)
@@ -165,33 +163,31 @@ def _draw_bars(
     canvas: Canvas, table: xr.Dataset, limits: Mapping[str, float]
 ) -> dict[str, dict[str, Any]]:
     """Draw bars and p-values with their numbers, and the limits; return the legend's entries."""
-    from arviz_plots.visuals import annotate_xy, ci_line_y, hist, hline, scatter_xy
-
     probability, error = table["class_probability"], table["class_probability_se"]
     place = xr.DataArray(np.arange(table.sizes["class_label"]), dims="class_label")
     place = place.where(probability.notnull())  # no bar where nothing is known
     half, centre = (0.22, place - 0.2) if "p_value" in table else (0.35, place)
     edges = {"left_edges": centre - half, "right_edges": centre + half}
     bars = stacked("class_probability", **edges, histogram=probability)
-    canvas.draw("bar", hist, data=bars.expand_dims("bar", axis=-1), alpha=0.5)
+    canvas.draw("bar", "hist", data=bars.expand_dims("bar", axis=-1), alpha=0.5)
     top, bottom = (probability + error).clip(0, 1), (probability - error).clip(0, 1)
     ends = stacked("class_probability", x=centre, y_bottom=bottom, y_top=top)
-    canvas.draw("error", ci_line_y, data=ends, color="0.1", width=1.2)
-    canvas.draw("number", annotate_xy, **_written(probability, centre, bottom, top))
+    canvas.draw("error", "ci_line_y", data=ends, color="0.1", width=1.2)
+    canvas.draw("number", "annotate_xy", **_written(probability, centre, bottom, top))
     entries: dict[str, dict[str, Any]] = {}
     if "p_value" in table:
         p_value = table["p_value"].where(probability.notnull())
         points = stacked("class_probability", x=(place + 0.28).where(p_value.notnull()), y=p_value)
         dark = {"color": "0.1", "marker": "d"}
-        canvas.draw("p_value", scatter_xy, data=points, size=22, clip_on=False, **dark)
-        canvas.draw("p_number", annotate_xy, **_written(p_value, place + 0.28, p_value, p_value))
+        canvas.draw("p_value", "scatter_xy", data=points, size=22, clip_on=False, **dark)
+        canvas.draw("p_number", "annotate_xy", **_written(p_value, place + 0.28, p_value, p_value))
         entries["probability"] = {"color": "0.6", "linewidth": 6}
         entries["p-value"] = dark | {"linestyle": "none", "markersize": 5}
     for (name, limit), style in zip(limits.items(), (":", "--"), strict=True):
         if limit:
             line = {"color": "0.3", "linestyle": style}
             level = xr.full_like(probability.isel(class_label=0, drop=True), limit).to_dataset()
-            canvas.draw(name, hline, data=level, width=1, ignore_aes="all", **line)
+            canvas.draw(name, "hline", data=level, width=1, ignore_aes="all", **line)
             entries[f"{name} = {limit:g}"] = line
     return entries
 

@@ -20,14 +20,12 @@ def row_panels(
 
     The first row is on top, at height 0; the others are at -1, -2 and so on.
     """
-    from arviz_plots.visuals import set_ylim
-
     longest = max(len(line) for label in labels for line in label.splitlines())
     size = (6.6 + 0.075 * longest, inches * len(labels) + 1.4)
     layout = {"cols": ["panel"], "col_wrap": 2} | settings
     canvas = Canvas("wrap", data, known, wishes, size, {"sharey": True}, **layout)
     first, *_ = panels = [str(name) for name in data["panel"].values]
-    canvas.adjust(set_ylim, limits=(_MARGIN - len(labels), _MARGIN))
+    canvas.adjust("set_ylim", limits=(_MARGIN - len(labels), _MARGIN))
     rows = {"values": [-i for i in range(len(labels))], "labels": [*map(literal, labels)]}
     canvas.adjust(set_yticks, **rows, coords={"panel": first})
     for panel in panels:
@@ -44,10 +42,8 @@ def draw_points(
     canvas: Canvas, name: str, x: xr.DataArray, y: xr.DataArray, **settings: Any
 ) -> None:
     """Draw a visual of points."""
-    from arviz_plots.visuals import scatter_xy
-
     data = stacked(*canvas.collection.data.data_vars, x=x, y=y)
-    canvas.draw(name, scatter_xy, data=data, **{"size": 22} | settings)
+    canvas.draw(name, "scatter_xy", data=data, **{"size": 22} | settings)
 
 
 def draw_lines(
@@ -58,17 +54,13 @@ def draw_lines(
     **settings: Any,
 ) -> None:
     """Draw a visual of horizontal lines between two ends."""
-    from arviz_plots.visuals import line_xy
-
     x = xr.concat(ends, dim="end", coords="minimal", compat="override")
     data = stacked(*canvas.collection.data.data_vars, x=x, y=y)
-    canvas.draw(name, line_xy, data=data, **{"width": 1.3} | settings)
+    canvas.draw(name, "line_xy", data=data, **{"width": 1.3} | settings)
 
 
 def draw_verticals(canvas: Canvas, name: str, x: dict[str, float]) -> None:
     """Draw a grey line across all rows of each panel, unless its place is NaN."""
-    from arviz_plots.visuals import vline
-
     (variable,) = canvas.collection.data.data_vars
     places = xr.DataArray(list(x.values()), {"panel": list(x)}, "panel").to_dataset(name=variable)
-    canvas.draw(name, vline, data=places, ignore_aes="all", color="0.6", width=0.8)
+    canvas.draw(name, "vline", data=places, ignore_aes="all", color="0.6", width=0.8)

@@ -76,24 +76,22 @@ class Canvas:
             return None
         return settings if chosen is True else settings | dict(chosen)
 
-    def draw(self, name: str, function: Callable, **settings: Any) -> None:
-        """Draw a visual in every panel."""
+    def draw(self, name: str, function: str | Callable, **settings: Any) -> None:
+        """Draw a visual in every panel by a function, or by one of ``arviz_plots.visuals``."""
         wanted = self.wanted(name, settings)
         if wanted is not None:
-            self.collection.map(function, name, **wanted)
+            self.collection.map(_visual(function), name, **wanted)
 
     def label(self, name: str, text: str, **settings: Any) -> None:
         """Write ``xlabel``, ``ylabel`` or ``title`` of panels."""
-        from arviz_plots import visuals
-
-        function = getattr(visuals, f"labelled_{name.removesuffix('label')}")
         # Titles of panels are labels of the data, and those of axes hold symbols.
         text = literal(text) if name == "title" else text
+        function = f"labelled_{name.removesuffix('label')}"
         self.draw(name, function, text=text, ignore_aes="all", **settings)
 
-    def adjust(self, function: Callable, **settings: Any) -> None:
+    def adjust(self, function: str | Callable, **settings: Any) -> None:
         """Adjust panels, such as their limits."""
-        self.collection.map(function, store_artist=False, ignore_aes="all", **settings)
+        self.collection.map(_visual(function), store_artist=False, ignore_aes="all", **settings)
 
     def entries(self, dim: str, prefix: str, *aesthetics: str, **settings: Any) -> dict[str, dict]:
         """Legend entries of the labels of `dim`, which differ by these aesthetics."""
@@ -138,6 +136,12 @@ class Canvas:
             text = f"{text}, SIMULATED data" if text else "SIMULATED data"
         if text:
             self.collection.add_title(literal(text), size="medium", wrap=True)
+
+
+def _visual(function: str | Callable) -> Callable:
+    """The function of ``arviz_plots.visuals`` that has this name; another one as it is."""
+    visuals = import_module("arviz_plots.visuals")
+    return getattr(visuals, function) if isinstance(function, str) else function
 
 
 def literal(text: object) -> str:
