@@ -1,4 +1,4 @@
-"""Differences between groups: how large they are, and what a single specimen tells of them."""
+"""Differences between groups: how large they are, and how well they classify one specimen."""
 
 from __future__ import annotations
 

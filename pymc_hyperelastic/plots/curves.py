@@ -30,7 +30,7 @@ class Curve(NamedTuple):
 
     variable: str
     labels: tuple[str, ...]
-    """One label on each dimension that tells curves of a variable apart."""
+    """A label on each dimension by which curves of a variable differ."""
     rows: Array
     """Rows `BAND` or `POINTS` of the points of the curve."""
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _GRID = 100  # points along each side of the grid on which a density is computed
 _SEED = 1  # new specimens are the same at every call
 _OF_CLASS = ("location[", "spread[")
-# Variables that are shown only if there is nothing else.
+# Variables that are shown by default only if the posterior has no others.
 _NUISANCE = (
     "sigma pressure_sd noise_spread specimen_sigma specimen_pressure_sd force_sigma force_sd "
     "force_offset_sd force_offset_mean force_offset_error diameter_sd slope_weight "
@@ -80,7 +80,7 @@ def plot_parameter_density(
         Variables of the horizontal and the vertical axis; an entry of a vector is ``"mu[0]"``. By
         default the first two parameters of the wall. If the wall has a single one and specimens
         differ, they are its location and spread in the class, such as ``["location[log_mu]",
-        "spread[log_mu]"]``. Noise is shown only if there is nothing else.
+        "spread[log_mu]"]``. Errors are shown only if there are no other variables.
     probs : sequence of float
         Probabilities that the regions hold.
     specimen : str, optional
@@ -308,7 +308,7 @@ def _regions(
 
 
 def _is_log(tree: xr.DataTree, name: str) -> bool:
-    """Whether specimens of a class are spread in the logarithm of this parameter."""
+    """Return True if specimens are normal in the logarithm of this parameter."""
     parameter = _parameter(tree, name.split("[")[0]) if specimens_differ(tree) else None
     return parameter is not None and parameter.natural_scale == "log"
 
@@ -333,9 +333,9 @@ def _region(points: Array, probs: Sequence[float]) -> tuple[GaussianMixture, Arr
 
 
 def _breaks(values: Sequence[Array]) -> list[float]:
-    """Where an axis is broken: in a gap inside a class, wider than the draws on either side.
+    """Break an axis in a gap inside a class that is wider than the draws on either side.
 
-    Neither side is a few stray draws.
+    Neither side may be a few stray draws.
     """
     pooled = np.sort(np.concatenate(values))
     widest = int(np.diff(pooled).argmax())

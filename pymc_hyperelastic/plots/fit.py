@@ -41,9 +41,12 @@ from pymc_hyperelastic.predictions.members import specimens_differ
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-_FENCE = 3.0  # interquartile ranges beyond which slopes are far out: Tukey's outer fence
-_ROOM = 2.0  # room of bands above and below the data on an axis, in sizes of the largest datum
-_MARGIN = 0.06  # margin at both ends of an axis, as a part of what it shows
+# Interquartile ranges beyond which slopes are far out: Tukey's outer fence.
+_FENCE = 3.0
+# Room of bands above and below the data on an axis, in sizes of the largest datum.
+_ROOM = 2.0
+# Margin at both ends of an axis, as a fraction of its length.
+_MARGIN = 0.06
 
 
 @one_thread
@@ -62,18 +65,18 @@ def plot_pressure_fit(
     """Plot the posterior of pressure and of stiffness over the data, a column for each class.
 
     The band is that of the tube's response, without measurement error: it is as narrow as the
-    parameters are well known, and data may lie beside it. Where it is extrapolated from the data to
-    which the class was fitted, see :func:`~pymc_hyperelastic.predict_pressure`, the median is
-    dashed; a result that does not hold these data cannot say. Where internal radii depend on
-    inferred dimensions of the tube, data are shown at the radii of the median tube.
+    parameters are well known, and data may lie beside it. The median is dashed beyond
+    the data to which the class was fitted, see :func:`~pymc_hyperelastic.predict_pressure`, if the
+    result holds these data. If internal radii depend on inferred dimensions of the tube, data are
+    shown at the radii of the median tube.
 
     Extension tests have a panel of their own: the internal radius over the axial stretch, that of
     each draw at the pressures that were measured. :func:`~pymc_hyperelastic.plot_axial_force` shows
     how their forces fit.
 
-    Each axial stretch at which there are tests, and each pressure at which the stretch was varied,
-    has a colour and a marker, for its band and its data. If there is one stretch, or each specimen
-    has its own, tubes that differ have them. The axis shows the data and the bands near them. Bands
+    Bands and data of each axial stretch have a colour and a marker, and so have extension tests at
+    each pressure. If there is one stretch, or each specimen has its own, they differ by tube. The
+    axis shows the data and the bands near them. Bands
     that reach farther beyond the data than twice the largest datum, such as that of a typical
     specimen in the tube of a far stiffer one, go on beyond the axis. Slopes far from all others,
     which close readings cause, are drawn as diamonds at its end. The legend says both.
@@ -208,7 +211,7 @@ def _draw_points(
 
 
 def _limit(canvas: Canvas, fits: Fits, quantity: str, fence: float) -> dict[str, dict[str, Any]]:
-    """Limit an axis that bands, or data beyond so many interquartile ranges, would stretch.
+    """Limit an axis that distant bands, or data beyond the fence, would stretch.
 
     Returns what the legend says of bands and data beyond the axis.
     """

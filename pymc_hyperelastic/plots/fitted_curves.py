@@ -45,7 +45,7 @@ class Drawn(NamedTuple):
     over_stretch: Callable[[Draws, Array], dict[str, Array]]
     """From draws and their radii along an extension test, curves."""
     measured: Callable[[xr.Dataset], dict[str, Array]]
-    """From tests, coordinates (axis, point) of the same quantities; NaN where there is none."""
+    """From tests, coordinates (axis, point) of the same quantities; NaN if not measured."""
 
 
 class Fits(NamedTuple):
@@ -113,7 +113,7 @@ def data_beside(
 
 
 def is_over_stretch(quantity: str) -> bool:
-    """Whether a quantity is drawn over the axial stretch, and not over the radius."""
+    """Return True for quantities that are drawn over the axial stretch, not the radius."""
     return quantity.startswith("extension_")
 
 
@@ -130,7 +130,7 @@ def stretch_labels(
 ) -> tuple[list[list[str]], list[str]]:
     """Axial stretches of the tests of some data as figures name them, and all of them in order.
 
-    Where a stretch varies, the label names the pressure; these are the last.
+    The label of an extension test names its pressure; these labels are the last.
     """
     labels: list[list[str]] = []
     order: dict[str, tuple[float, float]] = {}
@@ -155,9 +155,9 @@ def stretch_labels(
 def _labels(
     shown: Mapping[str, xr.Dataset], pressure_unit: str
 ) -> tuple[str | None, dict[str, list[str]], list[str]]:
-    """What colours tell apart in a class, the label of each test, and all labels in order.
+    """Dimension by which curves have colours, the label of each test, and all labels in order.
 
-    It is the axial stretch, the specimens whose tubes differ, or nothing.
+    Colours differ by axial stretch, by specimen if their tubes differ, or by class alone (None).
     """
     stretches, order = stretch_labels(shown.values(), pressure_unit)
     if 1 < len(order) <= len(MARKERS):
@@ -185,7 +185,7 @@ def tubes_of(data: xr.Dataset) -> NDArray[np.intp]:
 
 
 def _known_tube(data: xr.Dataset, test: int) -> dict[str, Any]:
-    """What is known of the geometry of a test, without its axial stretch."""
+    """Known geometry of a test, without its axial stretch."""
     values = {n: float(data[n].values[test]) for n in GEOMETRY if n != "axial_stretch"}
     return {name: value for name, value in values.items() if np.isfinite(value)}
 

@@ -40,12 +40,12 @@ def plot_axial_force(
     A force transducer at the end of the closed tube reads this force, see
     :func:`~pymc_hyperelastic.predict_axial_force`. Measured forces, in the variable ``axial_force``
     of the data, are shown beside the bands, whether the class was fitted to them or not. Bands are
-    of the tube's own force. Where the class knows offsets of the transducer (``force_offset_sd``),
+    of the tube's own force. If the class has offsets of the transducer (``force_offset_sd``),
     the points are measured forces less the posterior mean of their test's offset, and the legend
     says so.
 
-    Of extension tests the force is shown over the axial stretch, in a panel below: the band is that
-    at the pressures that were measured, each draw at the radius that it has there.
+    The force of extension tests is shown over the axial stretch, in a panel below: its band is that
+    at the measured pressures, where each draw has a radius of its own.
 
     Parameters
     ----------

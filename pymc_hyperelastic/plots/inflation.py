@@ -37,7 +37,8 @@ _MOST_SPECIMENS = 60
 _MOST_TESTS = 240
 # Labels by which tests may be grouped, the coarsest first.
 _GROUPINGS = ("group", "specimen", "axial_stretch", "experiment")
-_MARGIN = 0.04  # margin at both ends of a horizontal axis, as a part of what it shows
+# Margin at both ends of a horizontal axis, as a fraction of its length.
+_MARGIN = 0.04
 
 
 @one_thread
@@ -59,8 +60,8 @@ def plot_inflation(
     styles differ, too. Markers differ by axial stretch; if there is one stretch, or each specimen
     has its own, by experiment. The curves of a single specimen have colours by axial stretch.
 
-    Of more than 60 specimens, or 240 tests, that many are shown, chosen evenly from the groups; the
-    title says so.
+    If there are more than 60 specimens, or 240 tests, 60 or 240 of them are shown, evenly chosen;
+    the title says so.
 
     Parameters
     ----------

@@ -29,14 +29,14 @@ LABELS: dict[str, tuple[str, str | None]] = {
     # Parameters whose symbols no strain energy states.
     "sigma": (r"$\sigma$", None),
     "slope_weight": (r"$\beta$", None),
-    # What laws, groups and planned tests are compared by.
+    # Measures by which laws, groups and planned tests are compared.
     "probability": ("probability", None),
     "log_evidence": ("log evidence less the largest", "nats"),
     "effect_size": ("difference of typical specimens\n(spreads between specimens)", None),
     "best_accuracy": ("right answers, at best,\nabout a single specimen", None),
     "information": ("expected information", "nats"),
     "difference": ("less than the first", "nats"),
-    # Labels that tell curves apart.
+    # Labels by which curves differ.
     "group": ("group", None),
     "class_label": ("class", None),
     "specimen": ("specimen", None),

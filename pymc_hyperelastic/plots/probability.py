@@ -123,7 +123,7 @@ def plot_class_probability(
         aes={"color": ["class_label"]},
     )
     entries = _draw_bars(canvas, table, limits)
-    # Panels of what is not classified have axes, too.
+    # Panels without bars have axes, too.
     everywhere = {"data": table[["class_probability"]].fillna(0.0)}
     canvas.adjust("set_ylim", limits=(0, 1), **everywhere)
     canvas.adjust("set_xlim", limits=(-0.6, len(classes) - 0.4), **everywhere)
@@ -165,7 +165,7 @@ def _draw_bars(
     """Draw bars and p-values with their numbers, and the limits; return the legend's entries."""
     probability, error = table["class_probability"], table["class_probability_se"]
     place = xr.DataArray(np.arange(table.sizes["class_label"]), dims="class_label")
-    place = place.where(probability.notnull())  # no bar where nothing is known
+    place = place.where(probability.notnull())  # no bar if not classified
     half, centre = (0.22, place - 0.2) if "p_value" in table else (0.35, place)
     edges = {"left_edges": centre - half, "right_edges": centre + half}
     bars = stacked("class_probability", **edges, histogram=probability)
@@ -195,7 +195,7 @@ def _draw_bars(
 def _written(
     values: xr.DataArray, x: xr.DataArray, low: xr.DataArray, high: xr.DataArray
 ) -> dict[str, Any]:
-    """Numbers where the axis has more room: above what is drawn from low to high, or below."""
+    """Numbers above or below the interval from low to high: the side with more room."""
     above = 1 - high >= low - _ROUNDING
     return {
         "data": values.to_dataset(name="class_probability"),

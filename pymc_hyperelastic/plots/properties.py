@@ -74,8 +74,8 @@ def plot_elastic_properties(
 ) -> PlotCollection:
     """Plot the posterior of elastic properties over the pressure, a colour for each class.
 
-    Where pressures are extrapolated, see :func:`~pymc_hyperelastic.tube_properties`, the median is
-    dashed.
+    The median is dashed at pressures that are extrapolated, see
+    :func:`~pymc_hyperelastic.tube_properties`.
 
     Parameters
     ----------
@@ -180,8 +180,8 @@ def plot_wall_stress(
 ) -> PlotCollection:
     """Plot the posterior of the stresses through the wall, a row for each class.
 
-    Where the pressure is extrapolated, see :func:`~pymc_hyperelastic.wall_stress`, the median is
-    dashed.
+    The median is dashed at pressures that are extrapolated, see
+    :func:`~pymc_hyperelastic.wall_stress`.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ def _arguments(tube: Mapping[str, Any] | None, unit: str, given: Mapping[str, An
 def _bands(
     table: xr.Dataset, names: Sequence[str], labels: tuple[str, ...], x: Array, prob: float
 ) -> list[Curve]:
-    """Bands of quantities of a table; a result without data cannot say what is extrapolated."""
+    """Bands of quantities of a table; without data, no pressure is marked as extrapolated."""
     beyond = table.coords.get("extrapolated", xr.zeros_like(table["pressure"])).values
     return [Curve(name, labels, band_rows(x, table[name].values, prob, beyond)) for name in names]
 

@@ -1,4 +1,4 @@
-"""Draw rows of points with intervals: what is compared has a row, two measures have a panel."""
+"""Draw rows of points with intervals: laws, groups or planned tests by two measures."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _MARGIN = 0.6  # from the first and the last row to the ends of the axis, in row
 def row_panels(
     data: xr.Dataset, known: str, wishes: Wishes, labels: list[str], inches: float, **settings: Any
 ) -> Canvas:
-    """Two panels, along dimension ``panel`` of the data, with rows that are so many inches high.
+    """Two panels, along dimension ``panel`` of the data, with rows of this height.
 
     The first row is on top, at height 0; the others are at -1, -2 and so on.
     """

@@ -1,4 +1,4 @@
-"""What all figures share: colours, the settings of their user, panels, legends and titles."""
+"""Elements of all figures: colours, the settings of the user, panels, legends and titles."""
 
 from __future__ import annotations
 
@@ -21,17 +21,20 @@ if TYPE_CHECKING:
 
 Backend = Literal["matplotlib", "none"]
 Visuals = Mapping[str, Mapping[str, Any] | bool]
-# What the user of a figure asks for: backend, visuals, and settings of the PlotCollection.
+# Settings of the user of a figure: backend, visuals, and arguments of the PlotCollection.
 Wishes = tuple[Backend, Visuals | None, dict[str, Any]]
 
 # Okabe and Ito's palette, which differs with any colour vision and in grey; without the yellow.
 PALETTE = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000"]
-# Where colours run out, they come again with the next of these. Dashes mean extrapolation.
+# Styles of the second and third round of colours. Dashes mean extrapolation.
 LINE_STYLES = ["-", "-.", ":"]
 MARKERS = ["o", "^", "s", "d", "x", "+", "."]
-DOUBT = "#D55E00"  # colour of what is said in place of an answer
-_BELOW = 0.35  # inches that figures leave for a legend below their panels
-_MOST_COLUMNS = 8  # of a legend
+# Colour of words that replace an answer, such as "undecided".
+DOUBT = "#D55E00"
+# Inches that figures leave for a legend below their panels.
+_BELOW = 0.35
+# Columns of a legend at most.
+_MOST_COLUMNS = 8
 
 
 class Canvas:
@@ -39,7 +42,7 @@ class Canvas:
 
     `layout` is a constructor of the PlotCollection, `data` what its panels are made for, `known`
     names the visuals of the figure between spaces, `size` is in inches, `share` states shared axes,
-    and `settings` are those of the PlotCollection. What the user asks for goes before these.
+    and `settings` are those of the PlotCollection. Settings of the user replace these.
     """
 
     def __init__(
@@ -129,7 +132,7 @@ class Canvas:
             figure.set_size_inches(width, height + max(extent.height / figure.dpi - _BELOW, 0))
 
     def title(self, attrs: Sequence[Mapping[Any, Any]], *before: str | None) -> None:
-        """Say what is shown, and of which data; simulated data are called so."""
+        """Name the content and its data in the title; simulated data are called so."""
         titles = dict.fromkeys(str(a["title"]) for a in attrs if is_said(a.get("title")))
         text = ", ".join([*filter(None, before), *titles])
         if any(is_said(a.get("simulated")) for a in attrs) and "simulated" not in text.lower():

@@ -50,7 +50,7 @@ def test_labels_with_the_sign_of_formulas_are_shown_as_they_are():
     data["group"] = ("test", ["$x_1$", "$x_1$", r"\$y$"])
     figure = ph.plot_inflation(data).get_viz("figure")
     figure.canvas.draw()
-    # What matplotlib writes: without formulas \\$ becomes $.
+    # Text that matplotlib writes: without formulas \\$ becomes $.
     written = figure.findobj(lambda artist: isinstance(artist, Text) and artist.get_text())
     shown = {each._preprocess_math(each.get_text()) for each in written}
     labels = {"specimen a$b$", r"specimen $\frac{$", r"group \$y$", r"$\frac{$ and $5"}
