@@ -14,7 +14,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from pymc_hyperelastic.evidence.checks import check_fraction
-from pymc_hyperelastic.plots.style import PALETTE, Canvas, many_looks
+from pymc_hyperelastic.plots.style import LINE_STYLES, PALETTE, Canvas
 
 Array = NDArray[np.float64]
 
@@ -76,9 +76,13 @@ def gathered(
 
 
 def looks_of(dim: str) -> dict[str, Any]:
-    """Settings of a PlotCollection whose curves differ by colour and line style along `dim`."""
-    looks = {name: many_looks()[name] for name in ("color", "linestyle")}
-    return looks | {"aes": {"color": [dim], "linestyle": [dim], "overlay": ["curve"]}}
+    """Settings of a PlotCollection whose curves differ by colour and line style along `dim`.
+
+    Neighbours differ in both, so that they differ in grey, too.
+    """
+    aes = {"color": [dim], "linestyle": [dim], "overlay": ["curve"]}
+    count = len(LINE_STYLES), len(PALETTE)
+    return {"aes": aes, "color": PALETTE * count[0], "linestyle": LINE_STYLES * count[1]}
 
 
 def draw_bands(canvas: Canvas, bands: xr.Dataset, prob: float) -> dict[str, dict[str, Any]]:

@@ -167,9 +167,7 @@ def plot_parameter_density(
     for part in range(rows):
         where = {"y_part": part, "x_part": 0}
         canvas.label("ylabel", _axis_label(tree, names[1]), coords=where)
-    entries: dict[str, dict[str, Any]] = {}
-    if len(fitted) > 1:
-        entries |= canvas.entries("class_label", "class ", "color", linewidth=5, alpha=0.7)
+    entries = canvas.entries("class_label", "class ", "color", linewidth=5, alpha=0.7)
     if "new" in groups:
         entries["typical specimen"] = {"color": "0.5", "linewidth": 5, "alpha": 0.7}
         entries[f"new specimen, {100 * probs[0]:.3g} %"] = {"color": "0.5", "linestyle": "--"}

@@ -131,7 +131,7 @@ def plot_inflation(
             if not axes.has_data():
                 axes.set_axis_off()
     entries: dict[str, Any] = {}
-    if curves.sizes[colour] > 1 and colour != group_by:
+    if colour != group_by:
         style = ("color", "linestyle") if marker else ("color", "linestyle", "marker")
         settings: dict[str, Any] = {"marker": "o", "markersize": 4}
         entries |= canvas.entries(colour, f"{words(colour)} ", *style, **settings)

@@ -155,14 +155,11 @@ def draw_over_pressure(
     size = (3 * columns + 0.2, 2.6 * -(-len(names) // columns) + 0.5)
     looks = looks_of("class_label") | {"cols": ["__variable__"], "col_wrap": columns}
     canvas = Canvas("wrap", bands, BAND_VISUALS, wishes, size, {}, **looks)
-    entries: dict[str, dict[str, Any]] = {}
-    if len(classes) > 1:
-        entries |= canvas.entries("class_label", "class ", "color", "linestyle")
-    entries |= draw_bands(canvas, bands, prob)
+    entries = canvas.entries("class_label", "class ", "color", "linestyle")
+    canvas.legend(entries | draw_bands(canvas, bands, prob))
     for name in names:
         canvas.label("xlabel", axis_label("pressure", pressure_unit), data=bands[[name]])
         canvas.label("ylabel", prefix + axis_label(name), data=bands[[name]])
-    canvas.legend(entries)
     return canvas
 
 
@@ -232,26 +229,24 @@ def plot_wall_stress(
         for i, level in enumerate(levels):
             labels, x = (of_class, level), table["position"].values
             curves += _bands(table.isel(pressure=i), _STRESSES, labels, x, prob)
-    bands = gathered(curves, {"class_label": list(fitted), "pressure": levels}, BAND)
+    bands = gathered(
+        curves, {"class_label": list(fitted), "pressure": list(dict.fromkeys(levels))}, BAND
+    )
     size, share = (8.2, 2.5 * len(fitted) + 0.8), {"sharex": True, "sharey": "col"}
     layout = looks_of("pressure") | {"rows": ["class_label"], "cols": ["__variable__"]}
     wishes = backend, visuals, pc_kwargs
     canvas = Canvas("grid", bands, BAND_VISUALS, wishes, size, share, **layout)
-    entries: dict[str, dict[str, Any]] = {}
-    if len(levels) > 1:
-        entries |= canvas.entries("pressure", "", "color", "linestyle")
+    entries = canvas.entries("pressure", "", "color", "linestyle")
     canvas.legend(entries | draw_bands(canvas, bands, prob))
-    first, last = next(iter(fitted)), list(fitted)[-1]
+    top, bottom = ({"class_label": name} for name in (next(iter(fitted)), list(fitted)[-1]))
     for name in _STRESSES:
-        of_one = bands[[name]]
-        title, top = LABELS[name][0], {"coords": {"class_label": first}}
-        canvas.label("title", title, data=of_one, size="medium", **top)
-        bottom = {"coords": {"class_label": last}}
-        canvas.label("xlabel", axis_label("position"), data=of_one, **bottom)
+        panels = {"data": bands[[name]]}
+        canvas.label("title", LABELS[name][0], size="medium", coords=top, **panels)
+        canvas.label("xlabel", axis_label("position"), coords=bottom, **panels)
     for name in fitted:
-        of_class = "" if len(fitted) == 1 else f"class {name}\n"
-        where = {"data": bands[["sigma_rr"]], "coords": {"class_label": name}}
-        canvas.label("ylabel", of_class + axis_label("stress"), **where)
+        text = (f"class {name}\n" if len(fitted) > 1 else "") + axis_label("stress")
+        panel = {"data": bands[["sigma_rr"]], "coords": {"class_label": name}}
+        canvas.label("ylabel", text, **panel)
     single = levels[0] if len(levels) == 1 else None
     _title(canvas, fitted, tables, (tube or {}).get("energy"), single)
     return canvas.collection

@@ -97,9 +97,11 @@ class Canvas:
         self.collection.map(_visual(function), store_artist=False, ignore_aes="all", **settings)
 
     def entries(self, dim: str, prefix: str, *aesthetics: str, **settings: Any) -> dict[str, dict]:
-        """Legend entries of the labels of `dim`, which differ by these aesthetics."""
+        """Legend entries of the labels of `dim`, if several: they differ by these aesthetics."""
         mappings = {key: self.collection.aes[key]["mapping"] for key in aesthetics}
         labels = mappings[aesthetics[0]][dim].values.tolist()
+        if len(labels) == 1:
+            return {}
         return {
             f"{prefix}{literal(label)}": settings
             | {key: mapping.sel({dim: label}).item() for key, mapping in mappings.items()}

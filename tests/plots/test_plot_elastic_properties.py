@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 from figures import assert_band, fitted, legend_texts, straight_lines, texts
 
 import pymc_hyperelastic as ph
@@ -73,3 +74,10 @@ def test_extrapolated_values_are_dashed(tree):
 def test_wrong_input_is_refused(tree):
     with pytest.raises(TypeError, match=r"tube=\{'axial_stretch': 1.2\}"):
         ph.plot_wall_stress(tree, [10.0], axial_stretch=1.2)
+
+
+def test_classes_differ_by_line_style_for_prints_in_grey(tree):
+    classes = xr.DataTree.from_dict({name: tree.copy() for name in ("A", "B", "C")})
+    figure = ph.plot_elastic_properties(classes, PRESSURE, **UNIT, backend="none")
+    medians = [figure.get_viz("median", "compliance", class_label=name) for name in "ABC"]
+    assert len({median["linestyle"] for median in medians}) == 3
