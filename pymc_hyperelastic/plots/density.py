@@ -148,25 +148,14 @@ def plot_parameter_density(
         cols=["x_part"],
         aes={"color": ["class_label"]},
     )
-    line = {"kind": "contour", "linewidths": 1.2}
-    for name, whose, levels, settings in (
-        ("area", "typical", len(probs), {"kind": "contourf", "alpha": 0.4}),
-        ("line", "typical", len(probs), line | {"linestyles": "solid"}),
-        ("new", "new", 1, line | {"linestyles": "dashed"}),
-    ):
-        if whose in groups:
-            own = regions.sel(whose=whose, drop=True).isel(prob=slice(levels))
-            content = {"mixture": own["mixture"], "level": own["level"], "by_log": by_log}
-            content |= {"data": own[["log_density"]], "artist_dims": {"prob": levels}}
-            canvas.draw(name, _contours, **content, **settings)
+    _draw_regions(canvas, regions, by_log)
     _limit(canvas, regions["log_density"], by_log)
     tree = next(iter(fitted.values()))
+    x_label, y_label = (_axis_label(tree, name) for name in names)
     for part in range(columns):
-        where = {"y_part": rows - 1, "x_part": part}
-        canvas.label("xlabel", _axis_label(tree, names[0]), coords=where)
+        canvas.label("xlabel", x_label, coords={"y_part": rows - 1, "x_part": part})
     for part in range(rows):
-        where = {"y_part": part, "x_part": 0}
-        canvas.label("ylabel", _axis_label(tree, names[1]), coords=where)
+        canvas.label("ylabel", y_label, coords={"y_part": part, "x_part": 0})
     entries = canvas.entries("class_label", "class ", "color", linewidth=5, alpha=0.7)
     if "new" in groups:
         entries["typical specimen"] = {"color": "0.5", "linewidth": 5, "alpha": 0.7}
@@ -189,8 +178,7 @@ def _with_new_specimens(tree: xr.DataTree) -> xr.DataTree | None:
         return None
     posterior = tree["posterior"].to_dataset()
     of_class = distributions_of(tree, posterior.sizes["chain"] * posterior.sizes["draw"])
-    shape = of_class.size, of_class.factor.shape[0]
-    normal = np.random.default_rng(_SEED).standard_normal(shape)
+    normal = np.random.default_rng(_SEED).standard_normal((of_class.size, len(of_class.factor)))
     new_ones = of_class.coordinates(normal.T[..., None])[..., 0]
     stacked = posterior["location"].stack(sample=("chain", "draw")).transpose("coordinate", ...)
     new = stacked.copy(data=new_ones).unstack("sample")
@@ -283,9 +271,8 @@ def _regions(
     by_log = np.array([_is_log(first, name) for name in names])
     trees = [tree for of_group in groups.values() for tree in of_group.values()]
     draws = [np.stack([_scalars(tree)[name] for name in names], axis=1) for tree in trees]
-    mixtures, levels, inside = zip(
-        *(_region(_log(points, by_log), probs) for points in draws), strict=True
-    )
+    of_trees = [_region(_log(points, by_log), probs) for points in draws]
+    mixtures, levels, inside = zip(*of_trees, strict=True)
     breaks = [_breaks([points[:, axis] for points in inside]) for axis in (0, 1)]
     ends = [
         _ends(points, _log(_bounds(tree, names), by_log), breaks)
@@ -293,16 +280,29 @@ def _regions(
     ]
     whose = {"whose": list(groups), "class_label": list(groups["typical"])}
     parts = {"y_part": range(len(breaks[1]) + 1), "x_part": range(len(breaks[0]) + 1)}
-    shape = tuple(map(len, whose.values()))
+    shape, dims = tuple(map(len, whose.values())), (*whose, *parts, "axis", "end")
     regions = {
         "mixture": ((*whose,), np.array(mixtures, object).reshape(shape)),
         "level": ((*whose, "prob"), np.reshape(levels, (*shape, -1))),
-        "log_density": (
-            (*whose, *parts, "axis", "end"),
-            np.reshape(ends, (*shape, *ends[0].shape)),
-        ),
+        "log_density": (dims, np.reshape(ends, (*shape, *ends[0].shape))),
     }
     return xr.Dataset(regions, whose | parts), by_log
+
+
+def _draw_regions(canvas: Canvas, regions: xr.Dataset, by_log: NDArray[np.bool_]) -> None:
+    """Draw areas and lines around typical specimens, and a line around new ones."""
+    probs = regions.sizes["prob"]
+    line = {"kind": "contour", "linewidths": 1.2}
+    for name, whose, levels, settings in (
+        ("area", "typical", probs, {"kind": "contourf", "alpha": 0.4}),
+        ("line", "typical", probs, line | {"linestyles": "solid"}),
+        ("new", "new", 1, line | {"linestyles": "dashed"}),
+    ):
+        if whose in regions["whose"]:
+            own = regions.sel(whose=whose, drop=True).isel(prob=slice(levels))
+            content = {"mixture": own["mixture"], "level": own["level"], "by_log": by_log}
+            content |= {"data": own[["log_density"]], "artist_dims": {"prob": levels}}
+            canvas.draw(name, _contours, **content, **settings)
 
 
 def _is_log(tree: xr.DataTree, name: str) -> bool:

@@ -119,7 +119,7 @@ def plot_elastic_properties(
     >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
     >>> tree = xr.DataTree.from_dict({"posterior": posterior})
     >>> tube = {"energy": ph.NeoHookean(), "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> figure = ph.plot_elastic_properties(tree, [5.0, 10.0], tube=tube, backend="none")
+    >>> figure = ph.plot_elastic_properties(tree, [1.0, 2.0], tube=tube, backend="none")
     >>> list(figure.viz["plot"].data_vars)[:2]
     ['compliance', 'distensibility']
     """
@@ -213,7 +213,7 @@ def plot_wall_stress(
     >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
     >>> tree = xr.DataTree.from_dict({"posterior": posterior})
     >>> tube = {"energy": ph.NeoHookean(), "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> figure = ph.plot_wall_stress(tree, [5.0, 10.0], tube=tube, backend="none")
+    >>> figure = ph.plot_wall_stress(tree, [1.0, 2.0], tube=tube, backend="none")
     >>> figure.viz["median"]["sigma_tt"].sizes["pressure"]
     2
     """
