@@ -81,3 +81,8 @@ def test_classes_differ_by_line_style_for_prints_in_grey(tree):
     figure = ph.plot_elastic_properties(classes, PRESSURE, **UNIT, backend="none")
     medians = [figure.get_viz("median", "compliance", class_label=name) for name in "ABC"]
     assert len({median["linestyle"] for median in medians}) == 3
+
+
+def test_pressure_that_is_given_twice_is_one_label(tree):
+    figure = ph.plot_wall_stress(tree, [20.0, 20.0], **UNIT, backend="none")
+    assert figure.viz["median"]["sigma_tt"].sizes["pressure"] == 1
