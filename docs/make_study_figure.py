@@ -15,9 +15,9 @@ PATH = Path(__file__).parent / "_static" / "study.png"
 WIDTH, DPI = 5.35, 150  # of each of the four pictures, in inches and dots per inch
 
 
-def picture(plot, data, height):
+def picture(plot, data, height, **settings):
     """Draw one figure of the study as an array of pixels."""
-    figure = plot(data, figure_kwargs={"figsize": (WIDTH, height)})
+    figure = plot(data, figure_kwargs={"figsize": (WIDTH, height)}, **settings)
     file = BytesIO()
     figure.get_viz("figure").savefig(file, dpi=DPI)
     return np.asarray(Image.open(file).convert("RGB"))
@@ -39,7 +39,10 @@ classes = ph.fit_classes(
 result = ph.classify(ph.select(data, experiment=3), classes, random_seed=2, progressbar=False)
 
 columns = [
-    [picture(ph.plot_inflation, data, 3.3), picture(ph.plot_pressure_fit, classes, 5.4)],
+    [
+        picture(ph.plot_inflation, data, 3.3, pressure_unit="mmHg"),
+        picture(ph.plot_pressure_fit, classes, 5.4, pressure_unit="mmHg"),
+    ],
     [
         picture(ph.plot_parameter_density, classes, 2.9),
         picture(ph.plot_class_probability, result, 5.8),

@@ -47,7 +47,8 @@ likelihood = ph.SlopeAugmented(sigma=SIGMA, slope_weight=ph.balanced_slope_weigh
 training = {name: ph.select(every_other_point(data, 0), group=name) for name in GROUPS}
 new = every_other_point(data, 1).assign_attrs(title=f"points left out: {data.attrs['title']}")
 
-ph.plot_inflation(data, group_by=None).savefig(OUT / "data.png", dpi=150)
+figure = ph.plot_inflation(data, group_by=None, pressure_unit="mmHg")
+figure.savefig(OUT / "data.png", dpi=150)
 
 # %%
 # Fit the classes, and classify the points left out
@@ -111,6 +112,7 @@ print(
 measured = {name: ph.select(data, group=name) for name in GROUPS}
 for law, classes in fitted.items():
     ph.plot_parameter_density(classes).savefig(OUT / f"{law}_parameters.png", dpi=150)
-    ph.plot_pressure_fit(classes, measured).savefig(OUT / f"{law}_fit.png", dpi=150)
+    figure = ph.plot_pressure_fit(classes, measured, pressure_unit="mmHg")
+    figure.savefig(OUT / f"{law}_fit.png", dpi=150)
 ph.plot_class_probability(results).savefig(OUT / "class_probability.png", dpi=150)
 print(f"\nFigures and netCDF files are in {OUT}/")

@@ -35,7 +35,7 @@ likelihood = ph.SlopeAugmented(sigma=SIGMA, slope_weight=ph.balanced_slope_weigh
 training = {name: ph.select(data, group=name, experiment=[1, 2]) for name in ("C1", "C2")}
 new = ph.select(data, experiment=3)
 
-ph.plot_inflation(data).savefig(OUT / "data.png", dpi=150)
+ph.plot_inflation(data, pressure_unit="mmHg").savefig(OUT / "data.png", dpi=150)
 
 # %%
 # Fit the classes, and classify the new experiments
@@ -95,6 +95,7 @@ print(pd.DataFrame(rows).to_string(index=False))
 # -----------
 for law, classes in fitted.items():
     ph.plot_parameter_density(classes).savefig(OUT / f"{law}_parameters.png", dpi=150)
-    ph.plot_pressure_fit(classes).savefig(OUT / f"{law}_fit.png", dpi=150)
+    figure = ph.plot_pressure_fit(classes, pressure_unit="mmHg")
+    figure.savefig(OUT / f"{law}_fit.png", dpi=150)
 ph.plot_class_probability(results).savefig(OUT / "class_probability.png", dpi=150)
 print(f"\nFigures and netCDF files are in {OUT}/")

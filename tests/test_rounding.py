@@ -20,7 +20,7 @@ from pymc_hyperelastic.data.files.join import joined
 from pymc_hyperelastic.design.planned_tests import PlannedTest, radii_of
 from pymc_hyperelastic.evidence.convergence import disagreement
 from pymc_hyperelastic.evidence.weights import pareto_shape
-from pymc_hyperelastic.plots import bands, probability
+from pymc_hyperelastic.plots import fitted_curves, probability
 from pymc_hyperelastic.predictions import draws, measured
 from pymc_hyperelastic.reports import decisions, fits
 
@@ -142,7 +142,7 @@ def test_stretches_that_differ_by_rounding_are_one(error):
     data = ph.select(ph.load_dataset("simulated_sheep_aorta"), specimen="S1", experiment=[1, 2])
     data = data.assign(axial_stretch=("test", stretch))
     assert draws._common_geometry(data)["axial_stretch"] == 1.2
-    assert bands._tubes(data)[1].tolist() == [0, 0]
+    assert fitted_curves.tubes_of(data).tolist() == [0, 0]
     assert measured._upper_hull(
         np.full(2, 1.2), np.append(stretch, 1.5), np.arange(3.0)
     ).tolist() == [1, 1]

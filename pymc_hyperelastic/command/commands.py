@@ -94,7 +94,7 @@ def check(
     if figure.is_dir() or not figure.suffix:
         raise ValueError(f"--figure is {str(figure)!r}; expected a file such as curves.png")
     figure.parent.mkdir(parents=True, exist_ok=True)
-    plot_inflation(data).savefig(figure, dpi=150)
+    plot_inflation(data, pressure_unit="mmHg").savefig(figure, dpi=150)
     typer.echo(f"\nThe curves are drawn in {figure}.")
 
 

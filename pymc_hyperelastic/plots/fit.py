@@ -8,28 +8,45 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from pymc_hyperelastic.data.inflation import at_points, extension_tests, points_of
+from pymc_hyperelastic.data.inflation import extension_tests, points_of
 from pymc_hyperelastic.mechanics.layers import Layer
 from pymc_hyperelastic.mechanics.strain_energy import StrainEnergy
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.plots.bands import (
-    VISUALS,
-    Bands,
-    bands_of,
-    draw_bands,
-    label_columns,
-    limit_axis,
-    rows_of,
-    title_bands,
+from pymc_hyperelastic.plots.curves import BAND_VISUALS, Array, draw_bands
+from pymc_hyperelastic.plots.fitted_curves import (
+    Drawn,
+    Fits,
+    coordinates,
+    data_beside,
+    fits_of,
+    is_over_stretch,
 )
-from pymc_hyperelastic.plots.extension import points_over
-from pymc_hyperelastic.plots.style import RADIUS_LABEL, Backend, Canvas, Visuals, per_kilopascal
+from pymc_hyperelastic.plots.labels import axis_label, words
+from pymc_hyperelastic.plots.style import (
+    MARKERS,
+    Backend,
+    Canvas,
+    Visuals,
+    Wishes,
+    fitted_classes,
+    law_of,
+    many_looks,
+    per_kilopascal,
+    training_attrs,
+)
 from pymc_hyperelastic.predictions.curves import pressure_curve
+from pymc_hyperelastic.predictions.draws import GivenTube
+from pymc_hyperelastic.predictions.members import specimens_differ
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-_FAR_OUT = 3.0  # interquartile ranges, Tukey's outer fence
+# Interquartile ranges beyond which slopes are far out: Tukey's outer fence.
+_FENCE = 3.0
+# Room of bands above and below the data on an axis, in sizes of the largest datum.
+_ROOM = 2.0
+# Margin at both ends of an axis, as a fraction of its length.
+_MARGIN = 0.06
 
 
 @one_thread
@@ -40,7 +57,7 @@ def plot_pressure_fit(
     prob: float = 0.95,
     energy: StrainEnergy | Sequence[Layer] | None = None,
     specimen: str | None = None,
-    pressure_unit: str = "mmHg",
+    pressure_unit: str = "kPa",
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
     **pc_kwargs: Any,
@@ -48,54 +65,49 @@ def plot_pressure_fit(
     """Plot the posterior of pressure and of stiffness over the data, a column for each class.
 
     The band is that of the tube's response, without measurement error: it is as narrow as the
-    parameters are well known, and data may lie beside it. Where it is extrapolated from the data to
-    which the class was fitted, see :func:`~pymc_hyperelastic.predict_pressure`, the median is
-    dashed; a result that does not hold these cannot say. Where internal radii depend on what is
-    inferred of the tube, data are shown at those of the median tube.
+    parameters are well known, and data may lie beside it. The median is dashed beyond
+    the data to which the class was fitted, see :func:`~pymc_hyperelastic.predict_pressure`, if the
+    result holds these data. If internal radii depend on inferred dimensions of the tube, data are
+    shown at the radii of the median tube.
 
     Extension tests have a panel of their own: the internal radius over the axial stretch, that of
-    each draw at the pressures that were measured. How their forces fit is shown by
-    :func:`~pymc_hyperelastic.plot_axial_force`.
+    each draw at the pressures that were measured. :func:`~pymc_hyperelastic.plot_axial_force` shows
+    how their forces fit.
 
-    Where tests are at several axial stretches, each has a colour and a marker, those of its band
-    and its data, and so has each pressure at which the stretch was varied. Where there is one
-    stretch, or each specimen has its own, and tubes differ, specimens are told apart in the same
-    way. Slopes far outside of the others, as close readings make them, do not stretch the axis: an
-    arrowhead at its end stands for each, and the legend counts them. Nor do bands that reach
-    several times as far as the data, as that of a typical specimen in the tube of a far stiffer or
-    softer one: they go on beyond the axis, and the legend says so.
+    Bands and data of each axial stretch have a colour and a marker, and so have extension tests at
+    each pressure. If there is one stretch, or each specimen has its own, they differ by tube. The
+    axis shows the data and the bands near them. Bands
+    that reach farther beyond the data than twice the largest datum, such as that of a typical
+    specimen in the tube of a far stiffer one, go on beyond the axis. Slopes far from all others,
+    which close readings cause, are drawn as diamonds at its end. The legend says both.
 
     Parameters
     ----------
     classes : xarray.DataTree
         Result of :func:`pymc_hyperelastic.fit_classes`, one of its classes, or a sampled model.
     data : xarray.Dataset or dict of str to xarray.Dataset, optional
-        What is shown with the posterior: inflation data, or those for each class. The training
-        data when missing. Each tube has a band of its own.
+        Inflation data to show with the posterior, or those for each class; by default the training
+        data. Each tube has a band of its own.
     prob : float
         Probability that the band holds at each radius, with equal tails.
     energy : StrainEnergy or list of Layer, optional
         The material, or the layers; needed where the result does not name it.
     specimen : str, optional
-        Of whom the curve is, and the data if none are given, see
-        :func:`~pymc_hyperelastic.predict_pressure`; by default of the typical specimen where
-        specimens differ, as in classes with variability.
-    pressure_unit : str
+        Specimen whose curve, and whose training data, are shown, see
+        :func:`~pymc_hyperelastic.predict_pressure`; by default the typical specimen where specimens
+        differ, as in classes with variability.
+    pressure_unit : str, default "kPa"
         Unit of the pressure axis, as pint knows it.
-    backend : {"matplotlib", "none"}
-        Plotting backend; ``"none"`` only collects what would be drawn.
-    visuals : dict of str to dict or bool, optional
-        Settings of ``band``, ``median``, ``extrapolated`` (the dashed part of the median),
-        ``points``, ``above`` and ``below`` (arrowheads of slopes beyond the axis), ``xlabel``,
-        ``ylabel``, ``title`` (of a column) and ``legend``; False leaves one out.
-    **pc_kwargs
-        Passed to :meth:`arviz_plots.PlotCollection.grid`.
+    backend, visuals, **pc_kwargs
+        See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``band``, ``median``,
+        ``extrapolated`` (the dashed part of the median), ``points``, ``beyond`` (slopes beyond the
+        axis), ``xlabel``, ``ylabel``, ``title`` (of a column) and ``legend``.
 
     Returns
     -------
     arviz_plots.PlotCollection
-        Its variables are ``pressure`` and ``stiffness``, and of extension tests
-        ``extension_radius``, its dimensions ``class_label``, ``tube`` and, where they have colours
+        A grid. Its variables are ``pressure`` and ``stiffness``, and of extension tests
+        ``extension_radius``, its dimensions ``class_label``, ``curve`` and, where they have colours
         of their own, ``axial_stretch`` or ``specimen``.
 
     Raises
@@ -117,95 +129,141 @@ def plot_pressure_fit(
     >>> list(figure.viz["plot"].data_vars)
     ['pressure', 'stiffness']
     """
-    factor = per_kilopascal(pressure_unit)
-    bands = bands_of(
-        classes,
-        data,
-        prob,
-        {"energy": energy, "specimen": specimen},
+    fitted, factor = fitted_classes(classes), per_kilopascal(pressure_unit)
+    material: GivenTube = {"energy": energy, "specimen": specimen}
+    drawn = Drawn(
         lambda draws, radius: pressure_curve(draws, radius) * factor,
-        lambda tests: _measured(tests, factor),
         lambda _, radius: {"extension_radius": radius},
-        pressure_unit,
+        lambda tests: _measured_pressures(tests, factor),
     )
-    columns, (rows, shared) = len(bands.fitted), rows_of(bands)
-    canvas = Canvas(
-        "grid",
-        bands.posterior,
-        f"{VISUALS} above below",
-        backend,
-        visuals,
-        pc_kwargs,
-        {"figsize": (max(2.9 * columns + 0.9, 5), 0.6 + 2.5 * rows)} | shared,
-        rows=["__variable__"],
-        cols=["class_label"],
-        **bands.looks,
-    )
-    entries = draw_bands(canvas, bands)
-    there = [str(name) for name in bands.posterior.data_vars]
-    if "pressure" in there:
-        entries |= limit_axis(canvas, bands, "pressure")[1]
-    if "stiffness" in there:
-        limits, cut = limit_axis(canvas, bands, "stiffness", _FAR_OUT)
-        entries |= cut
-        if limits:
-            entries |= _draw_beyond(canvas, bands, limits)
-    label_columns(canvas, bands, "stiffness")
-    where = {"coords": {"class_label": next(iter(bands.fitted))}}
-    texts = {
-        "pressure": f"pressure ({pressure_unit})",
-        "stiffness": f"stiffness d$p$/d$a$ ({pressure_unit}/mm)",
-        "extension_radius": RADIUS_LABEL,
-    }
-    for name in there:
-        canvas.label("ylabel", texts[name], data=bands.posterior[[name]], **where)
-    canvas.legend(entries, loc="outside lower center")
-    title_bands(canvas, bands, energy, specimen)
-    return canvas.collection
+    shown = data_beside(fitted, data, specimen)
+    fits = fits_of(fitted, shown, prob, material, drawn, pressure_unit)
+    return draw_fits(fits, material, pressure_unit, (backend, visuals, pc_kwargs))
 
 
-def _draw_beyond(
-    canvas: Canvas, bands: Bands, limits: tuple[float, float]
-) -> dict[str, dict[str, Any]]:
-    """Draw arrowheads at the end of the axis where slopes are beyond it; the legend counts them."""
-    from arviz_plots.visuals import scatter_xy
-
-    points = bands.points[["stiffness"]]
-    slope = points.sel(plot_axis="y", drop=True)
-    at_end = {"size": 25, "clip_on": False, "zorder": 5, "alpha": 1}
-    entries = {}
-    for name, marker, end, beyond in (
-        ("above", "^", limits[1], slope > limits[1]),
-        ("below", "v", limits[0], slope < limits[0]),
-    ):
-        count = int(beyond["stiffness"].sum())
-        if count:
-            ends = points.where(beyond)
-            ends = ends.where((points["plot_axis"] == "x") | ~beyond, end)
-            canvas.draw(name, scatter_xy, data=ends, **bands.dots | at_end | {"marker": marker})
-            what = {"marker": marker, "linestyle": "none", "color": "0.25", "markersize": 5}
-            entries[f"{count} of {int(slope.count()['stiffness'])} slopes {name} the axis"] = what
-    return entries
-
-
-def _measured(data: xr.Dataset, pressure_factor: float) -> xr.Dataset:
-    """Measured pressures, and their central differences inside each inflation test.
-
-    Of extension tests the radii.
-    """
-    radius, pressure = data["radius"].values, pressure_factor * data["pressure"].values
+def _measured_pressures(data: xr.Dataset, factor: float) -> dict[str, Array]:
+    """Measured pressures and their central differences; of extension tests the radii."""
+    radius, pressure = data["radius"].values, factor * data["pressure"].values
     slope = np.full_like(pressure, np.nan)
-    extended, dims = extension_tests(data), ("plot_axis", "point")
+    extended = extension_tests(data)
     for i in np.flatnonzero(~extended).tolist():
         test = points_of(data, i)
         step = radius[test][2:] - radius[test][:-2]
         step[step == 0] = np.nan
         slope[test][1:-1] = (pressure[test][2:] - pressure[test][:-2]) / step
-    measured = {}
-    if not extended.all():
-        measured["pressure"] = dims, points_over(data, radius, pressure, extension=False)
-        measured["stiffness"] = dims, points_over(data, radius, slope, extension=False)
-    if extended.any():
-        stretch = at_points(data, "axial_stretch")
-        measured["extension_radius"] = dims, points_over(data, stretch, radius, extension=True)
-    return xr.Dataset(measured)
+    return coordinates(data, pressure=pressure, stiffness=slope, extension_radius=radius)
+
+
+def draw_fits(
+    fits: Fits, material: GivenTube, pressure_unit: str, wishes: Wishes, note: str = ""
+) -> PlotCollection:
+    """Draw bands, medians and data; the `note` is what the legend says of the data besides."""
+    quantities = list(map(str, fits.curves.data_vars))
+    columns, rows = len(fits.classes), len(quantities)
+    known = f"{BAND_VISUALS} points beyond"
+    size = (max(2.9 * columns + 0.9, 5), 0.7 + 2.5 * rows)
+    share = {"sharey": "row"} | ({} if any(map(is_over_stretch, quantities)) else {"sharex": "col"})
+    layout: dict[str, Any] = {"rows": ["__variable__"], "cols": ["class_label"], **_looks(fits.by)}
+    canvas = Canvas("grid", fits.curves, known, wishes, size, share, **layout)
+    entries: dict[str, dict[str, Any]] = {}
+    if fits.by:
+        style = ("color", "linestyle", "marker")[: 3 if fits.points else 2]
+        entries |= canvas.entries(fits.by, f"{words(fits.by)} ", *style, markersize=4)
+    if fits.points:
+        data = "data (of that colour)" if fits.by else "data"
+        marker = {"color": "0.25", "marker": "o", "markersize": 3, "linestyle": "none"}
+        entries[data + note] = marker
+        _draw_points(canvas, fits.points, "points", fits.by)
+    entries |= draw_bands(canvas, fits.curves, fits.prob)
+    for quantity in quantities:
+        if quantity in fits.points and not is_over_stretch(quantity):
+            fence = _FENCE if quantity == "stiffness" else np.inf
+            entries |= _limit(canvas, fits, quantity, fence)
+    _label(canvas, fits, quantities, pressure_unit)
+    canvas.legend(entries)
+    law = law_of(next(iter(fits.classes.values())), material["energy"])
+    specimen, differ = material["specimen"], any(map(specimens_differ, fits.classes.values()))
+    whose = f"specimen {specimen}" if specimen is not None else "typical specimen" * differ
+    # The posterior is as simulated as the data that it comes from.
+    origin = [{"simulated": attrs.get("simulated")} for attrs in training_attrs(fits.classes)]
+    canvas.title([*(data.attrs for data in fits.data.values()), *origin], law, whose)
+    return canvas.collection
+
+
+def _looks(by: str | None) -> dict[str, Any]:
+    """Settings of a PlotCollection; classes alone differ only in colour."""
+    if by is None:
+        return {"aes": {"color": ["class_label"], "overlay": ["curve"]}}
+    looks = many_looks() | {"aes": {"color": [by], "linestyle": [by], "marker": [by]}}
+    looks["aes"]["overlay"] = ["curve"]
+    # There are few stretches: each has a marker of its own, which differs in grey, too.
+    return looks | ({"marker": MARKERS} if by == "axial_stretch" else {})
+
+
+def _draw_points(
+    canvas: Canvas, points: xr.Dataset, name: str, by: str | None, **settings: Any
+) -> None:
+    """Draw points in the colour of their band, or in grey where there is one band."""
+    looks: dict[str, Any] = {"size": 12, "ignore_aes": {"linestyle"}}
+    if by is None:
+        looks = {"size": 7, "color": "0.25", "ignore_aes": {"color"}}
+    canvas.draw(name, "scatter_xy", data=points, **{"alpha": 0.6} | looks | settings)
+
+
+def _limit(canvas: Canvas, fits: Fits, quantity: str, fence: float) -> dict[str, dict[str, Any]]:
+    """Limit an axis that distant bands, or data beyond the fence, would stretch.
+
+    Returns what the legend says of bands and data beyond the axis.
+    """
+    points = fits.points[[quantity]]
+    values = points[quantity].sel(plot_axis="y").values
+    values = values[np.isfinite(values)]
+    quartiles = np.quantile(values, [0.25, 0.75])
+    reach = fence * np.ptp(quartiles) if np.isfinite(fence) else np.inf
+    near = values[(values >= quartiles[0] - reach) & (values <= quartiles[1] + reach)]
+    room = _ROOM * np.abs(near).max() or np.inf
+    band = fits.curves[quantity].sel(plot_axis=["y_bottom", "y_top"])
+    low, high = max(float(band.min()), near.min() - room), min(float(band.max()), near.max() + room)
+    cut = low > float(band.min()) or high < float(band.max())
+    low, high = min(low, near.min()), max(high, near.max())
+    far = int(((values < low) | (values > high)).sum())
+    if not cut and not far:
+        return {}
+    margin = _MARGIN * (high - low)
+    low, high = float(low - margin), float(high + margin)
+    canvas.adjust("set_ylim", data=points, limits=(low, high))
+    entries: dict[str, dict[str, Any]] = {}
+    if cut:
+        entries["bands go on beyond the axis"] = {"color": "0.4", "linewidth": 0}
+    if far:
+        y = points.sel(plot_axis="y", drop=True)
+        ends = xr.where(points["plot_axis"] == "y", points.clip(low, high), points)
+        ends = ends.where((y < low) | (y > high))
+        _draw_points(
+            canvas, ends, "beyond", fits.by, marker="D", size=20, alpha=1, clip_on=False, zorder=5
+        )
+        marker = {"marker": "D", "linestyle": "none", "color": "0.25", "markersize": 5}
+        entries[f"{far} of {values.size} slopes beyond the axis"] = marker
+    return entries
+
+
+def _label(canvas: Canvas, fits: Fits, quantities: list[str], pressure_unit: str) -> None:
+    """Label axes, and name the class on top of each column."""
+    over_radius = [name for name in quantities if not is_over_stretch(name)]
+    first = next(iter(fits.classes))
+    for name, data in fits.data.items():
+        where = {"coords": {"class_label": name}}
+        computed = "\nfrom the measured outer diameter" if "outer_diameter" in data else ""
+        for quantity in quantities:
+            panel = where | {"data": fits.curves[[quantity]]}
+            if quantity in over_radius[-1:]:
+                canvas.label("xlabel", axis_label("radius") + computed, **panel)
+            elif is_over_stretch(quantity):
+                canvas.label("xlabel", axis_label("axial_stretch"), **panel)
+            if name == first:
+                quantity_of = {"extension_radius": "radius", "extension_force": "axial_force"}
+                text = axis_label(quantity_of.get(quantity, quantity), pressure_unit)
+                canvas.label("ylabel", text, **panel)
+        if len(fits.data) > 1:
+            top = where | {"data": fits.curves[quantities[:1]]}
+            canvas.label("title", f"class {name}", size="medium", **top)

@@ -1,4 +1,4 @@
-"""What planned tests are expected to tell."""
+"""The expected information of planned tests."""
 
 from __future__ import annotations
 
@@ -8,24 +8,19 @@ import xarray as xr
 
 from pymc_hyperelastic.evidence.stored import check_numbers, read_number, read_text
 from pymc_hyperelastic.parallel import one_thread
-from pymc_hyperelastic.plots.style import (
-    Backend,
-    Canvas,
-    Visuals,
-    check_table,
-    rows_of,
-    stacked,
-    tick_rows,
+from pymc_hyperelastic.plots.rows import (
+    draw_lines,
+    draw_points,
+    draw_verticals,
+    heights,
+    row_panels,
 )
+from pymc_hyperelastic.plots.style import Backend, Visuals, check_table
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-_LABELS = {
-    "information": "expected information (nats)",
-    "difference": "less than the first (nats)",
-}
-_ORIGIN = "ph.expected_information"
+_PANELS = ("information", "difference")
 _ROW = 0.32  # inches of a design
 
 
@@ -37,24 +32,21 @@ def plot_information(
     visuals: Visuals | None = None,
     **pc_kwargs: Any,
 ) -> PlotCollection:
-    """Plot what planned tests are expected to tell, the one that tells most on top.
+    """Plot the expected information of planned tests, the largest on top.
 
-    On the left stands the expected information of each design; where it is about the class, a line
-    tells all that there is to be told. On the right stands what a design lacks of the first, known
-    better than by the errors of both, since the same specimens were tested in all. Lines are two
-    standard errors to each side.
+    On the left stands the expected information of each design; where it is about the class, a grey
+    line is the entropy of the class, the largest information possible. On the right stands how much
+    less it is than that of the first design. The error of this difference is smaller than those of
+    both, since the same specimens were tested in all designs. Lines are two standard errors to each
+    side.
 
     Parameters
     ----------
     result : xarray.Dataset
         Result of :func:`pymc_hyperelastic.expected_information`.
-    backend : {"matplotlib", "none"}
-        Plotting backend; ``"none"`` only collects what would be drawn.
-    visuals : dict of str to dict or bool, optional
-        Settings of ``points``, ``error``, ``all`` (the line of all that there is) and ``xlabel``;
-        False leaves one out.
-    **pc_kwargs
-        Passed to :meth:`arviz_plots.PlotCollection.wrap`.
+    backend, visuals, **pc_kwargs
+        See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``points``, ``error``,
+        ``all`` (the line of all information) and ``xlabel``.
 
     Returns
     -------
@@ -83,51 +75,31 @@ def plot_information(
     >>> figure.viz["points"]["information"].sizes["design"]
     2
     """
-    from arviz_plots.visuals import line_xy, scatter_xy, set_ylim, vline
-
-    check_table(result, _ORIGIN, *_LABELS, *(f"{name}_se" for name in _LABELS), "design")
-    for name in _LABELS:
-        for of_designs in (name, f"{name}_se"):
-            check_numbers(result, result, of_designs, ("design",), finite=False)
-    panel = xr.DataArray(list(_LABELS), dims="panel", name="panel")
+    columns = *_PANELS, *(f"{name}_se" for name in _PANELS)
+    check_table(result, "ph.expected_information", *columns, "design")
+    for column in columns:
+        check_numbers(result, result, column, ("design",), finite=False)
     value, error = (
-        xr.concat([result[name + end].reset_coords(drop=True) for name in _LABELS], panel)
+        result[[name + end for name in _PANELS]].to_dataarray("panel").drop_vars("panel")
         for end in ("", "_se")
     )
+    value = value.assign_coords(panel=list(_PANELS))
     names = [str(name) for name in result["design"].values.tolist()]
-    canvas = Canvas(
-        "wrap",
+    data, aes = (
         value.to_dataset(name="information"),
-        "points error all xlabel",
-        backend,
-        visuals,
-        pc_kwargs,
-        {
-            "figsize": (6.2 + 0.075 * max(map(len, names)), _ROW * len(names) + 1.3),
-            "sharey": True,
-        },
-        cols=["panel"],
-        col_wrap=2,
-        aes={"color": ["design"], "overlay": ["design"]},
+        {name: ["design"] for name in ("color", "overlay")},
     )
-    # All that there is to be told of a quantity has no end.
-    about, law = read_text(result, "about"), read_text(result, "strain_energy")
-    most = read_number(result, "entropy") if about == "class" else float("nan")
-    lines = xr.DataArray([most, 0.0], {"panel": list(_LABELS)}, "panel").to_dataset(
-        name="information"
-    )
-    canvas.draw("all", vline, data=lines, ignore_aes="all", color="0.6", width=0.8)
-    y = rows_of("design", len(names))
-    ends = xr.concat([value - 2 * error, value + 2 * error], dim="end")
-    lines = stacked("information", x=ends, y=y)
-    plain = {"ignore_aes": {"color"}, "color": "0.1"}
-    canvas.draw("error", line_xy, data=lines, width=1.4, **plain)
-    points = stacked("information", x=value, y=y)
-    canvas.draw("points", scatter_xy, data=points, size=26, **plain)
-    canvas.adjust(set_ylim, limits=(0.6 - len(names), 0.6))
-    canvas.adjust(tick_rows, labels=names, coords={"panel": "information"})
-    for name, text in _LABELS.items():
-        canvas.label("xlabel", text, coords={"panel": name})
-    told_of = "the class of a specimen" if about == "class" else f"its {about.replace('_', ' ')}"
-    canvas.title([result.attrs], law, f"information about {told_of}")
+    wishes = backend, visuals, pc_kwargs
+    canvas = row_panels(data, "points error all xlabel", wishes, names, _ROW, aes=aes)
+    # Information about a quantity has no upper limit.
+    about = read_text(result, "about")
+    entropy = read_number(result, "entropy") if about == "class" else float("nan")
+    draw_verticals(canvas, "all", {"information": entropy, "difference": 0.0})
+    y = heights("design", len(names))
+    plain: dict[str, Any] = {"ignore_aes": {"color"}, "color": "0.1"}
+    draw_lines(canvas, "error", (value - 2 * error, value + 2 * error), y, **plain)
+    draw_points(canvas, "points", value, y, **plain)
+    subject = "the class of a specimen" if about == "class" else f"its {about.replace('_', ' ')}"
+    law = read_text(result, "strain_energy")
+    canvas.title([result.attrs], law, f"information about {subject}")
     return canvas.collection

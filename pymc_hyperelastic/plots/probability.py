@@ -10,6 +10,7 @@ import xarray as xr
 
 from pymc_hyperelastic.evidence.stored import damaged, read_number, read_text
 from pymc_hyperelastic.parallel import one_thread
+from pymc_hyperelastic.plots.labels import axis_label
 from pymc_hyperelastic.plots.style import (
     DOUBT,
     Backend,
@@ -18,14 +19,15 @@ from pymc_hyperelastic.plots.style import (
     check_table,
     literal,
     rounded_probability,
+    set_yticks,
     stacked,
 )
 
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-
-_MOST_ROWS = 8  # of panels, where there is one result
+# Rows and columns of panels of a single result.
+_MOST_ROWS, _MOST_COLUMNS = 8, 4
 # Tolerance for equal room above and below a bar, where the number stands above.
 _ROUNDING = 1e-9
 
@@ -43,33 +45,28 @@ def plot_class_probability(
     """Plot the probability of each class: a panel for each new experiment, a bar for each class.
 
     The decision stands above the bars, in another colour where it is no class ("undecided", "none
-    of these", "cannot be judged"). Where classes have variability, a diamond beside each bar is the
+    of these", "cannot be judged"). If classes have variability, a diamond beside each bar is the
     p-value: near 0 no specimen of the class looks like this one, however probable the class is
-    among those that were asked for.
+    among those given.
 
     Parameters
     ----------
     result : xarray.Dataset or dict of str to xarray.Dataset
-        Result of :func:`pymc_hyperelastic.classify`; of a dict, such as one of strain energies,
-        each has a column; of a single one, many panels share a few columns. What is not yet
-        classified (NaN) has no bar.
+        Result of :func:`pymc_hyperelastic.classify`. The results of a dict, such as one of strain
+        energies, have a column each; the panels of a single result share a few columns. Experiments
+        that are not classified yet (NaN) have no bar.
     undecided_below, none_below : float, optional
         Limits drawn as lines unless 0, that of the probability and that of the p-values; when
         missing those that :func:`pymc_hyperelastic.classify` was given.
-    backend : {"matplotlib", "none"}
-        Plotting backend; ``"none"`` only collects what would be drawn.
-    visuals : dict of str to dict or bool, optional
-        Settings of ``bar``, ``error`` (one standard error to each side), ``number``, ``p_value``,
-        ``p_number``, ``undecided_below``, ``none_below`` (the lines), ``xlabel``, ``ylabel``,
-        ``title`` (of a panel) and ``legend``; False leaves one out.
-    **pc_kwargs
-        Passed to :meth:`arviz_plots.PlotCollection.grid`, or ``wrap`` for a single result.
+    backend, visuals, **pc_kwargs
+        See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``bar``, ``error`` (one
+        standard error to each side), ``number``, ``p_value``, ``p_number``, ``undecided_below``,
+        ``none_below`` (the lines), ``xlabel``, ``ylabel``, ``title`` (of a panel) and ``legend``.
 
     Returns
     -------
     arviz_plots.PlotCollection
-        With the dimensions ``test`` or ``specimen`` (panel), ``class_label``, and for several
-        results ``model`` (column).
+        With the dimensions ``test`` or ``specimen`` and ``model`` (panels), and ``class_label``.
 
     Raises
     ------
@@ -95,70 +92,62 @@ def plot_class_probability(
     >>> figure.get_viz("number", class_label="C1")["string"]
     '0.900'
     """
-    from arviz_plots.visuals import set_xlim, set_xticks, set_ylim
-
-    single = isinstance(result, xr.Dataset) or not isinstance(result, Mapping)
-    results: dict[str, Any] = {"": result} if single else dict(result)
+    several = isinstance(result, Mapping) and not isinstance(result, xr.Dataset)
+    results: dict[str, Any] = dict(result) if several else {"": result}
     labels = [_labels(of_model) for of_model in results.values()]
     given = {"undecided_below": undecided_below, "none_below": none_below}
     limits = _limits(given, next(iter(results.values())))
     row, headings, classes = labels[0]
     if any(other != labels[0] for other in labels):
         raise ValueError("the results differ in their experiments or classes; plot them apart")
-    table = _table(results, row, headings)
-    several = len(results) > 1
-    columns = len(results) if several else min(-(-len(headings) // _MOST_ROWS), 4)
-    titles = _titles(results, headings)
-    longest = max(len(line) for _, _, title, _ in titles for line in title.splitlines())
-    of_class = 0.95 if "p_value" in table else 0.55
-    width = max(1 + of_class * len(classes), 2.2, 0 if several else 0.066 * longest)
-    rows = -(-len(headings) // columns) if not several else len(headings)
-    canvas = Canvas(
-        "grid" if several else "wrap",
-        table[["class_probability"]],
-        f"bar error number p_value p_number {' '.join(limits)} xlabel ylabel title legend",
-        backend,
-        visuals,
-        pc_kwargs,
-        {"figsize": (max(width * columns + 0.8, 3.6), (1.4 if several else 1.25) * rows + 0.7)}
-        # The panel above an empty place would have no ticks.
-        | {"sharex": several or len(headings) % columns == 0, "sharey": True},
-        cols=["model"] if several else [row],
-        **{"rows": [row]} if several else {"col_wrap": columns},
-        aes={"color": ["class_label"]},
-    )
-    entries = _draw_bars(canvas, table, limits)
-    canvas.adjust(set_ylim, limits=(0, 1))
-    canvas.adjust(set_xlim, limits=(-0.6, len(classes) - 0.4))
-    canvas.adjust(_probability_ticks)
-    canvas.adjust(set_xticks, values=range(len(classes)), labels=[*map(literal, classes)])
-    for i, (heading, model, title, colour) in enumerate(titles):
-        where = {"coords": {row: heading} | ({"model": model} if several else {})}
-        canvas.label("title", title, size="small", loc="left", color=colour, **where)
-        if i + columns >= len(titles):
-            law = model or read_text(results[model], "strain_energy", None)
-            canvas.label("xlabel", f"class ({law})" if law else "class", **where)
-        if i % columns == 0:
-            canvas.label("ylabel", "probability", **where)
-    canvas.legend(entries, loc="outside lower center")
-    canvas.title([r.attrs for r in results.values()], "class probabilities")
-    return canvas.collection
-
-
-def _table(results: Mapping[str, xr.Dataset], row: str, headings: list[str]) -> xr.Dataset:
-    """What is drawn of the results, side by side if there are several."""
     drawn = ["class_probability", "class_probability_se", "p_value"]
     tables = [r[[name for name in drawn if name in r]] for r in results.values()]
     table = xr.concat(tables, dim="model", coords="minimal", compat="override", join="override")
     table = table.reset_coords(drop=True).assign_coords({"model": list(results), row: headings})
-    return table if len(results) > 1 else table.isel(model=0, drop=True)
+    panels = _panels(results, headings)
+    columns = len(results) if several else min(-(-len(headings) // _MOST_ROWS), _MOST_COLUMNS)
+    longest = max(len(line) for *_, title, _ in panels for line in title.splitlines())
+    of_class = 0.95 if "p_value" in table else 0.55
+    width = max(1 + of_class * len(classes), 2.2, 0 if several else 0.066 * longest)
+    rows = -(-len(panels) // columns)
+    canvas = Canvas(
+        "wrap",
+        table[["class_probability"]],
+        f"bar error number p_value p_number {' '.join(limits)} xlabel ylabel title legend",
+        (backend, visuals, pc_kwargs),
+        (max(width * columns + 0.8, 3.6), (1.4 if several else 1.25) * rows + 0.7),
+        # If panels shared an axis, the one above an empty place would have no ticks.
+        {"sharex": len(panels) % columns == 0, "sharey": True},
+        cols=[row, "model"],
+        col_wrap=columns,
+        aes={"color": ["class_label"]},
+    )
+    entries = _draw_bars(canvas, table, limits)
+    # Panels without bars have axes, too.
+    everywhere = {"data": table[["class_probability"]].fillna(0.0)}
+    canvas.adjust("set_ylim", limits=(0, 1), **everywhere)
+    canvas.adjust("set_xlim", limits=(-0.6, len(classes) - 0.4), **everywhere)
+    canvas.adjust(set_yticks, values=[0, 0.5, 1], labels=["0", "0.5", "1"], **everywhere)
+    ticks = {"values": range(len(classes)), "labels": [*map(literal, classes)]}
+    canvas.adjust("set_xticks", **ticks, **everywhere)
+    for i, (heading, model, title, colour) in enumerate(panels):
+        where = {"coords": {row: heading, "model": model}}
+        canvas.label("title", title, size="small", loc="left", color=colour, **where)
+        if i + columns >= len(panels):
+            law = model or read_text(results[model], "strain_energy", None)
+            canvas.label("xlabel", f"class ({law})" if law else "class", **where)
+        if i % columns == 0:
+            canvas.label("ylabel", axis_label("probability"), **where)
+    canvas.legend(entries)
+    canvas.title([r.attrs for r in results.values()], "class probabilities")
+    return canvas.collection
 
 
-def _titles(
+def _panels(
     results: Mapping[str, xr.Dataset], headings: list[str]
 ) -> list[tuple[str, str, str, str]]:
     """Heading, model, title and its colour of each panel, row by row."""
-    titles = []
+    panels = []
     for i, heading in enumerate(headings):
         for j, (model, result) in enumerate(results.items()):
             title, colour = heading if j == 0 else "", "0.1"
@@ -166,41 +155,39 @@ def _titles(
                 decision = str(result["decision"].values[i]) or "not classified"
                 title += f"{chr(10) if len(results) > 1 else ' '}→ {decision}"
                 colour = colour if decision in result["class_label"] else DOUBT
-            titles.append((heading, model, title, colour))
-    return titles
+            panels.append((heading, model, title, colour))
+    return panels
 
 
 def _draw_bars(
     canvas: Canvas, table: xr.Dataset, limits: Mapping[str, float]
 ) -> dict[str, dict[str, Any]]:
     """Draw bars and p-values with their numbers, and the limits; return the legend's entries."""
-    from arviz_plots.visuals import annotate_xy, ci_line_y, hist, hline, scatter_xy
-
     probability, error = table["class_probability"], table["class_probability_se"]
     place = xr.DataArray(np.arange(table.sizes["class_label"]), dims="class_label")
-    place = place.where(probability.notnull())  # no bar where nothing is known
+    place = place.where(probability.notnull())  # no bar if not classified
     half, centre = (0.22, place - 0.2) if "p_value" in table else (0.35, place)
     edges = {"left_edges": centre - half, "right_edges": centre + half}
     bars = stacked("class_probability", **edges, histogram=probability)
-    canvas.draw("bar", hist, data=bars.expand_dims("bar", axis=-1), alpha=0.5)
+    canvas.draw("bar", "hist", data=bars.expand_dims("bar", axis=-1), alpha=0.5)
     top, bottom = (probability + error).clip(0, 1), (probability - error).clip(0, 1)
     ends = stacked("class_probability", x=centre, y_bottom=bottom, y_top=top)
-    canvas.draw("error", ci_line_y, data=ends, color="0.1", width=1.2)
-    canvas.draw("number", annotate_xy, **_written(probability, centre, bottom, top))
+    canvas.draw("error", "ci_line_y", data=ends, color="0.1", width=1.2)
+    canvas.draw("number", "annotate_xy", **_written(probability, centre, bottom, top))
     entries: dict[str, dict[str, Any]] = {}
     if "p_value" in table:
         p_value = table["p_value"].where(probability.notnull())
         points = stacked("class_probability", x=(place + 0.28).where(p_value.notnull()), y=p_value)
         dark = {"color": "0.1", "marker": "d"}
-        canvas.draw("p_value", scatter_xy, data=points, size=22, clip_on=False, **dark)
-        canvas.draw("p_number", annotate_xy, **_written(p_value, place + 0.28, p_value, p_value))
+        canvas.draw("p_value", "scatter_xy", data=points, size=22, clip_on=False, **dark)
+        canvas.draw("p_number", "annotate_xy", **_written(p_value, place + 0.28, p_value, p_value))
         entries["probability"] = {"color": "0.6", "linewidth": 6}
         entries["p-value"] = dark | {"linestyle": "none", "markersize": 5}
     for (name, limit), style in zip(limits.items(), (":", "--"), strict=True):
         if limit:
             line = {"color": "0.3", "linestyle": style}
             level = xr.full_like(probability.isel(class_label=0, drop=True), limit).to_dataset()
-            canvas.draw(name, hline, data=level, width=1, ignore_aes="all", **line)
+            canvas.draw(name, "hline", data=level, width=1, ignore_aes="all", **line)
             entries[f"{name} = {limit:g}"] = line
     return entries
 
@@ -208,7 +195,7 @@ def _draw_bars(
 def _written(
     values: xr.DataArray, x: xr.DataArray, low: xr.DataArray, high: xr.DataArray
 ) -> dict[str, Any]:
-    """Numbers where the axis has more room: above what is drawn from low to high, or below."""
+    """Numbers above or below the interval from low to high: the side with more room."""
     above = 1 - high >= low - _ROUNDING
     return {
         "data": values.to_dataset(name="class_probability"),
@@ -258,9 +245,3 @@ def _labels(result: Any) -> tuple[str, list[str], list[str]]:
     if len(set(headings)) < len(headings):
         headings = [f"{i}: {heading}" for i, heading in enumerate(headings, 1)]
     return row, headings, classes
-
-
-def _probability_ticks(da: xr.DataArray, target: Any) -> None:
-    from arviz_plots.plot_collection import backend_from_object
-
-    backend_from_object(target).yticks([0, 0.5, 1], ["0", "0.5", "1"], target)

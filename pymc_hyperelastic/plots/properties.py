@@ -1,4 +1,4 @@
-"""Posteriors of what follows from a fit at given pressures: elastic properties, wall stresses."""
+"""Posteriors of elastic properties and of wall stresses at given pressures."""
 
 from __future__ import annotations
 
@@ -7,19 +7,26 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from pymc_hyperelastic.evidence.checks import check_fraction
 from pymc_hyperelastic.parallel import one_thread
+from pymc_hyperelastic.plots.curves import (
+    BAND,
+    BAND_VISUALS,
+    Array,
+    Curve,
+    band_rows,
+    draw_bands,
+    gathered,
+    looks_of,
+)
+from pymc_hyperelastic.plots.labels import LABELS, axis_label
 from pymc_hyperelastic.plots.style import (
-    PALETTE,
     Backend,
     Canvas,
     Visuals,
+    Wishes,
     fitted_classes,
     law_of,
-    median_and_band,
     per_kilopascal,
-    solid_and_dashed,
-    told_apart,
     training_attrs,
 )
 from pymc_hyperelastic.predictions.draws import GivenTube
@@ -30,23 +37,26 @@ from pymc_hyperelastic.predictions.stress import wall_stress
 if TYPE_CHECKING:
     from arviz_plots import PlotCollection
 
-# As axes name them; what is left out are radii and the slope, see plot_pressure_fit.
-_OF_THE_CURVE = {
-    "compliance": "compliance d$A$/d$p$ (mm²/kPa)",
-    "distensibility": "distensibility (1/kPa)",
-    "peterson_modulus": "Peterson's modulus (kPa)",
-    "incremental_modulus": "incremental modulus (kPa)",
-    "pulse_wave_velocity": "pulse wave velocity (m/s)",
+# Shown unless others are asked for.
+_OF_THE_CURVE = (
+    "compliance",
+    "distensibility",
+    "peterson_modulus",
+    "incremental_modulus",
+    "pulse_wave_velocity",
+)
+PROPERTY_LABELS = {
+    name: axis_label(name)
+    for name in (
+        *_OF_THE_CURVE,
+        "circumferential_stress",
+        "axial_stress",
+        "circumferential_material_stiffness",
+        "axial_material_stiffness",
+        "stored_energy",
+    )
 }
-PROPERTY_LABELS = _OF_THE_CURVE | {
-    "circumferential_stress": "mean circumferential\nCauchy stress (kPa)",
-    "axial_stress": "mean axial\nCauchy stress (kPa)",
-    "circumferential_material_stiffness": "circumferential material\nstiffness (kPa)",
-    "axial_material_stiffness": "axial material\nstiffness (kPa)",
-    "stored_energy": "stored energy (kJ/m³)",
-}
-_STRESSES = {"sigma_rr": "radial", "sigma_tt": "hoop", "sigma_zz": "axial"}
-_VISUALS = "band median extrapolated xlabel ylabel title legend"
+_STRESSES = ("sigma_rr", "sigma_tt", "sigma_zz")
 
 
 @one_thread
@@ -54,9 +64,9 @@ def plot_elastic_properties(
     classes: xr.DataTree,
     pressure: Any,
     *,
-    var_names: Sequence[str] = tuple(_OF_THE_CURVE),
+    var_names: Sequence[str] = _OF_THE_CURVE,
     prob: float = 0.95,
-    pressure_unit: str = "mmHg",
+    pressure_unit: str = "kPa",
     tube: Mapping[str, Any] | None = None,
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
@@ -64,8 +74,8 @@ def plot_elastic_properties(
 ) -> PlotCollection:
     """Plot the posterior of elastic properties over the pressure, a colour for each class.
 
-    Where pressures are extrapolated, see :func:`~pymc_hyperelastic.tube_properties`, the median is
-    dashed.
+    The median is dashed at pressures that are extrapolated, see
+    :func:`~pymc_hyperelastic.tube_properties`.
 
     Parameters
     ----------
@@ -74,23 +84,19 @@ def plot_elastic_properties(
     pressure : array_like, shape (pressure,)
         Internal pressures, in `pressure_unit`.
     var_names : sequence of str
-        What has a panel: names of :func:`~pymc_hyperelastic.tube_properties` with a value at each
+        Quantities that have a panel: those of :func:`~pymc_hyperelastic.tube_properties` at each
         pressure, from ``compliance`` to ``stored_energy``; by default those up to
         ``pulse_wave_velocity``, which follow from the curve of pressure alone.
     prob : float
         Probability that the bands hold at each pressure, with equal tails.
-    pressure_unit : str
-        Unit of the pressures, as pint knows it.
+    pressure_unit : str, default "kPa"
+        Unit of `pressure` and of the pressure axis, as pint knows it. Moduli are in kPa.
     tube : dict of str to object, optional
-        What :func:`~pymc_hyperelastic.tube_properties` is told besides: the material, the
+        Other arguments of :func:`~pymc_hyperelastic.tube_properties`: the material, the
         ``specimen``, the tube, the ``density`` of the fluid, such as ``{"axial_stretch": 1.2}``.
-    backend : {"matplotlib", "none"}
-        Plotting backend; ``"none"`` only collects what would be drawn.
-    visuals : dict of str to dict or bool, optional
-        Settings of ``band``, ``median``, ``extrapolated`` (the dashed part of the median),
-        ``xlabel``, ``ylabel`` and ``legend``; False leaves one out.
-    **pc_kwargs
-        Passed to :meth:`arviz_plots.PlotCollection.wrap`.
+    backend, visuals, **pc_kwargs
+        See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``band``, ``median``,
+        ``extrapolated`` (the dashed part of the median), ``xlabel``, ``ylabel`` and ``legend``.
 
     Returns
     -------
@@ -113,7 +119,7 @@ def plot_elastic_properties(
     >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
     >>> tree = xr.DataTree.from_dict({"posterior": posterior})
     >>> tube = {"energy": ph.NeoHookean(), "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> figure = ph.plot_elastic_properties(tree, [5.0, 10.0], tube=tube, backend="none")
+    >>> figure = ph.plot_elastic_properties(tree, [1.0, 2.0], tube=tube, backend="none")
     >>> list(figure.viz["plot"].data_vars)[:2]
     ['compliance', 'distensibility']
     """
@@ -122,34 +128,39 @@ def plot_elastic_properties(
     if unknown or not names or isinstance(var_names, str):
         raise ValueError(f"var_names must be a list of {list(PROPERTY_LABELS)}; got {var_names!r}")
     fitted = fitted_classes(classes)
-    told = _told(tube, pressure_unit, pc_kwargs)
-    tables = {n: tube_properties(tree, pressure, **told)[names] for n, tree in fitted.items()}
-    factor = per_kilopascal(pressure_unit)
-    bands = bands_over(tables, {n: t["pressure"] * factor for n, t in tables.items()}, prob)
-    columns = min(len(names), 3)
-    canvas = Canvas(
-        "wrap",
-        bands,
-        _VISUALS,
-        backend,
-        visuals,
-        pc_kwargs,
-        {"figsize": (3 * columns + 1.2, 2.6 * -(-len(names) // columns) + 0.3)},
-        cols=["__variable__"],
-        col_wrap=columns,
-        aes={"color": ["class_label"], "linestyle": ["class_label"]},
-        **lines_told_apart(),
-    )
-    dashed = draw_bands(canvas, bands, "pressure")
-    for name in names:
-        canvas.label("xlabel", f"pressure ({pressure_unit})", data=bands[[name]])
-        canvas.label("ylabel", PROPERTY_LABELS[name], data=bands[[name]])
-    entries = canvas.entries("class_label", "", "color", "linestyle")
-    if len(fitted) == 1:
-        entries = {"posterior median": {"color": PALETTE[0]}}
-    canvas.legend(entries | dashed, title="class" if len(fitted) > 1 else None)
-    _title(canvas, fitted, tables, prob, (tube or {}).get("energy"))
+    arguments = _arguments(tube, pressure_unit, pc_kwargs)
+    tables = {name: tube_properties(tree, pressure, **arguments) for name, tree in fitted.items()}
+    curves = []
+    for of_class, table in tables.items():
+        x = table["pressure"].values * per_kilopascal(pressure_unit)
+        curves += _bands(table, names, (of_class,), x, prob)
+    wishes = backend, visuals, pc_kwargs
+    canvas = draw_over_pressure(curves, list(fitted), prob, pressure_unit, wishes)
+    _title(canvas, fitted, tables, (tube or {}).get("energy"))
     return canvas.collection
+
+
+def draw_over_pressure(
+    curves: list[Curve],
+    classes: list[str],
+    prob: float,
+    pressure_unit: str,
+    wishes: Wishes,
+    prefix: str = "",
+) -> Canvas:
+    """Draw bands of each class over the pressure, a panel for each quantity."""
+    bands = gathered(curves, {"class_label": classes}, BAND)
+    names = list(map(str, bands.data_vars))
+    columns = min(len(names), 3)
+    size = (3 * columns + 0.2, 2.6 * -(-len(names) // columns) + 0.5)
+    looks = looks_of("class_label") | {"cols": ["__variable__"], "col_wrap": columns}
+    canvas = Canvas("wrap", bands, BAND_VISUALS, wishes, size, {}, **looks)
+    entries = canvas.entries("class_label", "class ", "color", "linestyle")
+    canvas.legend(entries | draw_bands(canvas, bands, prob))
+    for name in names:
+        canvas.label("xlabel", axis_label("pressure", pressure_unit), data=bands[[name]])
+        canvas.label("ylabel", prefix + axis_label(name), data=bands[[name]])
+    return canvas
 
 
 @one_thread
@@ -158,7 +169,7 @@ def plot_wall_stress(
     pressure: Any,
     *,
     prob: float = 0.95,
-    pressure_unit: str = "mmHg",
+    pressure_unit: str = "kPa",
     tube: Mapping[str, Any] | None = None,
     backend: Backend = "matplotlib",
     visuals: Visuals | None = None,
@@ -166,28 +177,25 @@ def plot_wall_stress(
 ) -> PlotCollection:
     """Plot the posterior of the stresses through the wall, a row for each class.
 
-    Where the pressure is extrapolated, see :func:`~pymc_hyperelastic.wall_stress`, the median is
-    dashed.
+    The median is dashed at pressures that are extrapolated, see
+    :func:`~pymc_hyperelastic.wall_stress`.
 
     Parameters
     ----------
-    classes, prob, pressure_unit, backend
-        Those of :func:`~pymc_hyperelastic.plot_elastic_properties`.
-    pressure : array_like, shape (pressure,)
-        Internal pressures, in `pressure_unit`; each has a colour.
+    classes, pressure, prob, pressure_unit
+        Those of :func:`~pymc_hyperelastic.plot_elastic_properties`. Each pressure has a colour.
+        Stresses are in kPa.
     tube : dict of str to object, optional
-        What :func:`~pymc_hyperelastic.wall_stress` is told besides: the material, the ``specimen``,
+        Other arguments of :func:`~pymc_hyperelastic.wall_stress`: the material, the ``specimen``,
         the tube, the ``points`` in the wall.
-    visuals : dict of str to dict or bool, optional
-        Settings of ``band``, ``median``, ``extrapolated``, ``xlabel``, ``ylabel``, ``title`` (of a
-        column) and ``legend``; False leaves one out.
-    **pc_kwargs
-        Passed to :meth:`arviz_plots.PlotCollection.grid`.
+    backend, visuals, **pc_kwargs
+        See :func:`~pymc_hyperelastic.plot_inflation`. The visuals are ``band``, ``median``,
+        ``extrapolated``, ``xlabel``, ``ylabel``, ``title`` (of a column) and ``legend``.
 
     Returns
     -------
     arviz_plots.PlotCollection
-        Its variables are ``sigma_rr``, ``sigma_tt`` and ``sigma_zz``.
+        A grid. Its variables are ``sigma_rr``, ``sigma_tt`` and ``sigma_zz``.
 
     Raises
     ------
@@ -205,116 +213,71 @@ def plot_wall_stress(
     >>> posterior = xr.Dataset({"mu": (("chain", "draw"), [[20.0, 30.0]])})
     >>> tree = xr.DataTree.from_dict({"posterior": posterior})
     >>> tube = {"energy": ph.NeoHookean(), "inner_radius": 7.0, "outer_radius": 9.0}
-    >>> figure = ph.plot_wall_stress(tree, [5.0, 10.0], tube=tube, backend="none")
+    >>> figure = ph.plot_wall_stress(tree, [1.0, 2.0], tube=tube, backend="none")
     >>> figure.viz["median"]["sigma_tt"].sizes["pressure"]
     2
     """
     fitted = fitted_classes(classes)
-    told = _told(tube, pressure_unit, pc_kwargs)
-    tables = {n: wall_stress(tree, pressure, **told)[[*_STRESSES]] for n, tree in fitted.items()}
-    factor = per_kilopascal(pressure_unit)
-    bands = bands_over(tables, {n: t["position"] for n, t in tables.items()}, prob)
-    levels = [f"{p * factor:.4g} {pressure_unit}" for p in bands["pressure"].values]
-    bands = bands.assign_coords(pressure=levels)
-    canvas = Canvas(
-        "grid",
-        bands,
-        _VISUALS,
-        backend,
-        visuals,
-        pc_kwargs,
-        {"figsize": (9.2, 2.5 * len(fitted) + 0.6), "sharex": True, "sharey": "col"},
-        rows=["class_label"],
-        cols=["__variable__"],
-        aes={"color": ["pressure"], "linestyle": ["pressure"]},
-        **lines_told_apart(),
+    arguments = _arguments(tube, pressure_unit, pc_kwargs)
+    tables = {name: wall_stress(tree, pressure, **arguments) for name, tree in fitted.items()}
+    table = next(iter(tables.values()))
+    levels = [
+        f"{p * per_kilopascal(pressure_unit):.4g} {pressure_unit}" for p in table["pressure"].values
+    ]
+    curves = []
+    for of_class, table in tables.items():
+        for i, level in enumerate(levels):
+            labels, x = (of_class, level), table["position"].values
+            curves += _bands(table.isel(pressure=i), _STRESSES, labels, x, prob)
+    bands = gathered(
+        curves, {"class_label": list(fitted), "pressure": list(dict.fromkeys(levels))}, BAND
     )
-    dashed = draw_bands(canvas, bands, "position")
-    first, *_, last = [*fitted, *fitted]
-    for name, direction in _STRESSES.items():
-        of_one = bands[[name]]
-        top, bottom = {"coords": {"class_label": first}}, {"coords": {"class_label": last}}
-        canvas.label("title", f"{direction} stress", data=of_one, size="medium", **top)
-        canvas.label("xlabel", "place in the wall $(R-A)/(B-A)$", data=of_one, **bottom)
-    for name in fitted:
-        text = "Cauchy stress (kPa)" if len(fitted) == 1 else f"class {name}\nCauchy stress (kPa)"
-        where = {"data": bands[["sigma_rr"]], "coords": {"class_label": name}}
-        canvas.label("ylabel", text, **where)
+    size, share = (8.2, 2.5 * len(fitted) + 0.8), {"sharex": True, "sharey": "col"}
+    layout = looks_of("pressure") | {"rows": ["class_label"], "cols": ["__variable__"]}
+    wishes = backend, visuals, pc_kwargs
+    canvas = Canvas("grid", bands, BAND_VISUALS, wishes, size, share, **layout)
     entries = canvas.entries("pressure", "", "color", "linestyle")
-    canvas.legend(entries | dashed, title="pressure")
+    canvas.legend(entries | draw_bands(canvas, bands, prob))
+    top, bottom = ({"class_label": name} for name in (next(iter(fitted)), list(fitted)[-1]))
+    for name in _STRESSES:
+        panels = {"data": bands[[name]]}
+        canvas.label("title", LABELS[name][0], size="medium", coords=top, **panels)
+        canvas.label("xlabel", axis_label("position"), coords=bottom, **panels)
+    for name in fitted:
+        text = (f"class {name}\n" if len(fitted) > 1 else "") + axis_label("stress")
+        panel = {"data": bands[["sigma_rr"]], "coords": {"class_label": name}}
+        canvas.label("ylabel", text, **panel)
     single = levels[0] if len(levels) == 1 else None
-    _title(canvas, fitted, tables, prob, (tube or {}).get("energy"), single)
+    _title(canvas, fitted, tables, (tube or {}).get("energy"), single)
     return canvas.collection
 
 
-def _told(tube: Mapping[str, Any] | None, unit: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """What a prediction is told; TypeError if some of it was not given in `tube`."""
+def _arguments(tube: Mapping[str, Any] | None, unit: str, given: Mapping[str, Any]) -> dict:
+    """Arguments of a prediction; TypeError if some of them were not given in `tube`."""
     strays = [name for name in given if name in (*GivenTube.__annotations__, "density", "points")]
     if strays:
         said = ", ".join(f"{name!r}: {given[name]!r}" for name in strays)
-        raise TypeError(f"what a figure is to know of the tube is given as tube={{{said}}}")
+        raise TypeError(f"give what the figure needs of the tube as tube={{{said}}}")
     return {"pressure_unit": unit, **(tube or {})}
 
 
-def lines_told_apart() -> dict[str, list[str]]:
-    """Colours and line styles; there are no points to mark."""
-    looks = told_apart()
-    return {name: looks[name] for name in ("color", "linestyle")}
-
-
-def bands_over(
-    tables: Mapping[str, xr.Dataset], axes: Mapping[str, xr.DataArray], prob: float
-) -> xr.Dataset:
-    """Medians and bands of the draws of each class over its axis."""
-    check_fraction("prob", prob)
-    names = xr.DataArray(list(tables), dims="class_label", name="class_label")
-    return xr.concat([_band(table, axes[n], prob) for n, table in tables.items()], dim=names)
-
-
-def _band(table: xr.Dataset, x: xr.DataArray, prob: float) -> xr.Dataset:
-    """Median and band of draws over an axis; what no draw reaches is left out."""
-    beyond = table.coords.get("extrapolated", xr.zeros_like(table["pressure"])).astype(float)
-    table = table.reset_coords(drop=True)
-    some = table.notnull().any(["chain", "draw"])
-    y = table.where(some, 0.0).quantile(median_and_band(prob), ["chain", "draw"]).where(some)
-    y = y.rename(quantile="plot_axis").assign_coords(plot_axis=["y", "y_bottom", "y_top"])
-    rows = {"x": x, "extrapolated": beyond}
-    along = [
-        xr.zeros_like(y.isel(plot_axis=[0])).assign_coords(plot_axis=[name])
-        + row.reset_coords(drop=True)
-        for name, row in rows.items()
-    ]
-    return xr.concat([*along, y], dim="plot_axis")
-
-
-def draw_bands(canvas: Canvas, bands: xr.Dataset, along: str) -> dict[str, dict[str, Any]]:
-    """Draw bands and medians; return what the legend says of dashes, if there are any."""
-    from arviz_plots.visuals import fill_between_y, line_xy
-
-    band = bands.sel(plot_axis=["x", "y_bottom", "y_top"]).rename(plot_axis="kwarg")
-    settings: dict[str, Any] = {"alpha": 0.3, "linewidth": 0, "ignore_aes": {"linestyle"}}
-    canvas.draw("band", fill_between_y, data=band, **settings)
-    solid, dashed = solid_and_dashed(bands, along)
-    canvas.draw("median", line_xy, data=solid, width=1.5)
-    if not dashed.notnull().any().to_array().any():
-        return {}
-    line: dict[str, Any] = {"linestyle": "--", "width": 1.5, "ignore_aes": {"linestyle"}}
-    canvas.draw("extrapolated", line_xy, data=dashed, **line)
-    return {"extrapolated": {"color": "0.4", "linestyle": "--"}}
+def _bands(
+    table: xr.Dataset, names: Sequence[str], labels: tuple[str, ...], x: Array, prob: float
+) -> list[Curve]:
+    """Bands of quantities of a table; without data, no pressure is marked as extrapolated."""
+    beyond = table.coords.get("extrapolated", xr.zeros_like(table["pressure"])).values
+    return [Curve(name, labels, band_rows(x, table[name].values, prob, beyond)) for name in names]
 
 
 def _title(
     canvas: Canvas,
     fitted: Mapping[str, xr.DataTree],
     tables: Mapping[str, xr.Dataset],
-    prob: float,
     energy: Any,
     pressure: str | None = None,
 ) -> None:
-    """Say by which law, of whom, at which pressure if there is one, and of which data."""
-    table = next(iter(tables.values()))
+    """Name the law, the specimen, the pressure if there is one, and the data."""
+    specimen = next(iter(tables.values())).attrs.get("specimen")
+    whose = f"{specimen} specimen" if specimen == TYPICAL else specimen and f"specimen {specimen}"
     law = law_of(next(iter(fitted.values())), energy)
-    whose = table.attrs.get("specimen")
-    whose = f"{whose} specimen" if whose == TYPICAL else whose and f"specimen {whose}"
-    held = f"median and {100 * prob:.3g} % of the posterior"
-    canvas.title(training_attrs(fitted), law, whose, pressure, held)
+    canvas.title(training_attrs(fitted), law, whose, pressure)

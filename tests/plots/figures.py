@@ -17,7 +17,7 @@ DATA = ph.load_dataset("simulated_sheep_aorta")
 SMALL_TUBE = {"inner_radius": 1.0, "outer_radius": 1.5}
 HELD, HELD_STRETCHES = (0.8, 2.0), (1.15, 1.3)
 MU = 20.0
-VARIED = [f"varied at {p / ph.mmHg:.0f} mmHg" for p in HELD]
+VARIED = [f"varied at {p:g} kPa" for p in HELD]
 LABELS = [f"axial stretch {s}" for s in (*HELD_STRETCHES, *VARIED)]
 
 

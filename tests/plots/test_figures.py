@@ -24,13 +24,13 @@ def test_titles_name_the_data_and_say_whether_they_are_simulated(few_draws):
 
 
 def test_axis_labels_name_quantity_and_unit(classes, few_draws):
-    inflation = ph.plot_inflation(DATA, backend="none", pressure_unit="kPa")
+    inflation = ph.plot_inflation(DATA, backend="none")
     assert set(texts(inflation, "xlabel")) == {"internal radius $a$ (mm)"}
     assert texts(inflation, "ylabel") == ["pressure (kPa)"]
     density = ph.plot_parameter_density(classes, backend="none")
     assert texts(density, "xlabel") == [r"$\mu$ (kPa)"]
     assert texts(density, "ylabel") == [r"$\alpha$"] * 2
-    fit = ph.plot_pressure_fit(few_draws, backend="none")
+    fit = ph.plot_pressure_fit(few_draws, backend="none", pressure_unit="mmHg")
     assert texts(fit, "ylabel") == ["pressure (mmHg)", "stiffness d$p$/d$a$ (mmHg/mm)"]
     assert texts(fit, "title") == ["class C1", "class C2"]
     # A class has the same colour in each figure.

@@ -74,3 +74,12 @@ def test_decisions_p_values_and_limits_are_shown():
     assert stored.get_viz("none_below", specimen="S2")["y"] == 0.05
     several = ph.plot_class_probability({"A": result, "B": result}, backend="none")
     assert texts(several, "title")[:2] == ["S1\n→ C1", "\n→ C1"]
+
+
+def test_panels_of_what_is_not_classified_name_the_classes(result):
+    result["class_probability"][0] = np.nan
+    figure = ph.plot_class_probability(result).get_viz("figure")
+    assert {label.get_text() for label in figure.axes[-1].get_xticklabels()} == {"C1", "C2"}
+    wide = ph.plot_class_probability(xr.concat([result] * 3, "test"))
+    for axes in wide.get_viz("figure").axes[:9]:
+        assert axes.get_xlim() == pytest.approx((-0.6, 1.6))

@@ -24,7 +24,7 @@ import pymc_hyperelastic as ph
     ("group_by", "panels"), [("group", 2), ("specimen", 5), ("experiment", 3), (None, 1)]
 )
 def test_every_measured_point_is_drawn_once(group_by, panels):
-    figure = ph.plot_inflation(DATA, group_by=group_by, backend="none")
+    figure = ph.plot_inflation(DATA, group_by=group_by, pressure_unit="mmHg", backend="none")
     assert figure.viz["plot"].size == panels
     assert len(elements(figure, "line")) == DATA.sizes["test"]
     expected = np.stack([DATA["radius"].values, DATA["pressure"].values / ph.mmHg])
@@ -50,7 +50,7 @@ def test_labels_with_the_sign_of_formulas_are_shown_as_they_are():
     data["group"] = ("test", ["$x_1$", "$x_1$", r"\$y$"])
     figure = ph.plot_inflation(data).get_viz("figure")
     figure.canvas.draw()
-    # What matplotlib writes: without formulas \\$ becomes $.
+    # Text that matplotlib writes: without formulas \\$ becomes $.
     written = figure.findobj(lambda artist: isinstance(artist, Text) and artist.get_text())
     shown = {each._preprocess_math(each.get_text()) for each in written}
     labels = {"specimen a$b$", r"specimen $\frac{$", r"group \$y$", r"$\frac{$ and $5"}
@@ -98,8 +98,8 @@ def test_measured_outer_diameters_are_labelled_as_diameters():
 
 
 def test_inflation_and_extension_points_are_drawn_in_their_own_panels():
-    data, settings = both_kinds(), {"pressure_unit": "kPa", "backend": "none"}
-    figure = ph.plot_inflation(data, group_by="axial_stretch", **settings)
+    data = both_kinds()
+    figure = ph.plot_inflation(data, group_by="axial_stretch", backend="none")
     for variable, x, y, kind in (
         ("pressure", "radius", "pressure", "at"),
         ("axial_force", "axial_stretch", "axial_force", "held"),

@@ -25,7 +25,7 @@ def height_of(area):
 
 def test_regions_of_both_modes_hold_their_probability(classes):
     figure = ph.plot_parameter_density(classes, probs=[0.5, 0.95])
-    assert legend_texts(figure) == ["C1", "C2"]
+    assert legend_texts(figure) == ["class C1", "class C2"]
     for name, tree in classes.children.items():
         mu, alpha = (tree["posterior"][n].values.ravel() for n in ("mu", "alpha"))
         for part, mode in enumerate([alpha > 0, alpha < 0]):
@@ -73,7 +73,7 @@ def test_dashed_line_holds_its_share_of_new_specimens():
     assert abs(inside.mean() - 0.8) < 0.06
     filled = figure.viz["area"]["log_density"].values.ravel()[0].get_paths()[0]
     assert np.ptp(filled.vertices[:, 0]) < 0.6 * np.ptp(line.get_paths()[0].vertices[:, 0])
-    assert legend_texts(figure) == ["posterior", "typical specimen", "new specimen, 80 %"]
+    assert legend_texts(figure) == ["typical specimen", "new specimen, 80 %"]
     axes = figure.get_viz("plot", "log_density")
     assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "linear")
     # Wide axes are logarithmic, and the region fills them.

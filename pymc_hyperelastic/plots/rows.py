@@ -1,0 +1,66 @@
+"""Draw rows of points with intervals: laws, groups or planned tests by two measures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from pymc_hyperelastic.plots.labels import axis_label
+from pymc_hyperelastic.plots.style import Canvas, Wishes, literal, set_yticks, stacked
+
+_MARGIN = 0.6  # from the first and the last row to the ends of the axis, in rows
+
+
+def row_panels(
+    data: xr.Dataset, known: str, wishes: Wishes, labels: list[str], inches: float, **settings: Any
+) -> Canvas:
+    """Two panels, along dimension ``panel`` of the data, with rows of this height.
+
+    The first row is on top, at height 0; the others are at -1, -2 and so on.
+    """
+    longest = max(len(line) for label in labels for line in label.splitlines())
+    size = (6.6 + 0.075 * longest, inches * len(labels) + 1.4)
+    layout = {"cols": ["panel"], "col_wrap": 2} | settings
+    canvas = Canvas("wrap", data, known, wishes, size, {"sharey": True}, **layout)
+    first, *_ = panels = [str(name) for name in data["panel"].values]
+    canvas.adjust("set_ylim", limits=(_MARGIN - len(labels), _MARGIN))
+    rows = {"values": [-i for i in range(len(labels))], "labels": [*map(literal, labels)]}
+    canvas.adjust(set_yticks, **rows, coords={"panel": first})
+    for panel in panels:
+        canvas.label("xlabel", axis_label(panel), coords={"panel": panel})
+    return canvas
+
+
+def heights(dim: str, count: int) -> xr.DataArray:
+    """Heights of the rows."""
+    return xr.DataArray(-np.arange(float(count)), dims=dim)
+
+
+def draw_points(
+    canvas: Canvas, name: str, x: xr.DataArray, y: xr.DataArray, **settings: Any
+) -> None:
+    """Draw a visual of points."""
+    data = stacked(*canvas.collection.data.data_vars, x=x, y=y)
+    canvas.draw(name, "scatter_xy", data=data, **{"size": 22} | settings)
+
+
+def draw_lines(
+    canvas: Canvas,
+    name: str,
+    ends: tuple[xr.DataArray, xr.DataArray],
+    y: xr.DataArray,
+    **settings: Any,
+) -> None:
+    """Draw a visual of horizontal lines between two ends."""
+    x = xr.concat(ends, dim="end", coords="minimal", compat="override")
+    data = stacked(*canvas.collection.data.data_vars, x=x, y=y)
+    canvas.draw(name, "line_xy", data=data, **{"width": 1.3} | settings)
+
+
+def draw_verticals(canvas: Canvas, name: str, x: dict[str, float]) -> None:
+    """Draw a grey line across all rows of each panel, unless its place is NaN."""
+    (variable,) = canvas.collection.data.data_vars
+    places = xr.DataArray(list(x.values()), {"panel": list(x)}, "panel").to_dataset(name=variable)
+    canvas.draw(name, "vline", data=places, ignore_aes="all", color="0.6", width=0.8)
