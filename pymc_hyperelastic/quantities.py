@@ -199,6 +199,8 @@ class PlausibleRange:
     below: str
     """The likely mistake if it is below `low`."""
     above: str
+    doubted_unit: str = ""
+    """The dimension whose unit may be the mistake."""
 
 
 _RADII_UNLIKE = "are inner_radius and outer_radius diameters, in another unit, or of another tube?"
@@ -217,6 +219,7 @@ PLAUSIBLE = {
         40.0,  # 300 mmHg
         "was it given in MPa or bar, pressure_unit=...?",
         'was it given in mmHg or Pa, pressure_unit="mmHg"?',
+        "pressure",
     ),
     "lowest_pressure": PlausibleRange(
         "the lowest pressure",
@@ -233,9 +236,10 @@ PLAUSIBLE = {
         30.0,
         _OTHER_UNIT,
         _OTHER_UNIT,
+        "length",
     ),
     "largest_radius": PlausibleRange(
-        "the largest internal radius", "mm", 0.01, 40.0, _OTHER_UNIT, _OTHER_UNIT
+        "the largest internal radius", "mm", 0.01, 40.0, _OTHER_UNIT, _OTHER_UNIT, "length"
     ),
     "wall": PlausibleRange(
         "the thickness of the wall over its mean radius",
@@ -260,6 +264,7 @@ PLAUSIBLE = {
         2 * pi,
         'were radians given with angle_unit="deg"?',
         "",
+        "angle",
     ),
     "first_stretch": PlausibleRange(
         "the hoop stretch at the lowest pressure, over that without load,",
@@ -284,5 +289,6 @@ PLAUSIBLE = {
         2000.0,
         "",
         "was another unit meant, force_unit=...?",
+        "force",
     ),
 }

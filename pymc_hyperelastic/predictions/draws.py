@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from pymc_hyperelastic.data.doubt import Check, check_known
+from pymc_hyperelastic.data.validation import Check, check_known
 from pymc_hyperelastic.data.plausible import check_plausible_pressures
 from pymc_hyperelastic.data.units import mmHg, to_internal
 from pymc_hyperelastic.mechanics.layers import Layer, ReferenceLayer, check_geometry

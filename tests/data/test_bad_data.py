@@ -101,6 +101,14 @@ BAD_DATASET = {
     "scattered": (with_values("test", [0, 0, 1, 2, 1, 2]), f"{S1E2}, row 14: .*stand together"),
     "empty test": (with_values("test", [0, 0, 0, 0, 2, 2]), rf"{S1E2} has no points.*select\(\)"),
     "test -1": (with_values("test", [-1, 0, 1, 1, 2, 2]), "from -1 to 2"),
+    "test twice": (
+        build().assign_coords(experiment=("test", [1, 1, 1])),
+        rf"tests 0 and 1 have the same labels \({S1E1}, row 10 and {S1E1}, row 12\): give one",
+    ),
+    "specimen in two groups": (
+        build().assign_coords(specimen=("test", ["S1", "S1", "S1"]), experiment=("test", [1, 2, 3])),
+        rf"specimen 'S1' is in group 'C1' \({S1E1}\) and in group 'C2' .*experiment 3\): .*names",
+    ),
     "no points": (build().isel(obs=slice(0, 0)), "no points"),
     "negative error": (
         build(geometry_sd={"wall_area": 0.0}).assign(wall_area_sd=("test", [0.0, -1e-9, 0.0])),

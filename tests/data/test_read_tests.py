@@ -15,10 +15,10 @@ import xarray as xr
 from written import HEAD, KPA_10, KPA_45, ROUNDING, ROWS, message_of
 
 import pymc_hyperelastic as ph
-from pymc_hyperelastic.data.files.headers import DIAMETERS, KINDS, LABELS, names_of
+from pymc_hyperelastic.data.files.headers import names_of
 from pymc_hyperelastic.data.files.settings import settings_of
-from pymc_hyperelastic.data.files.spellings import units_of
 from pymc_hyperelastic.data.inflation import check_inflation_data
+from pymc_hyperelastic.quantities import DIAMETERS, IN_TABLES, UNITS
 
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "file_format.md"
 MESSY = Path(__file__).parent / "messy"
@@ -300,14 +300,14 @@ def test_paths_are_given_once(tmp_path):
 
 def test_guide_states_all_names_and_units_and_its_settings_are_right():
     page = PAGE.read_text(encoding="utf-8")
-    for name in (*LABELS, *KINDS):
+    for name in IN_TABLES:
         if name.endswith("_sd"):
             continue
         halves = [other.replace("_", " ") for other in DIAMETERS.get(name, "").split()]
         others = [o for o in names_of(name)[1:] if o not in halves and o != "λ z"]
         assert f"| `{name}` | {', '.join(others)} | {', '.join(halves)} |" in page
     for kind in ("pressure", "length", "force", "angle", "ratio"):
-        assert f"| {kind} | {units_of(kind)} |" in page
+        assert f"| {kind} | {', '.join(UNITS[kind])} |" in page
     toml, *_ = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     settings = settings_of(tomllib.loads(toml), "study.toml")
     assert settings.columns["Di"].scale == 0.5 and settings.constants["outer_radius"].value == 450.0

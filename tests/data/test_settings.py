@@ -75,7 +75,7 @@ BAD = {
     "two names": ("constants = {thickness_um = 62, thickness_mm = 1}", "study.toml: constants has"),
     "infinity": ("constants = {thickness = inf}", "study.toml: constants.thickness is inf; expec"),
     "not a list": ("ignore = 'P'", "study.toml: ignore is 'P'; expected a list of column names"),
-    "convention": ("cycles = 'first'", "a.csv: cycles is 'first'; expected one of ('last', 'a"),
+    "convention": ("cycles = 'first'", "study.toml: cycles is 'first'; expected one of ('last', 'a"),
 }  # fmt: skip
 
 

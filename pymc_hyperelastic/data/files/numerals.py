@@ -1,6 +1,7 @@
 """Numbers as people write them into cells: decimal marks, thousands, gaps, units, dates.
 
-A cell that may mean two numbers is not read.
+pandas would read some of these as other numbers, or not at all; a cell that may mean two numbers is
+not read.
 """
 
 import re
@@ -44,24 +45,12 @@ _LONGEST = 60
 
 
 def is_missing(cell: str) -> bool:
-    """Whether a cell says that there is no number.
-
-    Examples
-    --------
-    >>> is_missing("N/A"), is_missing("0")
-    (True, False)
-    """
+    """Return True for a cell that says that there is no number."""
     return cell.casefold() in MISSING
 
 
 def split_unit(cell: str, is_unit: Callable[[str], object]) -> tuple[str, str | None]:
-    """Number and unit of a cell, both as written, or the cell and None.
-
-    Examples
-    --------
-    >>> split_unit("12 mmHg", "mmHg".__eq__)
-    ('12', 'mmHg')
-    """
+    """Number and unit of a cell, both as written, or the cell and None."""
     found = len(cell) <= _LONGEST and _WITH_UNIT.fullmatch(cell)
     if found and is_unit(found[2]):
         return found[1], found[2]
@@ -69,7 +58,7 @@ def split_unit(cell: str, is_unit: Callable[[str], object]) -> tuple[str, str | 
 
 
 def number(cell: str, decimal: Decimal) -> float | None:
-    """Number of a cell, or None where it is none or may be two.
+    """Number of a cell, or None if it is none or may be two.
 
     Examples
     --------
@@ -89,13 +78,7 @@ def number(cell: str, decimal: Decimal) -> float | None:
 
 
 def why_no_number(cell: str, decimal: Decimal) -> str:
-    """Why a cell is not read as a number, and what to do.
-
-    Examples
-    --------
-    >>> why_no_number("7. Feb", ".")
-    'a date, as spreadsheets make of numbers: format the column as numbers, and enter it again'
-    """
+    """Why a cell is not read as a number, and what to do."""
     other: Decimal = "," if decimal == "." else "."
     if len(cell) > _LONGEST:
         return "not a number: correct it, or delete the line"

@@ -2,16 +2,16 @@
 
 import pandas as pd
 
-from pymc_hyperelastic.data.columns import LABELS as OF_TEST
-from pymc_hyperelastic.data.doubt import Check, refuse
-from pymc_hyperelastic.data.files.headers import KINDS, NEEDED, names_of
+from pymc_hyperelastic.data.columns import LABELS
+from pymc_hyperelastic.data.files.headers import NEEDED, names_of
 from pymc_hyperelastic.data.files.join import joined, named
 from pymc_hyperelastic.data.files.settings import Constant, Settings
 from pymc_hyperelastic.data.files.sheets import Table
-from pymc_hyperelastic.data.files.spellings import internal_unit
 from pymc_hyperelastic.data.geometry import WALL
-from pymc_hyperelastic.data.inflation import listed
+from pymc_hyperelastic.data.inflation import file_of, listed
+from pymc_hyperelastic.data.validation import Check, refuse
 from pymc_hyperelastic.files.stored import shown
+from pymc_hyperelastic.quantities import IN_TABLES
 
 MEASURED = ("radius", "outer_diameter")
 # Points of a test that another has too; fewer may agree by chance.
@@ -26,18 +26,9 @@ _RADII = ("inner_radius", "outer_radius")
 def study_of(
     tables: list[Table], settings: Settings, check: Check = "warn"
 ) -> tuple[pd.DataFrame, list[str]]:
-    r"""One frame of all points, and in words what is in it.
+    """One frame of all points, and in words what is in it.
 
     Raises ValueError where something is missing, does not fit together, or is there twice.
-
-    Examples
-    --------
-    >>> from pymc_hyperelastic.data.files.sheets import table_of
-    >>> from pymc_hyperelastic.data.files.text import sheet_of
-    >>> text = "id,test,radius_mm,p_kPa\nS1,1,7.2,2\n"
-    >>> tables = [table_of(sheet_of(text, "a.csv", "UTF-8"), Settings())]
-    >>> study_of(tables, Settings())[1][0]
-    'together: 1 specimen, 1 experiment, 1 point'
     """
     points = [table for table in tables if not {*MEASURED, "pressure"}.isdisjoint(table.frame)]
     others = [table for table in tables if table not in points]
@@ -48,12 +39,12 @@ def study_of(
     refuse(problems)
     frame = pd.concat([frame for frame, _ in completed])
     frame, idle = joined(frame, [table.frame for table in others])
-    files = ", ".join(table.sheet.file for table in tables)
+    files = ", ".join(table.file for table in tables)
     frame, unused = _chosen(frame, settings, files)
     for name in ("experiment", "cycle"):
         if name in frame:
             frame[name] = _counted(frame[name])
-    tests = frame.groupby([name for name in OF_TEST if name in frame], sort=False)
+    tests = frame.groupby([name for name in LABELS if name in frame], sort=False)
     refuse(_scattered(tests))
     refuse([] if check == "ignore" else _alike(tests))
     return frame, [*_said(settings), *_contents(frame), *idle, *unused]
@@ -64,7 +55,7 @@ def _in_own_unit(name: str, constant: Constant, settings: Settings) -> float | N
 
     Ratios need none.
     """
-    is_ratio = KINDS[name] == "ratio"
+    is_ratio = IN_TABLES[name].dimension == "ratio"
     unit = constant.unit or (None if is_ratio else settings.unit_of(name))
     if unit is None:
         return constant.value if is_ratio else None
@@ -78,7 +69,8 @@ def _said(settings: Settings) -> list[str]:
         if isinstance(constant, str):
             return f"{name} {constant!r}"
         value = _in_own_unit(name, constant, settings)
-        return f"{name} {value:.6g} {internal_unit(KINDS[name])}".rstrip()
+        unit = IN_TABLES[name].unit
+        return f"{name} {value:.6g}{'' if unit == '1' else f' {unit}'}"
 
     places = {"all files": settings.constants} | settings.files
     return [
@@ -91,13 +83,13 @@ def _said(settings: Settings) -> list[str]:
 def _with_constants(table: Table, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
     """The table with what the settings say is the same in all rows, and what is wrong with it."""
     frame, problems = table.frame, []
-    constants = settings.constants | settings.files.get(table.sheet.file, {})
+    constants = settings.constants | settings.files.get(table.file, {})
     for name, constant in constants.items():
         if name in frame:
             said = repr(constant) if isinstance(constant, str) else constant.value
             problems.append(
-                f"{name} is {said} in the settings, and {table.sheet.file} has a column of it, "
-                f"{shown(table.header(name))}: remove one, or name the column in the list ignore"
+                f"{name} is {said} in the settings, and {table.file} has a column of it, "
+                f"{shown(table.headers[name])}: remove one, or name the column in the list ignore"
             )
         if isinstance(constant, str):
             frame = frame.assign(**{name: constant})
@@ -114,13 +106,13 @@ def _with_constants(table: Table, settings: Settings) -> tuple[pd.DataFrame, lis
 
 def _has(table: Table) -> str:
     """What columns a file has."""
-    names = table.sheet.names
+    names = table.names
     if len(names) == 1:
         return (
-            f"{table.sheet.file} has one column, {shown(names[0])} (separate columns by tabs, "
+            f"{table.file} has one column, {shown(names[0])} (separate columns by tabs, "
             "semicolons or commas, and begin remarks above their names with #)"
         )
-    return f"{table.sheet.file} has {listed(names)}"
+    return f"{table.file} has {listed(names)}"
 
 
 def _not_found(tables: list[Table], settings: Settings) -> list[str]:
@@ -128,7 +120,7 @@ def _not_found(tables: list[Table], settings: Settings) -> list[str]:
     texts: dict[str, list[str]] = {}
     for text, known in settings.columns.items():
         texts.setdefault(known.name, []).append(shown(text))
-    files = [table.sheet.file for table in tables]
+    files = [table.file for table in tables]
     problems = [
         f"files.{shown(file)} of the settings is not among the files, {listed(files)}"
         for file in settings.files
@@ -138,7 +130,7 @@ def _not_found(tables: list[Table], settings: Settings) -> list[str]:
         f"columns.{name} of the settings is {' or '.join(said)}, and no file has such a column: "
         f"{'; '.join(map(_has, tables))}"
         for name, said in texts.items()
-        if not any(column.name == name for table in tables for column in table.columns)
+        if not any(name in table.headers for table in tables)
     ]
 
 
@@ -149,7 +141,7 @@ def _missing(points: list[Table], others: list[Table], settings: Settings) -> li
     for table in points or others:
         # A column that is known and empty is a problem of its table.
         known = {*table.frame, *_with_constants(table, settings)[0]}
-        known |= {column.name for column in table.columns} & set(NEEDED)
+        known |= {*table.headers} & {*NEEDED}
         lacking = [names for names in needed if known.isdisjoint(names)]
         if lacking:
             none = ", no column ".join(" or ".join(names) for names in lacking)
@@ -206,7 +198,7 @@ def _counted(labels: pd.Series) -> pd.Series:
 def _scattered(tests: pd.api.typing.DataFrameGroupBy) -> list[str]:
     """What is wrong where the rows of one test stand in several files."""
     frame = tests.obj
-    files = frame.index.str.rpartition(", line ").get_level_values(0)
+    files = frame.index.map(file_of)
     first = frame.loc[~pd.DataFrame({"test": tests.ngroup(), "file": files}).duplicated()]
     begins: dict[tuple, list[str]] = {}
     for place, *labels in first[tests.keys].itertuples():
