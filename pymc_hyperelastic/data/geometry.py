@@ -48,7 +48,7 @@ class _Tests:
         for i in np.flatnonzero(bad & ~self._bad):
             value = "" if values is None else float(values[i])
             place = self._rows.test_of(self._rows.first[i])
-            self._rows.problems.add(place, what.format(value), dimension)
+            self._rows.problems.add(place, what.format(value), dimension, of_test=True)
         self._bad |= bad
 
 

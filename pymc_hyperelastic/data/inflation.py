@@ -143,7 +143,7 @@ def check_inflation_data(data: xr.Dataset) -> None:
     missing.
     """
     _check_structure(data)
-    for place, what, _ in defects_of(data):
+    for place, what, *_ in defects_of(data):
         raise ValueError(f"{place}: {what}")
 
 
@@ -292,10 +292,12 @@ def _found(
 ) -> Iterator[Problem]:
     spec = IN_TABLES[name]
     unit = "" if spec.unit == "1" else f" {spec.unit}"
-    place = _place_of_point if data[name].dims == ("obs",) else place_of_test
+    of_test = data[name].dims == ("test",)
+    place = place_of_test if of_test else _place_of_point
+    dimension = spec.dimension if "_unit=" in expected else ""
     for i in np.flatnonzero(bad):
         what = f"{name} is {values[i]:.6g}{unit}; {expected}"
-        yield Problem(place(data, int(i)), what, spec.dimension if "_unit=" in expected else "")
+        yield Problem(place(data, int(i)), what, dimension, of_test)
 
 
 def listed(labels: Iterable[Hashable]) -> str:

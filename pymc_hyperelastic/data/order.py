@@ -24,7 +24,6 @@ _FALL = 0.1
 _ROUNDING = 1e-9
 # Legs of a cycle have at least so many rows on average; those of shuffled rows have 1.5.
 _LEG = 4
-_LOADED = "as if this were loading and unloading"
 _SLOPES = "slopes are taken between neighbouring rows"
 
 
@@ -67,16 +66,18 @@ def order_of_points(
     compared = {
         name: points[name] for name in (measured, "pressure", "axial_force") if name in points
     }
-    _refuse_repeated(rows, compared, tests, np.where(varying[rows.test], stretch, np.nan))
+    repeated = _repeated(rows, compared, tests, np.where(varying[rows.test], stretch, np.nan))
     order = []
     for own in tests:
-        if varying[rows.test[own[0]]] and clearly_extended(stretch[own]):
-            along, name = stretch[own], "axial_stretch"
-            order.append(_by_stretch(rows, own, along))
-        else:
-            along, name = points[measured][own], measured
-            order.append(_by_radius(rows, own, along, points["pressure"][own], measured))
-        if not np.array_equal(order[-1], own):
+        extended = varying[rows.test[own[0]]] and clearly_extended(stretch[own])
+        name = "axial_stretch" if extended else measured
+        along = stretch[own] if extended else points[measured][own]
+        pressure = None if extended else points["pressure"][own]
+        in_order = (
+            own if rows.test[own[0]] in repeated else _sorted(rows, own, name, along, pressure)
+        )
+        order.append(in_order)
+        if not np.array_equal(in_order, own):
             rows.problems.doubt(
                 "order",
                 rows.place(own[_first_turn(along)]),
@@ -86,40 +87,31 @@ def order_of_points(
     return np.concatenate(order)
 
 
-def _by_radius(rows: Rows, points: Points, radius: Array, pressure: Array, measured: str) -> Points:
-    """Order of one test with these radii and pressures."""
-    if _never_turns(radius) or _never_turns(pressure):
+def _sorted(rows: Rows, points: Points, name: str, along: Array, pressure: Array | None) -> Points:
+    """Order of one test by the quantity `name`; without pressures it is an extension test."""
+    ascending = np.argsort(along, kind="stable")
+    if _never_turns(along) or (pressure is not None and _never_turns(pressure)):
         return points
-    turns = min(_turns(radius), _turns(pressure))
-    ascending = np.argsort(radius, kind="stable")
+    turns = _turns(along) if pressure is None else min(_turns(along), _turns(pressure))
     if _up_and_down(turns, len(points)):
-        _refuse(rows, points[_first_turn(radius)], measured, f"{_LOADED}; {_SLOPES}")
+        why = "as if this were loading and unloading"
+        why += ", between which a wall loses energy" if pressure is None else f"; {_SLOPES}"
+    elif pressure is None:
+        return points[ascending] if turns else points
     elif np.all(np.diff(pressure[ascending]) >= 0):
         return points[ascending]
     elif turns:
-        falls = f"and sorted by it the pressure falls; {_SLOPES}"
-        _refuse(rows, points[_first_turn(radius)], measured, falls)
-    return points
-
-
-def _by_stretch(rows: Rows, points: Points, stretch: Array) -> Points:
-    """Order of one extension test with these stretches."""
-    turns = 0 if _never_turns(stretch) else _turns(stretch)
-    if _up_and_down(turns, len(points)):
-        at = points[_first_turn(stretch)]
-        _refuse(rows, at, "axial_stretch", f"{_LOADED}, between which a wall loses energy")
+        why = f"and sorted by it the pressure falls; {_SLOPES}"
+    else:
         return points
-    return points[np.argsort(stretch, kind="stable")] if turns else points
-
-
-def _refuse(rows: Rows, i: int, along: str, why: str) -> None:
-    sort = "sort them" if rows.of_files else f"sort them, frame.sort_values({along!r})"
+    sort = "sort them" if rows.of_files else f"sort them, frame.sort_values({name!r})"
     rows.problems.add(
-        rows.place(i),
-        f"{along} turns back here, {why}: name loading and unloading in a column 'phase', cycles "
+        rows.place(points[_first_turn(along)]),
+        f"{name} turns back here, {why}: name loading and unloading in a column 'phase', cycles "
         "in a column 'cycle', and choose with ph.select(data, phase=...); or, if the rows were "
         f"only shuffled, {sort}",
     )
+    return points
 
 
 def _up_and_down(turns: int, count: int) -> bool:
@@ -154,10 +146,10 @@ def _turns(x: Array) -> int:
     return turns
 
 
-def _refuse_repeated(
+def _repeated(
     rows: Rows, compared: dict[str, Array], tests: list[Points], stretch: Array
-) -> None:
-    """Refuse a row that repeats another of its test, at the same stretch: it would count twice."""
+) -> set[int]:
+    """Tests of which a row repeats another at the same stretch, which is an error."""
     if np.isfinite(stretch).any():
         compared = {"axial_stretch": stretch} | compared
     values = np.column_stack(list(compared.values()))
@@ -174,3 +166,4 @@ def _refuse_repeated(
             rows.place(i),
             f"repeats {row_text(rows.frame.index[first])} ({cells}), and would count twice: {drop}",
         )
+    return {*rows.test[twice].tolist()}

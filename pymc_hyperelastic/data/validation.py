@@ -25,6 +25,8 @@ class Problem(NamedTuple):
     place: str
     what: str
     dimension: str = ""
+    of_test: bool = False
+    """Whether the place is a whole test: tests with the same problem are counted, not listed."""
 
 
 @dataclass
@@ -37,9 +39,10 @@ class Problems:
     _errors: dict[str, list[Problem]] = field(default_factory=dict)
     _doubts: dict[str, list[Problem]] = field(default_factory=dict)
 
-    def add(self, place: str, what: str, dimension: str = "") -> None:
-        """Record an error. Errors that differ in their place only are reported as one."""
-        self._errors.setdefault(what, []).append(Problem(place, what, dimension))
+    def add(self, place: str, what: str, dimension: str = "", of_test: bool = False) -> None:
+        """Record an error."""
+        key = what if of_test else f"{place}: {what}"
+        self._errors.setdefault(key, []).append(Problem(place, what, dimension, of_test))
 
     def doubt(self, kind: str, place: str, what: str, dimension: str = "") -> None:
         """Record what is possible, but probably wrong. Doubts of a kind are reported as one."""
@@ -60,7 +63,7 @@ class Problems:
             warnings.warn(message, skip_file_prefixes=(PACKAGE,))
 
     def _message(self, same: Sequence[Problem], advice: str = "") -> str:
-        place, what, dimension = same[0]
+        place, what, dimension, _ = same[0]
         others = len(same) - 1
         message = f"{place}: {what}" if place else what
         if others:

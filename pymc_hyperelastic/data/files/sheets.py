@@ -136,7 +136,7 @@ def table_of(sheet: Sheet, settings: Settings) -> Table:
             values[column.name] = numbers * column.meaning.scale * (unit.factor if unit else np.nan)
             words.append(_number_in_words(column, unit, numbers))
             units |= {column.name: unit} if unit else {}
-    lines = columns[0].cells.index if columns else sheet.cells.index
+    lines = columns[0].cells.index if columns else sheet.lines
     frame = pd.DataFrame(values, index=lines).set_axis([sheet.place(i) for i in lines])
     rows = f"{len(frame)} row{'s' * (len(frame) > 1)}"
     understood = [f"{sheet.file}: {sheet.form}, {DECIMALS[decimal]}, {rows}", *words]
@@ -156,6 +156,10 @@ def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str],
     stated = {comparable(text): known for text, known in settings.columns.items()}
     named = {known.name for known in stated.values()}
     where = f"{sheet.file}, line {sheet.name_line}"
+
+    def cells_of(position: int) -> pd.Series:
+        return pd.Series([row[position] for row in sheet.cells], sheet.lines)
+
     for position, header in enumerate(sheet.names):
         names = called(header)
         known = heading(header)
@@ -170,7 +174,7 @@ def _columns(sheet: Sheet, settings: Settings) -> tuple[list[Column], list[str],
                 f"{where}: {shown(columns[known.name].header)} and {shown(header)} are both "
                 f"{known.name}: rename one, or name it in the list ignore of the settings"
             )
-        columns.setdefault(known.name, Column(header, known, sheet.cells[position]))
+        columns.setdefault(known.name, Column(header, known, cells_of(position)))
     for column in columns.values():
         name = comparable(column.header)
         meanings = TWO_MEANINGS.get(name, ())
@@ -199,7 +203,7 @@ def _without_unit_row(sheet: Sheet, columns: list[Column]) -> list[Column]:
     if not stated or any(not (units[name] or is_missing(text)) for name, text in below.items()):
         return columns
     if len(sheet.cells) == 1:
-        raise no_rows(sheet.file, sheet.cells.index[0])
+        raise no_rows(sheet.file, sheet.lines[0])
     return [
         column._replace(cells=column.cells.iloc[1:], unit_below=units.get(column.name))
         for column in columns

@@ -35,8 +35,6 @@ _MOST_LINES = 10
 _LONGEST_LINE = 2**20
 # Bytes of a file, once it is decompressed: some million measured points.
 _LARGEST_FILE = 2**28
-# Cells of a table, so that one long line among many does not fill the memory.
-_MOST_CELLS = 2 * 10**7
 # Lines in which the names of columns, and a separator if the first line has none, are looked for.
 _LINES_LOOKED_AT = 100
 _LONGEST_CELL = csv.field_size_limit()
@@ -54,8 +52,10 @@ class Sheet:
     separator: str
     names: list[str]
     name_line: int
-    cells: pd.DataFrame
-    """One row a line, with its number in the index; columns are numbered from 0."""
+    cells: list[list[str]]
+    """Rows below the names, each with as many cells as there are names."""
+    lines: list[int]
+    """The line of each row."""
 
     def place(self, line: int) -> str:
         """File and line, as messages name them."""
@@ -144,18 +144,21 @@ def _sheets_of_workbook(content: bytes, file: str, columns: Collection[str]) -> 
             f"({in_one_line(error)}): {_EXPORT}"
         ) from None
     filled = {name: cells for name, cells in workbook.items() if not cells.empty}
-    for name, cells in (filled or workbook).items():
+    for name, frame in (filled or workbook).items():
         of_sheet = f"{file}, sheet {shown(name)}" if len(filled) > 1 else file
-        cells = cells.fillna("").map(lambda cell: _plain(str(cell))).map(str.strip)
-        cells.index += 1
-        remark = cells[0].str.startswith("#") & (cells.iloc[:, 1:] == "").all(axis=1)
-        cells = cells[~remark & (cells != "").any(axis=1)]
-        for line, row in cells.iterrows():
-            if forbidden := forbidden_character("".join(row)):
+        rows = frame.fillna("").astype(str).to_numpy().tolist()
+        records = {
+            line: cells
+            for line, row in enumerate(rows, 1)
+            if any(cells := [_plain(cell).strip() for cell in row])
+            and not (cells[0].startswith("#") and not any(cells[1:]))
+        }
+        for line, cells in records.items():
+            if forbidden := forbidden_character("".join(cells)):
                 raise _forbidden(of_sheet, line, forbidden)
-        looked_at = cells.iloc[:_LINES_LOOKED_AT].to_numpy().tolist()
-        _check_preamble([_are_names(row, columns) for row in looked_at], cells.index, of_sheet)
-        yield _sheet(cells, of_sheet, "Excel", "", cells.shape[1])
+        looked_at = list(records.values())[:_LINES_LOOKED_AT]
+        _check_preamble([_are_names(row, columns) for row in looked_at], [*records], of_sheet)
+        yield _sheet(records, of_sheet, "Excel", "")
 
 
 def sheet_of(
@@ -182,76 +185,66 @@ def sheet_of(
         # The lines below decide if the first has no separator.
         counts = {m: [_count(line, m) for line in looked_at] for m in SEPARATORS}
         separator = max(SEPARATORS, key=lambda mark: (counts[mark][0], max(counts[mark])))
-    kept = {i: line for i, line in enumerate(_without_remarks(lines[: top + 1], separator), 1)}
-    kept |= {
-        i: line
-        for i, line in enumerate(lines[top + 1 :], top + 2)
-        if separator in line or not _COMMENT.match(line)
-    }
-    kept = {i: line for i, line in kept.items() if line.strip(f" \t{separator}")}
+    lines = [*_without_remarks(lines[: top + 1], separator), *lines[top + 1 :]]
+    lines = [
+        "" if i > top and _COMMENT.match(line) and separator not in line else line
+        for i, line in enumerate(lines)
+    ]
     form = f"{encoding}, separated by {SEPARATORS[separator]}"
-    if not kept:
-        return _sheet(pd.DataFrame(), file, form, separator, 0)
-    width = _count(next(iter(kept.values())), separator)
-    return _sheet(_cells(kept, separator, file), file, form, separator, width)
+    return _sheet(_records(lines, separator, file), file, form, separator)
 
 
-def _cells(lines: dict[int, str], separator: str, file: str) -> pd.DataFrame:
-    """Cells of lines, which are given by their numbers."""
-    counts = {i: line.count(separator) + 1 for i, line in lines.items()}
-    widest = max(counts, key=counts.__getitem__)
-    if counts[widest] * len(lines) > _MOST_CELLS:
-        raise ValueError(
-            f"{file}, line {widest}: there are {counts[widest]} cells, which is too many for a "
-            f"table of {len(lines)} lines: is there a separator inside a cell?"
-        )
+def _records(lines: list[str], separator: str, file: str) -> dict[int, list[str]]:
+    """Cells of the lines, by the number of the line.
+
+    Not by pandas: it takes half a minute for a line of 20,000 cells, and drops cells beyond the
+    names without a word.
+    """
+    reader = csv.reader(
+        io.StringIO("\n".join(lines), newline=""), delimiter=separator, skipinitialspace=True
+    )
+    records: dict[int, list[str]] = {}
+    line = 1
     try:
-        cells = pd.read_csv(
-            io.StringIO("\n".join(lines.values())),
-            sep=separator,
-            header=None,
-            names=range(counts[widest]),
-            index_col=False,
-            dtype=str,
-            na_filter=False,
-            skipinitialspace=True,
-            skip_blank_lines=False,
-        )
-    except pd.errors.ParserError:  # a quotation mark that is not closed
-        cells = pd.DataFrame()
-    if len(cells) < len(lines):
-        quoted = [i for i, line in lines.items() if '"' in line]
-        odd = [i for i in quoted if lines[i].count('"') % 2] or quoted
+        for cells in reader:
+            if records and any("\n" in cell for cell in cells):
+                raise ValueError(
+                    f"{file}, line {line}: a quotation mark opens here that is closed in line "
+                    f"{reader.line_num}, if at all: remove it, or close the cell in its own line"
+                )
+            records[line] = [cell.strip() for cell in cells]
+            line = reader.line_num + 1
+    except csv.Error as error:
         raise ValueError(
-            f"{file}, line {odd[0]}: a quotation mark opens here that is closed in line "
-            f"{[*odd, max(lines)][1]}, if at all: remove it, or close the cell in its own line"
-        )
-    return cells.set_index(pd.Index(lines)).fillna("").apply(lambda column: column.str.strip())
+            f"{file}, line {line}: this line cannot be read ({in_one_line(error)}): is there a "
+            "quotation mark that is not closed?"
+        ) from None
+    return records
 
 
-def _sheet(cells: pd.DataFrame, file: str, form: str, separator: str, width: int) -> Sheet:
-    """Sheet of cells, of which the first row holds as many names as the `width`."""
-    cells = cells[(cells != "").any(axis=1)]
-    if cells.empty:
+def _sheet(records: dict[int, list[str]], file: str, form: str, separator: str) -> Sheet:
+    """Sheet of rows of cells by line, of which the first that is not blank holds the names."""
+    records = {line: cells for line, cells in records.items() if any(cells)}
+    if not records:
         raise ValueError(
             f"{file} is empty; expected a line with the names of columns, and one line a measured "
             "point"
         )
-    names, name_line, rows = cells.iloc[0, :width].tolist(), cells.index[0], cells.iloc[1:]
-    _check_names(names, rows, f"{file}, line {name_line}")
-    if rows.empty:
+    (name_line, names), *rows = records.items()
+    _check_names(names, [cells for _, cells in rows], f"{file}, line {name_line}")
+    if not rows:
         raise no_rows(file, name_line)
-    more = (rows.iloc[:, width:] != "").to_numpy()
-    if more.any():
-        lines = rows.index[more.any(axis=1)].tolist()
-        count = width + 1 + more.any(axis=0).nonzero()[0].max()
+    width = len(names)
+    too_long = {line: len(cells) for line, cells in rows if any(cells[width:])}
+    if too_long:
         raise ValueError(
-            f"{file}, {lines_in_words(lines)}: there are {count} cells, and {width} names of "
-            f"columns in line {name_line}, separated by {SEPARATORS[separator]}: is there a "
-            "decimal comma between commas, or a separator inside a cell? Put the cell in quotation "
-            "marks, or separate by semicolons"
+            f"{file}, {lines_in_words(list(too_long))}: there are {max(too_long.values())} cells, "
+            f"and {width} names of columns in line {name_line}, separated by "
+            f"{SEPARATORS[separator]}: is there a decimal comma between commas, or a separator "
+            "inside a cell? Put the cell in quotation marks, or separate by semicolons"
         )
-    return Sheet(file, form, separator, names, name_line, rows.iloc[:, :width])
+    cells = [(cells + [""] * width)[:width] for _, cells in rows]
+    return Sheet(file, form, separator, names, name_line, cells, [line for line, _ in rows])
 
 
 def _check_preamble(are_names: list[bool], lines: Sequence[int], file: str) -> None:
@@ -278,10 +271,10 @@ def _are_names(cells: list[str], columns: Collection[str]) -> bool:
     return any(cell in columns for cell in cells) or any(not each.is_label for each in known)
 
 
-def _check_names(names: list[str], rows: pd.DataFrame, where: str) -> None:
+def _check_names(names: list[str], rows: list[list[str]], where: str) -> None:
     """Raise ValueError if a line does not hold names, but one above it or below."""
     filled = [name for name in names if name]
-    widest = (rows != "").sum(axis=1).max() if len(rows) else 0
+    widest = max((sum(map(bool, cells)) for cells in rows), default=0)
     fix = "write the names of the columns into one line above the numbers"
     if sum(bool(_NUMBER.fullmatch(name)) for name in filled) > len(filled) / 2:
         raise ValueError(f"{where}: there are numbers where names of columns are expected: {fix}")
