@@ -310,7 +310,7 @@ def test_guide_states_all_names_and_units_and_its_settings_are_right():
         assert f"| {kind} | {', '.join(UNITS[kind])} |" in page
     toml, *_ = re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)
     settings = settings_of(tomllib.loads(toml), "study.toml")
-    assert settings.columns["Di"].scale == 0.5 and settings.constants["outer_radius"].value == 450.0
+    assert settings.columns["Di"].scale == 0.5 and settings.constants["outer_radius"] == 0.45
 
 
 def test_a_name_with_two_meanings_is_a_question(written):

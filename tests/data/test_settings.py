@@ -44,7 +44,7 @@ class = "C1"
     halved = written(table, settings={"constants": {"unloaded inner diameter (mm)": 14}})
     assert halved["inner_radius"].item() == 7.0
     message = message_of(written, table, settings={"constants": {"inner_radius": 7}})
-    assert message.startswith("inner_radius is 7 in the settings, without a unit: say units.inner")
+    assert message.startswith("settings: constants.inner_radius is 7, without a unit: state its unit")
     message = message_of(written, table, settings={"constants": {"specimen": "S9"}})
     assert message.startswith("specimen is 'S9' in the settings, and a.csv has a column of it, 'sp")
 

@@ -4,7 +4,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any, get_args
 
 from pymc_hyperelastic.data.files.headers import Heading, heading
 from pymc_hyperelastic.data.files.numerals import DECIMALS, LARGEST
@@ -42,14 +42,8 @@ _LARGEST_FILE = 200_000
 _LONGEST_LINE = 1000
 
 
-class Constant(NamedTuple):
-    """A number that is the same in all rows, and its unit, if its name tells."""
-
-    value: float
-    unit: Unit | None = None
-
-
-Constants = dict[str, Constant | str]
+# Labels, and numbers in the units of the package, that are the same in all rows.
+Constants = dict[str, float | str]
 
 
 @dataclass(frozen=True)
@@ -115,31 +109,29 @@ def settings_of(stated: Mapping[str, Any], place: str) -> Settings:
         key: _section(where, key, stated.get(key, {}))
         for key in ("files", "likelihood", *_SECTIONS)
     }
-    return Settings(
+    settings = Settings(
         {key: stated[key] for key in CONVENTIONS if key in stated},
         _columns(where, sections["columns"]),
-        _constants(f"{where}constants", sections["constants"]),
-        {
-            file: _constants(
-                f"{where}files.{shown(file)}",
-                _section(f"{where}files.{shown(file)}: ", "constants", constants),
-            )
-            for file, constants in sections["files"].items()
-        },
-        {
+        units={
             name: _unit(f"{where}units.{name}", unit, IN_TABLES[name].dimension)
             for name, unit in sections["units"].items()
         },
-        {
+        units_of_dimensions={
             dimension: _unit(f"{where}{key}", stated[key], dimension)
             for key, dimension in UNIT_KEYS.items()
             if key in stated
         },
-        tuple(stated.get("ignore", ())),
-        stated.get("decimal"),
-        stated.get("separator"),
-        _likelihood(where, sections["likelihood"]),
+        ignore=tuple(stated.get("ignore", ())),
+        decimal=stated.get("decimal"),
+        separator=stated.get("separator"),
+        likelihood=_likelihood(where, sections["likelihood"]),
     )
+    settings.constants.update(_constants(where, sections["constants"], settings))
+    for file, constants in sections["files"].items():
+        of_file = f"{where}files.{shown(file)}: "
+        section = _section(of_file, "constants", constants)
+        settings.files[file] = _constants(of_file, section, settings)
+    return settings
 
 
 def _unexpected(place: str, value: object, expected: str) -> ValueError:
@@ -192,32 +184,34 @@ def _columns(where: str, stated: Mapping[str, Any]) -> dict[str, Heading]:
     return columns
 
 
-def _constants(where: str, stated: Mapping[str, Any]) -> Constants:
+def _constants(where: str, stated: Mapping[str, Any], settings: Settings) -> Constants:
     constants: Constants = {}
     for key, value in stated.items():
         known = heading(key)
         assert known is not None  # which was checked
-        if known.name in constants:
+        name, place = known.name, f"{where}constants.{key}"
+        if name in constants:
             raise ValueError(
-                f"{where} has two of {known.name}, the second is {shown(key)}: remove one"
+                f"{where}constants has two of {name}, the second is {shown(key)}: remove one"
             )
-        place = f"{where}.{key}"
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise _unexpected(place, value, "a number or text")
         if known.is_label:
             try:
-                constants[known.name] = plain_label(value)
+                constants[name] = plain_label(value)
             except ValueError as error:
                 raise ValueError(f"{place}: {error}") from None
-        elif isinstance(value, str) or not abs(value) < LARGEST:
-            unit = IN_TABLES[known.name].unit
-            in_name = f", and its unit in its name, as in {known.name}_{unit}, or in units."
-            expected = "a number" if unit == "1" else f"a number{in_name}{known.name}"
-            raise _unexpected(place, value, expected)
-        else:
-            spelling = known.unit
-            of_name = None if spelling is None else _unit(place, spelling, known.dimension)
-            constants[known.name] = Constant(known.scale * float(value), of_name)
+            continue
+        in_name = f"its unit in its name, as in {name}_{IN_TABLES[name].unit}, or in units.{name}"
+        if isinstance(value, str) or not abs(value) < LARGEST:
+            is_ratio = known.dimension == "ratio"
+            raise _unexpected(place, value, "a number" if is_ratio else f"a number, and {in_name}")
+        unit = settings.unit_of(name) or known_unit("", known.dimension)
+        if known.unit is not None:
+            unit = _unit(place, known.unit, known.dimension)
+        if unit is None:
+            raise ValueError(f"{place} is {value:g}, without a unit: state {in_name}")
+        constants[name] = known.scale * float(value) * unit.factor
     return constants
 
 

@@ -5,7 +5,7 @@ import pandas as pd
 from pymc_hyperelastic.data.columns import LABELS
 from pymc_hyperelastic.data.files.headers import NEEDED, names_of
 from pymc_hyperelastic.data.files.join import joined, named
-from pymc_hyperelastic.data.files.settings import Constant, Settings
+from pymc_hyperelastic.data.files.settings import Settings
 from pymc_hyperelastic.data.files.sheets import Table
 from pymc_hyperelastic.data.geometry import WALL
 from pymc_hyperelastic.data.inflation import file_of, listed
@@ -32,43 +32,34 @@ def study_of(
     """
     points = [table for table in tables if not {*MEASURED, "pressure"}.isdisjoint(table.frame)]
     others = [table for table in tables if table not in points]
+    constants = {table: settings.constants | settings.files.get(table.file, {}) for table in points}
     problems = [problem for table in tables for problem in table.problems]
-    completed = [_with_constants(table, settings) for table in points]
-    problems += [problem for _, unclear in completed for problem in unclear]
-    problems += _not_found(tables, settings) + _missing(points, others, settings)
+    problems += [
+        f"{name} is {shown(value)} in the settings, and {table.file} has a column of it, "
+        f"{shown(table.headers[name])}: remove one, or name the column in the list ignore"
+        for table, of_table in constants.items()
+        for name, value in of_table.items()
+        if name in table.frame
+    ]
+    frames = {table: table.frame.assign(**of_table) for table, of_table in constants.items()}
+    problems += _not_found(tables, settings) + _missing(frames, others)
     refuse(problems)
-    frame = pd.concat([frame for frame, _ in completed])
-    frame, idle = joined(frame, [table.frame for table in others])
-    files = ", ".join(table.file for table in tables)
-    frame, unused = _chosen(frame, settings, files)
-    for name in ("experiment", "cycle"):
-        if name in frame:
-            frame[name] = _counted(frame[name])
+    frame, idle = joined(pd.concat(frames.values()), [table.frame for table in others])
+    frame, unused = _chosen(frame, settings, ", ".join(table.file for table in tables))
+    for name in {"experiment", "cycle"} & {*frame}:
+        frame[name] = _counted(frame[name])
     tests = frame.groupby([name for name in LABELS if name in frame], sort=False)
     refuse(_scattered(tests))
     refuse([] if check == "ignore" else _alike(tests))
-    return frame, [*_said(settings), *_contents(frame), *idle, *unused]
+    return frame, [*_constants_in_words(settings), *_contents(frame), *idle, *unused]
 
 
-def _in_own_unit(name: str, constant: Constant, settings: Settings) -> float | None:
-    """A number in the unit of the package, or None where neither its name nor the settings say one.
+def _constants_in_words(settings: Settings) -> list[str]:
+    """What is the same in all rows by the settings."""
 
-    Ratios need none.
-    """
-    is_ratio = IN_TABLES[name].dimension == "ratio"
-    unit = constant.unit or (None if is_ratio else settings.unit_of(name))
-    if unit is None:
-        return constant.value if is_ratio else None
-    return constant.value * unit.factor
-
-
-def _said(settings: Settings) -> list[str]:
-    """What the settings say is the same in all rows, in the package's own units."""
-
-    def words(name: str, constant: Constant | str) -> str:
-        if isinstance(constant, str):
-            return f"{name} {constant!r}"
-        value = _in_own_unit(name, constant, settings)
+    def words(name: str, value: float | str) -> str:
+        if isinstance(value, str):
+            return f"{name} {value!r}"
         unit = IN_TABLES[name].unit
         return f"{name} {value:.6g}{'' if unit == '1' else f' {unit}'}"
 
@@ -78,30 +69,6 @@ def _said(settings: Settings) -> list[str]:
         for place, constants in places.items()
         if constants
     ]
-
-
-def _with_constants(table: Table, settings: Settings) -> tuple[pd.DataFrame, list[str]]:
-    """The table with what the settings say is the same in all rows, and what is wrong with it."""
-    frame, problems = table.frame, []
-    constants = settings.constants | settings.files.get(table.file, {})
-    for name, constant in constants.items():
-        if name in frame:
-            said = repr(constant) if isinstance(constant, str) else constant.value
-            problems.append(
-                f"{name} is {said} in the settings, and {table.file} has a column of it, "
-                f"{shown(table.headers[name])}: remove one, or name the column in the list ignore"
-            )
-        if isinstance(constant, str):
-            frame = frame.assign(**{name: constant})
-            continue
-        value = _in_own_unit(name, constant, settings)
-        if value is None:
-            problems.append(
-                f"{name} is {constant.value:g} in the settings, without a unit: say units.{name} "
-                "there, or add it to the name"
-            )
-        frame = frame.assign(**{name: value})
-    return frame, problems
 
 
 def _has(table: Table) -> str:
@@ -134,28 +101,28 @@ def _not_found(tables: list[Table], settings: Settings) -> list[str]:
     ]
 
 
-def _missing(points: list[Table], others: list[Table], settings: Settings) -> list[str]:
+def _missing(points: dict[Table, pd.DataFrame], others: list[Table]) -> list[str]:
     """Columns that the tables need and do not have."""
     needed = [("specimen",), ("experiment",), MEASURED, ("pressure",)]
     problems = []
-    for table in points or others:
+    for table, frame in (points or {table: table.frame for table in others}).items():
         # A column that is known and empty is a problem of its table.
-        known = {*table.frame, *_with_constants(table, settings)[0]}
-        known |= {*table.headers} & {*NEEDED}
+        known = {*frame} | ({*table.headers} & {*NEEDED})
         lacking = [names for names in needed if known.isdisjoint(names)]
-        if lacking:
-            none = ", no column ".join(" or ".join(names) for names in lacking)
-            others_called = "; ".join(
-                f"{name} may be called {', '.join(names_of(name)[1:])}"
-                for names in lacking
-                for name in names
-                if names_of(name)[1:]
-            )
-            problems.append(
-                f"{_has(table)}, and no column {none}: rename the one that holds it, or say what "
-                f"it is called, columns.{lacking[0][0]} in the settings, or what it is in all "
-                f"rows, constants.{lacking[0][0]} ({others_called})"
-            )
+        if not lacking:
+            continue
+        none = ", no column ".join(" or ".join(names) for names in lacking)
+        spellings = {name: names_of(name)[1:] for names in lacking for name in names}
+        called = "; ".join(
+            f"{name} may be called {', '.join(others)}"
+            for name, others in spellings.items()
+            if others
+        )
+        problems.append(
+            f"{_has(table)}, and no column {none}: rename the one that holds it, or say what it is "
+            f"called, columns.{lacking[0][0]} in the settings, or what it is in all rows, "
+            f"constants.{lacking[0][0]} ({called})"
+        )
     problems += [
         f"{_has(table)}: these are no points, with pressures, and no specimens, with a column "
         "specimen; leave the file out, or say in the settings what its columns are"
