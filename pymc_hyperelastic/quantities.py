@@ -185,7 +185,7 @@ QUANTITIES = IN_RESULTS | IN_TABLES
 
 @dataclass(frozen=True)
 class PlausibleRange:
-    """The sizes that a quantity has in soft tubes, and the likely mistake if it is outside.
+    """The sizes that a quantity has in soft tubes; see :data:`MISTAKES` for what is outside.
 
     The ranges hold arteries from arterioles to a dilated aorta, veins and other soft tubes, with
     some room.
@@ -196,99 +196,57 @@ class PlausibleRange:
     unit: str
     low: float
     high: float
-    below: str
-    """The likely mistake if it is below `low`."""
-    above: str
     doubted_unit: str = ""
     """The dimension whose unit may be the mistake."""
 
 
-_RADII_UNLIKE = "are inner_radius and outer_radius diameters, in another unit, or of another tube?"
-_RADIUS_UNLIKE = (
-    "is the measured radius a diameter, in another unit than inner_radius, or of another tube?"
-)
-_OTHER_UNIT = (
+_HOOP = "the hoop stretch at the {} pressure, over that without load,"
+#: Ranges outside which a test is doubted. 40 kPa are 300 mmHg.
+PLAUSIBLE = {
+    "highest_pressure": PlausibleRange("the highest pressure", "kPa", 0.1, 40.0, "pressure"),
+    "lowest_pressure": PlausibleRange("the lowest pressure", "kPa", -2.0, inf),
+    "ring_radius": PlausibleRange(
+        "the inner radius of the closed tube without load", "mm", 0.01, 30.0, "length"
+    ),
+    "largest_radius": PlausibleRange("the largest internal radius", "mm", 0.01, 40.0, "length"),
+    "wall": PlausibleRange("the thickness of the wall over its mean radius", "", 0.01, 0.8),
+    "axial_stretch": PlausibleRange("axial_stretch", "", 0.8, 2.5),
+    "opening_angle": PlausibleRange("the opening angle", "rad", 0.06, 2 * pi, "angle"),
+    "first_stretch": PlausibleRange(_HOOP.format("lowest"), "", 0.75, 1.7),
+    "last_stretch": PlausibleRange(_HOOP.format("highest"), "", 0.9, 2.6),
+    "axial_stress": PlausibleRange(
+        "the largest axial force over the area of the wall", "kPa", 0.0, 2000.0, "force"
+    ),
+}
+_OF_LENGTHS = (
     "was another unit meant? radius_unit=... is that of every length, measured or of the tube"
 )
-#: Ranges outside which a test is doubted.
-PLAUSIBLE = {
-    "highest_pressure": PlausibleRange(
-        "the highest pressure",
-        "kPa",
-        0.1,
-        40.0,  # 300 mmHg
+_OF_STRETCHES = (
+    "are inner_radius and outer_radius diameters, in another unit, or of another tube?",
+    "is the measured radius a diameter, in another unit than inner_radius, or of another tube?",
+)
+#: The likely mistake if a quantity is below its range, and if it is above.
+MISTAKES = {
+    "highest_pressure": (
         "was it given in MPa or bar, pressure_unit=...?",
         'was it given in mmHg or Pa, pressure_unit="mmHg"?',
-        "pressure",
     ),
-    "lowest_pressure": PlausibleRange(
-        "the lowest pressure",
-        "kPa",
-        -2.0,
-        inf,
+    "lowest_pressure": (
         "was the pressure around the tube, or the gauge's zero, not subtracted?",
         "",
     ),
-    "ring_radius": PlausibleRange(
-        "the inner radius of the closed tube without load",
-        "mm",
-        0.01,
-        30.0,
-        _OTHER_UNIT,
-        _OTHER_UNIT,
-        "length",
-    ),
-    "largest_radius": PlausibleRange(
-        "the largest internal radius", "mm", 0.01, 40.0, _OTHER_UNIT, _OTHER_UNIT, "length"
-    ),
-    "wall": PlausibleRange(
-        "the thickness of the wall over its mean radius",
-        "",
-        0.01,
-        0.8,
+    "ring_radius": (_OF_LENGTHS, _OF_LENGTHS),
+    "largest_radius": (_OF_LENGTHS, _OF_LENGTHS),
+    "wall": (
         "is inner_radius a diameter, or are the two radii not of one tube?",
         "is outer_radius a diameter?",
     ),
-    "axial_stretch": PlausibleRange(
-        "axial_stretch",
-        "",
-        0.8,
-        2.5,
+    "axial_stretch": (
         "was a strain given? A strain of 0.45 is a stretch of 1.45",
         "was it given in per cent? 145 % is a stretch of 1.45",
     ),
-    "opening_angle": PlausibleRange(
-        "the opening angle",
-        "rad",
-        0.06,
-        2 * pi,
-        'were radians given with angle_unit="deg"?',
-        "",
-        "angle",
-    ),
-    "first_stretch": PlausibleRange(
-        "the hoop stretch at the lowest pressure, over that without load,",
-        "",
-        0.75,
-        1.7,
-        _RADII_UNLIKE,
-        _RADIUS_UNLIKE,
-    ),
-    "last_stretch": PlausibleRange(
-        "the hoop stretch at the highest pressure, over that without load,",
-        "",
-        0.9,
-        2.6,
-        _RADII_UNLIKE,
-        _RADIUS_UNLIKE,
-    ),
-    "axial_stress": PlausibleRange(
-        "the largest axial force over the area of the wall",
-        "kPa",
-        0.0,
-        2000.0,
-        "",
-        "was another unit meant, force_unit=...?",
-        "force",
-    ),
+    "opening_angle": ('were radians given with angle_unit="deg"?', ""),
+    "first_stretch": _OF_STRETCHES,
+    "last_stretch": _OF_STRETCHES,
+    "axial_stress": ("", "was another unit meant, force_unit=...?"),
 }

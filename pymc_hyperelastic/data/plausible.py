@@ -15,7 +15,7 @@ from pymc_hyperelastic.data.units import mmHg
 from pymc_hyperelastic.data.validation import Check, Problems, check_known
 from pymc_hyperelastic.files.stored import shown
 from pymc_hyperelastic.mechanics.tube import GEOMETRY, current_radius, opening_factor
-from pymc_hyperelastic.quantities import PLAUSIBLE, PlausibleRange
+from pymc_hyperelastic.quantities import MISTAKES, PLAUSIBLE
 
 Array = NDArray[np.float64]
 
@@ -31,8 +31,16 @@ def check_plausible(data: xr.Dataset, problems: Problems) -> None:
         expected = PLAUSIBLE[name]
         # Comparisons with NaN, of what is unknown, are False.
         for i in np.flatnonzero((values < expected.low) | (values > expected.high)):
-            what = _doubtful(expected, values[i])
-            problems.doubt(name, place_of_test(data, int(i)), what, expected.doubted_unit)
+            is_low = values[i] < expected.low
+            bound = f"at least {expected.low:g}" if is_low else f"at most {expected.high:g}"
+            unit = expected.unit and f" {expected.unit}"
+            problems.doubt(
+                name,
+                place_of_test(data, int(i)),
+                f"{expected.what} is {values[i]:.6g}{unit}; expected {bound}{unit}: "
+                f"{MISTAKES[name][0 if is_low else 1]}",
+                expected.doubted_unit,
+            )
 
 
 def _doubt_single_points(data: xr.Dataset, problems: Problems) -> None:
@@ -57,15 +65,6 @@ def check_plausible_pressures(pressure: Array, check: Check) -> None:
         )
         problems.doubt("pressure", "", f"{what}it given in mmHg? Say pressure_unit='mmHg'")
     problems.report()
-
-
-def _doubtful(expected: PlausibleRange, value: float) -> str:
-    unit = expected.unit and f" {expected.unit}"
-    if value < expected.low:
-        bound, why = f"at least {expected.low:g}", expected.below
-    else:
-        bound, why = f"at most {expected.high:g}", expected.above
-    return f"{expected.what} is {value:.6g}{unit}; expected {bound}{unit}: {why}"
 
 
 def _quantities(data: xr.Dataset) -> dict[str, Array]:

@@ -106,7 +106,7 @@ BAD_DATASET = {
         rf"tests 0 and 1 have the same labels \({S1E1}, row 10 and {S1E1}, row 12\): give one",
     ),
     "specimen in two groups": (
-        build().assign_coords(specimen=("test", ["S1", "S1", "S1"]), experiment=("test", [1, 2, 3])),
+        build().assign_coords(specimen=("test", ["S1"] * 3), experiment=("test", [1, 2, 3])),
         rf"specimen 'S1' is in group 'C1' \({S1E1}\) and in group 'C2' .*experiment 3\): .*names",
     ),
     "no points": (build().isel(obs=slice(0, 0)), "no points"),

@@ -33,7 +33,7 @@ def read_tests(
     *,
     check: Check = "warn",
 ) -> xr.Dataset:
-    """Read inflation data from the text files of a laboratory as they are.
+    """Read inflation data from the text files and workbooks of a laboratory as they are.
 
     Separators, decimal marks and encodings are found; columns are known by their names, with units
     in the names, in a line below them or in the settings. Tables of points are put below each
@@ -43,7 +43,8 @@ def read_tests(
     Parameters
     ----------
     files : path or iterable of paths
-        CSV, TSV or text files of one study; one of them may be the TOML file of its settings.
+        CSV, TSV or text files of one study, perhaps compressed, or Excel workbooks, of which each
+        sheet is a table; one of the files may be the TOML file of its settings.
         A table with a pressure or a measured radius is one of points, one a row. Others are of
         specimens, or of experiments where they have such a column, and are joined by it. The names
         of columns that are known are on the page What a file may look like.
